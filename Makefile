@@ -1,0 +1,37 @@
+# Two commands matter: `make run` and `make test`. Each makes what it needs first.
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+SEED   ?= 1
+
+.PHONY: run test check lock blind torture bench clean
+
+$(VENV)/.run: requirements.lock pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	touch $@
+
+$(VENV)/.dev: requirements-dev.lock $(VENV)/.run
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
+	touch $@
+
+run: $(VENV)/.run  ## four simulated units through the recipe on a virtual bus
+	$(BIN)/station run --simulate --units 4
+
+test: $(VENV)/.dev  ## every test, the vcan ones included
+	$(BIN)/python -m pytest
+
+check: $(VENV)/.dev  ## import contracts, types, lint: the same on a desk and in CI
+	$(BIN)/lint-imports
+	$(BIN)/mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+lock: ## renew the lock files from pyproject.toml
+	$(PYTHON) -m pip install --quiet uv
+	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group build -o requirements.lock
+	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group dev -o requirements-dev.lock
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -1,0 +1,119 @@
+"""The tree of errors. The type says whom to blame; the message is one sentence for a person.
+
+StationError
+├── InputError            exit 2   what a person handed in is wrong
+│   ├── UsageError                 the command line
+│   ├── RecipeError                recipes/*.yaml
+│   ├── ConfigError                config.yaml
+│   ├── ProductError               dbc/*.yaml, *.dbc, *.eds: frames and device map
+│   ├── SamplesError               a samples table
+│   └── LogError                   a CAN log or a station log that cannot be read
+├── UnitFault             exit 1   the unit: outcome FAIL
+│   ├── WrongProduct               it is not what the recipe is for
+│   ├── DeviceRefused              an SDO abort code
+│   └── ReadBackDiffers            it keeps something else than was written
+├── StationFault          exit 3   the station: outcome ERROR
+│   ├── BusFault                   interface down, bus-off, no buffer
+│   ├── DeviceSilent               no answer within its time-out
+│   ├── PositionerFault            stuck, late, at the wrong place
+│   ├── StoreFault                 the record cannot be written
+│   └── ReferenceOverdue           a gold reference or golden unit past its due date
+└── Aborted               exit 4   the operator: outcome ABORTED
+"""
+
+
+class StationError(Exception):
+    """Root of every error this project raises on purpose."""
+
+    exit_code = 70
+    outcome = "ERROR"
+
+    def __init__(self, sentence: str) -> None:
+        super().__init__(sentence)
+        self.sentence = sentence
+
+
+class InputError(StationError):
+    """What a person handed in is wrong; the sentence names file, line, key and remedy."""
+
+    exit_code = 2
+
+
+class UsageError(InputError):
+    """The command line asks for something that cannot be."""
+
+
+class RecipeError(InputError):
+    """A recipe that cannot be run."""
+
+
+class ConfigError(InputError):
+    """A config.yaml that cannot be used."""
+
+
+class ProductError(InputError):
+    """A product's DBC, EDS or device map that cannot be used."""
+
+
+class SamplesError(InputError):
+    """A samples table that cannot be used."""
+
+
+class LogError(InputError):
+    """A CAN log or station log that cannot be read."""
+
+
+class UnitFault(StationError):
+    """The unit is at fault: outcome FAIL."""
+
+    exit_code = 1
+    outcome = "FAIL"
+
+
+class WrongProduct(UnitFault):
+    """The device on the bus is not what the recipe is for."""
+
+
+class DeviceRefused(UnitFault):
+    """The device answered with an SDO abort code."""
+
+    def __init__(self, sentence: str, code: int) -> None:
+        super().__init__(sentence)
+        self.code = code
+
+
+class ReadBackDiffers(UnitFault):
+    """The device holds another value than the one written."""
+
+
+class StationFault(StationError):
+    """The station is at fault: outcome ERROR."""
+
+    exit_code = 3
+
+
+class BusFault(StationFault):
+    """The bus or its interface failed."""
+
+
+class DeviceSilent(StationFault):
+    """The device did not answer within its time-out."""
+
+
+class PositionerFault(StationFault):
+    """The positioner is stuck, late or at the wrong place."""
+
+
+class StoreFault(StationFault):
+    """The record cannot be written, so nothing may be passed."""
+
+
+class ReferenceOverdue(StationFault):
+    """A gold reference or golden-unit check is past its due date."""
+
+
+class Aborted(StationError):
+    """The operator stopped the run."""
+
+    exit_code = 4
+    outcome = "ABORTED"

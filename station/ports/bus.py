@@ -1,0 +1,46 @@
+"""The CAN bus as the station sees it: a stream of frames, and a service channel for CANopen."""
+
+from typing import Protocol
+
+from station.domain.types import Frames
+
+
+class Channel(Protocol):
+    """One opened socket with its own filters. Every call returns within its time-out; nothing runs behind it.
+
+    Errors: BusFault when the interface is down, bus-off or has no buffer left, with the remedy.
+    """
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Sends one classic frame; waits briefly and retries while the kernel's queue is full (ENOBUFS)."""
+
+    def receive(self, timeout_s: float) -> Frames:
+        """All frames waiting, in order; waits up to `timeout_s` for the first, and may return none.
+
+        Error frames carry the ERROR flag in can_id (stream channels only)."""
+
+    def drops(self) -> int:
+        """Frames the kernel has dropped on this socket since it was opened."""
+
+    def close(self) -> None:
+        """Closes the socket; closing twice is harmless."""
+
+
+class Bus(Protocol):
+    """One CAN interface. Two sockets: the 1 kHz stream must not pass through CANopen, nor the other way round."""
+
+    @property
+    def name(self) -> str:
+        """What a person calls it: can0, vcan0, a log's file name."""
+
+    def stream(self, can_ids: tuple[int, ...]) -> Channel:
+        """A channel that receives these ids and error frames, with a large buffer."""
+
+    def service(self, can_ids: tuple[int, ...]) -> Channel:
+        """A channel for SDO, NMT, EMCY and heartbeat; an empty tuple receives everything but error frames."""
+
+    def state(self) -> str:
+        """Controller state: active, warning, passive, bus-off, down, or unknown where nobody can tell."""
+
+    def close(self) -> None:
+        """Closes every channel opened here."""

@@ -1,0 +1,26 @@
+"""What turns the fixture: one positioner carries all nests."""
+
+from typing import Protocol
+
+from station.domain.plan import Stop
+from station.domain.types import Floats
+
+
+class Positioner(Protocol):
+    """Moves the fixture from stop to stop. Errors: PositionerFault when stuck, late or at the wrong place."""
+
+    @property
+    def by_hand(self) -> bool:
+        """True when a person turns the fixture: the run then waits for the right face in the frames."""
+
+    def move(self, stop: Stop, timeout_s: float) -> None:
+        """Brings the fixture to a stop and returns when it is there (by hand: asks for it and returns at once)."""
+
+    def where(self) -> Floats | None:
+        """Nest → station rotation (3, 3) as the positioner itself measures it; None when it cannot tell."""
+
+    def estimate_s(self, origin: Stop | None, stop: Stop) -> float:
+        """Time the move is expected to take, s; origin None is the parked place."""
+
+    def park(self, timeout_s: float) -> None:
+        """Brings the fixture to its safe place, from wherever it is; called whatever happened before."""
