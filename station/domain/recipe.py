@@ -285,7 +285,7 @@ class Recipe(Part):
 def _check_unit(recipe: Recipe) -> None:
     wanted = {"accelerometer": "g", "magnetometer": "uT", "gyroscope": "deg/s"}[recipe.sensor]
     if recipe.unit != wanted:
-        raise ValueError(f"unit of a {recipe.sensor} is {wanted}, not {recipe.unit}")
+        raise ValueError(f"unit {recipe.unit} does not go with sensor {recipe.sensor}; write unit: {wanted}")
     sources = {
         "accelerometer": ("gravity", "gold"),
         "magnetometer": ("field", "gold"),

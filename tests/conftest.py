@@ -1,0 +1,29 @@
+"""What every test shares: fixed seeds that a failure prints, and where the real recordings lie."""
+
+import os
+import pathlib
+
+import numpy as np
+import pytest
+
+SEED = int(os.environ.get("STATION_TEST_SEED", "20260101"))
+
+
+def pytest_report_header() -> str:
+    return f"station seed: {SEED} (STATION_TEST_SEED)"
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """A random stream of its own for each test, from the printed seed."""
+    return np.random.default_rng(SEED)
+
+
+@pytest.fixture(scope="session")
+def reference_data() -> pathlib.Path:
+    """Folder of the real recordings; read in place, never copied."""
+    beside = pathlib.Path(__file__).resolve().parents[2] / "shared" / "data"
+    folder = pathlib.Path(os.environ.get("STATION_REFERENCE_DATA", beside))
+    if not folder.is_dir():
+        pytest.fail(f"real recordings not found at {folder}; set STATION_REFERENCE_DATA to their folder")
+    return folder

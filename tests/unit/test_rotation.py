@@ -1,0 +1,45 @@
+"""Rotations against known answers and their algebra."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from station.domain import rotation
+
+coordinate = st.floats(-3, 3, allow_nan=False)
+vectors = st.tuples(coordinate, coordinate, coordinate).map(np.array)
+
+
+def test_a_quarter_turn_about_z_brings_x_to_y() -> None:
+    np.testing.assert_allclose(rotation.about([0, 0, 2], 90) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+
+
+def test_a_quaternion_with_scalar_first_is_the_same_turn() -> None:
+    half = np.deg2rad(45)
+    R = rotation.from_quaternion([np.cos(half), 0, 0, np.sin(half)])
+    np.testing.assert_allclose(R, rotation.about([0, 0, 1], 90), atol=1e-15)
+
+
+@pytest.mark.parametrize("axis", [np.eye(3)[i] * s for i in range(3) for s in (1, -1)])
+def test_shortest_brings_any_face_up(axis: np.ndarray) -> None:
+    R = rotation.shortest(axis, np.array([0, 0, 1.0]))
+    np.testing.assert_allclose(R @ axis, [0, 0, 1], atol=1e-15)
+    assert np.linalg.det(R) == pytest.approx(1)
+
+
+@given(vectors)
+def test_a_rotation_vector_gives_a_proper_rotation_that_keeps_its_axis(v: np.ndarray) -> None:
+    R = rotation.from_vector(v)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(R @ v, v, atol=1e-12)
+
+
+@given(vectors.filter(lambda v: np.linalg.norm(v) < 3.1))
+def test_to_vector_undoes_from_vector(v: np.ndarray) -> None:
+    np.testing.assert_allclose(rotation.to_vector(rotation.from_vector(v)), v, atol=1e-7)
+
+
+@given(vectors, vectors)
+def test_cross_matrix_is_the_cross_product(v: np.ndarray, a: np.ndarray) -> None:
+    np.testing.assert_allclose(rotation.cross_matrix(v) @ a, np.cross(v, a), atol=1e-12)
