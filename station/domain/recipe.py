@@ -8,8 +8,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 from station.domain import gravity, rotation
 from station.domain.types import Floats
 
-Vector = tuple[float, float, float]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+Vector = tuple[Finite, Finite, Finite]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[\w.+\-/ ]+$")]
@@ -45,7 +45,7 @@ class Position(Part):
     """One orientation of the nest, said in one of three ways, or none where the pose is unknown."""
 
     name: Name
-    quaternion: tuple[float, float, float, float] | None = None
+    quaternion: tuple[Finite, Finite, Finite, Finite] | None = None
     up: Literal["+x", "-x", "+y", "-y", "+z", "-z"] | None = None
     rotate: tuple[Turn, ...] | None = None
     rate: Vector | None = None

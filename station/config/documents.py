@@ -1,0 +1,192 @@
+"""YAML text → checked, frozen models; every mistake at once, with file, line, key and remedy."""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from station.config.sentences import sentences
+from station.errors import InputError
+
+Model = TypeVar("Model", bound=BaseModel)
+Place = tuple[str | int, ...]
+
+#: Beyond these a file is not a recipe but an accident or an attack.
+MOST_BYTES, MOST_NODES, MOST_DEPTH = 1_000_000, 20_000, 32
+
+#: C0 and C1 controls but tab and line ends, and the marks that reorder text on a screen.
+CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+
+# Plain scalars as in the core schema of YAML 1.2: `off`, `NO` and `2027-03-01` stay text.
+_INT = re.compile(r"[-+]?[0-9]{1,40}|0x[0-9a-fA-F]{1,32}|0o[0-7]{1,40}")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,4})?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """What a file says, and on which line each part of it stands. path: as a person would name the file."""
+
+    path: Path
+    data: Any
+    lines: Mapping[Place, int]
+
+    def line(self, place: Place) -> int:
+        """Line of a part, or of the nearest part around it."""
+        while place and place not in self.lines:
+            place = place[:-1]
+        return self.lines.get(place, 1)
+
+    def part(self, *place: str | int) -> "Document":
+        """One block of the document as a document of its own; lines stay those of the file."""
+        data = self.data
+        for key in place:
+            data = data[key]
+        size = len(place)
+        lines = {at[size:]: line for at, line in self.lines.items() if at[:size] == place}
+        return Document(self.path, data, lines)
+
+
+def load_document(path: Path, error: type[InputError] = InputError) -> Document:
+    """Reads a YAML file without tags, aliases, repeated keys or control characters, in bounded time.
+
+    Errors: `error`, naming file, line and remedy.
+    """
+    builder = _Builder(path, error)
+    text = _text(path, error)
+    try:
+        data = builder.build(yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
+    except yaml.MarkedYAMLError as exc:
+        line = exc.problem_mark.line + 1 if exc.problem_mark else 1
+        raise error(f"{path} line {line}: this is not YAML: {exc.problem or exc.context}") from exc
+    except (yaml.YAMLError, RecursionError) as exc:
+        raise error(f"{path}: this is not YAML: {' '.join(str(exc).split())[:200]}") from exc
+    return Document(path, data, builder.lines)
+
+
+def validate(document: Document, model: type[Model], error: type[InputError]) -> Model:
+    """The document as a `model`; `error` carries every mistake in it, each with line, key and remedy."""
+    try:
+        return model.model_validate(document.data)
+    except ValidationError as exc:
+        found = sentences(exc, model, document.line)
+        raise error(f"{document.path} {'; '.join(found)}") from None
+
+
+def canonical(model: BaseModel) -> str:
+    """The model as JSON that is the same for the same content: defaults said, keys sorted, no comments."""
+    data = model.model_dump(mode="json", by_alias=True)
+    return json.dumps(data, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+def content_hash(model: BaseModel) -> str:
+    """SHA-256 of `canonical`, in hexadecimal."""
+    return hashlib.sha256(canonical(model).encode()).hexdigest()
+
+
+def _text(path: Path, error: type[InputError]) -> str:
+    try:
+        with path.open("rb") as file:
+            raw = file.read(MOST_BYTES + 1)
+    except OSError as exc:
+        raise error(f"{path} cannot be read: {exc.strerror or exc}; check the name and the rights") from exc
+    if len(raw) > MOST_BYTES:
+        raise error(f"{path} is longer than {MOST_BYTES} bytes; this cannot be the right file")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as exc:
+        line = raw[: exc.start].count(b"\n") + 1
+        raise error(f"{path} line {line}: this is not UTF-8 text; save the file as UTF-8") from exc
+    if bad := CONTROL.search(text):
+        line = text[: bad.start()].count("\n") + 1
+        raise error(f"{path} line {line}: control character U+{ord(bad[0]):04X}; remove it")
+    return text
+
+
+class _Builder:
+    """Builds plain data from parse events, so that nothing is expanded, tagged or constructed on the way."""
+
+    def __init__(self, path: Path, error: type[InputError]) -> None:
+        self.path, self.error = path, error
+        self.lines: dict[Place, int] = {}
+        self.nodes = 0
+
+    def build(self, events: Iterator[yaml.Event]) -> Any:
+        data: Any = None
+        documents = 0
+        for event in events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                documents += 1
+                if documents > 1:
+                    raise self.refusal(event, "a second document starts here; keep one document in one file")
+                data = self.node(next(events), events, ())
+        return data
+
+    def node(self, event: yaml.Event, events: Iterator[yaml.Event], place: Place) -> Any:
+        self.check(event, place)
+        if isinstance(event, yaml.SequenceStartEvent):
+            return self.sequence(events, place)
+        if isinstance(event, yaml.MappingStartEvent):
+            return self.mapping(events, place)
+        return self.scalar(event)
+
+    def check(self, event: yaml.Event, place: Place) -> None:
+        self.nodes += 1
+        self.lines.setdefault(place, _line(event))
+        if isinstance(event, yaml.AliasEvent):
+            raise self.refusal(event, f"alias *{event.anchor} is not allowed here; write the value out")
+        if isinstance(event, yaml.NodeEvent) and event.anchor is not None:
+            raise self.refusal(
+                event, f"anchor &{event.anchor} is not allowed here; write the value where it is used"
+            )
+        if (tag := getattr(event, "tag", None)) is not None:
+            raise self.refusal(event, f"tag {tag} is not allowed here; remove it")
+        if self.nodes > MOST_NODES or len(place) > MOST_DEPTH:
+            raise self.refusal(event, "there is too much nested or listed here; this cannot be the right file")
+
+    def sequence(self, events: Iterator[yaml.Event], place: Place) -> list[Any]:
+        out: list[Any] = []
+        while not isinstance(event := next(events), yaml.SequenceEndEvent):
+            out.append(self.node(event, events, (*place, len(out))))
+        return out
+
+    def mapping(self, events: Iterator[yaml.Event], place: Place) -> dict[str, Any]:
+        out: dict[str, Any] = {}
+        while not isinstance(event := next(events), yaml.MappingEndEvent):
+            if not isinstance(event, yaml.ScalarEvent):
+                raise self.refusal(event, "a key must be a word")
+            key = str(event.value)
+            if key in out:
+                raise self.refusal(event, f"key `{key}` stands here a second time; keep one of them")
+            self.lines[(*place, key)] = _line(event)
+            self.check(event, (*place, key))
+            out[key] = self.node(next(events), events, (*place, key))
+        return out
+
+    def scalar(self, event: Any) -> Any:
+        text = str(event.value)
+        if bad := CONTROL.search(text):
+            raise self.refusal(event, f"control character U+{ord(bad[0]):04X} in a value; remove it")
+        return text if event.style not in (None, "") else plain(text)
+
+    def refusal(self, event: yaml.Event, why: str) -> InputError:
+        return self.error(f"{self.path} line {_line(event)}: {why}")
+
+
+def plain(text: str) -> Any:
+    """An unquoted scalar as YAML 1.2's core schema reads it."""
+    if _INT.fullmatch(text):
+        return int(text, 0) if text[:2] in ("0x", "0o") else int(text)
+    if _FLOAT.fullmatch(text):
+        return float(re.sub(r"\.(?=inf|nan)", "", text.lower()))
+    return _WORDS.get(text.lower(), text)
+
+
+def _line(event: yaml.Event) -> int:
+    return event.start_mark.line + 1 if event.start_mark else 1

@@ -1,0 +1,99 @@
+"""config.yaml → frozen settings of one station (schema `station.config/1`)."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from station.config.documents import Document, load_document, validate
+from station.config.places import shipped
+from station.domain.recipe import Name, Part, Positive
+from station.errors import ConfigError
+
+Node = Annotated[int, Field(ge=1, le=127)]
+Line = Annotated[str, Field(max_length=64, pattern=r"^[^\x00-\x1f\x7f]*$")]
+
+
+class BusSettings(Part):
+    """Which CAN interface: python-can's name for its kind, its channel, and its bit rate in bit/s."""
+
+    interface: Literal["socketcan", "simulated", "replay"] = "socketcan"
+    channel: Line = "can0"
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 500_000
+    receive_buffer_bytes: Annotated[int, Field(ge=65_536, le=1 << 30)] = 16 << 20
+
+
+class Nest(Part):
+    """One seat of the fixture and the node id of the device in it."""
+
+    name: Name
+    node: Node
+
+
+class PositionerSettings(BaseModel):
+    """Which positioner, by file name; the other keys are its own options, checked by it."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    kind: Name = "simulated"
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The positioner's own keys."""
+        return dict(self.model_extra or {})
+
+
+class Timeouts(Part):
+    """How long each thing may take before it counts as failed, s."""
+
+    sdo_s: Positive = 1.0
+    save_s: Positive = 5.0
+    boot_s: Positive = 5.0
+    move_s: Positive = 60.0
+    settle_s: Positive = 10.0
+    face_s: Positive = 300.0
+    park_s: Positive = 20.0
+
+
+class Settings(Part):
+    """Everything about this station that no recipe says."""
+
+    schema_: Annotated[Literal["station.config/1"], Field(alias="schema")] = "station.config/1"
+    station: Name = "station-1"
+    operator: Line = ""
+    lot: Line = ""
+    bus: BusSettings = BusSettings()
+    nests: Annotated[tuple[Nest, ...], Field(min_length=1, max_length=127)]
+    positioner: PositionerSettings = PositionerSettings()
+    recipe: Line = "six-point"
+    database: Line = "station.db"
+    visit_repeats: Annotated[int, Field(ge=0, le=5)] = 1
+    timeouts: Timeouts = Timeouts()
+
+    @model_validator(mode="after")
+    def _nests_differ(self) -> Self:
+        seen: dict[Any, str] = {}
+        for nest in self.nests:
+            if nest.node in seen:
+                raise ValueError(f"nests {seen[nest.node]!r} and {nest.name!r} both have node {nest.node}; change one")
+            if nest.name in seen.values():
+                raise ValueError(f"nest {nest.name!r} is listed twice; names must be unique")
+            seen[nest.node] = nest.name
+        return self
+
+
+def config_path(path: Path | None = None) -> Path:
+    """The config file: the one given, else config.yaml here, else the one shipped."""
+    here = Path("config.yaml")
+    return path or (here if here.is_file() else shipped() / "config.yaml")
+
+
+def load_config(path: Path | None = None) -> tuple[Settings, Document]:
+    """Settings, and the document they stand in (a positioner checks its own block of it). Errors: ConfigError."""
+    document = load_document(config_path(path), ConfigError)
+    return validate(document, Settings, ConfigError), document
+
+
+def load_settings(path: Path | None = None) -> Settings:
+    """The station's settings. Errors: ConfigError with every mistake, its line and remedy."""
+    return load_config(path)[0]
