@@ -26,6 +26,16 @@ class Channel(Protocol):
         """Closes the socket; closing twice is harmless."""
 
 
+class Endpoint(Channel, Protocol):
+    """A channel from the devices' side: a simulated device hands over a whole dwell at once."""
+
+    def send_many(self, frames: Frames) -> None:
+        """Sends all frames in order. On the simulated bus they keep their time_ns, which may lie in the past
+
+        (what a device sent since it last acted) but not in the future; on a real bus they leave at once.
+        """
+
+
 class Bus(Protocol):
     """One CAN interface. Two sockets: the 1 kHz stream must not pass through CANopen, nor the other way round."""
 

@@ -1,0 +1,54 @@
+"""python-can messages to Frames and back; which frames a channel wants."""
+
+from collections.abc import Sequence
+
+import can
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.types import ERROR, EXTENDED, REMOTE, Frames
+
+
+def packed_id(message: can.Message) -> int:
+    """Identifier with the kernel's flag bits. python-can keeps an error frame's class in arbitration_id."""
+    flags = EXTENDED * message.is_extended_id | REMOTE * message.is_remote_frame
+    return message.arbitration_id | (ERROR if message.is_error_frame else flags)
+
+
+def to_frames(messages: Sequence[can.Message], time_ns: Sequence[int]) -> Frames:
+    """Messages, one after the other, at the given times."""
+    width = 8 if all(len(m.data) <= 8 for m in messages) else 64
+    payload = b"".join(bytes(m.data).ljust(width, b"\0") for m in messages)
+    return Frames(
+        np.array(time_ns, np.int64),
+        np.array([packed_id(m) for m in messages], np.uint32),
+        np.array([min(m.dlc, width) if m.is_remote_frame else len(m.data) for m in messages], np.uint8),
+        np.frombuffer(payload, np.uint8).reshape(len(messages), width),
+    )
+
+
+def to_message(can_id: int, data: bytes, timestamp_s: float, dlc: int | None = None) -> can.Message:
+    """One frame as python-can wants it."""
+    error, remote = bool(can_id & ERROR), bool(can_id & REMOTE)
+    return can.Message(
+        timestamp=timestamp_s,
+        arbitration_id=can_id & 0x1FFF_FFFF,
+        is_extended_id=bool(can_id & EXTENDED),
+        is_remote_frame=remote,
+        is_error_frame=error,
+        is_fd=len(data) > 8,
+        data=None if remote else data,
+        dlc=dlc if remote else len(data),
+    )
+
+
+def wanted(frames: Frames, can_ids: Sequence[int], *, errors: bool) -> NDArray[np.bool_]:
+    """Mask (n) of the frames that a channel with these ids receives; no ids: all. Error frames only if asked for."""
+    is_error = (frames.can_id & np.uint32(ERROR)) != 0
+    if not can_ids:
+        chosen = ~is_error
+    else:
+        # The REMOTE bit is not part of the address: a remote frame is shown, and told apart by whoever decodes.
+        address = frames.can_id & np.uint32(EXTENDED | 0x1FFF_FFFF)
+        chosen = np.isin(address, np.array(can_ids, np.uint32)) & ~is_error
+    return np.asarray(chosen | is_error if errors else chosen)
