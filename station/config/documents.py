@@ -142,9 +142,7 @@ class _Builder:
         if isinstance(event, yaml.AliasEvent):
             raise self.refusal(event, f"alias *{event.anchor} is not allowed here; write the value out")
         if isinstance(event, yaml.NodeEvent) and event.anchor is not None:
-            raise self.refusal(
-                event, f"anchor &{event.anchor} is not allowed here; write the value where it is used"
-            )
+            raise self.refusal(event, f"anchor &{event.anchor} is not allowed here; write the value where it is used")
         if (tag := getattr(event, "tag", None)) is not None:
             raise self.refusal(event, f"tag {tag} is not allowed here; remove it")
         if self.nodes > MOST_NODES or len(place) > MOST_DEPTH:

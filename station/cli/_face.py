@@ -1,0 +1,57 @@
+"""What every command's face shares: JSON on standard output, people's text and progress on standard error."""
+
+import json
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+
+
+def on_terminal() -> bool:
+    """Whether a person watches: progress shows only then."""
+    return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def console(stderr: bool = False) -> "Console":
+    """A console for tables (standard output) or for people's remarks (standard error)."""
+    from rich.console import Console
+
+    return Console(stderr=stderr, highlight=False, soft_wrap=not (sys.stderr if stderr else sys.stdout).isatty())
+
+
+def say(text: str = "") -> None:
+    """One line on standard output; a reader that has gone is no reason to stop."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def remark(text: str) -> None:
+    """One line for the person, on standard error, with nothing in it that could steer the terminal."""
+    print("".join(c if c.isprintable() else " " for c in text), file=sys.stderr, flush=True)
+
+
+def say_json(document: Any) -> None:
+    """The one JSON document of a command with `--json`."""
+    say(json.dumps(document, allow_nan=False, ensure_ascii=False))
+
+
+@contextmanager
+def progress() -> Iterator["Progress"]:
+    """A progress bar on a terminal; the same object, silent, in a pipe."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f}%"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console(stderr=True), disable=not on_terminal()) as bar:
+        yield bar

@@ -1,0 +1,136 @@
+"""`station`: finds the commands by file name, runs one, and turns every error into a sentence and an exit code."""
+
+import ast
+import difflib
+import importlib
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import station
+from station.errors import Aborted, StationError, UsageError
+
+_FOLDER = Path(__file__).parent
+
+#: What typer answers to Ctrl-C, and what the contracts ask for.
+_INTERRUPTED, _ABORTED_CODE, _BUG_CODE, _NOBODY_READS_CODE = 130, 4, 70, 3
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """The entry point: the one place that catches. Exit codes: contracts, section 1."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _as_ctrl_c)
+    sys.exit(_guarded(list(sys.argv[1:] if args is None else args)))
+
+
+def commands() -> dict[str, str]:
+    """Every command and the first line of its help, read without importing any."""
+    found = {}
+    for path in sorted(_FOLDER.glob("[!_]*.py")):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.FunctionDef) and node.name == "command":
+                found[path.stem.replace("_", "-")] = (ast.get_docstring(node) or "").partition("\n")[0]
+    return found
+
+
+def _guarded(args: list[str]) -> int:
+    try:
+        code = _dispatch(args)
+        sys.stdout.flush()
+    except StationError as exc:
+        return _fail(exc.sentence, exc.exit_code)
+    except KeyboardInterrupt:
+        return _fail("stopped by the operator", _ABORTED_CODE)
+    except BrokenPipeError:
+        # Whoever read the output has gone; keep the interpreter from complaining about it at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _NOBODY_READS_CODE
+    except Exception as exc:  # noqa: BLE001 - the last face: a bug becomes a sentence and a file
+        return _fail(_crash(exc, args), _BUG_CODE)
+    return code
+
+
+def _dispatch(args: list[str]) -> int:
+    if not args:
+        print(_overview(), file=sys.stderr)
+        return UsageError.exit_code
+    name, rest = args[0], args[1:]
+    if name in ("--help", "-h"):
+        print(_overview())
+        return 0
+    if name == "--version":
+        print(f"station {station.__version__}")
+        return 0
+    if name not in commands():
+        close = difflib.get_close_matches(name, commands(), n=1)
+        hint = f"did you mean `{close[0]}`?" if close else "`station --help` lists them"
+        raise UsageError(f"there is no command {name[:40]!r}; {hint}")
+    return _run(name, rest)
+
+
+def _run(name: str, args: list[str]) -> int:
+    import typer
+    from typer.main import get_command
+
+    function = importlib.import_module(f"station.cli.{name.replace('-', '_')}").command
+    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    app.command(name, help=_help(function))(function)
+    try:
+        code = get_command(app).main(args, prog_name=f"station {name}", standalone_mode=False)
+    except typer.TyperException as exc:
+        told = " ".join(exc.format_message().split())
+        raise UsageError(f"{told.rstrip('.')}; `station {name} --help` shows an example") from exc
+    except typer.Abort as exc:
+        raise Aborted("stopped by the operator") from exc
+    if code == _INTERRUPTED:
+        raise Aborted("stopped by the operator")
+    return int(code or 0)
+
+
+def _help(function: Callable[..., Any]) -> str:
+    """The docstring, its indented blocks kept line by line."""
+    text = "\n".join(line.removeprefix("    ") for line in (function.__doc__ or "").splitlines())
+    return "\n\n".join(f"\b\n{part}" if part.startswith("  ") else part for part in text.strip().split("\n\n"))
+
+
+def _overview() -> str:
+    found = commands()
+    width = max(map(len, found), default=0)
+    lines = [f"  {name:<{width}}  {line}" for name, line in found.items()]
+    return "\n".join(
+        [
+            "Calibrates devices on a CAN bus: tumble, compute, judge, write back, verify, log.",
+            "",
+            "Usage: station COMMAND [OPTIONS]     station COMMAND --help     station --version",
+            "",
+            *lines,
+            "",
+            "Example: station run --simulate --units 4",
+        ]
+    )
+
+
+def _fail(sentence: str, code: int) -> int:
+    # Names from files and devices stand in sentences: nothing of theirs may steer the terminal.
+    clean = "".join(c if c.isprintable() else " " for c in sentence)
+    print(f"station: {clean}", file=sys.stderr)
+    return code
+
+
+def _crash(exc: Exception, args: list[str]) -> str:
+    import platform
+    import tempfile
+    import traceback
+
+    head = f"station {station.__version__}, Python {platform.python_version()}, {platform.platform()}\nstation {args}\n"
+    with tempfile.NamedTemporaryFile("w", prefix="station-crash-", suffix=".txt", delete=False) as file:
+        file.write(head + "".join(traceback.format_exception(exc)))
+    return f"this is a bug in the station ({type(exc).__name__}); please report it with the file {file.name}"
+
+
+def _as_ctrl_c(_number: int, _frame: Any) -> None:
+    raise KeyboardInterrupt
