@@ -9,7 +9,11 @@ from station.domain.types import Frames
 
 @dataclass(frozen=True, slots=True)
 class Begin:
-    """What is known before the device is touched."""
+    """What is known before the device is touched.
+
+    recipe_json, product_json: the recipe and the product (frames and device map) as used, so that the attempt
+    can be refitted without any file; hashes as the rest of the station prints them.
+    """
 
     serial: str
     station: str
@@ -24,11 +28,16 @@ class Begin:
     operator: str
     started_ns: int
     lot: str = ""
+    product_json: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VisitRecord:
-    """One finished stop of one attempt: raw frames and what they came to."""
+    """One finished stop of one attempt: raw frames and what they came to.
+
+    statistics needs what a refit needs, mean (3), cov (3, 3), count, effective, time_s and temperature_degC
+    (the row of `Stops`), and may hold anything else: std, gaps, repeats, crc_errors, kernel_drops, settled_s.
+    """
 
     run: int
     visit: int
@@ -38,7 +47,7 @@ class VisitRecord:
     arrived_ns: int
     left_ns: int
     frames: Frames
-    statistics: Mapping[str, Any]  # mean, std, count, effective, gaps, repeats, crc_errors, kernel_drops, …
+    statistics: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +62,30 @@ class WriteRecord:
     read_back: bytes | None
     value: float | None = None
     stage: str = "intent"  # intent | written | verified | refused | unknown
+
+
+@dataclass(frozen=True, slots=True)
+class Unfinished:
+    """An attempt that has begun and not ended, as a start-up finds it; last_event: kind of its newest event."""
+
+    attempt: str
+    serial: str
+    station: str
+    nest: str
+    node: int
+    started_ns: int
+    last_event: str
+    visits: int
+    writes: tuple[WriteRecord, ...]
+    product_json: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """The newest record of the log: its number (0: an empty log) and the hash that seals all before it."""
+
+    number: int
+    hash: str
 
 
 class Store(Protocol):
@@ -75,3 +108,12 @@ class Store(Protocol):
 
     def finish(self, attempt: str, outcome: str, ended_ns: int) -> None:
         """Closes the attempt with its outcome; what follows can only be another attempt."""
+
+    def unfinished(self) -> Sequence[Unfinished]:
+        """Attempts without an end, oldest first, with every stage of their object writes in order."""
+
+    def head(self) -> Head:
+        """The newest record, for certificates and exports."""
+
+    def close(self) -> None:
+        """Lets go of the log; closing twice is harmless."""
