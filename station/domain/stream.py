@@ -1,0 +1,143 @@
+"""Frames of one node → samples, and everything that is wrong with them."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain import e2e
+from station.domain.counters import Count, count, steps
+from station.domain.frames import SensorLayout
+from station.domain.signals import FrameLayout, physical, raw
+from station.domain.types import ERROR, EXTENDED, REMOTE, Array, Floats, Frames
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """What was wrong with the sample frames of one node.
+
+    frames: how many came; wrong_length, remote: not decodable; crc_errors: wrong CRC (or data-id nibble);
+    not_finite: float signals that are no number; the counter's tale, worked out over frames with a right CRC.
+    """
+
+    frames: int = 0
+    wrong_length: int = 0
+    remote: int = 0
+    crc_errors: int = 0
+    not_finite: int = 0
+    counter: Count = field(default_factory=Count)
+
+    @property
+    def clean(self) -> bool:
+        """Every frame came once, whole, in turn."""
+        return self == Trouble(frames=self.frames)
+
+    def sentences(self) -> tuple[str, ...]:
+        """Each trouble in words, for a person."""
+        c = self.counter
+        told = [
+            (self.wrong_length, "frames of the wrong length"),
+            (self.remote, "remote frames with the sensor's identifier"),
+            (self.crc_errors, "frames with a wrong CRC"),
+            (self.not_finite, "readings that are no number"),
+            (c.lost, f"frames lost, at {c.gaps} places"),
+            (c.repeats, f"frames repeated, up to {c.longest_repeat} in a row"),
+            (c.late, "frames out of order"),
+        ]
+        said = [f"{number} {what}" for number, what in told if number]
+        return tuple(said + ["the frame counter is stuck"] * c.stuck)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Readings of one node in the order of arrival, one row for each decodable frame.
+
+    time_ns (n); xyz (n, 3) physical; raw (n, 3) as sent; counter, status (n) or None; crc_ok (n), all True without
+    a CRC; usable (n): right CRC, finite, and no repeat of the frame before. temperature_time_ns,
+    temperature_degC (t): the device's own thermometer.
+    """
+
+    time_ns: NDArray[np.int64]
+    xyz: Floats
+    raw: Array
+    counter: Array | None
+    status: Array | None
+    crc_ok: NDArray[np.bool_]
+    usable: NDArray[np.bool_]
+    temperature_time_ns: NDArray[np.int64]
+    temperature_degC: Floats
+    trouble: Trouble
+
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
+
+def samples(frames: Frames, layout: SensorLayout, node: int) -> Samples:
+    """Everything that `node` said about itself in `frames`; frames of others are left out."""
+    whole, trouble = _whole(frames, layout.sample, layout.id_of(layout.sample, node))
+    readings = [raw(whole.data, axis) for axis in layout.axes]
+    xyz = np.stack([physical(r, axis) for r, axis in zip(readings, layout.axes, strict=True)], axis=1)
+    counter = None if layout.counter is None else raw(whole.data, layout.counter)
+    crc_ok = _crc_ok(whole.data, counter, layout, node)
+    finite = np.isfinite(xyz).all(axis=1)
+    usable, counted = _counted(whole.time_ns, counter, crc_ok, layout.counter_values)
+    roles = layout.map.sample
+    temperature = _temperature(frames, layout, node)
+    return Samples(
+        time_ns=whole.time_ns,
+        xyz=xyz.astype(np.float64),
+        raw=np.stack(readings, axis=1),
+        counter=counter,
+        status=None if roles.status is None else raw(whole.data, layout.sample.signal(roles.status)),
+        crc_ok=crc_ok,
+        usable=usable & finite,
+        temperature_time_ns=temperature[0],
+        temperature_degC=temperature[1],
+        trouble=Trouble(
+            frames=trouble.frames,
+            wrong_length=trouble.wrong_length,
+            remote=trouble.remote,
+            crc_errors=int(np.count_nonzero(~crc_ok)),
+            not_finite=int(np.count_nonzero(~finite)),
+            counter=counted,
+        ),
+    )
+
+
+def _whole(frames: Frames, layout: FrameLayout, can_id: int) -> tuple[Frames, Trouble]:
+    """The node's frames that can be decoded, and how many cannot."""
+    mine = frames[(frames.can_id & np.uint32(EXTENDED | ERROR | 0x1FFF_FFFF)) == np.uint32(can_id)]
+    remote = (mine.can_id & np.uint32(REMOTE)) != 0
+    right = (mine.length == layout.length) & ~remote
+    wrong = int(np.count_nonzero(~right & ~remote))
+    trouble = Trouble(frames=len(mine), wrong_length=wrong, remote=int(np.count_nonzero(remote)))
+    return (mine if right.all() else mine[right]), trouble
+
+
+def _crc_ok(data: NDArray[np.uint8], counter: Array | None, layout: SensorLayout, node: int) -> NDArray[np.bool_]:
+    if layout.map.e2e is None or counter is None:
+        return np.ones(len(data), bool)
+    right = data[:, layout.crc_byte] == e2e.checksum(data, counter, layout, node)
+    return np.asarray(right & e2e.nibble_right(data, layout, node) & (counter < layout.counter_values))
+
+
+def _counted(
+    time_ns: NDArray[np.int64], counter: Array | None, crc_ok: NDArray[np.bool_], values: int
+) -> tuple[NDArray[np.bool_], Count]:
+    """Which frames say something new, and the counter's tale over those with a right CRC."""
+    trusted = np.flatnonzero(crc_ok)
+    if counter is None or len(trusted) < 2:
+        return crc_ok, Count()
+    step = steps(counter[trusted], time_ns[trusted], values)
+    fresh = crc_ok.copy()
+    fresh[trusted[1:]] = step != 0
+    return fresh, count(step, np.diff(trusted) - 1)
+
+
+def _temperature(frames: Frames, layout: SensorLayout, node: int) -> tuple[NDArray[np.int64], Floats]:
+    roles = layout.map.temperature
+    if layout.temperature is None or roles is None:
+        return np.zeros(0, np.int64), np.zeros(0)
+    whole, _ = _whole(frames, layout.temperature, layout.id_of(layout.temperature, node))
+    signal = layout.temperature.signal(roles.signal)
+    return whole.time_ns, physical(raw(whole.data, signal), signal).astype(np.float64)
