@@ -56,10 +56,19 @@ def shortest(a: Array, b: Array) -> Array:
 
 
 def to_vector(R: Array) -> Array:
-    """Rotation vectors (…, 3) in rad of rotation matrices (…, 3, 3), angle below π."""
+    """Rotation vectors (…, 3) in rad of rotation matrices (…, 3, 3), angle up to π; at π either sign may come."""
     R = np.asarray(R, float)
     w = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1) / 2
     sine = np.linalg.norm(w, axis=-1)
     angle = np.arctan2(sine, (np.trace(R, axis1=-2, axis2=-1) - 1) / 2)
     scale = np.where(sine > 1e-12, angle / np.where(sine > 1e-12, sine, 1.0), 1.0)
-    return np.asarray(w * scale[..., None])
+    # Near a half turn the skew part vanishes; there the symmetric part, 2·a·aᵀ − 1, holds the axis.
+    return np.asarray(np.where((angle > np.pi - 1e-6)[..., None], angle[..., None] * _axis(R, w), w * scale[..., None]))
+
+
+def _axis(R: Array, w: Array) -> Array:
+    outer = (R + np.swapaxes(R, -1, -2)) / 4 + np.eye(3) / 2
+    column = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
+    axis = np.take_along_axis(outer, column[..., None, None], axis=-1)[..., 0]
+    axis = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+    return np.asarray(axis * np.where(np.sum(axis * w, axis=-1, keepdims=True) < 0, -1.0, 1.0))

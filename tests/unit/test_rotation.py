@@ -43,3 +43,12 @@ def test_to_vector_undoes_from_vector(v: np.ndarray) -> None:
 @given(vectors, vectors)
 def test_cross_matrix_is_the_cross_product(v: np.ndarray, a: np.ndarray) -> None:
     np.testing.assert_allclose(rotation.cross_matrix(v) @ a, np.cross(v, a), atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.3, 2.0, np.pi - 1e-3, np.pi - 1e-7, np.pi - 1e-12, np.pi])
+def test_a_rotation_vector_comes_back_up_to_a_half_turn(angle: float) -> None:
+    axes = np.random.default_rng(5).normal(size=(50, 3))
+    R = rotation.from_vector(angle * axes / np.linalg.norm(axes, axis=1, keepdims=True))
+    v = rotation.to_vector(R)
+    assert np.allclose(rotation.from_vector(v), R, atol=1e-9)
+    assert np.allclose(np.linalg.norm(v, axis=1), angle, atol=1e-8)

@@ -1,0 +1,103 @@
+"""A positioner that exists only in numbers: it turns at a limited rate and arrives with a small error."""
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from station.domain import rotation
+from station.domain.plan import Stop
+from station.domain.recipe import NotNegative, Part, Positive
+from station.domain.types import Floats
+from station.errors import PositionerFault
+from station.ports.clock import Clock
+
+
+class Simulated:
+    """Turns about the shortest way, with a trapezium of speed; where() is what its encoders say.
+
+    positioner: {kind: simulated, speed_deg_s: 90, acceleration_deg_s2: 180, error_deg: 0.02, seed: 1}
+    """
+
+    by_hand = False
+
+    class Settings(Part):
+        """error_deg: standard deviation of each arrival about each axis; fault: what breaks after `after` stops."""
+
+        speed_deg_s: Positive = 90.0
+        acceleration_deg_s2: Positive = 180.0
+        error_deg: NotNegative = 0.0
+        encoder_deg: NotNegative = 0.0
+        seed: int = 1
+        fault: Literal["none", "stuck", "slow", "wrong-place"] = "none"
+        after: Annotated[int, Field(ge=0)] = 0
+
+    def __init__(self, settings: "Simulated.Settings", clock: Clock) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._rng = np.random.default_rng(settings.seed)
+        self._origin = np.eye(3)
+        self._turn = np.zeros(3)
+        self._began_s = self._arrives_s = clock.monotonic_s()
+        self._moves = 0
+
+    def move(self, stop: Stop, timeout_s: float) -> None:
+        """Turns to the stop and waits until it is there; PositionerFault when that takes longer than `timeout_s`."""
+        error = self._rng.normal(0.0, math.radians(self._settings.error_deg), 3)
+        goal = rotation.from_vector(error) @ stop.nest
+        if self._broken("wrong-place"):
+            goal = rotation.about(np.array([1.0, 1.0, 0.0]), 90.0) @ goal
+        self._moves += 1
+        self._go(goal, timeout_s, f"position {stop.position!r}")
+
+    def where(self) -> Floats:
+        """Nest → station rotation (3, 3) as the encoders read it."""
+        error = self._rng.normal(0.0, math.radians(self._settings.encoder_deg), 3)
+        return np.asarray(rotation.from_vector(error) @ self.at(self._clock.monotonic_s()))
+
+    def estimate_s(self, origin: Stop | None, stop: Stop) -> float:
+        """Time of the move by the trapezium of speed."""
+        start = np.eye(3) if origin is None else origin.nest
+        return self._duration_s(_angle_deg(rotation.to_vector(stop.nest @ start.T)))
+
+    def park(self, timeout_s: float) -> None:
+        """Turns back to the identity, where units are loaded."""
+        self._go(np.eye(3), timeout_s, "its parking place")
+
+    def at(self, time_s: float) -> Floats:
+        """True nest → station rotation (3, 3) at an instant of the clock's monotonic seconds."""
+        took = self._arrives_s - self._began_s
+        share = 1.0 if took <= 0 else min(max((time_s - self._began_s) / took, 0.0), 1.0)
+        smooth = share * share * (3 - 2 * share)
+        return np.asarray(rotation.from_vector(smooth * self._turn) @ self._origin)
+
+    def _go(self, goal: Floats, timeout_s: float, place: str) -> None:
+        now_s = self._clock.monotonic_s()
+        self._origin = self.at(now_s)
+        self._turn = rotation.to_vector(goal @ self._origin.T)
+        took_s = self._duration_s(_angle_deg(self._turn)) * (1000.0 if self._broken("slow") else 1.0)
+        if self._broken("stuck"):
+            self._turn, took_s = np.zeros(3), math.inf
+        self._began_s, self._arrives_s = now_s, now_s + took_s
+        self._clock.sleep(min(took_s, timeout_s))
+        if took_s > timeout_s:
+            self._origin, self._turn = self.at(self._clock.monotonic_s()), np.zeros(3)
+            raise PositionerFault(
+                f"the positioner did not reach {place} within {timeout_s:g} s; "
+                "free it, check its drive, and start again"
+            )
+
+    def _broken(self, how: str) -> bool:
+        return self._settings.fault == how and self._moves > self._settings.after
+
+    def _duration_s(self, angle_deg: float) -> float:
+        """Trapezium, or triangle where full speed is never reached."""
+        speed, acceleration = self._settings.speed_deg_s, self._settings.acceleration_deg_s2
+        if angle_deg < speed * speed / acceleration:
+            return 2 * math.sqrt(angle_deg / acceleration)
+        return angle_deg / speed + speed / acceleration
+
+
+def _angle_deg(rotvec_rad: Floats) -> float:
+    return math.degrees(float(np.linalg.norm(rotvec_rad)))

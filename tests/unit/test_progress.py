@@ -1,0 +1,57 @@
+"""The phases of a fixture load: every one can end, none can be skipped, and the runner's stop is kept."""
+
+import pytest
+
+from station.domain.progress import TRANSITIONS, Phase, diagram, follow
+from station.errors import Aborted, StationFault
+from station.service.stop import Stop
+
+
+def test_every_phase_is_in_the_table_and_can_be_closed() -> None:
+    assert set(TRANSITIONS) == set(Phase)
+    for phase in Phase:
+        if phase not in (Phase.CLOSE, Phase.PARK, Phase.DONE):
+            assert Phase.CLOSE in TRANSITIONS[phase]
+
+
+def test_nothing_is_written_before_it_is_judged_nor_passed_before_it_is_parked() -> None:
+    before = {after: {p for p in Phase if after in TRANSITIONS[p]} for after in Phase}
+    assert before[Phase.WRITE] == {Phase.JUDGE}
+    assert before[Phase.SAVE] == {Phase.WRITE}
+    assert before[Phase.VERIFY] == {Phase.RESTART}
+    assert before[Phase.DONE] == {Phase.PARK}
+
+
+@pytest.mark.parametrize("wanted", list(Phase))
+@pytest.mark.parametrize("present", list(Phase))
+def test_follow_keeps_to_the_table(present: Phase, wanted: Phase) -> None:
+    if wanted in TRANSITIONS[present]:
+        assert follow(present, wanted) is wanted
+    else:
+        with pytest.raises(StationFault, match=f"from {present} to {wanted}"):
+            follow(present, wanted)
+
+
+def test_the_diagram_draws_every_transition_once() -> None:
+    lines = diagram().splitlines()
+    assert len(lines) == len(set(lines)) == 3 + sum(map(len, TRANSITIONS.values()))
+
+
+def test_a_stop_is_seen_at_the_next_check_and_keeps_its_first_reason() -> None:
+    stop = Stop()
+    stop.check()
+    stop.request("cover opened")
+    stop.request("again")
+    with pytest.raises(Aborted, match="cover opened"):
+        stop.check()
+
+
+def test_a_stop_asked_for_is_seen_before_waiting_begins() -> None:
+    stop = Stop()
+    with stop:
+        assert stop.waiting
+    assert not stop.waiting
+    stop.request()
+    with pytest.raises(Aborted), stop:
+        raise AssertionError("must not come here")
+    assert not stop.waiting
