@@ -1,0 +1,277 @@
+"""What a cause is. One cause is one frozen value in one file; the forward simulation adds them up (`forward.py`).
+
+    Effect
+    ├── ClockEffect     CLOCK     the device's true sample rate, before any sample exists
+    ├── PoseEffect      POSE      turns a part: rotation vectors (v, 3) in its frame
+    ├── StimulusEffect  STIMULUS  adds to the true vector a (n, 3) that the sensor feels
+    ├── SensorEffect    SENSOR    adds to the reading, given the true vector
+    ├── GoldEffect      GOLD      adds to the reading of the gold reference, in the nest's frame
+    ├── OutputEffect    OUTPUT    makes a new reading of a reading: saturation, grid, decoding
+    └── BusEffect       TABLE     loses, repeats or reorders frames
+
+Axes x, y, z are those of the reading unless the effect says a frame. A coefficient at `parameter.neutral` does nothing.
+"""
+
+import hashlib
+import re
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import ClassVar, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.recipe import Recipe
+from station.domain.types import Floats
+from station.errors import UsageError
+from station.model.scene import Scene, Signal
+
+Kind = Literal["accelerometer", "magnetometer", "gyroscope"]
+XYZ = ("x", "y", "z")
+ALONE = ("",)
+_U = re.compile(r"(?<![A-Za-z])u(?![A-Za-z])")
+
+
+class Stage(StrEnum):
+    """Where in the chain from clock to bus a cause acts."""
+
+    CLOCK = "clock"
+    POSE = "pose"
+    STIMULUS = "stimulus"
+    SENSOR = "sensor"
+    GOLD = "gold"
+    OUTPUT = "output"
+    TABLE = "table"
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One number of a cause. In `unit`, u stands for the recipe's unit; sizes hold where u is g.
+
+    typical: the usual size; low, high: the range met in practice; source: where these come from; neutral: does
+    nothing; grid: for a parameter of the form, the values a diagnosis scans.
+    """
+
+    name: str
+    unit: str
+    typical: float
+    low: float
+    high: float
+    source: str
+    neutral: float = 0.0
+    grid: tuple[float, ...] = ()
+
+    @property
+    def field(self) -> str:
+        """The field that holds it: the name with its unit, time_constant_s."""
+        return f"{self.name}_{self.unit.lower()}"
+
+    def unit_in(self, unit: str) -> str:
+        """The unit's text in a recipe's unit: u/degC becomes g/degC."""
+        return _U.sub(unit, self.unit)
+
+    def scale(self, recipe: Recipe) -> float:
+        """What a size given for 1 g is multiplied by in this recipe: its stimulus, to the power that u has."""
+        above, _, below = self.unit.partition("/")
+        power = bool(_U.search(above)) - bool(_U.search(below)) * (2 if "²" in below else 1)
+        return float(strength(recipe) ** power)
+
+
+def strength(recipe: Recipe) -> float:
+    """Size of the recipe's stimulus in its unit: the magnitude, or the fastest of its rates."""
+    rates = [float(np.linalg.norm(p.rate)) for p in recipe.positions if p.rate is not None]
+    return max(rates, default=0.0) or recipe.reference.strength()
+
+
+def stream(seed: int, *key: object) -> np.random.Generator:
+    """The random numbers that belong to `key` alone, so that removing one cause leaves all others as they were."""
+    digest = hashlib.blake2b("/".join(map(str, (seed, *key))).encode(), digest_size=16).digest()
+    return np.random.Generator(np.random.Philox(key=int.from_bytes(digest, "little")))
+
+
+@dataclass(frozen=True)
+class Effect(ABC):
+    """A cause. Fields are its parameters: `size` (rms of its coefficients) and those of its form, units in names.
+
+    id: from the file's name; physics: first line of the file; level: device, rig or bus; of: who shares one
+    coefficient (the first is simulated, the others are tried too); axes: one coefficient each; needs: covariates
+    without which it cannot be seen; forms: the parameters besides `size`; shape_grid: their values to scan, by field.
+    """
+
+    size: float
+
+    id: ClassVar[str]
+    physics: ClassVar[str]
+    stage: ClassVar[Stage]
+    level: ClassVar[Literal["device", "rig", "bus"]]
+    of: ClassVar[tuple[str, ...]]
+    axes: ClassVar[tuple[str, ...]] = XYZ
+    parameter: ClassVar[Parameter]
+    forms: ClassVar[tuple[Parameter, ...]] = ()
+    shape_grid: ClassVar[Mapping[str, tuple[float, ...]]] = {}
+    needs: ClassVar[tuple[str, ...]] = ()
+    sensors: ClassVar[tuple[Kind, ...]] = ("accelerometer", "magnetometer", "gyroscope")
+
+    def __init_subclass__(cls) -> None:
+        cls.id = cls.__module__.rsplit(".", 1)[-1].replace("_", "-")
+        cls.physics = (sys.modules[cls.__module__].__doc__ or "").strip().splitlines()[0]
+        cls.shape_grid = {p.field: p.grid for p in cls.forms if p.grid}
+
+    @classmethod
+    def example(cls) -> Self:
+        """This cause at its typical size, in a recipe whose stimulus is 1."""
+        return cls(cls.parameter.typical)
+
+    @classmethod
+    def read_size(cls, text: str) -> float:
+        """The size a person wrote; UsageError when it is none."""
+        try:
+            size = float(text)
+        except ValueError:
+            size = float("nan")
+        if not np.isfinite(size):
+            unit = cls.parameter.unit
+            raise UsageError(
+                f"size {text!r} of {cls.id} is no number; write {cls.id}={cls.parameter.typical:g} ({unit})"
+            )
+        return size
+
+    def draw(self, groups: int, rng: np.random.Generator) -> Floats:
+        """Coefficients (groups, axes) of random direction whose rms over the axes is `size` in every group."""
+        z = rng.standard_normal((groups, len(self.axes)))
+        return np.asarray(self.size * z / np.sqrt(np.mean(z**2, axis=1, keepdims=True)))
+
+    def coefficients(self, names: Sequence[str], seed: int) -> Floats:
+        """Coefficients (groups, axes) of the named groups, each from its own random stream.
+
+        A single coefficient that everybody shares is exactly `size`, sign included.
+        """
+        if tuple(names) == ("common",) and len(self.axes) == 1:
+            return np.full((1, 1), self.size)
+        return np.concatenate([self.draw(1, stream(seed, self.id, name)) for name in names])
+
+    def settled(self, scene: Scene, seed: int) -> Self:
+        """This cause with the parameters of its form fixed for a scene; most have them fixed already."""
+        del scene, seed
+        return self
+
+    def gather(self, scene: Scene, coefficients: Floats, level: str) -> Floats:
+        """Coefficients of each visit (v, axes), from those of the groups of `level` (groups, axes)."""
+        return np.asarray(coefficients[scene.group(level)[0]])
+
+    def value_of(self, coefficient: float) -> float | str:
+        """The coefficient as the documents write it."""
+        return float(coefficient)
+
+    def told(self, names: Sequence[str], coefficients: Floats, unit: str) -> list[dict[str, object]]:
+        """The parameters in the contracts' form {name, axis, of, value, unit}, those of the form last."""
+        p = self.parameter
+        rows: list[dict[str, object]] = [
+            {"name": p.name, "axis": axis or None, "of": of, "value": self.value_of(c), "unit": p.unit_in(unit)}
+            for of, row in zip(names, coefficients, strict=True)
+            for axis, c in zip(self.axes, row, strict=True)
+        ]
+        return rows + [
+            {"name": f.name, "axis": None, "of": "common", "value": getattr(self, f.field), "unit": f.unit_in(unit)}
+            for f in self.forms
+        ]
+
+
+@dataclass(frozen=True)
+class ClockEffect(Effect):
+    """Changes the rate at which the device samples."""
+
+    stage: ClassVar[Stage] = Stage.CLOCK
+
+    @abstractmethod
+    def apply(self, rate_hz: Floats, c: Floats) -> Floats:
+        """New rates (u) of the units, given the nominal ones and the units' coefficients (u, axes)."""
+
+
+@dataclass(frozen=True)
+class PoseEffect(Effect):
+    """Turns a part by a rotation vector (rad, right-handed) in `frame`."""
+
+    stage: ClassVar[Stage] = Stage.POSE
+    frame: ClassVar[Literal["device", "nest", "station"]]
+
+    def apply(self, c: Floats) -> Floats:
+        """Rotation vectors (v, 3) in rad from the visits' coefficients (v, axes); axes not listed do not turn."""
+        turned = np.zeros((len(c), 3))
+        turned[:, [XYZ.index(axis) for axis in self.axes]] = c
+        return turned
+
+
+@dataclass(frozen=True)
+class StimulusEffect(Effect):
+    """Adds to what the sensor truly feels."""
+
+    stage: ClassVar[Stage] = Stage.STIMULUS
+
+    @abstractmethod
+    def apply(self, signal: Signal, c: Floats) -> Floats:
+        """Addition (n, 3) to the true vector; signal is at rest; c (n, axes) are the rows' coefficients."""
+
+
+@dataclass(frozen=True)
+class SensorEffect(Effect):
+    """Adds to what the sensor reads. Every one is given the same true vector, so their order does not matter."""
+
+    stage: ClassVar[Stage] = Stage.SENSOR
+
+    @abstractmethod
+    def apply(self, signal: Signal, c: Floats) -> Floats:
+        """Addition (n, 3) to the reading; c (n, axes) are the rows' coefficients."""
+
+
+@dataclass(frozen=True)
+class GoldEffect(Effect):
+    """Adds to what the gold reference reads."""
+
+    stage: ClassVar[Stage] = Stage.GOLD
+
+    @abstractmethod
+    def apply(self, c: Floats) -> Floats:
+        """Addition (v, 3) to the gold reading of each visit, in the nest's frame; c (v, axes)."""
+
+
+@dataclass(frozen=True)
+class OutputEffect(Effect):
+    """Makes a new reading of a reading. They act in the order of `place`: converter first, decoding last."""
+
+    stage: ClassVar[Stage] = Stage.OUTPUT
+    place: ClassVar[int]
+
+    @abstractmethod
+    def apply(self, reading: Floats, c: Floats) -> Floats:
+        """The new reading (n, 3); c (n, axes) are the rows' coefficients."""
+
+    def coefficients(self, names: Sequence[str], seed: int) -> Floats:
+        """Exactly `size` for everyone: these faults have a value, not a spread."""
+        del seed
+        return np.full((len(names), len(self.axes)), self.size)
+
+
+@dataclass(frozen=True)
+class BusEffect(Effect):
+    """Changes which frames arrive, and in which order. `size` is the fraction of frames it hits."""
+
+    stage: ClassVar[Stage] = Stage.TABLE
+    level = "bus"
+    of = ("unit",)
+    axes = ALONE
+
+    @abstractmethod
+    def apply(self, block: NDArray[np.int_], fraction: Floats, rng: np.random.Generator) -> NDArray[np.int_]:
+        """Indices of the sent frames in the order of arrival.
+
+        block (n): frames of one number follow each other without a pause; fraction (n) hit, 0 … 1.
+        """
+
+    def coefficients(self, names: Sequence[str], seed: int) -> Floats:
+        """Exactly `size` for everyone."""
+        del seed
+        return np.full((len(names), 1), self.size)

@@ -1,0 +1,139 @@
+"""The forward simulation: from stops and causes to readings. Pure, vectorised, exact and non-linear.
+
+R = exp(Σ station) · nest_R · exp(Σ nest) · seat_R · exp(Σ device)      resting orientation of the sensor
+a = Rᵀ · stimulus + Σ stimulus effects                                 what it feels
+reading = M_u · a + b_u + Σ sensor effects(a)                          what it reads, before its converter
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from station.domain import rotation
+from station.domain.types import Floats
+from station.model.effect import Effect, GoldEffect, OutputEffect, PoseEffect, SensorEffect, StimulusEffect
+from station.model.scene import Scene, Signal
+
+
+class Acting(NamedTuple):
+    """A cause at work: its coefficients (groups, axes), groups as `scene.group(of)` orders them."""
+
+    effect: Effect
+    coefficients: Floats
+    of: str
+
+    def by_visit(self, scene: Scene) -> Floats:
+        """Coefficients of every visit (v, axes)."""
+        return self.effect.gather(scene, self.coefficients, self.of)
+
+    def by_row(self, scene: Scene) -> Floats:
+        """Coefficients of every row (n, axes)."""
+        return np.asarray(self.by_visit(scene)[scene.visit])
+
+
+#: Which causes act; the key is the effect's id, or any other name where one effect acts at two levels.
+Active = Mapping[str, Acting]
+NOTHING: Active = {}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Base:
+    """What is no defect: offset (U, 3) and matrix (U, 3, 3) of each unit, ordered as `visits.unit.names`."""
+
+    offset: Floats
+    matrix: Floats
+
+    @staticmethod
+    def ideal(units: int) -> "Base":
+        """Units without any error."""
+        return Base(np.zeros((units, 3)), np.tile(np.eye(3), (units, 1, 1)))
+
+
+def forward(scene: Scene, base: Base, active: Active = NOTHING) -> Floats:
+    """Readings (n, 3) in the recipe's unit, before noise, converter and bus."""
+    signal = feel(scene, active)
+    unit = scene.visits.unit.code
+    at_rest = np.einsum("vij,vj->vi", base.matrix[unit], signal.at_stop) + base.offset[unit]
+    reading = np.asarray(at_rest[scene.visit])
+    if any(isinstance(acting.effect, StimulusEffect) for acting in active.values()):
+        moving = signal.true - signal.at_stop[scene.visit]
+        reading += np.einsum("nij,nj->ni", base.matrix[unit][scene.visit], moving)
+    for acting in active.values():
+        if isinstance(acting.effect, SensorEffect):
+            reading += acting.effect.apply(signal, acting.by_row(scene))
+    return reading
+
+
+def feel(scene: Scene, active: Active = NOTHING) -> Signal:
+    """What the sensors feel, at rest and with everything that still moves."""
+    at_stop = resting(scene, active)
+    rest = Signal(scene, at_stop[scene.visit], at_stop)
+    true = rest.true
+    for acting in active.values():
+        if isinstance(acting.effect, StimulusEffect):
+            true = true + acting.effect.apply(rest, acting.by_row(scene))
+    return Signal(scene, true, at_stop)
+
+
+def resting(scene: Scene, active: Active = NOTHING) -> Floats:
+    """What each sensor feels at rest at each visit (v, 3), in the device's frame."""
+    at_nest = in_nest(scene, active) if scene.visits.gold is None else scene.visits.gold - gold_error(scene, active)
+    seated = np.einsum("vji,vj->vi", scene.visits.seat_R, at_nest)
+    return _turned_back(scene, active, "device", seated)
+
+
+def in_nest(scene: Scene, active: Active = NOTHING) -> Floats:
+    """The stimulus at rest at each visit (v, 3) in the frame of the nest, every tilt of the rig included."""
+    stimulus = scene.visits.stimulus
+    # A rate is given about the nest's axes: how the rig stands on its base does not matter to it.
+    if scene.recipe.reference.source != "rate":
+        stimulus = _turned_back(scene, active, "station", stimulus)
+    return _turned_back(scene, active, "nest", np.einsum("vji,vj->vi", scene.visits.nest_R, stimulus))
+
+
+def gold_error(scene: Scene, active: Active) -> Floats:
+    """What the gold reads too much at each visit (v, 3), in the frame of the nest."""
+    error = np.zeros((len(scene.visits), 3))
+    for acting in active.values():
+        if isinstance(acting.effect, GoldEffect):
+            error += acting.effect.apply(acting.by_visit(scene))
+    return error
+
+
+def convert(scene: Scene, reading: Floats, active: Active) -> Floats:
+    """The reading (n, 3) after the faults of converter and decoding, in the order of their places."""
+    faults = [(a.effect, a.by_row(scene)) for a in active.values() if isinstance(a.effect, OutputEffect)]
+    for effect, c in sorted(faults, key=lambda fault: fault[0].place):
+        reading = effect.apply(reading, c)
+    return reading
+
+
+def signature(scene: Scene, base: Base, effect: Effect, of: str = "", active: Active = NOTHING) -> list[Floats]:
+    """Derivative (n, 3) of `forward` by each axis' coefficient, all groups of level `of` at once: one array an axis.
+
+    Central differences about zero, with a step of a tenth of the typical size. A coefficient acts on its own
+    group's rows (of bias-walk: on the rest of the run too), so the caller splits the rows by group.
+    of: one of effect.of, the first when left out; active: causes that are on beside this one.
+    """
+    of = of or effect.of[0]
+    h = 0.1 * effect.parameter.typical * effect.parameter.scale(scene.recipe)
+    groups = len(scene.group(of)[1])
+    derivatives = []
+    for step in np.eye(len(effect.axes)) * h:
+        plus, minus = ({**active, "?": Acting(effect, np.tile(s * step, (groups, 1)), of)} for s in (1, -1))
+        derivatives.append((forward(scene, base, plus) - forward(scene, base, minus)) / (2 * h))
+    return derivatives
+
+
+def _turned_back(scene: Scene, active: Active, frame: str, vectors: Floats) -> Floats:
+    """Vectors (v, 3) as seen from a frame that the pose effects of `frame` have turned."""
+    turns = [
+        acting.effect.apply(acting.by_visit(scene))
+        for acting in active.values()
+        if isinstance(acting.effect, PoseEffect) and acting.effect.frame == frame
+    ]
+    if not turns:
+        return vectors
+    return np.asarray(np.einsum("vji,vj->vi", rotation.from_vector(np.sum(turns, axis=0)), vectors))

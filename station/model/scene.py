@@ -1,0 +1,133 @@
+"""What was done, when, and under which conditions: the stops, and the covariates of every sample.
+
+A scene is made from a plan (`timeline.scene_of_plan`) or from a measured table (`scene_of_table`); the forward
+simulation cannot tell which. Its rows may also stand for blocks of samples at their mean times.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.recipe import Recipe
+from station.domain.types import Array, Floats, SampleTable
+from station.errors import SamplesError
+from station.model.visits import Visits, visits_of
+
+#: Covariates of a sample, None in a scene where nobody recorded them.
+COVARIATES = (
+    "since_arrival_s",
+    "temperature_degC",
+    "temperature_rate",
+    "since_power_s",
+    "since_clamp_s",
+    "motor",
+    "started_s",
+)
+#: Half width of the window in which the rate of temperature is a straight line, s.
+RATE_WINDOW_S = 30.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """Rows (n) at `visits` (v); visit (n) is the row's stop, time_s (n) counts from the start of the run.
+
+    since_arrival_s (n) counts from the arrival at the stop; temperature_degC, temperature_rate (degC/s),
+    since_power_s, since_clamp_s, motor (drive level), started_s (n), or None where not known.
+    """
+
+    recipe: Recipe
+    visits: Visits
+    visit: NDArray[np.intp]
+    time_s: Floats
+    since_arrival_s: Floats | None = None
+    temperature_degC: Floats | None = None
+    temperature_rate: Floats | None = None
+    since_power_s: Floats | None = None
+    since_clamp_s: Floats | None = None
+    motor: Floats | None = None
+    started_s: Floats | None = None
+
+    def __len__(self) -> int:
+        return len(self.visit)
+
+    def group(self, level: str) -> tuple[NDArray[np.int32], tuple[str, ...]]:
+        """Group codes (v) of the visits and the groups' names as the contracts write them: ("unit:SN1", …).
+
+        level: common, unit, run, visit, run-of-recipe, nest, position, station, lot or operator. Where a table
+        does not say the nest, station, lot or operator, all visits are one group, "common".
+        """
+        return self.visits.group(level, len(self.recipe.runs))
+
+    def knows(self, name: str) -> bool:
+        """Whether this covariate, or this label of the visits, was recorded."""
+        return name in self.visits.groups if name not in COVARIATES else getattr(self, name) is not None
+
+    def need(self, covariate: str) -> Floats:
+        """A covariate (n); SamplesError when nobody recorded it."""
+        values: Floats | None = getattr(self, covariate)
+        if values is None:
+            raise SamplesError(
+                f"{covariate} is not in the samples; record that column to simulate a cause that depends on it"
+            )
+        return values
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signal:
+    """What the sensor feels: true (n, 3) in the device's frame; at_stop (v, 3) the resting vector of each visit."""
+
+    scene: Scene
+    true: Floats
+    at_stop: Floats
+
+    @property
+    def step(self) -> Floats:
+        """Previous stop's resting vector minus this one's (n, 3); zero at the first stop of a run."""
+        previous = self.scene.visits.previous
+        step = np.where(previous[:, None] >= 0, self.at_stop[previous] - self.at_stop, 0.0)
+        return np.asarray(step[self.scene.visit])
+
+
+def scene_of_table(recipe: Recipe, table: SampleTable) -> Scene:
+    """The scene of measured samples. SamplesError when a position or seating is not in the recipe."""
+    codes = np.stack([table.unit.code, table.run, table.visit])
+    _, first, visit = np.unique(_key(codes), return_index=True, return_inverse=True)
+    at = table[first]
+    visits = visits_of(recipe, at.unit, at.run, at.visit, {**at.labels, "position": at.position})
+    arrived = np.full(len(visits), np.inf)
+    np.minimum.at(arrived, visit, table.time_s)
+    known = {k: table.values[k] for k in COVARIATES if k in table.values}
+    if "temperature_degC" in known:
+        known["temperature_rate"] = rate_of(known["temperature_degC"], table.time_s, visit, visits)
+    if recipe.reference.source == "gold" and table.gold is not None:
+        visits = visits.with_gold(recipe, _means(table.gold, visit, len(visits)))
+    return Scene(recipe, visits, visit, table.time_s, table.time_s - arrived[visit] + recipe.settle.time_s, **known)
+
+
+def _key(codes: Array) -> Array:
+    """One integer for each column of small non-negative integers (k, n), in lexical order."""
+    key = np.zeros(codes.shape[1], np.int64)
+    for row in codes:
+        key = key * (int(row.max(initial=0)) + 1) + row
+    return key
+
+
+def _means(values: Floats, visit: NDArray[Any], visits: int) -> Floats:
+    """Mean of the rows (n, k) of each visit (v, k)."""
+    count = np.bincount(visit, minlength=visits)
+    return np.stack([np.bincount(visit, column, visits) / count for column in values.T], 1)
+
+
+def rate_of(temperature_degC: Floats, time_s: Floats, visit: NDArray[Any], visits: Visits) -> Floats:
+    """dT/dt (n) in degC/s: slope of a straight line through the visits' mean temperatures within ±30 s."""
+    mean = _means(np.stack([time_s, temperature_degC], 1), visit, len(visits))
+    rate = np.zeros(len(visits))
+    for rows in visits.passes():
+        t, T = mean[rows].T
+        near = np.abs(t[:, None] - t) <= max(RATE_WINDOW_S, 1.01 * float(np.diff(t).max(initial=0.0)))
+        dt = np.where(near, t - (near @ t / near.sum(1))[:, None], 0.0)
+        spread = (dt**2).sum(1)
+        rate[rows] = np.divide(dt @ T, spread, out=np.zeros(len(t)), where=spread > 0)
+    return np.asarray(rate[visit])

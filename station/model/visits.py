@@ -1,0 +1,124 @@
+"""The stops of a scene as arrays: who, where, in which order, and how the part stood."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.recipe import Recipe
+from station.domain.types import Array, Floats, Labels
+from station.errors import SamplesError
+
+#: Labels of a visit that group it with others.
+GROUPS = ("station", "nest", "lot", "operator")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Visits:
+    """Stops (v), sorted by unit, run and visit.
+
+    unit, position (Labels); run, visit (v); groups: those of station, nest, lot, operator that are known;
+    nest_R (v, 3, 3) nest → station; seat_R (v, 3, 3) device → nest; stimulus (v, 3) in the station's frame (a
+    rate: the nest's); previous (v) index of the previous stop of the same run, or −1; gold (v, 3) the stimulus in
+    the nest's frame as the gold reference measured it, where the recipe takes it as the truth, or None.
+    """
+
+    unit: Labels
+    run: NDArray[np.int32]
+    visit: NDArray[np.int32]
+    position: Labels
+    groups: Mapping[str, Labels]
+    nest_R: Floats
+    seat_R: Floats
+    stimulus: Floats
+    previous: NDArray[np.intp]
+    gold: Floats | None = None
+
+    def __len__(self) -> int:
+        return len(self.run)
+
+    def group(self, level: str, runs: int) -> tuple[NDArray[np.int32], tuple[str, ...]]:
+        """Group codes (v) and names; see Scene.group."""
+        if level == "visit":
+            text = zip(self.unit.text(), self.run, self.visit, strict=True)
+            return np.arange(len(self), dtype=np.int32), tuple(f"visit:{u}/{r}/{v}" for u, r, v in text)
+        if level == "run":
+            at = [rows.start for rows in self.passes()]
+            code = np.repeat(np.arange(len(at), dtype=np.int32), np.diff([*at, len(self)]))
+            units = self.unit.text()
+            return code, tuple(f"run:{units[i]}/{self.run[i]}" for i in at)
+        if level == "run-of-recipe":
+            return (self.run % runs).astype(np.int32), tuple(f"run-of-recipe:{r}" for r in range(runs))
+        labels = {"unit": self.unit, "position": self.position, **self.groups}.get(level)
+        if labels is None:
+            return np.zeros(len(self), np.int32), ("common",)
+        return labels.code, tuple(f"{level}:{name}" for name in labels.names)
+
+    def passes(self) -> "Iterator[slice[int, int, None]]":
+        """The rows of each unit's each run, in order."""
+        starts = np.flatnonzero(self.previous < 0)
+        for a, b in zip(starts, [*starts[1:], len(self)], strict=True):
+            yield slice(int(a), int(b), None)
+
+    def with_gold(self, recipe: Recipe, gold: Floats) -> "Visits":
+        """The same, with the gold readings (v, 3) corrected by the gold's own calibration as the truth."""
+        own = recipe.reference.gold
+        if own is None:
+            return replace(self, gold=gold)
+        return replace(self, gold=np.linalg.solve(np.array(own.matrix), (gold - own.offset).T).T)
+
+
+def visits_of(
+    recipe: Recipe,
+    unit: Labels,
+    run: NDArray[np.int32],
+    visit: NDArray[np.int32],
+    labels: Mapping[str, Labels],
+) -> Visits:
+    """Stops with their orientations from the recipe; rows sorted by unit, run, visit. Poses not known are NaN.
+
+    labels: position, and what is known of seating, station, nest, lot and operator.
+    """
+    position = labels["position"]
+    seating = labels.get("seating", Labels(("home",), np.zeros(len(run), np.int32)))
+    poses = [_pose(recipe, name) for name in position.names]
+    same = (unit.code[1:] == unit.code[:-1]) & (run[1:] == run[:-1])
+    previous = np.where(np.r_[False, same][: len(run)], np.arange(len(run)) - 1, -1)
+    return Visits(
+        unit=unit,
+        run=run,
+        visit=visit,
+        position=position,
+        groups={k: v for k, v in labels.items() if k in GROUPS},
+        nest_R=np.array([p[0] for p in poses])[position.code],
+        seat_R=np.array([_seat(recipe, name) for name in seating.names])[seating.code],
+        stimulus=np.array([p[1] for p in poses])[position.code],
+        previous=previous,
+    )
+
+
+def _pose(recipe: Recipe, name: str) -> tuple[Array, Floats]:
+    """Nest → station rotation and stimulus of a position."""
+    if not recipe.pose_known:
+        return np.full((3, 3), np.nan), np.array([0.0, 0.0, recipe.reference.strength()])
+    try:
+        position = recipe.position(name)
+    except KeyError:
+        raise SamplesError(_unknown("position", name, [p.name for p in recipe.positions])) from None
+    # A rate table turns about the nest's own axes, so its stimulus is given there.
+    R = np.eye(3) if recipe.reference.source == "rate" else position.matrix()
+    return R, recipe.stimulus(position)
+
+
+def _seat(recipe: Recipe, name: str) -> Floats:
+    try:
+        return recipe.seating(name)
+    except KeyError:
+        raise SamplesError(_unknown("seating", name, ["home", *recipe.seatings])) from None
+
+
+def _unknown(what: str, name: str, known: list[str]) -> str:
+    near = get_close_matches(name, known, 1, 0)[0]
+    return f"{what} {name!r} in the samples is not in the recipe; the nearest there is {near!r}"
