@@ -1,0 +1,107 @@
+"""SDO transfers of a client as generators: they yield what to send and which answer fits, and are sent the answer.
+
+No bus, no clock: the driver (`sdo_client`) owns both. Source: CiA 301 7.2.4.3, expedited and segmented transfer.
+"""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+
+from canopen.sdo import constants as sdo
+
+#: A device that sends segments for ever is stopped here.
+MOST_BYTES = 1 << 22
+
+SEGMENT = 7
+KIND = 0xE0
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """Frames to send (none: only listen), and whether a frame of the server answers them (None: none will)."""
+
+    send: tuple[bytes, ...]
+    fits: Callable[[bytes], bool] | None
+
+
+class NoAnswer(Exception):
+    """Thrown into a transfer at a time-out; a transfer that can mend it goes on, the others let it through."""
+
+
+class Violation(Exception):
+    """The server broke the protocol. code: the abort code to send it."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"0x{code:08X}")
+        self.code = code
+
+
+class Refused(Exception):
+    """The server aborted the transfer. code: its abort code."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"0x{code:08X}")
+        self.code = code
+
+
+Upload = Generator[Exchange, bytes, bytes]
+Download = Generator[Exchange, bytes, None]
+
+
+def head(command: int, index: int, sub: int) -> bytes:
+    """Command, index and sub-index: the first four bytes of an initiating frame."""
+    return bytes(sdo.SDO_STRUCT.pack(command, index, sub))
+
+
+def initiates(kind: int, index: int, sub: int, mask: int = KIND) -> Callable[[bytes], bool]:
+    """Fits an answer that initiates a transfer of this kind and is about this object."""
+    wanted = head(0, index, sub)[1:]
+    return lambda answer: answer[0] & mask == kind and answer[1:4] == wanted
+
+
+def upload(index: int, sub: int) -> Upload:
+    """Reads an object, expedited or in segments."""
+    fits = initiates(sdo.RESPONSE_UPLOAD, index, sub)
+    answer = yield Exchange((head(sdo.REQUEST_UPLOAD, index, sub) + bytes(4),), fits)
+    command = answer[0]
+    if command & sdo.EXPEDITED:
+        return answer[4 : 8 - ((command >> 2) & 3 if command & sdo.SIZE_SPECIFIED else 0)]
+    size = int.from_bytes(answer[4:8], "little") if command & sdo.SIZE_SPECIFIED else None
+    return (yield from _upload_segments(size))
+
+
+def _upload_segments(size: int | None) -> Upload:
+    data, toggle, last = bytearray(), 0, False
+    while not last:
+        request = bytes([sdo.REQUEST_SEGMENT_UPLOAD | toggle]) + bytes(SEGMENT)
+        answer = yield Exchange((request,), _segment(sdo.RESPONSE_SEGMENT_UPLOAD, toggle))
+        data += answer[1 : 8 - (answer[0] >> 1 & 7)]
+        last = bool(answer[0] & sdo.NO_MORE_DATA)
+        toggle ^= sdo.TOGGLE_BIT
+        if len(data) > (MOST_BYTES if size is None else size):
+            raise Violation(sdo.ABORT_LENGTH_TOO_HIGH)
+    if size not in (None, len(data)):
+        raise Violation(sdo.ABORT_LENGTH_TOO_LOW)
+    return bytes(data)
+
+
+def download(index: int, sub: int, data: bytes) -> Download:
+    """Writes an object: up to four bytes expedited, more in segments."""
+    fits = initiates(sdo.RESPONSE_DOWNLOAD, index, sub)
+    if 0 < len(data) <= 4:
+        command = sdo.REQUEST_DOWNLOAD | sdo.EXPEDITED | sdo.SIZE_SPECIFIED | (4 - len(data)) << 2
+        yield Exchange((head(command, index, sub) + data.ljust(4, b"\0"),), fits)
+        return
+    start = head(sdo.REQUEST_DOWNLOAD | sdo.SIZE_SPECIFIED, index, sub) + len(data).to_bytes(4, "little")
+    yield Exchange((start,), fits)
+    toggle = 0
+    for at in range(0, max(len(data), 1), SEGMENT):
+        part = data[at : at + SEGMENT]
+        last = at + SEGMENT >= len(data)
+        command = sdo.REQUEST_SEGMENT_DOWNLOAD | toggle | (SEGMENT - len(part)) << 1 | last
+        request = bytes([command]) + part.ljust(SEGMENT, b"\0")
+        yield Exchange((request,), _segment(sdo.RESPONSE_SEGMENT_DOWNLOAD, toggle))
+        toggle ^= sdo.TOGGLE_BIT
+
+
+def _segment(kind: int, toggle: int) -> Callable[[bytes], bool]:
+    return lambda answer: answer[0] & KIND == kind and answer[0] & sdo.TOGGLE_BIT == toggle
