@@ -1,0 +1,107 @@
+"""Opens the log's file: checks what it is, sets how it is kept, makes or migrates its tables."""
+
+import os
+import sqlite3
+from datetime import UTC, datetime
+from pathlib import Path
+
+from sqlite_utils import Database
+
+from station.adapters.store.faults import told
+from station.adapters.store.schema import migrations
+from station.domain.chain import SCHEMA
+from station.errors import LogError, StationError, StoreFault
+
+#: Pages of write-ahead log that are kept on disk after a checkpoint; a long-reading page may not let it grow for ever.
+_WAL_LIMIT_BYTES = 64 * 1024 * 1024
+
+
+def for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
+    """The log, made or migrated as needed: WAL, synchronous FULL. Errors: StoreFault."""
+    with told(StoreFault, path, "opened"):
+        connection = sqlite3.connect(path, timeout=busy_s, isolation_level=None, check_same_thread=False)
+    try:
+        with told(StoreFault, path, "opened"):
+            _prepare(connection, path)
+    except StoreFault:
+        connection.close()
+        raise
+    return connection
+
+
+def _prepare(connection: sqlite3.Connection, path: Path) -> None:
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA synchronous = FULL")
+    connection.execute(f"PRAGMA journal_size_limit = {_WAL_LIMIT_BYTES}")
+    db = Database(connection, execute_plugins=False)
+    tables = set(db.table_names())
+    check(db, tables, path, StoreFault)
+    if not migrations.pending(db):
+        return
+    if tables:
+        _back_up(connection, path)
+    migrations.apply(db)
+    _sync_folder(path)
+
+
+def for_reading(path: Path) -> Database:
+    """The log, opened so that nothing can be changed. Errors: LogError."""
+    if not path.is_file():
+        raise LogError(f"there is no log {path}; name one with --db FILE, or make one with `station run`")
+    with told(LogError, path, "read"):
+        connection = sqlite3.connect(_uri(path), uri=True, isolation_level=None, check_same_thread=False)
+    try:
+        with told(LogError, path, "read"):
+            db = Database(connection, execute_plugins=False)
+            check(db, set(db.table_names()), path, LogError)
+            if migrations.pending(db):
+                raise LogError(f"the log {path} is of an older schema; open it once with `station run` to migrate it")
+    except LogError:
+        connection.close()
+        raise
+    return db
+
+
+def _uri(path: Path) -> str:
+    """Read-only; on a medium that cannot be written, where SQLite could not make its index of the WAL, immutable."""
+    alone = not path.with_name(path.name + "-wal").exists()
+    still = alone and not os.access(path.parent, os.W_OK)
+    return f"{path.resolve().as_uri()}?mode=ro{'&immutable=1' if still else ''}"
+
+
+def check(db: Database, tables: set[str], path: Path, kind: type[StationError]) -> None:
+    """Raises `kind` unless this is an empty file or a station log of a schema that this program knows."""
+    if not tables:
+        if kind is LogError:
+            raise LogError(f"the log {path} is empty; name another with --db FILE")
+        return
+    row = db.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone() if "meta" in tables else None
+    if row is None:
+        raise kind(f"{path} is a database, but not a station log; name another file with --db FILE")
+    applied = {m.name for m in migrations.applied(db)}
+    unknown = applied - {m.name for m in migrations.pending(Database(memory=True))}
+    if row[0] != SCHEMA or unknown:
+        what = f"schema {row[0]}, {len(unknown)} unknown steps"
+        raise kind(f"the log {path} was written by a newer station ({what}); update this one")
+
+
+def _back_up(connection: sqlite3.Connection, path: Path) -> None:
+    """A whole copy beside the log, on the disk before the first change."""
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S")
+    copy = path.with_name(f"{path.name}.before-migration-{stamp}.bak")
+    target = sqlite3.connect(copy)
+    try:
+        connection.backup(target)
+    finally:
+        target.close()
+    with copy.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def _sync_folder(path: Path) -> None:
+    """The name of a new file is durable only when its folder is."""
+    handle = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

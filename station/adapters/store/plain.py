@@ -1,0 +1,61 @@
+"""Values as the log keeps them: text that is text, numbers that are numbers, documents as JSON."""
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from station.domain.chain import Value
+from station.ports.store import Begin
+
+
+def text(value: str) -> str:
+    """The string with lone surrogates (bytes that were no UTF-8) written as escapes."""
+    return str(value).encode("utf-8", "backslashreplace").decode()
+
+
+def columns(begin: Begin, attempt: str, recipe: int | None, product: int | None) -> dict[str, Value]:
+    """The attempt's columns by name: what is known, and the record numbers of recipe and product."""
+    known = {f.name: getattr(begin, f.name) for f in dataclasses.fields(begin)}
+    cleaned = {name: text(value) if isinstance(value, str) else value for name, value in known.items()}
+    return {**cleaned, "id": attempt, "recipe": recipe, "product": product}
+
+
+def number(value: float | None) -> float | None:
+    """A float as SQLite gives it back: no NaN, no infinity, no negative zero."""
+    return float(value) + 0.0 if value is not None and math.isfinite(value) else None
+
+
+def document(value: Any) -> str:
+    """JSON with sorted keys and every float bit for bit; NaN and infinities become null, bytes hexadecimal."""
+    return json.dumps(plain(value), sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+def plain(value: Any) -> Any:
+    """The value as JSON knows it: mappings, arrays, dataclasses and numpy scalars become dict, list, number."""
+    if value is None or isinstance(value, bool | np.bool_):
+        return None if value is None else bool(value)
+    if isinstance(value, str):
+        return text(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return number(float(value))
+    return _nested(value)
+
+
+def _nested(value: Any) -> Any:
+    if isinstance(value, bytes | bytearray | memoryview):
+        return bytes(value).hex()
+    if isinstance(value, Mapping):
+        return {text(k): plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Sequence | set | frozenset):
+        return [plain(v) for v in value]
+    raise TypeError(f"the log cannot keep a {type(value).__name__}")

@@ -1,0 +1,99 @@
+"""Tables of the log, `station.log/1`, as migrations: each runs in one transaction with the record that it ran.
+
+Evidence tables share one numbering (`seq`, the place in the chain of hashes) and are append-only: triggers refuse
+UPDATE and DELETE. A later schema adds a migration at the end and columns at the end of a tuple in `COLUMNS`.
+"""
+
+from __future__ import annotations
+
+import uuid
+from typing import TYPE_CHECKING
+
+from sqlite_utils.migrations import Migrations
+
+from station.domain.chain import SCHEMA, genesis
+
+if TYPE_CHECKING:
+    from sqlite_utils import Database
+
+#: Sealed columns of each evidence table, in the order in which they are sealed.
+COLUMNS: dict[str, tuple[str, ...]] = {
+    "document": ("sha256", "kind", "text"),
+    "attempt": (
+        *("id", "serial", "station", "nest", "node", "lot", "recipe_name", "recipe_version", "recipe_hash"),
+        *("recipe", "product", "config_hash", "software", "operator", "started_ns"),
+    ),
+    "event": ("attempt", "at_ns", "kind", "detail"),
+    "visit": (
+        *("attempt", "run", "visit", "position", "seating", "kind", "arrived_ns", "left_ns"),
+        *("frame_count", "frames_sha256", "statistics", "frames"),
+    ),
+    "write": ("attempt", "at_ns", "object", "sub", "name", "stage", "value", "old", "written", "read_back"),
+    "result": ("attempt", "at_ns", "name", "document"),
+    "finish": ("attempt", "outcome", "ended_ns"),
+}
+
+_SEALS = "seq INTEGER PRIMARY KEY, previous BLOB NOT NULL, hash BLOB NOT NULL, signature BLOB"
+_OF = "attempt INTEGER NOT NULL REFERENCES attempt(seq)"
+
+_TABLES = {
+    "document": "sha256 TEXT NOT NULL UNIQUE, kind TEXT NOT NULL, text TEXT NOT NULL",
+    "attempt": """id TEXT NOT NULL UNIQUE, serial TEXT NOT NULL, station TEXT NOT NULL, nest TEXT NOT NULL,
+        node INTEGER NOT NULL, lot TEXT NOT NULL, recipe_name TEXT NOT NULL, recipe_version INTEGER NOT NULL,
+        recipe_hash TEXT NOT NULL, recipe INTEGER REFERENCES document(seq), product INTEGER REFERENCES document(seq),
+        config_hash TEXT NOT NULL, software TEXT NOT NULL, operator TEXT NOT NULL, started_ns INTEGER NOT NULL""",
+    "event": f"{_OF}, at_ns INTEGER NOT NULL, kind TEXT NOT NULL, detail TEXT NOT NULL",
+    "visit": f"""{_OF}, run INTEGER NOT NULL, visit INTEGER NOT NULL, position TEXT NOT NULL, seating TEXT NOT NULL,
+        kind TEXT NOT NULL, arrived_ns INTEGER NOT NULL, left_ns INTEGER NOT NULL, frame_count INTEGER NOT NULL,
+        frames_sha256 TEXT NOT NULL, statistics TEXT NOT NULL, frames BLOB NOT NULL""",
+    "write": f"""{_OF}, at_ns INTEGER NOT NULL, object INTEGER NOT NULL, sub INTEGER NOT NULL, name TEXT NOT NULL,
+        stage TEXT NOT NULL, value REAL, old BLOB, written BLOB NOT NULL, read_back BLOB""",
+    "result": f"{_OF}, at_ns INTEGER NOT NULL, name TEXT NOT NULL, document TEXT NOT NULL",
+    "finish": f"{_OF} UNIQUE, outcome TEXT NOT NULL, ended_ns INTEGER NOT NULL",
+}
+
+#: One index a question: a serial's life, a time span, a recipe, a nest, a firmware; and the rows of an attempt.
+_INDICES = (
+    "attempt_serial ON attempt(serial, started_ns)",
+    "attempt_started ON attempt(started_ns)",
+    "attempt_recipe ON attempt(recipe_name, started_ns)",
+    "attempt_recipe_hash ON attempt(recipe_hash, started_ns)",
+    "attempt_nest ON attempt(station, nest, started_ns)",
+    "event_attempt ON event(attempt)",
+    "visit_attempt ON visit(attempt)",
+    "write_attempt ON write(attempt)",
+    "result_attempt ON result(attempt, name)",
+    "finish_outcome ON finish(outcome, ended_ns)",
+    "result_firmware ON result(json_extract(document, '$.software'), attempt) WHERE name = 'identity'",
+)
+
+migrations = Migrations("station.log")
+
+
+@migrations()
+def first_tables(db: Database) -> None:
+    """Evidence tables with their guards, the head of the chain, and what the log is."""
+    for table, columns in _TABLES.items():
+        db.execute(f"CREATE TABLE {table} ({_SEALS}, {columns}) STRICT")
+        guard(db, table)
+    for index in _INDICES:
+        db.execute(f"CREATE INDEX {index}")
+    log_id = str(uuid.uuid4())
+    db.execute("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT")
+    db.execute("INSERT INTO meta VALUES ('schema', ?), ('log_id', ?)", [SCHEMA, log_id])
+    db.execute("CREATE TABLE head (id INTEGER PRIMARY KEY, number INTEGER NOT NULL, hash BLOB NOT NULL) STRICT")
+    db.execute("INSERT INTO head VALUES (1, 0, ?)", [genesis(log_id)])
+
+
+def guard(db: Database, table: str) -> None:
+    """Makes a table append-only for everyone who does not first drop the guard, which the chain would show."""
+    for deed in ("UPDATE", "DELETE"):
+        db.execute(
+            f"CREATE TRIGGER {table}_no_{deed.lower()} BEFORE {deed} ON {table} "
+            f"BEGIN SELECT RAISE(ABORT, 'the log is append-only: {table} refuses {deed}'); END"
+        )
+
+
+def guards() -> set[str]:
+    """Names of all triggers that a healthy log has."""
+    return {f"{table}_no_{deed}" for table in COLUMNS for deed in ("update", "delete")}

@@ -1,0 +1,203 @@
+"""The log as a SQLite file: every method of the store port is one durable transaction of sealed records."""
+
+import hashlib
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from station.adapters.store import anchor, file, ids, plain, unfinished
+from station.adapters.store.faults import told
+from station.adapters.store.owner import Owner
+from station.adapters.store.schema import COLUMNS
+from station.domain import chain
+from station.domain.chain import Value
+from station.domain.framepack import codec
+from station.errors import StoreFault
+from station.ports.store import Begin, Head, Unfinished, VisitRecord, WriteRecord
+
+_INSERT = {
+    table: f"INSERT INTO {table} (seq, previous, hash, signature, {', '.join(columns)}) "
+    f"VALUES (?, ?, ?, ?{', ?' * len(columns)})"
+    for table, columns in COLUMNS.items()
+}
+
+
+class SqliteStore:
+    """Implements `ports.store.Store` on one file, which belongs to this process until `close`.
+
+    owner: what the lock tells a second process. epoch_ns: the clock of events, results and writes. sign: an
+    Ed25519 signature of a seal, or None. Safe to call from several threads. Errors: StoreFault.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        owner: str = "station",
+        epoch_ns: Callable[[], int] = time.time_ns,
+        sign: Callable[[bytes], bytes] | None = None,
+        busy_s: float = 5.0,
+    ) -> None:
+        self.path = path
+        self._epoch_ns, self._sign = epoch_ns, sign
+        self._turn = Lock()
+        self._owner = Owner(path, owner, time.time_ns())
+        try:
+            self._db = file.for_writing(path, busy_s)
+            with told(StoreFault, path, "opened"):
+                log_id = self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0]
+                self._anchor = anchor.Anchor(path, log_id)
+                self._number, self._hash = self._stored_head()
+        except StoreFault:
+            self._owner.release()
+            raise
+        self._anchor_fault = ""
+        self._codec = codec.Encoder()
+        self._open: dict[str, int] = {}
+        self._documents: dict[str, int] = {}
+
+    def begin(self, begin: Begin) -> str:
+        """Creates the attempt before the device is touched; returns its UUIDv7."""
+        if self._anchor_fault:
+            raise StoreFault(f"the head file of the log {self.path} cannot be written: {self._anchor_fault}")
+        attempt = ids.uuid7(self._epoch_ns())
+        with self._transaction("written"):
+            recipe = self._document("recipe", begin.recipe_json)
+            product = self._document("product", begin.product_json)
+            known = plain.columns(begin, attempt, recipe, product)
+            self._append("attempt", *(known[name] for name in COLUMNS["attempt"]))
+            number = self._number
+        self._open[attempt] = number
+        return attempt
+
+    def event(self, attempt: str, kind: str, detail: Mapping[str, Any]) -> None:
+        """Appends an event; the only thing that may still come after the finish."""
+        with self._transaction("written"):
+            self._append("event", self._of(attempt), self._epoch_ns(), plain.text(kind), plain.document(detail))
+
+    def visit(self, attempts: Sequence[str], visits: Sequence[VisitRecord]) -> None:
+        """Keeps one stop of every nest, in one transaction."""
+        rows = [self._visit_row(v) for v in visits]
+        with self._transaction("written"):
+            for attempt, row in zip(attempts, rows, strict=True):
+                self._append("visit", self._running(attempt), *row)
+
+    def write(self, attempt: str, write: WriteRecord) -> None:
+        """Keeps one stage of an object write: the intent before, the fact after."""
+        with self._transaction("written"):
+            self._append(
+                "write",
+                *(self._running(attempt), self._epoch_ns(), write.index, write.sub, plain.text(write.name)),
+                *(write.stage, plain.number(write.value), write.old, write.written, write.read_back),
+            )
+
+    def result(self, attempt: str, name: str, document: Mapping[str, Any]) -> None:
+        """Keeps a named result."""
+        with self._transaction("written"):
+            self._append("result", self._running(attempt), self._epoch_ns(), plain.text(name), plain.document(document))
+
+    def finish(self, attempt: str, outcome: str, ended_ns: int) -> None:
+        """Closes the attempt; when this returns, the record is on the disk."""
+        with self._transaction("written"):
+            self._append("finish", self._running(attempt), str(outcome), ended_ns)
+        del self._open[attempt]
+        self._keep_head(durable=True)
+
+    def unfinished(self) -> tuple[Unfinished, ...]:
+        """Attempts without an end, oldest first; they may be written to and finished like any other."""
+        with self._turn, told(StoreFault, self.path, "read"):
+            found = unfinished.find(self._db)
+        self._open.update({u.attempt: number for number, u in found})
+        return tuple(u for _, u in found)
+
+    def head(self) -> Head:
+        """The newest record's number and seal."""
+        return Head(self._number, self._hash.hex())
+
+    def close(self) -> None:
+        """Folds the write-ahead log into the file and gives the log free; twice is harmless."""
+        with self._turn:
+            if not self._owner.held:
+                return
+            self._anchor.close()
+            self._db.close()
+            self._owner.release()
+
+    def __enter__(self) -> "SqliteStore":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @contextmanager
+    def _transaction(self, doing: str) -> Iterator[None]:
+        with self._turn:
+            before = self._number, self._hash
+            with told(StoreFault, self.path, doing):
+                try:
+                    self._db.execute("BEGIN IMMEDIATE")
+                    self._number, self._hash = self._stored_head()
+                    yield
+                    self._db.execute("UPDATE head SET number = ?, hash = ?", (self._number, self._hash))
+                    self._db.execute("COMMIT")
+                except BaseException:
+                    self._number, self._hash = before
+                    self._roll_back()
+                    raise
+            self._keep_head(durable=False)
+
+    def _roll_back(self) -> None:
+        if self._db.in_transaction:
+            self._db.execute("ROLLBACK")
+
+    def _stored_head(self) -> tuple[int, bytes]:
+        number, seal = self._db.execute("SELECT number, hash FROM head").fetchone()
+        return number, seal
+
+    def _append(self, table: str, *values: Value) -> None:
+        """One sealed record inside the open transaction."""
+        previous, self._number = self._hash, self._number + 1
+        self._hash = chain.link(previous, chain.canonical(table, COLUMNS[table], values))
+        signature = self._sign(self._hash) if self._sign else None
+        self._db.execute(_INSERT[table], (self._number, previous, self._hash, signature, *values))
+
+    def _document(self, kind: str, text: str) -> int | None:
+        """The record that holds this text, made when it is the first time."""
+        if not text:
+            return None
+        key = hashlib.sha256(text.encode()).hexdigest()
+        row = self._db.execute("SELECT seq FROM document WHERE sha256 = ?", (key,)).fetchone()
+        if row is not None:
+            return int(row[0])
+        self._append("document", key, kind, text)
+        return self._number
+
+    def _visit_row(self, v: VisitRecord) -> tuple[Value, ...]:
+        kept = self._codec.encode(v.frames)
+        return (
+            *(v.run, v.visit, plain.text(v.position), plain.text(v.seating), v.kind, v.arrived_ns, v.left_ns),
+            *(len(v.frames), codec.digest(v.frames), plain.document(v.statistics), kept),
+        )
+
+    def _of(self, attempt: str) -> int:
+        number = self._open.get(attempt)
+        if number is None:
+            row = self._db.execute("SELECT seq FROM attempt WHERE id = ?", (attempt,)).fetchone()
+            if row is None:
+                raise StoreFault(f"the log {self.path} holds no attempt {attempt}")
+            number = int(row[0])
+        return number
+
+    def _running(self, attempt: str) -> int:
+        if attempt not in self._open:
+            raise StoreFault(f"attempt {attempt} is not running in the log {self.path}; begin another one")
+        return self._open[attempt]
+
+    def _keep_head(self, durable: bool) -> None:
+        """The record is kept already; a head file that lags is still true, so its fault stops only the next begin."""
+        try:
+            self._anchor.write(self.head(), durable)
+        except OSError as exc:
+            self._anchor_fault = exc.strerror or str(exc)

@@ -1,0 +1,149 @@
+"""The chain of hashes: each record seals the one before, so that no edit of the log goes unnoticed.
+
+hash(n) = SHA-256(hash(n−1) ‖ kind, fields and values of record n), hash(0) = SHA-256(schema ‖ log id).
+Records are numbered 1, 2, 3 … over all tables. A field that is null is left out of the sealed bytes, so a
+later schema may add fields without breaking old seals.
+"""
+
+import hashlib
+import struct
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+Value = int | float | str | bytes | None
+
+SCHEMA = "station.log/1"
+
+
+def genesis(log_id: str) -> bytes:
+    """hash(0) of a log: two logs never share a record, so none can be moved from one to the other."""
+    return hashlib.sha256(f"{SCHEMA}\n{log_id}".encode()).digest()
+
+
+_ENCODE: dict[type, Callable[..., tuple[bytes, bytes]]] = {
+    int: lambda v: (b"i", b"%d" % v),
+    float: lambda v: (b"f", struct.pack(">d", v)),
+    str: lambda v: (b"s", v.encode()),
+    bytes: lambda v: (b"b", v),
+}
+
+
+def canonical(kind: str, names: Sequence[str], values: Sequence[Value]) -> bytes:
+    """The bytes that are sealed: kind, then name, type, length and value of each field that is not null.
+
+    Lengths stand before values, so two different records never give the same bytes.
+    """
+    parts = [b"%d:%s" % (len(kind), kind.encode())]
+    for name, value in zip(names, values, strict=True):
+        if value is not None:
+            tag, body = _ENCODE[type(value)](value)
+            parts.append(b"%s=%s%d:" % (name.encode(), tag, len(body)))
+            parts.append(body)
+    return b"".join(parts)
+
+
+def link(previous: bytes, body: bytes) -> bytes:
+    """hash(n) from hash(n−1) and the canonical bytes of record n."""
+    return hashlib.sha256(previous + body).digest()
+
+
+@dataclass(frozen=True, slots=True)
+class Sealed:
+    """A record as found in a log: its number, table, stored seals and the bytes they should be seals of."""
+
+    number: int
+    kind: str
+    previous: bytes
+    hash: bytes
+    body: bytes
+    signature: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing wrong with the log. what: edited | deleted | inserted | reordered | truncated | unsigned | …"""
+
+    what: str
+    kind: str
+    number: int
+    sentence: str
+
+
+@dataclass(slots=True)
+class Walk:
+    """Walks a log's records in order of their numbers and yields what is wrong; memory does not grow.
+
+    anchors: number → hash known from elsewhere (head row, head file, a printed certificate). After `run`, number
+    and hash are those of the last record, and `met` holds the anchors that were passed.
+    verify: checks a signature of a hash, None where no key is at hand.
+    """
+
+    start: bytes
+    anchors: Mapping[int, bytes] = field(default_factory=dict)
+    verify: Callable[[bytes, bytes], bool] | None = None
+    number: int = 0
+    hash: bytes = b""
+    signed: bool = False
+    met: set[int] = field(default_factory=set)
+    _sealable: tuple[bytes, ...] = ()
+
+    def run(self, records: Iterable[Sealed]) -> Iterator[Finding]:
+        """Findings of all records, which come sorted by number."""
+        self.hash, self._sealable = self.start, (self.start,)
+        for record in records:
+            yield from self._record(record)
+
+    def _record(self, r: Sealed) -> Iterator[Finding]:
+        if r.number == self.number or r.number < 1:
+            yield Finding("inserted", r.kind, r.number, f"{r.kind} record {r.number} uses a number that is taken")
+            return
+        gap = r.number > self.number + 1
+        if gap:
+            yield _missing(self.number + 1, r.number - 1)
+        expected = link(r.previous, r.body)
+        if expected != r.hash:
+            yield Finding("edited", r.kind, r.number, f"{r.kind} record {r.number} was edited: it breaks its own seal")
+        elif not gap and r.previous not in self._sealable:
+            yield _displaced(r)
+        yield from self._signature(r)
+        yield from self._anchor(r)
+        self.number, self.hash, self._sealable = r.number, r.hash, (r.hash, expected)
+
+    def _signature(self, r: Sealed) -> Iterator[Finding]:
+        """The first signed record seals all before it; from there on every record must be signed."""
+        if self.verify is None:
+            return
+        if r.signature is None:
+            if self.signed:
+                yield Finding("unsigned", r.kind, r.number, f"{r.kind} record {r.number} has lost its signature")
+            return
+        self.signed = True
+        if not self.verify(r.signature, r.hash):
+            yield Finding("forged", r.kind, r.number, f"{r.kind} record {r.number} was not signed by this key")
+
+    def _anchor(self, r: Sealed) -> Iterator[Finding]:
+        known = self.anchors.get(r.number)
+        if known is None:
+            return
+        self.met.add(r.number)
+        if known != r.hash:
+            what = f"{r.kind} record {r.number} is not the one whose seal was kept outside the table"
+            yield Finding("replaced", r.kind, r.number, what)
+
+
+def _missing(first: int, last: int) -> Finding:
+    which = f"record {first} is" if first == last else f"records {first} to {last} are"
+    return Finding("deleted", "", first, f"{which} missing from the log")
+
+
+def _displaced(r: Sealed) -> Finding:
+    sentence = f"{r.kind} record {r.number} does not follow record {r.number - 1}: one of them was moved or replaced"
+    return Finding("reordered", r.kind, r.number, sentence)
+
+
+def tail(last: int, anchors: Mapping[int, bytes]) -> Iterator[Finding]:
+    """What the anchors say about the end of the log: records that once were and no longer are."""
+    beyond = max((n for n in anchors if n > last), default=0)
+    if beyond:
+        sentence = f"the log ends at record {last} but once reached {beyond}: its end was cut off"
+        yield Finding("truncated", "", last + 1, sentence)
