@@ -1,0 +1,95 @@
+"""Control charts and capability: published examples, known answers, and algebra."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from station.domain import spc
+from station.errors import UsageError
+
+# Montgomery, Introduction to SQC, table 6.1 first ten samples of flow width; R̄ and x̄ worked by hand here.
+FLOW = np.array(
+    [
+        [1.3235, 1.4128, 1.6744, 1.4573, 1.6914],
+        [1.4314, 1.3592, 1.6075, 1.4666, 1.6109],
+        [1.4284, 1.4871, 1.4932, 1.4324, 1.5674],
+        [1.5028, 1.6352, 1.3841, 1.2831, 1.5507],
+        [1.5604, 1.2735, 1.5265, 1.4363, 1.6441],
+    ]
+)
+
+
+def test_a_mean_and_range_chart_by_hand() -> None:
+    location, spread = spc.charts(FLOW)
+    ranges = [0.3679, 0.2517, 0.1390, 0.3521, 0.3706]
+    assert spread.centre == pytest.approx(np.mean(ranges))
+    assert spread.upper == pytest.approx(2.114 * np.mean(ranges), rel=2e-3)  # D4 for n = 5
+    assert location.upper - location.centre == pytest.approx(0.577 * np.mean(ranges), rel=2e-3)  # A2 for n = 5
+
+
+@pytest.mark.parametrize(("n", "published"), [(2, 0.7979), (5, 0.9400), (10, 0.9727), (25, 0.9896)])
+def test_c4_matches_the_tables(n: int, published: float) -> None:
+    assert spc.c4(n) == pytest.approx(published, abs=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("z", "rule"),
+    [
+        ([0, 0, 3.1], "beyond 3σ"),
+        ([2.1, 0, 2.1], "two of three beyond 2σ"),
+        ([1.1, 1.1, 0, 1.1, 1.1], "four of five beyond 1σ"),
+        ([0.1] * 8, "eight on a side"),
+        ([-0.1] * 8, "eight on a side"),
+    ],
+)
+def test_each_western_electric_rule_fires_on_its_last_point(z: list[float], rule: str) -> None:
+    assert (len(z) - 1, rule) in spc.western_electric(np.array(z), 0.0, 1.0)
+
+
+def test_opposite_sides_do_not_add_up() -> None:
+    assert spc.western_electric(np.array([2.1, 0, -2.1]), 0.0, 1.0) == ()
+
+
+def test_capability_knows_within_from_overall(rng: np.random.Generator) -> None:
+    groups = rng.normal(size=(200, 5)) + 2 * rng.normal(size=(200, 1))
+    result = spc.capability(groups, -10, 10)
+    assert result.sigma_within == pytest.approx(1.0, rel=0.1)  # 5 σ of a mean of 200 ranges is 9 %
+    assert result.sigma_overall > 2
+    assert result.cp is not None
+    assert result.pp is not None
+    assert result.cp[0] > result.pp[0]
+    assert result.cpk[1] < result.cpk[0] < result.cpk[2]
+
+
+def test_capability_by_hand() -> None:
+    result = spc.capability(np.array([[1.0], [2.0], [3.0]]), 0.0, 4.0)
+    assert result.sigma_overall == 1.0
+    assert result.pp is not None
+    assert result.pp[0] == pytest.approx(4 / 6)
+    assert result.ppk[0] == pytest.approx(2 / 3)
+
+
+@given(st.floats(0.1, 10), st.floats(-5, 5))
+def test_capability_does_not_depend_on_units(scale: float, shift: float) -> None:
+    a, b = (
+        spc.capability(g, lo, hi)
+        for g, lo, hi in [(FLOW, 1, 2), (FLOW * scale + shift, scale + shift, 2 * scale + shift)]
+    )
+    assert b.cpk[0] == pytest.approx(a.cpk[0], rel=1e-9)
+
+
+def test_coverage_of_the_capability_interval(rng: np.random.Generator) -> None:
+    draws = rng.normal(size=(1000, 60, 1))
+    inside = [(r := spc.capability(d, -4, 4).ppk)[1] <= 4 / 3 <= r[2] for d in draws]
+    # Bissell is an approximation; 1000 draws give ±0.7 % (1 σ).
+    assert 0.92 < np.mean(inside) < 0.98
+
+
+def test_data_that_cannot_be_charted_are_refused() -> None:
+    with pytest.raises(UsageError, match="two subgroups"):
+        spc.charts(np.ones((1, 5)))
+    with pytest.raises(UsageError, match="vary"):
+        spc.capability(np.ones((5, 5)), 0, 2)
+    with pytest.raises(UsageError, match="limit"):
+        spc.capability(FLOW, None, None)
