@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.recipe import Recipe
-from station.domain.types import Floats
+from station.domain.types import Array, Floats
 from station.errors import UsageError
 from station.model.scene import Scene, Signal
 
@@ -153,10 +153,15 @@ class Effect(ABC):
             return np.full((1, 1), self.size)
         return np.concatenate([self.draw(1, stream(seed, self.id, name)) for name in names])
 
-    def settled(self, scene: Scene, seed: int) -> Self:
-        """This cause with the parameters of its form fixed for a scene; most have them fixed already."""
-        del scene, seed
+    def settled(self, recipe: Recipe, seed: int) -> Self:
+        """This cause with the parameters of its form drawn for a recipe; most have them fixed already."""
+        del recipe, seed
         return self
+
+    def picked(self, names: Sequence[str], seed: int, share: float) -> Array:
+        """Which of the groups (groups) a rare cause hits: about `share` of them, and at least one."""
+        chance = np.array([stream(seed, self.id, "pick", name).uniform() for name in names])
+        return np.asarray(chance < max(share, chance.min() * 1.000001))
 
     def gather(self, scene: Scene, coefficients: Floats, level: str) -> Floats:
         """Coefficients of each visit (v, axes), from those of the groups of `level` (groups, axes)."""

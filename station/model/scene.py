@@ -61,7 +61,9 @@ class Scene:
         return self.visits.group(level, len(self.recipe.runs))
 
     def knows(self, name: str) -> bool:
-        """Whether this covariate, or this label of the visits, was recorded."""
+        """Whether this covariate, this label of the visits, or the gold was recorded."""
+        if name == "gold":
+            return self.visits.gold is not None
         return name in self.visits.groups if name not in COVARIATES else getattr(self, name) is not None
 
     def need(self, covariate: str) -> Floats:

@@ -1,10 +1,10 @@
 """The nest holds every part turned by the same small angle: a worn or badly shimmed seat.
 
-Rotation vector in the nest's frame, between the positioner's plate and the part; the same for all units of a nest.
+Rotation vector in the nest's frame, right-handed, between the plate and the part. The gold sits in the nest too.
 
->>> from station.model.effects.nest_tilt import NestTilt
->>> NestTilt().frame
-'nest'
+>>> import numpy as np
+>>> NestTilt.example().apply(np.array([[0.0, 0.0, 0.001]]))
+array([[0.   , 0.   , 0.001]])
 """
 
 from dataclasses import dataclass
@@ -14,12 +14,10 @@ from station.model.effect import Parameter, PoseEffect
 
 @dataclass(frozen=True)
 class NestTilt(PoseEffect):
-    """Angle, rad, about each axis of the nest."""
+    """Angle about each axis of the nest, per nest."""
 
     level = "rig"
     of = ("nest", "common")
     frame = "nest"
-    parameter = Parameter(
-        "angle", "rad", 2e-3, 5e-4, 5e-3, "workshop experience with milled nests, .5–5 mrad; unchecked"
-    )
+    parameter = Parameter("angle", "rad", 2e-3, 5e-4, 5e-3, "milled nests, .5–5 mrad; unchecked")
     size: float = parameter.typical

@@ -1,14 +1,16 @@
-"""A reading grows with the square of what the axis feels: the suspension's second-order nonlinearity.
+"""A reading grows with the square of what the axis feels: second-order nonlinearity of the suspension.
 
 reading_i gains c_i · a_i². Unlike gain it is even: up and down err the same way.
 
 >>> import numpy as np
->>> from station.model.effects.quadratic import Quadratic
->>> Quadratic().size
-0.0003
+>>> from station.model.scene import Signal
+>>> Quadratic.example().apply(Signal(None, np.array([[0.5, -1.0, 0.0]]), None), np.array([[0.1, 0.1, 0.1]]))
+array([[0.025, 0.1  , 0.   ]])
 """
 
 from dataclasses import dataclass
+
+import numpy as np
 
 from station.domain.types import Floats
 from station.model.effect import Parameter, SensorEffect
@@ -17,15 +19,15 @@ from station.model.scene import Signal
 
 @dataclass(frozen=True)
 class Quadratic(SensorEffect):
-    """Coefficient of a², 1/u, per unit and axis."""
+    """Coefficient of a², per unit and axis."""
 
     level = "device"
     of = ("unit", "common")
     parameter = Parameter(
-        "coefficient", "1/u", 3e-4, 1e-4, 2.5e-3, "data sheets ADXL355 and ICM-42688 ≤ 500 µg/g², ADXL313 ≤ 2500"
+        "coefficient", "1/u", 3e-4, 1e-4, 2.5e-3, "data sheets: ADXL355, ICM-42688 ≤ 500 µg/g², ADXL313 ≤ 2500"
     )
     size: float = parameter.typical
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """c · a²."""
-        return c * signal.true**2
+        return np.asarray(c * signal.true**2)

@@ -1,10 +1,13 @@
 """The fixture still swings to its place when the dwell begins: the rest of the last move dies away.
 
-a gains c · (previous − present) · e^(−t/τ) · cos(2πft), t since arrival; f = 0 is an overdamped fixture.
+a_i gains c_i · (previous − present) · e^(−t/τ) · cos(2πft), t since arrival; f = 0 is a fixture that does not ring.
 
->>> from station.model.effects.settling import Settling
->>> Settling().time_constant_s
-0.1
+>>> import numpy as np
+>>> from types import SimpleNamespace
+>>> from station.model.scene import Scene
+>>> scene = Scene(None, None, np.arange(1), np.zeros(1), since_arrival_s=np.array([0.1]))
+>>> Settling.example().apply(SimpleNamespace(scene=scene, step=np.array([[-1.0, 0.0, 1.0]])), np.ones((1, 3)))
+array([[-0.36787944,  0.        ,  0.36787944]])
 """
 
 from dataclasses import dataclass
@@ -18,32 +21,24 @@ from station.model.scene import Signal
 
 @dataclass(frozen=True)
 class Settling(StimulusEffect):
-    """Fraction of the move that is left on arrival, 1."""
+    """Fraction of the move that is left on arrival, per axis, common to the rig."""
 
     level = "rig"
     of = ("common", "nest")
     parameter = Parameter(
-        "coefficient", "1", 3e-3, 1e-4, 1e-2, "model-discrepancy catalogue, .1–10 mg at the start; unchecked"
+        "coefficient", "1", 3e-3, 1e-4, 1e-2, "benches after a move, .1–10 mg at the start; unchecked"
     )
     forms = (
-        Parameter(
-            "time_constant",
-            "s",
-            0.1,
-            0.02,
-            0.5,
-            "benches ring at 2–20 Hz with Q 1–10",
-            grid=(0.03, 0.06, 0.1, 0.2, 0.4),
-        ),
-        Parameter("frequency", "Hz", 0.0, 0.0, 30.0, "0: no ringing"),
+        Parameter("time_constant", "s", 0.1, 0.02, 0.5, "2–20 Hz at Q 1–10", grid=(0.03, 0.06, 0.12, 0.25, 0.5)),
+        Parameter("frequency", "Hz", 0.0, 0.0, 30.0, "0: it does not ring"),
     )
     needs = ("since_arrival_s",)
     size: float = parameter.typical
-    time_constant_s: float = 0.1
-    frequency_hz: float = 0.0
+    time_constant_s: float = forms[0].typical
+    frequency_hz: float = forms[1].typical
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
-        """c · step · e^(−t/τ) · cos(2πft)."""
+        """c · (previous − present) · e^(−t/τ) · cos(2πft)."""
         t = signal.scene.need("since_arrival_s")
         left = np.exp(-t / self.time_constant_s) * np.cos(2 * np.pi * self.frequency_hz * t)
         return np.asarray(c * signal.step * left[:, None])

@@ -1,0 +1,30 @@
+"""The device's oscillator is off, and with it the rate at which it samples.
+
+rate = rate of the data sheet · (1 + c). A dwell's values cannot show it; the frames counted by the host's clock can.
+
+>>> import numpy as np
+>>> ClockError.example().apply(np.array([100.0]), np.array([[0.01]]))
+array([101.])
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.types import Floats
+from station.model.effect import ALONE, ClockEffect, Parameter
+
+
+@dataclass(frozen=True)
+class ClockError(ClockEffect):
+    """Relative error of the rate, per unit."""
+
+    level = "bus"
+    of = ("unit", "common")
+    axes = ALONE
+    parameter = Parameter("rate_error", "1", 0.01, 1e-3, 0.05, "RC oscillators of MEMS, ±1–5 %; unchecked")
+    size: float = parameter.typical
+
+    def apply(self, rate_hz: Floats, c: Floats) -> Floats:
+        """rate · (1 + c)."""
+        return np.asarray(rate_hz * (1 + c[:, 0]))

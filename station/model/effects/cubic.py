@@ -1,0 +1,31 @@
+"""A reading grows with the cube of what the axis feels: the spring stiffens.
+
+reading_i gains c_i · a_i³. At six faces it is the same as a gain; it takes tilts between them to tell.
+
+>>> import numpy as np
+>>> from station.model.scene import Signal
+>>> Cubic.example().apply(Signal(None, np.array([[0.5, -1.0, 0.0]]), None), np.array([[0.1, 0.1, 0.1]]))
+array([[ 0.0125, -0.1   ,  0.    ]])
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.types import Floats
+from station.model.effect import Parameter, SensorEffect
+from station.model.scene import Signal
+
+
+@dataclass(frozen=True)
+class Cubic(SensorEffect):
+    """Coefficient of a³, per unit and axis."""
+
+    level = "device"
+    of = ("unit", "common")
+    parameter = Parameter("coefficient", "1/u²", 2e-4, 5e-5, 5e-4, "usual for MEMS in ±2 g, 50–500 µg/g³; unchecked")
+    size: float = parameter.typical
+
+    def apply(self, signal: Signal, c: Floats) -> Floats:
+        """c · a³."""
+        return np.asarray(c * signal.true**3)

@@ -1,0 +1,32 @@
+"""Somebody bumps the rig, or a part is not pushed home: one stop is wrong.
+
+Rotation vector in the nest's frame, right-handed, at one stop in fifty, and at least at one.
+
+>>> import numpy as np
+>>> DisturbedVisit.example().apply(np.array([[0.0, 0.0, 0.001]]))
+array([[0.   , 0.   , 0.001]])
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.types import Floats
+from station.model.effect import Parameter, PoseEffect
+
+
+@dataclass(frozen=True)
+class DisturbedVisit(PoseEffect):
+    """Angle about each axis of the nest, per visit."""
+
+    level = "rig"
+    of = ("visit",)
+    frame = "nest"
+    parameter = Parameter("angle", "rad", 5e-3, 1e-3, 5e-2, "a part that is not quite seated, .05–3°; unchecked")
+    size: float = parameter.typical
+
+    def coefficients(self, names: Sequence[str], seed: int) -> Floats:
+        """Angles (visits, 3), zero at the stops that are spared."""
+        drawn = super().coefficients(names, seed)
+        return np.where(self.picked(names, seed, 0.02)[:, None], drawn, 0.0)

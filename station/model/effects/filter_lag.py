@@ -1,0 +1,41 @@
+"""The device's low-pass filter has not yet forgotten the last orientation.
+
+reading_i gains c_i · (previous − present) · e^(−t/τ), t since arrival. Like `settling`, but each unit's own.
+
+>>> import numpy as np
+>>> from types import SimpleNamespace
+>>> from station.model.scene import Scene
+>>> scene = Scene(None, None, np.arange(1), np.zeros(1), since_arrival_s=np.array([0.08]))
+>>> FilterLag.example().apply(SimpleNamespace(scene=scene, step=np.array([[-1.0, 0.0, 1.0]])), np.ones((1, 3)))
+array([[-0.36787944,  0.        ,  0.36787944]])
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.types import Floats
+from station.model.effect import Parameter, SensorEffect
+from station.model.scene import Signal
+
+
+@dataclass(frozen=True)
+class FilterLag(SensorEffect):
+    """Fraction of the step that is left on arrival, per unit and axis."""
+
+    level = "device"
+    of = ("unit", "common")
+    parameter = Parameter(
+        "coefficient", "1", 3e-3, 1e-4, 1e-2, "first-order filter of 2–20 Hz after a move of 1.5 s; calculated"
+    )
+    forms = (
+        Parameter("time_constant", "s", 0.08, 0.01, 0.5, "1/(2πf) of the filter", grid=(0.03, 0.06, 0.12, 0.25, 0.5)),
+    )
+    needs = ("since_arrival_s",)
+    size: float = parameter.typical
+    time_constant_s: float = forms[0].typical
+
+    def apply(self, signal: Signal, c: Floats) -> Floats:
+        """c · (previous − present) · e^(−t/τ)."""
+        left = np.exp(-signal.scene.need("since_arrival_s") / self.time_constant_s)
+        return np.asarray(c * signal.step * left[:, None])

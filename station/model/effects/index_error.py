@@ -1,0 +1,25 @@
+"""A position of the rig is off by the same angle, each time and for every unit.
+
+Rotation vector in the nest's frame, right-handed. One unit cannot tell it from `repeatability`.
+
+>>> import numpy as np
+>>> IndexingError.example().apply(np.array([[0.0, 0.0, 0.001]]))
+array([[0.   , 0.   , 0.001]])
+"""
+
+from dataclasses import dataclass
+
+from station.model.effect import Parameter, PoseEffect
+
+
+@dataclass(frozen=True)
+class IndexingError(PoseEffect):
+    """Angle about each axis of the nest, per position."""
+
+    level = "rig"
+    of = ("position",)
+    frame = "nest"
+    parameter = Parameter(
+        "angle", "rad", 5e-4, 5e-5, 1.7e-3, "worm or stepper .2–1.7 mrad; a dividing head 1–10″, .005–.05 mrad"
+    )
+    size: float = parameter.typical

@@ -1,0 +1,38 @@
+"""The offset follows the temperature.
+
+reading_i gains c_i · (T − 25 °C). In a single run temperature follows time, and so do drift and warm-up.
+
+>>> import numpy as np
+>>> from station.model.scene import Scene, Signal
+>>> scene = Scene(None, None, np.arange(1), np.array([0.0]), temperature_degC=np.array([35.0]))
+>>> OffsetTemperature.example().apply(Signal(scene, np.array([[1.0, 0.0, -1.0]]), None), np.array([[0.1, 0.2, 0.3]]))
+array([[1., 2., 3.]])
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.types import Floats
+from station.model.effect import Parameter, SensorEffect
+from station.model.scene import Signal
+
+#: Temperature at which data sheets give offset and gain.
+REFERENCE_DEGC = 25.0
+
+
+@dataclass(frozen=True)
+class OffsetTemperature(SensorEffect):
+    """Change of offset, per unit and axis."""
+
+    level = "device"
+    of = ("unit", "common")
+    parameter = Parameter(
+        "coefficient", "u/degC", 1.5e-4, 2e-5, 8e-4, "data sheets: ±.02 typ ADXL355, ±.1–.5 ST, ±.15 ICM, ±.8 mg/K MPU"
+    )
+    needs = ("temperature_degC",)
+    size: float = parameter.typical
+
+    def apply(self, signal: Signal, c: Floats) -> Floats:
+        """c · (T − 25 °C)."""
+        return np.asarray(c * (signal.scene.need("temperature_degC") - REFERENCE_DEGC)[:, None])

@@ -1,0 +1,25 @@
+"""The sensor sits turned in its housing: soldered askew.
+
+Rotation vector in the device's frame, right-handed: R becomes R · exp(ε). Its mean is the same as `nest-tilt`.
+
+>>> import numpy as np
+>>> PackageRotation.example().apply(np.array([[0.0, 0.0, 0.001]]))
+array([[0.   , 0.   , 0.001]])
+"""
+
+from dataclasses import dataclass
+
+from station.model.effect import Parameter, PoseEffect
+
+
+@dataclass(frozen=True)
+class PackageRotation(PoseEffect):
+    """Angle about each axis of the device, per unit."""
+
+    level = "device"
+    of = ("unit", "common")
+    frame = "device"
+    parameter = Parameter(
+        "angle", "rad", 5e-3, 5e-4, 1e-2, "reflow of small packages, 1–10 mrad, .5 when aligned; unchecked"
+    )
+    size: float = parameter.typical

@@ -1,0 +1,31 @@
+"""Everything reads a whole factor too much or too little: the wrong range or unit is set.
+
+reading is multiplied by the factor: ½, 2, 4, 8 for a range, 1000 for mg, 9.80665 for m/s².
+
+>>> import numpy as np
+>>> WrongScale.example().apply(np.array([[0.5, 1.0, -1.0]]), np.array([[2.0]]))
+array([[ 1.,  2., -2.]])
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.types import Floats
+from station.model.effect import ALONE, OutputEffect, Parameter
+
+
+@dataclass(frozen=True)
+class WrongScale(OutputEffect):
+    """Factor of the reading, per unit."""
+
+    level = "device"
+    of = ("unit", "common")
+    axes = ALONE
+    place = 3
+    parameter = Parameter("factor", "1", 2.0, 0.5, 1000.0, "range registers go in powers of two", neutral=1.0)
+    size: float = parameter.typical
+
+    def apply(self, reading: Floats, c: Floats) -> Floats:
+        """c · reading."""
+        return np.asarray(reading * c)
