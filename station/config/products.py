@@ -1,0 +1,22 @@
+"""Products by name: `dbc/<name>.yaml`, checked."""
+
+from pathlib import Path
+
+from station.config.documents import load_document, validate
+from station.config.places import find
+from station.domain.product import Product
+from station.errors import ProductError
+
+
+def product_path(name: str, near: Path | None = None) -> Path:
+    """The file of a product by name, searched around the recipe `near`, here, and as shipped."""
+    if not all(part not in ("", ".", "..") for part in Path(name).parts) or "/" in name or "\\" in name:
+        raise ProductError(
+            f"product {name[:40]!r} is not a plain name; write the name of a file in dbc/, such as gs-21"
+        )
+    return find(f"{name}.yaml", "dbc", near, ProductError)
+
+
+def load_product(name: str, near: Path | None = None) -> Product:
+    """The product of that name. Errors: ProductError with every mistake, its line and remedy."""
+    return validate(load_document(product_path(name, near), ProductError), Product, ProductError)

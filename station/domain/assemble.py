@@ -1,0 +1,116 @@
+"""Kept stops, with their raw frames, become the samples table of one unit: the same for a run, a replay and a refit."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.counters import steps
+from station.domain.frames import SensorLayout
+from station.domain.stream import Samples, samples
+from station.domain.types import Floats, Frames, Labels, SampleTable
+
+Rows = NDArray[np.intp]
+Times = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeptVisit:
+    """One stop of one unit as the record keeps it. The dwell is [from_ns, to_ns); frames may reach beyond it."""
+
+    run: int
+    visit: int
+    position: str
+    seating: str
+    arrived_ns: int
+    from_ns: int
+    to_ns: int
+    frames: Frames
+
+
+def dwell_frames(visit: KeptVisit) -> Frames:
+    """The frames of the dwell proper, in the order of arrival."""
+    time_ns = visit.frames.time_ns
+    return visit.frames[(time_ns >= visit.from_ns) & (time_ns < visit.to_ns)]
+
+
+def table_of(
+    serial: str,
+    node: int,
+    visits: Sequence[KeptVisit],
+    layout: SensorLayout,
+    labels: Mapping[str, str] | None = None,
+    *,
+    counter_bits: int = 32,
+    everything: bool = False,
+) -> SampleTable:
+    """All readings of one unit's dwells, in the order given (station.samples/1).
+
+    labels: station, nest, lot, operator, the same in every row. everything: also repeats and readings that are no
+    number, for exports; else only what may be calibrated with. time_s counts from the first arrival of the run;
+    `counter` counts modulo 2^counter_bits (the recipe's), whatever modulus the product's own counter has.
+    """
+    parts = [samples(dwell_frames(v), layout, node) for v in visits]
+    rows = [np.flatnonzero(p.crc_ok if everything else p.usable) for p in parts]
+    each = np.array([len(r) for r in rows], np.int64)
+    starts = _starts(visits)
+    begun = np.array([starts[v.run] for v in visits], np.int64)
+    time_ns = np.concatenate([p.time_ns[r] for p, r in zip(parts, rows, strict=True)] or [np.zeros(0, np.int64)])
+    texts = {"seating": Labels.of([v.seating for v in visits])[np.repeat(np.arange(len(visits)), each)]}
+    texts |= {k: Labels((text,), np.zeros(len(time_ns), np.int32)) for k, text in (labels or {}).items() if text}
+    first = min(starts.values(), default=0)
+    return SampleTable(
+        unit=Labels((serial,), np.zeros(len(time_ns), np.int32)),
+        run=np.repeat(np.array([v.run for v in visits], np.int32), each),
+        visit=np.repeat(np.array([v.visit for v in visits], np.int32), each),
+        position=Labels.of([v.position for v in visits])[np.repeat(np.arange(len(visits)), each)],
+        time_s=(time_ns - np.repeat(begun, each)) / 1e9,
+        reading=np.concatenate([p.xyz[r] for p, r in zip(parts, rows, strict=True)] or [np.zeros((0, 3))]),
+        labels=texts,
+        values={
+            "started_s": np.repeat(begun - first, each) / 1e9,
+            **_counter(visits, parts, rows, layout.counter_values, 1 << counter_bits),
+            **_temperature(visits, time_ns, layout, node),
+        },
+    )
+
+
+def _starts(visits: Sequence[KeptVisit]) -> dict[int, int]:
+    """First arrival of each run, ns."""
+    starts: dict[int, int] = {}
+    for v in visits:
+        starts[v.run] = min(starts.get(v.run, v.arrived_ns), v.arrived_ns)
+    return starts
+
+
+def _counter(
+    visits: Sequence[KeptVisit], parts: list[Samples], rows: list[Rows], values: int, modulus: int
+) -> dict[str, Floats]:
+    """The frame counter, counted on over each run: an end-to-end profile's counts to 14 only."""
+    told = [
+        (v.run, p.counter[r], p.time_ns[r])
+        for v, p, r in zip(visits, parts, rows, strict=True)
+        if p.counter is not None
+    ]
+    if not told:
+        return {}
+    out = []
+    for run in dict.fromkeys(run for run, _, _ in told):
+        counter = np.concatenate([c for r, c, _ in told if r == run])
+        time_ns = np.concatenate([t for r, _, t in told if r == run])
+        ahead = steps(counter, time_ns, values) if len(counter) else np.zeros(0, np.int64)
+        out.append((int(counter[0]) + np.concatenate([[0], np.cumsum(ahead)])) % modulus if len(counter) else ahead)
+    return {"counter": np.concatenate(out).astype(np.float64)}
+
+
+def _temperature(visits: Sequence[KeptVisit], at: Times, layout: SensorLayout, node: int) -> dict[str, Floats]:
+    """The device's own thermometer at the times `at` (n): it speaks rarely, so whole stops are looked through."""
+    told = [samples(v.frames, layout, node) for v in visits] if layout.temperature is not None else []
+    time_ns = np.concatenate([t.temperature_time_ns for t in told] or [np.zeros(0, np.int64)])
+    if not len(time_ns):
+        return {}
+    degC = np.concatenate([t.temperature_degC for t in told])
+    order = np.argsort(time_ns, kind="stable")
+    zero = time_ns[order[0]]
+    return {"temperature_degC": np.interp((at - zero) / 1e9, (time_ns[order] - zero) / 1e9, degC[order])}

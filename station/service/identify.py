@@ -1,0 +1,109 @@
+"""Who sits in the nest, what it holds now, and how it is made ready to be measured."""
+
+from collections.abc import Iterator
+
+from station.domain import number_format, writeback
+from station.domain.devicemap import DeviceMap, Setting
+from station.domain.product import kept_serial, read_serial
+from station.errors import ReadBackDiffers, StationError, StationFault, WrongProduct
+from station.ports.store import Store
+from station.service.rig import Job
+from station.service.unit import Address, Unit
+
+
+def identify(unit: Unit, job: Job, store: Store) -> None:
+    """Reads who the device is and keeps it. Errors: WrongProduct; StationFault when the label is another unit's."""
+    identity = unit.device.identify()
+    place = job.product.map.serial
+    raw = unit.device.upload(*place.address)
+    unit.identity, unit.old = identity, {place.address: raw}
+    document = {name: getattr(identity, name) for name in identity.__slots__}
+    store.result(unit.attempt, "identity", {**document, "kept_serial": read_serial(place, raw)})
+    wrong = job.product.mismatches(
+        device_type=identity.device_type,
+        vendor=identity.vendor,
+        product=identity.product,
+        revision=identity.revision,
+        name=identity.name,
+    )
+    if wrong:
+        raise WrongProduct(f"{unit.name} is no {job.product.name}: {', '.join(wrong)}; take it out")
+    if read_serial(place, raw) != (wanted := kept_serial(place, unit.seat.serial)):
+        raise StationFault(
+            f"nest {unit.seat.nest} holds a unit that calls itself {read_serial(place, raw)}, but the label "
+            f"{unit.seat.serial} means {wanted}; put the right unit in, or scan the right label"
+        )
+
+
+def read_old(unit: Unit, job: Job, store: Store) -> None:
+    """Reads every object that the calibration may change, and keeps the values before anything is touched."""
+    device_map = job.product.map
+    old = {at: unit.device.upload(*at) for at in _changed(device_map)}
+    unit.old = {**unit.old, **old}
+    unit.settings_old = {s.address: unit.device.upload(*s.address) for s in device_map.settings}
+    store.result(unit.attempt, "old-calibration", {"objects": _hex({**unit.old, **unit.settings_old})})
+
+
+def make_ready(unit: Unit, job: Job) -> None:
+    """Settings for calibrating, NMT operational, raw output; each switch is read back."""
+    unit.boot_ups = unit.device.boot_ups()
+    for setting in job.product.map.settings:
+        if setting.calibrating is not None:
+            unit.switched = True
+            set_checked(unit, setting.address, _raw(setting, setting.calibrating), setting.name)
+    unit.device.nmt("start")
+    switch = writeback.output(job.product.map, raw=True)
+    if switch is not None:
+        unit.switched = True
+        set_checked(unit, switch.address, switch.raw, switch.name)
+
+
+def set_compensated(unit: Unit, job: Job) -> None:
+    """Compensated output, and the settings as the device came with them."""
+    for at, raw in unit.settings_old.items():
+        set_checked(unit, at, raw, "setting")
+    switch = writeback.output(job.product.map, raw=False)
+    if switch is not None:
+        set_checked(unit, switch.address, switch.raw, switch.name)
+
+
+def leave(unit: Unit, job: Job) -> str:
+    """Puts output and settings back as they were found, as far as the device still answers; '' or what failed."""
+    try:
+        if unit.switched:
+            for at, raw in unit.settings_old.items():
+                set_checked(unit, at, raw, "setting")
+            output = job.product.map.output
+            if output is not None and output.address in unit.old:
+                set_checked(unit, output.address, unit.old[output.address], "output switch")
+        unit.device.nmt("pre-operational")
+    except StationError as exc:
+        return exc.sentence
+    unit.switched = False
+    return ""
+
+
+def set_checked(unit: Unit, at: Address, raw: bytes, name: str) -> None:
+    """Writes one object and reads it back. Errors: ReadBackDiffers."""
+    unit.device.download(*at, raw)
+    if (read := unit.device.upload(*at)) != raw:
+        raise ReadBackDiffers(f"{unit.name}: {name} reads {read.hex()} after {raw.hex()} was written; check the device")
+
+
+def _changed(device_map: DeviceMap) -> Iterator[Address]:
+    """Addresses that a calibration changes, in the order of the map."""
+    for _, number in device_map.coefficients():
+        yield number.address
+    for part in (device_map.valid, device_map.temperature, device_map.record, device_map.output):
+        if part is not None:
+            yield part.address
+    if device_map.configuration is not None:
+        yield from ((device_map.configuration.index, sub) for sub in (1, 2))
+
+
+def _raw(setting: Setting, value: float) -> bytes:
+    return number_format.parse(setting.type).encode(setting.sign * value / setting.scale)
+
+
+def _hex(raws: dict[Address, bytes]) -> dict[str, str]:
+    return {f"{index:04x}:{sub:02x}": raw.hex() for (index, sub), raw in raws.items()}

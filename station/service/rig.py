@@ -1,0 +1,42 @@
+"""What the runner is handed: the station's ports and settings, and the job to do on them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from station.config.settings import Settings
+from station.domain.frames import SensorLayout
+from station.domain.product import Product
+from station.domain.recipe import Recipe
+from station.ports.bus import Bus
+from station.ports.clock import Clock
+from station.ports.device import Device
+from station.ports.positioner import Positioner
+from station.ports.store import Store
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What is to be done: the recipe and the product, with the text and hash that the record keeps of them.
+
+    layout: the product's frames, found in its DBC.
+    """
+
+    recipe: Recipe
+    recipe_hash: str
+    recipe_json: str
+    product: Product
+    product_json: str
+    layout: SensorLayout
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """What it is done with. device: node id → the device there, ready to be asked."""
+
+    settings: Settings
+    config_hash: str
+    bus: Bus
+    positioner: Positioner
+    store: Store
+    clock: Clock
+    device: Callable[[int], Device]

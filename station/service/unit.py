@@ -1,0 +1,95 @@
+"""One attempt while it goes on: what is known of the unit so far, and how it ends."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from station.domain.product import read_serial
+from station.domain.progress import Seat, UnitResult
+from station.domain.types import Calibration, Outcome, Reason, Verdict
+from station.errors import StationError, StationFault, UnitFault
+from station.ports.device import Device, Identity
+from station.service.rig import Job
+
+Address = tuple[int, int]
+
+
+@dataclass(slots=True, eq=False)
+class Unit:
+    """Working state of one attempt. old, settings_old: raw values of the objects as the device came.
+
+    switched: output or settings are not as they were found; touched: coefficients may differ from `old`;
+    written: new coefficients are saved and read back after a reset. noise in the recipe's unit.
+    """
+
+    seat: Seat
+    attempt: str
+    device: Device
+    began_s: float
+    boot_ups: int = 0
+    identity: Identity | None = None
+    old: Mapping[Address, bytes] = field(default_factory=dict)
+    settings_old: Mapping[Address, bytes] = field(default_factory=dict)
+    switched: bool = False
+    touched: bool = False
+    written: bool = False
+    verified: bool = False
+    noise: float | None = None
+    temperature_degC: float | None = None
+    visits: list[Any] = field(default_factory=list)
+    calibration: Calibration | None = None
+    verdict: Verdict | None = None
+    reasons: list[Reason] = field(default_factory=list)
+    result: UnitResult | None = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether the attempt still goes on."""
+        return self.result is None
+
+    @property
+    def name(self) -> str:
+        """How sentences call it."""
+        return f"unit {self.seat.serial} in nest {self.seat.nest}"
+
+    def end(self, outcome: Outcome, duration_s: float) -> UnitResult:
+        """Ends the attempt; the first end counts."""
+        if self.result is None:
+            self.result = UnitResult(
+                seat=self.seat,
+                attempt=self.attempt,
+                outcome=outcome,
+                reasons=tuple(self.reasons),
+                calibration=self.calibration,
+                verdict=self.verdict,
+                written=self.written,
+                verified=self.verified,
+                noise=self.noise,
+                duration_s=duration_s,
+            )
+        return self.result
+
+
+def reason(error: StationError) -> Reason:
+    """An error as a reason of the record: wrong-product, device-silent, …"""
+    name = type(error).__name__
+    check = "".join(f"-{c.lower()}" if c.isupper() else c for c in name).lstrip("-")
+    return Reason(check, error.sentence)
+
+
+def check_same_unit(unit: Unit, job: Job) -> None:
+    """Reads the serial again; StationFault when another unit sits there now than at the start."""
+    place = job.product.map.serial
+    now = read_serial(place, unit.device.upload(*place.address))
+    before = read_serial(place, unit.old[place.address])
+    if now != before:
+        raise StationFault(
+            f"nest {unit.seat.nest} now holds a unit that calls itself {now}, but it was {before} at the start: "
+            "it was swapped; nothing was written, start again"
+        )
+
+
+def check_not_rebooted(unit: Unit, when: str) -> None:
+    """UnitFault when the device restarted by itself since the last reset of ours."""
+    if unit.device.boot_ups() != unit.boot_ups:
+        raise UnitFault(f"{unit.name} restarted by itself {when}; its supply or its firmware is at fault")

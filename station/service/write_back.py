@@ -1,0 +1,199 @@
+"""The calibration goes into the device: intent before, fact after, read back bit for bit, saved, reset, read again."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from station.domain import writeback
+from station.domain.devicemap import DeviceMap
+from station.domain.progress import Event, ObjectWritten
+from station.domain.types import Calibration
+from station.domain.writeback import ObjectWrite
+from station.errors import DeviceRefused, DeviceSilent, ReadBackDiffers, StationError, StationFault, UnitFault
+from station.ports.store import WriteRecord
+from station.service.identify import set_compensated
+from station.service.rig import Job, Rig
+from station.service.unit import Address, Unit, check_not_rebooted, check_same_unit
+
+
+class WriteBack:
+    """Writes one unit. plan() refuses what does not fit before anything is touched.
+
+    After any failure of write() the old values stand in the device again, or the record says that they may not.
+    """
+
+    def __init__(self, unit: Unit, rig: Rig, job: Job) -> None:
+        self._unit, self._rig, self._job = unit, rig, job
+        self._map = job.product.map
+        self._writes: tuple[ObjectWrite, ...] = ()
+
+    def plan(self, calibration: Calibration) -> None:
+        """Every write, worked out in full. Errors: UnitFault when a coefficient does not fit its object."""
+        self._writes = writeback.sequence(
+            self._map,
+            calibration,
+            record=self._unit.attempt,
+            temperature_degC=self._unit.temperature_degC,
+            epoch_ns=self._rig.clock.epoch_ns(),
+        )
+
+    def write(self) -> Iterator[Event]:
+        """Writes and reads back every object; then output and settings as they must be saved."""
+        unit = self._unit
+        check_not_rebooted(unit, "while it was measured")
+        check_same_unit(unit, self._job)
+        done = False
+        try:
+            for number, write in enumerate(self._writes, 1):
+                self._write_one(write)
+                yield ObjectWritten(unit.seat.serial, write.name, number, len(self._writes))
+            self._check_checksum()
+            set_compensated(unit, self._job)
+            done = True
+        finally:
+            if not done:
+                self.put_back()
+
+    def save(self) -> None:
+        """Stores in the device's flash: once, with its own time-out. An answer that does not come decides nothing."""
+        unit, command = self._unit, writeback.save(self._map)
+        try:
+            check_not_rebooted(unit, "between write and save")
+        except UnitFault:
+            self.put_back()
+            raise
+        self._keep(command, "intent", None)
+        try:
+            unit.device.download(*command.address, command.raw, command.timeout_s)
+        except DeviceRefused:
+            self._keep(command, "refused", None)
+            self._after_refused_save()
+            raise
+        except DeviceSilent as exc:
+            self._keep(command, "unknown", None)
+            self._rig.store.event(unit.attempt, "save-unanswered", {"sentence": exc.sentence})
+        else:
+            self._keep(command, "written", None)
+
+    def restart(self) -> None:
+        """Resets the device and waits until it is back. Errors: DeviceSilent."""
+        unit = self._unit
+        unit.device.nmt("reset-node")
+        unit.device.wait_boot_up(self._rig.settings.timeouts.boot_s)
+        unit.boot_ups = unit.device.boot_ups()
+        unit.switched = False
+
+    def read_again(self) -> None:
+        """Reads every object after the reset; whatever differs is said, and the record says what the device holds."""
+        unit = self._unit
+        wanted = self._wanted()
+        read = {at: unit.device.upload(*at) for at in wanted}
+        state = writeback.classify(unit.old, wanted, read)
+        self._state(state)
+        if state != "new":
+            names = ", ".join(w.name for w in self._writes if w.address in wanted and read[w.address] != w.raw)
+            raise ReadBackDiffers(
+                f"{unit.name} holds {state} values after save and reset ({names}); "
+                "it does not keep what it is told, so it must not be shipped"
+            )
+        self._check_checksum()
+        unit.touched, unit.written = False, True
+
+    def _write_one(self, write: ObjectWrite) -> None:
+        unit = self._unit
+        self._keep(write, "intent", None)
+        unit.touched = True
+        try:
+            unit.device.download(*write.address, write.raw, write.timeout_s)
+        except DeviceRefused:
+            self._keep(write, "refused", None)
+            raise
+        except DeviceSilent:
+            self._keep(write, "unknown", None)
+            raise
+        if not write.read_back:
+            self._keep(write, "written", None)
+            return
+        read = unit.device.upload(*write.address)
+        self._keep(write, "verified" if read == write.raw else "written", read)
+        if read != write.raw:
+            where = f"0x{write.index:04X}:{write.sub:02X}"
+            raise ReadBackDiffers(
+                f"{unit.name}: {write.name} at {where} reads back {read.hex()} after {write.raw.hex()} was written"
+            )
+
+    def put_back(self) -> None:
+        """Old values into the device again, so that no mixture is left; the record says how that went."""
+        unit = self._unit
+        if not unit.touched:
+            return
+        # An empty text cannot be written by SDO; it is no coefficient either.
+        wanted = {w.address: unit.old[w.address] for w in self._writes if w.read_back and unit.old[w.address]}
+        try:
+            put_back(unit, writeback.unlock(self._map), flag_last(self._map, wanted), wanted)
+        except StationError as exc:
+            self._rig.store.event(unit.attempt, "put-back-failed", {"sentence": exc.sentence})
+            self._state("unknown")
+        else:
+            unit.touched = False
+            self._state("old")
+
+    def _after_refused_save(self) -> None:
+        """What the flash holds after a refusal is known only after a reset."""
+        wanted, state = self._wanted(), "unknown"
+        try:
+            self.restart()
+            state = writeback.classify(self._unit.old, wanted, {at: self._unit.device.upload(*at) for at in wanted})
+        except StationError as exc:
+            self._rig.store.event(self._unit.attempt, "state-unknown", {"sentence": exc.sentence})
+        self._unit.touched = state != "old"
+        self._state(state)
+
+    def _wanted(self) -> dict[Address, bytes]:
+        """What must be read after the reset: the last write of each address."""
+        return {w.address: w.raw for w in self._writes if w.read_back}
+
+    def _check_checksum(self) -> None:
+        expected = writeback.expected_checksum(self._map, self._wanted())
+        if expected is None or self._map.checksum is None:
+            return
+        read = self._unit.device.upload(*self._map.checksum.address)
+        if read != expected:
+            raise ReadBackDiffers(
+                f"{self._unit.name} computes the checksum {read[::-1].hex()} over its coefficients, "
+                f"but they give {expected[::-1].hex()}; its memory or its firmware is at fault"
+            )
+
+    def _state(self, state: str) -> None:
+        self._rig.store.result(self._unit.attempt, "device-state", {"state": state})
+
+    def _keep(self, write: ObjectWrite, stage: str, read_back: bytes | None) -> None:
+        self._rig.store.write(
+            self._unit.attempt,
+            WriteRecord(
+                index=write.index,
+                sub=write.sub,
+                name=write.name,
+                old=self._unit.old.get(write.address),
+                written=write.raw,
+                read_back=read_back,
+                value=write.value,
+                stage=stage,
+            ),
+        )
+
+
+def flag_last(device_map: DeviceMap, wanted: Mapping[Address, bytes]) -> Sequence[Address]:
+    """Coefficients first, the valid flag last: until then the device itself knows that they are not to be used."""
+    flag = device_map.valid.address if device_map.valid is not None else None
+    return sorted(wanted, key=lambda at: at == flag)
+
+
+def put_back(unit: Unit, unlock: ObjectWrite | None, order: Sequence[Address], wanted: Mapping[Address, bytes]) -> None:
+    """Brings every object of `wanted` to its value; what already holds it is left alone. Errors: those of SDO."""
+    different = [at for at in order if unit.device.upload(*at) != wanted[at]]
+    if different and unlock is not None:
+        unit.device.download(*unlock.address, unlock.raw, unlock.timeout_s)
+    for at in different:
+        unit.device.download(*at, wanted[at])
+        if unit.device.upload(*at) != wanted[at]:
+            index, sub = at
+            raise StationFault(f"{unit.name}: 0x{index:04X}:{sub:02X} does not take its old value again")
