@@ -33,7 +33,7 @@ def payloads(layout: FrameLayout, values: Mapping[str, Array]) -> NDArray[np.uin
 
 def to_raw(physical: Array, signal: SignalLayout) -> Array:
     """Raw values (n) of physical ones: int64 or uint64 rounded half to even and clipped, float64 for floats."""
-    value = (np.asarray(physical) - signal.offset) / signal.scale
+    value = (np.asarray(physical, np.float64) - signal.offset) / signal.scale
     if signal.is_float:
         return np.asarray(value, np.float64)
     low, high = signal.raw_limits()

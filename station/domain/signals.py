@@ -103,11 +103,15 @@ def physical(values: Array, signal: SignalLayout) -> Array:
     scale, offset = signal.scale, signal.offset
     if scale == 1 and offset == 0:
         return values
-    if signal.is_float or not (float(scale).is_integer() and float(offset).is_integer()):
+    if signal.is_float:
+        return np.asarray(values * float(scale) + float(offset))
+    if float(scale).is_integer() and float(offset).is_integer():
+        scale, offset = int(scale), int(offset)
+    if isinstance(scale, float):
         return np.asarray(values * scale + offset)
-    if (abs(int(scale)) << signal.length) + abs(int(offset)) < 1 << 63:
-        return np.asarray(values.astype(np.int64) * int(scale) + int(offset))
-    return np.asarray((values.astype(object) * int(scale) + int(offset)).astype(np.float64))
+    if (abs(scale) << signal.length) + abs(int(offset)) < 1 << 63:
+        return np.asarray(values.astype(np.int64) * scale + offset)
+    return np.asarray((values.astype(object) * scale + offset).astype(np.float64))
 
 
 def _bits(data: NDArray[np.uint8], signal: SignalLayout) -> Array:

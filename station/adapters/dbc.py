@@ -1,0 +1,113 @@
+"""A DBC file → pure layouts. cantools parses it once; rules it lacks are ours; decoding is elsewhere."""
+
+import logging
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from station.domain.lint import Finding, lint
+from station.domain.signals import FrameLayout, SignalLayout
+from station.domain.types import EXTENDED
+from station.errors import ProductError
+
+#: Beyond this a file is not one product's DBC but an accident.
+MOST_BYTES = 20_000_000
+#: A page of mistakes helps nobody; the rest shows after these are mended.
+MOST_FINDINGS = 10
+# cantools warns of double names in its log; here they are errors, said once.
+logging.getLogger("cantools").addHandler(logging.NullHandler())
+_STARTS = re.compile(r"^\s*(?:BO_\s+\d+\s+(?P<message>\w+)|SG_\s+(?P<signal>\w+))", re.MULTILINE)
+_AT_LINE = re.compile(r"at line (\d+)")
+
+
+def read_layouts(path: Path) -> Mapping[str, FrameLayout]:
+    """All messages of a DBC by name, in the order of the file.
+
+    Errors: ProductError with file, line, message, signal and remedy of each mistake.
+    """
+    text = _text(path)
+    layouts = [_frame(m) for m in _messages(path, text)]
+    found = lint(layouts)
+    if found:
+        told = [_told(text, finding) for finding in found[:MOST_FINDINGS]]
+        more = [f"and {len(found) - MOST_FINDINGS} more"] if len(found) > MOST_FINDINGS else []
+        raise ProductError(f"{path}, " + "; ".join([*told, *more]))
+    return {layout.name: layout for layout in layouts}
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise ProductError(f"{path} is larger than {MOST_BYTES} bytes, which no DBC of one product is")
+        content = path.read_bytes()
+    except OSError as error:
+        raise ProductError(f"{path} cannot be read ({error.strerror}); correct the path") from None
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")  # what most DBC editors write
+
+
+def _messages(path: Path, text: str) -> list[Any]:
+    from cantools import database  # heavy, and only needed where a product is loaded
+    from cantools.database.errors import Error
+
+    try:
+        parsed: Any = database.load_string(text, "dbc", strict=True, sort_signals=None)
+    except Error as error:
+        raise ProductError(_refused(path, text, str(getattr(error, "e_dbc", error)))) from None
+    return list(parsed.messages)
+
+
+def _refused(path: Path, text: str, why: str) -> str:
+    """cantools' complaint as a sentence with a line."""
+    at = _AT_LINE.search(why)
+    if at is not None:
+        return f"{path}, line {at[1]}: this is not DBC syntax ({why}); correct the line"
+    named = [m for m in _STARTS.finditer(text) if m["message"] and re.search(rf"\b{re.escape(m['message'])}\b", why)]
+    line = f", line {_line(text, named[0].start('message'))}" if named else ""
+    return f"{path}{line}: {why.rstrip('.')}; correct the DBC"
+
+
+def _frame(message: Any) -> FrameLayout:
+    can_id = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
+    return FrameLayout(message.name, can_id, message.length, tuple(_signal(s) for s in message.signals))
+
+
+def _signal(signal: Any) -> SignalLayout:
+    return SignalLayout(
+        name=signal.name,
+        start=signal.start,
+        length=signal.length,
+        big_endian=signal.byte_order == "big_endian",
+        signed=signal.is_signed,
+        is_float=signal.conversion.is_float,
+        scale=signal.conversion.scale,
+        offset=signal.conversion.offset,
+        minimum=signal.minimum,
+        maximum=signal.maximum,
+        unit=signal.unit or "",
+        selector=signal.multiplexer_signal,
+        selected_by=tuple(signal.multiplexer_ids or ()),
+    )
+
+
+def _told(text: str, finding: Finding) -> str:
+    name = finding.message if finding.signal is None else f"{finding.message}.{finding.signal}"
+    return f"line {_line_of(text, finding)}, {name}: {finding.text}"
+
+
+def _line_of(text: str, finding: Finding) -> int:
+    """Where a message or signal stands; of two with one name the second."""
+    message, line = "", 1
+    for start in _STARTS.finditer(text):
+        if start["message"] is not None:
+            message = start["message"]
+        if message == finding.message and start["signal"] == finding.signal:
+            line = _line(text, start.end())
+    return line
+
+
+def _line(text: str, offset: int) -> int:
+    return text.count("\n", 0, offset) + 1

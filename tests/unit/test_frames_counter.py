@@ -1,0 +1,79 @@
+"""The counter's tale: losses, repeats, late frames and standing still, with the modulus right."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from station.domain.counters import STUCK, Count, count, steps
+
+MS = 1_000_000
+
+
+def _tale(order: list[int], values: int, time_ns: NDArray[np.int64] | None = None) -> Count:
+    """Count over frames numbered without end; by default each arrives at its own millisecond."""
+    number = np.array(order)
+    when = number * MS if time_ns is None else time_ns
+    step = steps((number % values).astype(np.uint64), when, values)
+    return count(step, np.zeros(len(step), np.int64))
+
+
+@pytest.mark.parametrize("values", [15, 16, 256])
+def test_an_undisturbed_stream_says_nothing(values: int) -> None:
+    assert _tale(list(range(600)), values) == Count()
+
+
+@given(values=st.sampled_from([15, 16, 256]), lost=st.sets(st.integers(1, 398), max_size=300))
+def test_every_lost_frame_is_counted_even_whole_turns(values: int, lost: set[int]) -> None:
+    kept = [i for i in range(400) if i not in lost]
+    ends = sum(1 for i in lost if i - 1 not in lost)
+    # Where hardly two frames in a row are left, nobody can know the period.
+    assume(sum(b - a == 1 for a, b in itertools.pairwise(kept)) >= 50)
+    assert _tale(kept, values) == Count(lost=len(lost), gaps=ends)
+
+
+def test_fifteen_lost_frames_show_although_the_counter_looks_right() -> None:
+    assert _tale([*range(100), *range(115, 200)], 15) == Count(lost=15, gaps=1)
+
+
+def test_repeats_are_not_losses() -> None:
+    order = [0, 1, 1, 2, 3, 3, 3, 4, 5]
+    assert _tale(order, 15, np.arange(9) * MS) == Count(repeats=3, longest_repeat=2)
+
+
+def test_swapped_frames_are_late_not_lost() -> None:
+    order = [*range(20), 21, 20, *range(22, 40)]
+    assert _tale(order, 15, np.arange(40) * MS) == Count(gaps=2, late=1)
+
+
+def test_a_counter_that_stands_still_is_stuck() -> None:
+    order = [*range(50), *[50] * STUCK]
+    found = _tale(order, 15, np.arange(len(order)) * MS)
+    assert (found.stuck, found.lost, found.longest_repeat) == (True, 0, STUCK - 1)
+    assert not _tale(order[:-1], 15, np.arange(len(order) - 1) * MS).stuck
+    assert _tale([7] * 100, 15, np.arange(100) * MS) == Count(repeats=99, longest_repeat=99)
+
+
+def test_frames_that_came_with_a_bad_crc_are_not_lost() -> None:
+    step = np.array([1, 3, 1, 2])
+    assert count(step, np.array([0, 1, 0, 1])) == Count(lost=1, gaps=1)
+
+
+def test_batches_of_an_adapter_are_not_losses() -> None:
+    """Eight frames share a time stamp: what a USB adapter without clock does."""
+    number = np.arange(400)
+    assert _tale(list(number), 15, number // 8 * 8 * MS) == Count()
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_jitter_of_a_whole_period_is_not_a_loss(seed: int) -> None:
+    number = np.arange(300)
+    late_ns = np.random.default_rng(seed).uniform(0, MS, 300).astype(np.int64)
+    assert _tale(list(number), 15, number * MS + late_ns) == Count()
+
+
+def test_too_few_frames_say_nothing() -> None:
+    assert _tale([], 15) == _tale([3], 15) == Count()

@@ -1,0 +1,125 @@
+"""A DBC that cannot be right is refused with file, line, signal and remedy."""
+
+import logging
+from pathlib import Path
+
+import canmatrix.formats
+import cantools
+import pytest
+
+from station.adapters.dbc import read_layouts
+from station.domain.lint import lint
+from station.domain.signals import FrameLayout, SignalLayout
+from station.domain.types import EXTENDED
+from station.errors import ProductError
+
+DBC = Path(__file__).resolve().parents[2] / "dbc" / "accelerometer.dbc"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("BO_ 641 TEMP", "BO_ 385 TEMP", "line 17, TEMPERATURE: identifier 0x181 is also that of ACCELERATION"),
+        ("BO_ 641 TEMPERATURE", "BO_ 641 ACCELERATION", "line 17, ACCELERATION: the name is used by two messages"),
+        (
+            '(6.25E-005,0) [-2.048|2.0479375] "g" STATION\n SG_ Y',
+            '(0,0) [0|0] "g" STATION\n SG_ Y',
+            "line 13, ACCELERATION.X: scale is 0",
+        ),
+        ("[0|14]", "[14|3]", "line 11, ACCELERATION.COUNTER: minimum 14 is above maximum 3"),
+        ("[0|14]", "[-1|14]", "line 11, ACCELERATION.COUNTER: minimum -1 is negative but the signal is unsigned"),
+        ("[0|14]", "[0|20]", "maximum 20 cannot be reached: 4 unsigned bits hold 0 to 15"),
+        (
+            "[-327.68|327.67]",
+            "[-400|327.67]",
+            "line 18, TEMPERATURE.TEMPERATURE: minimum -400 cannot be reached",
+        ),
+        ('"degC"', '"°C"', "line 18, TEMPERATURE.TEMPERATURE: unit '°C' is not plain ASCII"),
+        ("TEMPERATURE: 2", "TEMPERATURE: 1", "line 17: The signal TEMPERATURE does not fit in message"),
+        ("BO_ 641 T", "BO_ 64100 T", "line 17: Standard frame id 0xfa64 is more than 11 bits"),
+        ("SG_ X : 16|16", "SG_ X : 17|16", "line 9: The signals Y and X are overlapping"),
+        ("SG_ X : 16|16", "SG_ X : 16|", "line 13: this is not DBC syntax"),
+    ],
+)
+def test_each_mistake_is_named_with_its_line(old: str, new: str, sentence: str, tmp_path: Path) -> None:
+    text = DBC.read_text()
+    assert old in text
+    path = tmp_path / "bad.dbc"
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ProductError) as refused:
+        read_layouts(path)
+    assert refused.value.sentence.startswith(str(path))
+    assert sentence in refused.value.sentence
+
+
+def test_all_mistakes_come_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "bad.dbc"
+    path.write_text(DBC.read_text().replace("6.25E-005", "0").replace("[0|14]", "[14|3]"))
+    with pytest.raises(ProductError) as refused:
+        read_layouts(path)
+    assert [refused.value.sentence.count(s) for s in ("line 11", "line 13", "line 14", "line 15")] == [1, 1, 1, 1]
+
+
+def test_our_own_dbc_is_clean_and_quiet(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        layouts = read_layouts(DBC)
+    assert list(layouts) == ["ACCELERATION", "TEMPERATURE"]
+    assert not caplog.records
+
+
+def test_two_parsers_read_our_dbc_alike() -> None:
+    theirs = canmatrix.formats.loadp_flat(str(DBC))
+    for layout in read_layouts(DBC).values():
+        frame = theirs.frame_by_name(layout.name)
+        assert (frame.arbitration_id.id, frame.size) == (layout.can_id, layout.length)
+        for signal in layout.signals:
+            other = frame.signal_by_name(signal.name)
+            assert (other.start_bit, other.size, other.is_signed) == (signal.start, signal.length, signal.signed)
+            assert (float(other.factor), float(other.offset), other.unit) == (signal.scale, signal.offset, signal.unit)
+            assert (float(other.min), float(other.max)) == (signal.minimum, signal.maximum)
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ProductError, match=r"absent\.dbc cannot be read \(No such file"):
+        read_layouts(tmp_path / "absent.dbc")
+    with pytest.raises(ProductError, match="cannot be read"):
+        read_layouts(tmp_path)
+
+
+def test_western_text_is_read_as_such(tmp_path: Path) -> None:
+    path = tmp_path / "western.dbc"
+    path.write_bytes(DBC.read_text().replace("one reading", "Größe").encode("cp1252"))
+    assert list(read_layouts(path)) == ["ACCELERATION", "TEMPERATURE"]
+
+
+def _texts(*signals: SignalLayout, length: int = 8) -> list[str]:
+    return [f.text for f in lint([FrameLayout("F", 1, length, signals)])]
+
+
+def test_rules_that_no_parsed_file_reaches() -> None:
+    assert "is listed twice" in _texts(SignalLayout("A", 0, 8), SignalLayout("A", 8, 8))[0]
+    assert "0 bytes long" in _texts(SignalLayout("A", 0, 8), length=0)[0]
+    assert "is no number" in _texts(SignalLayout("A", 0, 8, scale=float("nan")))[0]
+    assert "a float of 24 bits does not exist" in _texts(SignalLayout("A", 0, 24, is_float=True))[0]
+    assert "length 65" in _texts(SignalLayout("A", 0, 65))[0]
+    chosen = SignalLayout("A", 8, 8, selector="M", selected_by=(3, 300))
+    assert "multiplexer M does not exist" in _texts(chosen)[0]
+    assert "cannot take the value 300" in _texts(SignalLayout("M", 0, 8), chosen)[0]
+    assert "is a float" in _texts(SignalLayout("M", 0, 32, is_float=True), chosen)[0]
+
+
+def test_limits_are_judged_through_scale_and_offset() -> None:
+    assert not _texts(SignalLayout("A", 0, 8, scale=-0.5, offset=100, minimum=-27.5, maximum=100))
+    assert not _texts(SignalLayout("A", 0, 8, signed=True, scale=0.1, minimum=-12.8, maximum=12.7))
+    assert _texts(SignalLayout("A", 0, 8, scale=-0.5, offset=100, minimum=-29, maximum=100))
+    assert not _texts(SignalLayout("A", 0, 32, is_float=True, minimum=-1e30, maximum=1e30))
+
+
+def test_equal_numbers_in_both_formats_are_different_identifiers() -> None:
+    assert not lint([FrameLayout("A", 1, 8, ()), FrameLayout("B", 1 | EXTENDED, 8, ())])
+
+
+def test_cantools_itself_lets_these_pass() -> None:
+    """Why the rules exist: the parser takes each of these without a word of error."""
+    for old, new in (("[0|14]", "[14|3]"), ("6.25E-005", "0"), ("BO_ 641 T", "BO_ 385 T"), ("[0|14]", "[-1|99]")):
+        assert len(cantools.database.load_string(DBC.read_text().replace(old, new), "dbc").messages) == 2
