@@ -1,6 +1,7 @@
 """Frames of one node → samples: what was encoded comes back, and every injected fault is found and counted."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import cantools
