@@ -172,12 +172,13 @@ class Effect(ABC):
         return float(coefficient)
 
     def told(self, names: Sequence[str], coefficients: Floats, unit: str) -> list[dict[str, object]]:
-        """The parameters in the contracts' form {name, axis, of, value, unit}, those of the form last."""
+        """The parameters that do something, in the contracts' form {name, axis, of, value, unit}; the form's last."""
         p = self.parameter
         rows: list[dict[str, object]] = [
             {"name": p.name, "axis": axis or None, "of": of, "value": self.value_of(c), "unit": p.unit_in(unit)}
             for of, row in zip(names, coefficients, strict=True)
             for axis, c in zip(self.axes, row, strict=True)
+            if c != p.neutral
         ]
         return rows + [
             {"name": f.name, "axis": None, "of": "common", "value": getattr(self, f.field), "unit": f.unit_in(unit)}

@@ -53,7 +53,12 @@ class Base:
 
 def forward(scene: Scene, base: Base, active: Active = NOTHING) -> Floats:
     """Readings (n, 3) in the recipe's unit, before noise, converter and bus."""
-    signal = feel(scene, active)
+    return read(feel(scene, active), base, active)
+
+
+def read(signal: Signal, base: Base, active: Active = NOTHING) -> Floats:
+    """What the sensors read (n, 3) of what they feel."""
+    scene = signal.scene
     unit = scene.visits.unit.code
     at_rest = np.einsum("vij,vj->vi", base.matrix[unit], signal.at_stop) + base.offset[unit]
     reading = np.asarray(at_rest[scene.visit])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.recipe import Recipe
-from station.domain.types import Array, Floats, SampleTable
+from station.domain.types import Array, Floats, Labels, SampleTable
 from station.errors import SamplesError
 from station.model.visits import Visits, visits_of
 
@@ -51,6 +51,15 @@ class Scene:
 
     def __len__(self) -> int:
         return len(self.visit)
+
+    @staticmethod
+    def of_units(recipe: Recipe, units: tuple[str, ...]) -> "Scene":
+        """A scene of one stop for each unit, no samples taken: for what is known before anything is measured."""
+        count = len(units)
+        one = Labels((recipe.positions[0].name if recipe.positions else "any",), np.zeros(count, np.int32))
+        code, zero = np.arange(count, dtype=np.int32), np.zeros(count, np.int32)
+        visits = visits_of(recipe, Labels(units, code), zero, zero, {"position": one})
+        return Scene(recipe, visits, np.zeros(0, np.intp), np.zeros(0))
 
     def group(self, level: str) -> tuple[NDArray[np.int32], tuple[str, ...]]:
         """Group codes (v) of the visits and the groups' names as the contracts write them: ("unit:SN1", …).

@@ -132,7 +132,7 @@ def scene_of_plan(
     batch = units if isinstance(units, Batch) else Batch(tuple(units))
     rates = np.full(len(batch.units), recipe.device.rate_hz) if rate_hz is None else rate_hz
     rounds = [round_of(recipe, run, line) for run in range(len(recipe.runs))]
-    visits = _visits(recipe, batch, rounds, line)
+    visits = visits_of_plan(recipe, batch, rounds, line)
     if not recipe.pose_known:
         visits = replace(visits, nest_R=_by_hand(visits, seed))
     since = [_grid(recipe, done, rate) for rate in rates for done in rounds]
@@ -147,10 +147,10 @@ def scene_of_plan(
 
 def _grid(recipe: Recipe, done: Round, rate_hz: float) -> Floats:
     """Sample times of one stop, s since arrival."""
-    return recipe.settle.time_s + np.arange(max(1, int(done.dwell_s * rate_hz + 1e-6))) / rate_hz
+    return recipe.settle.time_s + np.arange(max(1, round(done.dwell_s * rate_hz))) / rate_hz
 
 
-def _visits(recipe: Recipe, batch: Batch, rounds: list[Round], line: Line) -> Visits:
+def visits_of_plan(recipe: Recipe, batch: Batch, rounds: list[Round], line: Line) -> Visits:
     """Every stop of every unit, with who worked where."""
     units = len(batch.units)
     stops = [len(done.position) for done in rounds]

@@ -19,7 +19,7 @@ GROUPS = ("station", "nest", "lot", "operator")
 class Visits:
     """Stops (v), sorted by unit, run and visit.
 
-    unit, position (Labels); run, visit (v); groups: those of station, nest, lot, operator that are known;
+    unit, position, seating (Labels); run, visit (v); groups: those of station, nest, lot, operator that are known;
     nest_R (v, 3, 3) nest → station; seat_R (v, 3, 3) device → nest; stimulus (v, 3) in the station's frame (a
     rate: the nest's); previous (v) index of the previous stop of the same run, or −1; gold (v, 3) the stimulus in
     the nest's frame as the gold reference measured it, where the recipe takes it as the truth, or None.
@@ -29,6 +29,7 @@ class Visits:
     run: NDArray[np.int32]
     visit: NDArray[np.int32]
     position: Labels
+    seating: Labels
     groups: Mapping[str, Labels]
     nest_R: Floats
     seat_R: Floats
@@ -91,6 +92,7 @@ def visits_of(
         run=run,
         visit=visit,
         position=position,
+        seating=seating,
         groups={k: v for k, v in labels.items() if k in GROUPS},
         nest_R=np.array([p[0] for p in poses])[position.code],
         seat_R=np.array([_seat(recipe, name) for name in seating.names])[seating.code],

@@ -1,0 +1,128 @@
+"""A simulation that has learnt: schema `station.model/1`, which `diagnose` writes and `simulate` and `diagnose` read.
+
+It says what the simulation is made of besides the recipe: the calibration it is projected free of, the noise, the
+spread between units, and the causes found, with their parameters in the contracts' form.
+"""
+
+from collections import defaultdict
+from dataclasses import fields, replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from station import plugins
+from station.domain.recipe import Finite, NotNegative, Part
+from station.domain.types import Floats
+from station.errors import InputError
+from station.model.effect import Effect, Stage
+from station.model.forward import Acting
+from station.model.scene import Scene
+
+EFFECTS = "station.model.effects"
+
+
+class ModelNoise(Part):
+    """Recipe's unit: density per √Hz, flicker rms; None: as the data sheet says."""
+
+    density: NotNegative | None = None
+    flicker: NotNegative | None = None
+
+
+class ModelSpread(Part):
+    """Spread between units: offset in the recipe's unit, gain and cross-axis gain in 1; None: as usual."""
+
+    offset_std: NotNegative | None = None
+    gain_std: NotNegative | None = None
+    cross_std: NotNegative | None = None
+
+
+class ModelParameter(Part):
+    """One number of a cause, as contracts section 6 names it."""
+
+    name: str
+    axis: str | None = None
+    of: str = "common"
+    value: float | str
+    std: float | None = None
+    unit: str = ""
+
+
+class ModelEffect(Part):
+    """A cause with its parameters; shape: parameters of its form by field, such as time_constant_s."""
+
+    effect: str
+    parameters: tuple[ModelParameter, ...] = ()
+    shape: dict[str, Finite] = Field(default_factory=dict)
+
+    def build(self) -> Effect:
+        """The cause, its form as found. InputError names what it does not know."""
+        kind: type[Effect] = plugins.load(EFFECTS, self.effect)
+        shape = dict(self.shape)
+        for form in kind.forms:
+            told = [p.value for p in self.parameters if p.name == form.name]
+            shape.update({form.field: float(told[0])} if told else {})
+        known = [f.name for f in fields(kind) if f.name != "size"]
+        for name in shape:
+            if name not in known:
+                listed = ", ".join(known) or "none"
+                raise InputError(f"model: {self.effect} has no shape parameter {name!r}; it has {listed}")
+        return replace(kind.example(), **shape)
+
+    def acting(self, scene: Scene, seed: int | None) -> list[Acting]:
+        """This cause at work in a scene, once for each level its parameters speak of.
+
+        Groups it does not speak of get coefficients of the same rms drawn with the seed, or none when it is None.
+        """
+        effect = self.build()
+        levels: dict[str, dict[str, Floats]] = defaultdict(dict)
+        for p in self.parameters:
+            if p.name == effect.parameter.name:
+                at = levels[p.of.partition(":")[0]].setdefault(p.of, neutral(effect))
+                at[self._axis(effect, p)] = effect.read_size(p.value) if isinstance(p.value, str) else p.value
+        return [_spread_out(effect, level, known, scene, seed) for level, known in levels.items()]
+
+    def _axis(self, effect: Effect, p: ModelParameter) -> Any:
+        """Which of the coefficients a parameter is; a missing axis means all."""
+        if p.axis is None:
+            return slice(None)
+        if p.axis not in effect.axes:
+            listed = ", ".join(effect.axes)
+            raise InputError(f"model: {self.effect} has no axis {p.axis!r}; it has {listed}")
+        return effect.axes.index(p.axis)
+
+
+class Model(Part):
+    """A whole model file."""
+
+    schema_: Annotated[Literal["station.model/1"], Field(alias="schema")] = "station.model/1"
+    calibration: Literal["offset-gain", "matrix"] | None = None
+    noise: ModelNoise = ModelNoise()
+    spread: ModelSpread = ModelSpread()
+    effects: tuple[ModelEffect, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """As it is written to a file; what is not said is left out."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+
+def neutral(effect: Effect) -> Floats:
+    """Coefficients (axes) that do nothing."""
+    return np.full(len(effect.axes), effect.parameter.neutral)
+
+
+def _spread_out(effect: Effect, level: str, known: dict[str, Floats], scene: Scene, seed: int | None) -> Acting:
+    """Coefficients of every group of a level in the scene, from those of the known groups."""
+    rms = float(np.sqrt(np.mean([c**2 for c in known.values()])))
+    if level == "common" and effect.of[0] == "visit":
+        # A standard deviation of what differs at each stop: the model knows no more, and draws it.
+        level, known = "visit", {}
+    names = scene.group(level)[1]
+    c = np.tile(neutral(effect), (len(names), 1))
+    strange = [i for i, name in enumerate(names) if name not in known]
+    # A swapped axis or a saturated output is one unit's fault and says nothing of the others.
+    if strange and seed is not None and effect.stage is not Stage.OUTPUT:
+        c[strange] = replace(effect, size=rms).coefficients([names[i] for i in strange], seed)
+    for i, name in enumerate(names):
+        c[i] = known.get(name, c[i])
+    return Acting(effect, c, level)

@@ -1,0 +1,149 @@
+"""A whole campaign out of nothing: recipe, units, causes and a seed → the samples table, and the truth about it."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from station import plugins
+from station.domain.recipe import Recipe
+from station.domain.types import Floats, SampleTable
+from station.errors import UsageError
+from station.model import record
+from station.model.effect import ClockEffect, Effect, GoldEffect, stream, strength
+from station.model.forward import Acting, Active, Base, convert, feel, read
+from station.model.model_file import EFFECTS, Model
+from station.model.noise import Noise
+from station.model.scene import Scene
+from station.model.timeline import Batch, Line, density_of, scene_of_plan
+
+#: Spread of good units, as parts of the stimulus: ±25 mg and 1 % (ADXL355: ±25 mg typical, ±8 % at most).
+OFFSET_STD, GAIN_STD = 0.025, 0.01
+#: Flicker rms as a part of the white density: a twentieth of what a dwell of a second averages to.
+FLICKER = 0.035
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What to simulate. units: serials; gold: whether to write the gold's columns though the recipe asks for none."""
+
+    recipe: Recipe
+    units: tuple[str, ...]
+    seed: int
+    effects: tuple[Effect, ...] = ()
+    model: Model = field(default_factory=Model)
+    line: Line = field(default_factory=Line)
+    gold: bool = False
+
+    @property
+    def causes(self) -> tuple[Effect, ...]:
+        """The causes of the model, and those asked for."""
+        return (*(told.build() for told in self.model.effects), *self.effects)
+
+    @property
+    def wants_gold(self) -> bool:
+        """Whether the gold reference is read."""
+        needed = any(isinstance(effect, GoldEffect) for effect in self.causes)
+        return self.gold or needed or self.recipe.reference.source == "gold"
+
+    @property
+    def noise(self) -> Noise:
+        """Noise of the units."""
+        said = self.model.noise
+        density = density_of(self.recipe) if said.density is None else said.density
+        return Noise(density, FLICKER * density if said.flicker is None else said.flicker)
+
+    def base(self, units: Sequence[str]) -> Base:
+        """Offset and gain of each unit, from its own random stream."""
+        said, size = self.model.spread, strength(self.recipe)
+        offset_std = OFFSET_STD * size if said.offset_std is None else said.offset_std
+        gain_std = GAIN_STD if said.gain_std is None else said.gain_std
+        std = np.where(np.eye(3) > 0, gain_std, said.cross_std or 0.0)
+        draws = np.array([stream(self.seed, "unit", name).standard_normal(12) for name in units])
+        return Base(offset_std * draws[:, :3], np.eye(3) + std * draws[:, 3:].reshape(-1, 3, 3))
+
+    def active(self, scene: Scene, kind: type[Effect] = Effect) -> dict[str, Acting]:
+        """The causes of a kind at work in a scene: those of the model, and those asked for."""
+        told = [a for told in self.model.effects for a in told.acting(scene, self.seed)]
+        acting = [a for a in told if isinstance(a.effect, kind)]
+        for effect in self.effects:
+            if isinstance(effect, kind):
+                of = effect.of[0]
+                acting.append(Acting(effect, effect.coefficients(scene.group(of)[1], self.seed), of))
+        return {f"{i}/{a.effect.id}": a for i, a in enumerate(acting)}
+
+    def settled(self) -> "Job":
+        """The same job, the form of every cause drawn."""
+        return replace(self, effects=tuple(e.settled(self.recipe, self.seed) for e in self.effects))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Simulated:
+    """Samples, and what they were made of: serials and base of the units, and the groups' coefficients."""
+
+    table: SampleTable
+    units: tuple[str, ...]
+    base: Base
+    active: Active
+    scene: Scene
+
+
+def effect_of(name: str, recipe: Recipe, size: str | None = None) -> Effect:
+    """A cause by id, in the recipe's unit; size as a person wrote it, or the typical one scaled to the stimulus.
+
+    UsageError names the known ids, a size that is none, and a cause that this recipe's sensor cannot feel.
+    """
+    kind: type[Effect] = plugins.load(EFFECTS, name)
+    if recipe.sensor not in kind.sensors:
+        raise UsageError(f"{name} cannot act on a {recipe.sensor}, only on {' or '.join(kind.sensors)}; leave it out")
+    if size is not None:
+        return replace(kind.example(), size=kind.read_size(size))
+    example = kind.example()
+    return replace(example, size=example.size * kind.parameter.scale(recipe))
+
+
+def simulate(job: Job) -> Simulated:
+    """All units of a job at once."""
+    return part(job.settled(), Batch(job.units))
+
+
+def parts(job: Job, units: int = 50) -> Iterator[Simulated]:
+    """The same in parts of so many units, so that a fleet need not fit into memory; the samples are the same too."""
+    job = job.settled()
+    for first in range(0, len(job.units), units):
+        yield part(job, Batch(job.units[first : first + units], first, len(job.units)))
+
+
+def part(job: Job, batch: Batch) -> Simulated:
+    """Some units of a settled job."""
+    rates = _rates(job, batch)
+    scene = scene_of_plan(job.recipe, batch, job.seed, rates, line=job.line)
+    active, base = job.active(scene), job.base(batch.units)
+    signal = feel(scene, active)
+    reading = read(signal, base, active) + record.noise(scene, job.noise, job.seed)
+    reading = convert(scene, by_sheet(job.recipe, reading), active)
+    table = record.table(scene, reading, rates, job.seed)
+    if job.wants_gold:
+        table = replace(table, gold=record.gold(signal, active, job.noise, job.seed))
+    return Simulated(record.arrived(table, scene, active, job.seed), batch.units, base, active, scene)
+
+
+def by_sheet(recipe: Recipe, reading: Floats) -> Floats:
+    """The reading as a device that keeps its data sheet gives it: within its full scale, on its grid."""
+    sheet = recipe.device
+    if sheet.full_scale is not None:
+        reading = np.clip(reading, -sheet.full_scale, sheet.full_scale)
+    return np.asarray(np.round(reading / sheet.lsb) * sheet.lsb) if sheet.lsb > 0 else reading
+
+
+def _rates(job: Job, batch: Batch) -> Floats:
+    """True sample rate of each unit (U), Hz: within half the clock's tolerance, unless a clock is off."""
+    sheet = job.recipe.device
+    within = np.array([stream(job.seed, "clock", name).uniform(-0.5, 0.5) for name in batch.units])
+    rates = sheet.rate_hz * (1 + 1e-6 * sheet.clock_tolerance_ppm * within)
+    if any(isinstance(effect, ClockEffect) for effect in job.causes):
+        scene = Scene.of_units(job.recipe, batch.units)
+        for acting in job.active(scene, ClockEffect).values():
+            if isinstance(acting.effect, ClockEffect):
+                rates = acting.effect.apply(rates, acting.by_visit(scene))
+    return np.asarray(rates)
