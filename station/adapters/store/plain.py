@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from station.domain.chain import Value
-from station.ports.store import Begin
+from station.ports.store import Begin, VisitRecord
 
 
 def text(value: str) -> str:
@@ -22,6 +22,14 @@ def columns(begin: Begin, attempt: str, recipe: int | None, product: int | None)
     known = {f.name: getattr(begin, f.name) for f in dataclasses.fields(begin)}
     cleaned = {name: text(value) if isinstance(value, str) else value for name, value in known.items()}
     return {**cleaned, "id": attempt, "recipe": recipe, "product": product}
+
+
+def visit(record: VisitRecord, sha256: str) -> tuple[Value, ...]:
+    """The visit's columns after `attempt`; sha256: the digest of its frames as plain bytes."""
+    return (
+        *(record.run, record.visit, text(record.position), text(record.seating), text(record.kind)),
+        *(record.arrived_ns, record.left_ns, len(record.frames), sha256, document(record.statistics)),
+    )
 
 
 def number(value: float | None) -> float | None:

@@ -2,6 +2,9 @@
 
 Evidence tables share one numbering (`seq`, the place in the chain of hashes) and are append-only: triggers refuse
 UPDATE and DELETE. A later schema adds a migration at the end and columns at the end of a tuple in `COLUMNS`.
+
+Raw frames: while an attempt runs, each visit's lie in `frames` as plain bytes, whose SHA-256 the visit has sealed;
+after its finish all of them are packed into one sealed `archive` record, and only then may the plain ones go.
 """
 
 from __future__ import annotations
@@ -26,11 +29,12 @@ COLUMNS: dict[str, tuple[str, ...]] = {
     "event": ("attempt", "at_ns", "kind", "detail"),
     "visit": (
         *("attempt", "run", "visit", "position", "seating", "kind", "arrived_ns", "left_ns"),
-        *("frame_count", "frames_sha256", "statistics", "frames"),
+        *("frame_count", "frames_sha256", "statistics"),
     ),
     "write": ("attempt", "at_ns", "object", "sub", "name", "stage", "value", "old", "written", "read_back"),
     "result": ("attempt", "at_ns", "name", "document"),
     "finish": ("attempt", "outcome", "ended_ns"),
+    "archive": ("attempt", "visits", "data"),
 }
 
 _SEALS = "seq INTEGER PRIMARY KEY, previous BLOB NOT NULL, hash BLOB NOT NULL, signature BLOB"
@@ -45,11 +49,12 @@ _TABLES = {
     "event": f"{_OF}, at_ns INTEGER NOT NULL, kind TEXT NOT NULL, detail TEXT NOT NULL",
     "visit": f"""{_OF}, run INTEGER NOT NULL, visit INTEGER NOT NULL, position TEXT NOT NULL, seating TEXT NOT NULL,
         kind TEXT NOT NULL, arrived_ns INTEGER NOT NULL, left_ns INTEGER NOT NULL, frame_count INTEGER NOT NULL,
-        frames_sha256 TEXT NOT NULL, statistics TEXT NOT NULL, frames BLOB NOT NULL""",
+        frames_sha256 TEXT NOT NULL, statistics TEXT NOT NULL""",
     "write": f"""{_OF}, at_ns INTEGER NOT NULL, object INTEGER NOT NULL, sub INTEGER NOT NULL, name TEXT NOT NULL,
         stage TEXT NOT NULL, value REAL, old BLOB, written BLOB NOT NULL, read_back BLOB""",
     "result": f"{_OF}, at_ns INTEGER NOT NULL, name TEXT NOT NULL, document TEXT NOT NULL",
     "finish": f"{_OF} UNIQUE, outcome TEXT NOT NULL, ended_ns INTEGER NOT NULL",
+    "archive": f"{_OF} UNIQUE, visits INTEGER NOT NULL, data BLOB NOT NULL",
 }
 
 #: One index a question: a serial's life, a time span, a recipe, a nest, a firmware; and the rows of an attempt.
@@ -67,6 +72,11 @@ _INDICES = (
     "result_firmware ON result(json_extract(document, '$.software'), attempt) WHERE name = 'identity'",
 )
 
+_FRAMES_STAY = """
+    CREATE TRIGGER frames_stay BEFORE DELETE ON frames
+    WHEN NOT EXISTS (SELECT 1 FROM visit v JOIN archive a ON a.attempt = v.attempt WHERE v.seq = OLD.visit)
+    BEGIN SELECT RAISE(ABORT, 'raw frames stay until they are packed'); END"""
+
 migrations = Migrations("station.log")
 
 
@@ -78,6 +88,8 @@ def first_tables(db: Database) -> None:
         guard(db, table)
     for index in _INDICES:
         db.execute(f"CREATE INDEX {index}")
+    db.execute("CREATE TABLE frames (visit INTEGER PRIMARY KEY REFERENCES visit(seq), data BLOB NOT NULL) STRICT")
+    db.execute(_FRAMES_STAY)
     log_id = str(uuid.uuid4())
     db.execute("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT")
     db.execute("INSERT INTO meta VALUES ('schema', ?), ('log_id', ?)", [SCHEMA, log_id])
@@ -96,4 +108,4 @@ def guard(db: Database, table: str) -> None:
 
 def guards() -> set[str]:
     """Names of all triggers that a healthy log has."""
-    return {f"{table}_no_{deed}" for table in COLUMNS for deed in ("update", "delete")}
+    return {f"{table}_no_{deed}" for table in COLUMNS for deed in ("update", "delete")} | {"frames_stay"}

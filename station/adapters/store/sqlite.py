@@ -3,19 +3,19 @@
 import hashlib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from station.adapters.store import anchor, file, ids, plain, unfinished
+from station.adapters.store import anchor, archive, file, ids, plain, unfinished
 from station.adapters.store.faults import told
 from station.adapters.store.owner import Owner
 from station.adapters.store.schema import COLUMNS
 from station.domain import chain
 from station.domain.chain import Value
-from station.domain.framepack import codec
-from station.errors import StoreFault
+from station.domain.framepack import plain as raw
+from station.errors import StationError, StoreFault
 from station.ports.store import Begin, Head, Unfinished, VisitRecord, WriteRecord
 
 _INSERT = {
@@ -54,9 +54,10 @@ class SqliteStore:
             self._owner.release()
             raise
         self._anchor_fault = ""
-        self._codec = codec.Encoder()
         self._open: dict[str, int] = {}
-        self._documents: dict[str, int] = {}
+        for left in archive.left(self._db):
+            with suppress(StationError):
+                self._archive(left)
 
     def begin(self, begin: Begin) -> str:
         """Creates the attempt before the device is touched; returns its UUIDv7."""
@@ -79,10 +80,12 @@ class SqliteStore:
 
     def visit(self, attempts: Sequence[str], visits: Sequence[VisitRecord]) -> None:
         """Keeps one stop of every nest, in one transaction."""
-        rows = [self._visit_row(v) for v in visits]
+        kept = [raw.to_bytes(v.frames) for v in visits]
+        rows = [plain.visit(v, raw.digest(frames)) for v, frames in zip(visits, kept, strict=True)]
         with self._transaction("written"):
-            for attempt, row in zip(attempts, rows, strict=True):
+            for attempt, row, frames in zip(attempts, rows, kept, strict=True):
                 self._append("visit", self._running(attempt), *row)
+                self._db.execute("INSERT INTO frames VALUES (?, ?)", (self._number, frames))
 
     def write(self, attempt: str, write: WriteRecord) -> None:
         """Keeps one stage of an object write: the intent before, the fact after."""
@@ -102,8 +105,10 @@ class SqliteStore:
         """Closes the attempt; when this returns, the record is on the disk."""
         with self._transaction("written"):
             self._append("finish", self._running(attempt), str(outcome), ended_ns)
-        del self._open[attempt]
+        number = self._open.pop(attempt)
         self._keep_head(durable=True)
+        with suppress(StationError):  # the plain frames stay, and the next opening of the log tries again
+            self._archive(number)
 
     def unfinished(self) -> tuple[Unfinished, ...]:
         """Attempts without an end, oldest first; they may be written to and finished like any other."""
@@ -174,12 +179,15 @@ class SqliteStore:
         self._append("document", key, kind, text)
         return self._number
 
-    def _visit_row(self, v: VisitRecord) -> tuple[Value, ...]:
-        kept = self._codec.encode(v.frames)
-        return (
-            *(v.run, v.visit, plain.text(v.position), plain.text(v.seating), v.kind, v.arrived_ns, v.left_ns),
-            *(len(v.frames), codec.digest(v.frames), plain.document(v.statistics), kept),
-        )
+    def _archive(self, attempt: int) -> None:
+        """Packs an attempt's raw frames into one record, in place of the plain ones."""
+        with self._turn, told(StoreFault, self.path, "read"):
+            data = archive.packed(self._db, attempt)
+        if data is None:
+            return
+        with self._transaction("written"):
+            self._append("archive", attempt, archive.visits(self._db, attempt), data)
+            archive.drop_plain(self._db, attempt)
 
     def _of(self, attempt: str) -> int:
         number = self._open.get(attempt)

@@ -1,12 +1,13 @@
 """How the bytes of one message fall into numbers: found from the frames themselves, for no DBC need be at hand."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.framepack import parity
-from station.domain.framepack.predict import cheapest, cost_bits
+from station.domain.framepack.predict import cheapest
 
 Table = NDArray[np.int64]
 
@@ -14,8 +15,8 @@ Table = NDArray[np.int64]
 BYTE, LITTLE, BIG = 0, 1, 2
 _WIDTH = {BYTE: 1, LITTLE: 2, BIG: 2}
 
-#: Fewer frames than this do not repay the description of a parity.
-_ENOUGH = 100
+#: About what the description of a parity takes, in bits.
+_PARITY_BITS = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,54 +62,54 @@ def words(data: NDArray[np.uint8]) -> NDArray[np.uint64]:
     return whole.view("<u8")[:, 0].astype(np.uint64)
 
 
-def find(data: NDArray[np.uint8], ticks: Table) -> Layout:
-    """The layout of payloads (n, width) and time stamps (n) with the fewest bits.
+def find(everything: NDArray[np.uint8], samples: Sequence[NDArray[np.uint8]], ticks: Sequence[Table]) -> Layout:
+    """The layout with the fewest bits of one message's payloads.
 
-    Parity byte first, then the best way to cut the rest into fields.
+    The parity must hold for `everything` (N, width) or, should a frame be corrupt there, for the first sample. How
+    the rest is cut and foretold is tried on samples (n, width) of consecutive frames, ticks (n) their time stamps.
     """
-    checked = _find_parity(data)
+    checked = _find_parity(everything, samples[0]) or _find_parity(samples[0], samples[0])
     if checked is not None:
-        data = data.copy()
-        data[:, checked.byte] = 0
-    kinds, models = _cut(data)
-    time = int(cheapest(ticks[:, None])[0])
-    return Layout(data.shape[1], kinds, models, time, checked)
+        samples = [data.copy() for data in samples]
+        for data in samples:
+            data[:, checked.byte] = 0
+    kinds, models = _cut(samples)
+    return Layout(everything.shape[1], kinds, models, cheapest(ticks)[1], checked)
 
 
-def _find_parity(data: NDArray[np.uint8]) -> parity.Parity | None:
-    """The parity of the byte that saves most: that whose value is hardest to foretell."""
-    if len(data) < _ENOUGH or not 1 < data.shape[1] <= 8:
+def _find_parity(everything: NDArray[np.uint8], sample: NDArray[np.uint8]) -> parity.Parity | None:
+    """The parity of the byte that saves most: that with the greatest entropy, for a CRC has no pattern of its own."""
+    if len(sample) < 2 or not 1 < sample.shape[1] <= 8:
         return None
-    costs = [_best(data, at, BYTE)[0] for at in range(data.shape[1])]
-    word = words(data)
-    for byte in sorted(range(len(costs)), key=lambda b: -costs[b]):
-        if costs[byte] < 2 * _ENOUGH * 8:
+    entropies = [_entropy_bits(column) for column in sample.T]
+    for byte in sorted(range(len(entropies)), key=lambda b: -entropies[b]):
+        if entropies[byte] * len(everything) < _PARITY_BITS:
             return None
-        found = parity.find(word, byte)
+        found = parity.find(words(everything), byte)
         if found is not None:
             return found
     return None
 
 
-def _cut(data: NDArray[np.uint8]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The cheapest row of fields, by dynamic programming over the bytes."""
-    width = data.shape[1]
+def _entropy_bits(column: NDArray[np.uint8]) -> float:
+    """Shannon entropy of one byte of a column (n)."""
+    share = np.bincount(column) / len(column)
+    share = share[share > 0]
+    return float(-(share * np.log2(share)).sum())
+
+
+def _cut(samples: Sequence[NDArray[np.uint8]]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """The cheapest row of fields and their models, by dynamic programming over the bytes."""
     best: list[tuple[float, tuple[int, ...], tuple[int, ...]]] = [(0.0, (), ())]
-    for end in range(1, width + 1):
+    for end in range(1, samples[0].shape[1] + 1):
         options = []
         for kind, size in _WIDTH.items():
             if size <= end:
-                bits, model = _best(data, end - size, kind)
+                bits, model = cheapest([_field(data, end - size, kind) for data in samples])
                 before = best[end - size]
                 options.append((before[0] + bits, (*before[1], kind), (*before[2], model)))
         best.append(min(options))
-    return best[width][1], best[width][2]
-
-
-def _best(data: NDArray[np.uint8], at: int, kind: int) -> tuple[float, int]:
-    column = _field(data, at, kind)[:, None]
-    model = int(cheapest(column)[0])
-    return float(cost_bits(column, np.array([model]))[0]), model
+    return best[-1][1], best[-1][2]
 
 
 def _field(data: NDArray[np.uint8], at: int, kind: int) -> Table:

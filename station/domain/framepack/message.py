@@ -7,22 +7,34 @@ from numpy.typing import NDArray
 
 from station.domain.framepack import predict, rice
 from station.domain.framepack.bytestream import Reader, Writer
-from station.domain.framepack.layout import Layout, words
+from station.domain.framepack.layout import Layout, find, words
 from station.domain.framepack.parity import Parity
 from station.domain.types import Frames
 
 Table = NDArray[np.int64]
+
+#: Identifier and length of a message.
+Key = tuple[int, int]
 
 #: Time stamps that span more than this (19 hours in ns) are not foretold; such frames are kept plainly.
 LONGEST_NS = 1 << 46
 
 _NO_PARITY = 0xFF
 
+#: On how many parts of an attempt, and frames of each, a description is tried.
+_TRIED_PARTS, _TRIED_ROWS = 8, 256
 
-def width_of(frames: Frames) -> int:
-    """Bytes of payload to describe: the message's length, or all where one beyond it is not zero."""
-    length = int(frames.length[0])
-    return frames.data.shape[1] if frames.data[:, length:].any() else length
+
+def describe(parts: Sequence[Frames]) -> Layout:
+    """The layout that suits one message, of which each part holds at least one frame.
+
+    Bytes beyond the message's length are described only where one of them is not zero.
+    """
+    length, widest = int(parts[0].length[0]), max(p.data.shape[1] for p in parts)
+    width = widest if any(p.data[:, length:].any() for p in parts) else length
+    tried = [part[:_TRIED_ROWS] for part in parts[:: max(1, len(parts) // _TRIED_PARTS)]]
+    samples = [of_width(part.data, width) for part in tried]
+    return find(of_width(Frames.join(list(parts)).data, width), samples, [ticks_of(part)[0] for part in tried])
 
 
 def ticks_of(frames: Frames) -> tuple[Table, int]:
@@ -35,14 +47,14 @@ def ticks_of(frames: Frames) -> tuple[Table, int]:
 def pack(out: Writer, low: list[bytes], frames: Frames, layout: Layout) -> None:
     """Writes the frames: description and unary bits to `out`, incompressible low bits to `low`."""
     ticks, tick = ticks_of(frames)
-    data = np.ascontiguousarray(frames.data[:, : layout.width])
+    data = of_width(frames.data, layout.width)
+    first = data[0].copy()
     if layout.parity is not None:
         data = data.copy()
-        data[:, layout.parity.byte] ^= layout.parity.predict(words(data))
-    out.count(int(frames.can_id[0]), int(frames.length[0]), len(frames), tick)
+        data[:, layout.parity.byte] ^= _foretold(layout.parity, data, first)
+    out.count(len(frames), tick)
     out.whole(int(frames.time_ns[0]))
-    _write_layout(out, layout)
-    out.out += data[0].tobytes()
+    out.out += first.tobytes()
     columns = np.column_stack([ticks, layout.fields(data)])
     u = _residuals(out, columns, (layout.time, *layout.models))
     used = u.any(axis=0)
@@ -56,11 +68,10 @@ def pack(out: Writer, low: list[bytes], frames: Frames, layout: Layout) -> None:
     low.append(low_bits)
 
 
-def unpack(data: Reader, low: Reader, data_width: int) -> Frames:
-    """The inverse of `pack`: the frames, payloads zero-filled to `data_width`."""
-    can_id, length, n, tick = (data.count() for _ in range(4))
+def unpack(data: Reader, low: Reader, key: Key, layout: Layout) -> Frames:
+    """The inverse of `pack`: frames of this identifier and length."""
+    n, tick = data.count(), data.count()
     start = data.whole()
-    layout = _read_layout(data)
     first = np.frombuffer(data.take(layout.width), np.uint8)
     models = (layout.time, *layout.models)
     parameters = [[data.whole() for _ in range(predict.PARAMETERS[m])] for m in models]
@@ -73,15 +84,29 @@ def unpack(data: Reader, low: Reader, data_width: int) -> Frames:
     residuals = predict.unzigzag(u).T
     columns = [predict.backward(r, m, p) for r, m, p in zip(residuals, models, parameters, strict=True)]
     payload = _payload(layout, np.column_stack(columns[1:]) if columns[1:] else np.zeros((n, 0), np.int64), first)
-    whole = np.pad(payload, ((0, 0), (0, data_width - layout.width)))
-    return Frames(start + columns[0] * tick, np.full(n, can_id, np.uint32), np.full(n, length, np.uint8), whole)
+    can_id, length = np.full(n, key[0], np.uint32), np.full(n, key[1], np.uint8)
+    return Frames(start + columns[0] * tick, can_id, length, payload)
+
+
+def of_width(data: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+    """Payloads cut, or filled with zeros, to a width."""
+    if data.shape[1] >= width:
+        return np.ascontiguousarray(data[:, :width])
+    return np.pad(data, ((0, 0), (0, width - data.shape[1])))
 
 
 def _payload(layout: Layout, fields: Table, first: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    payload = layout.payload(fields, first)
-    if layout.parity is not None:
-        payload[:, layout.parity.byte] ^= layout.parity.predict(words(payload))
+    if layout.parity is None:
+        return layout.payload(fields, first)
+    start = first.copy()
+    start[layout.parity.byte] = 0
+    payload = layout.payload(fields, start)
+    payload[:, layout.parity.byte] ^= _foretold(layout.parity, payload, first)
     return payload
+
+
+def _foretold(parity: Parity, data: NDArray[np.uint8], first: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return parity.predict(words(data), int(words(first[None, :])[0]))
 
 
 def _residuals(out: Writer, columns: Table, models: Sequence[int]) -> NDArray[np.uint64]:
@@ -93,7 +118,9 @@ def _residuals(out: Writer, columns: Table, models: Sequence[int]) -> NDArray[np
     return predict.zigzag(np.stack(residuals, axis=1))
 
 
-def _write_layout(out: Writer, layout: Layout) -> None:
+def write_layout(out: Writer, key: Key, layout: Layout) -> None:
+    """The description of a message, to stand before all its frames."""
+    out.count(*key)
     out.count(layout.width, layout.time, len(layout.kinds))
     out.out += bytes(kind << 4 | model for kind, model in zip(layout.kinds, layout.models, strict=True))
     if layout.parity is None:
@@ -102,7 +129,9 @@ def _write_layout(out: Writer, layout: Layout) -> None:
         out.out += layout.parity.to_bytes()
 
 
-def _read_layout(data: Reader) -> Layout:
+def read_layout(data: Reader) -> tuple[Key, Layout]:
+    """The inverse of `write_layout`."""
+    key = data.count(), data.count()
     width, time, number = data.count(), data.count(), data.count()
     fields = data.take(number)
     parity = None
@@ -110,4 +139,4 @@ def _read_layout(data: Reader) -> Layout:
         data.at += 1
     else:
         parity, data.at = Parity.from_bytes(data.data, data.at)
-    return Layout(width, tuple(f >> 4 for f in fields), tuple(f & 0xF for f in fields), time, parity)
+    return key, Layout(width, tuple(f >> 4 for f in fields), tuple(f & 0xF for f in fields), time, parity)

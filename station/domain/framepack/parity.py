@@ -18,38 +18,36 @@ _SAMPLE = 160
 
 @dataclass(frozen=True, slots=True)
 class Parity:
-    """byte: which one; first: a frame as a word; rows: mask of bits for each of the byte's bits, low bit first."""
+    """byte: which one; rows: for each of its bits, low bit first, the mask of bits whose parity it changes with."""
 
     byte: int
-    first: int
     rows: tuple[int, ...]
 
-    def predict(self, words: Words) -> NDArray[np.uint8]:
-        """What the byte ought to be (n), from the other bytes of words (n)."""
-        changed = words ^ np.uint64(self.first)
+    def predict(self, words: Words, first: int) -> NDArray[np.uint8]:
+        """What the byte ought to be (n), from the other bytes of words (n) and one whole frame, `first`."""
+        changed = words ^ np.uint64(first)
         value = np.zeros(len(words), np.uint8)
         for place, mask in enumerate(self.rows):
             odd = np.bitwise_count(changed & np.uint64(mask)) & np.uint8(1)
             value |= odd << np.uint8(place)
-        return value ^ np.uint8(self.first >> 8 * self.byte & 0xFF)
+        return value ^ np.uint8(first >> 8 * self.byte & 0xFF)
 
     def to_bytes(self) -> bytes:
-        """byte, first, the union of the masks, and each mask as bits of that union."""
+        """byte, the union of the masks, and each mask as bits of that union."""
         bits = _bits(self._union())
         packed = [sum((row >> b & 1) << i for i, b in enumerate(bits)) for row in self.rows]
         width = (len(bits) + 7) // 8
-        head = bytes([self.byte]) + self.first.to_bytes(8, "little") + self._union().to_bytes(8, "little")
+        head = bytes([self.byte]) + self._union().to_bytes(8, "little")
         return head + b"".join(p.to_bytes(width, "little") for p in packed)
 
     @classmethod
     def from_bytes(cls, data: bytes, at: int) -> tuple[Self, int]:
         """The inverse, from `at` on, and where the next thing begins."""
-        first, union = (int.from_bytes(data[i : i + 8], "little") for i in (at + 1, at + 9))
-        bits = _bits(union)
-        width, rows_at = (len(bits) + 7) // 8, at + 17
+        bits = _bits(int.from_bytes(data[at + 1 : at + 9], "little"))
+        width, rows_at = (len(bits) + 7) // 8, at + 9
         packed = [int.from_bytes(data[rows_at + i * width : rows_at + (i + 1) * width], "little") for i in range(8)]
         rows = tuple(sum((p >> i & 1) << b for i, b in enumerate(bits)) for p in packed)
-        return cls(data[at], first, rows), rows_at + 8 * width
+        return cls(data[at], rows), rows_at + 8 * width
 
     def _union(self) -> int:
         union = 0
@@ -68,8 +66,8 @@ def find(words: Words, byte: int) -> Parity | None:
         for word in left[:_SAMPLE].tolist():
             if not _add(basis, word ^ first, keep):
                 return None
-        parity = Parity(byte, first, tuple(_mask(basis, 8 * byte + i) for i in range(8)))
-        wrong = parity.predict(words) != (words >> np.uint64(8 * byte)).astype(np.uint8)
+        parity = Parity(byte, tuple(_mask(basis, 8 * byte + i) for i in range(8)))
+        wrong = parity.predict(words, first) != (words >> np.uint64(8 * byte)).astype(np.uint8)
         left = words[wrong]
     return parity
 

@@ -4,6 +4,9 @@ Four models, each exactly reversible in whole numbers: LEVEL (noise about a mean
 that wraps), LINE (a steady clock). Columns are int64 and start at 0: they are differences from their first row.
 """
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -54,19 +57,15 @@ def unzigzag(u: NDArray[np.uint64]) -> Table:
     return (u >> np.uint64(1)).view(np.int64) ^ -(u & np.uint64(1)).view(np.int64)
 
 
-def cost_bits(table: Table, models: NDArray[np.int64]) -> NDArray[np.float64]:
-    """About how many bits the columns of a table (n, m) take in Rice codes, each by its model (m)."""
-    costs = []
-    for column, model in zip(table.T, models, strict=True):
-        size = np.abs(forward(column, int(model))[0]).mean() * 2
-        costs.append(len(column) * (np.log2(size * 0.72) + 2.0 if size > 1.4 else size * 1.5))
-    return np.array(costs)
+def cheapest(columns: Sequence[Table]) -> tuple[float, int]:
+    """The model with the fewest bits for all columns together, the simplest of equals: bits, model."""
+    return min((sum(_bits(forward(column, model)[0]) for column in columns), model) for model in MODELS)
 
 
-def cheapest(table: Table) -> NDArray[np.int64]:
-    """For each column of a table (n, m) the model with the fewest bits; the simplest of equals."""
-    costs = np.stack([cost_bits(table, np.full(table.shape[1], model)) for model in MODELS])
-    return np.asarray(costs.argmin(axis=0))
+def _bits(residual: Table) -> float:
+    """About how many bits residuals (n) take in Rice codes."""
+    size = float(np.abs(residual).mean()) * 2
+    return len(residual) * (math.log2(size * 0.72) + 2.0 if size > 1.4 else size * 1.5)
 
 
 def _counted(column: Table, change: Table) -> tuple[Table, list[int]]:
