@@ -1,0 +1,102 @@
+"""Who may do what: accounts with scrypt-hashed passwords and a role each, kept in one JSON file."""
+
+import base64
+import hashlib
+import hmac
+import json
+import os
+import secrets
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from station.errors import ConfigError, UsageError
+
+#: RFC 7914 and OWASP's floor: N = 2¹⁷, r = 8, p = 1, about 0.2 s and 128 MiB for one guess.
+_N, _R, _P = 2**17, 8, 1
+
+
+class Role(StrEnum):
+    """What a person may do; each role stands for its own rights, none contains another by magic."""
+
+    OPERATOR = "operator"
+    ENGINEER = "engineer"
+    AUDITOR = "auditor"
+
+
+#: Right → the roles that have it.
+RIGHTS = {
+    "watch": frozenset(Role),
+    "run": frozenset({Role.OPERATOR, Role.ENGINEER}),
+    "audit": frozenset({Role.AUDITOR, Role.ENGINEER}),
+    "charts": frozenset({Role.AUDITOR, Role.ENGINEER}),
+    "diagnose": frozenset({Role.ENGINEER}),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """One person: name, role, and the hash of the password."""
+
+    name: str
+    role: Role
+    password: str
+
+    def may(self, right: str) -> bool:
+        """Whether this person has the right."""
+        return self.role in RIGHTS[right]
+
+
+def hash_password(password: str) -> str:
+    """`scrypt$N$r$p$salt$key`, salt and key in base64."""
+    if len(password) < 8:
+        raise UsageError("a password needs at least 8 characters; choose a longer one")
+    salt = secrets.token_bytes(16)
+    key = _scrypt(password, salt, _N, _R, _P)
+    return f"scrypt${_N}${_R}${_P}${_b64(salt)}${_b64(key)}"
+
+
+def verify(password: str, kept: str) -> bool:
+    """Whether the password is the kept one, in time that does not tell how nearly."""
+    try:
+        _, n, r, p, salt, key = kept.split("$")
+        found = _scrypt(password, base64.b64decode(salt), int(n), int(r), int(p))
+        return hmac.compare_digest(found, base64.b64decode(key))
+    except ValueError:
+        return False
+
+
+#: Verified when the name is unknown, so that the answer takes as long as for a known one.
+NOBODY = f"scrypt${_N}${_R}${_P}${base64.b64encode(bytes(16)).decode()}${base64.b64encode(bytes(64)).decode()}"
+
+
+def load(path: Path) -> dict[str, Account]:
+    """The accounts in the file by name; none where there is no file. ConfigError when it cannot be read."""
+    if not path.exists():
+        return {}
+    try:
+        rows = json.loads(path.read_text(encoding="utf-8"))["accounts"]
+        return {r["name"]: Account(r["name"], Role(r["role"]), r["password"]) for r in rows}
+    except (OSError, ValueError, KeyError, TypeError) as exc:
+        remedy = "restore it, or remove it and add the people again with `station panel --add NAME`"
+        raise ConfigError(f"{path}: the accounts cannot be read ({exc}); {remedy}") from exc
+
+
+def save(path: Path, accounts: dict[str, Account]) -> None:
+    """Writes the file whole or not at all, readable by its owner only."""
+    rows = [{"name": a.name, "role": a.role.value, "password": a.password} for a in accounts.values()]
+    text = json.dumps({"schema": "station.accounts/1", "accounts": rows}, indent=1)
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    beside.replace(path)
+
+
+def _scrypt(password: str, salt: bytes, n: int, r: int, p: int) -> bytes:
+    return hashlib.scrypt(password.encode(), salt=salt, n=n, r=r, p=p, maxmem=256 * n * r, dklen=64)
+
+
+def _b64(data: bytes) -> str:
+    return base64.b64encode(data).decode()
