@@ -1,10 +1,9 @@
-"""python-can messages to Frames and back; which frames a channel wants."""
+"""python-can messages to Frames and back."""
 
 from collections.abc import Sequence
 
 import can
 import numpy as np
-from numpy.typing import NDArray
 
 from station.domain.types import ERROR, EXTENDED, REMOTE, Frames
 
@@ -40,15 +39,3 @@ def to_message(can_id: int, data: bytes, timestamp_s: float, dlc: int | None = N
         data=None if remote else data,
         dlc=dlc if remote else len(data),
     )
-
-
-def wanted(frames: Frames, can_ids: Sequence[int], *, errors: bool) -> NDArray[np.bool_]:
-    """Mask (n) of the frames that a channel with these ids receives; no ids: all. Error frames only if asked for."""
-    is_error = (frames.can_id & np.uint32(ERROR)) != 0
-    if not can_ids:
-        chosen = ~is_error
-    else:
-        # The REMOTE bit is not part of the address: a remote frame is shown, and told apart by whoever decodes.
-        address = frames.can_id & np.uint32(EXTENDED | 0x1FFF_FFFF)
-        chosen = np.isin(address, np.array(can_ids, np.uint32)) & ~is_error
-    return np.asarray(chosen | is_error if errors else chosen)

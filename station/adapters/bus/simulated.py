@@ -2,10 +2,11 @@
 
 import uuid
 
-import can
 import numpy as np
+from can.interfaces.virtual import VirtualBus
 
-from station.adapters.bus._messages import to_frames, to_message, wanted
+from station.adapters.bus._filter import wanted
+from station.adapters.bus._messages import to_frames, to_message
 from station.domain.types import Frames
 from station.errors import BusFault
 from station.ports.clock import EventClock
@@ -25,6 +26,11 @@ class Simulated:
         self._name = name
         self._wire = f"{name}-{uuid.uuid4()}"
         self._channels: list[_Channel] = []
+
+    @classmethod
+    def open(cls, channel: str, clock: EventClock) -> "Simulated":
+        """A new bus; `channel` is only its name."""
+        return cls(clock, channel)
 
     @property
     def name(self) -> str:
@@ -67,11 +73,13 @@ class _Channel:
         self._can_ids = can_ids
         self._errors = errors
         self._blocks: list[Frames] = []
-        self._bus = can.Bus(wire, interface="virtual", preserve_timestamps=True, ignore_config=True)
+        self._bus = VirtualBus(wire, preserve_timestamps=True)  # by its class: no .canrc can redirect it
 
     def send(self, can_id: int, data: bytes) -> None:
         """Sends one frame now."""
         self._check_open()
+        if len(data) > 8:
+            raise ValueError(f"a classic frame holds 8 bytes, not {len(data)}")
         # Seconds since the clock's start: small enough for a float to hold them to the nanosecond.
         self._bus.send(to_message(can_id, data, self._clock.monotonic_s()))
 
@@ -113,8 +121,8 @@ class _Channel:
 
     def _drain(self) -> Frames:
         blocks, self._blocks = self._blocks, []
-        singles = self._singles()
-        if len(singles):
+        if not self._bus.queue.empty():
+            singles = self._singles()
             blocks.insert(0, singles[wanted(singles, self._can_ids, errors=self._errors)])
         frames = blocks[0] if len(blocks) == 1 else Frames.join(blocks)
         if (np.diff(frames.time_ns) < 0).any():

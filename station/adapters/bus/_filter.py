@@ -1,0 +1,20 @@
+"""Which frames a channel receives: the rule the kernel applies, for buses that have no kernel."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.types import ERROR, EXTENDED, Frames
+
+
+def wanted(frames: Frames, can_ids: Sequence[int], *, errors: bool) -> NDArray[np.bool_]:
+    """Mask (n) of the frames that a channel with these ids receives; no ids: all. Error frames only if asked for."""
+    is_error = (frames.can_id & np.uint32(ERROR)) != 0
+    if not can_ids:
+        chosen = ~is_error
+    else:
+        # The REMOTE bit is not part of the address: a remote frame is shown, and told apart by whoever decodes.
+        address = frames.can_id & np.uint32(EXTENDED | 0x1FFF_FFFF)
+        chosen = np.isin(address, np.array(can_ids, np.uint32)) & ~is_error
+    return np.asarray(chosen | is_error if errors else chosen)

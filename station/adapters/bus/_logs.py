@@ -1,0 +1,80 @@
+"""CAN logs of any kind → Frames, block by block, and back."""
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+
+from station.adapters.bus import _candump
+from station.domain.types import Frames
+from station.errors import LogError, UsageError
+
+#: Frames per block: memory stays flat however long the log is.
+BLOCK = 65_536
+#: What python-can reads for us; each keeps times to about 0.25 µs.
+READ_BY_PYTHON_CAN = (".blf", ".asc", ".mf4")
+#: What its readers raise on a file that is none of theirs, cut off or corrupt.
+_CORRUPT = (ValueError, KeyError, IndexError, EOFError, AttributeError, TypeError, OSError, struct.error, zlib.error)
+
+
+def read_blocks(path: Path, channel: str | None = None) -> Iterator[Frames]:
+    """Frames of a .log (candump), .blf, .asc or .mf4 in order, in blocks; `channel`: of this one only.
+
+    Errors: LogError names the file, where known the line, and the remedy.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".log", *READ_BY_PYTHON_CAN):
+        raise LogError(f"{path}: logs end in .log (candump), .blf, .asc or .mf4; convert it or correct the name")
+    if not path.is_file():
+        raise LogError(f"{path} does not exist; correct the path")
+    blocks = _candump.read(path, channel, BLOCK) if suffix == ".log" else _by_python_can(path, channel)
+    try:
+        yield from blocks
+    except OSError as error:
+        raise LogError(f"{path} cannot be read ({error.strerror}); check the file") from None
+
+
+def read_log(path: Path, channel: str | None = None) -> Frames:
+    """A whole log at once; LogError when there is no frame in it."""
+    frames = Frames.join(list(read_blocks(path, channel)))
+    if not len(frames):
+        where = "" if channel is None else f" of channel {channel}"
+        raise LogError(f"{path} holds no CAN frames{where}; check that it is the right log")
+    return frames
+
+
+def write_log(path: Path, frames: Frames, channel: str = "can0") -> None:
+    """Writes frames as a candump log (.log) or BLF (.blf), by the file's ending; UsageError for any other."""
+    writers: dict[str, Callable[[Path, Frames, str], None]] = {".log": _candump.write, ".blf": _write_blf}
+    if path.suffix.lower() not in writers:
+        raise UsageError(f"{path}: frames are written as .log (candump) or .blf; choose one of these endings")
+    try:
+        writers[path.suffix.lower()](path, frames, channel)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written ({error.strerror}); choose another place") from None
+
+
+def _by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
+    import can  # heavy, and only needed where such a log is read
+
+    from station.adapters.bus._messages import to_frames
+
+    try:
+        with can.LogReader(path) as reader:
+            messages = (m for m in reader if channel in (None, str(m.channel)))
+            while block := list(islice(messages, BLOCK)):
+                yield to_frames(block, [round(m.timestamp * 1e9) for m in block])
+    except (*_CORRUPT, can.CanError) as error:
+        raise LogError(f"{path} is no readable {path.suffix} log ({error}); record or convert it again") from None
+
+
+def _write_blf(path: Path, frames: Frames, _channel: str) -> None:
+    import can
+
+    from station.adapters.bus._messages import to_message
+
+    columns = frames.time_ns.tolist(), frames.can_id.tolist(), frames.length.tolist(), frames.data
+    with can.BLFWriter(path) as writer:
+        for time_ns, can_id, length, data in zip(*columns, strict=True):
+            writer.on_message_received(to_message(can_id, data[:length].tobytes(), time_ns / 1e9, length))

@@ -1,0 +1,90 @@
+"""A recorded CAN log in the place of a bus: the same frames, as fast as they can be read."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from station.adapters.bus._filter import wanted
+from station.adapters.bus._logs import read_blocks
+from station.domain.types import Frames
+from station.errors import BusFault, LogError
+from station.ports.clock import Clock
+
+
+class Replay:
+    """A log as a bus. Every channel reads the log from its start; time is the log's own, no call waits.
+
+    Errors: LogError when the log cannot be read.
+    """
+
+    def __init__(self, path: Path, channel: str | None = None) -> None:
+        self._path = path
+        self._channel = channel
+        self._channels: list[_Channel] = []
+        if next(read_blocks(path, channel), None) is None:
+            raise LogError(f"{path} holds no CAN frames; check that it is the right log")
+
+    @classmethod
+    def open(cls, channel: str, _clock: Clock) -> "Replay":
+        """The log in the file of that name."""
+        return cls(Path(channel))
+
+    @property
+    def name(self) -> str:
+        """The log's file name."""
+        return self._path.name
+
+    def stream(self, can_ids: tuple[int, ...]) -> "_Channel":
+        """The log's frames with these ids (none: all), and its error frames."""
+        return self._open(can_ids, errors=True)
+
+    def service(self, can_ids: tuple[int, ...]) -> "_Channel":
+        """The log's frames with these ids (none: all), without error frames."""
+        return self._open(can_ids, errors=False)
+
+    def state(self) -> str:
+        """Unknown: a log does not keep the controller's state; its error frames tell."""
+        return "unknown"
+
+    def close(self) -> None:
+        """Closes every channel opened here."""
+        for channel in self._channels:
+            channel.close()
+        self._channels.clear()
+
+    def _open(self, can_ids: tuple[int, ...], *, errors: bool) -> "_Channel":
+        channel = _Channel(self.name, read_blocks(self._path, self._channel), can_ids, errors=errors)
+        self._channels.append(channel)
+        return channel
+
+
+class _Channel:
+    """One reading of the log, block by block."""
+
+    def __init__(self, name: str, blocks: Iterator[Frames], can_ids: tuple[int, ...], *, errors: bool) -> None:
+        self._name = name
+        self._blocks: Iterator[Frames] | None = blocks
+        self._can_ids = can_ids
+        self._errors = errors
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """A recording cannot be changed: BusFault."""
+        raise BusFault(f"{self._name} is a recording, nothing can be sent to it ({can_id:#x}, {len(data)} bytes)")
+
+    def receive(self, timeout_s: float) -> Frames:
+        """The next block that holds frames for this channel; none at the end. Never waits: `timeout_s` is no matter."""
+        del timeout_s
+        if self._blocks is None:
+            raise BusFault(f"the channel of {self._name} is closed; open another one")
+        for block in self._blocks:
+            mine = wanted(block, self._can_ids, errors=self._errors)
+            if mine.any():
+                return block[mine]
+        return Frames.empty()
+
+    def drops(self) -> int:
+        """None: what a recording lost shows in the frame counters only."""
+        return 0
+
+    def close(self) -> None:
+        """Ends the reading; twice is harmless."""
+        self._blocks = None

@@ -1,0 +1,194 @@
+"""A real CAN interface (or vcan) through Linux SocketCAN."""
+
+import errno
+import select
+import socket
+import struct
+import time
+from typing import Final
+
+from station.adapters.bus import _netlink
+from station.adapters.bus._recvmmsg import SO_MEMINFO, SO_RCVBUFFORCE, Receiver
+from station.domain.types import EXTENDED, Frames
+from station.errors import BusFault, ConfigError
+from station.ports.clock import Clock
+
+#: 16 MiB hold about 43,000 frames, nearly 5 s of a full 1 Mbit/s bus; the default holds 31 ms.
+STREAM_BUFFER_BYTES: Final = 16 << 20
+SERVICE_BUFFER_BYTES: Final = 1 << 20
+#: How long the kernel's transmit queue may stay full before that is a fault.
+SEND_DEADLINE_S: Final = 1.0
+#: A flood must not keep one call for ever.
+MOST_BATCHES: Final = 32
+_CAN_RAW_ERR_FILTER, _ALL_ERRORS = 2, 0x1FFF_FFFF
+_FRAME = struct.Struct("=IB3x8s")
+
+
+class SocketCan:
+    """One CAN interface. Streams see error frames and have a large buffer; services see no error frames.
+
+    Errors: ConfigError when the interface does not exist or the kernel has no CAN.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._channels: list[_Channel] = []
+        self._open((), errors=False, buffer_bytes=SERVICE_BUFFER_BYTES).close()  # fails now, not in mid-run
+
+    @classmethod
+    def open(cls, channel: str, _clock: Clock) -> "SocketCan":
+        """The interface of that name."""
+        return cls(channel)
+
+    @property
+    def name(self) -> str:
+        """can0, vcan0, …"""
+        return self._name
+
+    def stream(self, can_ids: tuple[int, ...]) -> "_Channel":
+        """A channel that receives these ids (none: all) and error frames."""
+        return self._open(can_ids, errors=True, buffer_bytes=STREAM_BUFFER_BYTES)
+
+    def service(self, can_ids: tuple[int, ...]) -> "_Channel":
+        """A channel that receives these ids (none: all) and no error frames."""
+        return self._open(can_ids, errors=False, buffer_bytes=SERVICE_BUFFER_BYTES)
+
+    def state(self) -> str:
+        """The controller's state as the kernel knows it; a vcan has none that could be anything but active."""
+        try:
+            link = _netlink.ask(self._name)
+        except OSError:
+            return "unknown"
+        if not link.up:
+            return "down"
+        if link.can_state in ("stopped", "sleeping"):
+            return "down"
+        virtual = "active" if link.kind in ("vcan", "vxcan") else "unknown"
+        return link.can_state or virtual
+
+    def close(self) -> None:
+        """Closes every channel opened here."""
+        for channel in self._channels:
+            channel.close()
+        self._channels.clear()
+
+    def _open(self, can_ids: tuple[int, ...], *, errors: bool, buffer_bytes: int) -> "_Channel":
+        channel = _Channel(self._name, _bound(self._name, can_ids, errors=errors, buffer_bytes=buffer_bytes))
+        self._channels.append(channel)
+        return channel
+
+
+class _Channel:
+    """One raw socket. The same socket works again after the link was down and came up."""
+
+    def __init__(self, name: str, sock: socket.socket) -> None:
+        self._name = name
+        self._sock = sock
+        self._receiver = Receiver(sock)
+        self._readable = select.poll()
+        self._readable.register(sock, select.POLLIN)
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Sends one frame; while the queue is full, tries again for up to SEND_DEADLINE_S."""
+        self._check_open()
+        if len(data) > 8:
+            raise ValueError(f"a classic frame holds 8 bytes, not {len(data)}")
+        frame = _FRAME.pack(can_id, len(data), data)
+        deadline_s = time.monotonic() + SEND_DEADLINE_S
+        while True:
+            try:
+                self._sock.send(frame)
+            except OSError as error:
+                if error.errno not in (errno.ENOBUFS, errno.EAGAIN) or time.monotonic() > deadline_s:
+                    raise BusFault(_told(self._name, error)) from None
+                time.sleep(0.001)  # poll() calls the socket writable although the queue behind it is full
+            else:
+                return
+
+    def send_many(self, frames: Frames) -> None:
+        """Sends the frames one after the other, now; their times are not kept."""
+        for can_id, length, data in zip(frames.can_id.tolist(), frames.length.tolist(), frames.data, strict=True):
+            self.send(can_id, data[:length].tobytes())
+
+    def receive(self, timeout_s: float) -> Frames:
+        """All frames waiting, in order, with the kernel's time; waits up to `timeout_s` for the first."""
+        self._check_open()
+        try:
+            frames = self._receiver.take()
+            if not len(frames) and timeout_s > 0:
+                self._readable.poll(timeout_s * 1000)
+                frames = self._receiver.take()
+            parts = [frames]
+            while len(parts[-1]) == self._receiver.batch and len(parts) < MOST_BATCHES:
+                parts.append(self._receiver.take())
+        except OSError as error:
+            raise BusFault(_told(self._name, error)) from None
+        return frames if len(parts) == 1 else Frames.join(parts)
+
+    def drops(self) -> int:
+        """Frames the kernel dropped on this socket since it was opened (SO_MEMINFO, SK_MEMINFO_DROPS)."""
+        self._check_open()
+        return int(struct.unpack("=9I", self._sock.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, 36))[8])
+
+    def close(self) -> None:
+        """Closes the socket; twice is harmless."""
+        self._sock.close()
+
+    def _check_open(self) -> None:
+        if self._sock.fileno() < 0:
+            raise BusFault(f"the channel of {self._name} is closed; open another one")
+
+
+def _bound(name: str, can_ids: tuple[int, ...], *, errors: bool, buffer_bytes: int) -> socket.socket:
+    """A raw socket on the interface with its filters and buffer set before the first frame can come."""
+    try:
+        sock = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+    except OSError as error:
+        raise ConfigError(
+            f"this kernel has no CAN ({error.strerror}); "
+            "load it with `modprobe can_raw`, or set bus.interface: simulated"
+        ) from None
+    try:
+        sock.settimeout(0)
+        sock.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, _filters(can_ids))
+        sock.setsockopt(socket.SOL_CAN_RAW, _CAN_RAW_ERR_FILTER, struct.pack("=I", _ALL_ERRORS if errors else 0))
+        _enlarge(sock, buffer_bytes)
+        sock.bind((name,))
+    except OSError as error:
+        sock.close()
+        known = ", ".join(n for _, n in socket.if_nameindex() if "can" in n) or "none"
+        raise ConfigError(
+            f"CAN interface {name} cannot be opened ({error.strerror}); "
+            f"interfaces with such a name here: {known}; correct bus.channel or plug the adapter in"
+        ) from None
+    return sock
+
+
+def _filters(can_ids: tuple[int, ...]) -> bytes:
+    """struct can_filter for each id: data and remote frames of exactly this id and format; no ids: everything."""
+    if not can_ids:
+        return struct.pack("=II", 0, 0)
+    whole = EXTENDED | 0x1FFF_FFFF
+    return b"".join(struct.pack("=II", can_id & whole, whole) for can_id in can_ids)
+
+
+def _enlarge(sock: socket.socket, size: int) -> None:
+    """Sets the receive buffer: past the system's limit where this process may, else up to the limit."""
+    try:
+        sock.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, size)
+    except PermissionError:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
+
+
+def _told(name: str, error: OSError) -> str:
+    """A socket's error as a sentence with a remedy."""
+    if error.errno == errno.ENETDOWN:
+        return f"{name} is down; bring it up with `ip link set {name} up`"
+    if error.errno in (errno.ENODEV, errno.ENXIO):
+        return f"{name} is gone; plug the adapter in again and start anew"
+    if error.errno in (errno.ENOBUFS, errno.EAGAIN):
+        return (
+            f"{name} could not send for {SEND_DEADLINE_S:g} s, its queue is full: check that a node acknowledges "
+            f"(wiring, termination, bit rate), or enlarge it with `ip link set {name} txqueuelen 1000`"
+        )
+    return f"{name} failed: {error.strerror}"
