@@ -6,17 +6,18 @@ from types import MappingProxyType
 
 from station.errors import UsageError
 
-#: kind → what the device does. `at` counts its SDO requests from 1; `after_s` counts from its first power-on.
+#: kind → what the device does. `at` counts the SDO requests it is about, from 1; `after_s` counts from its start.
 KINDS: Mapping[str, str] = MappingProxyType(
     {
-        "silent": "does not answer SDO requests",
+        "silent": "does what is asked, but does not answer",
+        "deaf": "does not hear SDO requests",
         "late": "answers `seconds` later than it should",
         "stale": "sends the answer to an earlier request once more before the right one",
         "wrong-object": "answers for another object (`value` is its index)",
         "refuse": "refuses with the abort code `code`; `access` (read, write) narrows it",
         "wrong-toggle": "answers a segment with the wrong toggle bit",
         "lost-segment": "loses one segment of a block",
-        "bad-block-crc": "sends or expects a wrong CRC at the end of a block",
+        "bad-block-crc": "sends a wrong CRC at the end of a block upload",
         "twice": "answers every request twice, as two devices with one node id do",
         "reads": "an object reads as `value`, whatever it holds",
         "reboot": "resets itself when SDO request `at` comes, before answering it",
@@ -47,7 +48,8 @@ KINDS: Mapping[str, str] = MappingProxyType(
 class Fault:
     """One fault. Text form: `kind` or `kind:index=0x2101,sub=1,code=0x06090030`.
 
-    at, times: from which SDO request on, and for how many (0: for ever); index, sub, access: only for this
+    at, times: from which such request on, and how often (0: for ever, or once where that is the nature of
+    the fault, as of a reboot); index, sub, access: only for this
     object, sub-index or direction; code, value, fraction, seconds, after_s: see KINDS.
     """
 

@@ -1,0 +1,75 @@
+"""The non-volatile memory of a simulated device: what was saved last, in this process or in a file that outlives it."""
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from station.errors import ConfigError, UsageError
+
+#: Values by address, written as in the contracts: {"2101:01": 1.0}. Bytes are hex text.
+Objects = dict[str, int | float | str]
+
+
+def key(index: int, sub: int) -> str:
+    """An address as the memory writes it: 2101:01."""
+    return f"{index:04X}:{sub:02X}"
+
+
+class NonVolatile:
+    """Saved objects. path: a JSON file {"objects": {…}}, exactly as last saved; None: lives as long as this value."""
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._path = path
+        self._objects: Objects = {}
+        if path is not None and path.exists():
+            self._objects = _read(path)
+
+    @classmethod
+    def of_serial(cls, folder: Path, serial: str) -> "NonVolatile":
+        """The memory of the device with this printed serial: folder/SERIAL.json. Errors: UsageError, ConfigError."""
+        if not serial or not all(c.isalnum() or c in "-_." for c in serial) or serial.startswith("."):
+            raise UsageError(f"serial {serial[:40]!r} cannot name a file; use letters, digits, - and _")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as exc:
+            raise ConfigError(f"the folder {folder} for the devices' memory cannot be made ({exc.strerror})") from exc
+        return cls(folder / f"{serial}.json")
+
+    def objects(self) -> Objects:
+        """What was saved last."""
+        return dict(self._objects)
+
+    def store(self, objects: Mapping[str, int | float | str]) -> None:
+        """Keeps these objects in place of the old ones: all of them or, when power fails, none."""
+        self._objects = dict(objects)
+        if self._path is not None:
+            _write(self._path, json.dumps({"objects": self._objects}, indent=1))
+
+    def clear(self) -> None:
+        """Forgets everything: factory values at the next start."""
+        self.store({})
+
+
+def _read(path: Path) -> Objects:
+    try:
+        objects: Objects = json.loads(path.read_text(encoding="utf-8"))["objects"]
+        return dict(objects)
+    except (OSError, ValueError, KeyError, TypeError) as exc:
+        raise ConfigError(f"{path} is not the memory of a simulated device; delete it to start afresh") from exc
+
+
+def _write(path: Path, text: str) -> None:
+    """Temporary file in the same folder, fsync, rename, fsync of the folder: the old or the new, never half."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    Path(name).replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
