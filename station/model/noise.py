@@ -6,7 +6,7 @@ import numpy as np
 
 from station.domain.types import Floats
 
-#: Flicker below this is drawn wave by wave; above it white noise is far larger.
+#: Flicker below half the inverse of this is drawn wave by wave; above it white noise is far larger.
 FLICKER_STEP_S = 0.5
 
 
@@ -18,20 +18,29 @@ class Noise:
     flicker: float
 
     def draw(self, time_s: Floats, rate_hz: float, rng: np.random.Generator) -> Floats:
-        """Noise (n, 3) of samples at time_s (n), which never runs back; the bandwidth is half the rate."""
-        white = self.density * np.sqrt(rate_hz / 2) * rng.standard_normal((len(time_s), 3))
-        return np.asarray(white + self._slow(time_s, rng))
+        """Noise (n, 3) of the samples of a run at time_s (n); the bandwidth is half the rate."""
+        slow = self.slow(float(time_s.max(initial=0.0)), rng)
+        return np.asarray(self.white(len(time_s), rate_hz, rng) + at(slow, time_s))
 
-    def _slow(self, time_s: Floats, rng: np.random.Generator) -> Floats:
-        """Flicker (n, 3): waves whose power falls as 1/f."""
-        start = float(time_s.min(initial=0.0))
-        span = float(time_s.max(initial=0.0)) - start
-        size = 1 << max(3, int(np.ceil(np.log2(span / FLICKER_STEP_S + 2))))
+    def white(self, samples: int, rate_hz: float, rng: np.random.Generator) -> Floats:
+        """White noise (n, 3)."""
+        return np.asarray(self.density * np.sqrt(rate_hz / 2) * rng.standard_normal((samples, 3)))
+
+    def slow(self, span_s: float, rng: np.random.Generator) -> Floats:
+        """Flicker (3, k) every half second of at least `span_s`: waves whose power falls as 1/f. It repeats."""
+        size = 1 << max(3, int(np.ceil(np.log2(span_s / FLICKER_STEP_S + 2))))
         power = np.zeros(size // 2 + 1)
         power[1:] = 1 / np.arange(1, size // 2 + 1)
         waves = np.sqrt(power) * (rng.standard_normal((3, len(power))) + 1j * rng.standard_normal((3, len(power))))
-        # The last wave of a real transform has no imaginary part, hence half the weight.
+        # The last wave of a real transform has no imaginary part and no mirror: a quarter of the others' power.
         rms = np.sqrt(4 * power.sum() - 3 * power[-1]) / size
-        grid = start + FLICKER_STEP_S * np.arange(size)
-        slow = np.fft.irfft(waves, size) * self.flicker / rms
-        return np.stack([np.interp(time_s, grid, axis) for axis in slow], axis=1)
+        return np.asarray(np.fft.irfft(waves, size) * self.flicker / rms)
+
+
+def at(slow: Floats, time_s: Floats) -> Floats:
+    """Flicker (n, 3) at any time, between its points on a straight line."""
+    place = time_s / FLICKER_STEP_S
+    before = np.floor(place).astype(int)
+    share = place - before
+    points = slow.shape[1]
+    return np.asarray((slow[:, before % points] * (1 - share) + slow[:, (before + 1) % points] * share).T)

@@ -12,10 +12,11 @@ from station.errors import UsageError
 from station.model import record
 from station.model.effect import ClockEffect, Effect, GoldEffect, stream, strength
 from station.model.forward import Acting, Active, Base, convert, feel, read
+from station.model.line import Line
 from station.model.model_file import EFFECTS, Model
 from station.model.noise import Noise
 from station.model.scene import Scene
-from station.model.timeline import Batch, Line, density_of, scene_of_plan
+from station.model.timeline import Batch, density_of, scene_of_plan
 
 #: Spread of good units, as parts of the stimulus: ±25 mg and 1 % (ADXL355: ±25 mg typical, ±8 % at most).
 OFFSET_STD, GAIN_STD = 0.025, 0.01

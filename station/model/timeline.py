@@ -9,7 +9,9 @@ import numpy as np
 from station.domain import plan, rotation
 from station.domain.recipe import Recipe
 from station.domain.types import Array, Floats, Labels
+from station.model.climate import climate, drive
 from station.model.effect import stream, strength
+from station.model.line import Line
 from station.model.scene import Scene
 from station.model.visits import Visits, visits_of
 
@@ -17,37 +19,6 @@ from station.model.visits import Visits, visits_of
 STOPS_BY_HAND = 24
 #: White noise of a device whose data sheet gives none, of the stimulus per √Hz: 100 µg/√Hz.
 DENSITY = 1e-4
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """How the simulated line works. Its numbers are those of an ordinary bench; none of them is a defect.
-
-    A unit that goes round again sits in the next nest, and the operators take turns, as a line must do that wants
-    to tell the nest from the unit. The room wanders by `wander_degC` (rms) over minutes to hours; a powered unit
-    warms itself by `heating_degC` with `heating_tau_s`. A move has a trapezoidal speed.
-    """
-
-    nests: int = 2
-    stations: int = 1
-    lots: int = 2
-    operators: int = 2
-    speed_deg_s: float = 90.0
-    acceleration_deg_s2: float = 180.0
-    changeover_s: float = 45.0
-    power_lead_s: float = 2.0
-    clamp_lead_s: float = 5.0
-    room_degC: float = 24.0
-    wander_degC: float = 0.3
-    heating_degC: float = 2.5
-    heating_tau_s: float = 600.0
-
-    def move_s(self, angle_deg: float) -> float:
-        """Duration of a turn: ramps up, runs, ramps down."""
-        ramp = self.speed_deg_s / self.acceleration_deg_s2
-        if angle_deg < self.speed_deg_s * ramp:
-            return 2.0 * float(np.sqrt(angle_deg / self.acceleration_deg_s2))
-        return angle_deg / self.speed_deg_s + ramp
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,8 +50,9 @@ def density_of(recipe: Recipe) -> float:
     return DENSITY * strength(recipe) if sheet is None else sheet
 
 
-def round_of(recipe: Recipe, run: int, line: Line) -> Round:
+def round_of(recipe: Recipe, run: int, line: Line | None = None) -> Round:
     """The timeline of a pass; a repeated pass goes round again."""
+    line = line or Line()
     how = plan.of_run(recipe, run)
     stops = plan.stops(recipe, run % len(recipe.runs)) if recipe.pose_known else ()
     names = tuple(s.position for s in stops) or tuple(p.name for p in recipe.positions)
@@ -188,36 +160,14 @@ def _conditions(scene: Scene, rounds: list[Round], line: Line, seed: int, load: 
     begun = np.concatenate([[0.0], np.cumsum(lasts)])
     prewarm = np.array([r.prewarm_s for r in rounds])[visits.run]
     offset = np.array([r.offset_degC for r in rounds])[visits.run]
-    started = (line.changeover_s + load * begun[-1] + begun[visits.run] + prewarm)[row]
-    powered = scene.time_s + (prewarm + line.power_lead_s)[row]
-    room, drift = _room(scene.time_s + started, line, seed)
-    heating = line.heating_degC * np.exp(-powered / line.heating_tau_s)
-    return replace(
-        scene,
-        started_s=started,
-        since_power_s=powered,
-        since_clamp_s=scene.time_s + line.clamp_lead_s,
-        temperature_degC=room + offset[row] + line.heating_degC - heating,
-        temperature_rate=drift + heating / line.heating_tau_s,
-        motor=_motor(visits, load, rounds, seed)[row],
-    )
-
-
-def _room(time_s: Floats, line: Line, seed: int) -> tuple[Floats, Floats]:
-    """Room temperature (degC) and its rate (degC/s): a few slow waves, 10 minutes to 8 hours long."""
-    rng = stream(seed, "room")
-    omega = 2 * np.pi / np.geomspace(600.0, 28800.0, 5)
-    phase, size = rng.uniform(0, 2 * np.pi, 5), line.wander_degC * np.sqrt(2 / 5)
-    temperature, rate = np.full(len(time_s), line.room_degC), np.zeros(len(time_s))
-    for w, p in zip(omega, phase, strict=True):
-        temperature += size * np.sin(w * time_s + p)
-        rate += size * w * np.cos(w * time_s + p)
-    return temperature, rate
+    started = line.changeover_s + load * begun[-1] + begun[visits.run] + prewarm
+    known = climate(scene.time_s, started[row], prewarm[row], offset[row], line=line, seed=seed)
+    return replace(scene, motor=_motor(visits, load, rounds, seed)[row], **known)
 
 
 def _motor(visits: Visits, load: Array, rounds: list[Round], seed: int) -> Floats:
-    """Drive level (v) of the line's motors, 0 … 1: another at each stop, the same for all units of a fixture load."""
+    """Drive level (v) of the line's motors: another at each stop, the same for all units of a fixture load."""
     on = np.array([r.motors for r in rounds])[visits.run]
     key, inverse = np.unique(np.stack([load, visits.run, visits.visit]), axis=1, return_inverse=True)
-    level = np.array([stream(seed, "motor", *k).uniform() for k in key.T])
-    return np.where(on, np.round(level[inverse], 2), 0.0)
+    level = np.array([drive(seed, *k) for k in key.T])
+    return np.where(on, level[inverse], 0.0)

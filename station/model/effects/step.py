@@ -20,7 +20,7 @@ from station.domain.recipe import Recipe
 from station.domain.types import Floats
 from station.model.effect import Parameter, SensorEffect, stream
 from station.model.scene import Signal
-from station.model.timeline import Line, round_of
+from station.model.timeline import round_of
 
 
 @dataclass(frozen=True)
@@ -45,5 +45,5 @@ class Step(SensorEffect):
 
     def settled(self, recipe: Recipe, seed: int) -> Self:
         """With a time drawn from the middle half of the recipe's shortest run."""
-        shortest = min(round_of(recipe, run, Line()).duration_s for run in range(len(recipe.runs)))
+        shortest = min(round_of(recipe, run).duration_s for run in range(len(recipe.runs)))
         return replace(self, at_s=float(np.round(shortest * stream(seed, self.id, "at").uniform(0.25, 0.75), 3)))

@@ -1,0 +1,58 @@
+"""The room and the warm device: temperature, its rate, and the clocks that causes run on."""
+
+from typing import TypedDict
+
+import numpy as np
+
+from station.domain.types import Array, Floats
+from station.model.effect import stream
+from station.model.line import Line
+
+
+#: Angular frequencies of the room, rad/s: waves of 10 minutes to 8 hours.
+WAVES = 2 * np.pi / np.geomspace(600.0, 28800.0, 5)
+
+
+class Climate(TypedDict):
+    """Covariates of samples (n), as a Scene names them."""
+
+    started_s: Floats
+    since_power_s: Floats
+    since_clamp_s: Floats
+    temperature_degC: Floats
+    temperature_rate: Floats
+
+
+def climate(
+    time_s: Floats, started_s: Floats, prewarm_s: Array, offset_degC: Array, *, line: Line, seed: int
+) -> Climate:
+    """What holds for samples (n) at time_s from the start of a run that started at started_s (n).
+
+    prewarm_s, offset_degC (n): how long before the run the unit was powered, and how much warmer it is kept.
+    """
+    powered = time_s + prewarm_s + line.power_lead_s
+    room_degC, drift = room(time_s + started_s, line, seed)
+    left = line.heating_degC * np.exp(-powered / line.heating_tau_s)
+    return Climate(
+        started_s=started_s,
+        since_power_s=powered,
+        since_clamp_s=time_s + line.clamp_lead_s,
+        temperature_degC=room_degC + offset_degC + line.heating_degC - left,
+        temperature_rate=drift + left / line.heating_tau_s,
+    )
+
+
+def room(time_s: Floats, line: Line, seed: int) -> tuple[Floats, Floats]:
+    """Room temperature (n), degC, and its rate, degC/s: a few slow waves."""
+    rng = stream(seed, "room")
+    phase, size = rng.uniform(0, 2 * np.pi, len(WAVES)), line.wander_degC * np.sqrt(2 / len(WAVES))
+    temperature, rate = np.full(len(time_s), line.room_degC), np.zeros(len(time_s))
+    for w, p in zip(WAVES, phase, strict=True):
+        temperature += size * np.sin(w * time_s + p)
+        rate += size * w * np.cos(w * time_s + p)
+    return temperature, rate
+
+
+def drive(seed: int, load: int, run: int, visit: int) -> float:
+    """Drive level of the line's motors at one stop of one fixture load, where they are on: 0 … 1."""
+    return round(float(stream(seed, "motor", load, run, visit).uniform()), 2)

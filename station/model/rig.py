@@ -1,0 +1,176 @@
+"""The simulated fixture, live: what its sensors read at any instant, by the same physics as a simulated campaign.
+
+It knows no clock, no bus and no positioner: who drives it says what happens when (`load`, `go`) and asks (`sense`).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain import plan
+from station.domain.plan import Stop
+from station.domain.types import Floats, Frames
+from station.errors import UsageError
+from station.model.climate import climate, drive
+from station.model.effect import BusEffect, ClockEffect
+from station.model.forward import Active, convert, feel, gold_error, in_nest, read
+from station.model.record import THERMOMETER_STD
+from station.model.scene import Scene, Signal
+from station.model.seat import Seat, Went
+from station.model.simulate import Job
+
+#: Instants (n) → nest → station rotations (n, 3, 3) of the positioner's plate.
+Plate = Callable[[Floats], Floats]
+
+
+class Rig:
+    """One fixture with any number of nests. job: recipe, seed, causes and model; its `units` do not matter.
+
+    Instants are seconds of one clock, the same for all calls.
+    """
+
+    def __init__(self, job: Job, plate: Plate) -> None:
+        self._job = job.settled()
+        self._plate = plate
+        self._seats: dict[str, Seat] = {}
+        self._loads = -1
+        self._begin(0.0)
+
+    def load(self, units: Mapping[str, str], now_s: float, labels: Mapping[str, str] | None = None) -> None:
+        """Clamps and powers a unit in each nest (nest → serial). labels: station, lot and operator, where known."""
+        self._loads += 1
+        self._seats = {nest: Seat(self._job, unit, {"nest": nest, **(labels or {})}) for nest, unit in units.items()}
+        self._begin(now_s)
+
+    def go(self, stop: Stop, departs_s: float, arrives_s: float) -> None:
+        """The fixture moves to a stop. A stop of another run starts that run: seated and powered anew."""
+        if self._went and self._went[-1].arrives_s == np.inf:
+            self._went.clear()
+        if self._went and stop.run != self._went[-1].stop.run:
+            self._begin(departs_s)
+        on = plan.of_run(self._job.recipe, stop.run).motors == "on"
+        level = drive(self._job.seed, self._loads, stop.run, stop.visit) if on else 0.0
+        self._went.append(Went(stop, departs_s, arrives_s, level))
+        self._scenes.clear()
+
+    def sense(self, nest: str, time_s: Floats) -> Floats:
+        """Readings (n, 3) of the unit in a nest at instants (n), in order; nothing before the last move but one.
+
+        In the recipe's unit, before the converter. UsageError when the nest is empty.
+        """
+        seat = self._seat(nest)
+        signal, active = self._signal(nest, np.asarray(time_s, float))
+        reading = read(signal, seat.base, active) + seat.noise(signal.scene.time_s)
+        return convert(signal.scene, reading, active)
+
+    def gold(self, nest: str, time_s: Floats) -> Floats:
+        """Readings (n, 3) of a gold reference in a nest, in the nest's frame, without noise."""
+        signal, active = self._signal(nest, np.asarray(time_s, float))
+        seat_R = signal.scene.visits.seat_R[signal.scene.visit]
+        moving = np.einsum("nij,nj->ni", seat_R, signal.true - signal.at_stop[signal.scene.visit])
+        felt = (in_nest(signal.scene, active) + gold_error(signal.scene, active))[signal.scene.visit] + moving
+        own = self._job.recipe.reference.gold
+        return np.asarray(felt if own is None else felt @ np.array(own.matrix).T + own.offset)
+
+    def temperature_degC(self, nest: str, time_s: Floats) -> Floats:
+        """What the thermometer of the unit in a nest shows (n)."""
+        scene = self._at(nest, np.asarray(time_s, float))[0]
+        noise = THERMOMETER_STD * self._seat(nest).thermometer.standard_normal(len(scene))
+        return scene.need("temperature_degC") + noise
+
+    def rate_error(self, nest: str) -> float:
+        """How much faster than its data sheet the unit in a nest samples, relative."""
+        scene = Scene.of_units(self._job.recipe, (self._seat(nest).unit,))
+        rate = np.ones(1)
+        for acting in self._job.active(scene, ClockEffect).values():
+            if isinstance(acting.effect, ClockEffect):
+                rate = acting.effect.apply(rate, acting.by_visit(scene))
+        return float(rate[0]) - 1.0
+
+    def deliver(self, nest: str, frames: Frames) -> Frames:
+        """The frames of a nest as they arrive: payloads in the order of arrival, times still in order."""
+        seat = self._seat(nest)
+        scene = Scene.of_units(self._job.recipe, (seat.unit,))
+        for acting in self._job.active(scene, BusEffect).values():
+            if isinstance(acting.effect, BusEffect):
+                fraction = np.full(len(frames), acting.by_visit(scene)[0, 0])
+                block = np.zeros(len(frames), int)
+                order = acting.effect.apply(block, fraction, seat.bus[acting.effect.id])
+                frames = replace(frames[order], time_ns=frames.time_ns[np.sort(order)])
+        return frames
+
+    def _begin(self, now_s: float) -> None:
+        """A run starts: no stop yet."""
+        self._started_s = now_s
+        self._went: list[Went] = []
+        self._scenes: dict[str, tuple[Scene, Active]] = {}
+
+    def _seat(self, nest: str) -> Seat:
+        if nest not in self._seats:
+            loaded = ", ".join(self._seats) or "none"
+            raise UsageError(f"there is no unit in nest {nest!r} of the simulated rig; the loaded nests are {loaded}")
+        return self._seats[nest]
+
+    def _signal(self, nest: str, time_s: Floats) -> tuple[Signal, Active]:
+        """What a unit feels at instants (n), the moves included."""
+        scene, active = self._at(nest, time_s)
+        signal = feel(scene, active)
+        moving = time_s < self._arrivals()[scene.visit]
+        if not moving.any() or self._job.recipe.reference.source == "rate":
+            return signal, active
+        visits, rows = scene.visits, scene.visit[moving]
+        # What is felt at the coming stop, turned back by the rest of the way.
+        left = np.einsum("nji,njk->nik", self._plate(time_s[moving]), visits.nest_R[rows])
+        seated = np.einsum("nji,njk,nkl->nil", visits.seat_R[rows], left, visits.seat_R[rows])
+        true = signal.true.copy()
+        true[moving] = np.einsum("nij,nj->ni", seated, true[moving])
+        return replace(signal, true=true), active
+
+    def _at(self, nest: str, time_s: Floats) -> tuple[Scene, Active]:
+        """The scene of instants (n) for a nest, and the causes at work in it."""
+        seat = self._seat(nest)
+        if not self._went:
+            # Parked: as if on the way to the first stop, not yet left.
+            self._went.append(Went(self._first(), self._started_s, np.inf))
+        self._come_to_rest(float(time_s[-1]) if len(time_s) else self._started_s)
+        if nest not in self._scenes:
+            none = np.zeros(0, np.intp)
+            bare = Scene(self._job.recipe, seat.visits(self._went), none, np.zeros(0))
+            self._scenes[nest] = bare, seat.active(bare)
+        bare, active = self._scenes[nest]
+        departs = np.array([w.departs_s for w in self._went])
+        visit = np.maximum(np.searchsorted(departs, time_s, side="right") - 1, 0)
+        return self._conditions(bare, visit, time_s), active
+
+    def _first(self) -> Stop:
+        """The recipe's first stop."""
+        if not self._job.recipe.positions:
+            raise UsageError("the simulated rig cannot guess how a person holds a unit; list positions in the recipe")
+        return plan.stops(self._job.recipe, 0)[0]
+
+    def _come_to_rest(self, now_s: float) -> None:
+        """Looks how the plate stands once it has arrived."""
+        last = self._went[-1]
+        if last.plate is None and now_s >= last.arrives_s:
+            self._went[-1] = replace(last, plate=self._plate(np.array([max(last.arrives_s, now_s)]))[0])
+            self._scenes.clear()
+
+    def _arrivals(self) -> Floats:
+        return np.array([w.arrives_s for w in self._went])
+
+    def _conditions(self, bare: Scene, visit: NDArray[np.intp], time_s: Floats) -> Scene:
+        """The scene at instants (n), with what thermometer, clock and motors would tell."""
+        job, one = self._job, np.ones(len(time_s))
+        how = plan.of_run(job.recipe, int(bare.visits.run[0]))
+        since = np.maximum(time_s - self._started_s, 0.0)
+        prewarm, offset = how.prewarm_s * one, how.temperature_offset_degC * one
+        return replace(
+            bare,
+            visit=visit,
+            time_s=since,
+            since_arrival_s=np.maximum(time_s - self._arrivals()[visit], 0.0),
+            motor=np.array([w.motor for w in self._went])[visit],
+            **climate(since, self._started_s * one, prewarm, offset, line=job.line, seed=job.seed),
+        )
