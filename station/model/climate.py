@@ -8,7 +8,6 @@ from station.domain.types import Array, Floats
 from station.model.effect import stream
 from station.model.line import Line
 
-
 #: Angular frequencies of the room, rad/s: waves of 10 minutes to 8 hours.
 WAVES = 2 * np.pi / np.geomspace(600.0, 28800.0, 5)
 
