@@ -23,7 +23,7 @@ def genesis(log_id: str) -> bytes:
 _ENCODE: dict[type, Callable[..., tuple[bytes, bytes]]] = {
     int: lambda v: (b"i", b"%d" % v),
     float: lambda v: (b"f", struct.pack(">d", v)),
-    str: lambda v: (b"s", v.encode()),
+    str: lambda v: (b"s", v.encode("utf-8", "surrogateescape")),
     bytes: lambda v: (b"b", v),
 }
 
@@ -74,8 +74,8 @@ class Walk:
     """Walks a log's records in order of their numbers and yields what is wrong; memory does not grow.
 
     anchors: number → hash known from elsewhere (head row, head file, a printed certificate). After `run`, number
-    and hash are those of the last record, and `met` holds the anchors that were passed.
-    verify: checks a signature of a hash, None where no key is at hand.
+    and hash are those of the last record.
+    verify: checks a signature of a hash; None: this log has no key, so a signature is itself a finding.
     """
 
     start: bytes
@@ -84,16 +84,17 @@ class Walk:
     number: int = 0
     hash: bytes = b""
     signed: bool = False
-    met: set[int] = field(default_factory=set)
     _sealable: tuple[bytes, ...] = ()
 
     def run(self, records: Iterable[Sealed]) -> Iterator[Finding]:
         """Findings of all records, which come sorted by number."""
-        self.hash, self._sealable = self.start, (self.start,)
         for record in records:
-            yield from self._record(record)
+            yield from self.step(record)
 
-    def _record(self, r: Sealed) -> Iterator[Finding]:
+    def step(self, r: Sealed) -> Iterator[Finding]:
+        """Findings of the next record."""
+        if not self.number:
+            self.hash, self._sealable = self.start, (self.start,)
         if r.number == self.number or r.number < 1:
             yield Finding("inserted", r.kind, r.number, f"{r.kind} record {r.number} uses a number that is taken")
             return
@@ -111,22 +112,17 @@ class Walk:
 
     def _signature(self, r: Sealed) -> Iterator[Finding]:
         """The first signed record seals all before it; from there on every record must be signed."""
-        if self.verify is None:
-            return
         if r.signature is None:
             if self.signed:
                 yield Finding("unsigned", r.kind, r.number, f"{r.kind} record {r.number} has lost its signature")
             return
         self.signed = True
-        if not self.verify(r.signature, r.hash):
+        if self.verify is None or not self.verify(r.signature, r.hash):
             yield Finding("forged", r.kind, r.number, f"{r.kind} record {r.number} was not signed by this key")
 
     def _anchor(self, r: Sealed) -> Iterator[Finding]:
         known = self.anchors.get(r.number)
-        if known is None:
-            return
-        self.met.add(r.number)
-        if known != r.hash:
+        if known is not None and known != r.hash:
             what = f"{r.kind} record {r.number} is not the one whose seal was kept outside the table"
             yield Finding("replaced", r.kind, r.number, what)
 

@@ -2,10 +2,13 @@
 
 import sqlite3
 
+from station.adapters.store.schema import SPAN
 from station.domain.framepack import codec, plain
 from station.domain.types import Frames
 
-_PLAIN = "SELECT f.data FROM frames f JOIN visit v ON v.seq = f.visit WHERE v.attempt = ? ORDER BY v.seq"
+_VISITS = f"SELECT seq FROM visit WHERE {SPAN}"
+
+_PLAIN = f"SELECT data FROM frames WHERE visit IN ({_VISITS}) ORDER BY visit"
 
 _LEFT = """
     SELECT DISTINCT v.attempt FROM frames f JOIN visit v ON v.seq = f.visit JOIN finish e ON e.attempt = v.attempt"""
@@ -16,7 +19,7 @@ def frames(db: sqlite3.Connection, attempt: int) -> list[Frames]:
     row = db.execute("SELECT data FROM archive WHERE attempt = ?", (attempt,)).fetchone()
     if row is not None:
         return codec.unpack(row[0])
-    return [plain.from_bytes(data) for (data,) in db.execute(_PLAIN, (attempt,))]
+    return [plain.from_bytes(data) for (data,) in db.execute(_PLAIN, {"a": attempt})]
 
 
 def left(db: sqlite3.Connection) -> list[int]:
@@ -26,7 +29,7 @@ def left(db: sqlite3.Connection) -> list[int]:
 
 def packed(db: sqlite3.Connection, attempt: int) -> bytes | None:
     """The plain frames of all visits of an attempt as one archive; None where packing could lose anything."""
-    kept = [data for (data,) in db.execute(_PLAIN, (attempt,))]
+    kept = [data for (data,) in db.execute(_PLAIN, {"a": attempt})]
     if not kept or len(kept) != visits(db, attempt):
         return None
     data = codec.pack([plain.from_bytes(one) for one in kept])
@@ -36,10 +39,9 @@ def packed(db: sqlite3.Connection, attempt: int) -> bytes | None:
 
 def visits(db: sqlite3.Connection, attempt: int) -> int:
     """Number of visits of an attempt."""
-    (number,) = db.execute("SELECT count(*) FROM visit WHERE attempt = ?", (attempt,)).fetchone()
-    return int(number)
+    return len(db.execute(_VISITS, {"a": attempt}).fetchall())
 
 
 def drop_plain(db: sqlite3.Connection, attempt: int) -> None:
     """Removes the plain frames of an attempt that has its archive."""
-    db.execute("DELETE FROM frames WHERE visit IN (SELECT seq FROM visit WHERE attempt = ?)", (attempt,))
+    db.execute(f"DELETE FROM frames WHERE visit IN ({_VISITS})", {"a": attempt})

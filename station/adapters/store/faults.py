@@ -57,5 +57,6 @@ def _why(exc: sqlite3.Error) -> str:
 
 
 def is_damage(exc: sqlite3.Error) -> bool:
-    """Whether the file itself is damaged, so that what can be read is all there is."""
-    return getattr(exc, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+    """Whether the file itself is damaged or tables are gone, so that what can be read is all there is."""
+    code = getattr(exc, "sqlite_errorcode", 0) & 0xFF
+    return code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR)

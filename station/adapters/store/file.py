@@ -8,8 +8,8 @@ from pathlib import Path
 from sqlite_utils import Database
 
 from station.adapters.store.faults import told
-from station.adapters.store.schema import migrations
-from station.domain.chain import SCHEMA
+from station.adapters.store.schema import COLUMNS, migrations
+from station.domain.chain import SCHEMA, genesis
 from station.errors import LogError, StationError, StoreFault
 
 #: Pages of write-ahead log that are kept on disk after a checkpoint; a long-reading page may not let it grow for ever.
@@ -60,6 +60,13 @@ def for_reading(path: Path) -> Database:
         connection.close()
         raise
     return db
+
+
+def newest(connection: sqlite3.Connection, log_id: str) -> tuple[int, bytes]:
+    """Number and seal of the log's last record; of an empty log 0 and its genesis."""
+    lasts = (f"SELECT * FROM (SELECT seq, hash FROM {table} ORDER BY seq DESC LIMIT 1)" for table in COLUMNS)
+    row = connection.execute(f"{' UNION ALL '.join(lasts)} ORDER BY seq DESC LIMIT 1").fetchone()
+    return (row[0], row[1]) if row else (0, genesis(log_id))
 
 
 def _uri(path: Path) -> str:

@@ -39,7 +39,12 @@ def number(value: float | None) -> float | None:
 
 def document(value: Any) -> str:
     """JSON with sorted keys and every float bit for bit; NaN and infinities become null, bytes hexadecimal."""
-    return json.dumps(plain(value), sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    try:
+        made = _JSON.encode(value)
+        made.encode()
+    except ValueError:  # NaN, infinity, or text that is no text: rare, and worth a second look at every value
+        made = _JSON.encode(plain(value))
+    return made
 
 
 def plain(value: Any) -> Any:
@@ -51,7 +56,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, int | np.integer):
         return int(value)
     if isinstance(value, float | np.floating):
-        return number(float(value))
+        return float(value) if math.isfinite(value) else None
     return _nested(value)
 
 
@@ -67,3 +72,17 @@ def _nested(value: Any) -> Any:
     if isinstance(value, Sequence | set | frozenset):
         return [plain(v) for v in value]
     raise TypeError(f"the log cannot keep a {type(value).__name__}")
+
+
+def _known(value: Any) -> Any:
+    """What the JSON encoder does not know by itself, as what it knows."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.bool_ | np.integer | np.floating):
+        return value.item()
+    return _nested(value)
+
+
+_JSON = json.JSONEncoder(
+    sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False, check_circular=False, default=_known
+)

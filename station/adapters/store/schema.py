@@ -46,7 +46,8 @@ _TABLES = {
         node INTEGER NOT NULL, lot TEXT NOT NULL, recipe_name TEXT NOT NULL, recipe_version INTEGER NOT NULL,
         recipe_hash TEXT NOT NULL, recipe INTEGER REFERENCES document(seq), product INTEGER REFERENCES document(seq),
         config_hash TEXT NOT NULL, software TEXT NOT NULL, operator TEXT NOT NULL, started_ns INTEGER NOT NULL""",
-    "event": f"{_OF}, at_ns INTEGER NOT NULL, kind TEXT NOT NULL, detail TEXT NOT NULL",
+    "event": """attempt INTEGER REFERENCES attempt(seq), at_ns INTEGER NOT NULL, kind TEXT NOT NULL,
+        detail TEXT NOT NULL""",
     "visit": f"""{_OF}, run INTEGER NOT NULL, visit INTEGER NOT NULL, position TEXT NOT NULL, seating TEXT NOT NULL,
         kind TEXT NOT NULL, arrived_ns INTEGER NOT NULL, left_ns INTEGER NOT NULL, frame_count INTEGER NOT NULL,
         frames_sha256 TEXT NOT NULL, statistics TEXT NOT NULL""",
@@ -57,7 +58,8 @@ _TABLES = {
     "archive": f"{_OF} UNIQUE, visits INTEGER NOT NULL, data BLOB NOT NULL",
 }
 
-#: One index a question: a serial's life, a time span, a recipe, a nest, a firmware; and the rows of an attempt.
+#: One index a question: a serial's life, a time span, a recipe, a nest, a firmware. Visits, writes and results of an
+#: attempt need none: their numbers lie between those of its beginning and its finish. Events may come later.
 _INDICES = (
     "attempt_serial ON attempt(serial, started_ns)",
     "attempt_started ON attempt(started_ns)",
@@ -65,12 +67,13 @@ _INDICES = (
     "attempt_recipe_hash ON attempt(recipe_hash, started_ns)",
     "attempt_nest ON attempt(station, nest, started_ns)",
     "event_attempt ON event(attempt)",
-    "visit_attempt ON visit(attempt)",
-    "write_attempt ON write(attempt)",
-    "result_attempt ON result(attempt, name)",
     "finish_outcome ON finish(outcome, ended_ns)",
     "result_firmware ON result(json_extract(document, '$.software'), attempt) WHERE name = 'identity'",
 )
+
+#: The records of attempt :a among a table's: those between its beginning and its finish that name it.
+SPAN = """
+    seq BETWEEN :a AND coalesce((SELECT seq FROM finish WHERE attempt = :a), 9223372036854775807) AND attempt = :a"""
 
 _FRAMES_STAY = """
     CREATE TRIGGER frames_stay BEFORE DELETE ON frames

@@ -8,7 +8,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from station.adapters.store import anchor, archive, file, ids, plain, unfinished
+from station.adapters.store import anchor, archive, file, ids, keys, plain, unfinished
 from station.adapters.store.faults import told
 from station.adapters.store.owner import Owner
 from station.adapters.store.schema import COLUMNS
@@ -28,8 +28,8 @@ _INSERT = {
 class SqliteStore:
     """Implements `ports.store.Store` on one file, which belongs to this process until `close`.
 
-    owner: what the lock tells a second process. epoch_ns: the clock of events, results and writes. sign: an
-    Ed25519 signature of a seal, or None. Safe to call from several threads. Errors: StoreFault.
+    owner: what the lock tells a second process. epoch_ns: the clock of events, results and writes. signer: the
+    station's key, or None. Safe to call from several threads. Errors: StoreFault.
     """
 
     def __init__(
@@ -37,11 +37,11 @@ class SqliteStore:
         path: Path,
         owner: str = "station",
         epoch_ns: Callable[[], int] = time.time_ns,
-        sign: Callable[[bytes], bytes] | None = None,
+        signer: keys.Signer | None = None,
         busy_s: float = 5.0,
     ) -> None:
         self.path = path
-        self._epoch_ns, self._sign = epoch_ns, sign
+        self._epoch_ns, self._signer = epoch_ns, signer
         self._turn = Lock()
         self._owner = Owner(path, owner, time.time_ns())
         try:
@@ -49,12 +49,13 @@ class SqliteStore:
             with told(StoreFault, path, "opened"):
                 log_id = self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0]
                 self._anchor = anchor.Anchor(path, log_id)
-                self._number, self._hash = self._stored_head()
+                self._number, self._hash = file.newest(self._db, log_id)
         except StoreFault:
             self._owner.release()
             raise
         self._anchor_fault = ""
         self._open: dict[str, int] = {}
+        self._name_key()
         for left in archive.left(self._db):
             with suppress(StationError):
                 self._archive(left)
@@ -70,13 +71,15 @@ class SqliteStore:
             known = plain.columns(begin, attempt, recipe, product)
             self._append("attempt", *(known[name] for name in COLUMNS["attempt"]))
             number = self._number
+            self._note_head()
         self._open[attempt] = number
         return attempt
 
     def event(self, attempt: str, kind: str, detail: Mapping[str, Any]) -> None:
-        """Appends an event; the only thing that may still come after the finish."""
+        """Appends an event, which may still come after the finish; attempt "": it is about the station."""
         with self._transaction("written"):
-            self._append("event", self._of(attempt), self._epoch_ns(), plain.text(kind), plain.document(detail))
+            of = self._of(attempt) if attempt else None
+            self._append("event", of, self._epoch_ns(), plain.text(kind), plain.document(detail))
 
     def visit(self, attempts: Sequence[str], visits: Sequence[VisitRecord]) -> None:
         """Keeps one stop of every nest, in one transaction."""
@@ -105,6 +108,7 @@ class SqliteStore:
         """Closes the attempt; when this returns, the record is on the disk."""
         with self._transaction("written"):
             self._append("finish", self._running(attempt), str(outcome), ended_ns)
+            self._note_head()
         number = self._open.pop(attempt)
         self._keep_head(durable=True)
         with suppress(StationError):  # the plain frames stay, and the next opening of the log tries again
@@ -143,9 +147,7 @@ class SqliteStore:
             with told(StoreFault, self.path, doing):
                 try:
                     self._db.execute("BEGIN IMMEDIATE")
-                    self._number, self._hash = self._stored_head()
                     yield
-                    self._db.execute("UPDATE head SET number = ?, hash = ?", (self._number, self._hash))
                     self._db.execute("COMMIT")
                 except BaseException:
                     self._number, self._hash = before
@@ -157,15 +159,15 @@ class SqliteStore:
         if self._db.in_transaction:
             self._db.execute("ROLLBACK")
 
-    def _stored_head(self) -> tuple[int, bytes]:
-        number, seal = self._db.execute("SELECT number, hash FROM head").fetchone()
-        return number, seal
+    def _note_head(self) -> None:
+        """Once an attempt, inside its transaction: the log's own note of how far it has come."""
+        self._db.execute("UPDATE head SET number = ?, hash = ?", (self._number, self._hash))
 
     def _append(self, table: str, *values: Value) -> None:
         """One sealed record inside the open transaction."""
         previous, self._number = self._hash, self._number + 1
         self._hash = chain.link(previous, chain.canonical(table, COLUMNS[table], values))
-        signature = self._sign(self._hash) if self._sign else None
+        signature = self._signer.sign(self._hash) if self._signer else None
         self._db.execute(_INSERT[table], (self._number, previous, self._hash, signature, *values))
 
     def _document(self, kind: str, text: str) -> int | None:
@@ -178,6 +180,11 @@ class SqliteStore:
             return int(row[0])
         self._append("document", key, kind, text)
         return self._number
+
+    def _name_key(self) -> None:
+        """The log says once, as a record like any other, with what key it is signed from here on."""
+        if self._signer and keys.named_in(self._db) != self._signer.public_key:
+            self.event("", keys.NAMED, {"public_key": self._signer.public_key})
 
     def _archive(self, attempt: int) -> None:
         """Packs an attempt's raw frames into one record, in place of the plain ones."""

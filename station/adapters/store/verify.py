@@ -1,0 +1,150 @@
+"""Walks the whole log, one record at a time, and yields everything that was done to it behind the station's back."""
+
+import heapq
+import sqlite3
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from operator import attrgetter
+from pathlib import Path
+
+from sqlite_utils import Database
+
+from station.adapters.store import anchor, keys
+from station.adapters.store.faults import is_damage
+from station.adapters.store.schema import COLUMNS, guards
+from station.domain import chain
+from station.domain.chain import Finding, Sealed, Walk
+from station.domain.framepack import plain
+from station.errors import LogError
+from station.ports.store import Head
+
+#: Raw frames of every visit must lie in one of two places, and in the plain one only as they were sealed.
+_FRAMES = """
+    SELECT v.seq, v.frames_sha256, f.data, a.seq FROM visit v LEFT JOIN frames f ON f.visit = v.seq
+    LEFT JOIN archive a ON a.attempt = v.attempt WHERE f.visit IS NOT NULL OR a.seq IS NULL"""
+
+_STRAY = "SELECT visit FROM frames WHERE visit NOT IN (SELECT seq FROM visit)"
+
+#: How often progress is told, in records.
+_PROGRESS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """What a check may rely on beside the log itself.
+
+    known: seals by record number from a certificate or export, instead of the head file. public_key: the station's,
+    32 bytes; None: the key that the log itself names, if any.
+    """
+
+    known: Mapping[int, bytes] = field(default_factory=dict)
+    public_key: bytes | None = None
+
+
+_TRUSTING = Trust()
+
+
+def findings(
+    path: Path, db: Database, trust: Trust = _TRUSTING, progress: Callable[[int], None] = lambda _number: None
+) -> Iterator[Finding]:
+    """Everything wrong with the log; nothing when it is whole. The log may grow meanwhile: a snapshot is checked.
+
+    progress is told the record's number now and then.
+    """
+    # The head file is read first: it may lag behind the snapshot, never run ahead of it.
+    kept = None if trust.known else anchor.read(path, log_id(db))
+    connection = db.conn
+    connection.text_factory = lambda data: data.decode("utf-8", "surrogateescape")
+    try:
+        connection.execute("SAVEPOINT verification")
+        yield from _schema(db)
+        yield from _chain(db, _anchors(db, kept, trust), _verifier(db, trust), progress)
+        yield from _head(db, kept)
+        yield from _frames(db)
+        yield from _pages(db)
+    except sqlite3.DatabaseError as exc:
+        if not is_damage(exc):
+            raise LogError(f"the log {path} cannot be read: {exc}") from exc
+        yield Finding("damaged", "", 0, f"the file {path} is damaged and cannot be read further: {exc}")
+    finally:
+        if connection.in_transaction:
+            connection.execute("RELEASE verification")
+        connection.text_factory = str
+
+
+def log_id(db: Database) -> str:
+    """What sets this log apart from all others."""
+    row = db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()
+    return str(row[0]) if row else ""
+
+
+def _schema(db: Database) -> Iterator[Finding]:
+    present = {row[0] for row in db.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")}
+    for name in sorted(guards() - present):
+        yield Finding("unguarded", name, 0, f"the guard {name} was taken off the log, so records could be altered")
+    meta = dict(db.execute("SELECT key, value FROM meta").fetchall())
+    if set(meta) != {"schema", "log_id"} or meta["schema"] != chain.SCHEMA:
+        yield Finding("edited", "meta", 0, "what the log says about itself (table meta) was edited")
+
+
+def _anchors(db: Database, kept: Head | str | None, trust: Trust) -> dict[int, bytes]:
+    noted = {number: seal for number, seal in db.execute("SELECT number, hash FROM head") if number}
+    in_file = {kept.number: bytes.fromhex(kept.hash)} if isinstance(kept, Head) and kept.number else {}
+    return noted | in_file | dict(trust.known)
+
+
+def _verifier(db: Database, trust: Trust) -> Callable[[bytes, bytes], bool] | None:
+    key = trust.public_key or keys.named_in(db.conn)
+    return keys.verifier(key) if key else None
+
+
+def _chain(
+    db: Database,
+    anchors: Mapping[int, bytes],
+    verify: Callable[[bytes, bytes], bool] | None,
+    progress: Callable[[int], None],
+) -> Iterator[Finding]:
+    walk = Walk(chain.genesis(log_id(db)), anchors, verify)
+    streams = [_records(db, table) for table in COLUMNS]
+    for record in heapq.merge(*streams, key=attrgetter("number")):
+        yield from walk.step(record)
+        if record.number % _PROGRESS == 0:
+            progress(record.number)
+    yield from chain.tail(walk.number, anchors)
+
+
+def _records(db: Database, table: str) -> Iterator[Sealed]:
+    """A table's records in the order of their numbers, one at a time."""
+    names = COLUMNS[table]
+    query = f"SELECT seq, previous, hash, signature, {', '.join(names)} FROM {table} ORDER BY seq"
+    for number, previous, seal, signature, *values in db.execute(query):
+        yield Sealed(number, table, previous, seal, chain.canonical(table, names, values), signature)
+
+
+def _head(db: Database, kept: Head | str | None) -> Iterator[Finding]:
+    """The note inside the log is made with every beginning and every finish."""
+    (due,) = db.execute(
+        "SELECT max(coalesce(max(a.seq), 0), (SELECT coalesce(max(seq), 0) FROM finish)) FROM attempt a"
+    )
+    noted = db.execute("SELECT number, hash FROM head").fetchall()
+    if [number for number, _ in noted] != list(due):
+        yield Finding("edited", "head", 0, "the log's own note of how far it has come (table head) was edited")
+    if isinstance(kept, str):
+        yield Finding("unanchored", "head file", 0, kept)
+
+
+def _frames(db: Database) -> Iterator[Finding]:
+    for number, sha256, data, archive in db.execute(_FRAMES):
+        if data is None:
+            yield Finding("deleted", "frames", number, f"the raw frames of visit record {number} are missing")
+        elif archive is not None or plain.digest(data) != sha256:
+            yield Finding("edited", "frames", number, f"the raw frames of visit record {number} were edited")
+    for (number,) in db.execute(_STRAY):
+        yield Finding("inserted", "frames", number, f"there are raw frames for a visit record {number} that is none")
+
+
+def _pages(db: Database) -> Iterator[Finding]:
+    """SQLite's own check of its pages and indices."""
+    for (said,) in db.execute("PRAGMA integrity_check(20)"):
+        if said != "ok":
+            yield Finding("damaged", "", 0, f"SQLite finds its pages damaged: {' '.join(said.split())}")
