@@ -1,0 +1,285 @@
+"""What every cause must keep, whichever file it stands in: a new file is tested here without being told of."""
+
+import dataclasses
+import doctest
+import importlib
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station import plugins
+from station.domain.recipe import Recipe
+from station.model.effect import Effect, GoldEffect, OutputEffect, PoseEffect, SensorEffect, Stage, StimulusEffect
+from station.model.forward import Acting, Base, convert, forward, gold_error, signature
+from station.model.scene import COVARIATES, Scene
+from station.model.simulate import Job, effect_of, simulate
+from station.model.timeline import scene_of_plan
+
+IDS = plugins.names("station.model.effects")
+SMOOTH = {Stage.POSE, Stage.STIMULUS, Stage.SENSOR}
+LEVELS = ("common", "unit", "run", "visit", "nest", "position", "station", "lot", "operator")
+
+#: Contracts, section 6: name, unit, axes, frame of the parameters of each id.
+XYZ, ALONE = ("x", "y", "z"), ("",)
+CONTRACT: dict[str, tuple[str, str, tuple[str, ...], str]] = {
+    "cross-axis": ("coefficient", "1", ("xy", "xz", "yz"), ""),
+    "package-rotation": ("angle", "rad", XYZ, "device"),
+    "nest-tilt": ("angle", "rad", XYZ, "nest"),
+    "base-tilt": ("angle", "rad", ("x", "y"), "station"),
+    "index-error": ("angle", "rad", XYZ, "nest"),
+    "repeatability": ("angle", "rad", XYZ, "nest"),
+    "disturbed-visit": ("angle", "rad", XYZ, "nest"),
+    "quadratic": ("coefficient", "1/u", XYZ, ""),
+    "cubic": ("coefficient", "1/u²", XYZ, ""),
+    "asymmetry": ("coefficient", "1", XYZ, ""),
+    "cross-quadratic": ("coefficient", "1/u", ("x:y", "x:z", "y:x", "y:z", "z:x", "z:y"), ""),
+    "offset-temperature": ("coefficient", "u/degC", XYZ, ""),
+    "gain-temperature": ("coefficient", "1/degC", XYZ, ""),
+    "temperature-rate": ("coefficient", "u·s/degC", XYZ, ""),
+    "warm-up": ("amplitude", "u", XYZ, ""),
+    "clamp-creep": ("amplitude", "u", XYZ, ""),
+    "bias-drift": ("rate", "u/s", XYZ, ""),
+    "bias-walk": ("step_std", "u", XYZ, ""),
+    "hysteresis": ("coefficient", "1", XYZ, ""),
+    "settling": ("coefficient", "1", XYZ, ""),
+    "filter-lag": ("coefficient", "1", XYZ, ""),
+    "vibration-rectification": ("coefficient", "u", XYZ, ""),
+    "motor-tone": ("amplitude", "u", XYZ, ""),
+    "lever-arm": ("amplitude", "u", XYZ, ""),
+    "quantization": ("lsb", "u", ALONE, ""),
+    "clipping": ("limit", "u", ALONE, ""),
+    "wrong-scale": ("factor", "1", ALONE, ""),
+    "axis-permutation": ("mapping", "", ALONE, ""),
+    "local-gravity": ("coefficient", "1", ALONE, ""),
+    "group-offset": ("offset", "u", XYZ, ""),
+    "step": ("offset", "u", XYZ, ""),
+    "gold-drift": ("offset", "u", XYZ, ""),
+    "lost-frames": ("fraction", "1", ALONE, ""),
+    "duplicated-frames": ("fraction", "1", ALONE, ""),
+    "reordered-frames": ("fraction", "1", ALONE, ""),
+    "clock-error": ("rate_error", "1", ALONE, ""),
+}
+FORMS = {
+    **dict.fromkeys(("warm-up", "clamp-creep", "settling", "filter-lag", "lever-arm"), ("time_constant", "s")),
+    "motor-tone": ("frequency", "Hz"),
+    "step": ("at", "s"),
+}
+
+
+def kind(name: str) -> type[Effect]:
+    return plugins.load("station.model.effects", name)
+
+
+@pytest.fixture(scope="module")
+def recipe() -> Recipe:
+    turns = [(axis, 45 * i) for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1]) for i in range(8)]
+    return Recipe.model_validate(
+        {
+            "schema": "station.recipe/1",
+            "name": "tilt-24",
+            "version": 1,
+            "sensor": "accelerometer",
+            "unit": "g",
+            "reference": {"source": "gravity", "magnitude": 1.0},
+            "positions": [
+                {"name": f"p{i}", "rotate": [{"axis": axis, "angle_deg": angle}]}
+                for i, (axis, angle) in enumerate(turns)
+            ],
+            "seatings": {"turned": {"axis": [0, 0, 1], "angle_deg": 180}},
+            "runs": [{}, {"seating": "turned", "order": "shuffled", "temperature_offset_degC": 10, "prewarm_s": 600}],
+            "settle": {"time_s": 0.0},
+            "dwell": {"time_s": 0.1},
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def scene(recipe: Recipe) -> Scene:
+    """Two units, two runs; every array locked, so that an effect that writes into its input fails."""
+    scene = scene_of_plan(recipe, ("A", "B"), seed=1)
+    visits = scene.visits
+    for name in ("time_s", "visit", *COVARIATES):
+        getattr(scene, name).flags.writeable = False
+    for array in (visits.nest_R, visits.seat_R, visits.stimulus, visits.previous, visits.run, visits.visit):
+        array.flags.writeable = False
+    return scene
+
+
+@pytest.fixture(scope="module")
+def base() -> Base:
+    rng = np.random.default_rng(5)
+    base = Base(rng.normal(0, 0.02, (2, 3)), np.eye(3) + rng.normal(0, 0.01, (2, 3, 3)))
+    base.offset.flags.writeable = base.matrix.flags.writeable = False
+    return base
+
+
+def acting(effect: Effect, scene: Scene, factor: float = 1.0, seed: int = 3) -> Acting:
+    names = scene.group(effect.of[0])[1]
+    neutral = effect.parameter.neutral if effect.stage in SMOOTH else 0.0
+    c = neutral + factor * (effect.coefficients(names, seed) - neutral)
+    c.flags.writeable = False
+    return Acting(effect, c, effect.of[0])
+
+
+def still(effect: Effect, scene: Scene) -> Acting:
+    c = np.full((len(scene.group(effect.of[0])[1]), len(effect.axes)), effect.parameter.neutral)
+    return Acting(effect, c, effect.of[0])
+
+
+def test_every_id_of_the_contracts_has_its_file() -> None:
+    assert set(CONTRACT) <= set(IDS)
+
+
+@pytest.mark.parametrize("name", CONTRACT)
+def test_parameters_are_those_of_the_contracts(name: str) -> None:
+    effect = kind(name)
+    parameter, unit, axes, frame = CONTRACT[name]
+    assert (effect.parameter.name, effect.parameter.unit, effect.axes) == (parameter, unit, axes)
+    if issubclass(effect, PoseEffect):
+        assert effect.frame == frame
+    assert [(p.name, p.unit) for p in effect.forms][:1] == ([FORMS[name]] if name in FORMS else [])
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_file_says_what_a_reader_needs(name: str) -> None:
+    effect = kind(name)
+    assert effect.id == name
+    assert effect.physics.endswith(".") and 20 < len(effect.physics) <= 120
+    assert effect.level in ("device", "rig", "bus")
+    assert effect.of and set(effect.of) <= set(LEVELS)
+    assert set(effect.needs) <= {*COVARIATES, "gold"}
+    for parameter in (effect.parameter, *effect.forms):
+        assert parameter.low <= parameter.typical <= parameter.high, parameter
+        assert parameter.source
+    assert {p.field for p in effect.forms} == {f.name for f in dataclasses.fields(effect)} - {"size"}
+    assert all(p.low <= value <= p.high for p in effect.forms for value in p.grid)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_example_of_the_docstring_holds(name: str) -> None:
+    module = importlib.import_module(kind(name).__module__)
+    failed, tried = doctest.testmod(module)
+    assert tried > 0 and failed == 0
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_an_effect_is_a_frozen_value(name: str) -> None:
+    effect = kind(name).example()
+    assert effect == kind(name).example()
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        effect.size = 2.0  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_neutral_coefficients_do_nothing(name: str, scene: Scene, base: Base) -> None:
+    active = {name: still(kind(name).example(), scene)}
+    np.testing.assert_array_equal(forward(scene, base, active), forward(scene, base))
+    reading = forward(scene, base)
+    np.testing.assert_array_equal(convert(scene, reading, active), reading)
+    np.testing.assert_array_equal(gold_error(scene, active), np.zeros((len(scene.visits), 3)))
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_pure_and_visible_at_its_typical_size(name: str, scene: Scene, base: Base) -> None:
+    """The scene is locked: writing into it raises. Called twice it gives the same, and it changes something."""
+    effect = kind(name).example()
+    active = {name: acting(effect, scene)}
+    reading = forward(scene, base)
+    reading.flags.writeable = False
+    results: list[Any] = []
+    for _ in range(2):
+        out = convert(scene, forward(scene, base, active) if effect.stage in SMOOTH else reading, active)
+        results.append((out, gold_error(scene, active)))
+    np.testing.assert_array_equal(results[0][0], results[1][0])
+    if isinstance(effect, PoseEffect | StimulusEffect | SensorEffect | OutputEffect):
+        assert np.abs(results[0][0] - reading).max() > 1e-6
+    if isinstance(effect, GoldEffect):
+        assert np.abs(results[0][1]).max() > 1e-6
+
+
+@pytest.mark.parametrize("name", [n for n in IDS if kind(n).stage in SMOOTH])
+def test_additive_at_small_size(name: str, scene: Scene, base: Base) -> None:
+    """Twice the coefficient gives twice the change, up to the square of the size."""
+    effect = kind(name).example()
+    off = forward(scene, base)
+    one = forward(scene, base, {name: acting(effect, scene, 0.01)}) - off
+    two = forward(scene, base, {name: acting(effect, scene, 0.02)}) - off
+    scale = np.abs(one).max()
+    assert scale > 0
+    np.testing.assert_allclose(two, 2 * one, atol=0.02 * max(effect.size, 0.01) * scale + 1e-15)
+
+
+@pytest.mark.parametrize("name", [n for n in IDS if kind(n).stage in SMOOTH])
+def test_signature_predicts_the_effect(name: str, scene: Scene, base: Base) -> None:
+    """The derivative by each axis, times the coefficients, is what switching it on does: all alike, then each."""
+    effect = kind(name).example()
+    groups = len(scene.group(effect.of[0])[1])
+    parts = signature(scene, base, effect)
+    alike = np.tile(0.01 * effect.size * np.arange(1, len(effect.axes) + 1), (groups, 1))
+    each = acting(effect, scene, 0.01).coefficients
+    for c in (alike, each) if type(effect).gather is Effect.gather else (alike,):
+        change = forward(scene, base, {name: Acting(effect, c, effect.of[0])}) - forward(scene, base)
+        rows = c[scene.group(effect.of[0])[0]][scene.visit]
+        predicted = sum(part * rows[:, [k]] for k, part in enumerate(parts))
+        tolerance = 0.03 * max(effect.size, 0.01) * np.abs(change).max() + 1e-12
+        np.testing.assert_allclose(predicted, change, atol=tolerance)
+
+
+def test_effects_compose(scene: Scene, base: Base) -> None:
+    """All smooth causes together do what they do apart, up to products of small sizes."""
+    effects = [kind(n).example() for n in IDS if kind(n).stage in SMOOTH]
+    small = {e.id: acting(e, scene, 1e-3) for e in effects}
+    off = forward(scene, base)
+    together = forward(scene, base, small) - off
+    apart = sum(forward(scene, base, {key: value}) - off for key, value in small.items())
+    np.testing.assert_allclose(together, apart, atol=1e-3 * np.abs(together).max())
+    backwards = forward(scene, base, dict(reversed(small.items())))
+    np.testing.assert_allclose(backwards, forward(scene, base, small), atol=1e-15)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_own_random_stream(name: str, recipe: Recipe) -> None:
+    """Switching a cause on leaves the coefficients of all others as they were; off, the readings are the same."""
+    others = tuple(effect_of(n, recipe) for n in ("quadratic", "repeatability", "disturbed-visit") if n != name)
+    units = ("A", "B")
+    with_it = simulate(Job(recipe, units, 7, (*others, effect_of(name, recipe))))
+    without = simulate(Job(recipe, units, 7, others))
+    for a, b in zip(without.active.values(), with_it.active.values(), strict=False):
+        np.testing.assert_array_equal(a.coefficients, b.coefficients)
+    np.testing.assert_array_equal(with_it.base.matrix, without.base.matrix)
+    off = dataclasses.replace(kind(name).example(), size=kind(name).parameter.neutral)
+    again = simulate(Job(recipe, units, 7, (*others, off)))
+    np.testing.assert_array_equal(again.table.reading, without.table.reading)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_coefficients_belong_to_their_groups(name: str, recipe: Recipe) -> None:
+    """A group keeps its coefficients when others join; the size is their rms; equal seeds give equal numbers."""
+    effect = effect_of(name, recipe)
+    of = effect.of[0]
+    names = ("common",) if of == "common" else tuple(f"{of}:G{i}" for i in range(400))
+    c = effect.coefficients(names, 11)
+    assert c.shape == (len(names), len(effect.axes))
+    np.testing.assert_array_equal(c, effect.coefficients(names, 11))
+    hit = (c != effect.parameter.neutral).any(axis=1)
+    assert hit.any()
+    # 1200 normal numbers: four standard errors of their rms are 8 %.
+    assert np.sqrt(np.mean(c[hit] ** 2)) == pytest.approx(effect.size, rel=0.25 if hit.sum() < 100 else 0.085)
+    if len(names) > 1 and not hit.all():
+        return
+    np.testing.assert_array_equal(c[: len(names) // 2 or 1], effect.coefficients(names[: len(names) // 2 or 1], 11))
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_told_in_the_contracts_form(name: str, recipe: Recipe, scene: Scene) -> None:
+    effect = effect_of(name, recipe)
+    on = acting(effect, scene)
+    told = effect.told(scene.group(on.of)[1], on.coefficients, recipe.unit)
+    assert told
+    for row in told:
+        assert set(row) == {"name", "axis", "of", "value", "unit"}
+        assert row["axis"] is None or row["axis"] in effect.axes
+        assert isinstance(row["value"], float | str)
+        assert row["unit"] in {p.unit.replace("u", recipe.unit) for p in (effect.parameter, *effect.forms)}
+    assert {str(r["name"]) for r in told} <= {effect.parameter.name, *(p.name for p in effect.forms)}
