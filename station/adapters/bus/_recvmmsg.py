@@ -17,7 +17,7 @@ CAN_FRAME = np.dtype([("can_id", "=u4"), ("length", "u1"), ("pad", "u1", 3), ("d
 #: One control message that holds a struct timespec of longs.
 _STAMP = np.dtype([("size", np.uintp), ("level", "=i4"), ("type", "=i4"), ("s", "l"), ("ns", "l")])
 _IOVEC = np.dtype([("base", np.uintp), ("size", np.uintp)])
-_MMSGHDR = np.dtype(
+_MSGHDR = np.dtype(
     [
         ("name", np.uintp),
         ("name_size", "=u4"),
@@ -26,10 +26,10 @@ _MMSGHDR = np.dtype(
         ("control", np.uintp),
         ("control_size", np.uintp),
         ("flags", "=i4"),
-        ("received", "=u4"),
     ],
     align=True,
 )
+_MMSGHDR = np.dtype([("header", _MSGHDR), ("received", "=u4")], align=True)
 
 
 class Receiver:
@@ -47,11 +47,12 @@ class Receiver:
         self._iovecs = np.zeros(batch, _IOVEC)
         self._iovecs["base"] = _addresses(self._frames)
         self._iovecs["size"] = CAN_FRAME.itemsize
-        self._headers = np.zeros(batch, _MMSGHDR)
-        self._headers["iov"] = _addresses(self._iovecs)
-        self._headers["iov_count"] = 1
-        self._headers["control"] = _addresses(self._stamps)
-        self._headers["control_size"] = _STAMP.itemsize
+        self._messages = np.zeros(batch, _MMSGHDR)
+        header = self._messages["header"]
+        header["iov"] = _addresses(self._iovecs)
+        header["iov_count"] = 1
+        header["control"] = _addresses(self._stamps)
+        header["control_size"] = _STAMP.itemsize
         sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
 
     def take(self) -> Frames:
@@ -71,7 +72,7 @@ class Receiver:
         """One system call: how many frames now stand at the front of the buffer."""
         count = int(
             self._libc.recvmmsg(
-                self._sock.fileno(), ctypes.c_void_p(self._headers.ctypes.data), self._batch, socket.MSG_DONTWAIT, None
+                self._sock.fileno(), ctypes.c_void_p(self._messages.ctypes.data), self._batch, socket.MSG_DONTWAIT, None
             )
         )
         if count >= 0:
