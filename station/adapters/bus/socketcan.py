@@ -183,7 +183,7 @@ def _enlarge(sock: socket.socket, size: int) -> None:
 def _told(name: str, error: OSError) -> str:
     """A socket's error as a sentence with a remedy."""
     if error.errno == errno.ENETDOWN:
-        return f"{name} is down; bring it up with `ip link set {name} up`"
+        return f"{name} went down; bring it up with `ip link set {name} up`"
     if error.errno in (errno.ENODEV, errno.ENXIO):
         return f"{name} is gone; plug the adapter in again and start anew"
     if error.errno in (errno.ENOBUFS, errno.EAGAIN):

@@ -10,8 +10,8 @@ from vcan_harness.command import run
 from vcan_harness.interface import Interface
 from vcan_harness.waiting import until
 
-_LINE = re.compile(r"\((\d+)\.(\d{6})\) (\S+) ([0-9A-F]{3,8})#([0-9A-FR]*)")
-_EXTENDED, _ERROR = 0x8000_0000, 0x2000_0000
+_LINE = re.compile(r"\((\d+)\.(\d{6})\) (\S+) ([0-9A-F]{3,8})#(R\d?|[0-9A-F]*)")
+_EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 _ANY_FRAME_AND_ERROR = ",0:0,#FFFFFFFF"
 
 
@@ -26,7 +26,7 @@ class Logged:
 
 
 def parse(text: str) -> list[Logged]:
-    """Classic data and error frames of a candump log."""
+    """Classic frames of a candump log; a remote frame has no data."""
     found = []
     for line in text.splitlines():
         match = _LINE.fullmatch(line.strip())
@@ -35,6 +35,8 @@ def parse(text: str) -> list[Logged]:
         seconds, micros, interface, can_id, data = match.groups()
         number = int(can_id, 16)
         flag = _EXTENDED if len(can_id) == 8 and not number & _ERROR else 0
+        if data.startswith("R"):
+            flag, data = flag | _REMOTE, ""
         found.append(Logged(int(seconds) * 1_000_000 + int(micros), interface, number | flag, bytes.fromhex(data)))
     return found
 
