@@ -5,6 +5,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 from station.adapters.bus import _candump
 from station.domain.types import Frames
@@ -14,8 +15,8 @@ from station.errors import LogError, UsageError
 BLOCK = 65_536
 #: What python-can reads for us; each keeps times to about 0.25 µs.
 READ_BY_PYTHON_CAN = (".blf", ".asc", ".mf4")
-#: What its readers raise on a file that is none of theirs, cut off or corrupt.
-_CORRUPT = (ValueError, KeyError, IndexError, EOFError, AttributeError, TypeError, OSError, struct.error, zlib.error)
+#: What its readers raise on a file that is none of theirs, cut off or corrupt, beside errors of their own.
+_CORRUPT = (ValueError, KeyError, IndexError, EOFError, AttributeError, TypeError, struct.error, zlib.error)
 
 
 def read_blocks(path: Path, channel: str | None = None) -> Iterator[Frames]:
@@ -56,17 +57,31 @@ def write_log(path: Path, frames: Frames, channel: str = "can0") -> None:
 
 
 def _by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
-    import can  # heavy, and only needed where such a log is read
-
     from station.adapters.bus._messages import to_frames
 
-    try:
-        with can.LogReader(path) as reader:
-            messages = (m for m in reader if channel in (None, str(m.channel)))
-            while block := list(islice(messages, BLOCK)):
-                yield to_frames(block, [round(m.timestamp * 1e9) for m in block])
-    except (*_CORRUPT, can.CanError) as error:
-        raise LogError(f"{path} is no readable {path.suffix} log ({error}); record or convert it again") from None
+    kind, mode, errors = _reader(path.suffix.lower())
+    with path.open(mode) as file:  # opened here: a reader that fails to start leaves its file open
+        try:
+            with kind(file) as reader:
+                messages = (m for m in reader if channel in (None, str(m.channel)))
+                while block := list(islice(messages, BLOCK)):
+                    yield to_frames(block, [round(m.timestamp * 1e9) for m in block])
+        except errors as error:
+            raise LogError(f"{path} is no readable {path.suffix} log ({error}); record or convert it again") from None
+
+
+def _reader(suffix: str) -> tuple[Any, str, tuple[type[Exception], ...]]:
+    """python-can's reader for an ending, how to open its file, and what it raises on a broken one."""
+    import can  # heavy, and only needed where such a log is read
+    from can.io.blf import BLFParseError
+
+    if suffix == ".mf4":
+        from asammdf.blocks.utils import MdfException
+
+        return can.MF4Reader, "rb", (*_CORRUPT, MdfException)
+    if suffix == ".blf":
+        return can.BLFReader, "rb", (*_CORRUPT, BLFParseError)
+    return can.ASCReader, "r", _CORRUPT
 
 
 def _write_blf(path: Path, frames: Frames, _channel: str) -> None:
