@@ -26,6 +26,7 @@ def load(path: Path, node: int) -> Dictionary:
     text = _text(path)
     try:
         sections = _Sections(text)
+        sections.check()
         found = [_entry(variable, sections, text) for variable in _variables(text, node)]
     except ProductError as exc:
         raise ProductError(f"{path}: {exc.sentence}") from None
@@ -60,6 +61,11 @@ class _Sections:
         self._parser = configparser.RawConfigParser(inline_comment_prefixes=(";",))
         self._parser.read_string(text)
         self._names = {name.lower(): name for name in self._parser.sections()}
+
+    def check(self) -> None:
+        """Refuses what is no EDS at all."""
+        if "deviceinfo" not in self._names:
+            raise ProductError("has no [DeviceInfo], so it is no EDS; check `eds` in the product file")
 
     def word(self, variable: ODVariable, option: str) -> str:
         """What the file says; '' when it says nothing."""

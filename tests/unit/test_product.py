@@ -1,0 +1,140 @@
+"""Product files: identity in words, serials as printed and as kept, and the map against the EDS."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from station.adapters.device import eds
+from station.config.products import load_product
+from station.domain import map_check
+from station.domain.devicemap import Serial
+from station.domain.dictionary import Dictionary
+from station.domain.product import Product, kept_serial, read_serial
+from station.domain.sdo_codes import ABORT, meaning, sentence
+from station.errors import ProductError, UsageError
+
+DBC = Path(__file__).parents[2] / "dbc"
+SHIPPED = sorted(path.stem for path in DBC.glob("*.yaml"))
+
+
+@pytest.fixture
+def product() -> Product:
+    return load_product("accelerometer")
+
+
+def identity(**other: Any) -> dict[str, Any]:
+    right = {"device_type": 0x20194, "vendor": 0xCA1B0, "product": 0xACC, "revision": 0x10000, "name": "accelerometer"}
+    return {**right, **other}
+
+
+def test_the_right_device_is_recognised(product: Product) -> None:
+    assert product.mismatches(**identity()) == ()
+    assert product.mismatches(**identity(revision=0x20001)) == ()
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ({"vendor": 1}, "vendor is 0x1, not 0xCA1B0"),
+        ({"product": 2}, "product code is 0x2, not 0xACC"),
+        ({"device_type": 0}, "device type is 0x0, not 0x20194"),
+        ({"revision": 0xFFFF}, "revision is 0xFFFF, older than 0x10000"),
+        ({"name": "x"}, "name is 'x', not 'accelerometer'"),
+    ],
+)
+def test_each_difference_is_said(product: Product, other: dict[str, Any], said: str) -> None:
+    assert product.mismatches(**identity(**other)) == (said,)
+
+
+def test_serial_as_printed_and_as_kept() -> None:
+    assert kept_serial(Serial(), "SN0042") == 42
+    assert read_serial(Serial(), (42).to_bytes(4, "little")) == 42
+    text = Serial(kind="text", printed="^(.*)$")
+    assert kept_serial(text, "A-7") == "A-7"
+    assert read_serial(text, b"A-7\0\0") == "A-7"
+    with pytest.raises(UsageError, match="does not match"):
+        kept_serial(Serial(), "SN-none")
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_shipped_map_agrees_with_its_eds(name: str) -> None:
+    product = load_product(name)
+    assert product.eds is not None
+    assert map_check.mismatches(product.map, eds.load(DBC / product.eds, 1)) == ()
+
+
+def test_a_map_that_contradicts_its_eds_is_told_so(product: Product) -> None:
+    good = eds.load(DBC / "accelerometer.eds", 1)
+    entries = dict(good.entries)
+    del entries[0x2107, 0]
+    entries[0x2101, 1] = replace(entries[0x2101, 1], high=1.2)
+    entries[0x2101, 2] = replace(entries[0x2101, 2], type=0x03)
+    entries[0x2102, 1] = replace(entries[0x2102, 1], access="ro")
+    assert map_check.mismatches(product.map, Dictionary(1, entries)) == (
+        "matrix.xy at 0x2101:02 is REAL32 in the map but INT16 in the EDS",
+        "offset.x at 0x2102:01 is ro in the EDS, so it cannot be written",
+        "valid at 0x2107:00 is not in the EDS",
+        "matrix.xx at 0x2101:01 keeps -1.5 to 1.5 by the map, but the EDS allows -1.5 to 1.2",
+    )
+
+
+def test_real32_limits_of_an_eds_are_kept() -> None:
+    entry = eds.load(DBC / "accelerometer.eds", 0x11)[0x2102, 3]
+    assert (entry.low, entry.high, entry.type_name, entry.access) == (-0.5, 0.5, "REAL32", "rw")
+
+
+def test_node_ids_are_worked_out_and_the_eds_is_its_own_0x1021() -> None:
+    found = eds.load(DBC / "accelerometer.eds", 0x11)
+    assert found[0x1800, 1].default == 0x191
+    assert found[0x1014, 0].default == 0x91
+    assert found[0x1021, 0].default == (DBC / "accelerometer.eds").read_bytes()
+
+
+BAD = "[DeviceInfo]\nGranularity=8\n[2000]\nParameterName=a\nAccessType=rw\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "has no [DeviceInfo]"),
+        ("[DeviceInfo]\nGranularity=8\n", "describes no objects"),
+        ("no section", "is no EDS that can be used"),
+        (BAD + "DataType=0x0007\nDefaultValue=007\n", "0x2000:00 has a default that is no number"),
+        (BAD + "DataType=0x0008\nLowLimit=nan\n", "0x2000:00 has the limit 'nan'"),
+        (BAD + "DataType=0x0008\nHighLimit=high\n", "0x2000:00 has the limit 'high'"),
+        (BAD + "DataType=0x000C\n", "0x2000:00 has the data type 0xc"),
+        (BAD + "DataType=seven\n", "is no EDS that can be used"),
+        ("[DeviceInfo]\n[2000sub1]\nParameterName=a\nDataType=7\nAccessType=rw\n", "is no EDS that can be used"),
+    ],
+)
+def test_a_bad_eds_gets_one_sentence_with_its_name(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "bad.eds"
+    path.write_text(text)
+    with pytest.raises(ProductError) as caught:
+        eds.load(path, 1)
+    assert said in caught.value.sentence
+    assert "bad.eds" in caught.value.sentence
+
+
+def test_a_missing_eds_gets_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(ProductError, match=r"none\.eds cannot be read"):
+        eds.load(tmp_path / "none.eds", 1)
+
+
+@pytest.mark.parametrize("code", ABORT)
+def test_every_abort_code_is_a_sentence(code: int) -> None:
+    told = sentence(code, 5, "take", 0x2101, 3)
+    assert told == f"node 5 refused to take 0x2101:03: {ABORT[code]} (abort code 0x{code:08X})"
+    assert len(meaning(code).split()) >= 3
+
+
+def test_the_codes_are_those_of_the_common_library() -> None:
+    from canopen import SdoAbortedError
+
+    assert set(ABORT) == set(SdoAbortedError.CODES)
+
+
+def test_an_unknown_code_is_said_to_be_the_makers() -> None:
+    assert "only its maker knows" in sentence(0x12345678, 5, "read", 0x2101, 3)
