@@ -1,6 +1,10 @@
-"""Local gravity: WGS-84 normal gravity (Somigliana) with the second-order free-air term."""
+"""The Earth at the site: WGS-84 normal gravity (Somigliana) with the second-order free-air term, and its turning."""
 
 import math
+
+import numpy as np
+
+from station.domain.types import Floats
 
 #: Standard gravity in m/s² (3rd CGPM, 1901): what "1 g" means.
 STANDARD = 9.80665
@@ -13,3 +17,18 @@ def at(latitude_deg: float, altitude_m: float) -> float:
     a, flattening, ratio = 6378137.0, 1 / 298.257223563, 0.00344978650684
     first = 2 / a * (1 + flattening + ratio - 2 * flattening * sin2) * altitude_m
     return surface * (1 - first + 3 * (altitude_m / a) ** 2)
+
+
+#: The Earth's turning against the stars in deg/s (7.292115e-5 rad/s, NIMA TR8350.2, table 3.1).
+EARTH_RATE = math.degrees(7.292115e-5)
+
+
+def earth_rate(latitude_deg: float, heading_deg: float | None) -> Floats:
+    """The Earth's turning (3) in the station's frame, deg/s; without a heading its vertical part alone.
+
+    heading_deg: azimuth of the station's x axis, clockwise from north; z is up.
+    """
+    latitude = math.radians(latitude_deg)
+    level = 0.0 if heading_deg is None else EARTH_RATE * math.cos(latitude)
+    heading = math.radians(heading_deg or 0.0)
+    return np.array([level * math.cos(heading), level * math.sin(heading), EARTH_RATE * math.sin(latitude)])

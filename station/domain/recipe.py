@@ -1,10 +1,13 @@
 """The recipe: frozen pydantic models of `station.recipe/1` (contracts, section 2). Pure: text is read elsewhere."""
 
-from typing import Annotated, Literal, Self
+from collections.abc import Callable
+from difflib import get_close_matches
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from station import plugins
 from station.domain import gravity, rotation
 from station.domain.types import Floats
 
@@ -78,11 +81,15 @@ class Position(Part):
 
 
 class Site(Part):
-    """Where the station stands, for local gravity."""
+    """Where the station stands, for local gravity and the Earth's turning.
+
+    heading_deg: azimuth of the station's x axis, clockwise from north; only a gyroscope wants it.
+    """
 
     latitude_deg: Annotated[float, Field(ge=-90, le=90)]
     altitude_m: Annotated[float, Field(ge=-500, le=9000)] = 0.0
     anomaly_std_ppm: NotNegative = 30.0
+    heading_deg: Finite | None = None
 
 
 class Gold(Part):
@@ -120,17 +127,23 @@ class Reference(Part):
             raise ValueError("source is gold, so say which: add gold: {serial: ..., due: YYYY-MM-DD}")
         if self.source == "field" and self.vector is None and self.magnitude is None:
             raise ValueError("source is field, so add vector: [x, y, z] of the field in the station's frame")
-        if self.site is not None and self.source not in ("gravity", "gold"):
-            raise ValueError("site gives local gravity; it goes with source: gravity")
+        if self.site is not None and self.source == "field":
+            raise ValueError("site gives local gravity and the Earth's turning; it goes with source: gravity or rate")
         return self
 
     def strength(self) -> float:
         """Magnitude of the true stimulus in the recipe's unit (1 for a rate, whose positions carry their own)."""
-        if self.site is not None:
+        if self.site is not None and self.source != "rate":
             return gravity.at(self.site.latitude_deg, self.site.altitude_m) / gravity.STANDARD
         if self.magnitude is not None:
             return self.magnitude
         return float(np.linalg.norm(self.vector)) if self.vector is not None else 1.0
+
+    def relative_std(self) -> float:
+        """Standard uncertainty of the magnitude, relative: local anomalies at a site, else as stated."""
+        if self.site is not None and self.source != "rate":
+            return self.site.anomaly_std_ppm * 1e-6
+        return self.magnitude_std / self.strength()
 
 
 class Run(Part):
@@ -146,7 +159,8 @@ class Run(Part):
 class DeviceSheet(Part):
     """What the device's data sheet promises; the ideal that faults are measured against.
 
-    lsb, full_scale and noise_density in the recipe's unit (noise per √Hz).
+    lsb, full_scale and noise_density in the recipe's unit (noise per √Hz). Typical sizes (one standard deviation)
+    for the uncertainty budget: offset_tempco in unit/°C, gain_tempco in 1/°C, g_sensitivity in unit/g.
     """
 
     rate_hz: Positive = 100.0
@@ -155,6 +169,9 @@ class DeviceSheet(Part):
     full_scale: Positive | None = None
     noise_density: NotNegative | None = None
     counter_bits: Annotated[int, Field(ge=1, le=32)] = 8
+    offset_tempco: NotNegative = 0.0
+    gain_tempco: NotNegative = 0.0
+    g_sensitivity: NotNegative = 0.0
 
 
 class Settle(Part):
@@ -221,14 +238,27 @@ class Verify(Part):
     limit: Positive | None = None
 
 
+def _among(kind: str) -> Callable[[Any], Any]:
+    """Checks that a name is a plug-in of `station.domain.<kind>`, without importing it."""
+
+    def check(name: Any) -> Any:
+        known = plugins.names(f"station.domain.{kind}")
+        if name not in known:
+            near = get_close_matches(str(name), known, 1, 0)[0]
+            raise ValueError(f"{name!r} is not among {', '.join(known)}; the nearest is {near!r}")
+        return name
+
+    return check
+
+
 class Recipe(Part):
     """A whole recipe. Every way to get one checks it; a recipe that exists can be planned."""
 
     schema_: Annotated[Literal["station.recipe/1"], Field(alias="schema")]
     name: Name
     version: Annotated[int, Field(ge=1)]
-    sensor: Literal["accelerometer", "magnetometer", "gyroscope"]
-    unit: Literal["g", "uT", "deg/s"]
+    sensor: Annotated[str, BeforeValidator(_among("sensors"))]
+    unit: str
     reference: Reference
     positions: tuple[Position, ...] = ()
     seatings: dict[Name, Turn] = {}
@@ -236,7 +266,8 @@ class Recipe(Part):
     device: DeviceSheet = DeviceSheet()
     settle: Settle = Settle()
     dwell: Dwell = Dwell(time_s=1.0)
-    method: Literal["one-point", "three-point", "six-point", "n-point", "norm"] = "n-point"
+    visit_repeats: Annotated[int, Field(ge=0, le=5)] = 1
+    method: Annotated[str, BeforeValidator(_among("calibrate"))] = "n-point"
     model: Literal["offset-gain", "matrix"] = "matrix"
     product: Name | None = None
     serial_pattern: str | None = None
@@ -265,12 +296,26 @@ class Recipe(Part):
         return {p.name: p for p in (*self.verify.positions, *self.positions)}[name]
 
     def stimulus(self, position: Position) -> Floats:
-        """True vector (3) in the station's frame, in the recipe's unit; of a rate: in the device's frame."""
+        """True vector (3) in the station's frame, in the recipe's unit; of a rate: in the nest's frame."""
         if self.reference.source == "rate" or position.rate is not None:
-            return np.array(position.rate or (0.0, 0.0, 0.0), float)
+            rate = np.array(position.rate or (0.0, 0.0, 0.0), float)
+            return rate + self.earth_rate(position)
         if self.reference.vector is not None:
             return np.array(self.reference.vector, float)
         return np.array([0.0, 0.0, self.reference.strength()])
+
+    def earth_rate(self, position: Position) -> Floats:
+        """The Earth's turning (3) in the nest's frame, deg/s, as far as the site tells it.
+
+        While the nest turns, what lies across its axis goes round and averages out over whole turns.
+        """
+        site = self.reference.site
+        if site is None or self.sensor != "gyroscope":
+            return np.zeros(3)
+        earth = position.matrix().T @ gravity.earth_rate(site.latitude_deg, site.heading_deg)
+        axis = np.array(position.rate or (0.0, 0.0, 0.0), float)
+        speed = float(np.linalg.norm(axis))
+        return np.asarray(earth if speed == 0 else axis * (axis @ earth) / speed**2)
 
     def true_vector(self, position: Position, seating: str = "home") -> Floats:
         """True vector (3) in the device's frame: Rᵀ · stimulus, R = R_position · R_seating."""
@@ -283,16 +328,11 @@ class Recipe(Part):
 
 
 def _check_unit(recipe: Recipe) -> None:
-    wanted = {"accelerometer": "g", "magnetometer": "uT", "gyroscope": "deg/s"}[recipe.sensor]
-    if recipe.unit != wanted:
-        raise ValueError(f"unit {recipe.unit} does not go with sensor {recipe.sensor}; write unit: {wanted}")
-    sources = {
-        "accelerometer": ("gravity", "gold"),
-        "magnetometer": ("field", "gold"),
-        "gyroscope": ("rate", "gold"),
-    }
-    if recipe.reference.source not in sources[recipe.sensor]:
-        allowed = " or ".join(sources[recipe.sensor])
+    kind: Any = plugins.load("station.domain.sensors", recipe.sensor)
+    if recipe.unit != kind.unit:
+        raise ValueError(f"unit {recipe.unit} does not go with sensor {recipe.sensor}; write unit: {kind.unit}")
+    if recipe.reference.source not in kind.sources:
+        allowed = " or ".join(kind.sources)
         raise ValueError(f"reference.source {recipe.reference.source} does not excite a {recipe.sensor}; use {allowed}")
 
 

@@ -126,18 +126,24 @@ class Outcome(StrEnum):
 class Stops:
     """What one unit's visits come to, one row a visit; the input of every calibration method.
 
-    position: names; run, visit (v); mean (v, 3) robust mean reading; cov (v, 3, 3) covariance of that mean
-    (autocorrelation, flicker and quantisation in it); true (v, 3) stimulus in the device frame, in the
-    recipe's unit (rows of NaN where the pose is unknown); count (v) samples; effective (v) effective sample
-    size; time_s (v) middle of the dwell; temperature_degC (v) or NaN.
+    position, seating: names; run, visit (v); mean (v, 3) robust mean reading; cov (v, 3, 3) covariance of that mean
+    (autocorrelation, flicker and quantisation in it; ± 1.96 standard deviations cover 95 %); quantisation (v, 3)
+    the part of its diagonal that no averaging takes away; dof (v, 3) degrees of freedom of the rest; true (v, 3)
+    stimulus in the device frame, in the recipe's unit (rows of NaN where the pose is unknown); std (v, 3) of one
+    sample; count (v) samples; effective (v) effective sample size; time_s (v) middle of the dwell;
+    temperature_degC (v) or NaN.
     """
 
     position: tuple[str, ...]
+    seating: tuple[str, ...]
     run: NDArray[np.int32]
     visit: NDArray[np.int32]
     mean: Floats
     cov: Floats
+    quantisation: Floats
+    dof: Floats
     true: Floats
+    std: Floats
     count: NDArray[np.int64]
     effective: Floats
     time_s: Floats

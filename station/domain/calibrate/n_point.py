@@ -1,0 +1,37 @@
+"""N-point: weighted least squares for any positions, offset and gain or the full matrix."""
+
+import numpy as np
+
+from station.domain.calibrate import _linear
+from station.domain.calibrate.three_point import ThreePoint
+from station.domain.method import Fit, Problem
+from station.domain.recipe import Recipe
+from station.domain.types import Floats
+from station.errors import RecipeError
+
+
+class NPoint:
+    """[A|B] = M·W·Tᵀ·(T·W·Tᵀ)⁻¹ (ST DT0053's N-point with weights W = 1/variance, Aitken 1935).
+
+    Weights know the noise of every stop and the declared error of poses; what acts on the sensor besides the
+    stimulus (a gyroscope's g-sensitivity) is fitted beside the coefficients where the positions tell it apart.
+    """
+
+    def check(self, recipe: Recipe) -> None:
+        """Any positions whose pose is known."""
+        if not recipe.pose_known:
+            raise RecipeError("n-point needs known poses; use method: norm where only the magnitude is known")
+
+    def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
+        """One regression, the same for each axis; for offset and gain, three lines."""
+        if recipe.model == "offset-gain":
+            rows, names = ThreePoint().design(true, recipe, nuisance)
+            more = np.kron(np.eye(3), nuisance)
+            return np.column_stack([rows, more]), (*names, *("g-sensitivity",) * more.shape[1])
+        rows = np.column_stack([np.ones(len(true)), true, nuisance])
+        return rows, (*_linear.MATRIX_NAMES, *("g-sensitivity",) * nuisance.shape[1])
+
+    def fit(self, problem: Problem) -> Fit:
+        """Weighted least squares."""
+        columns = _linear.OFFSET_GAIN if problem.model == "offset-gain" else _linear.MATRIX
+        return _linear.solve(problem, columns, weighted=True)

@@ -1,0 +1,24 @@
+"""DT0105 one-point: offsets from a single position; gains are taken as 1, cross-axis as 0."""
+
+import numpy as np
+
+from station.domain.calibrate import _linear, _poses
+from station.domain.method import Fit, Problem
+from station.domain.recipe import Recipe
+from station.domain.types import Floats
+
+
+class OnePoint:
+    """offset = reading − truth (ST DT0105 rev 2). Every error of gain and pose goes straight into the offset."""
+
+    def check(self, recipe: Recipe) -> None:
+        """One position."""
+        _poses.wanted(recipe, 1, "one position")
+
+    def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
+        """The offset is seen at every stop."""
+        return np.ones((len(true), 1)), ("offset",)
+
+    def fit(self, problem: Problem) -> Fit:
+        """Mean of reading − truth over all stops."""
+        return _linear.solve(problem.without_nuisance(), _linear.OFFSET_ONLY, weighted=False)

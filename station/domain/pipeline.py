@@ -1,0 +1,179 @@
+"""Samples → stops → calibration → budget → verdict: the one path of the run, the command and the refit."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain import design, method, quality, rank, references, uncertainty
+from station.domain.coefficients import matrix_of, offset_of
+from station.domain.judge import judge
+from station.domain.method import Fit, Problem
+from station.domain.recipe import Recipe
+from station.domain.types import Calibration, Floats, Outcome, Reason, SampleTable, Stops, Verdict
+from station.domain.uncertainty import Budget
+from station.domain.visit import Visits, stops_of, visits
+from station.errors import SamplesError
+
+NO_ROUNDING = np.zeros(12)
+#: Units solved together: enough to be fast, few enough to fit in memory.
+BATCH = 256
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """What one unit came to. Where its samples cannot be calibrated all but serial and verdict are None."""
+
+    serial: str
+    verdict: Verdict
+    stops: Stops | None = None
+    calibration: Calibration | None = None
+    budget: Budget | None = None
+    visits: Visits | None = None
+
+
+def calibrate(recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING) -> Iterator[Result]:
+    """Every unit of a table, one after the other; one that cannot be calibrated does not stop the others.
+
+    today: ISO 8601 date for the gold reference's due date; rounding (12): standard deviation of each coefficient's
+    rounding in the device. Errors: RecipeError, ReferenceOverdue, SamplesError (of the table as a whole).
+    """
+    design.check(recipe)
+    references.check_due(recipe, today)
+    batch: list[Visits] = []
+    for found in visits(table, recipe):
+        batch.append(found)
+        if len(batch) == BATCH:
+            yield from _batch(recipe, batch, rounding)
+            batch = []
+    yield from _batch(recipe, batch, rounding)
+
+
+def calibrate_unit(recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING) -> Result:
+    """The one unit of a table. Errors: as `calibrate`, and SamplesError when the unit cannot be calibrated."""
+    results = list(calibrate(recipe, table, today, rounding))
+    if len(results) != 1:
+        raise SamplesError(f"the samples are of {len(results)} units; give one at a time")
+    if results[0].calibration is None:
+        raise SamplesError(results[0].verdict.reasons[0].sentence)
+    return results[0]
+
+
+def calibrate_stops(recipe: Recipe, units: Mapping[str, Stops], rounding: Floats = NO_ROUNDING) -> list[Result]:
+    """The same from stops that are already reduced (those of the log), without the checks of raw samples."""
+    design.check(recipe)
+    return _solve(recipe, [(serial, stops, None) for serial, stops in units.items()], rounding)
+
+
+def _batch(recipe: Recipe, batch: Sequence[Visits], rounding: Floats) -> list[Result]:
+    return _solve(recipe, [(v.serial, stops_of(v, recipe), v) for v in batch], rounding)
+
+
+Unit = tuple[str, Stops, Visits | None]
+
+
+def _solve(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Result]:
+    """Units that went through the same visits are solved together; the order of the results is that of the units."""
+    alike: dict[object, list[int]] = {}
+    for i, (_, stops, _) in enumerate(units):
+        # Of hand-held stops each unit has directions of its own.
+        truth = stops.true if recipe.pose_known else stops.mean
+        alike.setdefault((stops.position, stops.seating, truth.tobytes()), []).append(i)
+    done: dict[int, Result] = {}
+    for members in alike.values():
+        group = [units[i] for i in members]
+        why = _unfit(recipe, group[0][1])
+        found = [_refused(serial, why) for serial, _, _ in group] if why else _solve_alike(recipe, group, rounding)
+        done.update(zip(members, found, strict=True))
+    return [done[i] for i in range(len(units))]
+
+
+def _solve_alike(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Result]:
+    stops = [s for _, s, _ in units]
+    problem = method.problem(recipe, stops)
+    fit = method.of(recipe).fit(problem)
+    budgets = uncertainty.budgets(recipe, problem, fit, stops, rounding)
+    return [_result(recipe, unit, problem, fit, budgets[u], u) for u, unit in enumerate(units)]
+
+
+def _result(recipe: Recipe, unit: Unit, problem: Problem, fit: Fit, budget: Budget, u: int) -> Result:
+    serial, stops, found = unit
+    told = quality.notes(recipe, found) if found is not None else ()
+    calibration = _calibration(recipe, stops, problem, fit, budget, u, told)
+    unsound = quality.reasons(recipe, found, stops) if found is not None else ()
+    verdict = judge(recipe, calibration, budget, stops, (*_broken(calibration, fit, u), *unsound))
+    return Result(serial, verdict, stops, calibration, budget, found)
+
+
+def _calibration(
+    recipe: Recipe, stops: Stops, problem: Problem, fit: Fit, budget: Budget, u: int, told: tuple[str, ...]
+) -> Calibration:
+    kept = ~fit.disturbed[u]
+    square = (fit.residual[u][kept] ** 2).sum(axis=1)
+    # Of a hand-held stop only the magnitude can be off: one number, not three.
+    rms = np.sqrt(square.mean() / (3 if problem.pose_known else 1))
+    return Calibration(
+        method=recipe.method,
+        unit=recipe.unit,
+        offset=offset_of(fit.theta[u]),
+        matrix=matrix_of(fit.theta[u]),
+        covariance=budget.total,
+        positions=stops.position,
+        residual=fit.residual[u],
+        tilt_deg=np.rad2deg(fit.tilt_rad[u]),
+        tilt_std_deg=np.rad2deg(fit.tilt_std_rad[u]),
+        disturbed=fit.disturbed[u],
+        residual_rms=float(rms),
+        notes=(*_disturbed(stops, fit, u), *_lack(budget), *fit.notes[u], *told),
+    )
+
+
+def _disturbed(stops: Stops, fit: Fit, u: int) -> Iterator[str]:
+    for v in np.flatnonzero(fit.disturbed[u]):
+        off = float(np.abs(fit.residual[u, v]).max())
+        yield (
+            f"the stop at {stops.position[v]!r} (run {stops.run[v]}, visit {stops.visit[v]}) was disturbed: it lies "
+            f"{off:.3g} off the others and was left out"
+        )
+
+
+def _lack(budget: Budget) -> Iterator[str]:
+    if budget.parts[uncertainty.LACK][0, 0] > 0:
+        yield (
+            f"residuals are {budget.lack:.1f} times what noise and declared pose errors explain; the uncertainty was "
+            f"widened to match"
+        )
+
+
+def _broken(found: Calibration, fit: Fit, u: int) -> Iterator[Reason]:
+    """A fit that is no calibration: not settled, not finite, or a matrix that mirrors."""
+    if fit.notes[u]:
+        yield Reason("fit", fit.notes[u][0])
+    if not (np.isfinite(found.offset).all() and np.isfinite(found.matrix).all()):
+        yield Reason("fit", "the fit gave no finite coefficients")
+    elif not np.linalg.det(found.matrix) > 0:
+        yield Reason("fit", "the fitted matrix mirrors or flattens space; two axes are swapped or one is inverted")
+
+
+def _unfit(recipe: Recipe, stops: Stops) -> str:
+    """Why such stops cannot determine the coefficients; '' when they can."""
+    true = stops.true if recipe.pose_known else _directions(stops) * recipe.reference.strength()
+    nuisance = method.nuisance(recipe, stops.position, stops.seating, true)
+    rows, names = method.of(recipe).design(true, recipe, nuisance)
+    lost = rank.undetermined(rows, names, rank.EXACT if recipe.pose_known else rank.FOUND)
+    if not lost:
+        return ""
+    missing = [repr(p.name) for p in recipe.positions if p.name not in stops.position]
+    why = f"it was never at {', '.join(missing)}" if missing else "its stops are too few or too much alike"
+    return f"{why}, so {recipe.method} cannot determine {', '.join(lost)}; measure it again at more positions"
+
+
+def _directions(stops: Stops) -> Floats:
+    """Directions (v, 3) that hand-held stops seem to have: from the middle of the extremes."""
+    apart = stops.mean - (stops.mean.max(axis=0) + stops.mean.min(axis=0)) / 2
+    return np.asarray(apart / np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-300))
+
+
+def _refused(serial: str, why: str) -> Result:
+    sentence = f"unit {serial} cannot be calibrated: {why}"
+    return Result(serial, Verdict(Outcome.ERROR, (Reason("samples", sentence),), "none", 0.0, 0.0))

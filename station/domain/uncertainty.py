@@ -1,0 +1,156 @@
+"""The uncertainty budget of every coefficient (GUM, JCGM 100): each cause carried through the fit's own derivative.
+
+A cause is either noise of the means, or patterns of errors of the truth that several stops share. An error δt of the
+truth acts as a reading that is off by matrix · δt, so one derivative serves all causes.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc
+
+from station.domain import coefficients, noise, sensor
+from station.domain.method import Fit, Problem
+from station.domain.recipe import Recipe
+from station.domain.types import Floats, Stops
+
+#: Residuals are larger than noise explains when chance would do it this rarely.
+LACK_LEVEL = 1e-3
+LACK = "lack of fit"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Budget:
+    """Covariances (12, 12) of one unit by cause, their sum, and the degrees of freedom (12) of its diagonal.
+
+    Standard deviations are to be read with a normal quantile: ± 1.96 of them cover 95 %, although noise is itself
+    an estimate (the covariance is widened by (t₀.₉₇₅,ν/1.96)² where it is). lack: residuals over what noise and
+    declared pose errors explain (a standard-deviation ratio), 1 when they agree.
+    """
+
+    parts: Mapping[str, Floats]
+    total: Floats
+    dof: Floats
+    lack: float
+
+    def std(self, cause: str | None = None) -> Floats:
+        """Standard uncertainties (12), of one cause or of all."""
+        of = self.total if cause is None else self.parts[cause]
+        return np.asarray(np.sqrt(np.maximum(np.diagonal(of), 0.0)))
+
+    def document(self, unit: str) -> list[dict[str, object]]:
+        """One entry a coefficient: name, unit, standard uncertainty, its share by cause, expanded U for 95 %."""
+        std = self.std()
+        by_cause = {cause: self.std(cause) for cause in self.parts}
+        return [
+            {
+                "coefficient": name,
+                "unit": coefficients.unit_of(i, unit),
+                "std": float(std[i]),
+                "expanded": float(1.96 * std[i]),
+                "parts": {cause: float(s[i]) for cause, s in by_cause.items()},
+            }
+            for i, name in enumerate(coefficients.NAMES)
+        ]
+
+
+def budgets(recipe: Recipe, problem: Problem, fit: Fit, units: Sequence[Stops], rounding: Floats) -> list[Budget]:
+    """The budget of each unit. rounding (12): standard deviations of the coefficients' rounding in the device."""
+    parts = {
+        "noise": _noise(fit, problem.cov - _diagonal(problem.quantisation)),
+        "quantisation": _noise(fit, _diagonal(problem.quantisation)),
+        "position": _position(recipe, problem, fit),
+        **_truth(recipe, problem, fit, units[0]),
+        "temperature": _temperature(recipe, problem, fit),
+        "rounding": np.broadcast_to(np.diag(np.where(fit.free, rounding, 0.0) ** 2), (len(units), 12, 12)),
+    }
+    factor = lack_of_fit(fit)
+    explained = parts["noise"] + parts["quantisation"] + (0.0 if fit.pose_std_rad.any() else parts["position"])
+    parts[LACK] = (factor - 1)[:, None, None] * explained
+    total = np.sum(list(parts.values()), axis=0)
+    dof = _dof(problem, parts["noise"], total)
+    return [
+        Budget({k: v[u] for k, v in parts.items()}, total[u], dof[u], float(np.sqrt(fit.chi2[u] / max(fit.dof[u], 1))))
+        for u in range(len(units))
+    ]
+
+
+def lack_of_fit(fit: Fit) -> Floats:
+    """Factor (u) on the explained variance that the residuals ask for: 1, or χ²/ν widened (Birge 1932)."""
+    dof = np.maximum(fit.dof, 1)
+    loud = (fit.dof > 0) & (chdtrc(dof, fit.chi2) < LACK_LEVEL)
+    return np.where(loud, np.maximum(fit.chi2 / dof * noise.widening(dof), 1.0), 1.0)
+
+
+def _diagonal(variance: Floats) -> Floats:
+    return variance[..., None] * np.eye(3)
+
+
+def _noise(fit: Fit, cov: Floats) -> Floats:
+    """Covariance (u, 12, 12) from independent errors of the means, cov (u, v, 3, 3)."""
+    u, _, v, _ = fit.jacobian.shape
+    by_stop = fit.jacobian.transpose(0, 2, 1, 3)
+    carried = (by_stop @ cov).transpose(0, 2, 1, 3).reshape(u, 12, 3 * v)
+    return np.asarray(carried @ fit.jacobian.reshape(u, 12, 3 * v).transpose(0, 2, 1))
+
+
+def _shared(fit: Fit, patterns: Floats) -> Floats:
+    """Covariance (u, 12, 12) from patterns (k, v, 3) of errors of the truth, each common to all stops."""
+    u, _, v, _ = fit.jacobian.shape
+    matrix = coefficients.matrix_of(fit.theta)
+    felt = (patterns.reshape(-1, 3) @ matrix.transpose(0, 2, 1)).reshape(u, len(patterns), 3 * v)
+    effect = felt @ fit.jacobian.reshape(u, 12, 3 * v).transpose(0, 2, 1)
+    return np.asarray(effect.transpose(0, 2, 1) @ effect)
+
+
+def _position(recipe: Recipe, problem: Problem, fit: Fit) -> Floats:
+    """Pose errors of one standard deviation about each axis, one draw for all stops of a pose."""
+    u = len(fit.theta)
+    if not problem.pose_known or recipe.reference.source == "gold":
+        return np.zeros((u, 12, 12))
+    std = np.maximum(fit.pose_std_rad, problem.pose_std_rad)
+    turned = np.cross(np.eye(3)[None, :, None], problem.true[:, None])
+    felt = turned @ coefficients.matrix_of(fit.theta)[:, None].transpose(0, 1, 3, 2)
+    effect = np.einsum("uivk,uavk->uiav", fit.jacobian, felt)
+    order = np.argsort(problem.pose, kind="stable")
+    first = np.flatnonzero(np.r_[True, np.diff(problem.pose[order]) > 0])
+    by_pose = np.add.reduceat(effect[..., order], first, axis=3).reshape(u, 12, -1) * std[:, None, None]
+    return np.asarray(by_pose @ by_pose.transpose(0, 2, 1))
+
+
+def _truth(recipe: Recipe, problem: Problem, fit: Fit, stops: Stops) -> dict[str, Floats]:
+    """What the sensor kind says its stimulus may be wrong by; hand-held stops know no more than the magnitude."""
+    kind = sensor.of(recipe)
+    if problem.pose_known:
+        found = kind.truth_errors(recipe, stops.position, stops.seating, stops.true)
+        return {name: _shared(fit, patterns) for name, patterns in found.items()}
+    relative = recipe.reference.relative_std()
+    gain = np.where(coefficients.OFFSETS, 0.0, fit.theta) * relative
+    return {"magnitude": gain[:, :, None] * gain[:, None, :]}
+
+
+def _temperature(recipe: Recipe, problem: Problem, fit: Fit) -> Floats:
+    """What the sheet's temperature coefficients make of the differences in temperature between the stops."""
+    u, _, v, _ = fit.jacobian.shape
+    device = recipe.device
+    known = np.asarray(np.isfinite(problem.temperature_degC).all(axis=1))
+    if not known.any() or not (device.offset_tempco or device.gain_tempco):
+        return np.zeros((u, 12, 12))
+    T = np.where(known[:, None], problem.temperature_degC, 0.0)
+    apart = T - T.mean(axis=1, keepdims=True)
+    axes = np.eye(3)[None, :, None]
+    offset = device.offset_tempco * apart[:, None, :, None] * axes
+    felt = np.where(np.isfinite(problem.true), problem.true, 0.0)[:, None] * axes
+    gain = device.gain_tempco * apart[:, None, :, None] * felt
+    patterns = np.concatenate([offset, gain], axis=1).reshape(u, 6, 3 * v)
+    effect = patterns @ fit.jacobian.reshape(u, 12, 3 * v).transpose(0, 2, 1)
+    return np.asarray(effect.transpose(0, 2, 1) @ effect)
+
+
+def _dof(problem: Problem, noise_part: Floats, total: Floats) -> Floats:
+    """Degrees of freedom (u, 12): those of the axis' noise, more where noise is a part only (Welch–Satterthwaite)."""
+    axis = problem.dof.min(axis=1)
+    own = np.concatenate([axis, np.repeat(axis, 3, axis=1)], axis=1)
+    share = np.einsum("uii->ui", noise_part) / np.maximum(np.einsum("uii->ui", total), 1e-300)
+    return np.asarray(own / np.maximum(share, 1e-6) ** 2)
