@@ -15,6 +15,7 @@ StationError
 ├── StationFault          exit 3   the station: outcome ERROR
 │   ├── BusFault                   interface down, bus-off, no buffer
 │   ├── DeviceSilent               no answer within its time-out
+│   ├── WrongUnit                  another unit sits in the nest than was said
 │   ├── PositionerFault            stuck, late, at the wrong place
 │   ├── StoreFault                 the record cannot be written
 │   └── ReferenceOverdue           a gold reference or golden unit past its due date
@@ -98,6 +99,10 @@ class BusFault(StationFault):
 
 class DeviceSilent(StationFault):
     """The device did not answer within its time-out."""
+
+
+class WrongUnit(StationFault):
+    """Another unit sits in the nest than the one that was scanned or measured."""
 
 
 class PositionerFault(StationFault):

@@ -54,6 +54,10 @@ class VirtualClock:
         """From now on this actor acts, after those attached before it."""
         self._actors.append(actor)
 
+    def detach(self, actor: Actor) -> None:
+        """This actor acts no more: it was taken off the rig."""
+        self._actors.remove(actor)
+
     def sleep(self, duration_s: float) -> None:
         """Lets the rig live for `duration_s`: each actor acts at every instant at which any is due, and at the end."""
         until_s = self._now_s + max(0.0, duration_s)

@@ -67,7 +67,7 @@ class Settings(Part):
     positioner: PositionerSettings = PositionerSettings()
     recipe: Line = "six-point"
     database: Line = "station.db"
-    visit_repeats: Annotated[int, Field(ge=0, le=5)] = 1
+    arrival_tolerance_deg: Positive = 2.0
     timeouts: Timeouts = Timeouts()
 
     @model_validator(mode="after")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from station.domain.types import Calibration, Outcome, Reason, Verdict
-from station.errors import StationFault
+from station.errors import StationError, StationFault
 
 
 class Phase(StrEnum):
@@ -176,6 +176,7 @@ class UnitDone(Event):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadDone(Event):
-    """The load is over and the fixture parked."""
+    """The load is over and the fixture parked; fault: what ended it for everybody, or what parking met."""
 
     results: tuple[UnitResult, ...]
+    fault: StationError | None = None

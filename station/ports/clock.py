@@ -35,6 +35,9 @@ class EventClock(Clock, Protocol):
     def attach(self, actor: Actor) -> None:
         """From now on this actor acts, after those attached before it."""
 
+    def detach(self, actor: Actor) -> None:
+        """This actor acts no more: it was taken off the rig."""
+
     def at_ns(self, monotonic_s: float) -> int:
         """Epoch nanoseconds of an instant of monotonic_s()."""
 

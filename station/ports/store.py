@@ -35,15 +35,15 @@ class Begin:
 class VisitRecord:
     """One finished stop of one attempt: raw frames and what they came to.
 
-    statistics needs what a refit needs, mean (3), cov (3, 3), count, effective, time_s and temperature_degC
-    (the row of `Stops`), and may hold anything else: std, gaps, repeats, crc_errors, kernel_drops, settled_s.
+    statistics: from_ns and to_ns, the dwell that a refit cuts out of the frames (station.domain.assemble), and for
+    people mean, std, count, gaps, repeats, crc_errors, kernel_drops, temperature_degC, reasons of a rejection.
     """
 
     run: int
     visit: int
     position: str
     seating: str
-    kind: str  # "tumble" | "verify"
+    kind: str  # "tumble" | "verify" | "rejected"
     arrived_ns: int
     left_ns: int
     frames: Frames
@@ -81,6 +81,22 @@ class Unfinished:
 
 
 @dataclass(frozen=True, slots=True)
+class Suspect:
+    """The last attempt that was going to change a unit, of which nobody knows that it left all old or all new.
+
+    state: the last word about the device's objects: '' (none), mixed, other or unknown. old, planned: objects as
+    `2101:01` → bytes in hexadecimal, as they were read before and as they were to be.
+    """
+
+    attempt: str
+    serial: str
+    started_ns: int
+    state: str
+    old: Mapping[str, str]
+    planned: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
 class Head:
     """The newest record of the log: its number (0: an empty log) and the hash that seals all before it."""
 
@@ -111,6 +127,12 @@ class Store(Protocol):
 
     def unfinished(self) -> Sequence[Unfinished]:
         """Attempts without an end, oldest first, with every stage of their object writes in order."""
+
+    def suspect(self, serial: str) -> Suspect | None:
+        """The unit's last attempt with a `write-plan`, unless its last `device-state` says old or new.
+
+        Both are results; a `device-state` event that came after the attempt's end counts too.
+        """
 
     def head(self) -> Head:
         """The newest record, for certificates and exports."""

@@ -1,18 +1,18 @@
 """Who sits in the nest, what it holds now, and how it is made ready to be measured."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from station.domain import number_format, writeback
 from station.domain.devicemap import DeviceMap, Setting
 from station.domain.product import kept_serial, read_serial
-from station.errors import ReadBackDiffers, StationError, StationFault, WrongProduct
+from station.errors import ReadBackDiffers, StationError, WrongProduct, WrongUnit
 from station.ports.store import Store
-from station.service.rig import Job
+from station.service.station import Job
 from station.service.unit import Address, Unit
 
 
 def identify(unit: Unit, job: Job, store: Store) -> None:
-    """Reads who the device is and keeps it. Errors: WrongProduct; StationFault when the label is another unit's."""
+    """Reads who the device is and keeps it. Errors: WrongProduct; WrongUnit when the label is another unit's."""
     identity = unit.device.identify()
     place = job.product.map.serial
     raw = unit.device.upload(*place.address)
@@ -29,7 +29,7 @@ def identify(unit: Unit, job: Job, store: Store) -> None:
     if wrong:
         raise WrongProduct(f"{unit.name} is no {job.product.name}: {', '.join(wrong)}; take it out")
     if read_serial(place, raw) != (wanted := kept_serial(place, unit.seat.serial)):
-        raise StationFault(
+        raise WrongUnit(
             f"nest {unit.seat.nest} holds a unit that calls itself {read_serial(place, raw)}, but the label "
             f"{unit.seat.serial} means {wanted}; put the right unit in, or scan the right label"
         )
@@ -41,7 +41,7 @@ def read_old(unit: Unit, job: Job, store: Store) -> None:
     old = {at: unit.device.upload(*at) for at in _changed(device_map)}
     unit.old = {**unit.old, **old}
     unit.settings_old = {s.address: unit.device.upload(*s.address) for s in device_map.settings}
-    store.result(unit.attempt, "old-calibration", {"objects": _hex({**unit.old, **unit.settings_old})})
+    store.result(unit.attempt, "old-calibration", {"objects": as_text({**unit.old, **unit.settings_old})})
 
 
 def make_ready(unit: Unit, job: Job) -> None:
@@ -105,5 +105,11 @@ def _raw(setting: Setting, value: float) -> bytes:
     return number_format.parse(setting.type).encode(setting.sign * value / setting.scale)
 
 
-def _hex(raws: dict[Address, bytes]) -> dict[str, str]:
-    return {f"{index:04x}:{sub:02x}": raw.hex() for (index, sub), raw in raws.items()}
+def as_text(raws: Mapping[Address, bytes]) -> dict[str, str]:
+    """Objects as the log writes them: `2101:01` → bytes in hexadecimal."""
+    return {f"{index:04X}:{sub:02X}": raw.hex() for (index, sub), raw in raws.items()}
+
+
+def of_text(objects: Mapping[str, str]) -> dict[Address, bytes]:
+    """What `as_text` wrote."""
+    return {(int(key[:4], 16), int(key[5:], 16)): bytes.fromhex(raw) for key, raw in objects.items()}

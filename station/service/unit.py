@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
+from station.domain.assemble import KeptVisit
 from station.domain.product import read_serial
 from station.domain.progress import Seat, UnitResult
 from station.domain.types import Calibration, Outcome, Reason, Verdict
-from station.errors import StationError, StationFault, UnitFault
+from station.errors import StationError, UnitFault, WrongUnit
 from station.ports.device import Device, Identity
-from station.service.rig import Job
+from station.service.station import Job
 
 Address = tuple[int, int]
 
@@ -36,7 +36,8 @@ class Unit:
     verified: bool = False
     noise: float | None = None
     temperature_degC: float | None = None
-    visits: list[Any] = field(default_factory=list)
+    visits: list[KeptVisit] = field(default_factory=list)
+    verify_visits: list[KeptVisit] = field(default_factory=list)
     calibration: Calibration | None = None
     verdict: Verdict | None = None
     reasons: list[Reason] = field(default_factory=list)
@@ -78,12 +79,12 @@ def reason(error: StationError) -> Reason:
 
 
 def check_same_unit(unit: Unit, job: Job) -> None:
-    """Reads the serial again; StationFault when another unit sits there now than at the start."""
+    """Reads the serial again; WrongUnit when another unit sits there now than at the start."""
     place = job.product.map.serial
     now = read_serial(place, unit.device.upload(*place.address))
     before = read_serial(place, unit.old[place.address])
     if now != before:
-        raise StationFault(
+        raise WrongUnit(
             f"nest {unit.seat.nest} now holds a unit that calls itself {now}, but it was {before} at the start: "
             "it was swapped; nothing was written, start again"
         )

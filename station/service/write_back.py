@@ -9,8 +9,8 @@ from station.domain.types import Calibration
 from station.domain.writeback import ObjectWrite
 from station.errors import DeviceRefused, DeviceSilent, ReadBackDiffers, StationError, StationFault, UnitFault
 from station.ports.store import WriteRecord
-from station.service.identify import set_compensated
-from station.service.rig import Job, Rig
+from station.service.identify import as_text, set_compensated
+from station.service.station import Job, Station
 from station.service.unit import Address, Unit, check_not_rebooted, check_same_unit
 
 
@@ -20,8 +20,8 @@ class WriteBack:
     After any failure of write() the old values stand in the device again, or the record says that they may not.
     """
 
-    def __init__(self, unit: Unit, rig: Rig, job: Job) -> None:
-        self._unit, self._rig, self._job = unit, rig, job
+    def __init__(self, unit: Unit, station: Station, job: Job) -> None:
+        self._unit, self._station, self._job = unit, station, job
         self._map = job.product.map
         self._writes: tuple[ObjectWrite, ...] = ()
 
@@ -32,7 +32,7 @@ class WriteBack:
             calibration,
             record=self._unit.attempt,
             temperature_degC=self._unit.temperature_degC,
-            epoch_ns=self._rig.clock.epoch_ns(),
+            epoch_ns=self._station.clock.epoch_ns(),
         )
 
     def write(self) -> Iterator[Event]:
@@ -40,6 +40,8 @@ class WriteBack:
         unit = self._unit
         check_not_rebooted(unit, "while it was measured")
         check_same_unit(unit, self._job)
+        # The whole plan stands in the log before the first write: a crash in between is then recognised.
+        self._station.store.result(unit.attempt, "write-plan", {"objects": as_text(self._wanted())})
         done = False
         try:
             for number, write in enumerate(self._writes, 1):
@@ -69,7 +71,7 @@ class WriteBack:
             raise
         except DeviceSilent as exc:
             self._keep(command, "unknown", None)
-            self._rig.store.event(unit.attempt, "save-unanswered", {"sentence": exc.sentence})
+            self._station.store.event(unit.attempt, "save-unanswered", {"sentence": exc.sentence})
         else:
             self._keep(command, "written", None)
 
@@ -77,7 +79,7 @@ class WriteBack:
         """Resets the device and waits until it is back. Errors: DeviceSilent."""
         unit = self._unit
         unit.device.nmt("reset-node")
-        unit.device.wait_boot_up(self._rig.settings.timeouts.boot_s)
+        unit.device.wait_boot_up(self._station.settings.timeouts.boot_s)
         unit.boot_ups = unit.device.boot_ups()
         unit.switched = False
 
@@ -130,7 +132,7 @@ class WriteBack:
         try:
             put_back(unit, writeback.unlock(self._map), flag_last(self._map, wanted), wanted)
         except StationError as exc:
-            self._rig.store.event(unit.attempt, "put-back-failed", {"sentence": exc.sentence})
+            self._station.store.event(unit.attempt, "put-back-failed", {"sentence": exc.sentence})
             self._state("unknown")
         else:
             unit.touched = False
@@ -143,7 +145,7 @@ class WriteBack:
             self.restart()
             state = writeback.classify(self._unit.old, wanted, {at: self._unit.device.upload(*at) for at in wanted})
         except StationError as exc:
-            self._rig.store.event(self._unit.attempt, "state-unknown", {"sentence": exc.sentence})
+            self._station.store.event(self._unit.attempt, "state-unknown", {"sentence": exc.sentence})
         self._unit.touched = state != "old"
         self._state(state)
 
@@ -163,10 +165,10 @@ class WriteBack:
             )
 
     def _state(self, state: str) -> None:
-        self._rig.store.result(self._unit.attempt, "device-state", {"state": state})
+        self._station.store.result(self._unit.attempt, "device-state", {"state": state})
 
     def _keep(self, write: ObjectWrite, stage: str, read_back: bytes | None) -> None:
-        self._rig.store.write(
+        self._station.store.write(
             self._unit.attempt,
             WriteRecord(
                 index=write.index,

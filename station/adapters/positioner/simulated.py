@@ -1,6 +1,7 @@
 """A positioner that exists only in numbers: it turns at a limited rate and arrives with a small error."""
 
 import math
+from collections.abc import Callable
 from typing import Annotated, Literal
 
 import numpy as np
@@ -13,9 +14,14 @@ from station.domain.types import Floats
 from station.errors import PositionerFault
 from station.ports.clock import Clock
 
+#: Told of each move as it begins: the stop, when it departs and when it arrives, monotonic s.
+Moving = Callable[[Stop, float, float], None]
+
 
 class Simulated:
     """Turns about the shortest way, with a trapezium of speed; where() is what its encoders say.
+
+    moving: whoever simulates what stands on it learns of each move as it begins.
 
     positioner: {kind: simulated, speed_deg_s: 90, acceleration_deg_s2: 180, error_deg: 0.02, seed: 1}
     """
@@ -33,9 +39,10 @@ class Simulated:
         fault: Literal["none", "stuck", "slow", "wrong-place"] = "none"
         after: Annotated[int, Field(ge=0)] = 0
 
-    def __init__(self, settings: "Simulated.Settings", clock: Clock) -> None:
+    def __init__(self, settings: "Simulated.Settings", clock: Clock, moving: Moving | None = None) -> None:
         self._settings = settings
         self._clock = clock
+        self._moving = moving
         self._rng = np.random.default_rng(settings.seed)
         self._origin = np.eye(3)
         self._turn = np.zeros(3)
@@ -49,7 +56,7 @@ class Simulated:
         if self._broken("wrong-place"):
             goal = rotation.about(np.array([1.0, 1.0, 0.0]), 90.0) @ goal
         self._moves += 1
-        self._go(goal, timeout_s, f"position {stop.position!r}")
+        self._go(goal, timeout_s, f"position {stop.position!r}", stop)
 
     def where(self) -> Floats:
         """Nest → station rotation (3, 3) as the encoders read it."""
@@ -65,14 +72,19 @@ class Simulated:
         """Turns back to the identity, where units are loaded."""
         self._go(np.eye(3), timeout_s, "its parking place")
 
-    def at(self, time_s: float) -> Floats:
-        """True nest → station rotation (3, 3) at an instant of the clock's monotonic seconds."""
+    def plate(self, time_s: Floats) -> Floats:
+        """True nest → station rotations (n, 3, 3) at instants (n) of the clock's monotonic seconds, from the last
+        move on."""
         took = self._arrives_s - self._began_s
-        share = 1.0 if took <= 0 else min(max((time_s - self._began_s) / took, 0.0), 1.0)
+        share = np.ones(len(time_s)) if took <= 0 else np.clip((time_s - self._began_s) / took, 0.0, 1.0)
         smooth = share * share * (3 - 2 * share)
-        return np.asarray(rotation.from_vector(smooth * self._turn) @ self._origin)
+        return np.asarray(rotation.from_vector(smooth[:, None] * self._turn) @ self._origin)
 
-    def _go(self, goal: Floats, timeout_s: float, place: str) -> None:
+    def at(self, time_s: float) -> Floats:
+        """True nest → station rotation (3, 3) at one instant."""
+        return np.asarray(self.plate(np.array([time_s]))[0])
+
+    def _go(self, goal: Floats, timeout_s: float, place: str, stop: Stop | None = None) -> None:
         now_s = self._clock.monotonic_s()
         self._origin = self.at(now_s)
         self._turn = rotation.to_vector(goal @ self._origin.T)
@@ -80,6 +92,8 @@ class Simulated:
         if self._broken("stuck"):
             self._turn, took_s = np.zeros(3), math.inf
         self._began_s, self._arrives_s = now_s, now_s + took_s
+        if stop is not None and self._moving is not None:
+            self._moving(stop, self._began_s, self._arrives_s)
         self._clock.sleep(min(took_s, timeout_s))
         if took_s > timeout_s:
             self._origin, self._turn = self.at(self._clock.monotonic_s()), np.zeros(3)

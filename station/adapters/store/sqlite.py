@@ -16,7 +16,7 @@ from station.domain import chain
 from station.domain.chain import Value
 from station.domain.framepack import plain as raw
 from station.errors import StationError, StoreFault
-from station.ports.store import Begin, Head, Unfinished, VisitRecord, WriteRecord
+from station.ports.store import Begin, Head, Suspect, Unfinished, VisitRecord, WriteRecord
 
 _INSERT = {
     table: f"INSERT INTO {table} (seq, previous, hash, signature, {', '.join(columns)}) "
@@ -120,6 +120,11 @@ class SqliteStore:
             found = unfinished.find(self._db)
         self._open.update({u.attempt: number for number, u in found})
         return tuple(u for _, u in found)
+
+    def suspect(self, serial: str) -> Suspect | None:
+        """The unit's last attempt that may have left it half written."""
+        with self._turn, told(StoreFault, self.path, "read"):
+            return unfinished.suspect(self._db, plain.text(serial))
 
     def head(self) -> Head:
         """The newest record's number and seal."""

@@ -1,9 +1,10 @@
-"""What a start-up finds: attempts that have begun and not ended."""
+"""What a start-up finds: attempts that have begun and not ended, and units that may be half written."""
 
+import json
 import sqlite3
 
 from station.adapters.store.schema import SPAN
-from station.ports.store import Unfinished, WriteRecord
+from station.ports.store import Suspect, Unfinished, WriteRecord
 
 _ATTEMPTS = """
     SELECT a.seq, a.id, a.serial, a.station, a.nest, a.node, a.started_ns, coalesce(d.text, ''),
@@ -27,3 +28,32 @@ def find(db: sqlite3.Connection) -> list[tuple[int, Unfinished]]:
         state = Unfinished(uid, serial, station, nest, node, started_ns, event or "", visits, writes, product)
         found.append((number, state))
     return found
+
+
+_PLANS = """
+    SELECT a.seq, a.id, a.started_ns, p.document FROM attempt a JOIN result p ON p.attempt = a.seq
+    WHERE a.serial = ? AND p.name = 'write-plan' ORDER BY p.seq DESC LIMIT 1"""
+
+_OLD = f"SELECT document FROM result WHERE {SPAN} AND name = 'old-calibration' ORDER BY seq DESC LIMIT 1"
+
+_LAST_WORD = f"""
+    SELECT state FROM (
+        SELECT seq, json_extract(document, '$.state') AS state FROM result WHERE {SPAN} AND name = 'device-state'
+        UNION ALL
+        SELECT seq, json_extract(detail, '$.state') FROM event WHERE attempt = :a AND kind = 'device-state'
+    ) ORDER BY seq DESC LIMIT 1"""
+
+
+def suspect(db: sqlite3.Connection, serial: str) -> Suspect | None:
+    """See Store.suspect."""
+    plan = db.execute(_PLANS, (serial,)).fetchone()
+    if plan is None:
+        return None
+    number, uid, started_ns, planned = plan
+    word = db.execute(_LAST_WORD, {"a": number}).fetchone()
+    state = word[0] if word is not None else ""
+    if state in ("old", "new"):
+        return None
+    old = db.execute(_OLD, {"a": number}).fetchone()
+    held = json.loads(old[0])["objects"] if old is not None else {}
+    return Suspect(uid, serial, started_ns, state, held, json.loads(planned)["objects"])

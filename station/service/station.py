@@ -30,7 +30,7 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True)
-class Rig:
+class Station:
     """What it is done with. device: node id → the device there, ready to be asked."""
 
     settings: Settings

@@ -1,0 +1,156 @@
+"""The face of a run: serials in, progress while it goes, a table or one JSON document at the end."""
+
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from typing import Any
+
+from station.cli import _face
+from station.cli._run_table import document, table
+from station.cli._serials import ask_serials
+from station.domain import serial as serials_of
+from station.domain.progress import (
+    Event,
+    LoadBegun,
+    LoadDone,
+    Phase,
+    PhaseEntered,
+    StopDone,
+    StopStarted,
+    Told,
+    UnitDone,
+    UnitResult,
+    VisitRejected,
+)
+from station.domain.types import Outcome
+from station.errors import Aborted, StationError, UsageError
+from station.service.runner import Runner
+from station.service.stop import Stop
+from station.wiring import Bench, Order, open_bench
+
+PHASES = {
+    Phase.IDENTIFY: "identifying",
+    Phase.JUDGE: "computing",
+    Phase.WRITE: "writing",
+    Phase.SAVE: "saving",
+    Phase.RESTART: "restarting",
+    Phase.VERIFY: "verifying",
+    Phase.PARK: "parking",
+}
+
+
+def run_units(order: Order, given: Sequence[str], units: int | None, *, as_json: bool) -> int:
+    """Opens the station, takes every unit through it, and says how it went; the exit code."""
+    with open_bench(order) as bench:
+        serials = ask_serials(bench, given, units)
+        serials_of.check_all(serials, bench.job.recipe)
+        for sentence in bench.told:
+            _face.remark(sentence)
+        results, fault = _run(bench, serials)
+        if as_json:
+            _face.say_json(document(results, bench.job.recipe))
+        else:
+            table(results, bench.job.recipe, bench.database)
+    if fault is not None:
+        _face.remark(f"station: {fault.sentence}")
+    return exit_code(results, fault)
+
+
+def exit_code(results: Sequence[UnitResult], fault: StationError | None) -> int:
+    """The worst that happened: stopped, then the station's fault, then a unit's."""
+    outcomes = {r.outcome for r in results}
+    if fault is not None:
+        return fault.exit_code
+    for outcome, code in ((Outcome.ABORTED, 4), (Outcome.ERROR, 3), (Outcome.FAIL, 1)):
+        if outcome in outcomes:
+            return code
+    return 0
+
+
+def _run(bench: Bench, serials: Sequence[str]) -> tuple[list[UnitResult], StationError | None]:
+    stop = Stop()
+    results: list[UnitResult] = []
+    loads = bench.loads(serials)
+    with _face.progress() as bar, _stops(stop):
+        for number, seats in enumerate(loads):
+            if number and not bench.simulated:
+                _wait_for_person("put in " + ", ".join(f"{s.serial} ({s.nest})" for s in seats))
+            bench.fixture.place(seats)
+            runner = Runner(bench.station, bench.job, stop, _confirm(bench))
+            show = _Show(bar, f"load {number + 1} of {len(loads)}" if len(loads) > 1 else "run")
+            with closing(runner.run(seats)) as events:
+                for event in events:
+                    show.event(event)
+                    if isinstance(event, UnitDone):
+                        results.append(event.result)
+                    if isinstance(event, LoadDone) and event.fault is not None:
+                        return results, event.fault
+    return results, None
+
+
+class _Show:
+    """Events as a bar and as lines for the person; both only where a person watches."""
+
+    def __init__(self, bar: Any, title: str) -> None:
+        self._bar, self._title = bar, title
+        self._task = bar.add_task(title, total=None)
+        self._seen = 0
+
+    def event(self, event: Event) -> None:
+        """Shows one event."""
+        if isinstance(event, LoadBegun):
+            self._bar.update(self._task, total=event.stops + len(PHASES))
+        elif isinstance(event, PhaseEntered) and event.phase in PHASES:
+            self._step(PHASES[event.phase])
+        elif isinstance(event, StopStarted):
+            self._bar.update(self._task, description=f"{self._title}: {event.position}")
+            self._tell(event.sentence)
+        elif isinstance(event, StopDone):
+            self._step(event.position)
+        elif isinstance(event, Told):
+            self._tell(f"{event.serial}: {event.sentence}" if event.serial else event.sentence)
+        elif isinstance(event, VisitRejected):
+            more = "; measuring it again" if event.again else ""
+            self._tell(f"{event.serial}: {'; '.join(r.sentence for r in event.reasons)}{more}")
+
+    def _step(self, what: str) -> None:
+        self._bar.update(self._task, advance=1, description=f"{self._title}: {what}")
+
+    def _tell(self, sentence: str) -> None:
+        if sentence:
+            self._bar.console.print(sentence, markup=False, highlight=False)
+
+
+@contextmanager
+def _stops(stop: Stop) -> Iterator[None]:
+    """Ctrl-C, SIGTERM and a terminal that hangs up ask for a stop; a third Ctrl-C no longer asks."""
+    asked = 0
+
+    def ask(number: int, _frame: object) -> None:
+        nonlocal asked
+        asked += 1
+        stop.request("stopped by the operator" if number == signal.SIGINT else f"stopped by signal {number}")
+        if asked > 2:
+            raise KeyboardInterrupt
+        if stop.waiting:
+            raise Aborted(stop.why)
+
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {n: signal.signal(n, ask) for n in numbers if signal.getsignal(n) is not signal.SIG_IGN}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _confirm(bench: Bench) -> Callable[[str], None]:
+    return (lambda _: None) if bench.simulated else _wait_for_person
+
+
+def _wait_for_person(sentence: str) -> None:
+    if not sys.stdin.isatty():
+        raise UsageError(f"somebody must {sentence}, but nobody is at a terminal; run this from one")
+    print(f"{sentence}, then press Enter: ", end="", file=sys.stderr, flush=True)
+    sys.stdin.readline()

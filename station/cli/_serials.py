@@ -1,0 +1,53 @@
+"""Serials from the command line, a prompt, or a scanner that types lines on standard input."""
+
+import sys
+from collections.abc import Iterator, Sequence
+
+from station.domain import serial
+from station.errors import UsageError
+from station.wiring import Bench
+
+#: A scanner that floods is no scanner.
+LONGEST_LINE = 200
+
+
+def ask_serials(bench: Bench, given: Sequence[str], units: int | None) -> tuple[str, ...]:
+    """The serials of this run, checked one by one as they come. Errors: UsageError."""
+    if given:
+        if units is not None and units != len(given):
+            raise UsageError(f"--units {units} and {len(given)} times --serial do not agree; leave --units out")
+        return tuple(given)
+    if bench.simulated:
+        return tuple(f"SN{i + 1:04d}" for i in range(units or len(bench.station.settings.nests)))
+    found = tuple(_prompted(bench, units) if sys.stdin.isatty() else _scanned(bench, units))
+    if not found:
+        raise UsageError("no serial came; give --serial, or scan one line a unit on standard input")
+    return found
+
+
+def _scanned(bench: Bench, units: int | None) -> Iterator[str]:
+    count = 0
+    while (units is None or count < units) and (line := sys.stdin.readline(LONGEST_LINE)):
+        if text := line.strip("\r\n\t "):
+            yield serial.check(text, bench.job.recipe)
+            count += 1
+
+
+def _prompted(bench: Bench, units: int | None) -> Iterator[str]:
+    """One nest after the other; a wrong serial is asked for again, an empty line starts the run."""
+    seen: list[str] = []
+    nests = bench.station.settings.nests
+    wanted = units or len(nests)
+    while len(seen) < wanted:
+        nest = nests[len(seen) % len(nests)]
+        print(f"serial of the unit in nest {nest.name} (empty: start): ", end="", file=sys.stderr, flush=True)
+        text = sys.stdin.readline(LONGEST_LINE).strip()
+        if not text:
+            return
+        try:
+            serial.check_all([*seen, text], bench.job.recipe)
+        except UsageError as exc:
+            print(exc.sentence, file=sys.stderr)
+            continue
+        seen.append(text)
+        yield text

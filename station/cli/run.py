@@ -1,0 +1,59 @@
+"""`station run`: the main job."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+
+def command(
+    recipe: Annotated[str | None, Option(help="Recipe: a file, or its name in recipes/.")] = None,
+    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    simulate: Annotated[bool, Option("--simulate", help="Virtual bus, simulated rig and devices.")] = False,
+    units: Annotated[int | None, Option(min=1, max=100_000, help="How many units.")] = None,
+    serial: Annotated[list[str] | None, Option(help="Serial of a unit; repeatable, one per nest.")] = None,
+    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    effect: Annotated[list[str] | None, Option(help="With --simulate: switch on a cause, ID or ID=SIZE.")] = None,
+    fault: Annotated[
+        list[str] | None, Option(help="With --simulate: what is wrong with a device, KIND[:key=value,...].")
+    ] = None,
+    seed: Annotated[int, Option(help="With --simulate: seed of everything random.")] = 1,
+    model: Annotated[Path | None, Option(help="With --simulate: a model file.")] = None,
+    device_state: Annotated[
+        Path | None, Option(help="With --simulate: folder of the devices' non-volatile memory.")
+    ] = None,
+    interface: Annotated[str | None, Option(help="Bus interface, in place of config.yaml's.")] = None,
+    channel: Annotated[str | None, Option(help="Bus channel, in place of config.yaml's.")] = None,
+    operator: Annotated[str | None, Option(help="Who runs it, for the record.")] = None,
+    lot: Annotated[str | None, Option(help="Lot of the units, for the record.")] = None,
+    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+) -> int:
+    """Take units through the recipe: calibrate, judge, write back, verify, log.
+
+    On a virtual bus, without any hardware:
+
+        station run --simulate --units 4
+
+    On a bench, serials from the command line, a scanner on standard input, or a prompt:
+
+        station run --recipe six-point --serial SN0042 --serial SN0043
+    """
+    from station.cli._run import run_units
+    from station.wiring import Order
+
+    order = Order(
+        recipe=recipe,
+        config=config,
+        database=db,
+        simulate=simulate,
+        seed=seed,
+        effects=tuple(effect or ()),
+        faults=tuple(fault or ()),
+        model=model,
+        device_state=device_state,
+        interface=interface,
+        channel=channel,
+        operator=operator,
+        lot=lot,
+    )
+    return run_units(order, tuple(serial or ()), units, as_json=json)

@@ -1,0 +1,158 @@
+"""Frames of one stop as they come in: settling, dwelling, and the wait for a person who turns the fixture."""
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.plan import Stop as Planned
+from station.domain.progress import Event, Told
+from station.domain.stillness import angle_deg, at_rest, expected_noise, face, mean_std
+from station.domain.stop_check import FACE_DEG
+from station.domain.stream import samples
+from station.domain.types import ERROR, Floats, Frames
+from station.errors import PositionerFault
+from station.service.station import Job, Station
+from station.service.stop import Stop
+from station.service.unit import Unit
+
+#: How often the stream is looked at, s, while waiting for rest and while dwelling; how soon a stop is noticed.
+LOOK_S, DWELL_LOOK_S = 0.05, 0.2
+#: How long the part must have been still before it counts, s, and the readings that this needs at least.
+HOLD_S, HOLD_READINGS = 0.2, 16
+#: A hand needs longer to let go.
+HOLD_BY_HAND_S = 0.6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Taken:
+    """What came in at one stop: frames since the arrival, when the dwell began and ended, kernel drops in it."""
+
+    frames: Frames
+    arrived_ns: int
+    from_ns: int
+    to_ns: int
+    lasted_s: float
+    drops: int
+
+    def of(self, unit: Unit, job: Job) -> Frames:
+        """The frames of one node, and the bus's error frames, which are everybody's."""
+        ids = np.array(job.layout.ids(unit.seat.node), np.uint32)
+        can_id = self.frames.can_id
+        return self.frames[np.isin(can_id, ids) | ((can_id & np.uint32(ERROR)) != 0)]
+
+
+class Capture:
+    """The stream of a fixed set of nests, open as long as the load lasts."""
+
+    def __init__(self, station: Station, job: Job, stop: Stop, units: Sequence[Unit]) -> None:
+        self._station, self._job, self._stop = station, job, stop
+        self._channel = station.bus.stream(tuple(i for u in units for i in job.layout.ids(u.seat.node)))
+        self._noise = expected_noise(job.recipe)
+        self._lsb = max(abs(axis.scale) for axis in job.layout.axes)
+
+    def close(self) -> None:
+        """Closes the stream."""
+        self._channel.close()
+
+    def wait(self, duration_s: float) -> None:
+        """Lets time pass, with the stream emptied and the operator's stop seen."""
+        until_s = self._station.clock.monotonic_s() + duration_s
+        while (left_s := until_s - self._station.clock.monotonic_s()) > 0:
+            self._look(min(DWELL_LOOK_S, left_s))
+
+    def drain(self) -> None:
+        """Drops what is waiting: frames from before the arrival belong to no stop."""
+        while len(self._channel.receive(0.0)):
+            self._stop.check()
+
+    def take(self, units: Sequence[Unit]) -> Taken:
+        """Settles and dwells; the fixture has just arrived. Errors: BusFault, Aborted."""
+        clock, dwell = self._station.clock, self._job.recipe.dwell
+        arrived_ns = clock.epoch_ns()
+        parts = self._settle(units)
+        drops, began_s, from_ns = self._channel.drops(), clock.monotonic_s(), clock.epoch_ns()
+        until_s = began_s + dwell.longest_s
+        inside: list[Frames] = []
+        while (left_s := until_s - clock.monotonic_s()) > 1e-9:
+            inside.append(self._look(min(DWELL_LOOK_S, left_s)))
+            if self._good_enough(units, inside, clock.monotonic_s() - began_s):
+                break
+        to_ns, lasted_s = clock.epoch_ns(), clock.monotonic_s() - began_s
+        inside.append(self._channel.receive(0.0))
+        frames = Frames.join([*parts, *inside])
+        return Taken(frames, arrived_ns, from_ns, to_ns, lasted_s, self._channel.drops() - drops)
+
+    def wait_for_face(self, units: Sequence[Unit], planned: Planned, asked: str) -> Generator[Event, None, None]:
+        """Until the wanted face is up and still in every nest; says once what else was brought up."""
+        clock, face_s = self._station.clock, self._station.settings.timeouts.face_s
+        deadline_s = clock.monotonic_s() + face_s
+        said: set[str] = set()
+        frames, turned = Frames.empty(), False
+        while clock.monotonic_s() < deadline_s:
+            frames = Frames.join([frames, self._look(LOOK_S)])
+            frames = frames[frames.time_ns > clock.epoch_ns() - round(2 * HOLD_BY_HAND_S * 1e9)]
+            windows = [self._window(frames, unit, HOLD_BY_HAND_S) for unit in units]
+            if not all(at_rest(w, self._noise, self._lsb) for w in windows):
+                turned = turned or all(len(w) for w in windows)
+                continue
+            wrong = {_wrong_face(u, w, planned) for u, w in zip(units, windows, strict=True)} - {""}
+            if not wrong:
+                return
+            if turned:
+                for sentence in sorted(wrong - said):
+                    yield Told(f"{sentence}; {asked}")
+                said |= wrong
+        raise PositionerFault(
+            f"position {planned.position!r} was not brought up and held still within {face_s:g} s; "
+            "start again when somebody is there to turn the fixture"
+        )
+
+    def _good_enough(self, units: Sequence[Unit], inside: list[Frames], lasted_s: float) -> bool:
+        dwell = self._job.recipe.dwell
+        if dwell.until_std is None or lasted_s < dwell.min_s:
+            return False
+        block = Frames.join(inside)
+        return all(mean_std(self._usable(block, unit)) <= dwell.until_std for unit in units)
+
+    def _settle(self, units: Sequence[Unit]) -> list[Frames]:
+        """The recipe's settling time, then until every unit is still; a unit that never is, the stop's check names.
+
+        A recipe without settling time wants to see the settling, so nothing is waited for.
+        """
+        settle_s = self._job.recipe.settle.time_s
+        clock, parts = self._station.clock, list[Frames]()
+        began_s = clock.monotonic_s()
+        while settle_s and clock.monotonic_s() - began_s < self._station.settings.timeouts.settle_s:
+            parts.append(self._look(LOOK_S))
+            if clock.monotonic_s() - began_s < settle_s:
+                continue
+            recent = Frames.join(parts[-round(1 / LOOK_S) :])
+            if all(at_rest(self._window(recent, u, HOLD_S), self._noise, self._lsb) for u in units):
+                break
+        return parts
+
+    def _look(self, duration_s: float) -> Frames:
+        """Lets a moment pass and takes what came."""
+        self._stop.check()
+        self._station.clock.sleep(duration_s)
+        return self._channel.receive(0.0)
+
+    def _window(self, frames: Frames, unit: Unit, hold_s: float) -> Floats:
+        """The newest readings of a unit (n, 3), long enough to tell rest from movement; none when they are too few."""
+        count = max(HOLD_READINGS, round(hold_s * self._job.recipe.device.rate_hz))
+        readings = self._usable(frames, unit)
+        return readings[-count:] if len(readings) >= count else readings[:0]
+
+    def _usable(self, frames: Frames, unit: Unit) -> Floats:
+        told = samples(frames, self._job.layout, unit.seat.node)
+        return told.xyz[told.usable]
+
+
+def _wrong_face(unit: Unit, window: Floats, planned: Planned) -> str:
+    if not np.isfinite(planned.true).all():
+        return ""
+    mean = np.asarray(window.mean(axis=0))
+    if angle_deg(mean, planned.true) <= FACE_DEG:
+        return ""
+    return f"nest {unit.seat.nest} shows {face(mean)} up"

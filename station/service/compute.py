@@ -1,0 +1,71 @@
+"""What a unit's kept stops come to: calibration, verdict, and the proof through its own output."""
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from station.domain import pipeline, verification, writeback
+from station.domain.assemble import KeptVisit, dwell_frames, table_of
+from station.domain.frames import SensorLayout
+from station.domain.pipeline import Result
+from station.domain.plan import Stop
+from station.domain.product import Product
+from station.domain.progress import Seat
+from station.domain.recipe import Recipe
+from station.domain.stream import samples
+from station.domain.types import Floats, Reason, SampleTable
+from station.service.station import Job, Station
+from station.service.unit import Unit
+
+
+def calibrate(unit: Unit, job: Job, station: Station) -> Result:
+    """Calibration, budget and verdict of a unit; where its samples cannot be calibrated, a verdict ERROR alone.
+
+    Errors: ReferenceOverdue.
+    """
+    settings = station.settings
+    labels = {"station": settings.station, "nest": unit.seat.nest, "lot": settings.lot, "operator": settings.operator}
+    table = samples_of(unit.seat, unit.visits, job.recipe, job.layout, labels)
+    return refit(table, job.recipe, job.product, station.clock.epoch_ns())
+
+
+def samples_of(
+    seat: Seat, visits: Sequence[KeptVisit], recipe: Recipe, layout: SensorLayout, labels: Mapping[str, str]
+) -> SampleTable:
+    """The samples table of a unit's tumble."""
+    return table_of(seat.serial, seat.node, visits, layout, labels, counter_bits=recipe.device.counter_bits)
+
+
+def refit(table: SampleTable, recipe: Recipe, product: Product, measured_ns: int) -> Result:
+    """Calibrates the one unit of a table as the run does; the same table gives the same bits, today or in a year.
+
+    measured_ns: when it was measured, for the gold reference's due date.
+    """
+    day = datetime.fromtimestamp(measured_ns / 1e9, UTC).date().isoformat()
+    (result,) = pipeline.calibrate(recipe, table, day, writeback.rounding_std(product.map))
+    return result
+
+
+def verify(unit: Unit, job: Job, stops: Sequence[Stop]) -> tuple[tuple[Reason, ...], dict[str, Any]]:
+    """Reasons against the unit's own corrected output, and the document for the record."""
+    strength = job.recipe.reference.strength()
+    found = tuple(
+        verification.Verified(kept.position, _mean(kept, unit, job), planned.true, strength)
+        for kept, planned in zip(unit.verify_visits, stops, strict=True)
+    )
+    positions = [
+        {"name": v.position, "mean": v.mean.tolist(), "true": v.true.tolist(), "error": v.error} for v in found
+    ]
+    limit = job.recipe.verify.limit
+    return verification.check(found, job.recipe), {"limit": limit, "unit": job.recipe.unit, "positions": positions}
+
+
+def _mean(kept: KeptVisit, unit: Unit, job: Job) -> Floats:
+    """Mean output (3) at a verify stop; of a product without a switch the station corrects it itself."""
+    told = samples(dwell_frames(kept), job.layout, unit.seat.node)
+    mean = np.asarray(told.xyz[told.usable].mean(axis=0))
+    if job.product.map.output is None and unit.calibration is not None:
+        return unit.calibration.correct(mean)
+    return mean

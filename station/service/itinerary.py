@@ -1,0 +1,40 @@
+"""Every stop of a fixture load in order, and how long they should take."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from station.domain import plan
+from station.domain.plan import Stop
+from station.domain.recipe import Recipe
+from station.ports.positioner import Positioner
+
+#: Stops of a run whose recipe lists no positions, because a person holds the part in any pose.
+STOPS_BY_HAND = 24
+
+
+def tumble(recipe: Recipe, run: int) -> tuple[Stop, ...]:
+    """The stops of one run; of a hand-held run, so many nameless ones."""
+    if recipe.pose_known or recipe.positions:
+        return plan.stops(recipe, run)
+    unknown = np.full(3, np.nan)
+    names = [f"hand-{i + 1}" for i in range(STOPS_BY_HAND)]
+    return tuple(
+        Stop(run, i, name, "home", np.eye(3), np.eye(3), unknown, names[i - 1] if i else None)
+        for i, name in enumerate(names)
+    )
+
+
+def verification(recipe: Recipe) -> tuple[Stop, ...]:
+    """The stops measured again after the write, in the seating in which the unit sits then."""
+    last = len(recipe.runs) - 1
+    return plan.verification(recipe, last, len(tumble(recipe, last)))
+
+
+def estimate_s(recipe: Recipe, positioner: Positioner) -> float:
+    """Expected time of a load from its first move to parking, s; SDO traffic is not in it."""
+    runs = [tumble(recipe, run) for run in range(len(recipe.runs))]
+    stops = [*(stop for run in runs for stop in run), *verification(recipe)]
+    moves = sum(positioner.estimate_s(a, b) for a, b in pairwise([None, *stops]) if b is not None)
+    stay = recipe.settle.time_s + recipe.dwell.longest_s
+    return moves + len(stops) * stay + sum(run.prewarm_s for run in recipe.runs)

@@ -1,0 +1,255 @@
+"""One fixture load: N units go through the phases together, each with an end of its own."""
+
+from collections.abc import Callable, Iterator, Sequence
+
+from station.domain.progress import (
+    Event,
+    Identified,
+    Judged,
+    LoadBegun,
+    LoadDone,
+    Phase,
+    PhaseEntered,
+    Seat,
+    Told,
+    UnitDone,
+    UnitResult,
+    follow,
+)
+from station.domain.types import Outcome
+from station.errors import Aborted, DeviceSilent, PositionerFault, StationError, StoreFault, UnitFault, WrongUnit
+from station.service import compute, record
+from station.service.capture import Capture
+from station.service.identify import identify, leave, make_ready, read_old
+from station.service.itinerary import estimate_s, tumble, verification
+from station.service.measure import Bad, Measure
+from station.service.recovery import check_seen_again
+from station.service.station import Job, Station
+from station.service.stop import Stop
+from station.service.unit import Unit, reason
+from station.service.write_back import WriteBack
+
+#: Errors of one unit, which stop no other.
+OF_ONE_UNIT = (UnitFault, DeviceSilent, WrongUnit)
+
+
+class Load:
+    """Use `run()` once, and `leave()` whatever happened."""
+
+    def __init__(self, station: Station, job: Job, stop: Stop, confirm: Callable[[str], None]) -> None:
+        self._station, self._job, self._stop, self._confirm = station, job, stop, confirm
+        self._units: list[Unit] = []
+        self._writers: dict[str, WriteBack] = {}
+        self._phase = Phase.BEGIN
+        self._capture: Capture | None = None
+        self._parked = True
+        self._fault: StationError | None = None
+
+    def run(self, seats: Sequence[Seat]) -> Iterator[Event]:
+        """Everything from the first record to the parked fixture."""
+        try:
+            yield from self._begin(seats)
+            for phase, work in (
+                (Phase.IDENTIFY, self._identify),
+                (Phase.MEASURE, self._measure),
+                (Phase.JUDGE, self._judge),
+                (Phase.WRITE, self._write),
+                (Phase.SAVE, self._save),
+                (Phase.RESTART, self._restart),
+                (Phase.VERIFY, self._verify),
+            ):
+                if not self._alive:
+                    break
+                yield self._enter(phase)
+                yield from work()
+        except StationError as fault:
+            self._fault = fault
+        yield self._enter(Phase.CLOSE)
+        for unit in self._alive:
+            yield from self._end(unit, self._fault)
+        yield self._enter(Phase.PARK)
+        self._park()
+        yield self._enter(Phase.DONE)
+        yield LoadDone(self.results, self._fault)
+
+    @property
+    def results(self) -> tuple[UnitResult, ...]:
+        """The units that have ended, in the order of their seats."""
+        return tuple(u.result for u in self._units if u.result is not None)
+
+    def leave(self) -> None:
+        """Ends what has not ended and parks what is not parked; after a regular run there is nothing to do."""
+        try:
+            for unit in self._alive:
+                for _ in self._end(unit, Aborted("the run was left before its end")):
+                    pass
+        finally:
+            try:
+                self._park()
+            finally:
+                if self._capture is not None:
+                    self._capture.close()
+
+    @property
+    def _alive(self) -> list[Unit]:
+        return [u for u in self._units if u.alive]
+
+    def _enter(self, phase: Phase) -> PhaseEntered:
+        self._phase = follow(self._phase, phase)
+        return PhaseEntered(phase)
+
+    def _begin(self, seats: Sequence[Seat]) -> Iterator[Event]:
+        """Every attempt stands in the log before any device is touched."""
+        self._stop.check()
+        for seat in seats:
+            attempt = self._station.store.begin(record.begin(seat, self._station, self._job))
+            self._units.append(Unit(seat, attempt, self._station.device(seat.node), self._station.clock.monotonic_s()))
+        recipe = self._job.recipe
+        stops = sum(len(tumble(recipe, run)) for run in range(len(recipe.runs))) + len(verification(recipe))
+        yield LoadBegun(tuple(seats), stops, estimate_s(recipe, self._station.positioner))
+
+    def _each(self, step: Callable[[Unit], Iterator[Event]]) -> Iterator[Event]:
+        """One step for every unit that is left; an error of one unit ends that unit only."""
+        for unit in self._alive:
+            try:
+                yield from step(unit)
+            except OF_ONE_UNIT as fault:
+                yield from self._end(unit, fault)
+
+    def _identify(self) -> Iterator[Event]:
+        yield from self._each(self._identify_one)
+        self._stop.check()
+
+    def _identify_one(self, unit: Unit) -> Iterator[Event]:
+        self._stop.check()
+        store = self._station.store
+        identify(unit, self._job, store)
+        if told := check_seen_again(unit, self._station):
+            yield Told(told, unit.seat.serial)
+        read_old(unit, self._job, store)
+        make_ready(unit, self._job)
+        if unit.identity is not None:
+            yield Identified(unit.seat, unit.identity.name, unit.identity.software, unit.identity.serial)
+
+    def _measure(self) -> Iterator[Event]:
+        self._capture = Capture(self._station, self._job, self._stop, self._alive)
+        measure = Measure(self._station, self._job, self._stop, self._capture)
+        recipe = self._job.recipe
+        done, total, seating = 0, sum(len(tumble(recipe, run)) for run in range(len(recipe.runs))), "home"
+        for number, run in enumerate(recipe.runs):
+            if run.seating != seating:
+                seating = run.seating
+                yield from self._reseat(seating)
+            yield from self._conditions(number)
+            for planned in tumble(recipe, number):
+                if not self._alive:
+                    return
+                done += 1
+                self._parked = False
+                bad = yield from measure.at_stop(self._alive, planned, (done, total), "tumble")
+                yield from self._drop(bad)
+
+    def _reseat(self, seating: str) -> Iterator[Event]:
+        sentence = f"turn every unit in its nest to seating {seating!r}, then go on"
+        yield Told(sentence)
+        self._confirm(sentence)
+        self._stop.check()
+        for unit in self._alive:  # turned units may have been unplugged for it
+            if unit.device.boot_ups() != unit.boot_ups:
+                make_ready(unit, self._job)
+
+    def _conditions(self, number: int) -> Iterator[Event]:
+        """What a run asks of its surroundings and no port can do: a person is told, and time is given."""
+        run = self._job.recipe.runs[number]
+        if run.temperature_offset_degC:
+            yield Told(f"run {number}: bring the surroundings {run.temperature_offset_degC:+g} degC from the usual")
+        if run.motors == "off":
+            yield Told(f"run {number}: switch the line's motors off")
+        if run.prewarm_s and self._capture is not None:
+            yield Told(f"run {number}: warming up for {run.prewarm_s:g} s")
+            self._capture.wait(run.prewarm_s)
+
+    def _judge(self) -> Iterator[Event]:
+        yield from self._each(self._judge_one)
+
+    def _judge_one(self, unit: Unit) -> Iterator[Event]:
+        result = compute.calibrate(unit, self._job, self._station)
+        unit.verdict, unit.calibration = result.verdict, result.calibration
+        if result.calibration is not None:
+            self._station.store.result(
+                unit.attempt, "calibration", record.calibration(result.calibration, result.budget)
+            )
+            yield Judged(unit.seat, result.calibration, result.verdict)
+        if result.calibration is None or result.verdict.outcome is not Outcome.PASS:
+            unit.reasons.extend(result.verdict.reasons)
+            yield from self._end(unit, None, result.verdict.outcome)
+            return
+        self._writers[unit.attempt] = writer = WriteBack(unit, self._station, self._job)
+        writer.plan(result.calibration)
+
+    def _write(self) -> Iterator[Event]:
+        """From the first write until every unit is back, no stop is seen: it would leave mixtures."""
+        self._stop.check()
+        yield from self._each(lambda unit: self._writers[unit.attempt].write())
+
+    def _save(self) -> Iterator[Event]:
+        yield from self._each(lambda unit: _quietly(self._writers[unit.attempt].save))
+
+    def _restart(self) -> Iterator[Event]:
+        yield from self._each(lambda unit: _quietly(self._writers[unit.attempt].restart))
+        yield from self._each(lambda unit: _quietly(self._writers[unit.attempt].read_again))
+
+    def _verify(self) -> Iterator[Event]:
+        stops = verification(self._job.recipe)
+        yield from self._each(lambda unit: _quietly(lambda: unit.device.nmt("start")))
+        for number, planned in enumerate(stops, 1):
+            if not self._alive or self._capture is None:
+                return
+            measure = Measure(self._station, self._job, self._stop, self._capture)
+            bad = yield from measure.at_stop(self._alive, planned, (number, len(stops)), "verify")
+            yield from self._drop(bad)
+        for unit in self._alive:
+            reasons, document = compute.verify(unit, self._job, stops)
+            self._station.store.result(unit.attempt, "verification", document)
+            unit.reasons.extend(reasons)
+            unit.verified = not reasons
+            yield from self._end(unit, None, Outcome.FAIL if reasons else Outcome.PASS)
+
+    def _drop(self, bad: Bad) -> Iterator[Event]:
+        """Ends the units whose stop stayed bad; a wrong face in every nest is the positioner's."""
+        for unit in self._alive:
+            if unit.seat.serial in bad:
+                unit.reasons.extend(bad[unit.seat.serial])
+                yield from self._end(unit, None, record.blame(bad, unit.seat.serial, len(self._alive)))
+
+    def _end(self, unit: Unit, fault: StationError | None, outcome: Outcome = Outcome.ERROR) -> Iterator[Event]:
+        """Leaves the device, closes the attempt, and only then says how it ended."""
+        if fault is not None:
+            unit.reasons.append(reason(fault))
+            outcome = Outcome(fault.outcome)
+        failed = leave(unit, self._job)
+        try:
+            if failed:
+                self._station.store.event(unit.attempt, "not-left-as-found", {"sentence": failed})
+            self._station.store.result(unit.attempt, "verdict", record.verdict(unit, outcome))
+            self._station.store.finish(unit.attempt, outcome, self._station.clock.epoch_ns())
+        except StoreFault as lost:
+            self._fault = self._fault or lost
+            unit.reasons.append(reason(lost))
+            outcome = Outcome.ERROR
+        yield UnitDone(unit.end(outcome, self._station.clock.monotonic_s() - unit.began_s))
+
+    def _park(self) -> None:
+        if self._parked:
+            return
+        self._parked = True
+        try:
+            self._station.positioner.park(self._station.settings.timeouts.park_s)
+        except PositionerFault as fault:
+            self._fault = self._fault or fault
+
+
+def _quietly(step: Callable[[], None]) -> Iterator[Event]:
+    """A step that has nothing to tell."""
+    step()
+    yield from ()

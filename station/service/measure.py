@@ -1,0 +1,154 @@
+"""One stop of the whole fixture: move, settle, dwell, check, keep. Every nest at once."""
+
+from collections.abc import Generator, Mapping, Sequence
+
+import numpy as np
+
+from station.domain import rotation
+from station.domain.assemble import KeptVisit
+from station.domain.plan import Stop as Planned
+from station.domain.progress import Event, StopDone, StopStarted, VisitRejected
+from station.domain.stillness import face
+from station.domain.stop_check import Dwelled, check, statistics
+from station.domain.stream import samples
+from station.domain.types import Reason
+from station.errors import PositionerFault
+from station.ports.store import VisitRecord
+from station.service.capture import Capture, Taken
+from station.service.station import Job, Station
+from station.service.stop import Stop
+from station.service.unit import Unit
+
+Reasons = tuple[Reason, ...]
+#: Units whose stop stayed bad, by serial, with every reason.
+Bad = Mapping[str, Reasons]
+Found = Mapping[str, tuple[Dwelled, Reasons]]
+
+
+class Measure:
+    """Goes to stops and measures them. Errors of its calls are those of the whole fixture: PositionerFault,
+    BusFault, StoreFault, Aborted."""
+
+    def __init__(self, station: Station, job: Job, stop: Stop, capture: Capture) -> None:
+        self._station, self._job, self._stop, self._capture = station, job, stop, capture
+
+    def at_stop(
+        self, units: Sequence[Unit], planned: Planned, place: tuple[int, int], kind: str
+    ) -> Generator[Event, None, Bad]:
+        """Moves there and measures; place: (number, total). A bad stop is measured again as the recipe allows."""
+        asked = self._asked(planned)
+        yield StopStarted(*place, planned.position, asked)
+        self._move(planned)
+        means: dict[str, tuple[float, ...]] = {}
+        bad: dict[str, Reasons] = {}
+        waiting = list(units)
+        for repeats_left in range(self._job.recipe.visit_repeats, -1, -1):
+            self._capture.drain()
+            if asked:
+                yield from self._capture.wait_for_face(waiting, planned, asked)
+            taken = self._capture.take(waiting)
+            found = {unit.seat.serial: self._judge(unit, planned, taken) for unit in waiting}
+            self._keep(waiting, planned, taken, found, kind)
+            means |= {serial: _mean(dwelled) for serial, (dwelled, reasons) in found.items() if not reasons}
+            bad = {serial: reasons for serial, (_, reasons) in found.items() if reasons}
+            for serial, reasons in bad.items():
+                yield VisitRejected(serial, planned.position, reasons, repeats_left > 0)
+            waiting = [unit for unit in waiting if unit.seat.serial in bad]
+            if not waiting:
+                break
+        yield StopDone(*place, planned.position, means)
+        return bad
+
+    def _move(self, planned: Planned) -> None:
+        settings = self._station.settings
+        with self._stop:
+            self._station.positioner.move(planned, settings.timeouts.move_s)
+        where = self._station.positioner.where()
+        if where is None:
+            return
+        off = float(np.degrees(np.linalg.norm(rotation.to_vector(where @ planned.nest.T))))
+        if off > settings.arrival_tolerance_deg:
+            raise PositionerFault(
+                f"the positioner stands {off:.1f} degrees away from position {planned.position!r}; "
+                "nothing measured there counts: reference it again and check its load"
+            )
+
+    def _judge(self, unit: Unit, planned: Planned, taken: Taken) -> tuple[Dwelled, Reasons]:
+        mine = taken.of(unit, self._job)
+        inside = (mine.time_ns >= taken.from_ns) & (mine.time_ns < taken.to_ns)
+        told = samples(mine, self._job.layout, unit.seat.node).temperature_degC
+        unit.temperature_degC = float(told[-1]) if len(told) else unit.temperature_degC
+        dwelled = Dwelled(
+            position=planned.position,
+            samples=samples(mine[inside], self._job.layout, unit.seat.node),
+            true=planned.true,
+            lasted_s=taken.lasted_s,
+            drops=taken.drops,
+            temperature_degC=unit.temperature_degC,
+            emergencies=self._emergencies(unit),
+        )
+        reasons = check(dwelled, self._job.recipe, self._job.layout)
+        if unit.device.boot_ups() != unit.boot_ups:
+            reasons = (Reason("rebooted", f"the device restarted by itself at {planned.position!r}"), *reasons)
+        return dwelled, reasons
+
+    def _emergencies(self, unit: Unit) -> tuple[str, ...]:
+        """EMCY messages since the last stop, in words and in the record; code 0 says that an error is gone."""
+        found = unit.device.emergencies()
+        for e in found:
+            detail = {"code": e.code, "register": e.register, "detail": e.detail, "time_ns": e.time_ns}
+            self._station.store.event(unit.attempt, "emergency", detail)
+        return tuple(f"emergency 0x{e.code:04X} (register 0x{e.register:02X})" for e in found if e.code)
+
+    def _keep(self, units: Sequence[Unit], planned: Planned, taken: Taken, found: Found, kind: str) -> None:
+        """Every nest's stop in one transaction; a rejected one is kept too, under its own kind."""
+        records = []
+        for unit in units:
+            dwelled, reasons = found[unit.seat.serial]
+            kept = self._kept(unit, planned, taken)
+            records.append(_record(kept, "rejected" if reasons else kind, dwelled, reasons))
+            if not reasons:
+                (unit.visits if kind == "tumble" else unit.verify_visits).append(kept)
+                std = dwelled.samples.xyz[dwelled.samples.usable].std(axis=0, ddof=1)
+                unit.noise = max(unit.noise or 0.0, float(std.max()))
+        self._station.store.visit([u.attempt for u in units], records)
+
+    def _kept(self, unit: Unit, planned: Planned, taken: Taken) -> KeptVisit:
+        return KeptVisit(
+            run=planned.run,
+            visit=planned.visit,
+            position=planned.position,
+            seating=planned.seating,
+            arrived_ns=taken.arrived_ns,
+            from_ns=taken.from_ns,
+            to_ns=taken.to_ns,
+            frames=taken.of(unit, self._job),
+        )
+
+    def _asked(self, planned: Planned) -> str:
+        """What a person who turns the fixture must do; '' where a drive turns it."""
+        if not self._station.positioner.by_hand:
+            return ""
+        if not np.isfinite(planned.true).all():
+            return "turn the unit to another direction and hold it still"
+        return f"bring position {planned.position!r} up ({face(planned.true)} of the unit) and let go"
+
+
+def _record(kept: KeptVisit, kind: str, dwelled: Dwelled, reasons: Reasons) -> VisitRecord:
+    more = {"from_ns": kept.from_ns, "to_ns": kept.to_ns, "reasons": [r.sentence for r in reasons]}
+    return VisitRecord(
+        run=kept.run,
+        visit=kept.visit,
+        position=kept.position,
+        seating=kept.seating,
+        kind=kind,
+        arrived_ns=kept.arrived_ns,
+        left_ns=kept.to_ns,
+        frames=kept.frames,
+        statistics={**statistics(dwelled), **more},
+    )
+
+
+def _mean(dwelled: Dwelled) -> tuple[float, ...]:
+    told = dwelled.samples
+    return tuple(float(v) for v in told.xyz[told.usable].mean(axis=0))

@@ -1,0 +1,83 @@
+"""What the log keeps of an attempt, as plain documents."""
+
+from typing import Any
+
+from station import __version__
+from station.domain.progress import Seat
+from station.domain.stop_check import STATION_CHECKS
+from station.domain.types import Calibration, Outcome
+from station.domain.uncertainty import Budget
+from station.ports.store import Begin
+from station.service.measure import Bad
+from station.service.station import Job, Station
+from station.service.unit import Unit
+
+
+def begin(seat: Seat, station: Station, job: Job) -> Begin:
+    """The attempt's first record."""
+    return Begin(
+        serial=seat.serial,
+        station=station.settings.station,
+        nest=seat.nest,
+        node=seat.node,
+        recipe_name=job.recipe.name,
+        recipe_version=job.recipe.version,
+        recipe_hash=job.recipe_hash,
+        recipe_json=job.recipe_json,
+        config_hash=station.config_hash,
+        software=__version__,
+        operator=station.settings.operator,
+        started_ns=station.clock.epoch_ns(),
+        lot=station.settings.lot,
+        product_json=job.product_json,
+    )
+
+
+def calibration(found: Calibration, budget: Budget | None = None) -> dict[str, Any]:
+    """A calibration as the contracts print it, for one unit; with its uncertainty budget, as the log keeps it."""
+    more = {} if budget is None else {"budget": budget.document(found.unit)}
+    stops = zip(found.positions, found.residual, found.tilt_deg, found.tilt_std_deg, found.disturbed, strict=True)
+    return {
+        "method": found.method,
+        "unit": found.unit,
+        "offset": found.offset.tolist(),
+        "matrix": found.matrix.tolist(),
+        "covariance": found.covariance.tolist(),
+        "residual_rms": float(found.residual_rms),
+        "positions": [
+            {"name": n, "residual": r.tolist(), "tilt_deg": float(t), "tilt_std_deg": float(s), "disturbed": bool(d)}
+            for n, r, t, s, d in stops
+        ],
+        "notes": list(found.notes),
+        **more,
+    }
+
+
+def verdict(unit: Unit, outcome: Outcome) -> dict[str, Any]:
+    """How the attempt ended, with every reason, the decision rule and its risks."""
+    found = unit.verdict
+    return {
+        "outcome": str(outcome),
+        "reasons": [
+            {"check": r.check, "sentence": r.sentence, "value": r.value, "limit": r.limit, "unit": r.unit}
+            for r in unit.reasons
+        ],
+        "rule": found.rule if found else None,
+        "false_accept": found.false_accept if found else None,
+        "false_reject": found.false_reject if found else None,
+        "written": unit.written,
+        "verified": unit.verified,
+        "noise": unit.noise,
+    }
+
+
+def blame(bad: Bad, serial: str, alive: int) -> Outcome:
+    """Whether a bad stop is the unit's (FAIL) or the station's (ERROR).
+
+    A wrong face in one nest of several is that unit, seated wrongly or with its axes swapped; in all of them, or in
+    the only one, nobody can tell it from a fixture that stands wrongly.
+    """
+    checks = {r.check for r in bad[serial]}
+    if "wrong-face" in checks and alive > 1 and len(bad) < alive:
+        checks.discard("wrong-face")
+    return Outcome.ERROR if checks & STATION_CHECKS else Outcome.FAIL

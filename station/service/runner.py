@@ -1,0 +1,28 @@
+"""The run: a generator of frozen events. The face prints them, the page streams them; the log is written inside."""
+
+from collections.abc import Callable, Generator, Sequence
+
+from station.domain.progress import Event, Seat
+from station.service.load import Load
+from station.service.station import Job, Station
+from station.service.stop import Stop
+
+
+class Runner:
+    """Takes fixture loads through the recipe. stop: the operator's; confirm: asks a person for something and waits."""
+
+    def __init__(
+        self, station: Station, job: Job, stop: Stop | None = None, confirm: Callable[[str], None] = lambda _: None
+    ) -> None:
+        self._station, self._job = station, job
+        self._stop = stop or Stop()
+        self._confirm = confirm
+
+    def run(self, seats: Sequence[Seat]) -> Generator[Event, None, None]:
+        """One fixture load of 1..N units. Whatever happens, and whoever stops listening, attempts end in the log
+        and the positioner is parked."""
+        load = Load(self._station, self._job, self._stop, self._confirm)
+        try:
+            yield from load.run(seats)
+        finally:
+            load.leave()

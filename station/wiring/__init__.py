@@ -1,0 +1,7 @@
+"""Settings → a station: the only place that picks adapters."""
+
+from station.wiring.bench import Bench, open_bench
+from station.wiring.jobs import load_job
+from station.wiring.order import Order
+
+__all__ = ["Bench", "Order", "load_job", "open_bench"]

@@ -1,0 +1,148 @@
+"""The station as it stands in front of a person: ports, job, nests, and how units come into the nests."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol
+
+from pydantic import ValidationError
+
+from station.adapters.bus import open_bus
+from station.adapters.clock import SystemClock
+from station.adapters.device.canopen_device import CanopenDevice
+from station.adapters.device.network import ServiceNetwork, service_ids
+from station.adapters.store.sqlite import SqliteStore
+from station.config.documents import content_hash
+from station.config.sentences import sentences
+from station.config.settings import Settings, load_config
+from station.domain.progress import Seat
+from station.errors import UsageError
+from station.ports.bus import Bus
+from station.ports.clock import Clock
+from station.ports.device import Device
+from station.ports.positioner import Positioner
+from station.ports.store import Store
+from station.service.recovery import close_unfinished
+from station.service.station import Job, Station
+from station.wiring.jobs import Source, load_job
+from station.wiring.order import Order
+from station.wiring.positioners import positioner
+from station.wiring.simulated import SimulatedFixture
+
+
+class Fixture(Protocol):
+    """Where units come into the nests: by hand, or out of the simulation."""
+
+    def place(self, seats: Sequence[Seat]) -> None:
+        """The units of a load sit in their nests from now on."""
+
+
+class _ByHand:
+    """People place units; nothing to do."""
+
+    def place(self, seats: Sequence[Seat]) -> None:
+        """Nothing to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """An opened station with its job. Use as a context manager: it lets go of bus and log.
+
+    told: what the start-up found and the operator should know.
+    """
+
+    station: Station
+    job: Job
+    source: Source
+    fixture: Fixture
+    database: Path
+    simulated: bool
+    told: tuple[str, ...]
+    _open: ExitStack = field(repr=False)
+
+    def loads(self, serials: Sequence[str]) -> list[tuple[Seat, ...]]:
+        """Serials in the order given, nest by nest; more than there are nests make several fixture loads."""
+        nests = self.station.settings.nests
+        count = math.ceil(len(serials) / len(nests))
+        parts = [serials[i * len(nests) : (i + 1) * len(nests)] for i in range(count)]
+        return [tuple(Seat(s, n.name, n.node) for s, n in zip(part, nests, strict=False)) for part in parts]
+
+    def close(self) -> None:
+        """Closes bus and log; closing twice is harmless."""
+        self._open.close()
+
+    def __enter__(self) -> "Bench":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def open_bench(order: Order) -> Bench:
+    """Opens everything. Errors: those of recipe, config, product, bus and log, each before anything moves."""
+    settings, document = load_config(order.config)
+    settings = _overridden(settings, order)
+    job, source = load_job(order.recipe or settings.recipe)
+    _check_simulation_options(order)
+    with ExitStack() as opened:
+        if order.simulate:
+            fixture: Fixture = (made := SimulatedFixture(settings, document, job, source, order))
+            clock: Clock = made.clock
+            bus: Bus = made.bus
+            turned_by: Positioner = made.positioner
+        else:
+            fixture = _ByHand()
+            clock = SystemClock()
+            turned_by = positioner(settings, document, clock)
+            bus = open_bus(settings.bus.interface, settings.bus.channel, clock)
+        opened.callback(bus.close)
+        database = order.database or Path(settings.database)
+        store = _store(database, settings, clock, opened)
+        device = _devices(bus, clock, settings, job)
+        station = Station(settings, content_hash(settings), bus, turned_by, store, clock, device)
+        told = close_unfinished(station)
+        return Bench(station, job, source, fixture, database, order.simulate, told, opened.pop_all())
+    raise AssertionError("unreachable: ExitStack swallows nothing")
+
+
+def _overridden(settings: Settings, order: Order) -> Settings:
+    """Settings with what the order says otherwise, checked again."""
+    bus = {k: v for k, v in {"interface": order.interface, "channel": order.channel}.items() if v is not None}
+    own = {k: v for k, v in {"operator": order.operator, "lot": order.lot}.items() if v is not None}
+    told = settings.model_dump(by_alias=True)
+    try:
+        return Settings.model_validate({**told, **own, "bus": {**told["bus"], **bus}})
+    except ValidationError as exc:
+        raise UsageError("; ".join(sentences(exc, Settings, lambda _: 1)).replace("line 1, ", "")) from None
+
+
+def _check_simulation_options(order: Order) -> None:
+    given = {
+        "--effect": order.effects,
+        "--fault": order.faults,
+        "--model": order.model,
+        "--device-state": order.device_state,
+    }
+    for option, value in given.items():
+        if value and not order.simulate:
+            raise UsageError(f"{option} changes simulated units; add --simulate or leave it out")
+
+
+def _store(path: Path, settings: Settings, clock: Clock, opened: ExitStack) -> Store:
+    store = SqliteStore(path, owner=settings.station, epoch_ns=clock.epoch_ns)
+    opened.callback(store.close)
+    return store
+
+
+def _devices(bus: Bus, clock: Clock, settings: Settings, job: Job) -> Callable[[int], Device]:
+    """One device a node for as long as the bus is open: boot-ups and quarantines outlive a fixture load."""
+    nodes = tuple(nest.node for nest in settings.nests)
+    network = ServiceNetwork(bus.service(service_ids(nodes)), clock)
+    timeouts: Mapping[tuple[int, int], float] = job.product.map.timeouts()
+    made = {node: CanopenDevice(network, node, answer_s=settings.timeouts.sdo_s, timeouts_s=timeouts) for node in nodes}
+    return lambda node: made[node]

@@ -1,0 +1,70 @@
+"""A recipe by name or path → everything that is to be done: recipe, product, frames."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from station.adapters.dbc import read_layouts
+from station.config.documents import canonical, load_document, validate
+from station.config.products import product_path
+from station.config.recipes import recipe_hash, recipe_path
+from station.domain import method, product_record
+from station.domain.frames import resolve
+from station.domain.product import Product
+from station.domain.recipe import Recipe
+from station.errors import ProductError, RecipeError
+from station.service.station import Job
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """The files a job was read from. eds: of the product, or None."""
+
+    recipe: Path
+    product: Path
+    dbc: Path
+    eds: Path | None
+
+
+def load_job(name: str | Path) -> tuple[Job, Source]:
+    """Reads and checks the recipe and all it names. Errors: RecipeError, ProductError."""
+    path = recipe_path(name)
+    recipe = validate(load_document(path, RecipeError), Recipe, RecipeError)
+    if recipe.product is None:
+        raise RecipeError(
+            f"{path} names no product, so no device can be read; add product: NAME (a file dbc/NAME.yaml)"
+        )
+    try:
+        method.of(recipe).check(recipe)
+    except RecipeError as exc:
+        raise RecipeError(f"{path}: {exc.sentence}") from None
+    where = product_path(recipe.product, path)
+    product = validate(load_document(where, ProductError), Product, ProductError)
+    dbc = where.parent / product.frames.dbc
+    layout = resolve(product.frames, read_layouts(dbc))
+    _check_fit(path, recipe, where, product)
+    _check_units(dbc, recipe, [axis.unit for axis in layout.axes])
+    job = Job(
+        recipe=recipe,
+        recipe_hash=recipe_hash(recipe),
+        recipe_json=canonical(recipe),
+        product=product,
+        product_json=product_record.dump(product, layout),
+        layout=layout,
+    )
+    return job, Source(path, where, dbc, None if product.eds is None else where.parent / product.eds)
+
+
+def _check_fit(path: Path, recipe: Recipe, where: Path, product: Product) -> None:
+    if product.sensor != recipe.sensor:
+        raise RecipeError(
+            f"{path} calibrates a {recipe.sensor}, but {where} is a {product.sensor}; correct `sensor` or `product`"
+        )
+
+
+def _check_units(dbc: Path, recipe: Recipe, units: list[str]) -> None:
+    for unit in units:
+        if unit not in ("", recipe.unit):
+            raise ProductError(
+                f"{dbc} gives readings in {unit}, but the recipe counts in {recipe.unit}; "
+                "give the signals the recipe's unit and scale"
+            )

@@ -1,0 +1,136 @@
+"""The simulated fixture: a virtual bus on virtual time, a positioner in numbers, and devices that sense its physics."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from station.adapters.bus.simulated import Simulated as SimulatedBus
+from station.adapters.clock import VirtualClock
+from station.adapters.device import eds, fault
+from station.adapters.device.memory import NonVolatile
+from station.adapters.device.simulated import SimulatedDevice, Timing, listens_to
+from station.adapters.device.simulated_stream import Sensor
+from station.adapters.positioner.simulated import Simulated as SimulatedPositioner
+from station.config.documents import Document, load_document, validate
+from station.config.settings import Settings
+from station.domain.plan import Stop
+from station.domain.product import kept_serial
+from station.domain.progress import Seat
+from station.domain.types import Frames
+from station.errors import InputError, ProductError
+from station.model.effect import Effect
+from station.model.model_file import Model
+from station.model.rig import Rig
+from station.model.simulate import Job as Campaign
+from station.model.simulate import effect_of
+from station.ports.bus import Endpoint
+from station.service.station import Job
+from station.wiring.jobs import Source
+from station.wiring.order import Order
+from station.wiring.positioners import options_of
+
+#: How well the simulated positioner repeats, degrees, where config.yaml does not describe it.
+ERROR_DEG = 0.01
+#: Readings of this long leave a simulated device together, s, while nobody looks (during a move).
+BLOCK_S = 0.5
+
+
+class SimulatedFixture:
+    """Everything that `station run --simulate` needs in place of a bench."""
+
+    def __init__(self, settings: Settings, document: Document, job: Job, source: Source, order: Order) -> None:
+        if source.eds is None:
+            raise ProductError(f"{source.product} names no eds, so no such device can be simulated; add eds: FILE")
+        self._settings, self._job, self._order, self._eds = settings, job, order, source.eds
+        self.clock = VirtualClock()
+        self.bus = SimulatedBus(self.clock)
+        self.positioner = SimulatedPositioner(self._positioner_settings(document), self.clock, self._go)
+        effects = tuple(_effect(text, job) for text in order.effects)
+        model = Model() if order.model is None else validate(load_document(order.model), Model, InputError)
+        self._rig = Rig(Campaign(job.recipe, (), order.seed, effects, model), self.positioner.plate)
+        self._faults = [_split(text) for text in order.faults]
+        self._devices: list[tuple[SimulatedDevice, _Delivered]] = []
+
+    def place(self, seats: Sequence[Seat]) -> None:
+        """Takes the old units out, and puts a new device for each seat into its nest."""
+        for device, channel in self._devices:
+            self.clock.detach(device)
+            channel.close()
+        labels = {"station": self._settings.station, "operator": self._settings.operator, "lot": self._settings.lot}
+        self._rig.load(
+            {seat.nest: seat.serial for seat in seats},
+            self.clock.monotonic_s(),
+            {k: v for k, v in labels.items() if v},
+        )
+        self._devices = [self._device(seat) for seat in seats]
+        for device, _ in self._devices:
+            self.clock.attach(device)
+
+    def _device(self, seat: Seat) -> "tuple[SimulatedDevice, _Delivered]":
+        channel = _Delivered(self.bus.service(listens_to(seat.node)), self._rig, seat.nest)
+        sheet, folder = self._job.recipe.device, self._order.device_state
+        sensor = Sensor(
+            layout=self._job.layout,
+            sense=partial(self._rig.sense, seat.nest),
+            temperature=lambda time_s: float(self._rig.temperature_degC(seat.nest, np.array([time_s]))[0]),
+            rate_hz=sheet.rate_hz * (1 + self._rig.rate_error(seat.nest)),
+        )
+        device = SimulatedDevice(
+            channel,
+            self.clock,
+            eds.load(self._eds, seat.node),
+            self._job.product.map,
+            sensor,
+            timing=Timing(block_s=BLOCK_S),
+            serial=kept_serial(self._job.product.map.serial, seat.serial),
+            memory=None if folder is None else NonVolatile.of_serial(folder, seat.serial),
+            faults=[f for serial, f in self._faults if serial in ("", seat.serial)],
+        )
+        return device, channel
+
+    def _positioner_settings(self, document: Document) -> SimulatedPositioner.Settings:
+        if self._settings.positioner.kind != "simulated":
+            return SimulatedPositioner.Settings(error_deg=ERROR_DEG, seed=self._order.seed)
+        return options_of(self._settings, document, SimulatedPositioner.Settings)
+
+    def _go(self, stop: Stop, departs_s: float, arrives_s: float) -> None:
+        self._rig.go(stop, departs_s, arrives_s)
+
+
+class _Delivered:
+    """A device's endpoint; what it sends in blocks arrives as the simulated bus faults let it."""
+
+    def __init__(self, channel: Endpoint, rig: Rig, nest: str) -> None:
+        self._channel, self._rig, self._nest = channel, rig, nest
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Sends one frame."""
+        self._channel.send(can_id, data)
+
+    def send_many(self, frames: Frames) -> None:
+        """Sends a block, after the causes that act on the bus."""
+        self._channel.send_many(self._rig.deliver(self._nest, frames))
+
+    def receive(self, timeout_s: float) -> Frames:
+        """What came for the device."""
+        return self._channel.receive(timeout_s)
+
+    def drops(self) -> int:
+        """Frames dropped here."""
+        return self._channel.drops()
+
+    def close(self) -> None:
+        """Leaves the bus."""
+        self._channel.close()
+
+
+def _effect(text: str, job: Job) -> Effect:
+    name, _, size = text.partition("=")
+    return effect_of(name, job.recipe, size or None)
+
+
+def _split(text: str) -> tuple[str, fault.Fault]:
+    """`SERIAL/KIND:…` or `KIND:…` → (serial or '', fault)."""
+    head, slash, rest = text.partition("/")
+    return (head, fault.parse(rest)) if slash else ("", fault.parse(text))

@@ -1,0 +1,95 @@
+"""The command line as a process: help, errors as one sentence, exit codes, a pipe that closes."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from station.cli.app import commands
+
+STATION = [sys.executable, "-m", "station"]
+
+
+def station(*args: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*STATION, *args], capture_output=True, text=True, timeout=60, cwd=cwd, check=False)
+
+
+def loaded(*args: str) -> set[str]:
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "station", *args], capture_output=True, text=True, check=True
+    )
+    return {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+
+
+def test_help_lists_every_command_and_loads_nothing_heavy() -> None:
+    done = station("--help")
+    assert done.returncode == 0
+    assert all(f"  {name} " in done.stdout for name in commands())
+    heavy = {"numpy", "pydantic", "typer", "rich", "can", "canopen", "yaml", "sqlite3", "scipy"}
+    assert not loaded("--help") & heavy
+
+
+def test_every_command_has_help_with_an_example_to_paste() -> None:
+    for name, line in commands().items():
+        done = station(name, "--help")
+        assert done.returncode == 0, name
+        assert line, name
+        assert line.rstrip(".") in " ".join(done.stdout.split()), name
+        assert f"station {name}" in done.stdout.split("Options:")[0].split("\n", 1)[1], f"{name} shows no example"
+
+
+def test_no_command_shows_the_list_and_is_a_usage_error() -> None:
+    done = station()
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "Usage: station COMMAND" in done.stderr
+
+
+def test_version() -> None:
+    assert station("--version").stdout.startswith("station 0.")
+
+
+def test_an_unknown_command_or_option_is_one_sentence() -> None:
+    for args in (["rum"], ["run", "--no-such-option"], ["run", "--units", "many"], ["ru\x1b[31mn\nx"]):
+        done = station(*args)
+        assert done.returncode == 2
+        assert done.stdout == ""
+        assert len(done.stderr.splitlines()) == 1
+        assert "\x1b" not in done.stderr
+
+
+def test_a_near_miss_is_named() -> None:
+    assert "did you mean `run`?" in station("runn").stderr
+
+
+def test_a_bug_is_a_sentence_a_file_and_exit_70(tmp_path: Path) -> None:
+    program = (
+        "import station.cli.app as app\n"
+        "def broken(args):\n    raise ZeroDivisionError('x')\n"
+        "app._dispatch = broken\napp.main(['run'])\n"
+    )
+    env = {**os.environ, "TMPDIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=env, check=False)
+    assert done.returncode == 70
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    (crash,) = tmp_path.glob("station-crash-*.txt")
+    assert str(crash) in done.stderr
+    assert "ZeroDivisionError" in crash.read_text()
+
+
+def test_ctrl_c_is_exit_4() -> None:
+    program = (
+        "import station.cli.app as app\n"
+        "def stop(args):\n    raise KeyboardInterrupt\n"
+        "app._dispatch = stop\napp.main([])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (4, "station: stopped by the operator\n")
+
+
+def test_a_reader_that_goes_away_leaves_no_traceback() -> None:
+    with subprocess.Popen([*STATION, "--help"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert "Traceback" not in process.stderr.read()
