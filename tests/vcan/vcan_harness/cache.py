@@ -2,12 +2,16 @@
 
 import fcntl
 import os
+import shutil
+import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 #: Names another folder than ~/.cache/station-tests.
 VARIABLE = "STATION_TEST_CACHE"
+_OLD_S = 24 * 3600
 
 
 def folder() -> Path:
@@ -23,3 +27,11 @@ def locked(name: str) -> Iterator[None]:
     with (folder() / f"{name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
+
+
+def fresh_folder() -> Path:
+    """An empty folder for one session; takes away those that sessions killed long ago have left."""
+    for old in folder().glob("run-*"):
+        if time.time() - old.stat().st_mtime > _OLD_S:
+            shutil.rmtree(old, ignore_errors=True)
+    return Path(tempfile.mkdtemp(dir=folder(), prefix="run-"))

@@ -20,6 +20,8 @@ def run(
             cwd=folder,
             env=environment,
         )
+    except FileNotFoundError as error:
+        raise OSError(f"{words[0]} is not installed") from error
     except subprocess.TimeoutExpired as error:
         raise OSError(f"{' '.join(words)}: not done within {timeout_s:g} s") from error
     if done.returncode:

@@ -35,8 +35,9 @@ def search_path() -> str:
 
 
 def library_path() -> str:
-    """Folders of the fetched shared libraries; empty where none was needed."""
-    return os.pathsep.join(map(str, _cached("usr/lib/*-linux-gnu*", "lib/*-linux-gnu*")))
+    """LD_LIBRARY_PATH with the fetched shared libraries."""
+    given = filter(None, [os.environ.get("LD_LIBRARY_PATH")])
+    return os.pathsep.join([*given, *map(str, _cached("usr/lib/*-linux-gnu*", "lib/*-linux-gnu*"))])
 
 
 def provide(programs: Iterable[str]) -> dict[str, Path]:

@@ -3,7 +3,6 @@
 import json
 import os
 import shlex
-import signal
 import subprocess
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -41,7 +40,7 @@ class Job:
                 stdin=subprocess.DEVNULL,
                 stdout=console,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, **way.environment},
+                env={"PATH": os.environ.get("PATH", os.defpath), **way.environment},
                 start_new_session=True,
             )
 
@@ -78,10 +77,11 @@ class Job:
         """The end of the console, for the message of a test that never reported."""
         return "\n".join(self.console.read_text(errors="replace").splitlines()[-lines:])
 
-    def stop(self) -> None:
-        """Ends the job and everything that it started."""
+    def stop(self, patience_s: float = 5.0) -> None:
+        """Ends the job and everything that it started, after leaving it a moment to end by itself."""
         try:
-            self._process.wait(timeout=5)
+            self._process.wait(timeout=patience_s)
         except subprocess.TimeoutExpired:
-            os.killpg(self._process.pid, signal.SIGKILL)
-            self._process.wait()
+            # `timeout` passes this on to the guest, which left its group, and kills it if that does not help.
+            self._process.terminate()
+            self._process.wait(timeout=20)

@@ -2,7 +2,6 @@
 
 import shutil
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -46,7 +45,10 @@ class Outside:
         if not items or session.config.option.collectonly or session.testsfailed:
             return
         started = time.monotonic()
-        self._work = Path(tempfile.mkdtemp(dir=cache.folder(), prefix="run-"))
+        reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+        if reporter and not (cache.folder() / "node").is_dir():
+            reporter.write_line(f"vcan: fetching programs into {cache.folder()}, once; this takes a minute or two")
+        self._work = cache.fresh_folder()
         try:
             self._start(session.config, self._work, [item.nodeid for item in items])
         except debian.Unavailable as error:
@@ -99,10 +101,10 @@ class Outside:
         data: dict[str, Any] = item.config.hook.pytest_report_to_serializable(config=item.config, report=report)
         return data
 
-    def pytest_sessionfinish(self) -> None:
+    def pytest_sessionfinish(self, exitstatus: int) -> None:
         """Hook: ends the job and leaves nothing of it behind."""
         if self._job:
-            self._job.stop()
+            self._job.stop(0.0 if exitstatus == pytest.ExitCode.INTERRUPTED else 5.0)
         if self._work:
             shutil.rmtree(self._work)
 

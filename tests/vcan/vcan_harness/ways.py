@@ -58,7 +58,8 @@ def find(work: Path, readable: tuple[Path, ...]) -> Way:
     for isolate in (("unshare", "-n"), ("unshare", "-Urn")):
         refusal = _refusal_of_this_kernel(isolate)
         if refusal is None:
-            return Way(f"this kernel, {os.uname().release}", (*isolate, "sh", "{script}"))
+            own_folders = f"export HOME={quote(str(work))} TMPDIR={quote(str(work))}"
+            return Way(f"this kernel, {os.uname().release}", (*isolate, "sh", "{script}"), before=own_folders)
         refusals.append(refusal)
     try:
         return _guest(work, readable)
@@ -93,7 +94,7 @@ def _guest(work: Path, readable: tuple[Path, ...]) -> Way:
         command=("taskset", "-c", _one_processor(), str(linux), *_KERNEL_ARGUMENTS, "init={script}"),
         before=f"UML_MODULES={quote(str(modules))} INSMOD={quote(str(work / 'insmod'))}\n{_GUEST_INIT.read_text()}",
         after=_HALT,
-        environment={"TMPDIR": str(_memory_folder(work))},
+        environment={"HOME": str(work), "TMPDIR": str(_memory_folder(work))},
     )
 
 
