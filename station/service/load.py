@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
+from station.domain import stops_document
 from station.domain.progress import (
     Event,
     Identified,
@@ -175,6 +176,8 @@ class Load:
     def _judge_one(self, unit: Unit) -> Iterator[Event]:
         result = compute.calibrate(unit, self._job, self._station)
         unit.verdict, unit.calibration = result.verdict, result.calibration
+        if result.stops is not None:
+            self._station.store.result(unit.attempt, "stops", stops_document.to_document(result.stops))
         if result.calibration is not None:
             self._station.store.result(
                 unit.attempt, "calibration", record.calibration(result.calibration, result.budget)
