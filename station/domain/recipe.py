@@ -1,6 +1,6 @@
 """The recipe: frozen pydantic models of `station.recipe/1` (contracts, section 2). Pure: text is read elsewhere."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from typing import Annotated, Any, Literal, Self
 
@@ -238,17 +238,25 @@ class Verify(Part):
     limit: Positive | None = None
 
 
-def _among(kind: str) -> Callable[[Any], Any]:
-    """Checks that a name is a plug-in of `station.domain.<kind>`, without importing it."""
+SENSORS, METHODS = "station.domain.sensors", "station.domain.calibrate"
 
-    def check(name: Any) -> Any:
-        known = plugins.names(f"station.domain.{kind}")
-        if name not in known:
-            near = get_close_matches(str(name), known, 1, 0)[0]
-            raise ValueError(f"{name!r} is not among {', '.join(known)}; the nearest is {near!r}")
-        return name
 
-    return check
+def _among(known: Callable[[], Sequence[str]]) -> BeforeValidator:
+    """Checks that a value is one of the names there are, plug-ins found by file."""
+
+    def check(value: Any) -> Any:
+        names = known()
+        if value not in names:
+            near = get_close_matches(str(value), names, 1, 0)[0]
+            raise ValueError(f"{value!r} is none of {', '.join(map(repr, names))}; the nearest is {near!r}")
+        return value
+
+    return BeforeValidator(check)
+
+
+def _units() -> list[str]:
+    kinds: list[Any] = list(plugins.load_all(SENSORS).values())
+    return [kind.unit for kind in kinds]
 
 
 class Recipe(Part):
@@ -257,8 +265,8 @@ class Recipe(Part):
     schema_: Annotated[Literal["station.recipe/1"], Field(alias="schema")]
     name: Name
     version: Annotated[int, Field(ge=1)]
-    sensor: Annotated[str, BeforeValidator(_among("sensors"))]
-    unit: str
+    sensor: Annotated[str, _among(lambda: plugins.names(SENSORS))]
+    unit: Annotated[str, _among(_units)]
     reference: Reference
     positions: tuple[Position, ...] = ()
     seatings: dict[Name, Turn] = {}
@@ -267,7 +275,7 @@ class Recipe(Part):
     settle: Settle = Settle()
     dwell: Dwell = Dwell(time_s=1.0)
     visit_repeats: Annotated[int, Field(ge=0, le=5)] = 1
-    method: Annotated[str, BeforeValidator(_among("calibrate"))] = "n-point"
+    method: Annotated[str, _among(lambda: plugins.names(METHODS))] = "n-point"
     model: Literal["offset-gain", "matrix"] = "matrix"
     product: Name | None = None
     serial_pattern: str | None = None
@@ -328,7 +336,7 @@ class Recipe(Part):
 
 
 def _check_unit(recipe: Recipe) -> None:
-    kind: Any = plugins.load("station.domain.sensors", recipe.sensor)
+    kind: Any = plugins.load(SENSORS, recipe.sensor)
     if recipe.unit != kind.unit:
         raise ValueError(f"unit {recipe.unit} does not go with sensor {recipe.sensor}; write unit: {kind.unit}")
     if recipe.reference.source not in kind.sources:
