@@ -17,6 +17,8 @@ STATION_CHECKS = frozenset({"silent", "kernel-drops", "not-still", "wrong-face",
 FACE_DEG = 25.0
 #: Of the frames that the rate promises, so many must come: clocks and the dwell's ends cost a few.
 ENOUGH = 0.9
+#: The rate is known to so many readings of a dwell; less than RATE_LEAST is left to the diagnosis.
+RATE_STEPS, RATE_LEAST = 3.0, 0.02
 #: A dwell whose halves differ by more standard deviations than this, and by more than it may matter, has moved.
 MOVED = 6.0
 
@@ -82,11 +84,24 @@ def _transport(d: Dwelled, recipe: Recipe) -> Iterator[Reason]:
     if not d.samples.trouble.clean:
         said = ", ".join(d.samples.trouble.sentences())
         yield Reason("frames", f"bad frames at {d.position!r}: {said}")
-    if count < ENOUGH * wanted:
+    rate = _rate_hz(d)
+    allowed = recipe.device.clock_tolerance_ppm * 1e-6 + RATE_STEPS / max(count, 1)
+    if rate is not None and abs(rate / recipe.device.rate_hz - 1) > max(allowed, RATE_LEAST):
+        sentence = f"readings came at {rate:.1f} Hz at {d.position!r}, but the recipe says {recipe.device.rate_hz:g} Hz"
+        yield Reason("rate", sentence, rate, recipe.device.rate_hz, "Hz")
+    elif count < ENOUGH * wanted:
         sentence = (
             f"{count} good readings at {d.position!r}, but {wanted:.0f} were due; check the rate and the bus load"
         )
         yield Reason("too-few", sentence, count, ENOUGH * wanted)
+
+
+def _rate_hz(d: Dwelled) -> float | None:
+    """Rate of the frames by their own time stamps; None where frames are missing or too few."""
+    time_ns = d.samples.time_ns
+    if len(time_ns) < 10 or not d.samples.trouble.clean:
+        return None
+    return (len(time_ns) - 1) / max((int(time_ns[-1]) - int(time_ns[0])) / 1e9, 1e-9)
 
 
 def _axes(d: Dwelled, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iterator[Reason]:

@@ -5,7 +5,8 @@ from collections.abc import Iterator, Mapping
 from station.domain import number_format, writeback
 from station.domain.devicemap import DeviceMap, Setting
 from station.domain.product import kept_serial, read_serial
-from station.errors import ReadBackDiffers, StationError, WrongProduct, WrongUnit
+from station.errors import DeviceRefused, ReadBackDiffers, StationError, WrongProduct, WrongUnit
+from station.ports.device import Identity
 from station.ports.store import Store
 from station.service.station import Job
 from station.service.unit import Address, Unit
@@ -19,6 +20,18 @@ def identify(unit: Unit, job: Job, store: Store) -> None:
     unit.identity, unit.old = identity, {place.address: raw}
     document = {name: getattr(identity, name) for name in identity.__slots__}
     store.result(unit.attempt, "identity", {**document, "kept_serial": read_serial(place, raw)})
+    _check(unit, job, identity)
+
+
+def identify_for_recovery(unit: Unit, job: Job) -> None:
+    """The same for a unit whose attempt is over: nothing is kept but what recovery itself says."""
+    identity = unit.device.identify()
+    place = job.product.map.serial
+    unit.identity, unit.old = identity, {place.address: unit.device.upload(*place.address)}
+    _check(unit, job, identity)
+
+
+def _check(unit: Unit, job: Job, identity: Identity) -> None:
     wrong = job.product.mismatches(
         device_type=identity.device_type,
         vendor=identity.vendor,
@@ -28,9 +41,11 @@ def identify(unit: Unit, job: Job, store: Store) -> None:
     )
     if wrong:
         raise WrongProduct(f"{unit.name} is no {job.product.name}: {', '.join(wrong)}; take it out")
-    if read_serial(place, raw) != (wanted := kept_serial(place, unit.seat.serial)):
+    place = job.product.map.serial
+    found, wanted = read_serial(place, unit.old[place.address]), kept_serial(place, unit.seat.serial)
+    if found != wanted:
         raise WrongUnit(
-            f"nest {unit.seat.nest} holds a unit that calls itself {read_serial(place, raw)}, but the label "
+            f"nest {unit.seat.nest} holds a unit that calls itself {found}, but the label "
             f"{unit.seat.serial} means {wanted}; put the right unit in, or scan the right label"
         )
 
@@ -47,6 +62,8 @@ def read_old(unit: Unit, job: Job, store: Store) -> None:
 def make_ready(unit: Unit, job: Job) -> None:
     """Settings for calibrating, NMT operational, raw output; each switch is read back."""
     unit.boot_ups = unit.device.boot_ups()
+    unit.heartbeat_s = _heartbeat_s(unit)
+    unit.device.emergencies()  # those of power-on are no news
     for setting in job.product.map.settings:
         if setting.calibrating is not None:
             unit.switched = True
@@ -56,6 +73,14 @@ def make_ready(unit: Unit, job: Job) -> None:
     if switch is not None:
         unit.switched = True
         set_checked(unit, switch.address, switch.raw, switch.name)
+
+
+def _heartbeat_s(unit: Unit) -> float:
+    """Producer heartbeat time (0x1017), s; 0 where the device has none."""
+    try:
+        return int.from_bytes(unit.device.upload(0x1017, 0), "little") / 1000
+    except DeviceRefused:
+        return 0.0
 
 
 def set_compensated(unit: Unit, job: Job) -> None:

@@ -115,7 +115,7 @@ class Load:
             try:
                 yield from step(unit)
             except OF_ONE_UNIT as fault:
-                yield from self._end(unit, fault)
+                yield from self._end(unit, explained(unit, fault))
 
     def _identify(self) -> Iterator[Event]:
         yield from self._each(self._identify_one)
@@ -250,6 +250,13 @@ class Load:
             self._station.positioner.park(self._station.settings.timeouts.park_s)
         except PositionerFault as fault:
             self._fault = self._fault or fault
+
+
+def explained(unit: Unit, fault: StationError) -> StationError:
+    """A silence that came of a restart is the unit's own."""
+    if isinstance(fault, DeviceSilent) and 0 < unit.boot_ups != unit.device.boot_ups():
+        return UnitFault(f"{unit.name} restarted by itself ({fault.sentence})")
+    return fault
 
 
 def _quietly(step: Callable[[], None]) -> Iterator[Event]:

@@ -19,6 +19,9 @@ from station.service.station import Job, Station
 from station.service.stop import Stop
 from station.service.unit import Unit
 
+#: So many heartbeats may be late before the device counts as dead.
+HEARTBEATS = 3
+
 Reasons = tuple[Reason, ...]
 #: Units whose stop stayed bad, by serial, with every reason.
 Bad = Mapping[str, Reasons]
@@ -87,18 +90,26 @@ class Measure:
             temperature_degC=unit.temperature_degC,
             emergencies=self._emergencies(unit),
         )
-        reasons = check(dwelled, self._job.recipe, self._job.layout)
+        return dwelled, (*self._life(unit, planned), *check(dwelled, self._job.recipe, self._job.layout))
+
+    def _life(self, unit: Unit, planned: Planned) -> Reasons:
+        """What boot-up and heartbeat say against the device."""
         if unit.device.boot_ups() != unit.boot_ups:
-            reasons = (Reason("rebooted", f"the device restarted by itself at {planned.position!r}"), *reasons)
-        return dwelled, reasons
+            return (Reason("rebooted", f"the device restarted by itself at {planned.position!r}"),)
+        age_s, limit_s = unit.device.heartbeat_age_s(), HEARTBEATS * unit.heartbeat_s
+        if unit.heartbeat_s and age_s > limit_s:
+            told = f"no heartbeat for {age_s:.1f} s at {planned.position!r}; one is due every {unit.heartbeat_s:g} s"
+            return (Reason("heartbeat", told, age_s, limit_s, "s"),)
+        return ()
 
     def _emergencies(self, unit: Unit) -> tuple[str, ...]:
-        """EMCY messages since the last stop, in words and in the record; code 0 says that an error is gone."""
-        found = unit.device.emergencies()
-        for e in found:
+        """Errors that the device has reported and not taken back; every message goes into the record."""
+        for e in unit.device.emergencies():
             detail = {"code": e.code, "register": e.register, "detail": e.detail, "time_ns": e.time_ns}
             self._station.store.event(unit.attempt, "emergency", detail)
-        return tuple(f"emergency 0x{e.code:04X} (register 0x{e.register:02X})" for e in found if e.code)
+            # Code 0 says that all errors are gone (CiA 301, 7.2.7.1).
+            unit.emergency = f"emergency 0x{e.code:04X} (register 0x{e.register:02X})" if e.code else ""
+        return (unit.emergency,) if unit.emergency else ()
 
     def _keep(self, units: Sequence[Unit], planned: Planned, taken: Taken, found: Found, kind: str) -> None:
         """Every nest's stop in one transaction; a rejected one is kept too, under its own kind."""

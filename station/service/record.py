@@ -78,6 +78,8 @@ def blame(bad: Bad, serial: str, alive: int) -> Outcome:
     the only one, nobody can tell it from a fixture that stands wrongly.
     """
     checks = {r.check for r in bad[serial]}
+    if "rebooted" in checks:
+        return Outcome.FAIL  # its silence afterwards is its own
     if "wrong-face" in checks and alive > 1 and len(bad) < alive:
         checks.discard("wrong-face")
     return Outcome.ERROR if checks & STATION_CHECKS else Outcome.FAIL

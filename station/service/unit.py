@@ -19,7 +19,8 @@ class Unit:
     """Working state of one attempt. old, settings_old: raw values of the objects as the device came.
 
     switched: output or settings are not as they were found; touched: coefficients may differ from `old`;
-    written: new coefficients are saved and read back after a reset. noise in the recipe's unit.
+    written: new coefficients are saved and read back after a reset. noise in the recipe's unit; heartbeat_s: 0 for
+    none; emergency: an error that the device has reported and not taken back.
     """
 
     seat: Seat
@@ -34,6 +35,8 @@ class Unit:
     touched: bool = False
     written: bool = False
     verified: bool = False
+    heartbeat_s: float = 0.0
+    emergency: str = ""
     noise: float | None = None
     temperature_degC: float | None = None
     visits: list[KeptVisit] = field(default_factory=list)
@@ -86,7 +89,7 @@ def check_same_unit(unit: Unit, job: Job) -> None:
     if now != before:
         raise WrongUnit(
             f"nest {unit.seat.nest} now holds a unit that calls itself {now}, but it was {before} at the start: "
-            "it was swapped; nothing was written, start again"
+            "it was swapped; put the first one back and start again"
         )
 
 

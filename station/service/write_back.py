@@ -67,7 +67,7 @@ class WriteBack:
             unit.device.download(*command.address, command.raw, command.timeout_s)
         except DeviceRefused:
             self._keep(command, "refused", None)
-            self._after_refused_save()
+            self._look_after_reset()
             raise
         except DeviceSilent as exc:
             self._keep(command, "unknown", None)
@@ -86,6 +86,7 @@ class WriteBack:
     def read_again(self) -> None:
         """Reads every object after the reset; whatever differs is said, and the record says what the device holds."""
         unit = self._unit
+        check_same_unit(unit, self._job)
         wanted = self._wanted()
         read = {at: unit.device.upload(*at) for at in wanted}
         state = writeback.classify(unit.old, wanted, read)
@@ -133,13 +134,13 @@ class WriteBack:
             put_back(unit, writeback.unlock(self._map), flag_last(self._map, wanted), wanted)
         except StationError as exc:
             self._station.store.event(unit.attempt, "put-back-failed", {"sentence": exc.sentence})
-            self._state("unknown")
+            self._look_after_reset()
         else:
             unit.touched = False
             self._state("old")
 
-    def _after_refused_save(self) -> None:
-        """What the flash holds after a refusal is known only after a reset."""
+    def _look_after_reset(self) -> None:
+        """What the flash holds is known only after a reset."""
         wanted, state = self._wanted(), "unknown"
         try:
             self.restart()
