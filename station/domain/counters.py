@@ -7,6 +7,12 @@ from numpy.typing import NDArray
 
 #: So many equal counters in a row are no duplicate of one frame any more.
 STUCK = 4
+#: Frames overtake each other by one or two places; further back is a loss of nearly a whole turn.
+LATE_AT_MOST = 2
+#: From this share of its time on, a turn counts as missed.
+TURN = 0.75
+#: So many frames on either side of a pause are looked at; an adapter that holds back more is taken for a loss.
+WINDOW = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,19 +37,22 @@ class Count:
 def steps(counter: NDArray[np.uint64], time_ns: NDArray[np.int64], values: int) -> NDArray[np.int64]:
     """How many frames each one (n − 1) is ahead of the one before: 1 as it should be, 0 repeated, < 0 late.
 
-    The counter knows this only modulo `values`; elapsed time, in periods, chooses among the numbers that agree
-    with it. So a loss of exactly `values` frames shows, and two swapped frames are not taken for a loss.
+    The counter knows this only modulo `values`; time chooses among the numbers that agree with it. So a loss of
+    exactly `values` frames shows, two swapped frames are no loss, and neither is a pause after which the adapter
+    hands over all that it held back.
     """
     signed = counter.astype(np.int64)
     step: NDArray[np.int64] = (signed[1:] - signed[:-1]) % values
     elapsed_ns = time_ns[1:] - time_ns[:-1]
-    period_ns = _period(elapsed_ns[step == 1])
+    if (step == 1).all() and elapsed_ns.max(initial=0) * len(step) <= values // 2 * elapsed_ns.sum():
+        return step  # no pause is long enough to hide a turn
+    period_ns = _period(step, time_ns)
     if period_ns <= 0:
         return step
-    # A whole turn is taken for missed from 3/4 of its time on: adapters that deliver in batches make the time
-    # before a batch look long, and no real gap look shorter than it was by so much.
-    turns = np.floor((elapsed_ns / period_ns - step) / values + 0.25)
-    return step + values * turns.astype(np.int64)
+    if values >= 2 * LATE_AT_MOST + 2:
+        step[(step >= values - LATE_AT_MOST) & (elapsed_ns < period_ns * step / 2)] -= values
+    _add_turns(step, elapsed_ns / period_ns, values)
+    return step
 
 
 def count(step: NDArray[np.int64], bad_between: NDArray[np.int64]) -> Count:
@@ -59,15 +68,33 @@ def count(step: NDArray[np.int64], bad_between: NDArray[np.int64]) -> Count:
     )
 
 
+def _period(step: NDArray[np.int64], time_ns: NDArray[np.int64]) -> float:
+    """Median time per frame over stretches of many frames, which neither pauses nor bursts nor losses move; 0: none."""
+    number = np.concatenate([[0], np.cumsum(step)])
+    stretch = max(1, min(64, len(step) // 8))
+    frames = number[stretch:] - number[:-stretch]
+    elapsed_ns = (time_ns[stretch:] - time_ns[:-stretch])[frames > 0]
+    return float(np.median(elapsed_ns / frames[frames > 0])) if len(elapsed_ns) else 0.0
+
+
+def _add_turns(step: NDArray[np.int64], elapsed: NDArray[np.float64], values: int) -> None:
+    """Adds the whole turns that pauses hide; elapsed (n − 1) in periods.
+
+    Frames come late, never early: the least delay before and after a pause is compared. After a mere pause the
+    delay falls back to what it was; after a loss it stays up by `values` periods for each turn.
+    """
+    delay = np.concatenate([[0.0], np.cumsum(elapsed - step)])
+    first = 0
+    for pause in np.flatnonzero(elapsed - step >= TURN * values).tolist():
+        before = delay[max(first, pause + 1 - WINDOW) : pause + 1].min()
+        after = delay[pause + 1 : pause + 1 + WINDOW].min()
+        turns = int((after - before) / values + 1 - TURN)
+        if turns > 0:
+            step[pause] += values * turns
+            first = pause + 1
+
+
 def _longest(mask: NDArray[np.bool_]) -> int:
     """Length of the longest run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     return int((edges[1::2] - edges[::2]).max(initial=0))
-
-
-def _period(elapsed_ns: NDArray[np.int64]) -> float:
-    """Mean of the single steps without the longest hundredth, which may hide whole turns; 0 when there are none."""
-    if not len(elapsed_ns):
-        return 0.0
-    kept = len(elapsed_ns) - max(1, len(elapsed_ns) // 100)
-    return float(np.sort(elapsed_ns)[: max(1, kept)].mean())

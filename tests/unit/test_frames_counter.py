@@ -75,5 +75,23 @@ def test_jitter_of_a_whole_period_is_not_a_loss(seed: int) -> None:
     assert _tale(list(number), 15, number * MS + late_ns) == Count()
 
 
+@given(first=st.integers(20, 700), held=st.integers(2, 200), seed=st.integers(0, 2**32 - 1))
+def test_a_pause_that_is_made_up_for_is_not_a_loss(first: int, held: int, seed: int) -> None:
+    """An adapter holds frames back and then hands them over as fast as a USB transfer does."""
+    number = np.arange(1000)
+    time_ns = number * MS + np.random.default_rng(seed).integers(0, MS // 10, 1000)
+    burst = slice(first, first + held)
+    time_ns[burst] = (first + held) * MS + np.arange(held) * 1000
+    assert _tale(list(number), 15, np.sort(time_ns)) == Count()
+
+
+@given(first=st.integers(20, 700), turns=st.integers(1, 6), held=st.integers(2, 150))
+def test_whole_turns_lost_within_such_a_pause_still_show(first: int, turns: int, held: int) -> None:
+    number = np.concatenate([np.arange(first), np.arange(first + 15 * turns, 1000)])
+    time_ns = number * MS
+    time_ns[first : first + held] = time_ns[first + held]
+    assert _tale(number.tolist(), 15, time_ns) == Count(lost=15 * turns, gaps=1)
+
+
 def test_too_few_frames_say_nothing() -> None:
     assert _tale([], 15) == _tale([3], 15) == Count()
