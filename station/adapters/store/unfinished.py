@@ -30,11 +30,9 @@ def find(db: sqlite3.Connection) -> list[tuple[int, Unfinished]]:
     return found
 
 
-_PLANS = """
-    SELECT a.seq, a.id, a.started_ns, p.document FROM attempt a JOIN result p ON p.attempt = a.seq
-    WHERE a.serial = ? AND p.name = 'write-plan' ORDER BY p.seq DESC LIMIT 1"""
+_OF_SERIAL = "SELECT seq, id, started_ns FROM attempt WHERE serial = ? ORDER BY seq DESC"
 
-_OLD = f"SELECT document FROM result WHERE {SPAN} AND name = 'old-calibration' ORDER BY seq DESC LIMIT 1"
+_RESULT = f"SELECT document FROM result WHERE {SPAN} AND name = :name ORDER BY seq DESC LIMIT 1"
 
 _LAST_WORD = f"""
     SELECT state FROM (
@@ -46,14 +44,18 @@ _LAST_WORD = f"""
 
 def suspect(db: sqlite3.Connection, serial: str) -> Suspect | None:
     """See Store.suspect."""
-    plan = db.execute(_PLANS, (serial,)).fetchone()
-    if plan is None:
-        return None
-    number, uid, started_ns, planned = plan
-    word = db.execute(_LAST_WORD, {"a": number}).fetchone()
-    state = word[0] if word is not None else ""
-    if state in ("old", "new"):
-        return None
-    old = db.execute(_OLD, {"a": number}).fetchone()
-    held = json.loads(old[0])["objects"] if old is not None else {}
-    return Suspect(uid, serial, started_ns, state, held, json.loads(planned)["objects"])
+    for number, uid, started_ns in db.execute(_OF_SERIAL, (serial,)).fetchall():
+        planned = _objects(db, number, "write-plan")
+        if planned is None:
+            continue
+        word = db.execute(_LAST_WORD, {"a": number}).fetchone()
+        state = word[0] if word is not None else ""
+        if state in ("old", "new"):
+            return None
+        return Suspect(uid, serial, started_ns, state, _objects(db, number, "old-calibration") or {}, planned)
+    return None
+
+
+def _objects(db: sqlite3.Connection, number: int, name: str) -> dict[str, str] | None:
+    row = db.execute(_RESULT, {"a": number, "name": name}).fetchone()
+    return None if row is None else dict(json.loads(row[0])["objects"])
