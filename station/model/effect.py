@@ -24,12 +24,12 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from station import plugins
 from station.domain.recipe import Recipe
 from station.domain.types import Array, Floats
 from station.errors import UsageError
 from station.model.scene import Scene, Signal
 
-Kind = Literal["accelerometer", "magnetometer", "gyroscope"]
 XYZ = ("x", "y", "z")
 ALONE = ("",)
 _U = re.compile(r"(?<![A-Za-z])u(?![A-Za-z])")
@@ -98,7 +98,8 @@ class Effect(ABC):
 
     id: from the file's name; physics: first line of the file; level: device, rig or bus; of: who shares one
     coefficient (the first is simulated, the others are tried too); axes: one coefficient each; needs: covariates
-    without which it cannot be seen; forms: the parameters besides `size`; shape_grid: their values to scan, by field.
+    without which it cannot be seen; forms: the parameters besides `size`; shape_grid: their values to scan, by field;
+    sensors: the kinds that can feel it.
     """
 
     size: float
@@ -113,7 +114,7 @@ class Effect(ABC):
     forms: ClassVar[tuple[Parameter, ...]] = ()
     shape_grid: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     needs: ClassVar[tuple[str, ...]] = ()
-    sensors: ClassVar[tuple[Kind, ...]] = ("accelerometer", "magnetometer", "gyroscope")
+    sensors: ClassVar[tuple[str, ...]] = plugins.names("station.domain.sensors")
 
     def __init_subclass__(cls) -> None:
         cls.id = cls.__module__.rsplit(".", 1)[-1].replace("_", "-")

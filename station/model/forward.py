@@ -62,8 +62,8 @@ def read(signal: Signal, base: Base, active: Active = NOTHING) -> Floats:
     unit = scene.visits.unit.code
     at_rest = np.einsum("vij,vj->vi", base.matrix[unit], signal.at_stop) + base.offset[unit]
     reading = np.asarray(at_rest[scene.visit])
-    if any(isinstance(acting.effect, StimulusEffect) for acting in active.values()):
-        moving = signal.true - signal.at_stop[scene.visit]
+    moving = signal.true - signal.at_stop[scene.visit]
+    if moving.any():
         reading += np.einsum("nij,nj->ni", base.matrix[unit][scene.visit], moving)
     for acting in active.values():
         if isinstance(acting.effect, SensorEffect):

@@ -72,7 +72,8 @@ class ModelEffect(Part):
     def acting(self, scene: Scene, seed: int | None) -> list[Acting]:
         """This cause at work in a scene, once for each level its parameters speak of.
 
-        Groups it does not speak of get coefficients of the same rms drawn with the seed, or none when it is None.
+        Groups it does not speak of get coefficients of the same rms drawn with the seed, or none when it is None;
+        runs and visits it does not speak of get none.
         """
         effect = self.build()
         levels: dict[str, dict[str, Floats]] = defaultdict(dict)
@@ -120,8 +121,9 @@ def _spread_out(effect: Effect, level: str, known: dict[str, Floats], scene: Sce
     names = scene.group(level)[1]
     c = np.tile(neutral(effect), (len(names), 1))
     strange = [i for i, name in enumerate(names) if name not in known]
-    # A swapped axis or a saturated output is one unit's fault and says nothing of the others.
-    if strange and seed is not None and effect.stage is not Stage.OUTPUT:
+    # A swapped axis is one unit's fault, a bumped stop is past: neither says anything of the others.
+    spreads = effect.stage is not Stage.OUTPUT and not (known and level in ("run", "visit"))
+    if strange and seed is not None and spreads:
         c[strange] = replace(effect, size=rms).coefficients([names[i] for i in strange], seed)
     for i, name in enumerate(names):
         c[i] = known.get(name, c[i])

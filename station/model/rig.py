@@ -14,7 +14,6 @@ from station.domain.plan import Stop
 from station.domain.types import Floats, Frames
 from station.errors import UsageError
 from station.model.climate import climate, drive
-from station.model.effect import BusEffect, ClockEffect
 from station.model.forward import Active, convert, feel, gold_error, in_nest, read
 from station.model.record import THERMOMETER_STD
 from station.model.scene import Scene, Signal
@@ -82,24 +81,11 @@ class Rig:
 
     def rate_error(self, nest: str) -> float:
         """How much faster than its data sheet the unit in a nest samples, relative."""
-        scene = Scene.of_units(self._job.recipe, (self._seat(nest).unit,))
-        rate = np.ones(1)
-        for acting in self._job.active(scene, ClockEffect).values():
-            if isinstance(acting.effect, ClockEffect):
-                rate = acting.effect.apply(rate, acting.by_visit(scene))
-        return float(rate[0]) - 1.0
+        return self._seat(nest).rate_error
 
     def deliver(self, nest: str, frames: Frames) -> Frames:
         """The frames of a nest as they arrive: payloads in the order of arrival, times still in order."""
-        seat = self._seat(nest)
-        scene = Scene.of_units(self._job.recipe, (seat.unit,))
-        for acting in self._job.active(scene, BusEffect).values():
-            if isinstance(acting.effect, BusEffect):
-                fraction = np.full(len(frames), acting.by_visit(scene)[0, 0])
-                block = np.zeros(len(frames), int)
-                order = acting.effect.apply(block, fraction, seat.bus[acting.effect.id])
-                frames = replace(frames[order], time_ns=frames.time_ns[np.sort(order)])
-        return frames
+        return self._seat(nest).delivered(frames)
 
     def _begin(self, now_s: float) -> None:
         """A run starts: no stop yet."""

@@ -7,8 +7,8 @@ import numpy as np
 
 from station.domain.plan import Stop
 from station.domain.recipe import Recipe
-from station.domain.types import Floats, Labels
-from station.model.effect import Effect, stream
+from station.domain.types import Floats, Frames, Labels
+from station.model.effect import BusEffect, ClockEffect, Effect, stream
 from station.model.forward import Acting, Active, Base
 from station.model.noise import at
 from station.model.scene import Scene
@@ -18,6 +18,9 @@ from station.model.visits import Visits, visits_of
 
 #: Flicker of a live unit comes again after this time.
 FLICKER_SPAN_S = 3600.0
+
+#: A fault of the bus, the fraction of frames it hits, and its random stream.
+Fault = tuple[BusEffect, float, np.random.Generator]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +46,6 @@ class Seat:
     def __init__(self, job: Job, unit: str, labels: Mapping[str, str]) -> None:
         self.unit = unit
         self.base: Base = job.base((unit,))
-        self.bus = {effect.id: stream(job.seed, effect.id, "frames", unit) for effect in job.causes}
         self.thermometer = stream(job.seed, "thermometer", unit)
         self._job = job
         self._labels = labels
@@ -51,6 +53,14 @@ class Seat:
         self._slow = job.noise.slow(FLICKER_SPAN_S, self._rng)
         self._planned = _planned(job.recipe, unit)
         self._known: dict[tuple[int, str], Floats] = {}
+        self.rate_error, self._bus = _on_the_bus(job, unit)
+
+    def delivered(self, frames: Frames) -> Frames:
+        """The unit's frames as they arrive: payloads in the order of arrival, times still in order."""
+        for effect, fraction, rng in self._bus:
+            order = effect.apply(np.zeros(len(frames), int), np.full(len(frames), fraction), rng)
+            frames = replace(frames[order], time_ns=frames.time_ns[np.sort(order)])
+        return frames
 
     def noise(self, time_s: Floats) -> Floats:
         """Noise (n, 3) of the next samples, time_s (n) from the start of the run."""
@@ -90,6 +100,20 @@ class Seat:
             drawn = effect.coefficients(names, self._job.seed)
             self._known.update({(i, n): c for n, c in zip(names, drawn, strict=True)})
         return self._known[i, name]
+
+
+def _on_the_bus(job: Job, unit: str) -> tuple[float, list[Fault]]:
+    """Relative error of a unit's clock, and what the bus does to its frames."""
+    scene = Scene.of_units(job.recipe, (unit,))
+    rate, faults = np.ones(1), []
+    for acting in job.active(scene, ClockEffect).values():
+        if isinstance(acting.effect, ClockEffect):
+            rate = acting.effect.apply(rate, acting.by_visit(scene))
+    for acting in job.active(scene, BusEffect).values():
+        if isinstance(acting.effect, BusEffect):
+            rng = stream(job.seed, acting.effect.id, "frames", unit)
+            faults.append((acting.effect, float(acting.by_visit(scene)[0, 0]), rng))
+    return float(rate[0]) - 1.0, faults
 
 
 def _planned(recipe: Recipe, unit: str) -> dict[str, tuple[str, ...]]:
