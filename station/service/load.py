@@ -178,6 +178,7 @@ class Load:
         unit.verdict, unit.calibration = result.verdict, result.calibration
         if result.stops is not None:
             self._station.store.result(unit.attempt, "stops", stops_document.to_document(result.stops))
+            self._station.store.result(unit.attempt, "judgement", record.judgement(result.verdict))
         if result.calibration is not None:
             self._station.store.result(
                 unit.attempt, "calibration", record.calibration(result.calibration, result.budget)

@@ -1,11 +1,13 @@
 """What the log keeps of an attempt, as plain documents."""
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from station import __version__
 from station.domain.progress import Seat
 from station.domain.stop_check import STATION_CHECKS
-from station.domain.types import Calibration, Outcome
+from station.domain.types import Calibration, Outcome, Reason, Verdict
 from station.domain.uncertainty import Budget
 from station.ports.store import Begin
 from station.service.measure import Bad
@@ -53,15 +55,23 @@ def calibration(found: Calibration, budget: Budget | None = None) -> dict[str, A
     }
 
 
+def judgement(found: Verdict) -> dict[str, Any]:
+    """What the limits alone say of a unit, before anything is written to it."""
+    return {
+        "outcome": str(found.outcome),
+        "reasons": _reasons(found.reasons),
+        "rule": found.rule,
+        "false_accept": found.false_accept,
+        "false_reject": found.false_reject,
+    }
+
+
 def verdict(unit: Unit, outcome: Outcome) -> dict[str, Any]:
     """How the attempt ended, with every reason, the decision rule and its risks."""
     found = unit.verdict
     return {
         "outcome": str(outcome),
-        "reasons": [
-            {"check": r.check, "sentence": r.sentence, "value": r.value, "limit": r.limit, "unit": r.unit}
-            for r in unit.reasons
-        ],
+        "reasons": _reasons(unit.reasons),
         "rule": found.rule if found else None,
         "false_accept": found.false_accept if found else None,
         "false_reject": found.false_reject if found else None,
@@ -69,6 +79,10 @@ def verdict(unit: Unit, outcome: Outcome) -> dict[str, Any]:
         "verified": unit.verified,
         "noise": unit.noise,
     }
+
+
+def _reasons(found: Sequence[Reason]) -> list[dict[str, Any]]:
+    return [asdict(r) for r in found]
 
 
 def blame(bad: Bad, serial: str, alive: int) -> Outcome:

@@ -1,0 +1,117 @@
+"""Calibrates attempts again from the raw frames in the log, by the code that the run itself uses."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from station.adapters.store import life, plain
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Attempt
+from station.domain import product_record
+from station.domain.assemble import KeptVisit
+from station.domain.framepack import plain as raw
+from station.domain.frames import SensorLayout
+from station.domain.pipeline import Result
+from station.domain.product import Product
+from station.domain.progress import Seat
+from station.domain.recipe import Recipe
+from station.domain.types import Frames
+from station.errors import LogError
+from station.service import compute, record
+
+
+@dataclass(frozen=True, slots=True)
+class Recomputed:
+    """What came out. compared: how many values of the stored calibration; differences: those not the same bits.
+
+    skipped: why there was nothing to compare, or ''.
+    """
+
+    attempt: str
+    serial: str
+    compared: int
+    differences: tuple[str, ...]
+    skipped: str = ""
+
+    @property
+    def identical(self) -> bool:
+        """Whether every value is bit for bit the stored one."""
+        return not self.differences
+
+
+def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
+    """Refits one attempt and compares. Errors: LogError where its record cannot be read."""
+    kept = reader.attempt(attempt)
+    stored = life.result(kept, "calibration")
+    if stored is None:
+        return Recomputed(attempt.attempt, attempt.serial, 0, (), "it came to no calibration")
+    recipe, product, layout = known(*reader.recipe_and_product(attempt))
+    visits = kept_visits(kept["visits"], reader.frames(attempt))
+    result = refit(attempt, visits, recipe, (product, layout), judged_ns(kept))
+    if result.calibration is None:
+        return Recomputed(attempt.attempt, attempt.serial, 0, ("calibration",))
+    again = json.loads(plain.document(record.calibration(result.calibration, result.budget)))
+    before, after = dict(_leaves("", stored)), dict(_leaves("", again))
+    names = {**before, **after}
+    different = tuple(name for name in names if before.get(name, ...) != after.get(name, ...))
+    return Recomputed(attempt.attempt, attempt.serial, len(names), different)
+
+
+@lru_cache(maxsize=16)
+def known(recipe_json: str, product_json: str) -> tuple[Recipe, Product, SensorLayout]:
+    """Recipe, product and frames as an attempt used them. Errors: LogError where they were not kept."""
+    if not recipe_json or not product_json:
+        raise LogError("this attempt was kept without its recipe and product, so it cannot be computed again")
+    return Recipe.model_validate_json(recipe_json), *product_record.load(product_json)
+
+
+def kept_visits(rows: Sequence[Mapping[str, Any]], frames: Sequence[Frames]) -> list[KeptVisit]:
+    """The tumble's visits with their raw frames, each checked against its sealed digest. Errors: LogError."""
+    if len(rows) != len(frames):
+        raise LogError(f"{len(rows)} visits have {len(frames)} sets of raw frames; run `station audit --verify`")
+    return [_kept(row, own) for row, own in zip(rows, frames, strict=True) if row["kind"] == "tumble"]
+
+
+def refit(
+    attempt: Attempt,
+    visits: Sequence[KeptVisit],
+    recipe: Recipe,
+    product: tuple[Product, SensorLayout],
+    measured_ns: int,
+) -> Result:
+    """The run's own computation over kept visits."""
+    seat = Seat(attempt.serial, attempt.nest, attempt.node)
+    table = compute.samples_of(seat, visits, recipe, product[1], {})
+    return compute.refit(table, recipe, product[0], measured_ns)
+
+
+def judged_ns(kept: Mapping[str, Any]) -> int:
+    """When the attempt was calibrated: the due date of a gold reference is judged by that day."""
+    return int(next(r["at_ns"] for r in reversed(kept["results"]) if r["name"] == "calibration"))
+
+
+def _kept(row: Mapping[str, Any], frames: Frames) -> KeptVisit:
+    if raw.digest(raw.to_bytes(frames)) != row["frames_sha256"]:
+        raise LogError(f"the raw frames of visit record {row['record']} are not those that were sealed")
+    told = row["statistics"]
+    return KeptVisit(
+        run=row["run"],
+        visit=row["visit"],
+        position=row["position"],
+        seating=row["seating"],
+        arrived_ns=row["arrived_ns"],
+        from_ns=told["from_ns"],
+        to_ns=told["to_ns"],
+        frames=frames,
+    )
+
+
+def _leaves(name: str, value: Any) -> list[tuple[str, Any]]:
+    """Every number and text of a document with its path, floats by their bits."""
+    if isinstance(value, Mapping):
+        return [leaf for key, part in value.items() for leaf in _leaves(f"{name}.{key}".lstrip("."), part)]
+    if isinstance(value, list):
+        return [leaf for i, part in enumerate(value) for leaf in _leaves(f"{name}[{i}]", part)]
+    return [(name, value.hex() if isinstance(value, float) else value)]
