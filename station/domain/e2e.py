@@ -4,6 +4,7 @@ Source: AUTOSAR "Specification of SW-C End-to-End Communication Protection Libra
 SAE J1850 (0x1D) whose start and end values cancel to 0x00; profile 2, CRC-8 0x2F with start and end 0xFF.
 """
 
+from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
@@ -23,11 +24,12 @@ def table(polynomial: int) -> Bytes:
     return crc.astype(np.uint8)
 
 
-def crc8(crc: Bytes, data: Bytes, polynomial: int) -> Bytes:
-    """CRC-8 (n) of the rows of data (n, w), each going on from crc (n)."""
+def crc8(columns: Iterable[Bytes], polynomial: int, start: int) -> Bytes:
+    """CRC-8 (n) of messages given byte by byte: each column holds one byte of every message (n), or of all (1)."""
     step = table(polynomial)
-    for column in range(data.shape[1]):
-        crc = step[crc ^ data[:, column]]
+    crc = np.array([start], np.uint8)
+    for column in columns:
+        crc = np.take(step, crc ^ column)
     return crc
 
 
@@ -36,13 +38,11 @@ def checksum(data: Bytes, counter: NDArray[np.uint64], layout: SensorLayout, nod
     e2e = layout.map.e2e
     if e2e is None:
         raise ValueError("this layout has no end-to-end protection")
-    body = np.delete(data[:, : layout.sample.length], layout.crc_byte, axis=1)
+    body = [data[:, byte] for byte in range(layout.sample.length) if byte != layout.crc_byte]
     if e2e.profile == "P02":
         secret = np.array(e2e.data_ids, np.uint8)[counter % np.uint64(16)]
-        crc = crc8(np.full(len(data), 0xFF, np.uint8), body, 0x2F)
-        return crc8(crc, secret[:, None], 0x2F) ^ np.uint8(0xFF)
-    head = _head(e2e, e2e.data_id_of(node), counter)
-    return crc8(crc8(np.zeros(len(data), np.uint8), head, 0x1D), body, 0x1D)
+        return crc8([*body, secret], 0x2F, start=0xFF) ^ np.uint8(0xFF)
+    return crc8([*_head(e2e, e2e.data_id_of(node), counter), *body], 0x1D, start=0x00)
 
 
 def nibble_right(data: Bytes, layout: SensorLayout, node: int) -> NDArray[np.bool_]:
@@ -53,10 +53,9 @@ def nibble_right(data: Bytes, layout: SensorLayout, node: int) -> NDArray[np.boo
     return np.asarray(data[:, 1] >> 4 == e2e.data_id_of(node) >> 8 & 0xF)
 
 
-def _head(e2e: EndToEnd, data_id: int, counter: NDArray[np.uint64]) -> Bytes:
-    """What of the data id goes into profile 1's CRC, ahead of the payload (n, 1 or 2)."""
-    low, high = data_id & 0xFF, data_id >> 8
+def _head(e2e: EndToEnd, data_id: int, counter: NDArray[np.uint64]) -> list[Bytes]:
+    """What of the data id goes into profile 1's CRC, ahead of the payload: columns as `crc8` takes them."""
+    low, high = np.array([data_id & 0xFF], np.uint8), np.array([data_id >> 8], np.uint8)
     if e2e.mode == "alt":  # low byte with even counters, high byte with odd ones
-        return np.where(counter % 2 == 0, low, high).astype(np.uint8)[:, None]
-    chosen = {"both": [low, high], "low": [low], "nibble": [low, 0]}[e2e.mode]
-    return np.tile(np.array(chosen, np.uint8), (len(counter), 1))
+        return [np.where(counter % np.uint64(2) == 0, low, high)]
+    return {"both": [low, high], "low": [low], "nibble": [low, np.zeros(1, np.uint8)]}[e2e.mode]

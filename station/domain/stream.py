@@ -79,7 +79,7 @@ def samples(frames: Frames, layout: SensorLayout, node: int) -> Samples:
     xyz = np.stack([physical(r, axis) for r, axis in zip(readings, layout.axes, strict=True)], axis=1)
     counter = None if layout.counter is None else raw(whole.data, layout.counter)
     crc_ok = _crc_ok(whole.data, counter, layout, node)
-    finite = np.isfinite(xyz).all(axis=1)
+    finite = _finite(xyz, layout)
     usable, counted = _counted(whole.time_ns, counter, crc_ok, layout.counter_values)
     roles = layout.map.sample
     temperature = _temperature(frames, layout, node)
@@ -106,12 +106,20 @@ def samples(frames: Frames, layout: SensorLayout, node: int) -> Samples:
 
 def _whole(frames: Frames, layout: FrameLayout, can_id: int) -> tuple[Frames, Trouble]:
     """The node's frames that can be decoded, and how many cannot."""
-    mine = frames[(frames.can_id & np.uint32(EXTENDED | ERROR | 0x1FFF_FFFF)) == np.uint32(can_id)]
+    named = (frames.can_id & np.uint32(EXTENDED | ERROR | 0x1FFF_FFFF)) == np.uint32(can_id)
+    mine = frames if named.all() else frames[named]
     remote = (mine.can_id & np.uint32(REMOTE)) != 0
     right = (mine.length == layout.length) & ~remote
     wrong = int(np.count_nonzero(~right & ~remote))
     trouble = Trouble(frames=len(mine), wrong_length=wrong, remote=int(np.count_nonzero(remote)))
     return (mine if right.all() else mine[right]), trouble
+
+
+def _finite(xyz: Floats, layout: SensorLayout) -> NDArray[np.bool_]:
+    """Which readings are numbers; integers always are."""
+    if any(axis.is_float for axis in layout.axes):
+        return np.asarray(np.isfinite(xyz).all(axis=1))
+    return np.ones(len(xyz), bool)
 
 
 def _crc_ok(data: NDArray[np.uint8], counter: Array | None, layout: SensorLayout, node: int) -> NDArray[np.bool_]:

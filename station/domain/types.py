@@ -45,13 +45,17 @@ class Frames:
         if not parts:
             return Frames.empty()
         width = max(p.data.shape[1] for p in parts)
-        data = [np.pad(p.data, ((0, 0), (0, width - p.data.shape[1]))) for p in parts]
+        data = [p.data if p.data.shape[1] == width else _widened(p.data, width) for p in parts]
         return Frames(
             np.concatenate([p.time_ns for p in parts]),
             np.concatenate([p.can_id for p in parts]),
             np.concatenate([p.length for p in parts]),
             np.concatenate(data),
         )
+
+
+def _widened(data: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+    return np.pad(data, ((0, 0), (0, width - data.shape[1])))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -39,7 +39,7 @@ def stop(rng: np.random.Generator, n: int, level: tuple[int, int, int], bad_crc:
     noise = np.rint(rng.normal(level, 11, (n, 3))).astype("<i2")
     data[:, 2:] = noise.view(np.uint8).reshape(n, 6)
     data[:, 1] = np.arange(n) % 15
-    data[:, 0] = crc8(np.full(n, 7, np.uint8), data[:, 1:], 0x1D)
+    data[:, 0] = crc8(list(data[:, 1:].T), 0x1D, start=7)
     if bad_crc:
         data[n // 2, 0] ^= 0x5A
     time_ns = 1_700_000_000_000_000_000 + np.arange(n) * 1_000_000 + rng.integers(0, 20, n) * 1000
