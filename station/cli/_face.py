@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
+#: As wide as a line of a table may be in a pipe or a file.
+PIPE_WIDTH = 160
+
 
 def on_terminal() -> bool:
     """Whether a person watches: progress shows only then."""
@@ -21,7 +24,9 @@ def console(stderr: bool = False) -> "Console":
     """A console for tables (standard output) or for people's remarks (standard error)."""
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False, soft_wrap=not (sys.stderr if stderr else sys.stdout).isatty())
+    stream = sys.stderr if stderr else sys.stdout
+    # A pipe has no width: lines stay whole there.
+    return Console(stderr=stderr, highlight=False, width=None if stream.isatty() else PIPE_WIDTH)
 
 
 def say(text: str = "") -> None:

@@ -7,7 +7,7 @@ from contextlib import closing, contextmanager
 from typing import Any
 
 from station.cli import _face
-from station.cli._run_table import document, table
+from station.cli._results import row, run_document, table
 from station.cli._serials import ask_serials
 from station.domain import serial as serials_of
 from station.domain.progress import (
@@ -49,9 +49,10 @@ def run_units(order: Order, given: Sequence[str], units: int | None, *, as_json:
             _face.remark(sentence)
         results, fault = _run(bench, serials)
         if as_json:
-            _face.say_json(document(results, bench.job.recipe))
+            _face.say_json(run_document(results, bench.job.recipe))
         else:
-            table(results, bench.job.recipe, bench.database)
+            table([row(r) for r in results], bench.job.recipe)
+            _face.say(f"log: {bench.database}")
     if fault is not None:
         _face.remark(f"station: {fault.sentence}")
     return exit_code(results, fault)

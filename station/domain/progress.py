@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from station.domain.types import Calibration, Outcome, Reason, Verdict
+from station.domain.pipeline import Result
+from station.domain.types import Outcome, Reason
 from station.errors import StationError, StationFault
 
 
@@ -64,14 +65,14 @@ class Seat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitResult:
-    """How one attempt ended. noise: largest standard deviation of a sample of any axis and stop, recipe's unit."""
+    """How one attempt ended. fit: calibration, budget and verdict, None where it did not come so far; noise: largest
+    standard deviation of a sample of any axis and stop, recipe's unit."""
 
     seat: Seat
     attempt: str
     outcome: Outcome
     reasons: tuple[Reason, ...]
-    calibration: Calibration | None
-    verdict: Verdict | None
+    fit: Result | None
     written: bool
     verified: bool
     noise: float | None
@@ -153,8 +154,7 @@ class Judged(Event):
     """A unit's calibration and what was decided about it."""
 
     seat: Seat
-    calibration: Calibration
-    verdict: Verdict
+    fit: Result
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,6 +66,6 @@ def _mean(kept: KeptVisit, unit: Unit, job: Job) -> Floats:
     """Mean output (3) at a verify stop; of a product without a switch the station corrects it itself."""
     told = samples(dwell_frames(kept), job.layout, unit.seat.node)
     mean = np.asarray(told.xyz[told.usable].mean(axis=0))
-    if job.product.map.output is None and unit.calibration is not None:
-        return unit.calibration.correct(mean)
+    if job.product.map.output is None and unit.fit is not None and unit.fit.calibration is not None:
+        return unit.fit.calibration.correct(mean)
     return mean

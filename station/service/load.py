@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
-from station.domain import stops_document
+from station.domain import document
 from station.domain.progress import (
     Event,
     Identified,
@@ -174,22 +174,15 @@ class Load:
         yield from self._each(self._judge_one)
 
     def _judge_one(self, unit: Unit) -> Iterator[Event]:
-        result = compute.calibrate(unit, self._job, self._station)
-        unit.verdict, unit.calibration = result.verdict, result.calibration
-        if result.stops is not None:
-            self._station.store.result(unit.attempt, "stops", stops_document.to_document(result.stops))
-            self._station.store.result(unit.attempt, "judgement", record.judgement(result.verdict))
-        if result.calibration is not None:
-            self._station.store.result(
-                unit.attempt, "calibration", record.calibration(result.calibration, result.budget)
-            )
-            yield Judged(unit.seat, result.calibration, result.verdict)
-        if result.calibration is None or result.verdict.outcome is not Outcome.PASS:
-            unit.reasons.extend(result.verdict.reasons)
-            yield from self._end(unit, None, result.verdict.outcome)
+        unit.fit = fit = compute.calibrate(unit, self._job, self._station)
+        self._station.store.result(unit.attempt, "calibration", document.unit(fit))
+        yield Judged(unit.seat, fit)
+        if fit.calibration is None or fit.verdict.outcome is not Outcome.PASS:
+            unit.reasons.extend(fit.verdict.reasons)
+            yield from self._end(unit, None, fit.verdict.outcome)
             return
         self._writers[unit.attempt] = writer = WriteBack(unit, self._station, self._job)
-        writer.plan(result.calibration)
+        writer.plan(fit.calibration)
 
     def _write(self) -> Iterator[Event]:
         """From the first write until every unit is back, no stop is seen: it would leave mixtures."""
@@ -213,8 +206,8 @@ class Load:
             bad = yield from measure.at_stop(self._alive, planned, (number, len(stops)), "verify")
             yield from self._drop(bad)
         for unit in self._alive:
-            reasons, document = compute.verify(unit, self._job, stops)
-            self._station.store.result(unit.attempt, "verification", document)
+            reasons, shown = compute.verify(unit, self._job, stops)
+            self._station.store.result(unit.attempt, "verification", shown)
             unit.reasons.extend(reasons)
             unit.verified = not reasons
             yield from self._end(unit, None, Outcome.FAIL if reasons else Outcome.PASS)

@@ -7,8 +7,7 @@ from typing import Any
 from station import __version__
 from station.domain.progress import Seat
 from station.domain.stop_check import STATION_CHECKS
-from station.domain.types import Calibration, Outcome, Reason, Verdict
-from station.domain.uncertainty import Budget
+from station.domain.types import Outcome, Reason
 from station.ports.store import Begin
 from station.service.measure import Bad
 from station.service.station import Job, Station
@@ -35,40 +34,9 @@ def begin(seat: Seat, station: Station, job: Job) -> Begin:
     )
 
 
-def calibration(found: Calibration, budget: Budget | None = None) -> dict[str, Any]:
-    """A calibration as the contracts print it, for one unit; with its uncertainty budget, as the log keeps it."""
-    more = {} if budget is None else {"budget": budget.document(found.unit)}
-    stops = zip(found.positions, found.residual, found.tilt_deg, found.tilt_std_deg, found.disturbed, strict=True)
-    return {
-        "method": found.method,
-        "unit": found.unit,
-        "offset": found.offset.tolist(),
-        "matrix": found.matrix.tolist(),
-        "covariance": found.covariance.tolist(),
-        "residual_rms": float(found.residual_rms),
-        "positions": [
-            {"name": n, "residual": r.tolist(), "tilt_deg": float(t), "tilt_std_deg": float(s), "disturbed": bool(d)}
-            for n, r, t, s, d in stops
-        ],
-        "notes": list(found.notes),
-        **more,
-    }
-
-
-def judgement(found: Verdict) -> dict[str, Any]:
-    """What the limits alone say of a unit, before anything is written to it."""
-    return {
-        "outcome": str(found.outcome),
-        "reasons": _reasons(found.reasons),
-        "rule": found.rule,
-        "false_accept": found.false_accept,
-        "false_reject": found.false_reject,
-    }
-
-
 def verdict(unit: Unit, outcome: Outcome) -> dict[str, Any]:
     """How the attempt ended, with every reason, the decision rule and its risks."""
-    found = unit.verdict
+    found = None if unit.fit is None else unit.fit.verdict
     return {
         "outcome": str(outcome),
         "reasons": _reasons(unit.reasons),

@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from station.domain.assemble import KeptVisit
+from station.domain.pipeline import Result
 from station.domain.product import read_serial
 from station.domain.progress import Seat, UnitResult
-from station.domain.types import Calibration, Outcome, Reason, Verdict
+from station.domain.types import Outcome, Reason
 from station.errors import StationError, UnitFault, WrongUnit
 from station.ports.device import Device, Identity
 from station.service.station import Job
@@ -41,8 +42,7 @@ class Unit:
     temperature_degC: float | None = None
     visits: list[KeptVisit] = field(default_factory=list)
     verify_visits: list[KeptVisit] = field(default_factory=list)
-    calibration: Calibration | None = None
-    verdict: Verdict | None = None
+    fit: Result | None = None
     reasons: list[Reason] = field(default_factory=list)
     result: UnitResult | None = None
 
@@ -64,8 +64,7 @@ class Unit:
                 attempt=self.attempt,
                 outcome=outcome,
                 reasons=tuple(self.reasons),
-                calibration=self.calibration,
-                verdict=self.verdict,
+                fit=self.fit,
                 written=self.written,
                 verified=self.verified,
                 noise=self.noise,

@@ -1,0 +1,144 @@
+"""The face of a replay: marks and recipe in, a table or JSON out; or a log decoded signal by signal."""
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from station.adapters.bus import read_log
+from station.adapters.dbc import read_layouts
+from station.adapters.marks import beside, read_marks
+from station.cli import _face
+from station.cli._results import Row, table, unit_document
+from station.config.settings import load_settings
+from station.domain import recognise
+from station.domain.marks import Marks
+from station.domain.signals import FrameLayout, decode
+from station.domain.types import ERROR, Frames, Outcome
+from station.errors import LogError, UsageError
+from station.service.replay import Replayed, replay
+from station.service.station import Job
+from station.wiring import load_job
+
+
+def replay_log(log: Path, recipe: str | None, marks: Path | None, *, as_json: bool) -> int:
+    """Calibrates every unit of a log; the exit code."""
+    given = marks or beside(log)
+    told = read_marks(given) if given is not None else None
+    name = recipe or (told.recipe if told is not None else None) or load_settings().recipe
+    job, _ = load_job(name)
+    frames = read_log(log)
+    if told is None:
+        told = _recognised(log, frames, job)
+    units = list(replay(frames, told, job))
+    if as_json:
+        _face.say_json(_document(units, job))
+    else:
+        table([_row(u) for u in units], job.recipe)
+        _face.say(f"{len(frames)} frames of {log}; nothing was written to a device")
+    outcomes = {u.outcome for u in units}
+    return 3 if Outcome.ERROR in outcomes else 1 if Outcome.FAIL in outcomes else 0
+
+
+def decode_log(log: Path, dbc: Path, out: Path | None, *, as_json: bool) -> int:
+    """Decodes every frame of a log and says what came; the exit code."""
+    layouts = read_layouts(dbc)
+    frames = read_log(log)
+    document = {"schema": "station.decode/1", "log": str(log), "frames": len(frames), **_summary(frames, layouts)}
+    if out is not None:
+        _write_signals(out, frames, layouts)
+    if as_json:
+        _face.say_json(document)
+        return 0
+    _face.say(f"{len(frames)} frames, {document['unknown_frames']} with identifiers that are not in {dbc}")
+    for message in document["messages"]:
+        _face.say(f"{message['name']} (0x{message['can_id']:X}): {message['frames']} frames")
+        for signal in message["signals"]:
+            low, high, unit = signal["min"], signal["max"], signal["unit"]
+            _face.say(f"  {signal['name']}: {low:g} to {high:g} {unit}".rstrip())
+    return 0
+
+
+def _recognised(log: Path, frames: Frames, job: Job) -> Marks:
+    """Marks found in the frames themselves. Errors: LogError when no node shows every position at rest."""
+    found = [m for node in recognise.nodes_in(frames, job.layout) for m in _of_node(frames, node, job)]
+    if not found:
+        raise LogError(
+            f"{log} has no marks beside it, and no device in it was held still in every position of "
+            f"{job.recipe.name}; write {log.name}.marks.csv, or look at it with --dbc"
+        )
+    return Marks(marks=tuple(found))
+
+
+def _of_node(frames: Frames, node: int, job: Job) -> Sequence[Any]:
+    return recognise.marks(frames, job.layout, node, job.recipe)
+
+
+def _row(u: Replayed) -> Row:
+    return Row(u.seat.serial, f"node {u.seat.node}", u.outcome, u.reasons, u.result, u.noise, u.duration_s)
+
+
+def _document(units: Sequence[Replayed], job: Job) -> dict[str, Any]:
+    return {
+        "schema": "station.calibration/1",
+        "recipe": {"name": job.recipe.name, "version": job.recipe.version},
+        "method": job.recipe.method,
+        "unit": job.recipe.unit,
+        "units": [{**unit_document(_row(u)), "node": u.seat.node, "noise": u.noise} for u in units],
+    }
+
+
+def _summary(frames: Frames, layouts: Mapping[str, FrameLayout]) -> dict[str, Any]:
+    known = np.array([layout.can_id for layout in layouts.values()], np.uint32)
+    errors = (frames.can_id & np.uint32(ERROR)) != 0
+    messages = [m for m in (_message(frames, layout) for layout in layouts.values()) if m["frames"]]
+    return {
+        "error_frames": int(np.count_nonzero(errors)),
+        "unknown_frames": int(np.count_nonzero(~np.isin(frames.can_id, known) & ~errors)),
+        "messages": messages,
+    }
+
+
+def _message(frames: Frames, layout: FrameLayout) -> dict[str, Any]:
+    found = decode(frames, layout)
+    signals = []
+    for signal in layout.signals:
+        values = found.values[signal.name]
+        values = values[found.present[signal.name]] if signal.name in found.present else values
+        if len(values):
+            low, high, mean = float(np.min(values)), float(np.max(values)), float(np.mean(values, dtype=float))
+            row = {
+                "name": signal.name,
+                "unit": signal.unit,
+                "count": len(values),
+                "min": low,
+                "max": high,
+                "mean": mean,
+            }
+            signals.append(row)
+    return {"name": layout.name, "can_id": layout.can_id, "frames": len(found.rows), "signals": signals}
+
+
+def _write_signals(out: Path, frames: Frames, layouts: Mapping[str, FrameLayout]) -> None:
+    """One row a signal value: frame number, time, message, signal, value."""
+    if out.suffix.lower() != ".csv":
+        raise UsageError(f"{out}: decoded signals are written as .csv; choose that ending")
+    try:
+        with out.open("w", encoding="utf-8", newline="") as file:
+            rows = csv.writer(file)
+            rows.writerow(["frame", "time_ns", "message", "signal", "value"])
+            for layout in layouts.values():
+                rows.writerows(_values(frames, layout))
+    except OSError as exc:
+        raise UsageError(f"{out} cannot be written ({exc.strerror}); choose another place") from None
+
+
+def _values(frames: Frames, layout: FrameLayout) -> Iterator[tuple[int, int, str, str, Any]]:
+    found = decode(frames, layout)
+    time_ns = frames.time_ns[found.rows].tolist()
+    for signal in layout.signals:
+        present = found.present.get(signal.name, np.ones(len(found.rows), bool))
+        columns = zip(found.rows.tolist(), time_ns, found.values[signal.name].tolist(), present, strict=True)
+        yield from ((row, at, layout.name, signal.name, value) for row, at, value, there in columns if there)

@@ -1,0 +1,109 @@
+"""How units ended: a table for people, one document for programs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from station.cli import _face
+from station.domain import document
+from station.domain.pipeline import Result
+from station.domain.progress import UnitResult
+from station.domain.recipe import Recipe
+from station.domain.types import Calibration, Outcome, Reason
+
+#: Colour and symbol: colour alone tells nothing to one man in twelve.
+LOOK = {
+    Outcome.PASS: ("green", "✔"),
+    Outcome.FAIL: ("red", "✘"),
+    Outcome.ERROR: ("yellow", "!"),
+    Outcome.ABORTED: ("magenta", "■"),
+    Outcome.INTERRUPTED: ("magenta", "…"),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Row:
+    """One unit in the table. place: nest or node; noise in the recipe's unit."""
+
+    serial: str
+    place: str
+    outcome: Outcome
+    reasons: tuple[Reason, ...]
+    fit: Result | None
+    noise: float | None
+    duration_s: float
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The coefficients, when it came so far."""
+        return None if self.fit is None else self.fit.calibration
+
+
+def row(r: UnitResult) -> Row:
+    """The row of a run's unit."""
+    return Row(r.seat.serial, r.seat.nest, r.outcome, r.reasons, r.fit, r.noise, r.duration_s)
+
+
+def table(rows: Sequence[Row], recipe: Recipe) -> None:
+    """Prints the table, then every reason of those that did not pass."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    title = f"{recipe.name} version {recipe.version}; offsets and noise in {recipe.unit}, time in s"
+    shown = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for name in ("serial", "nest", "verdict"):
+        shown.add_column(name, no_wrap=True)
+    for name in ("offset x y z", "gain x y z", "noise", "time"):
+        shown.add_column(name, justify="right")
+    digits = max(0, 4 - int(np.log10(max(recipe.reference.strength(), 1.0))))
+    for r in rows:
+        colour, symbol = LOOK[r.outcome]
+        shown.add_row(
+            r.serial,
+            r.place,
+            f"[{colour}]{symbol} {r.outcome}[/{colour}]",
+            "" if r.calibration is None else _numbers(r.calibration.offset, f"+.{digits}f"),
+            "" if r.calibration is None else _numbers(np.diagonal(r.calibration.matrix), ".4f"),
+            "" if r.noise is None else f"{r.noise:.1e}",
+            f"{r.duration_s:.1f}",
+        )
+    console = _face.console()
+    console.print(shown)
+    for r in rows:
+        if r.outcome is not Outcome.PASS:
+            for reason in r.reasons:
+                console.print(f"{r.serial}: {reason.sentence}", markup=False)
+
+
+def unit_document(r: Row) -> dict[str, Any]:
+    """A unit as `station.calibration/1` prints it; what was not reached is null."""
+    told = dict.fromkeys(document.ABSENT) if r.fit is None else document.unit(r.fit)
+    return {**told, "serial": r.serial, "outcome": str(r.outcome), "reasons": [s.sentence for s in r.reasons]}
+
+
+def run_document(results: Sequence[UnitResult], recipe: Recipe) -> dict[str, Any]:
+    """A run as `station.run/1`."""
+    return {
+        "schema": "station.run/1",
+        "recipe": {"name": recipe.name, "version": recipe.version},
+        "method": recipe.method,
+        "unit": recipe.unit,
+        "units": [
+            {
+                **unit_document(row(r)),
+                "nest": r.seat.nest,
+                "attempt": r.attempt,
+                "written": r.written,
+                "verified": r.verified,
+                "noise": r.noise,
+                "duration_s": r.duration_s,
+            }
+            for r in results
+        ],
+    }
+
+
+def _numbers(values: Any, how: str) -> str:
+    return " ".join(format(float(v), how) for v in values)

@@ -1,0 +1,89 @@
+"""The run's own path over a recorded log: the same frames, checks, calibration and verdict; nothing is written."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from station.domain import plan
+from station.domain.assemble import KeptVisit, dwell_frames
+from station.domain.marks import Mark, Marks, kept_visits
+from station.domain.pipeline import Result
+from station.domain.progress import Seat
+from station.domain.stop_check import Dwelled, check
+from station.domain.stream import samples
+from station.domain.types import Frames, Outcome, Reason, Verdict
+from station.errors import LogError
+from station.service.compute import refit, samples_of
+from station.service.station import Job
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Replayed:
+    """One unit of a log. reasons: of bad stops, then of the verdict; seat.nest is '' where nobody knows it."""
+
+    seat: Seat
+    result: Result
+    outcome: Outcome
+    reasons: tuple[Reason, ...]
+    noise: float | None
+    duration_s: float
+
+
+def replay(frames: Frames, marks: Marks, job: Job) -> Iterator[Replayed]:
+    """Every unit of a log, one after the other. Errors: LogError when a mark lies outside the log or the recipe."""
+    for serial, own in marks.units().items():
+        seat = Seat(serial, "", own[0].node)
+        _check_marks(own, frames, job)
+        visits = kept_visits(own, frames)
+        bad = tuple(reason for visit in visits for reason in _check(visit, seat, job))
+        table = samples_of(seat, [v for v in visits if _tumble(v, job)], job.recipe, job.layout, {})
+        if not len(table):
+            raise LogError(
+                f"no readings of unit {serial} (node {seat.node}) lie within its marks; check node and times"
+            )
+        result = refit(table, job.recipe, job.product, int(frames.time_ns[0]))
+        yield _told(seat, result, bad, visits)
+
+
+def _check_marks(marks: Sequence[Mark], frames: Frames, job: Job) -> None:
+    lasts_s = (int(frames.time_ns[-1]) - int(frames.time_ns[0])) / 1e9
+    known = {p.name for p in (*job.recipe.positions, *job.recipe.verify.positions)}
+    for mark in marks:
+        what = f"the mark of unit {mark.unit}, run {mark.run}, visit {mark.visit}"
+        if not mark.start_s < mark.end_s or mark.end_s < 0 or mark.start_s > lasts_s:
+            raise LogError(
+                f"{what} lies at {mark.start_s:g} to {mark.end_s:g} s, but the log holds 0 to {lasts_s:.3f} s"
+            )
+        if job.recipe.pose_known and mark.position not in known:
+            raise LogError(f"{what} names position {mark.position!r}, which the recipe {job.recipe.name} does not have")
+
+
+def _tumble(visit: KeptVisit, job: Job) -> bool:
+    return not job.recipe.pose_known or visit.position in {p.name for p in job.recipe.positions}
+
+
+def _check(visit: KeptVisit, seat: Seat, job: Job) -> tuple[Reason, ...]:
+    """The checks of a live stop; what only a live bus tells (drops, heartbeat) a log cannot say."""
+    recipe = job.recipe
+    told = samples(dwell_frames(visit), job.layout, seat.node)
+    around = samples(visit.frames, job.layout, seat.node).temperature_degC
+    stops = plan.stops(recipe, visit.run % len(recipe.runs)) if recipe.pose_known else ()
+    true = {s.position: s.true for s in stops}
+    if visit.position not in true:
+        return ()
+    dwelled = Dwelled(
+        position=visit.position,
+        samples=told,
+        true=true[visit.position],
+        lasted_s=(visit.to_ns - visit.from_ns) / 1e9,
+        drops=0,
+        temperature_degC=float(around[-1]) if len(around) else None,
+    )
+    return check(dwelled, recipe, job.layout)
+
+
+def _told(seat: Seat, result: Result, bad: tuple[Reason, ...], visits: Sequence[KeptVisit]) -> Replayed:
+    verdict: Verdict = result.verdict
+    outcome = Outcome.FAIL if bad and verdict.outcome is Outcome.PASS else verdict.outcome
+    noise = None if result.stops is None else float(result.stops.std.max())
+    duration_s = (visits[-1].to_ns - visits[0].from_ns) / 1e9
+    return Replayed(seat, result, outcome, (*bad, *verdict.reasons), noise, duration_s)
