@@ -48,9 +48,9 @@ KINDS: Mapping[str, str] = MappingProxyType(
 class Fault:
     """One fault. Text form: `kind` or `kind:index=0x2101,sub=1,code=0x06090030`.
 
-    at, times: from which such request on, and how often (0: for ever, or once where that is the nature of
-    the fault, as of a reboot); index, sub, access: only for this
-    object, sub-index or direction; code, value, fraction, seconds, after_s: see KINDS.
+    at, times: from which such request on, and how often (0: for ever, or once where that is the nature of the
+    fault, as of a reboot); index, sub, access: only for this object, sub-index or direction; code, value,
+    fraction, seconds, after_s: see KINDS.
     """
 
     kind: str
@@ -94,6 +94,8 @@ def _value(text: str, key: str, value: str) -> int | float | str:
             raise UsageError(f"fault {text[:60]!r}: access is read or write")
         return value
     try:
+        if key == "value" and value.lower().startswith("0x"):
+            return int(value, 16)
         return float(value) if key in ("value", "fraction", "seconds", "after_s") else int(value, 0)
     except ValueError:
         raise UsageError(f"fault {text[:60]!r}: {value[:40]!r} is not a number for {key}") from None
