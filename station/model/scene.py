@@ -1,6 +1,6 @@
 """What was done, when, and under which conditions: the stops, and the covariates of every sample.
 
-A scene is made from a plan (`timeline.scene_of_plan`) or from a measured table (`scene_of_table`); the forward
+A scene is made from a plan (`campaign.scene_of_plan`) or from a measured table (`scene_of_table`); the forward
 simulation cannot tell which. Its rows may also stand for blocks of samples at their mean times.
 """
 

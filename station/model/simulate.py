@@ -10,13 +10,14 @@ from station.domain.recipe import Recipe
 from station.domain.types import Floats, SampleTable
 from station.errors import UsageError
 from station.model import record
+from station.model.campaign import campaign_of
 from station.model.effect import ClockEffect, Effect, GoldEffect, stream, strength
 from station.model.forward import Acting, Active, Base, convert, feel, read
 from station.model.line import Line
 from station.model.model_file import EFFECTS, Model
 from station.model.noise import Noise
-from station.model.scene import Scene
-from station.model.timeline import Batch, density_of, scene_of_plan
+from station.model.scene import Scene, Signal
+from station.model.timeline import Batch, density_of
 
 #: Spread of good units, as parts of the stimulus: ±25 mg and 1 % (ADXL355: ±25 mg typical, ±8 % at most).
 OFFSET_STD, GAIN_STD = 0.025, 0.01
@@ -117,16 +118,20 @@ def parts(job: Job, units: int = 50) -> Iterator[Simulated]:
 
 def part(job: Job, batch: Batch) -> Simulated:
     """Some units of a settled job."""
-    rates = _rates(job, batch)
-    scene = scene_of_plan(job.recipe, batch, job.seed, rates, line=job.line)
+    rates = rates_of(job, batch)
+    scene = campaign_of(job.recipe, batch, job.seed, job.line).dwells(rates)
     active, base = job.active(scene), job.base(batch.units)
     signal = feel(scene, active)
-    reading = read(signal, base, active) + record.noise(scene, job.noise, job.seed)
-    reading = convert(scene, by_sheet(job.recipe, reading), active)
-    table = record.table(scene, reading, rates, job.seed)
+    table = record.table(scene, output(job, signal, base, active), rates, job.seed)
     if job.wants_gold:
         table = replace(table, gold=record.gold(signal, active, job.noise, job.seed))
     return Simulated(record.arrived(table, scene, active, job.seed), batch.units, base, active, scene)
+
+
+def output(job: Job, signal: Signal, base: Base, active: Active) -> Floats:
+    """What the devices put out (n, 3): readings with noise, by their data sheet, after converter and decoding."""
+    reading = read(signal, base, active) + record.noise(signal.scene, job.noise, job.seed)
+    return convert(signal.scene, by_sheet(job.recipe, reading), active)
 
 
 def by_sheet(recipe: Recipe, reading: Floats) -> Floats:
@@ -137,7 +142,7 @@ def by_sheet(recipe: Recipe, reading: Floats) -> Floats:
     return np.asarray(np.round(reading / sheet.lsb) * sheet.lsb) if sheet.lsb > 0 else reading
 
 
-def _rates(job: Job, batch: Batch) -> Floats:
+def rates_of(job: Job, batch: Batch) -> Floats:
     """True sample rate of each unit (U), Hz: within half the clock's tolerance, unless a clock is off."""
     sheet = job.recipe.device
     within = np.array([stream(job.seed, "clock", name).uniform(-0.5, 0.5) for name in batch.units])

@@ -10,11 +10,11 @@ import pytest
 
 from station import plugins
 from station.domain.recipe import Recipe
+from station.model.campaign import scene_of_plan
 from station.model.effect import Effect, GoldEffect, OutputEffect, PoseEffect, SensorEffect, Stage, StimulusEffect
 from station.model.forward import Acting, Base, convert, forward, gold_error, signature
 from station.model.scene import COVARIATES, Scene
 from station.model.simulate import Job, effect_of, simulate
-from station.model.timeline import scene_of_plan
 
 IDS = plugins.names("station.model.effects")
 SMOOTH = {Stage.POSE, Stage.STIMULUS, Stage.SENSOR}

@@ -8,10 +8,11 @@ import pytest
 
 from station.domain.types import Labels, SampleTable
 from station.errors import SamplesError
+from station.model.campaign import campaign_of, scene_of_plan
 from station.model.line import Line
 from station.model.scene import scene_of_table
 from station.model.simulate import Job, simulate
-from station.model.timeline import Batch, round_of, scene_of_plan
+from station.model.timeline import Batch, round_of
 from tests.unit.tilt_recipe import THREE_RUNS, tilt
 
 
@@ -142,7 +143,7 @@ def test_rate_of_temperature_is_its_derivative() -> None:
 
 def test_parts_of_a_fleet_are_numbered_through() -> None:
     whole = scene_of_plan(tilt(), [f"U{i}" for i in range(6)], 3)
-    part = scene_of_plan(tilt(), Batch(("U2", "U3"), 2, 6), 3)
+    part = campaign_of(tilt(), Batch(("U2", "U3"), 2, 6), 3).dwells(np.full(2, 100.0))
     rows = (whole.visits.unit.code[whole.visit] >= 2) & (whole.visits.unit.code[whole.visit] < 4)
     for name in ("time_s", "temperature_degC", "started_s", "motor"):
         np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[rows])

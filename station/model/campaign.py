@@ -1,0 +1,123 @@
+"""The plan as it is lived through: who worked where, how warm it was, which motors ran, when each sample was taken."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain import rotation
+from station.domain.recipe import Recipe
+from station.domain.types import Array, Floats, Labels
+from station.model.climate import climate, drive
+from station.model.effect import stream
+from station.model.line import Line
+from station.model.scene import Scene
+from station.model.timeline import Batch, Round, round_of
+from station.model.visits import Visits, visits_of
+
+Rows = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Campaign:
+    """Every unit of a batch goes once through every run of the recipe; visits (v) hold all stops."""
+
+    recipe: Recipe
+    batch: Batch
+    line: Line
+    seed: int
+    rounds: tuple[Round, ...]
+    visits: Visits
+
+    def arrival_s(self) -> Floats:
+        """Arrival at each stop (v), s from the start of its run."""
+        return np.tile(np.concatenate([done.arrival_s for done in self.rounds]), len(self.batch.units))
+
+    def started_s(self) -> Floats:
+        """Start of each stop's run (v) on the one clock of the fleet, s."""
+        lasts = np.array([r.prewarm_s + r.duration_s + self.line.changeover_s for r in self.rounds])
+        begun = np.concatenate([[0.0], np.cumsum(lasts)])
+        run = self.visits.run
+        prewarm = np.array([r.prewarm_s for r in self.rounds])[run]
+        return np.asarray(self.line.changeover_s + self._load() * begun[-1] + begun[run] + prewarm)
+
+    def dwells(self, rate_hz: Floats) -> Scene:
+        """The samples of the dwells; rate_hz (U): true sample rates."""
+        stops = [len(done.position) for done in self.rounds] * len(rate_hz)
+        since = [self._grid(done, rate) for rate in rate_hz for done in self.rounds]
+        visit = np.repeat(np.arange(len(self.visits)), np.repeat([len(s) for s in since], stops))
+        return self.scene(visit, np.concatenate([np.tile(s, n) for s, n in zip(since, stops, strict=True)]))
+
+    def scene(self, visit: Rows, since_arrival_s: Floats) -> Scene:
+        """Samples (n) at stops; since_arrival_s (n) is negative on the way there."""
+        time_s = self.arrival_s()[visit] + since_arrival_s
+        run = self.visits.run[visit]
+        prewarm = np.array([r.prewarm_s for r in self.rounds])[run]
+        offset = np.array([r.offset_degC for r in self.rounds])[run]
+        known = climate(time_s, self.started_s()[visit], prewarm, offset, line=self.line, seed=self.seed)
+        since = np.maximum(since_arrival_s, 0.0)
+        return Scene(self.recipe, self.visits, visit, time_s, since, motor=self._motor()[visit], **known)
+
+    def _grid(self, done: Round, rate_hz: float) -> Floats:
+        """Sample times of one dwell, s since arrival."""
+        return self.recipe.settle.time_s + np.arange(max(1, round(done.dwell_s * rate_hz))) / rate_hz
+
+    def _load(self) -> Array:
+        """Which load of the fixture each stop (v) belongs to."""
+        return self.batch.number()[self.visits.unit.code] // self.line.nests
+
+    def _motor(self) -> Floats:
+        """Drive level (v) of the line's motors: another at each stop, the same for all units of a fixture load."""
+        visits = self.visits
+        on = np.array([r.motors for r in self.rounds])[visits.run]
+        key, inverse = np.unique(np.stack([self._load(), visits.run, visits.visit]), axis=1, return_inverse=True)
+        level = np.array([drive(self.seed, *k) for k in key.T])
+        return np.where(on, level[inverse], 0.0)
+
+
+def campaign_of(recipe: Recipe, units: Sequence[str] | Batch, seed: int, line: Line | None = None) -> Campaign:
+    """The campaign that a recipe plans for these units."""
+    line = line or Line()
+    batch = units if isinstance(units, Batch) else Batch(tuple(units))
+    rounds = tuple(round_of(recipe, run, line) for run in range(len(recipe.runs)))
+    visits = _visits(recipe, batch, rounds, line)
+    if not recipe.pose_known:
+        visits = replace(visits, nest_R=_by_hand(visits, seed))
+    return Campaign(recipe, batch, line, seed, rounds, visits)
+
+
+def scene_of_plan(recipe: Recipe, units: Sequence[str], seed: int, line: Line | None = None) -> Scene:
+    """The dwells of a planned campaign whose devices sample at the rate of their data sheet."""
+    return campaign_of(recipe, units, seed, line).dwells(np.full(len(units), recipe.device.rate_hz))
+
+
+def _visits(recipe: Recipe, batch: Batch, rounds: Sequence[Round], line: Line) -> Visits:
+    """Every stop of every unit, with who worked where."""
+    units = len(batch.units)
+    stops = [len(done.position) for done in rounds]
+    unit = Labels(batch.units, np.repeat(np.arange(units, dtype=np.int32), sum(stops)))
+    run = np.tile(np.repeat(np.arange(len(rounds), dtype=np.int32), stops), units)
+    visit = np.tile(np.concatenate([np.arange(n, dtype=np.int32) for n in stops]), units)
+    at = batch.number()[unit.code]
+    labels = {
+        "position": Labels.of(np.tile(np.concatenate([done.position for done in rounds]), units)),
+        "seating": Labels.of(np.tile(np.repeat([done.seating for done in rounds], stops), units)),
+        "station": _numbered("S", at // line.nests % line.stations),
+        "nest": _numbered("N", (at + run) % line.nests),
+        "lot": _numbered("L", batch.lot(line.lots)[unit.code]),
+        "operator": _numbered("O", (at // line.nests + run) % line.operators),
+    }
+    return visits_of(recipe, unit, run, visit, labels)
+
+
+def _numbered(letter: str, number: Array) -> Labels:
+    """S1, S2, …"""
+    return Labels.of([f"{letter}{int(n) + 1}" for n in number])
+
+
+def _by_hand(visits: Visits, seed: int) -> Floats:
+    """Any orientation at each stop (v, 3, 3): a person turned the part."""
+    _, names = visits.group("visit", 1)
+    q = np.array([stream(seed, "hand", name).standard_normal(4) for name in names])
+    return np.array([rotation.from_quaternion(one) for one in q])
