@@ -11,10 +11,10 @@ const objects = require('./objects');
 const { Sensor, protectedHead } = require('./sensor');
 
 const DEFAULTS = {
-    node: 1, vendor: 0x1fe, product: 0xacc, revision: 0x10001, serial: 1, device_type: 0x194,
-    name: 'Accelerometer (Node)', hardware: 'hw 1.0', software: 'sw 6.2.1',
+    node: 1, device_type: 0x20194, vendor: 0xca1b0, product: 0xacc, revision: 0x10001, serial: 1,
+    name: 'accelerometer', hardware: 'Node', software: 'canopen 6.2.1',
     matrix: [1, 0, 0, 0, 1, 0, 0, 0, 1], offset_g: [0, 0, 0], noise_g: 0.0005, lsb_g: 1 / 16000, seed: 1,
-    event_ms: 10, heartbeat_ms: 500, flash: null, flash_ms: 50, unlock_code: 0,
+    event_ms: 10, heartbeat_ms: 500, flash: null, flash_ms: 50, unlock_code: 0x4c414331,
 };
 
 const [, , channelName, given] = process.argv;
@@ -53,27 +53,31 @@ const door = new Door({ ...options, eds, flash, send, say, receive: (message) =>
 
 let counter = 0;
 function sample() {
-    const raw = eds.getEntry(objects.OUTPUT).value === 1;
+    const isOn = (index) => eds.getEntry(index).value === 1;
+    const compensated = isOn(objects.OUTPUT) && isOn(objects.VALID);
     const reading = sensor.measure(objects.numbers(eds, objects.MATRIX), objects.numbers(eds, objects.OFFSET));
-    const shown = raw ? reading.raw : reading.compensated;
-    const head = protectedHead(0x1a00 + node, counter, !raw, shown);
+    const shown = compensated ? reading.compensated : reading.raw;
+    const head = protectedHead(0x1a00 + node, counter, compensated, shown);
     counter = (counter + 1) % 15;
     const fill = (index, numbers) => numbers.forEach((value, i) => (eds.getSubEntry(index, i + 1).value = value));
     fill(objects.RAW, reading.raw);
     fill(objects.COMPENSATED, reading.compensated);
-    fill(objects.HEAD, [head.crc, head.counterAndStatus]);
-    fill(objects.HEAD + 1, shown);
-    eds.getEntry(objects.TEMPERATURE).value = reading.temperature;
+    fill(objects.PAYLOAD, [head.crc, head.counterAndStatus, ...shown]);
 }
 
 let timers = [];
 function stream() {
+    timers.forEach(clearInterval);
     if (device.state !== NmtState.OPERATIONAL)
         return;
-    const every = (index, action) => setInterval(action, eds.getSubEntry(index, 5).value);
+    const period = (index) => eds.getSubEntry(index, 5).value; // ms; 0 stops it
+    const every = (index, action) => (period(index) ? setInterval(action, period(index)) : null);
     const write = (cobId) => device.pdo.write(cobId);
     write(0x280 + node);
-    timers = [every(0x1800, () => (sample(), write(0x180 + node))), every(0x1801, () => write(0x280 + node))];
+    timers = [
+        every(objects.READINGS, () => (sample(), write(0x180 + node))),
+        every(objects.READINGS + 1, () => write(0x280 + node)),
+    ];
 }
 
 let state = NmtState.INITIALIZING;
@@ -103,7 +107,7 @@ function refreshChecksum() {
 
 const orders = {
     turn: ({ true_g }) => (sensor.true_g = true_g),
-    warm: ({ temperature_degC }) => (sensor.temperature_degC = temperature_degC),
+    warm: ({ temperature_degC }) => (eds.getEntry(objects.TEMPERATURE).value = Math.round(100 * temperature_degC)),
     fault: ({ silent = false, refuse = {}, late_ms = 0, twice = false }) => {
         Object.assign(door.faults, { silent, refuse });
         Object.assign(faults, { late_ms, twice });
@@ -112,8 +116,10 @@ const orders = {
     stop: () => process.exit(0),
 };
 
-for (const index of objects.CALIBRATION)
+for (const index of [objects.MATRIX, objects.OFFSET])
     eds.getEntry(index).on('update', refreshChecksum);
+for (const index of [objects.READINGS, objects.READINGS + 1])
+    eds.getEntry(index).on('update', () => setImmediate(stream));
 device.on('message', send);
 channel.addListener('onMessage', (message) => door.take(message));
 channel.start();

@@ -4,7 +4,7 @@
 const objects = require('./objects');
 
 const ABORT = {
-    HARDWARE: 0x06060000, LENGTH: 0x06070010, LOW: 0x06090030, SIGNATURE: 0x08000020, STATE: 0x08000022,
+    LENGTH: 0x06070010, LONG: 0x06070012, VALUE: 0x06090030, SIGNATURE: 0x08000020, STATE: 0x08000022,
 };
 const SAVE = 0x65766173;
 const LOAD = 0x64616f6c;
@@ -49,8 +49,10 @@ class Door {
             return ABORT.STATE;
         if (this.faults.refuse[index])
             return this.faults.refuse[index];
-        if (this.locked && objects.CALIBRATION.includes(index))
+        if (this.locked && objects.LOCKED.includes(index))
             return ABORT.STATE;
+        if (index === objects.RECORD && !isExpedited(data) && data.readUInt32LE(4) > objects.LONGEST_RECORD)
+            return ABORT.LONG;
         if (!entry || !FIXED_TYPES.has(entry.dataType))
             return 0; // the package knows what to say
         return this.misfit(data, entry);
@@ -62,7 +64,7 @@ class Door {
         const length = segmented ? (sized ? data.readUInt32LE(4) : entry.raw.length) : sized ? 4 - ((data[0] >> 2) & 3) : 4;
         if (segmented || length !== entry.raw.length)
             return ABORT.LENGTH;
-        return entry.dataType === REAL32 && !Number.isFinite(data.readFloatLE(4)) ? ABORT.LOW : 0;
+        return entry.dataType === REAL32 && !Number.isFinite(data.readFloatLE(4)) ? ABORT.VALUE : 0;
     }
 
     // Objects whose writing does something; true when the answer is ours to give.

@@ -5,7 +5,7 @@ const fs = require('fs');
 const objects = require('./objects');
 
 class Flash {
-    // path: a file that outlives the process, or null. It holds {"objects": {"2101:01": hexadecimal bytes}}.
+    // path: a file that outlives the process, or null. It holds {"objects": {"2101:01": 1.0, ...}} as last saved.
     constructor(path) {
         this.path = path;
         this.kept = path && fs.existsSync(path) ? JSON.parse(fs.readFileSync(path)).objects : {};
@@ -14,7 +14,7 @@ class Flash {
 
     save(eds) {
         const pairs = objects.STORED.flatMap((index) => objects.values(eds, index));
-        this.kept = Object.fromEntries(pairs.map(([key, entry]) => [key, entry.raw.toString('hex')]));
+        this.kept = Object.fromEntries(pairs.map(([key, entry]) => [key, entry.value]));
         this.restoring = false;
         this.write();
     }
@@ -31,10 +31,7 @@ class Flash {
             this.write();
         }
         for (const [key, entry] of objects.STORED.flatMap((index) => objects.values(eds, index))) {
-            if (this.kept[key] === undefined)
-                entry.value = entry.defaultValue;
-            else
-                entry.raw = Buffer.from(this.kept[key], 'hex');
+            entry.value = this.kept[key] ?? entry.defaultValue;
         }
     }
 

@@ -4,6 +4,21 @@
 const INT16 = { low: -32768, high: 32767 };
 
 const multiply = (m, v) => [0, 1, 2].map((i) => m[3 * i] * v[0] + m[3 * i + 1] * v[1] + m[3 * i + 2] * v[2]);
+
+// Inverse of a 3 × 3 matrix, row by row, by its adjugate; null when there is none.
+function inverse(m) {
+    const minor = (i, j) => {
+        const [a, b] = [0, 1, 2].filter((k) => k !== i);
+        const [c, d] = [0, 1, 2].filter((k) => k !== j);
+        return m[3 * a + c] * m[3 * b + d] - m[3 * a + d] * m[3 * b + c];
+    };
+    const cofactor = (i, j) => ((i + j) % 2 ? -1 : 1) * minor(i, j);
+    const determinant = [0, 1, 2].reduce((sum, j) => sum + m[j] * cofactor(0, j), 0);
+    if (!(Math.abs(determinant) > 1e-6))
+        return null;
+    return [0, 1, 2].flatMap((i) => [0, 1, 2].map((j) => cofactor(j, i) / determinant));
+}
+
 const toCounts = (value, lsb) => Math.min(INT16.high, Math.max(INT16.low, Math.round(value / lsb)));
 
 // mulberry32: a uniform number in [0, 1) from a seed, the same on every machine.
@@ -22,21 +37,22 @@ function gaussian(seed) {
     return () => Math.sqrt(-2 * Math.log(1 - next())) * Math.cos(2 * Math.PI * next());
 }
 
-// raw = matrix · true + offset + noise, in g; compensated = M · (raw − o) with the M and o that the station wrote.
+// raw = matrix · true + offset + noise, in g; compensated = M⁻¹ · (raw − o) with the M and o that the station wrote.
 class Sensor {
     constructor({ matrix, offset_g, noise_g, lsb_g, seed }) {
         Object.assign(this, { matrix, offset_g, noise_g, lsb_g });
         this.noise = gaussian(seed);
         this.true_g = [0, 0, 1];
-        this.temperature_degC = 25;
     }
 
-    measure(correctionMatrix, correctionOffset) {
+    measure(writtenMatrix, writtenOffset) {
         const clean = multiply(this.matrix, this.true_g);
-        const raw = clean.map((value, i) => value + this.offset_g[i] + this.noise_g * this.noise());
-        const compensated = multiply(correctionMatrix, raw.map((value, i) => value - correctionOffset[i]));
         const counts = (values) => values.map((value) => toCounts(value, this.lsb_g));
-        return { raw: counts(raw), compensated: counts(compensated), temperature: toCounts(this.temperature_degC, 0.01) };
+        const raw = counts(clean.map((value, i) => value + this.offset_g[i] + this.noise_g * this.noise()));
+        const corrector = inverse(writtenMatrix);
+        const moved = raw.map((count, i) => count * this.lsb_g - writtenOffset[i]);
+        const compensated = corrector ? counts(multiply(corrector, moved)) : raw;
+        return { raw, compensated };
     }
 }
 
