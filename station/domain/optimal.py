@@ -93,10 +93,12 @@ def as_yaml(name: str, true: Floats, recipe: Recipe) -> str:
     if recipe.reference.source == "rate":
         return f"{{name: {name}, rate: [{_numbers(true)}]}}"
     field = recipe.stimulus(recipe.positions[0]) if recipe.positions else np.array([0.0, 0.0, 1.0])
+    straight = np.abs(true).max() > (1 - 1e-9) * np.linalg.norm(true)
+    if straight and field[2] > 0 and not field[:2].any():
+        i = int(np.abs(true).argmax())
+        return f"{{name: {name}, up: {'+' if true[i] > 0 else '-'}{'xyz'[i]}}}"
     turn = rotation.to_vector(rotation.shortest(true / np.linalg.norm(true), field / np.linalg.norm(field)))
     angle = float(np.linalg.norm(turn))
-    if angle < 1e-9:
-        return f"{{name: {name}, quaternion: [1, 0, 0, 0]}}"
     if angle > np.pi - 1e-6:
         # A half turn has no rotation vector of its own; any axis across does.
         turn = np.cross(true, np.eye(3)[int(np.abs(true).argmin())])

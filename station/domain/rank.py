@@ -10,6 +10,8 @@ from station.domain.types import Floats
 EXACT = 1e-6
 #: The same where directions are read off noisy means instead of being planned.
 FOUND = 1e-3
+#: A column this much shorter than the longest holds nothing but rounding.
+NOTHING = 1e-12
 #: A column takes part in an undetermined combination when it makes up more than this share of it.
 PART = 1e-3
 
@@ -18,7 +20,9 @@ def spectrum(rows: Floats) -> tuple[Floats, Floats]:
     """Singular values (k), falling, of rows (r, k) with columns scaled to length 1, and right vectors (k, k)."""
     length = np.linalg.norm(rows, axis=0)
     padded = np.zeros((max(rows.shape), rows.shape[1]))
-    padded[: len(rows)] = rows / np.where(length > 0, length, 1.0)
+    # A column of rounding errors is a column of zeros.
+    some = length > NOTHING * length.max(initial=0.0)
+    padded[: len(rows)] = np.where(some, rows / np.where(some, length, 1.0), 0.0)
     _, values, vectors = np.linalg.svd(padded, full_matrices=False)
     return values, vectors
 

@@ -69,6 +69,7 @@ def budgets(recipe: Recipe, problem: Problem, fit: Fit, units: Sequence[Stops], 
     explained = parts["noise"] + parts["quantisation"] + (0.0 if fit.pose_std_rad.any() else parts["position"])
     parts[LACK] = (factor - 1)[:, None, None] * explained
     total = np.sum(list(parts.values()), axis=0)
+    total = (total + total.transpose(0, 2, 1)) / 2
     dof = _dof(problem, parts["noise"], total)
     return [
         Budget({k: v[u] for k, v in parts.items()}, total[u], dof[u], float(np.sqrt(fit.chi2[u] / max(fit.dof[u], 1))))

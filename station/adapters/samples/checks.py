@@ -1,0 +1,116 @@
+"""What may be wrong in the cells of a samples table, each in one sentence with file, row and column."""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from station.adapters.samples.columns import TEXT, WHOLE
+from station.domain.types import Array, SampleTable
+from station.errors import SamplesError
+
+#: A run or visit beyond this is a slip of the pen.
+LARGEST = 1_000_000
+#: Frames overtake each other now and then; more of them than this, and rows are out of order.
+BACKWARDS = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a piece of a table comes from: its file, and how many rows came before."""
+
+    path: Path
+    before: int
+
+    def of(self, row: int) -> str:
+        """A row as a person finds it: a line of a CSV (the header is line 1), a row of a Parquet file."""
+        at = self.before + int(row)
+        return f"{self.path}, line {at + 2}" if self.path.suffix.lower() == ".csv" else f"{self.path}, row {at + 1}"
+
+
+def checked(table: SampleTable, place: Place) -> SampleTable:
+    """The table with run and visit as int32, or SamplesError."""
+    for i, axis in enumerate("xyz"):
+        _finite(table.reading[:, i], axis, place)
+    _finite(table.time_s, "time_s", place)
+    if table.gold is not None:
+        for i, axis in enumerate("xyz"):
+            _finite(table.gold[:, i], f"gold_{axis}", place)
+    for name, column in (("unit", table.unit), ("position", table.position)):
+        for empty in np.flatnonzero([not n.strip() for n in column.names]):
+            row = int(np.flatnonzero(column.code == empty)[0])
+            raise SamplesError(f"{place.of(row)}, column {name}: it is empty; every sample needs one")
+    _rising(table, place)
+    return SampleTable(
+        unit=table.unit,
+        run=_count(table.run, "run", place),
+        visit=_count(table.visit, "visit", place),
+        position=table.position,
+        time_s=table.time_s,
+        reading=table.reading,
+        labels=table.labels,
+        values=table.values,
+        gold=table.gold,
+    )
+
+
+def _finite(column: Array, name: str, place: Place) -> None:
+    wrong = np.flatnonzero(~np.isfinite(column))
+    if len(wrong):
+        row = int(wrong[0])
+        told = "it is empty" if np.isnan(column[row]) else f"{column[row]} is no finite number"
+        raise SamplesError(f"{place.of(row)}, column {name}: {told}; correct the row or remove it")
+
+
+def _count(column: Array, name: str, place: Place) -> Array:
+    """Whole numbers from 0; a missing one came as NaN."""
+    wrong = np.flatnonzero(~((column >= 0) & (column <= LARGEST)))
+    if len(wrong):
+        row = int(wrong[0])
+        raise SamplesError(
+            f"{place.of(row)}, column {name}: {column[row]:g} is not a whole number from 0 to {LARGEST}; number the "
+            f"{name}s from 0"
+        )
+    return column.astype(np.int32)
+
+
+def _rising(table: SampleTable, place: Place) -> None:
+    """Time goes on within a visit, but for frames that overtake each other."""
+    same = (np.diff(table.unit.code) == 0) & (np.diff(table.run) == 0) & (np.diff(table.visit) == 0)
+    back = same & (np.diff(table.time_s) < 0)
+    if back.sum() > max(BACKWARDS * same.sum(), 2):
+        row = int(np.flatnonzero(back)[0]) + 1
+        raise SamplesError(
+            f"{place.of(row)}, column time_s: {table.time_s[row]:g} comes after {table.time_s[row - 1]:g}, as in many "
+            f"rows; sort the rows by unit, run and time"
+        )
+
+
+def explain_csv(path: Path, wanted: list[str], found: Exception) -> str:
+    """The sentence for a CSV that the fast reader refused: the slow one looks for the first wrong cell."""
+    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+        reader = csv.reader(file)
+        header = [name.strip() for name in next(reader)]
+        for row in reader:
+            if row and len(row) != len(header):
+                return (
+                    f"{path}, line {reader.line_num}: {len(row)} cells where the header has {len(header)}; complete it"
+                )
+            for name, cell in zip(header, row, strict=False):
+                if name in wanted and not _reads(name, cell):
+                    kind = "a whole number" if name in WHOLE else "a number"
+                    return (
+                        f"{path}, line {reader.line_num}, column {name}: {cell[:40]!r} is not {kind}; correct the cell"
+                    )
+    return f"{path} cannot be read as CSV ({' '.join(str(found).split())[:120]}); save it again as plain CSV"
+
+
+def _reads(name: str, cell: str) -> bool:
+    if name in TEXT:
+        return True
+    try:
+        value = float(cell) if cell.strip() else 0.0
+    except ValueError:
+        return False
+    return name not in WHOLE or value == int(value)

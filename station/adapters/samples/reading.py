@@ -1,0 +1,202 @@
+"""A samples table out of a file, piece by piece, each checked."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from station.adapters.samples.checks import Place, checked, explain_csv
+from station.adapters.samples.columns import (
+    GOLD,
+    KNOWN,
+    NUMBERS,
+    SCHEMA,
+    TEXT,
+    check_columns,
+    in_words,
+    kind_of,
+    type_of,
+)
+from station.domain.types import Labels, SampleTable
+from station.errors import SamplesError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+#: Rows of one piece of Parquet, and bytes of one block of CSV text.
+PIECE = 1 << 18
+BLOCK = 1 << 24
+
+
+def read_samples(path: Path) -> SampleTable:
+    """The whole table. Errors: SamplesError with file, row, column and remedy."""
+    return join(list(pieces(path)))
+
+
+def by_units(path: Path, rows: int = 2_000_000) -> Iterator[SampleTable]:
+    """The table in portions of whole units, about `rows` rows each, where the file keeps each unit's rows together;
+    else in one. Memory then follows the portion and not the file. Errors: SamplesError."""
+    if not _together(path):
+        yield read_samples(path)
+        return
+    held: list[SampleTable] = []
+    for piece in pieces(path):
+        other = np.flatnonzero(piece.unit.code != piece.unit.code[-1])
+        begins = int(other[-1]) + 1 if len(other) else 0
+        if begins and sum(map(len, held)) + begins >= rows:
+            yield join([*held, piece[:begins]])
+            held = [piece[begins:]]
+        else:
+            held.append(piece)
+    yield join(held)
+
+
+def pieces(path: Path) -> Iterator[SampleTable]:
+    """The table piece by piece, each checked. Errors: SamplesError."""
+    row, some = 0, False
+    for batch in _batches(path):
+        if batch.num_rows:
+            some = True
+            yield checked(_table(batch), Place(path, row))
+            row += batch.num_rows
+    if not some:
+        raise SamplesError(f"{path} holds no samples; give at least one visit of one unit")
+
+
+def join(parts: list[SampleTable]) -> SampleTable:
+    """One table of several; columns that not all of them have are left out."""
+    if len(parts) == 1:
+        return parts[0]
+    labels = set.intersection(*(set(p.labels) for p in parts))
+    values = set.intersection(*(set(p.values) for p in parts))
+    gold = [p.gold for p in parts if p.gold is not None]
+    return SampleTable(
+        unit=_join_labels([p.unit for p in parts]),
+        run=np.concatenate([p.run for p in parts]),
+        visit=np.concatenate([p.visit for p in parts]),
+        position=_join_labels([p.position for p in parts]),
+        time_s=np.concatenate([p.time_s for p in parts]),
+        reading=np.concatenate([p.reading for p in parts]),
+        labels={k: _join_labels([p.labels[k] for p in parts]) for k in TEXT if k in labels},
+        values={k: np.concatenate([p.values[k] for p in parts]) for k in NUMBERS if k in values},
+        gold=np.concatenate(gold) if len(gold) == len(parts) else None,
+    )
+
+
+def _batches(path: Path, columns: tuple[str, ...] | None = None) -> "Iterator[pa.RecordBatch]":
+    """Record batches with the known columns (or the named ones) in their own types."""
+    if not path.is_file():
+        raise SamplesError(f"{path}: there is no such file; give a .csv or .parquet samples table")
+    yield from (_csv(path, columns) if kind_of(path) == "csv" else _parquet(path, columns))
+
+
+def _csv(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.RecordBatch]":
+    import pyarrow as pa
+    from pyarrow import csv
+
+    names = _header(path)
+    check_columns(path, names)
+    wanted = [n for n in (columns or KNOWN) if n in names]
+    try:
+        with csv.open_csv(
+            str(path),
+            read_options=csv.ReadOptions(block_size=BLOCK),
+            convert_options=csv.ConvertOptions(
+                column_types={n: type_of(n) for n in wanted}, include_columns=wanted, strings_can_be_null=False
+            ),
+        ) as reader:
+            yield from reader
+    except (pa.ArrowInvalid, pa.ArrowKeyError) as exc:
+        raise SamplesError(explain_csv(path, wanted, exc)) from exc
+
+
+def _header(path: Path) -> list[str]:
+    import csv
+
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            row = next(csv.reader(file), [])
+    except (UnicodeDecodeError, csv.Error) as exc:
+        raise SamplesError(f"{path} is no CSV text in UTF-8; save it as CSV with a header line") from exc
+    return [name.strip() for name in row]
+
+
+def _parquet(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.RecordBatch]":
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        with parquet.ParquetFile(str(path)) as file:
+            names = file.schema_arrow.names
+            told = (file.schema_arrow.metadata or {}).get(b"schema", SCHEMA.encode()).decode(errors="replace")
+            if told != SCHEMA:
+                raise SamplesError(f"{path} says its schema is {told!r}; this station reads {SCHEMA}")
+            check_columns(path, names)
+            for batch in file.iter_batches(PIECE, columns=[n for n in (columns or KNOWN) if n in names]):
+                yield _cast(path, batch)
+    except (pa.ArrowInvalid, OSError) as exc:
+        raise SamplesError(f"{path} is no readable Parquet file; write it again") from exc
+
+
+def _cast(path: Path, batch: "pa.RecordBatch") -> "pa.RecordBatch":
+    import pyarrow as pa
+
+    columns = []
+    for name in batch.schema.names:
+        try:
+            columns.append(batch.column(name).cast(type_of(name)))
+        except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as exc:
+            kind = batch.schema.field(name).type
+            raise SamplesError(
+                f"{path}, column {name}: {kind} cannot be read as {type_of(name)}; write {in_words(name)} there"
+            ) from exc
+    return pa.RecordBatch.from_arrays(columns, names=batch.schema.names)
+
+
+def _together(path: Path) -> bool:
+    """Whether the rows of each unit stand together."""
+    seen: set[str] = set()
+    last = None
+    for batch in _batches(path, ("unit",)):
+        found = batch.column("unit").dictionary_encode()
+        code = found.indices.to_numpy(zero_copy_only=False)
+        turns = code[np.r_[True, code[1:] != code[:-1]]] if len(code) else []
+        for i in turns:
+            name = found.dictionary[int(i)].as_py()
+            if name != last and name in seen:
+                return False
+            seen.add(name)
+            last = name
+    return True
+
+
+def _table(batch: "pa.RecordBatch") -> SampleTable:
+    def numbers(name: str) -> Any:
+        return batch.column(name).to_numpy(zero_copy_only=False)
+
+    names = batch.schema.names
+    gold = np.column_stack([numbers(n) for n in GOLD]) if GOLD[0] in names else None
+    return SampleTable(
+        unit=_labels(batch, "unit"),
+        run=numbers("run"),
+        visit=numbers("visit"),
+        position=_labels(batch, "position"),
+        time_s=numbers("time_s"),
+        reading=np.column_stack([numbers(n) for n in "xyz"]),
+        labels={n: _labels(batch, n) for n in TEXT[2:] if n in names},
+        values={n: numbers(n) for n in NUMBERS[4:10] if n in names},
+        gold=gold,
+    )
+
+
+def _labels(batch: "pa.RecordBatch", name: str) -> Labels:
+    found = batch.column(name).fill_null("").dictionary_encode()
+    return Labels(tuple(found.dictionary.to_pylist()), found.indices.to_numpy(zero_copy_only=False).astype(np.int32))
+
+
+def _join_labels(parts: list[Labels]) -> Labels:
+    """Names in the order in which they come."""
+    names = {name: i for i, name in enumerate(dict.fromkeys(n for p in parts for n in p.names))}
+    codes = [np.array([names[n] for n in p.names], np.int32)[p.code] for p in parts]
+    return Labels(tuple(names), np.concatenate(codes))

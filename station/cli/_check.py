@@ -1,0 +1,153 @@
+"""The work of `station check`: one function a section, each with a document for programs and lines for people."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from station.cli import _budget_table, _face
+from station.config.recipes import load_recipe, recipe_path
+from station.domain import coefficients, design, optimal, rank
+from station.domain.forecast import forecast
+from station.domain.pipeline import NO_ROUNDING
+from station.domain.recipe import Recipe
+from station.domain.types import Floats
+
+SCHEMA = "station.check/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """One part of the answer: key and value in the document; lines (or a rich table) for people."""
+
+    key: str
+    document: Any
+    lines: tuple[object, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is checked: a recipe that stands, its file, and how its product rounds coefficients (12)."""
+
+    recipe: Recipe
+    path: Path
+    rounding: Floats
+
+
+def check_recipe(name: str, count: int | None, *, as_json: bool) -> int:
+    """Checks and prints; 0 when the recipe stands. Errors: InputError."""
+    recipe = load_recipe(name)
+    asked = Asked(recipe, recipe_path(name), _rounding(recipe, recipe_path(name)))
+    if count is None:
+        design.check(recipe)
+    chosen = SECTIONS if count is None else (_proposal(count),)
+    sections = [s for s in (make(asked) for make in chosen) if s is not None]
+    if as_json:
+        head = {"schema": SCHEMA, "recipe": {"name": recipe.name, "version": recipe.version}}
+        _face.say_json(head | {s.key: s.document for s in sections})
+        return 0
+    console = _face.console()
+    for section in sections:
+        for line in section.lines:
+            console.print(line, markup=not isinstance(line, str))
+    return 0
+
+
+def _rounding(recipe: Recipe, path: Path) -> Floats:
+    from station.config.products import load_product
+    from station.domain import writeback
+
+    return NO_ROUNDING if recipe.product is None else writeback.rounding_std(load_product(recipe.product, path).map)
+
+
+def _head(asked: Asked) -> Section:
+    r = asked.recipe
+    stops = sum(len(r.positions) for _ in r.runs)
+    told = f"{r.name} version {r.version}: {r.sensor}, {r.method}, {len(r.positions)} positions, {stops} stops"
+    return Section("method", r.method, (told,))
+
+
+def _cycle_time(asked: Asked) -> Section:
+    """Moves as the simulated line makes them; the bench's own positioner may be slower."""
+    from station.model.timeline import round_of
+
+    rounds = [round_of(asked.recipe, run) for run in range(len(asked.recipe.runs))]
+    tumble = sum(r.duration_s + r.prewarm_s for r in rounds)
+    told = f"cycle time: {tumble:.0f} s" + ("" if len(rounds) == 1 else f" in {len(rounds)} runs, prewarming included")
+    return Section("cycle_s", tumble, (told,))
+
+
+def _observability(asked: Asked) -> Section | None:
+    recipe = asked.recipe
+    if not recipe.pose_known:
+        return None
+    rows, names = design.rows_of(recipe)
+    found = {
+        "rank": rank.of(rows),
+        "coefficients": rows.shape[1],
+        "condition": rank.condition(rows),
+        "d_efficiency": design.efficiency(recipe),
+        "next_position": design.next_position(recipe),
+    }
+    lines = (
+        f"rank {found['rank']} of {found['coefficients']} ({', '.join(dict.fromkeys(names))})",
+        f"condition {found['condition']:.3g}; D-efficiency {found['d_efficiency']:.1%} of the best design of that size",
+        f"next best position: {found['next_position']}",
+    )
+    return Section("design", found, lines)
+
+
+def _uncertainty(asked: Asked) -> Section | None:
+    recipe = asked.recipe
+    if not recipe.pose_known:
+        told = "hand-held stops: the uncertainty depends on where they will be, so it is told with the result"
+        return Section("predicted", None, (told,))
+    found = forecast(recipe, asked.rounding)
+    std = found.budget.std()
+    predicted = [
+        {"coefficient": n, "std": float(s), "unit": coefficients.unit_of(i, recipe.unit)}
+        for i, (n, s) in enumerate(zip(coefficients.NAMES, std, strict=True))
+    ]
+    noise = f"noise of one sample {found.noise:.2g} {recipe.unit}"
+    if recipe.device.noise_density is None:
+        noise += ", assumed: device.noise_density is not given"
+    title = f"predicted standard deviations ({noise})"
+    document = {"noise": found.noise, "coefficients": predicted, "decisions": [_decision(d) for d in found.decisions]}
+    words = tuple(_told(d, recipe.unit) for d in found.decisions) or ("limits: none in the recipe",)
+    return Section("predicted", document, (_budget_table.table(found.budget, recipe.unit, title), *words))
+
+
+def _decision(d: Any) -> dict[str, Any]:
+    return {k: getattr(d, k) for k in ("kind", "coefficient", "limit", "expanded", "guard", "verdict")}
+
+
+def _told(d: Any, unit: str) -> str:
+    of = f" {unit}" if d.kind == "offset" else ""
+    ratio = d.limit / d.expanded if d.expanded > 0 else np.inf
+    words = {
+        "comfortable": "can be decided with ease",
+        "tight": "can be decided, but many good units near it will fail or some bad ones pass",
+        "impossible": "cannot be decided by this recipe: dwell longer, add positions, or widen the limit",
+    }
+    return (
+        f"limit {d.kind.replace('_', '-')} {d.limit:g}{of}: U = {d.expanded:.2g} (1 : {ratio:.2g}); {words[d.verdict]}"
+    )
+
+
+def _proposal(count: int) -> Callable[[Asked], Section]:
+    def propose(asked: Asked) -> Section:
+        recipe = asked.recipe
+        true = optimal.search(recipe, count)
+        positions = [optimal.as_yaml(f"p{i + 1:02d}", t, recipe) for i, t in enumerate(true)]
+        lines = ("positions:", *(f"  - {p}" for p in positions))
+        return Section(
+            "positions", [{"yaml": p, "true": t.tolist()} for p, t in zip(positions, true, strict=True)], lines
+        )
+
+    return propose
+
+
+#: What a check tells, in order. A section returns None where it does not apply.
+SECTIONS: tuple[Callable[[Asked], Section | None], ...] = (_head, _cycle_time, _observability, _uncertainty)

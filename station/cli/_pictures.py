@@ -1,0 +1,66 @@
+"""What a person looks at to see whether a calibration is good: residuals, tilts, budget."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from station.domain import coefficients
+from station.domain.pipeline import Result
+from station.domain.recipe import Recipe
+from station.domain.types import Calibration, Stops
+from station.domain.uncertainty import Budget
+from station.drawing.figure import Figure, Series, svg
+from station.drawing.tables import bars
+
+
+def of_unit(recipe: Recipe, result: Result) -> Mapping[str, str]:
+    """Pictures of one unit by name, as SVG text; none where it could not be calibrated."""
+    found, stops, budget = result.calibration, result.stops, result.budget
+    if found is None or stops is None or budget is None:
+        return {}
+    pictures = {"residual": residual(recipe, found, stops, result.serial)}
+    if recipe.pose_known:
+        pictures["tilt"] = tilt(recipe, found, result.serial)
+    return {**pictures, "budget": budget_bars(recipe, budget, result.serial)}
+
+
+def residual(recipe: Recipe, found: Calibration, stops: Stops, serial: str) -> str:
+    """Residual of every axis at every stop, with the bars that noise alone gives."""
+    x = np.arange(len(stops), dtype=float)
+    wide = 1.96 * np.sqrt(np.einsum("vii->vi", stops.cov))
+    series = []
+    for i, axis in enumerate("xyz"):
+        at, y = x + 0.18 * (i - 1), found.residual[:, i]
+        low, high = (y - wide[:, i]).tolist(), (y + wide[:, i]).tolist()
+        series.append(Series(at.tolist(), y.tolist(), axis, low=low, high=high, colour=i))
+    limit = recipe.limits.residual
+    levels = () if limit is None else ((limit, "limit"), (-limit, ""))
+    title = f"{serial}: residual at each position, bars ± 95 % of noise"
+    return svg(Figure(title, "", recipe.unit, tuple(series), _names(found), levels))
+
+
+def tilt(recipe: Recipe, found: Calibration, serial: str) -> str:
+    """Tilt of every stop from its nominal pose, ± 1.96 standard deviations."""
+    x, y = list(map(float, range(len(found.tilt_deg)))), found.tilt_deg
+    wide = 1.96 * found.tilt_std_deg
+    one = Series(x, y.tolist(), low=np.maximum(y - wide, 0).tolist(), high=(y + wide).tolist(), colour=1)
+    limit = recipe.limits.tilt_deg
+    title = f"{serial}: tilt of each position from its nominal pose, ± 95 %"
+    return svg(Figure(title, "", "deg", (one,), _names(found), () if limit is None else ((limit, "limit"),)))
+
+
+def budget_bars(recipe: Recipe, budget: Budget, serial: str) -> str:
+    """Which cause contributes how much to the least certain offset and gain: relative to the whole."""
+    std = budget.std()
+    worst = int(np.argmax(np.where(coefficients.OFFSETS, std, -1.0)))
+    if not std[worst] > 0:
+        worst = int(np.argmax(std))
+    unit = coefficients.unit_of(worst, recipe.unit)
+    rows = [(cause, float(budget.std(cause)[worst])) for cause in budget.parts if budget.std(cause)[worst] > 0]
+    rows = [*sorted(rows, key=lambda r: -r[1]), ("together", float(std[worst]))]
+    title = f"{serial}: standard uncertainty of {coefficients.NAMES[worst]} by cause"
+    return bars(title, rows, "" if unit == "1" else unit)
+
+
+def _names(found: Calibration) -> tuple[str, ...]:
+    return tuple(f"{n} (out)" if d else n for n, d in zip(found.positions, found.disturbed, strict=True))
