@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
-from station.domain import document
+from station.domain import document, stops_document
 from station.domain.progress import (
     Event,
     Identified,
@@ -175,6 +175,8 @@ class Load:
 
     def _judge_one(self, unit: Unit) -> Iterator[Event]:
         unit.fit = fit = compute.calibrate(unit, self._job, self._station)
+        if fit.stops is not None:  # what `station backtest` computes from: raw frames of a whole fleet take hours
+            self._station.store.result(unit.attempt, "stops", stops_document.to_document(fit.stops))
         self._station.store.result(unit.attempt, "calibration", document.unit(fit))
         yield Judged(unit.seat, fit)
         if fit.calibration is None or fit.verdict.outcome is not Outcome.PASS:

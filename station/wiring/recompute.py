@@ -9,7 +9,7 @@ from typing import Any
 from station.adapters.store import life, plain
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt
-from station.domain import product_record
+from station.domain import document, product_record
 from station.domain.assemble import KeptVisit
 from station.domain.framepack import plain as raw
 from station.domain.frames import SensorLayout
@@ -19,7 +19,7 @@ from station.domain.progress import Seat
 from station.domain.recipe import Recipe
 from station.domain.types import Frames
 from station.errors import LogError
-from station.service import compute, record
+from station.service import compute
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +50,7 @@ def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
     recipe, product, layout = known(*reader.recipe_and_product(attempt))
     visits = kept_visits(kept["visits"], reader.frames(attempt))
     result = refit(attempt, visits, recipe, (product, layout), judged_ns(kept))
-    if result.calibration is None:
-        return Recomputed(attempt.attempt, attempt.serial, 0, ("calibration",))
-    again = json.loads(plain.document(record.calibration(result.calibration, result.budget)))
+    again = json.loads(plain.document(document.unit(result)))
     before, after = dict(_leaves("", stored)), dict(_leaves("", again))
     names = {**before, **after}
     different = tuple(name for name in names if before.get(name, ...) != after.get(name, ...))

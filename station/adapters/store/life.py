@@ -22,9 +22,9 @@ _EVENTS = "SELECT seq, at_ns, kind, detail FROM event WHERE attempt = :a ORDER B
 _SEAL = "SELECT seq, hash FROM finish WHERE attempt = :a"
 
 
-def of_serial(db: sqlite3.Connection, serial: str) -> list[dict[str, Any]]:
-    """Every attempt of a serial number, oldest first."""
-    found = list(search.attempts(db, Query(serial=serial)))
+def of_query(db: sqlite3.Connection, query: Query, limit: int | None = None) -> list[dict[str, Any]]:
+    """Every attempt that the query names, the newest `limit` of them, oldest first."""
+    found = list(search.attempts(db, query, limit))
     return [of_attempt(db, attempt) for attempt in reversed(found)]
 
 

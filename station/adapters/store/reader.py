@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from station.adapters.store import archive, file, life, plain, search, unfinished, verify
+from station.adapters.store import archive, file, life, search, unfinished, verify
 from station.adapters.store.faults import told
 from station.adapters.store.search import Attempt, Query
 from station.adapters.store.yields import Yield, yields
@@ -58,10 +58,10 @@ class LogReader:
         with self._told():
             return search.count(self.db.conn, query)
 
-    def life(self, serial: str) -> list[dict[str, Any]]:
-        """Every attempt of a serial number with everything kept of it, oldest first."""
+    def life(self, query: Query, limit: int | None = None) -> list[dict[str, Any]]:
+        """The attempts that the query names with everything kept of them, oldest first."""
         with self._told():
-            return life.of_serial(self.db.conn, plain.text(serial))
+            return life.of_query(self.db.conn, query, limit)
 
     def attempt(self, attempt: Attempt) -> dict[str, Any]:
         """Everything kept of one attempt."""

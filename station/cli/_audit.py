@@ -1,0 +1,98 @@
+"""Answers of `station audit`: gathered as one document, then printed as JSON or for a person."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from station.adapters.store.search import Query
+from station.cli import _audit_text, _face
+from station.errors import LogError, UsageError
+
+if TYPE_CHECKING:
+    from station.adapters.store.reader import LogReader
+
+#: Something is wrong with the data: an edited log, or coefficients that do not come out again.
+WRONG_DATA = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """What is asked. key: file of the public key; known: seals by number, from a certificate."""
+
+    query: Query
+    limit: int | None
+    verify: bool
+    recompute: bool
+    key: Path | None = None
+    known: Mapping[int, bytes] = field(default_factory=dict)
+
+    @property
+    def lists(self) -> bool:
+        """Whether attempts are asked for, and not the log as a whole."""
+        return self.query != Query() or not self.verify or self.recompute
+
+
+def answer(log: "LogReader", ask: Ask, *, as_json: bool) -> int:
+    """Prints the answer; the exit code. Errors: LogError, UsageError."""
+    if (ask.key or ask.known) and not ask.verify:
+        raise UsageError("--key and --head are for checking the chain; add --verify")
+    document: dict[str, Any] = {"schema": "station.audit/1", "log": str(log.path), "head": asdict(log.head())}
+    if ask.verify:
+        document["verify"] = _verify(log, ask)
+    if ask.lists:
+        document |= _attempts(log, ask)
+    if ask.recompute:
+        document["recompute"] = _recompute(log, ask)
+    if as_json:
+        _face.say_json(document)
+    else:
+        _audit_text.show(document)
+    whole = not document.get("verify", {}).get("findings")
+    same = all(r["identical"] for r in document.get("recompute", ()))
+    return 0 if whole and same else WRONG_DATA
+
+
+def _verify(log: "LogReader", ask: Ask) -> dict[str, Any]:
+    from station.adapters.store import keys
+    from station.adapters.store.verify import Trust
+
+    trust = Trust(ask.known, keys.public(ask.key) if ask.key else None)
+    head = log.head()
+    with _face.progress() as bar:
+        task = bar.add_task("checking the chain", total=max(head.number, 1))
+        findings = [asdict(f) for f in log.findings(trust, lambda number: bar.update(task, completed=number))]
+    return {"records": head.number, "whole": not findings, "findings": findings}
+
+
+def _attempts(log: "LogReader", ask: Ask) -> dict[str, Any]:
+    serial = ask.query.serial
+    if serial is None:
+        found = [_row(asdict(a)) for a in log.attempts(ask.query, ask.limit)]
+        return {"count": len(found), "attempts": found}
+    life = log.life(ask.query, ask.limit)
+    if not life:
+        raise LogError(f"the log {log.path} holds no such attempt of serial {serial!r}; `station audit` lists them all")
+    return {"serial": serial, "count": len(life), "attempts": life}
+
+
+def _row(attempt: dict[str, Any]) -> dict[str, Any]:
+    from station.adapters.store.life import utc
+
+    ended = attempt["ended_ns"]
+    attempt["record"] = attempt.pop("number")
+    return {**attempt, "started": utc(attempt["started_ns"]), "ended": None if ended is None else utc(ended)}
+
+
+def _recompute(log: "LogReader", ask: Ask) -> list[dict[str, Any]]:
+    from station.wiring.recompute import recompute
+
+    found = log.attempts(ask.query, ask.limit)
+    with _face.progress() as bar:
+        task = bar.add_task("computing again", total=len(found))
+        done = []
+        for attempt in found:
+            result = recompute(log, attempt)
+            done.append({**asdict(result), "identical": result.identical})
+            bar.advance(task)
+    return done

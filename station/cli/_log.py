@@ -1,0 +1,49 @@
+"""What the commands that read a log share: which log, what time is meant, which attempts."""
+
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from station.errors import UsageError
+
+if TYPE_CHECKING:
+    from station.adapters.store.reader import LogReader
+
+_AGO = {"m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
+
+
+def open_log(db: Path | None, config: Path | None) -> "LogReader":
+    """The log named on the command line, or else the one that config.yaml names. Errors: LogError, ConfigError."""
+    from station.adapters.store.reader import LogReader
+
+    if db is None:
+        from station.config.settings import load_settings
+
+        db = Path(load_settings(config).database)
+    return LogReader(db)
+
+
+def time_ns(text: str | None, option: str) -> int | None:
+    """`2026-11-21`, `2026-11-21T13:00` (local unless it says otherwise) or `7d` ago, since 1970 in ns."""
+    if text is None:
+        return None
+    if text[-1:] in _AGO and text[:-1].isdigit():
+        moment = datetime.now().astimezone() - timedelta(**{_AGO[text[-1]]: int(text[:-1])})
+    else:
+        try:
+            moment = datetime.fromisoformat(text)
+        except ValueError as exc:
+            raise UsageError(
+                f"{option} {text[:40]!r} is no time; write 2026-11-21, 2026-11-21T13:00 or 7d (ago)"
+            ) from exc
+    return int(moment.astimezone().timestamp() * 1e9)
+
+
+def known_head(text: str | None) -> dict[int, bytes]:
+    """`NUMBER:HASH` as certificates and exports print it; nothing where nothing was said."""
+    if text is None:
+        return {}
+    number, _, seal = text.partition(":")
+    if not number.isdigit() or len(seal) != 64 or set(seal.lower()) - set("0123456789abcdef"):
+        raise UsageError("--head wants NUMBER:HASH as printed on a certificate or export, 64 hexadecimal digits")
+    return {int(number): bytes.fromhex(seal)}

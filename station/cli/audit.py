@@ -1,0 +1,68 @@
+"""`station audit`: the auditor's questions to the log."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+
+def command(
+    serial: Annotated[str | None, Argument(help="Serial number of a unit.")] = None,
+    verify: Annotated[bool, Option("--verify", help="Check the whole log's chain of hashes.")] = False,
+    recompute: Annotated[
+        bool, Option("--recompute", help="Refit from the stored raw frames and compare bit for bit.")
+    ] = False,
+    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    recipe: Annotated[str | None, Option(help="Attempts with this recipe, by name.")] = None,
+    recipe_hash: Annotated[str | None, Option(help="Attempts with exactly this recipe.")] = None,
+    station: Annotated[str | None, Option(help="Attempts at this station.")] = None,
+    nest: Annotated[str | None, Option(help="Attempts in this nest.")] = None,
+    lot: Annotated[str | None, Option(help="Attempts of this lot.")] = None,
+    operator: Annotated[str | None, Option(help="Attempts by this operator.")] = None,
+    software: Annotated[str | None, Option(help="Attempts by this version of the station.")] = None,
+    firmware: Annotated[str | None, Option(help="Attempts on devices with this software (0x100A).")] = None,
+    outcome: Annotated[str | None, Option(help="PASS, FAIL, ERROR, ABORTED or INTERRUPTED.")] = None,
+    since: Annotated[str | None, Option(help="Begun then or later: 2026-11-21, 2026-11-21T13:00, 7d.")] = None,
+    until: Annotated[str | None, Option(help="Begun before.")] = None,
+    limit: Annotated[int | None, Option(min=1, help="At most so many attempts, the newest.")] = None,
+    key: Annotated[Path | None, Option(help="With --verify: the station's public key, PEM.")] = None,
+    head: Annotated[str | None, Option(help="With --verify: NUMBER:HASH from a certificate or export.")] = None,
+) -> int:
+    """Show everything ever done to a unit, find attempts, check the log.
+
+    One unit's whole life, then the same computed again from its raw frames:
+
+        station audit SN0042
+        station audit SN0042 --recompute
+
+    All units made with a recipe in a nest between two days:
+
+        station audit --recipe tilt-24 --nest A --since 2026-11-01 --until 2026-11-15
+
+    Was anything in the log edited, deleted, inserted, reordered or cut off:
+
+        station audit --verify
+    """
+    from station.adapters.store.search import Query
+    from station.cli import _audit
+    from station.cli._log import known_head, open_log, time_ns
+
+    query = Query(
+        serial=serial,
+        station=station,
+        nest=nest,
+        lot=lot,
+        operator=operator,
+        software=software,
+        recipe_name=recipe,
+        recipe_hash=recipe_hash,
+        firmware=firmware,
+        outcome=None if outcome is None else outcome.upper(),
+        since_ns=time_ns(since, "--since"),
+        until_ns=time_ns(until, "--until"),
+    )
+    with open_log(db, config) as log:
+        ask = _audit.Ask(query, limit, verify=verify, recompute=recompute, key=key, known=known_head(head))
+        return _audit.answer(log, ask, as_json=json)
