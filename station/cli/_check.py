@@ -9,13 +9,15 @@ import numpy as np
 
 from station.cli import _budget_table, _face
 from station.config.recipes import load_recipe, recipe_path
-from station.domain import coefficients, design, optimal, rank
+from station.domain import coefficients, design, method, optimal, rank
 from station.domain.forecast import forecast
 from station.domain.pipeline import NO_ROUNDING
 from station.domain.recipe import Recipe
 from station.domain.types import Floats
 
 SCHEMA = "station.check/1"
+#: A pipe has no width; this holds a budget on one line.
+PIPE_WIDTH = 130
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,8 @@ def check_recipe(name: str, count: int | None, *, as_json: bool) -> int:
     console = _face.console()
     for section in sections:
         for line in section.lines:
-            console.print(line, markup=not isinstance(line, str))
+            wide = None if console.is_terminal or isinstance(line, str) else PIPE_WIDTH
+            console.print(line, markup=not isinstance(line, str), width=wide)
     return 0
 
 
@@ -89,13 +92,14 @@ def _observability(asked: Asked) -> Section | None:
         "coefficients": rows.shape[1],
         "condition": rank.condition(rows),
         "d_efficiency": design.efficiency(recipe),
-        "next_position": design.next_position(recipe),
+        "next_position": design.next_position(recipe) if method.of(recipe).open_ended else None,
     }
-    lines = (
+    lines: tuple[str, ...] = (
         f"rank {found['rank']} of {found['coefficients']} ({', '.join(dict.fromkeys(names))})",
         f"condition {found['condition']:.3g}; D-efficiency {found['d_efficiency']:.1%} of the best design of that size",
-        f"next best position: {found['next_position']}",
     )
+    if found["next_position"]:
+        lines = (*lines, f"next best position: {found['next_position']}")
     return Section("design", found, lines)
 
 

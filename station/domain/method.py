@@ -5,7 +5,7 @@ Units come first in every array: one unit is a batch of one, and no unit's numbe
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, cast
+from typing import ClassVar, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +74,9 @@ class Fit:
 
 
 class Method(Protocol):
-    """A calibration method."""
+    """A calibration method. open_ended: whether it takes any number of positions."""
+
+    open_ended: ClassVar[bool]
 
     def check(self, recipe: Recipe) -> None:
         """RecipeError when the recipe's positions are not those the method wants."""

@@ -1,5 +1,7 @@
 """A samples table into a file, piece by piece."""
 
+from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,24 +19,33 @@ PIECE = 1 << 18
 
 def write_samples(table: SampleTable, path: Path) -> None:
     """Writes .csv or .parquet (schema name in its metadata). Errors: SamplesError for another ending, OSError."""
-    import pyarrow as pa
+    write_parts([table], path)
 
+
+def write_parts(tables: Iterable[SampleTable], path: Path) -> None:
+    """The same for a table that comes in parts with the same columns; memory follows the part and not the file."""
     kind = kind_of(path)
-    parts = [_batch(table[a : a + PIECE]) for a in range(0, max(len(table), 1), PIECE)]
-    schema = parts[0].schema
-    if kind == "csv":
-        from pyarrow import csv
+    batches = (_batch(table[a : a + PIECE]) for table in tables for a in range(0, max(len(table), 1), PIECE))
+    first = next(batches)
+    (_write_csv if kind == "csv" else _write_parquet)(path, first.schema, chain([first], batches))
 
-        with csv.CSVWriter(str(path), schema, write_options=csv.WriteOptions(quoting_style="needed")) as writer:
-            for part in parts:
-                writer.write_batch(part)
-        return
+
+def _write_csv(path: Path, schema: "pa.Schema", batches: Iterable["pa.RecordBatch"]) -> None:
+    from pyarrow import csv
+
+    with csv.CSVWriter(str(path), schema, write_options=csv.WriteOptions(quoting_style="needed")) as writer:
+        for batch in batches:
+            writer.write_batch(batch)
+
+
+def _write_parquet(path: Path, schema: "pa.Schema", batches: Iterable["pa.RecordBatch"]) -> None:
+    import pyarrow as pa
     from pyarrow import parquet
 
     marked = schema.with_metadata({"schema": SCHEMA})
     with parquet.ParquetWriter(str(path), marked, compression="zstd") as writer:
-        for part in parts:
-            writer.write_table(pa.Table.from_batches([part]).replace_schema_metadata({"schema": SCHEMA}))
+        for batch in batches:
+            writer.write_table(pa.Table.from_batches([batch]).replace_schema_metadata({"schema": SCHEMA}))
 
 
 def _batch(table: SampleTable) -> "pa.RecordBatch":

@@ -1,5 +1,7 @@
 """N-point: weighted least squares for any positions, offset and gain or the full matrix."""
 
+from typing import ClassVar
+
 import numpy as np
 
 from station.domain.calibrate import _linear
@@ -16,6 +18,8 @@ class NPoint:
     Weights know the noise of every stop and the declared error of poses; what acts on the sensor besides the
     stimulus (a gyroscope's g-sensitivity) is fitted beside the coefficients where the positions tell it apart.
     """
+
+    open_ended: ClassVar[bool] = True
 
     def check(self, recipe: Recipe) -> None:
         """Any positions whose pose is known."""

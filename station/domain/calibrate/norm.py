@@ -4,6 +4,8 @@ Hybrid of the ellipsoid fit and Wahba's problem: errors of poses cannot reach of
 and every pose gets an estimate of its own tilt.
 """
 
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
@@ -26,6 +28,8 @@ class Norm:
 
     Where poses are unknown Q is the identity, so that the matrix is upper triangular.
     """
+
+    open_ended: ClassVar[bool] = True
 
     def check(self, recipe: Recipe) -> None:
         """Any positions; how many are enough is the design's question."""

@@ -1,5 +1,7 @@
 """DT0105 one-point: offsets from a single position; gains are taken as 1, cross-axis as 0."""
 
+from typing import ClassVar
+
 import numpy as np
 
 from station.domain.calibrate import _linear, _poses
@@ -10,6 +12,8 @@ from station.domain.types import Floats
 
 class OnePoint:
     """offset = reading − truth (ST DT0105 rev 2). Every error of gain and pose goes straight into the offset."""
+
+    open_ended: ClassVar[bool] = False
 
     def check(self, recipe: Recipe) -> None:
         """One position."""

@@ -1,5 +1,7 @@
 """DT0053 six-point: offsets, gains and cross-axis gains from the six faces."""
 
+from typing import ClassVar
+
 import numpy as np
 
 from station.domain.calibrate import _linear, _poses
@@ -14,6 +16,8 @@ class SixPoint:
 
     Written as plain least squares, to which the closed form is equal at six balanced faces.
     """
+
+    open_ended: ClassVar[bool] = False
 
     def check(self, recipe: Recipe) -> None:
         """The six faces, each once."""

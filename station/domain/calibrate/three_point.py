@@ -1,5 +1,7 @@
 """DT0105 three-point: offsets from the two off-axis readings, gains from on-axis minus offset; cross-axis 0."""
 
+from typing import ClassVar
+
 import numpy as np
 
 from station.domain.calibrate import _linear, _poses
@@ -17,6 +19,8 @@ class ThreePoint:
     Written as least squares of meas_i = gain_i · true_i + offset_i, of which the table is the case true = m·e_i, so
     that a gold reference, other faces and repeated passes need no formula of their own.
     """
+
+    open_ended: ClassVar[bool] = False
 
     def check(self, recipe: Recipe) -> None:
         """Three positions, one along each axis."""
