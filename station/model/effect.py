@@ -127,17 +127,15 @@ class Effect(ABC):
         return cls(cls.parameter.typical)
 
     @classmethod
-    def read_size(cls, text: str) -> float:
-        """The size a person wrote; UsageError when it is none."""
+    def read_size(cls, text: str, unit: str = "u") -> float:
+        """The size a person wrote, in a recipe's unit; UsageError when it is none."""
         try:
             size = float(text)
         except ValueError:
             size = float("nan")
         if not np.isfinite(size):
-            unit = cls.parameter.unit
-            raise UsageError(
-                f"size {text!r} of {cls.id} is no number; write {cls.id}={cls.parameter.typical:g} ({unit})"
-            )
+            example = f"{cls.id}={cls.parameter.typical:g} ({cls.parameter.unit_in(unit)})"
+            raise UsageError(f"size {text[:40]!r} of {cls.id} is no number; write {example}")
         return size
 
     def draw(self, groups: int, rng: np.random.Generator) -> Floats:

@@ -6,10 +6,11 @@ reading = M_u · a + b_u + Σ sensor effects(a)                          what it
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station.domain import rotation
 from station.domain.types import Floats
@@ -80,6 +81,23 @@ def feel(scene: Scene, active: Active = NOTHING) -> Signal:
         if isinstance(acting.effect, StimulusEffect):
             true = true + acting.effect.apply(rest, acting.by_row(scene))
     return Signal(scene, true, at_stop)
+
+
+def on_the_way(signal: Signal, moving: NDArray[np.bool_], plate: Floats) -> Signal:
+    """The same, but rows where `moving` (n) are still on their way to their stop.
+
+    plate (m, 3, 3): nest → station rotation of the positioner at those rows. What is felt at the stop is turned back
+    by the rest of the way; a rate, which belongs to the table and not to its attitude, is left as it is.
+    """
+    scene, visits = signal.scene, signal.scene.visits
+    if not moving.any() or scene.recipe.reference.source == "rate":
+        return signal
+    rows = scene.visit[moving]
+    left = np.einsum("mji,mjk->mik", plate, visits.nest_R[rows])
+    seated = np.einsum("mji,mjk,mkl->mil", visits.seat_R[rows], left, visits.seat_R[rows])
+    true = signal.true.copy()
+    true[moving] = np.einsum("mij,mj->mi", seated, true[moving])
+    return replace(signal, true=true)
 
 
 def resting(scene: Scene, active: Active = NOTHING) -> Floats:

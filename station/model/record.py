@@ -24,7 +24,7 @@ def table(scene: Scene, reading: Floats, rate_hz: Floats, seed: int) -> SampleTa
     visits, row = scene.visits, scene.visit
     names = ("temperature_degC", "since_power_s", "since_clamp_s", "motor", "started_s")
     values = {name: scene.need(name) for name in names}
-    values["temperature_degC"] = values["temperature_degC"] + _thermometer(scene, seed)
+    values["temperature_degC"] = values["temperature_degC"] + thermometer(scene, seed)
     values["counter"] = _counter(scene, rate_hz)
     return SampleTable(
         unit=visits.unit[row],
@@ -42,7 +42,7 @@ def noise(scene: Scene, of: Noise, seed: int) -> Floats:
     """Noise of the sensors (n, 3), each unit's from its own stream."""
     rngs = [stream(seed, "noise", name) for name in scene.visits.unit.names]
     rate = scene.recipe.device.rate_hz
-    return np.concatenate([of.draw(scene.time_s[rows], rate, rngs[unit]) for unit, rows in _passes(scene)])
+    return np.concatenate([of.draw(scene.time_s[rows], rate, rngs[unit]) for unit, rows in passes(scene)])
 
 
 def gold(signal: Signal, active: Active, of: Noise, seed: int) -> Floats:
@@ -54,7 +54,7 @@ def gold(signal: Signal, active: Active, of: Noise, seed: int) -> Floats:
         felt = felt @ np.array(recipe.reference.gold.matrix).T + recipe.reference.gold.offset
     sigma = GOLD_NOISE * of.density * np.sqrt(recipe.device.rate_hz / 2)
     rngs = [stream(seed, "gold", name) for name in scene.visits.unit.names]
-    white = [rngs[unit].standard_normal((rows.stop - rows.start, 3)) for unit, rows in _passes(scene)]
+    white = [rngs[unit].standard_normal((rows.stop - rows.start, 3)) for unit, rows in passes(scene)]
     return np.asarray(felt + sigma * np.concatenate(white))
 
 
@@ -63,17 +63,27 @@ def arrived(sent: SampleTable, scene: Scene, active: Active, seed: int) -> Sampl
 
     sent: rows as in the scene, sorted by unit.
     """
-    seen = came = np.arange(len(sent))
+    seen, came = arrivals(scene, active, seed)
+    if len(seen) == len(sent) and np.array_equal(came, seen):
+        return sent
+    rows = sent[seen]
+    values = {**rows.values, "counter": sent.values["counter"][came]}
+    return replace(rows, time_s=rows.time_s + repeated_s(seen), reading=sent.reading[came], values=values)
+
+
+def arrivals(scene: Scene, active: Active, seed: int) -> tuple[Array, Array]:
+    """Of the frames sent, those whose instants are seen, and those whose payloads come then (both m)."""
+    seen = came = np.arange(len(scene))
     for acting in active.values():
         if isinstance(acting.effect, BusEffect):
             order = _order(acting, acting.effect, scene, seen, seed)
             seen, came = seen[np.sort(order)], came[order]
-    if len(seen) == len(sent) and np.array_equal(came, seen):
-        return sent
-    again = REPEAT_S * (np.diff(seen, prepend=-1) == 0)
-    rows = sent[seen]
-    values = {**rows.values, "counter": sent.values["counter"][came]}
-    return replace(rows, time_s=rows.time_s + again, reading=sent.reading[came], values=values)
+    return seen, came
+
+
+def repeated_s(seen: Array) -> Floats:
+    """How much later than the frame before a repeated frame is seen (m), s."""
+    return np.asarray(REPEAT_S * (np.diff(seen, prepend=-1) == 0))
 
 
 def _order(acting: Acting, effect: BusEffect, scene: Scene, rows: Array, seed: int) -> Array:
@@ -89,17 +99,17 @@ def _order(acting: Acting, effect: BusEffect, scene: Scene, rows: Array, seed: i
     return np.concatenate(order)
 
 
-def _passes(scene: Scene) -> Iterator[tuple[int, slice]]:
+def passes(scene: Scene) -> Iterator[tuple[int, slice]]:
     """Unit code and rows of each unit's each run; rows are sorted by visit."""
     for visits in scene.visits.passes():
         start, stop = np.searchsorted(scene.visit, [visits.start, visits.stop])
         yield int(scene.visits.unit.code[visits.start]), slice(int(start), int(stop))
 
 
-def _thermometer(scene: Scene, seed: int) -> Floats:
+def thermometer(scene: Scene, seed: int) -> Floats:
     """Noise of the thermometer (n), degC."""
     rngs = [stream(seed, "thermometer", name) for name in scene.visits.unit.names]
-    noise = [rngs[unit].standard_normal(rows.stop - rows.start) for unit, rows in _passes(scene)]
+    noise = [rngs[unit].standard_normal(rows.stop - rows.start) for unit, rows in passes(scene)]
     return np.asarray(THERMOMETER_STD * np.concatenate(noise))
 
 

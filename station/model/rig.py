@@ -14,7 +14,7 @@ from station.domain.plan import Stop
 from station.domain.types import Floats, Frames
 from station.errors import UsageError
 from station.model.climate import climate, drive
-from station.model.forward import Active, convert, feel, gold_error, in_nest, read
+from station.model.forward import Active, convert, feel, gold_error, in_nest, on_the_way, read
 from station.model.record import THERMOMETER_STD
 from station.model.scene import Scene, Signal
 from station.model.seat import Seat, Went
@@ -104,15 +104,7 @@ class Rig:
         scene, active = self._at(nest, time_s)
         signal = feel(scene, active)
         moving = time_s < self._arrivals()[scene.visit]
-        if not moving.any() or self._job.recipe.reference.source == "rate":
-            return signal, active
-        visits, rows = scene.visits, scene.visit[moving]
-        # What is felt at the coming stop, turned back by the rest of the way.
-        left = np.einsum("nji,njk->nik", self._plate(time_s[moving]), visits.nest_R[rows])
-        seated = np.einsum("nji,njk,nkl->nil", visits.seat_R[rows], left, visits.seat_R[rows])
-        true = signal.true.copy()
-        true[moving] = np.einsum("nij,nj->ni", seated, true[moving])
-        return replace(signal, true=true), active
+        return on_the_way(signal, moving, self._plate(time_s[moving])), active
 
     def _at(self, nest: str, time_s: Floats) -> tuple[Scene, Active]:
         """The scene of instants (n) for a nest, and the causes at work in it."""

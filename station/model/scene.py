@@ -61,6 +61,10 @@ class Scene:
         visits = visits_of(recipe, Labels(units, code), zero, zero, {"position": one})
         return Scene(recipe, visits, np.zeros(0, np.intp), np.zeros(0))
 
+    def without_rows(self) -> "Scene":
+        """The same visits and no samples: what is worth keeping of a part of a fleet."""
+        return Scene(self.recipe, self.visits, np.zeros(0, np.intp), np.zeros(0))
+
     def group(self, level: str) -> tuple[NDArray[np.int32], tuple[str, ...]]:
         """Group codes (v) of the visits and the groups' names as the contracts write them: ("unit:SN1", …).
 

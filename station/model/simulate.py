@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 
 import numpy as np
 
@@ -80,14 +81,20 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Simulated:
-    """Samples, and what they were made of: serials and base of the units, and the groups' coefficients."""
+class Made:
+    """What was made of what: serials and base of the units, the groups' coefficients, and every sample's conditions."""
 
-    table: SampleTable
     units: tuple[str, ...]
     base: Base
     active: Active
     scene: Scene
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Simulated(Made):
+    """A simulated campaign as a samples table."""
+
+    table: SampleTable
 
 
 def effect_of(name: str, recipe: Recipe, size: str | None = None) -> Effect:
@@ -95,13 +102,27 @@ def effect_of(name: str, recipe: Recipe, size: str | None = None) -> Effect:
 
     UsageError names the known ids, a size that is none, and a cause that this recipe's sensor cannot feel.
     """
+    known = plugins.names(EFFECTS)
+    if name not in known:
+        near = " or ".join(get_close_matches(name, known, 2, 0.0))
+        raise UsageError(f"there is no effect {name[:40]!r}; the nearest are {near}, and `station effects` lists all")
     kind: type[Effect] = plugins.load(EFFECTS, name)
     if recipe.sensor not in kind.sensors:
         raise UsageError(f"{name} cannot act on a {recipe.sensor}, only on {' or '.join(kind.sensors)}; leave it out")
     if size is not None:
-        return replace(kind.example(), size=kind.read_size(size))
+        return replace(kind.example(), size=kind.read_size(size, recipe.unit))
     example = kind.example()
     return replace(example, size=example.size * kind.parameter.scale(recipe))
+
+
+def effects_of(asked: Sequence[str], recipe: Recipe) -> tuple[Effect, ...]:
+    """Causes as a person asks for them, ID or ID=SIZE; UsageError also for one that is asked for twice."""
+    pairs = [text.partition("=") for text in asked]
+    names = [name for name, _, _ in pairs]
+    for name in names:
+        if names.count(name) > 1:
+            raise UsageError(f"effect {name} is asked for {names.count(name)} times; say it once, with its whole size")
+    return tuple(effect_of(name, recipe, size if equals else None) for name, equals, size in pairs)
 
 
 def simulate(job: Job) -> Simulated:
@@ -125,7 +146,7 @@ def part(job: Job, batch: Batch) -> Simulated:
     table = record.table(scene, output(job, signal, base, active), rates, job.seed)
     if job.wants_gold:
         table = replace(table, gold=record.gold(signal, active, job.noise, job.seed))
-    return Simulated(record.arrived(table, scene, active, job.seed), batch.units, base, active, scene)
+    return Simulated(batch.units, base, active, scene, record.arrived(table, scene, active, job.seed))
 
 
 def output(job: Job, signal: Signal, base: Base, active: Active) -> Floats:

@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from station import __version__
-from station.model.simulate import Job, Simulated
+from station.model.simulate import Job, Made
 
 
-def document(job: Job, made: Iterable[Simulated]) -> dict[str, Any]:
+def document(job: Job, made: Iterable[Made]) -> dict[str, Any]:
     """The truth about all parts of a job, in the contracts' parameter form {name, axis, of, value, unit}.
 
     offset and matrix of a unit are what is no defect: measured = matrix · true + offset + what the effects add.

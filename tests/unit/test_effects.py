@@ -354,10 +354,10 @@ def test_a_common_scalar_is_exactly_the_size() -> None:
 @pytest.mark.parametrize(
     ("name", "size", "said"),
     [
-        ("quadratic", "much", "size 'much' of quadratic is no number; write quadratic=0.0003 (1/u)"),
+        ("quadratic", "much", "size 'much' of quadratic is no number; write quadratic=0.0003 (1/g)"),
         ("quadratic", "nan", "size 'nan' of quadratic is no number"),
         ("axis-permutation", "x,x,z", "mapping 'x,x,z' of axis-permutation does not name each axis once"),
-        ("quadratc", None, "quadratic"),
+        ("quadratc", None, "there is no effect 'quadratc'; the nearest are quadratic or cross-quadratic"),
     ],
 )
 def test_bad_sizes_and_names_are_sentences(name: str, size: str | None, said: str) -> None:

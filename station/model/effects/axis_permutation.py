@@ -54,8 +54,9 @@ class AxisPermutation(OutputEffect):
         return np.asarray(np.einsum("nij,nj->ni", MATRICES[c[:, 0].astype(int)], reading))
 
     @classmethod
-    def read_size(cls, text: str) -> float:
+    def read_size(cls, text: str, unit: str = "u") -> float:
         """The number of the mapping a person wrote; UsageError when it is none."""
+        del unit
         mapping = text.replace(" ", "").replace("+", "")
         if mapping not in MAPPINGS:
             raise UsageError(f"mapping {text!r} of {cls.id} does not name each axis once; write {cls.id}=-y,x,z")

@@ -1,0 +1,123 @@
+"""The work of `station simulate`: a campaign into a samples file or a CAN log, and its truth beside it."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from station.cli import _face
+from station.config.documents import load_document, validate
+from station.config.recipes import load_recipe, recipe_path
+from station.config.settings import load_settings
+from station.errors import InputError, UsageError
+from station.model import truth
+from station.model.line import Line
+from station.model.model_file import Model
+from station.model.simulate import Job, Made, effects_of, parts
+
+if TYPE_CHECKING:
+    from station.domain.frames import SensorLayout
+
+TABLES, LOGS = (".parquet", ".csv"), (".log", ".blf")
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the command line asks for; recipe and product by name or path."""
+
+    recipe: str | None
+    units: int
+    seed: int
+    model: Path | None
+    effects: tuple[str, ...]
+    product: str | None
+    line: Line
+    gold: bool
+
+
+def simulate_to(out: Path, asked: Asked, *, as_json: bool) -> int:
+    """Writes the campaign and its truth; returns the exit code. Errors: InputError."""
+    ending = out.suffix.lower()
+    if ending not in (*TABLES, *LOGS):
+        known = ", ".join((*TABLES, *LOGS))
+        raise UsageError(f"--out {out}: the ending says what to write, and {ending or 'none'} is none of {known}")
+    if not out.parent.is_dir():
+        raise UsageError(f"--out {out}: there is no folder {out.parent}; make it first")
+    name = asked.recipe or load_settings().recipe
+    job = _job(asked, name)
+    try:
+        told = _write_table(out, job) if ending in TABLES else _write_log(out, job, name, asked.product)
+        beside = out.with_suffix(".truth.json")
+        beside.write_text(json.dumps(told, ensure_ascii=False, allow_nan=False, indent=1), encoding="utf-8")
+    except OSError as exc:
+        raise UsageError(f"--out {out} cannot be written ({exc.strerror or exc}); choose another place") from None
+    _tell(out, beside, told, as_json=as_json)
+    return 0
+
+
+def _job(asked: Asked, name: str) -> Job:
+    recipe = load_recipe(name)
+    model = Model() if asked.model is None else validate(load_document(asked.model), Model, InputError)
+    return Job(
+        recipe=recipe,
+        units=tuple(f"SN{i + 1:04d}" for i in range(asked.units)),
+        seed=asked.seed,
+        effects=effects_of(asked.effects, recipe),
+        model=model,
+        line=asked.line,
+        gold=asked.gold,
+    )
+
+
+def _write_table(out: Path, job: Job) -> dict[str, Any]:
+    """Samples, some units at a time."""
+    from station.adapters.samples import write_parts
+
+    made: list[Made] = []
+
+    def tables() -> Iterator[Any]:
+        with _face.progress() as bar:
+            task = bar.add_task("simulating", total=len(job.units))
+            for part in parts(job):
+                made.append(Made(part.units, part.base, part.active, part.scene.without_rows()))
+                yield part.table
+                bar.advance(task, len(part.units))
+
+    write_parts(tables(), out)
+    return truth.document(job, made)
+
+
+def _write_log(out: Path, job: Job, name: str, product: str | None) -> dict[str, Any]:
+    """CAN frames, and their marks."""
+    from station.adapters.bus import write_log
+    from station.adapters.marks import write_marks
+    from station.model.frames_out import frames_of
+
+    recorded = frames_of(job, _layout(job, name, product))
+    write_log(out, recorded.frames)
+    write_marks(out.with_name(f"{out.name}.marks.csv"), recorded.marks)
+    return truth.document(job, [recorded.made])
+
+
+def _layout(job: Job, name: str, product: str | None) -> "SensorLayout":
+    """The frames of the product."""
+    from station.adapters.dbc import read_layouts
+    from station.config.products import load_product, product_path
+    from station.domain.frames import resolve
+
+    said, near = product or job.recipe.product, recipe_path(name)
+    if said is None:
+        raise UsageError(f"{near} names no product, so its frames are unknown; add --product, or write a .parquet")
+    frames = load_product(said, near).frames
+    return resolve(frames, read_layouts(product_path(said, near).parent / frames.dbc))
+
+
+def _tell(out: Path, beside: Path, told: dict[str, Any], *, as_json: bool) -> None:
+    names = [effect["effect"] for effect in told["effects"]]
+    if as_json:
+        document = {"schema": "station.simulation/1", "out": str(out), "truth": str(beside), "effects": names}
+        _face.say_json({**document, "units": len(told["units"]), "seed": told["seed"]})
+        return
+    causes = ", ".join(names) or "no cause"
+    _face.say(f"{len(told['units'])} units with {causes}, seed {told['seed']}: {out}; the truth: {beside}")

@@ -1,0 +1,124 @@
+"""A simulated campaign as CAN frames: what a logger on the bus of the fixture would have recorded, moves included."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain import encode, rotation
+from station.domain.frames import SensorLayout
+from station.domain.marks import Mark, Marks
+from station.domain.types import Floats, Frames
+from station.errors import UsageError
+from station.model.campaign import Campaign, campaign_of
+from station.model.forward import feel, on_the_way
+from station.model.record import arrivals, passes, repeated_s, thermometer
+from station.model.scene import Scene
+from station.model.simulate import Job, Made, output, rates_of
+from station.model.timeline import Batch
+
+#: Where simulated time starts: 2026-01-01T00:00:00Z.
+EPOCH_NS = 1_767_225_600_000_000_000
+#: A device tells its temperature once in so many seconds.
+TEMPERATURE_EVERY_S = 1.0
+#: The last node id that frames may have; each nest of the fixture has its own.
+NODES = 127
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recorded:
+    """Frames in the order of time, the marks of every dwell, and what they were made of."""
+
+    frames: Frames
+    marks: Marks
+    made: Made
+
+
+def frames_of(job: Job, layout: SensorLayout) -> Recorded:
+    """The frames of all units of a job. The unit in the fixture's k-th seat has node id k."""
+    job, batch = job.settled(), Batch(job.units)
+    if job.line.nests > NODES:
+        raise UsageError(f"{job.line.nests} nests are more than the {NODES} node ids of a bus; ask for fewer")
+    rates = rates_of(job, batch)
+    campaign = campaign_of(job.recipe, batch, job.seed, job.line)
+    scene, moving = _through(campaign, rates)
+    made = Made(batch.units, job.base(batch.units), job.active(scene), scene)
+    signal = on_the_way(feel(scene, made.active), moving, _plate(campaign, scene, moving))
+    reading = output(job, signal, made.base, made.active)
+    frames = Frames.join(_sent(job, layout, made, reading))
+    frames = frames[np.argsort(frames.time_ns, kind="stable")]
+    return Recorded(frames, _marks(campaign, frames), made)
+
+
+def node_of(unit: int, nests: int) -> int:
+    """Node id of the unit of that number: its seat in the fixture, from 1."""
+    return unit % nests + 1
+
+
+def _through(campaign: Campaign, rate_hz: Floats) -> tuple[Scene, NDArray[np.bool_]]:
+    """Every sample of every run from its first move to its last dwell, and which (n) are on the way to their stop."""
+    visits, since, first = [], [], 0
+    for rate in rate_hz:
+        for done in campaign.rounds:
+            time_s = np.arange(int(done.duration_s * rate)) / rate
+            leaves = done.arrival_s + campaign.recipe.settle.time_s + done.dwell_s
+            stop = np.searchsorted(leaves[:-1], time_s, side="right")
+            visits.append(first + stop)
+            since.append(time_s - done.arrival_s[stop])
+            first += len(done.position)
+    since_s = np.concatenate(since)
+    return campaign.scene(np.concatenate(visits), since_s), since_s < 0
+
+
+def _plate(campaign: Campaign, scene: Scene, moving: NDArray[np.bool_]) -> Floats:
+    """Nest → station rotation (m, 3, 3) of the moving samples: from the last stop, or the park, the shortest way."""
+    visits, row = scene.visits, scene.visit[moving]
+    previous, arrival = visits.previous, campaign.arrival_s()
+    known = previous >= 0
+    origin = np.where(known[:, None, None], visits.nest_R[previous], np.eye(3))
+    stay = campaign.recipe.settle.time_s + np.array([r.dwell_s for r in campaign.rounds])[visits.run]
+    departs = np.where(known, arrival[previous] + stay, 0.0)
+    turn = rotation.to_vector(visits.nest_R @ np.swapaxes(origin, 1, 2))
+    share = (scene.time_s[moving] - departs[row]) / (arrival - departs)[row]
+    smooth = share * share * (3 - 2 * share)
+    return np.asarray(rotation.from_vector(smooth[:, None] * turn[row]) @ origin[row])
+
+
+def _sent(job: Job, layout: SensorLayout, made: Made, reading: Floats) -> list[Frames]:
+    """Sample frames of every unit's every run, after the faults of the bus, and temperature frames."""
+    scene, rate_hz = made.scene, job.recipe.device.rate_hz
+    time_ns = EPOCH_NS + np.rint((scene.need("started_s") + scene.time_s) * 1e9).astype(np.int64)
+    shown = scene.need("temperature_degC") + thermometer(scene, job.seed)
+    readings, temperatures = [], []
+    for unit, rows in passes(scene):
+        node = node_of(unit, job.line.nests)
+        count = round(float(scene.need("since_power_s")[rows.start]) * rate_hz)
+        readings.append(encode.sample_frames(layout, node, time_ns[rows], reading[rows], first_count=count))
+        slow = slice(rows.start, rows.stop, max(1, round(TEMPERATURE_EVERY_S * rate_hz)))
+        temperatures.append(encode.temperature_frames(layout, node, time_ns[slow], shown[slow]))
+    seen, came = arrivals(scene, made.active, job.seed)
+    late_ns = np.rint(repeated_s(seen) * 1e9).astype(np.int64)
+    return [replace(Frames.join(readings)[came], time_ns=time_ns[seen] + late_ns), *temperatures]
+
+
+def _marks(campaign: Campaign, frames: Frames) -> Marks:
+    """The dwells, s from the log's first frame."""
+    visits = campaign.visits
+    zero_s = (int(frames.time_ns[0]) - EPOCH_NS) / 1e9
+    begins = campaign.started_s() + campaign.arrival_s() + campaign.recipe.settle.time_s - zero_s
+    dwell = np.array([r.dwell_s for r in campaign.rounds])[visits.run]
+    texts = zip(visits.unit.text(), visits.position.text(), visits.seating.text(), strict=True)
+    marks = (
+        Mark(
+            unit=unit,
+            node=node_of(int(visits.unit.code[i]), campaign.line.nests),
+            run=int(visits.run[i]),
+            visit=int(visits.visit[i]),
+            position=position,
+            start_s=round(float(begins[i]), 6),
+            end_s=round(float(begins[i] + dwell[i]), 6),
+            seating=seating,
+        )
+        for i, (unit, position, seating) in enumerate(texts)
+    )
+    return Marks(recipe=campaign.recipe.name, marks=tuple(marks))
