@@ -44,7 +44,7 @@ def read(log: Path, log_id: str) -> Head | str:
     """The head as kept, or a sentence that says why there is none for this log."""
     path = path_of(log)
     try:
-        said = json.loads(path.read_bytes()[:_LENGTH])
+        said = json.loads(path.read_bytes()[:_LENGTH] or b"null")
         head = Head(int(said["number"]), bytes.fromhex(said["hash"]).hex())
     except FileNotFoundError:
         return f"the head file {path} is missing, so a cut-off end of the log could not be seen"

@@ -46,9 +46,9 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
 
 def for_reading(path: Path) -> Database:
     """The log, opened so that nothing can be changed. Errors: LogError."""
-    if not path.is_file():
-        raise LogError(f"there is no log {path}; name one with --db FILE, or make one with `station run`")
     with told(LogError, path, "read"):
+        if not path.is_file():
+            raise LogError(f"there is no log {path}; name one with --db FILE, or make one with `station run`")
         connection = sqlite3.connect(_uri(path), uri=True, isolation_level=None, check_same_thread=False)
     try:
         with told(LogError, path, "read"):
@@ -69,10 +69,17 @@ def newest(connection: sqlite3.Connection, log_id: str) -> tuple[int, bytes]:
     return (row[0], row[1]) if row else (0, genesis(log_id))
 
 
+def seal_of(connection: sqlite3.Connection, number: int) -> bytes | None:
+    """The seal of the record with that number, whatever table it is in; None where there is none."""
+    found = " UNION ALL ".join(f"SELECT hash FROM {table} WHERE seq = :n" for table in COLUMNS)
+    row = connection.execute(found, {"n": number}).fetchone()
+    return None if row is None else bytes(row[0])
+
+
 def _uri(path: Path) -> str:
     """Read-only; on a medium that cannot be written, where SQLite could not make its index of the WAL, immutable."""
     alone = not path.with_name(path.name + "-wal").exists()
-    still = alone and not os.access(path.parent, os.W_OK)
+    still = alone and not os.access(path.parent, os.W_OK, effective_ids=True)
     return f"{path.resolve().as_uri()}?mode=ro{'&immutable=1' if still else ''}"
 
 

@@ -37,11 +37,6 @@ class Owner:
             self.release()
             raise
 
-    @property
-    def held(self) -> bool:
-        """Whether the lock is still ours."""
-        return self._handle >= 0
-
     def release(self) -> None:
         """Gives the log free; twice is harmless. The lock file stays: removing it would race with the next owner."""
         if self._handle >= 0:

@@ -3,7 +3,7 @@
 import hashlib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -43,18 +43,20 @@ class SqliteStore:
         self.path = path
         self._epoch_ns, self._signer = epoch_ns, signer
         self._turn = Lock()
-        self._owner = Owner(path, owner, time.time_ns())
-        try:
-            self._db = file.for_writing(path, busy_s)
-            with told(StoreFault, path, "opened"):
-                log_id = self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0]
-                self._anchor = anchor.Anchor(path, log_id)
-                self._number, self._hash = file.newest(self._db, log_id)
-        except StoreFault:
-            self._owner.release()
-            raise
         self._anchor_fault = ""
         self._open: dict[str, int] = {}
+        with ExitStack() as opened, told(StoreFault, path, "opened"):
+            opened.callback(Owner(path, owner, time.time_ns()).release)
+            self._db = file.for_writing(path, busy_s)
+            opened.callback(self._db.close)
+            log_id = self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0]
+            self._anchor = anchor.Anchor(path, log_id)
+            opened.callback(self._anchor.close)
+            self._number, self._hash = file.newest(self._db, log_id)
+            self._opened = opened.pop_all()
+        if self._number:
+            self._check_end(log_id)
+        self._keep_head(durable=True)
         self._name_key()
         for left in archive.left(self._db):
             with suppress(StationError):
@@ -133,11 +135,7 @@ class SqliteStore:
     def close(self) -> None:
         """Folds the write-ahead log into the file and gives the log free; twice is harmless."""
         with self._turn:
-            if not self._owner.held:
-                return
-            self._anchor.close()
-            self._db.close()
-            self._owner.release()
+            self._opened.close()
 
     def __enter__(self) -> "SqliteStore":
         return self
@@ -185,6 +183,18 @@ class SqliteStore:
             return int(row[0])
         self._append("document", key, kind, text)
         return self._number
+
+    def _check_end(self, log_id: str) -> None:
+        """A log whose end was cut off or replaced since it was last closed is not gone on with: that would hide it."""
+        kept = anchor.read(self.path, log_id)
+        if isinstance(kept, str):
+            self.event("", "head-file-lost", {"sentence": kept})
+        elif kept.number and file.seal_of(self._db, kept.number) != bytes.fromhex(kept.hash):
+            self.close()
+            raise StoreFault(
+                f"the log {self.path} is not as it was left at record {kept.number}: its end was cut off or replaced; "
+                f"keep it with its head file for `station audit --verify` and start a new log with --db"
+            )
 
     def _name_key(self) -> None:
         """The log says once, as a record like any other, with what key it is signed from here on."""

@@ -3,6 +3,7 @@
 import heapq
 import sqlite3
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
@@ -67,7 +68,7 @@ def findings(
             raise LogError(f"the log {path} cannot be read: {exc}") from exc
         yield Finding("damaged", "", 0, f"the file {path} is damaged and cannot be read further: {exc}")
     finally:
-        if connection.in_transaction:
+        with suppress(sqlite3.DatabaseError):  # of a damaged file even the end of a snapshot fails
             connection.execute("RELEASE verification")
         connection.text_factory = str
 

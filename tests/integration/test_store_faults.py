@@ -1,0 +1,278 @@
+"""Storage faults, real ones: each is a StoreFault with its sentence, and nothing is falsely kept or lost."""
+
+import resource
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sqlite_utils import Database
+from sqlite_utils.migrations import Migrations
+
+from station.adapters.store import file, schema
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Query
+from station.adapters.store.sqlite import SqliteStore
+from station.adapters.store.verify import Trust
+from station.errors import LogError, StationError, StoreFault
+from tests.fakes import logs
+
+SIDES = ("", "-wal", ".head")
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "station.db"
+
+
+def findings(path: Path) -> list[str]:
+    with LogReader(path) as log:
+        return [f.what for f in log.findings(Trust())]
+
+
+def outcomes(path: Path) -> list[str | None]:
+    with LogReader(path) as log:
+        return [a.outcome for a in log.attempts(Query())]
+
+
+def records(path: Path) -> int:
+    with LogReader(path) as log:
+        return log.head().number
+
+
+def steps(store: SqliteStore) -> Iterator[Callable[[], object]]:
+    """The calls of one attempt, one after the other."""
+    rng = np.random.default_rng(1)
+    attempt = store.begin(logs.begin())
+    yield lambda: store.result(attempt, "identity", {"software": "1.0.0"})
+    for number in range(3):
+        yield lambda number=number: store.visit([attempt], [logs.visit(number, rng)])
+    yield lambda: store.event(attempt, "x", {"text": "y" * 3000})
+    yield lambda: store.result(attempt, "verdict", {"outcome": "PASS"})
+    yield lambda: store.finish(attempt, "PASS", 1)
+
+
+@contextmanager
+def largest_file(size: int) -> Iterator[None]:
+    """No file may grow beyond `size` bytes: what a full disk or a quota does to writes (EFBIG in place of ENOSPC)."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_full_disk_at_any_write_is_a_sentence_and_every_acknowledged_record_is_kept(tmp_path: Path) -> None:
+    fresh = tmp_path / "fresh.db"
+    SqliteStore(fresh).close()
+    refused = 0
+    for limit in range(4096, 240_000, 8192):
+        path = tmp_path / f"{limit}.db"
+        for side in ("", ".head"):
+            shutil.copy(f"{fresh}{side}", f"{path}{side}")
+        acknowledged, failed = 0, False
+        store = SqliteStore(path)
+        with largest_file(limit):
+            try:
+                for step in steps(store):
+                    acknowledged = store.head().number
+                    step()
+                acknowledged = store.head().number
+            except StoreFault as fault:
+                failed = True
+                assert "cannot be written: the disk" in fault.sentence
+        refused += failed
+        assert store.head().number >= acknowledged
+        if failed:
+            assert set(outcomes(path)) <= {None}, "no PASS without its record"
+        store.close()
+        assert records(path) >= acknowledged
+        assert findings(path) == []
+    assert 5 < refused < 28, "some limits stop the attempt at some write, the largest let it through"
+
+
+def test_after_a_full_disk_the_same_store_goes_on(path: Path) -> None:
+    with SqliteStore(path) as store:
+        attempt = store.begin(logs.begin())
+        with largest_file(1000), pytest.raises(StoreFault, match="the disk"):
+            store.event(attempt, "x", {"text": "y" * 9000})
+        store.event(attempt, "space again", {})
+        store.finish(attempt, "ERROR", 1)
+    with LogReader(path) as log:
+        assert [e.kind for e in log.events()] == ["space again"]
+    assert findings(path) == []
+
+
+@pytest.fixture
+def public_path() -> Iterator[Path]:
+    """A log in a folder that plain users may enter; pytest's own are closed to them."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder).chmod(0o755)
+        yield Path(folder) / "station.db"
+        Path(folder).chmod(0o755)
+
+
+def test_a_read_only_file_is_refused_at_the_start(public_path: Path) -> None:
+    with SqliteStore(public_path) as store:
+        logs.unit(store)
+    public_path.chmod(0o444)
+    public_path.with_name("station.db.lock").chmod(0o666)
+    public_path.parent.chmod(0o555)
+    with logs.as_nobody(), pytest.raises(StoreFault, match="read-only; give the station the right to write the file"):
+        SqliteStore(public_path)
+
+
+def test_a_log_on_a_medium_that_cannot_be_written_can_still_be_read(public_path: Path) -> None:
+    with SqliteStore(public_path) as store:
+        logs.unit(store)
+    for side in ("", ".head"):
+        Path(f"{public_path}{side}").chmod(0o444)
+    public_path.parent.chmod(0o555)
+    with logs.as_nobody():
+        assert findings(public_path) == []
+
+
+def test_a_locked_file_is_a_sentence_after_a_short_wait(path: Path) -> None:
+    with SqliteStore(path, busy_s=0.05) as store:
+        attempt = store.begin(logs.begin())
+        other = sqlite3.connect(path)
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(StoreFault, match="another program holds it locked"):
+            store.event(attempt, "x", {})
+        other.close()
+        store.finish(attempt, "ERROR", 1)
+    assert findings(path) == []
+
+
+@pytest.mark.parametrize("page", range(1, 8))
+def test_a_corrupt_page_is_told_by_whoever_meets_it(path: Path, page: int) -> None:
+    with SqliteStore(path) as store:
+        for number in range(20):
+            logs.unit(store, f"SN{number}")
+    data = bytearray(path.read_bytes())
+    at = page * (len(data) // 4096 // 8) * 4096
+    data[at : at + 4096] = np.random.default_rng(page).bytes(4096)
+    path.write_bytes(data)
+    try:
+        found = findings(path)
+    except LogError as error:
+        found = ["damaged"]
+        assert "damaged" in error.sentence or "cannot be read" in error.sentence
+    assert found, "a damaged log is never called whole"
+
+
+def test_a_log_without_its_header_is_no_log(path: Path) -> None:
+    with SqliteStore(path) as store:
+        logs.unit(store)
+    data = bytearray(path.read_bytes())
+    data[:100] = bytes(100)
+    path.write_bytes(data)
+    for opened in (SqliteStore, LogReader):
+        with pytest.raises(StationError, match="its first page is damaged"):
+            opened(path)
+
+
+def extended(step: Callable[[Database], None]) -> Migrations:
+    """The schema of a newer station: one step more."""
+    newer = Migrations("station.log")
+    newer()(schema.first_tables)
+    newer(name="one_more")(step)
+    return newer
+
+
+def add_column(db: Database) -> None:
+    db.execute("ALTER TABLE attempt ADD COLUMN shift TEXT")
+
+
+def test_an_old_schema_is_migrated_with_a_backup_and_old_seals_still_hold(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with SqliteStore(path) as store:
+        logs.unit(store)
+        head = store.head()
+    monkeypatch.setattr(file, "migrations", extended(add_column))
+    with pytest.raises(LogError, match="of an older schema; open it once with `station run`"):
+        LogReader(path)
+    monkeypatch.setitem(schema.COLUMNS, "attempt", (*schema.COLUMNS["attempt"], "shift"))
+    with SqliteStore(path) as store:
+        assert store.head() == head
+    assert findings(path) == []
+    (backup,) = path.parent.glob("station.db.before-migration-*.bak")
+    monkeypatch.undo()
+    with LogReader(backup) as log:
+        assert (log.head(), log.count(Query())) == (head, 1)
+
+
+def test_a_migration_that_fails_leaves_the_log_as_it_was(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def half(db: Database) -> None:
+        add_column(db)
+        db.execute("ALTER TABLE nowhere ADD COLUMN x TEXT")
+
+    with SqliteStore(path) as store:
+        logs.unit(store)
+    monkeypatch.setattr(file, "migrations", extended(half))
+    with pytest.raises(StoreFault, match="cannot be opened"):
+        SqliteStore(path)
+    monkeypatch.undo()
+    with SqliteStore(path) as store:
+        logs.unit(store)
+    assert findings(path) == []
+
+
+def test_a_newer_schema_is_refused_by_writer_and_reader(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(file, "migrations", extended(add_column))
+    SqliteStore(path).close()
+    monkeypatch.undo()
+    with pytest.raises(StoreFault, match=r"written by a newer station .* update this one"):
+        SqliteStore(path)
+    with pytest.raises(LogError, match="written by a newer station"):
+        LogReader(path)
+
+
+def copy(path: Path, folder: Path) -> Path:
+    """The files as a power cut would leave them: shared memory is gone."""
+    folder.mkdir()
+    for side in SIDES:
+        if Path(f"{path}{side}").exists():
+            shutil.copy(f"{path}{side}", f"{folder / path.name}{side}")
+    return folder / path.name
+
+
+def test_a_power_cut_after_any_call_loses_nothing_that_was_acknowledged(path: Path, tmp_path: Path) -> None:
+    left = []
+    with SqliteStore(path) as store:
+        for number, step in enumerate(steps(store)):
+            left.append((copy(path, tmp_path / f"cut{number}"), store.head()))
+            step()
+        left.append((copy(path, tmp_path / "cut"), store.head()))
+    for restored, head in left:
+        with SqliteStore(restored) as store:
+            assert store.head().number >= head.number
+            open_attempts = store.unfinished()
+            assert len(open_attempts) == (0 if restored == left[-1][0] else 1)
+        assert findings(restored) == []
+
+
+def test_a_torn_write_ahead_log_gives_a_shorter_log_and_the_head_file_says_so(path: Path, tmp_path: Path) -> None:
+    SqliteStore(path).close()
+    with SqliteStore(path) as store:
+        for step in steps(store):
+            step()
+        head = store.head()
+        torn = copy(path, tmp_path / "torn")
+    wal = Path(f"{torn}-wal")
+    main, whole = torn.read_bytes(), wal.read_bytes()
+    told = set()
+    for cut in np.linspace(0, len(whole) - 1, 25).astype(int):
+        Path(f"{torn}-shm").unlink(missing_ok=True)
+        torn.write_bytes(main)
+        wal.write_bytes(whole[:cut])
+        assert records(torn) < head.number
+        assert findings(torn) == ["truncated"]
+        told.add(records(torn))
+    assert len(told) > 5
