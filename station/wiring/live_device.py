@@ -1,0 +1,133 @@
+"""`station device`: simulated devices on a real bus, in a world that text commands turn."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from station.adapters.bus.socketcan import SocketCan
+from station.adapters.clock import SystemClock
+from station.adapters.dbc import read_layouts
+from station.adapters.device import eds, fault
+from station.adapters.device.live import Hub, serve
+from station.adapters.device.memory import NonVolatile
+from station.adapters.device.simulated import SimulatedDevice, Timing, listens_to
+from station.adapters.device.simulated_stream import Sensor
+from station.config.products import load_product, product_path
+from station.domain.frames import SensorLayout, resolve
+from station.domain.product import kept_serial
+from station.domain.recipe import UP
+from station.domain.types import Floats
+from station.errors import ProductError, UsageError
+
+#: Spread of the units: gain and cross-axis, 1; offset and noise, as fractions of full scale.
+_GAIN_STD, _OFFSET_STD, _NOISE_STD = 0.01, 0.01, 0.0002
+_NODES = range(1, 128)
+
+
+@dataclass(frozen=True, slots=True)
+class Population:
+    """Which devices are wanted, one serial per node. memory: folder of what they save; faults: in their text form."""
+
+    product: str
+    channel: str
+    nodes: tuple[int, ...]
+    serials: tuple[str, ...]
+    rate_hz: float | None = None
+    seed: int = 1
+    memory: Path | None = None
+    faults: tuple[str, ...] = ()
+    flash_s: float = Timing().flash_s
+
+
+class World:
+    """What every device of the process feels: the true vector in its own frame, and the temperature."""
+
+    def __init__(self) -> None:
+        self.true = np.array([0.0, 0.0, 1.0])
+        self.temperature_degC = 23.0
+
+    def obey(self, line: str) -> None:
+        """One command: `up +x`, `true X Y Z` or `temperature DEGC`. Errors: UsageError."""
+        verb, *words = line.split() or [""]
+        try:
+            if verb == "up":
+                self.true = UP[words[0]].copy()
+            elif verb == "true":
+                self.true = np.array([float(word) for word in words]).reshape(3)
+            else:
+                self.temperature_degC = {"temperature": float(words[0])}[verb]
+        except (ValueError, KeyError, IndexError):
+            raise UsageError(f"{line[:40]!r} is none of: up +x, true X Y Z, temperature DEGC") from None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """One unit's true errors: measured = matrix · true + offset + noise; offset (3), noise in the sensor's unit."""
+
+    matrix: Floats
+    offset: Floats
+    noise: float
+
+    def sensed(self, world: World, rng: np.random.Generator) -> Callable[[Floats], Floats]:
+        """instants (n) → readings (n, 3)."""
+        return lambda times_s: (
+            self.matrix @ world.true + self.offset + self.noise * rng.standard_normal((len(times_s), 3))
+        )
+
+
+class LiveDevices:
+    """The devices of one process on one bus. bodies: serial → its true errors, drawn from the seed.
+
+    Errors: those of product and bus; UsageError where nodes and serials do not pair up.
+    """
+
+    def __init__(self, wanted: Population) -> None:
+        _check(wanted)
+        where = product_path(wanted.product)
+        product = load_product(wanted.product)
+        if product.eds is None:
+            raise ProductError(f"{where} names no eds, so no such device can be simulated; add eds: FILE")
+        self.world, self.bodies = World(), dict[str, Body]()
+        self._wanted, self._map, self._eds = wanted, product.map, where.parent / product.eds
+        self._layout: SensorLayout = resolve(product.frames, read_layouts(where.parent / product.frames.dbc))
+        self._clock = SystemClock()
+        self._bus = SocketCan(wanted.channel)
+        self._hub = Hub(self._bus.service(tuple(sorted({i for node in wanted.nodes for i in listens_to(node)}))))
+        self._devices = [self._device(n, s) for n, s in zip(wanted.nodes, wanted.serials, strict=True)]
+
+    def live(self, go_on: Callable[[], bool]) -> None:
+        """Serves the bus for as long as `go_on()`, then leaves it."""
+        try:
+            serve(self._hub, self._devices, self._clock, go_on)
+        finally:
+            self._bus.close()
+
+    def _device(self, node: int, serial: str) -> SimulatedDevice:
+        wanted, rng = self._wanted, np.random.default_rng([self._wanted.seed, node])
+        full_scale = self._layout.axes[0].raw_limits()[1] * self._layout.axes[0].scale
+        matrix = np.eye(3) + _GAIN_STD * rng.standard_normal((3, 3))
+        offset = _OFFSET_STD * full_scale * rng.standard_normal(3)
+        body = self.bodies[serial] = Body(matrix, offset, _NOISE_STD * full_scale)
+        sense = body.sensed(self.world, rng)
+        return SimulatedDevice(
+            self._hub.endpoint(),
+            self._clock,
+            eds.load(self._eds, node),
+            self._map,
+            Sensor(self._layout, sense, lambda _: self.world.temperature_degC, wanted.rate_hz),
+            serial=kept_serial(self._map.serial, serial),
+            memory=None if wanted.memory is None else NonVolatile.of_serial(wanted.memory, serial),
+            timing=Timing(turnaround_s=0.0, flash_s=wanted.flash_s, block_s=0.0),
+            faults=[fault.parse(text) for text in wanted.faults],
+        )
+
+
+def _check(wanted: Population) -> None:
+    if len(wanted.nodes) != len(wanted.serials):
+        count = f"{len(wanted.nodes)} nodes and {len(wanted.serials)} serials"
+        raise UsageError(f"{count} were given; give one --serial for each --node")
+    for node in wanted.nodes:
+        if node not in _NODES or wanted.nodes.count(node) > 1:
+            raise UsageError(f"node {node} is taken twice or is not 1 to 127; give each device its own")
