@@ -72,6 +72,8 @@ class WriteBack:
         except DeviceSilent as exc:
             self._keep(command, "unknown", None)
             self._station.store.event(unit.attempt, "save-unanswered", {"sentence": exc.sentence})
+            # It may still be writing its flash: a reset now would break that off.
+            self._station.clock.sleep(self._station.settings.timeouts.save_s)
         else:
             self._keep(command, "written", None)
 

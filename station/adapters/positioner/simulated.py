@@ -29,7 +29,9 @@ class Simulated:
     by_hand = False
 
     class Settings(Part):
-        """error_deg: standard deviation of each arrival about each axis; fault: what breaks after `after` stops."""
+        """error_deg: standard deviation of each arrival about each axis; fault: what breaks after `after` stops;
+        encoder_lies: where() says what was asked for.
+        """
 
         speed_deg_s: Positive = 90.0
         acceleration_deg_s2: Positive = 180.0
@@ -38,6 +40,7 @@ class Simulated:
         seed: int = 1
         fault: Literal["none", "stuck", "slow", "wrong-place"] = "none"
         after: Annotated[int, Field(ge=0)] = 0
+        encoder_lies: bool = False
 
     def __init__(self, settings: "Simulated.Settings", clock: Clock, moving: Moving | None = None) -> None:
         self._settings = settings
@@ -48,6 +51,7 @@ class Simulated:
         self._turn = np.zeros(3)
         self._began_s = self._arrives_s = clock.monotonic_s()
         self._moves = 0
+        self._asked = np.eye(3)
 
     def move(self, stop: Stop, timeout_s: float) -> None:
         """Turns to the stop and waits until it is there; PositionerFault when that takes longer than `timeout_s`."""
@@ -56,12 +60,14 @@ class Simulated:
         if self._broken("wrong-place"):
             goal = rotation.about(np.array([1.0, 1.0, 0.0]), 90.0) @ goal
         self._moves += 1
+        self._asked = stop.nest
         self._go(goal, timeout_s, f"position {stop.position!r}", stop)
 
     def where(self) -> Floats:
         """Nest → station rotation (3, 3) as the encoders read it."""
         error = self._rng.normal(0.0, math.radians(self._settings.encoder_deg), 3)
-        return np.asarray(rotation.from_vector(error) @ self.at(self._clock.monotonic_s()))
+        seen = self._asked if self._settings.encoder_lies else self.at(self._clock.monotonic_s())
+        return np.asarray(rotation.from_vector(error) @ seen)
 
     def estimate_s(self, origin: Stop | None, stop: Stop) -> float:
         """Time of the move by the trapezium of speed."""
