@@ -123,7 +123,7 @@ def test_long_values_in_segments_and_in_blocks(vcan: Interface, node_device: Dev
 def test_what_candump_saw_is_what_the_client_did(
     vcan: Interface, node_device: Device, station: Station, candump: Callable[[Interface], Candump]
 ) -> None:
-    node_device(vcan, node=NODE)
+    node_device(vcan, node=NODE, heartbeat_ms=0)
     device = station(vcan)
     wire = candump(vcan)
     device.download(0x2104, 0, bytes.fromhex("3143414c"))
