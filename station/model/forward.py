@@ -63,8 +63,8 @@ def read(signal: Signal, base: Base, active: Active = NOTHING) -> Floats:
     unit = scene.visits.unit.code
     at_rest = np.einsum("vij,vj->vi", base.matrix[unit], signal.at_stop) + base.offset[unit]
     reading = np.asarray(at_rest[scene.visit])
-    moving = signal.true - signal.at_stop[scene.visit]
-    if moving.any():
+    if signal.moving:
+        moving = signal.true - signal.at_stop[scene.visit]
         reading += np.einsum("nij,nj->ni", base.matrix[unit][scene.visit], moving)
     for acting in active.values():
         if isinstance(acting.effect, SensorEffect):
@@ -80,7 +80,7 @@ def feel(scene: Scene, active: Active = NOTHING) -> Signal:
     for acting in active.values():
         if isinstance(acting.effect, StimulusEffect):
             true = true + acting.effect.apply(rest, acting.by_row(scene))
-    return Signal(scene, true, at_stop)
+    return Signal(scene, true, at_stop, moving=true is not rest.true)
 
 
 def on_the_way(signal: Signal, moving: NDArray[np.bool_], plate: Floats) -> Signal:
@@ -97,7 +97,7 @@ def on_the_way(signal: Signal, moving: NDArray[np.bool_], plate: Floats) -> Sign
     seated = np.einsum("mji,mjk,mkl->mil", visits.seat_R[rows], left, visits.seat_R[rows])
     true = signal.true.copy()
     true[moving] = np.einsum("mij,mj->mi", seated, true[moving])
-    return replace(signal, true=true)
+    return replace(signal, true=true, moving=True)
 
 
 def resting(scene: Scene, active: Active = NOTHING) -> Floats:

@@ -91,11 +91,15 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signal:
-    """What the sensor feels: true (n, 3) in the device's frame; at_stop (v, 3) the resting vector of each visit."""
+    """What the sensor feels: true (n, 3) in the device's frame; at_stop (v, 3) the resting vector of each visit.
+
+    moving: whether any row differs from the resting vector of its visit.
+    """
 
     scene: Scene
     true: Floats
     at_stop: Floats
+    moving: bool = False
 
     @property
     def step(self) -> Floats:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from station.adapters.samples.columns import GOLD, KNOWN, REQUIRED, SCHEMA, kind_of, type_of
-from station.domain.types import SampleTable
+from station.domain.types import Labels, SampleTable
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -53,16 +53,24 @@ def _batch(table: SampleTable) -> "pa.RecordBatch":
 
     gold = {} if table.gold is None else dict(zip(GOLD, table.gold.T, strict=True))
     columns: dict[str, Any] = {
-        "unit": table.unit.text(),
+        "unit": _text(table.unit),
         "run": table.run,
         "visit": table.visit,
-        "position": table.position.text(),
+        "position": _text(table.position),
         "time_s": table.time_s,
         **dict(zip("xyz", table.reading.T, strict=True)),
-        **{k: v.text() for k, v in table.labels.items()},
+        **{k: _text(v) for k, v in table.labels.items()},
         **{k: np.asarray(v, float) for k, v in table.values.items()},
         **gold,
     }
     order = [n for n in (*REQUIRED, *KNOWN) if n in columns]
     arrays = [pa.array(columns[n], type_of(n)) for n in dict.fromkeys(order)]
     return pa.RecordBatch.from_arrays(arrays, names=list(dict.fromkeys(order)))
+
+
+def _text(labels: Labels) -> "pa.Array":
+    """A text column; no Python string is made for a row."""
+    import pyarrow as pa
+
+    names = pa.array(labels.names, pa.string())
+    return pa.DictionaryArray.from_arrays(pa.array(labels.code, pa.int32()), names).dictionary_decode()
