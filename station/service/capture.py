@@ -90,7 +90,7 @@ class Capture:
         said: set[str] = set()
         frames, turned = Frames.empty(), False
         while clock.monotonic_s() < deadline_s:
-            frames = Frames.join([frames, self._look(LOOK_S)])
+            frames = Frames.join([frames, self._look(DWELL_LOOK_S)])
             frames = frames[frames.time_ns > clock.epoch_ns() - round(2 * HOLD_BY_HAND_S * 1e9)]
             windows = [self._window(frames, unit, HOLD_BY_HAND_S) for unit in units]
             if not all(at_rest(w, self._noise, self._lsb) for w in windows):

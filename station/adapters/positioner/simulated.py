@@ -55,13 +55,18 @@ class Simulated:
 
     def move(self, stop: Stop, timeout_s: float) -> None:
         """Turns to the stop and waits until it is there; PositionerFault when that takes longer than `timeout_s`."""
+        self.begin(stop)
+        self._wait(timeout_s, f"position {stop.position!r}")
+
+    def begin(self, stop: Stop) -> None:
+        """Starts the turn to a stop and returns at once."""
         error = self._rng.normal(0.0, math.radians(self._settings.error_deg), 3)
         goal = rotation.from_vector(error) @ stop.nest
         if self._broken("wrong-place"):
             goal = rotation.about(np.array([1.0, 1.0, 0.0]), 90.0) @ goal
         self._moves += 1
         self._asked = stop.nest
-        self._go(goal, timeout_s, f"position {stop.position!r}", stop)
+        self._go(goal, stop)
 
     def where(self) -> Floats:
         """Nest → station rotation (3, 3) as the encoders read it."""
@@ -76,7 +81,8 @@ class Simulated:
 
     def park(self, timeout_s: float) -> None:
         """Turns back to the identity, where units are loaded."""
-        self._go(np.eye(3), timeout_s, "its parking place")
+        self._go(np.eye(3), None)
+        self._wait(timeout_s, "its parking place")
 
     def plate(self, time_s: Floats) -> Floats:
         """True nest → station rotations (n, 3, 3) at instants (n) of the clock's monotonic seconds, from the last
@@ -90,7 +96,7 @@ class Simulated:
         """True nest → station rotation (3, 3) at one instant."""
         return np.asarray(self.plate(np.array([time_s]))[0])
 
-    def _go(self, goal: Floats, timeout_s: float, place: str, stop: Stop | None = None) -> None:
+    def _go(self, goal: Floats, stop: Stop | None) -> None:
         now_s = self._clock.monotonic_s()
         self._origin = self.at(now_s)
         self._turn = rotation.to_vector(goal @ self._origin.T)
@@ -100,6 +106,9 @@ class Simulated:
         self._began_s, self._arrives_s = now_s, now_s + took_s
         if stop is not None and self._moving is not None:
             self._moving(stop, self._began_s, self._arrives_s)
+
+    def _wait(self, timeout_s: float, place: str) -> None:
+        took_s = self._arrives_s - self._began_s
         self._clock.sleep(min(took_s, timeout_s))
         if took_s > timeout_s:
             self._origin, self._turn = self.at(self._clock.monotonic_s()), np.zeros(3)

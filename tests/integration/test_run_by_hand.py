@@ -1,0 +1,102 @@
+"""The fixture turned by a person: the station sees the right face, says the wrong one, and fails no unit for it."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from station.adapters.positioner.manual import Manual
+from station.adapters.positioner.simulated import Simulated
+from station.domain import plan
+from station.domain.plan import Stop
+from station.domain.progress import StopStarted, Told
+from station.domain.recipe import Recipe
+from station.domain.types import Outcome
+from station.errors import PositionerFault
+from station.wiring import Bench
+from tests.fakes import fixture_run
+
+
+class Person:
+    """An actor of simulated time who turns the simulated fixture some seconds after being asked; stop by stop,
+    perhaps to other positions first. Behind it is the simulated positioner, which the simulated devices stand on."""
+
+    by_hand = True
+
+    def __init__(self, rig: Simulated, clock: object, recipe: Recipe, wrong: dict[str, str], delay_s: float) -> None:
+        self._rig, self._clock, self._wrong, self._delay_s = rig, clock, wrong, delay_s
+        every = [*plan.stops(recipe, 0), *plan.verification(recipe, 0, len(recipe.positions))]
+        self._stops = {s.position: s for s in every}
+        self._todo: list[tuple[float, Stop]] = []
+        self._estimate = Manual(Manual.Settings(), None)  # type: ignore[arg-type]
+        clock.attach(self)  # type: ignore[attr-defined]
+
+    def move(self, stop: Stop, timeout_s: float) -> None:
+        now = self._clock.monotonic_s()  # type: ignore[attr-defined]
+        first = self._wrong.get(stop.position)
+        if first is not None:
+            self._todo.append((now + self._delay_s, self._stops[first]))
+            now += 3 * self._delay_s
+        self._todo.append((now + self._delay_s, stop))
+
+    def where(self) -> None:
+        return None
+
+    def estimate_s(self, origin: Stop | None, stop: Stop) -> float:
+        return self._estimate.estimate_s(origin, stop)
+
+    def park(self, timeout_s: float) -> None:
+        self._todo.clear()
+
+    def next_due_s(self) -> float:
+        return self._todo[0][0] if self._todo else np.inf
+
+    def act(self, now_s: float) -> None:
+        while self._todo and self._todo[0][0] <= now_s:
+            self._rig.begin(self._todo.pop(0)[1])
+
+
+def by_hand(wrong: dict[str, str] | None = None, delay_s: float = 2.0):  # type: ignore[no-untyped-def]
+    def wrap(bench: Bench) -> Bench:
+        station = bench.station
+        assert isinstance(station.positioner, Simulated)
+        person = Person(station.positioner, station.clock, bench.job.recipe, wrong or {}, delay_s)
+        return replace(bench, station=replace(station, positioner=person))
+
+    return wrap
+
+
+def sentences(events: Iterator[Told]) -> list[str]:
+    return [e.sentence for e in events]
+
+
+def test_each_face_is_asked_for_and_recognised(tmp_path: Path) -> None:
+    ran = fixture_run.run(tmp_path, units=2, wrap=by_hand())
+    assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
+    asked = [e.sentence for e in ran.of(StopStarted)]
+    assert asked[2] == "bring position 'x-up' up (+x of the unit) and let go"
+    assert len(asked) == 8
+    assert not ran.of(Told)
+
+
+def test_a_wrong_face_gets_a_sentence_and_not_a_failed_unit(tmp_path: Path) -> None:
+    ran = fixture_run.run(tmp_path, units=2, wrap=by_hand({"x-up": "y-down", "z-down": "x-down"}))
+    assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
+    told = sentences(ran.of(Told))
+    assert told == [
+        "nest A shows -x up; bring position 'z-down' up (-z of the unit) and let go",
+        "nest B shows -x up; bring position 'z-down' up (-z of the unit) and let go",
+        "nest A shows -y up; bring position 'x-up' up (+x of the unit) and let go",
+        "nest B shows -y up; bring position 'x-up' up (+x of the unit) and let go",
+    ]
+    kinds = [v["kind"] for v in ran.life("SN0001")["visits"]]
+    assert kinds == ["tumble"] * 6 + ["verify"] * 2, "no visit was measured on the wrong face"
+
+
+def test_when_nobody_turns_it_the_station_says_so(tmp_path: Path) -> None:
+    timeouts = {"timeouts": {"face_s": 20}}
+    ran = fixture_run.run(tmp_path, config=fixture_run.config(tmp_path, **timeouts), wrap=by_hand(delay_s=60.0))
+    assert ran.results["SN0001"].outcome is Outcome.ERROR
+    assert isinstance(ran.fault, PositionerFault)
+    assert "within 20 s; start again when somebody is there" in ran.fault.sentence
