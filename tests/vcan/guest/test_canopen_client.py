@@ -9,6 +9,7 @@ import pytest
 from vcan_harness.interface import Interface
 from vcan_harness.node import NodeDevice
 from vcan_harness.programs import Candump
+from vcan_harness.raw import RawSocket
 
 from station.adapters.bus.socketcan import SocketCan
 from station.adapters.clock import SystemClock
@@ -169,13 +170,23 @@ def test_a_late_confirmation_is_not_taken_for_another_ones(
 
 
 def test_a_silent_device_and_two_on_one_node_id_are_told_apart(
-    vcan: Interface, node_device: Device, station: Station
+    vcan: Interface, node_device: Device, station: Station, raw_socket: Callable[..., RawSocket]
 ) -> None:
-    unit = node_device(vcan, node=NODE)
-    device = station(vcan)
+    unit = node_device(vcan, node=NODE, heartbeat_ms=0, serial=42)
+    device, wire = station(vcan), raw_socket(vcan)
+
+    def read(sub: int) -> int:
+        """Reads one number of the identity, and lets the second answer come in as well."""
+        value = int.from_bytes(device.upload(0x1018, sub), "little")
+        answers = 0
+        while answers < 2:
+            answers += wire.receive()[0] == 0x580 + NODE
+        return value
+
     unit.fault(twice=True)
+    assert [read(2), read(4)] == [0xACC, 42]
     with pytest.raises(BusFault, match="two devices share this node id"):
-        device.identify()
+        device.upload(0x1018, 3)
     unit.fault(silent=True)
     with pytest.raises(DeviceSilent):
         device.upload(0x1018, 4, 0.5)

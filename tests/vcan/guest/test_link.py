@@ -61,13 +61,17 @@ def test_a_shaped_bus_carries_frames_at_its_bit_rate(
 ) -> None:
     link = shaped_vcan(bitrate)
     sender, receiver = raw_socket(link.near), raw_socket(link.far)
-    frames = 1 + bitrate // 1000
-    started = time.monotonic()
-    for i in range(frames):
-        sender.send(i, bytes(8))
-    received = [receiver.receive() for _ in range(frames)]
-    elapsed_s = time.monotonic() - started
-    expected_s = (frames - 1) * 135 / bitrate  # the bucket holds two frames, the first goes at once
-    assert received == [(i, bytes(8)) for i in range(frames)]
-    assert elapsed_s > 0.95 * expected_s - 2 * 135 / bitrate
-    assert elapsed_s < 1.5 * expected_s + 0.1
+    frames = [(i, bytes(8)) for i in range(50)]
+
+    def round_s() -> float:
+        started = time.monotonic()
+        for can_id, data in frames:
+            sender.send(can_id, data)
+        assert [receiver.receive() for _ in frames] == frames
+        return time.monotonic() - started
+
+    rounds_s = [round_s() for _ in range(5)]
+    # The bucket holds two frames, which go at once. No round beats the bus; one at least was not held up elsewhere.
+    wire_s = (len(frames) - 2) * 135 / bitrate
+    assert min(rounds_s) >= wire_s
+    assert min(rounds_s) < 1.25 * wire_s

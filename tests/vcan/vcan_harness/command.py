@@ -26,5 +26,5 @@ def run(
         raise OSError(f"{' '.join(words)}: not done within {timeout_s:g} s") from error
     if done.returncode:
         said = done.stderr.strip() or done.stdout.strip() or f"exit code {done.returncode}"
-        raise OSError(f"{' '.join(words)}: {said}")
+        raise OSError(f"{' '.join(words)}:\n{said}")
     return done.stdout

@@ -89,15 +89,16 @@ def _download(packages: list[str], archives: Path, work: Path) -> None:
         return _apt(into, install)
     (work / "lists" / "partial").mkdir(parents=True)
     own = [*into, f"Dir::State={work}", f"Dir::State::lists={work}/lists/", "Dir::State::status=/var/lib/dpkg/status"]
-    with suppress(OSError):  # one dead source among several is no harm; what counts is the download
-        _apt(own, ["update"])
+    why = ""
+    try:
+        _apt([*own, "APT::Update::Error-Mode=any"], ["update"])
+    except OSError as error:  # one dead source among several is no harm; what counts is the download
+        why = f"{str(error).splitlines()[-1]}; "
     try:
         return _apt(own, install)
     except OSError as error:
-        last = str(error).splitlines()[-1]
-        raise Unavailable(
-            f"apt-get cannot fetch {' '.join(packages)} ({last}); install them, or repair apt."
-        ) from error
+        why += str(error).splitlines()[-1]
+        raise Unavailable(f"apt-get cannot fetch {' '.join(packages)} ({why}); install them, or repair apt.") from error
 
 
 def _apt(options: list[str], arguments: list[str]) -> None:
