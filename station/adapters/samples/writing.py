@@ -1,6 +1,6 @@
 """A samples table into a file, piece by piece."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,12 +22,16 @@ def write_samples(table: SampleTable, path: Path) -> None:
     write_parts([table], path)
 
 
-def write_parts(tables: Iterable[SampleTable], path: Path) -> None:
-    """The same for a table that comes in parts with the same columns; memory follows the part and not the file."""
+def write_parts(tables: Iterable[SampleTable], path: Path, more: Mapping[str, str] | None = None) -> None:
+    """The same for a table that comes in parts with the same columns; memory follows the part and not the file.
+
+    more: said in a Parquet file's metadata beside the schema; a CSV has no place for it.
+    """
     kind = kind_of(path)
     batches = (_batch(table[a : a + PIECE]) for table in tables for a in range(0, max(len(table), 1), PIECE))
     first = next(batches)
-    (_write_csv if kind == "csv" else _write_parquet)(path, first.schema, chain([first], batches))
+    schema = first.schema.with_metadata({**(more or {}), "schema": SCHEMA})
+    (_write_csv if kind == "csv" else _write_parquet)(path, schema, chain([first], batches))
 
 
 def _write_csv(path: Path, schema: "pa.Schema", batches: Iterable["pa.RecordBatch"]) -> None:
@@ -42,10 +46,9 @@ def _write_parquet(path: Path, schema: "pa.Schema", batches: Iterable["pa.Record
     import pyarrow as pa
     from pyarrow import parquet
 
-    marked = schema.with_metadata({"schema": SCHEMA})
-    with parquet.ParquetWriter(str(path), marked, compression="zstd") as writer:
+    with parquet.ParquetWriter(str(path), schema, compression="zstd") as writer:
         for batch in batches:
-            writer.write_table(pa.Table.from_batches([batch]).replace_schema_metadata({"schema": SCHEMA}))
+            writer.write_table(pa.Table.from_batches([batch]).replace_schema_metadata(schema.metadata))
 
 
 def _batch(table: SampleTable) -> "pa.RecordBatch":

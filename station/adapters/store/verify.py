@@ -59,7 +59,7 @@ def findings(
     try:
         connection.execute("SAVEPOINT verification")
         yield from _schema(db)
-        yield from _chain(db, _anchors(db, kept, trust), _verifier(db, trust), progress)
+        yield from _chain(db, kept, trust, progress)
         yield from _head(db, kept)
         yield from _frames(db)
         yield from _pages(db)
@@ -101,17 +101,20 @@ def _verifier(db: Database, trust: Trust) -> Callable[[bytes, bytes], bool] | No
 
 def _chain(
     db: Database,
-    anchors: Mapping[int, bytes],
-    verify: Callable[[bytes, bytes], bool] | None,
+    kept: Head | str | None,
+    trust: Trust,
     progress: Callable[[int], None],
 ) -> Iterator[Finding]:
-    walk = Walk(chain.genesis(log_id(db)), anchors, verify)
+    anchors = _anchors(db, kept, trust)
+    walk = Walk(chain.genesis(log_id(db)), anchors, _verifier(db, trust))
     streams = [_records(db, table) for table in COLUMNS]
     for record in heapq.merge(*streams, key=attrgetter("number")):
         yield from walk.step(record)
         if record.number % _PROGRESS == 0:
             progress(record.number)
     yield from chain.tail(walk.number, anchors)
+    if trust.public_key is not None and not walk.signed:
+        yield Finding("unsigned", "", 0, "no record of this log is signed, so it says nothing against the key given")
 
 
 def _records(db: Database, table: str) -> Iterator[Sealed]:

@@ -1,0 +1,173 @@
+"""The work of `station export`: each file is written beside its place and moved there whole."""
+
+import csv
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Attempt, Query
+from station.cli import _face
+from station.errors import LogError, UsageError
+from station.wiring import stored
+
+RESULTS_SCHEMA = "station.results/1"
+_ENDINGS = {"samples": (".parquet", ".csv"), "results": (".parquet", ".csv", ".json"), "frames": (".log", ".blf")}
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Files to write, or None."""
+
+    samples: Path | None
+    results: Path | None
+    frames: Path | None
+
+    def check(self) -> None:
+        """UsageError where nothing is wanted, or a name says nothing that can be written."""
+        given = {name: path for name, path in asdict(self).items() if path is not None}
+        if not given:
+            raise UsageError("nothing to write; name a file with --samples, --results or --frames")
+        for name, path in given.items():
+            if path.suffix.lower() not in _ENDINGS[name]:
+                raise UsageError(f"--{name} {path}: its ending must be one of {', '.join(_ENDINGS[name])}")
+            if not path.parent.is_dir():
+                raise UsageError(f"--{name} {path}: there is no folder {path.parent}; make it first")
+
+
+def choose(log: LogReader, query: Query, serials: Sequence[str], ids: Sequence[str]) -> list[Attempt]:
+    """The attempts meant, oldest first. Errors: LogError when there is none."""
+    queries = [replace(query, serial=serial) for serial in serials] or [query]
+    found = {a.number: a for q in queries for a in log.attempts(q) if not ids or a.attempt in ids}
+    if not found:
+        raise LogError(f"the log {log.path} holds no such attempt; `station audit` lists those it holds")
+    return [found[number] for number in sorted(found)]
+
+
+def export(log: LogReader, attempts: Sequence[Attempt], wanted: Wanted, *, as_json: bool) -> int:
+    """Writes what is wanted and says so; the exit code."""
+    wanted.check()
+    files = []
+    if wanted.samples is not None:
+        files.append(_file(log, attempts, wanted.samples, lambda path: _samples(log, attempts, path)))
+    if wanted.results is not None:
+        files.append(_file(log, attempts, wanted.results, lambda path: _results(log, attempts, path)))
+    if wanted.frames is not None:
+        files.append(_file(log, attempts, wanted.frames, lambda path: _frames(log, attempts, path)))
+        files[-1]["marks"] = str(_marks_of(wanted.frames))
+    if as_json:
+        _face.say_json({"schema": "station.export/1", "files": files})
+        return 0
+    for told in files:
+        _face.say(f"{told['path']}: {told['rows']} {told['what']} of {len(attempts)} attempts, sha256 {told['sha256']}")
+    _face.say(f"head of {log.path}: {files[0]['head']['number']}:{files[0]['head']['hash']}")
+    return 0
+
+
+def _file(log: LogReader, attempts: Sequence[Attempt], path: Path, write: Any) -> dict[str, Any]:
+    """Writes one file and, beside it, what it is and what log it came from."""
+    with _moved_there(path) as unfinished:
+        what, rows = write(unfinished)
+    told = {
+        "path": str(path),
+        "what": what,
+        "rows": rows,
+        "sha256": _sha256(path),
+        "log": str(log.path),
+        "head": asdict(log.head()),
+        "attempts": [a.attempt for a in attempts],
+    }
+    beside = path.with_name(path.name + ".export.json")
+    with _moved_there(beside) as unfinished:
+        unfinished.write_text(json.dumps({"schema": "station.export/1", **told}, indent=1), encoding="utf-8")
+    return told
+
+
+def _samples(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[str, int]:
+    from station.adapters.samples import write_parts
+
+    rows = 0
+
+    def counted() -> Iterator[Any]:
+        nonlocal rows
+        with _face.progress() as bar:
+            task = bar.add_task("samples", total=len(attempts))
+            for table in stored.samples(log, attempts):
+                rows += len(table)
+                bar.advance(task)
+                yield table
+
+    tables = counted()
+    first = next(tables, None)
+    if first is None:
+        raise LogError("these attempts hold no stops, so there are no samples to write")
+    head = log.head()
+    write_parts(chain([first], tables), path, {"head": f"{head.number}:{head.hash}"})
+    return "samples", rows
+
+
+def _results(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[str, int]:
+    rows = list(stored.results(log, attempts))
+    if path.suffix.lower() == ".json":
+        document = {"schema": RESULTS_SCHEMA, "head": asdict(log.head()), "results": rows}
+        path.write_text(json.dumps(document, ensure_ascii=False, indent=1), encoding="utf-8")
+    elif path.suffix.lower() == ".csv":
+        with path.open("w", encoding="utf-8", newline="") as file:
+            table = csv.DictWriter(file, list(rows[0]))
+            table.writeheader()
+            table.writerows(rows)
+    else:
+        _results_parquet(rows, log, path)
+    return "results", len(rows)
+
+
+def _results_parquet(rows: Sequence[dict[str, Any]], log: LogReader, path: Path) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    head = log.head()
+    table = pa.Table.from_pylist(list(rows))
+    parquet.write_table(
+        table.replace_schema_metadata({"schema": RESULTS_SCHEMA, "head": f"{head.number}:{head.hash}"}), path
+    )
+
+
+def _frames(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[str, int]:
+    from station.adapters.bus import write_log
+    from station.adapters.marks import write_marks
+
+    found, marks = stored.frames(log, attempts)
+    write_log(path, found)
+    with _moved_there(_marks_of(path.with_name(path.name.removeprefix(".writing-")))) as unfinished:
+        write_marks(unfinished, marks)
+    return "frames", len(found)
+
+
+def _marks_of(path: Path) -> Path:
+    return path.with_name(path.name + ".marks.csv")
+
+
+@contextmanager
+def _moved_there(path: Path) -> Iterator[Path]:
+    """A place to write to; the file appears under its name only when it is whole and on the disk."""
+    unfinished = path.with_name(f".writing-{path.name}")
+    try:
+        yield unfinished
+        with unfinished.open("rb") as file:
+            os.fsync(file.fileno())
+        unfinished.replace(path)
+    except OSError as exc:
+        raise UsageError(f"{path} cannot be written ({exc.strerror or exc}); choose another place") from exc
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,54 @@
+"""`station export`: what the log keeps, for other programs."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+
+def command(
+    samples: Annotated[Path | None, Option(help="Samples table to write: .parquet or .csv.")] = None,
+    results: Annotated[Path | None, Option(help="One row an attempt to write: .parquet, .csv or .json.")] = None,
+    frames: Annotated[Path | None, Option(help="Raw CAN frames to write: .log (candump) or .blf, with marks.")] = None,
+    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    serial: Annotated[list[str] | None, Option(help="Only this unit; repeatable.")] = None,
+    attempt: Annotated[list[str] | None, Option(help="Only this attempt, by its id; repeatable.")] = None,
+    recipe: Annotated[str | None, Option(help="Attempts with this recipe, by name.")] = None,
+    station: Annotated[str | None, Option(help="Attempts at this station.")] = None,
+    nest: Annotated[str | None, Option(help="Attempts in this nest.")] = None,
+    lot: Annotated[str | None, Option(help="Attempts of this lot.")] = None,
+    outcome: Annotated[str | None, Option(help="PASS, FAIL, ERROR, ABORTED or INTERRUPTED.")] = None,
+    since: Annotated[str | None, Option(help="Begun then or later: 2026-11-21, 2026-11-21T13:00, 7d.")] = None,
+    until: Annotated[str | None, Option(help="Begun before.")] = None,
+) -> int:
+    """Write samples, results and raw frames of stored attempts into files.
+
+    Everything of the last week, for a notebook:
+
+        station export --since 7d --samples week.parquet --results week.csv
+
+    The raw frames of one unit with marks, so that `station replay` computes the same coefficients again:
+
+        station export --serial SN0042 --frames SN0042.log
+
+    Beside each file stands FILE.export.json with the file's SHA-256 and the head of the log it came from.
+    """
+    from station.adapters.store.search import Query
+    from station.cli import _export
+    from station.cli._log import open_log, time_ns
+
+    query = Query(
+        station=station,
+        nest=nest,
+        lot=lot,
+        recipe_name=recipe,
+        outcome=None if outcome is None else outcome.upper(),
+        since_ns=time_ns(since, "--since"),
+        until_ns=time_ns(until, "--until"),
+    )
+    wanted = _export.Wanted(samples, results, frames)
+    with open_log(db, config) as log:
+        found = _export.choose(log, query, serial or [], attempt or [])
+        return _export.export(log, found, wanted, as_json=json)

@@ -1,0 +1,196 @@
+"""`station audit` and `station export` over a log that the run itself wrote."""
+
+import csv
+import json
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+
+from station.cli.app import main
+from tests.fakes import fixture_run, logs
+
+Out = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two units that passed, one that failed and passed at its second attempt."""
+    folder = tmp_path_factory.mktemp("audit")
+    fixture_run.run(folder, ["SN0001", "SN0002"])
+    tight = fixture_run.recipe(folder, limits={"offset": 1e-6})
+    fixture_run.run(folder, ["SN0003"], recipe=tight)
+    fixture_run.run(folder, ["SN0003"])
+    return folder / "station.db"
+
+
+def station(*args: object) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main([str(a) for a in args])
+    return int(ended.value.code or 0)
+
+
+def asked(capsys: Out, *args: object) -> Any:
+    station(*args, "--json")
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_units_whole_life_with_every_attempt(db: Path, capsys: Out) -> None:
+    life = asked(capsys, "audit", "SN0003", "--db", db)
+    assert (life["schema"], life["serial"], life["count"]) == ("station.audit/1", "SN0003", 2)
+    failed, passed = life["attempts"]
+    assert (failed["outcome"], passed["outcome"]) == ("FAIL", "PASS")
+    assert failed["writes"] == []
+    assert {"identity", "calibration", "verdict", "verification"} <= {r["name"] for r in passed["results"]}
+    assert [v["kind"] for v in passed["visits"]] == ["tumble"] * 6 + ["verify"] * 2
+    assert all({"mean", "std", "count", "gaps", "kernel_drops"} <= set(v["statistics"]) for v in passed["visits"])
+    last = {w["object"]: w for w in passed["writes"]}
+    assert last["2101:01"]["read_back"] == last["2101:01"]["written"] != last["2101:01"]["old"]
+    assert len(passed["recipe_hash"]) == len(passed["config_hash"]) == 64
+    assert life["head"]["number"] >= passed["seal"]["number"] > failed["seal"]["number"]
+
+
+def test_a_life_is_readable_too(db: Path, capsys: Out) -> None:
+    assert station("audit", "SN0003", "--db", db) == 0
+    said = capsys.readouterr().out
+    for part in ("1. SN0003: FAIL", "2. SN0003: PASS", "beyond 1e-06", "2101:01", "verify-tilt", "sealed", "head of"):
+        assert part in said
+
+
+def test_calibrations_come_out_again_bit_for_bit(db: Path, capsys: Out) -> None:
+    assert station("audit", "--recompute", "--db", db, "--json") == 0
+    again = json.loads(capsys.readouterr().out)["recompute"]
+    assert [r["serial"] for r in again] == ["SN0003", "SN0003", "SN0002", "SN0001"]
+    assert all(r["identical"] and r["compared"] > 200 for r in again)
+
+
+def test_one_changed_bit_of_a_stored_coefficient_is_told(db: Path, tmp_path: Path, capsys: Out) -> None:
+    copy = tmp_path / "station.db"
+    with sqlite3.connect(db) as source, sqlite3.connect(copy) as target:
+        source.backup(target)
+    with logs.unguarded(copy) as edited:
+        number, text = edited.execute("SELECT seq, document FROM result WHERE name = 'calibration'").fetchone()
+        document = json.loads(text)
+        document["matrix"][1][2] = float(np.nextafter(document["matrix"][1][2], 1))
+        edited.execute("UPDATE result SET document = ? WHERE seq = ?", (json.dumps(document), number))
+    assert station("audit", "SN0001", "--recompute", "--verify", "--db", copy) == 2
+    said = capsys.readouterr().out
+    assert f"edited: result record {number} was edited" in said
+    assert "1 of" in said
+    assert "come out differently: matrix[1][2]" in said
+
+
+def test_containment_is_one_question(db: Path, capsys: Out) -> None:
+    def serials(*options: str) -> list[str]:
+        return [a["serial"] for a in asked(capsys, "audit", "--db", db, *options)["attempts"]]
+
+    assert serials("--outcome", "fail") == ["SN0003"]
+    assert serials("--recipe", "six-point", "--nest", "B") == ["SN0002"]
+    assert serials("--firmware", "1.0.0", "--limit", "2") == ["SN0003", "SN0003"]
+    assert serials("--firmware", "9.9.9") == []
+    assert serials("--until", "2020-01-01") == []
+    assert serials("--since", "2020-01-01", "--station", "bench-1") == ["SN0003", "SN0003", "SN0002", "SN0001"]
+
+
+def test_the_chain_is_whole_and_answers_to_its_printed_head(db: Path, capsys: Out) -> None:
+    told = asked(capsys, "audit", "--verify", "--db", db)
+    assert told["verify"] == {"records": told["head"]["number"], "whole": True, "findings": []}
+    printed = f"{told['head']['number']}:{told['head']['hash']}"
+    assert station("audit", "--verify", "--db", db, "--head", printed) == 0
+    assert station("audit", "--verify", "--db", db, "--head", f"{told['head']['number'] + 5}:{'0' * 64}") == 2
+    assert "its end was cut off" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (["SN9999"], "holds no such attempt of serial 'SN9999'"),
+        (["--since", "yesterday"], "--since 'yesterday' is no time; write 2026-11-21"),
+        (["--head", "5:ab"], "--head wants NUMBER:HASH"),
+        (["--head", f"5:{'a' * 64}"], "add --verify"),
+        (["--limit", "0"], "--limit"),
+        (["--verify", "--key", "none.pem"], "openssl genpkey"),
+    ],
+)
+def test_wrong_questions_end_in_one_sentence(db: Path, args: list[str], said: str, capsys: Out) -> None:
+    assert station("audit", *args, "--db", db) == 2
+    shown = capsys.readouterr()
+    assert said in shown.err
+    assert shown.err.count("\n") == 1
+
+
+def test_samples_results_and_frames_go_out_with_the_head_they_came_from(db: Path, tmp_path: Path, capsys: Out) -> None:
+    table, rows, log = tmp_path / "s.parquet", tmp_path / "r.csv", tmp_path / "SN0001.log"
+    told = asked(capsys, "export", "--db", db, "--samples", table, "--results", rows)
+    head = f"{told['files'][0]['head']['number']}:{told['files'][0]['head']['hash']}"
+    metadata = parquet.read_metadata(table).metadata
+    assert (metadata[b"schema"], metadata[b"head"]) == (b"station.samples/1", head.encode())
+    read = parquet.read_table(table).to_pydict()
+    assert sorted({(u, r) for u, r in zip(read["unit"], read["run"], strict=True)}) == [
+        ("SN0001", 0),
+        ("SN0002", 0),
+        ("SN0003", 0),
+        ("SN0003", 1),
+    ], "a serial that was tried again goes on counting its runs"
+    with rows.open() as file:
+        results = list(csv.DictReader(file))
+    assert [(r["serial"], r["outcome"]) for r in results] == [
+        ("SN0001", "PASS"),
+        ("SN0002", "PASS"),
+        ("SN0003", "FAIL"),
+        ("SN0003", "PASS"),
+    ]
+    assert station("export", "--db", db, "--serial", "SN0001", "--frames", log) == 0
+    assert head in capsys.readouterr().out
+    beside = json.loads((tmp_path / "SN0001.log.export.json").read_text())
+    assert (f"{beside['head']['number']}:{beside['head']['hash']}", len(beside["attempts"])) == (head, 1)
+
+
+def unit(document: Any, serial: str) -> dict[str, Any]:
+    return next(u for u in document["units"] if u["serial"] == serial)
+
+
+@pytest.mark.parametrize("ending", ["log", "blf"])
+def test_an_exported_log_replays_to_the_same_coefficients(db: Path, tmp_path: Path, ending: str, capsys: Out) -> None:
+    log = tmp_path / f"both.{ending}"
+    asked(capsys, "export", "--db", db, "--serial", "SN0001", "--serial", "SN0002", "--frames", log)
+    replayed = asked(capsys, "replay", log)
+    for serial in ("SN0001", "SN0002"):
+        (life,) = asked(capsys, "audit", serial, "--db", db)["attempts"]
+        kept = next(r["document"] for r in life["results"] if r["name"] == "calibration")
+        told = unit(replayed, serial)
+        assert (told["offset"], told["matrix"]) == (kept["offset"], kept["matrix"])
+
+
+def test_an_exported_table_calibrates_to_the_same_coefficients(db: Path, tmp_path: Path, capsys: Out) -> None:
+    table, out = tmp_path / "s.csv", tmp_path / "c.json"
+    asked(capsys, "export", "--db", db, "--serial", "SN0002", "--samples", table)
+    station("calibrate", "--samples", table, "--recipe", "six-point", "--json", out)
+    capsys.readouterr()
+    (life,) = asked(capsys, "audit", "SN0002", "--db", db)["attempts"]
+    kept = next(r["document"] for r in life["results"] if r["name"] == "calibration")
+    told = unit(json.loads(out.read_text()), "SN0002")
+    assert np.allclose(told["offset"], kept["offset"], rtol=0, atol=1e-12)
+    assert np.allclose(told["matrix"], kept["matrix"], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        ([], "nothing to write"),
+        (["--samples", "a.xlsx"], "its ending must be one of .parquet, .csv"),
+        (["--frames", "nowhere/a.log"], "there is no folder nowhere"),
+        (["--results", "a.csv", "--serial", "SN9"], "holds no such attempt"),
+        (["--frames", "a.log", "--serial", "SN0001", "--serial", "SN0003"], "overlap in time on node"),
+    ],
+)
+def test_exports_that_cannot_be_end_in_one_sentence(
+    db: Path, tmp_path: Path, args: list[str], said: str, capsys: Out, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert station("export", *args, "--db", db) == 2
+    assert said in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [], "nothing half-written is left"

@@ -1,0 +1,102 @@
+"""A short form of benchmarks/torture_edits.py: whatever is done to the log behind the station's back is found."""
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+from benchmarks import torture_edits
+from station.adapters.store import keys
+from station.adapters.store.reader import LogReader
+from station.adapters.store.sqlite import SqliteStore
+from station.adapters.store.verify import Trust
+from station.domain.chain import Finding
+from station.errors import ConfigError, UsageError
+from tests.conftest import SEED
+from tests.fakes import logs
+
+
+def findings(path: Path, trust: Trust = Trust()) -> list[Finding]:  # noqa: B008 - frozen
+    with LogReader(path) as log:
+        return list(log.findings(trust))
+
+
+@pytest.fixture
+def key_file(tmp_path: Path) -> Path:
+    path = tmp_path / "station.key"
+    pem = (serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    path.write_bytes(Ed25519PrivateKey.generate().private_bytes(*pem))
+    return path
+
+
+def test_every_random_edit_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "station.db"
+    torture_edits.make(path)
+    made, missed = torture_edits.torture(path, 400, SEED)
+    assert missed == []
+    assert made.total() == 400
+    assert set(made) == {"change", "delete", "frames", "insert", "notes", "renumber", "swap", "truncate"}
+
+
+def test_every_random_edit_of_a_signed_log_is_found(tmp_path: Path, key_file: Path) -> None:
+    path = tmp_path / "station.db"
+    torture_edits.make(path, keys.signer(key_file))
+    assert torture_edits.torture(path, 150, SEED)[1] == []
+
+
+@pytest.mark.parametrize(
+    ("edit", "what", "said"),
+    [
+        ("UPDATE attempt SET serial = 'SN9'", "edited", "attempt record 3 was edited"),
+        ("DELETE FROM result WHERE seq = 4", "deleted", "record 4 is missing"),
+        ("DELETE FROM visit", "deleted", "records 5 to 6 are missing"),
+        ("UPDATE visit SET seq = 99 WHERE seq = 6", "deleted", "record 6 is missing"),
+        ("DELETE FROM archive", "truncated", "the log ends at record 11 but once reached 12"),
+        ("UPDATE head SET number = 3", "edited", "the log's own note"),
+    ],
+)
+def test_the_edited_record_is_named(tmp_path: Path, edit: str, what: str, said: str) -> None:
+    path = tmp_path / "station.db"
+    with SqliteStore(path) as store:
+        logs.unit(store)
+    with logs.unguarded(path) as db:
+        db.execute(edit)
+    assert any(f.what == what and said in f.sentence for f in findings(path))
+
+
+def test_a_guard_that_was_taken_off_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "station.db"
+    SqliteStore(path).close()
+    db = sqlite3.connect(path)
+    db.execute("DROP TRIGGER visit_no_delete")
+    db.close()
+    assert [(f.what, f.kind) for f in findings(path)] == [("unguarded", "visit_no_delete")]
+
+
+def test_a_log_rebuilt_by_somebody_else_shows_against_key_and_printed_head(tmp_path: Path, key_file: Path) -> None:
+    real, forged = tmp_path / "station.db", tmp_path / "forged" / "station.db"
+    forged.parent.mkdir()
+    with SqliteStore(real, signer=keys.signer(key_file)) as store:
+        logs.unit(store, outcome="FAIL")
+        head = store.head()
+    with SqliteStore(forged) as store:
+        logs.unit(store, outcome="PASS")
+    public = keys.public(key_file)
+    printed = {head.number: bytes.fromhex(head.hash)}
+    assert findings(real, Trust(printed, public)) == []
+    assert findings(real) == []
+    assert [f.what for f in findings(forged, Trust(public_key=public))] == ["unsigned"]
+    assert [f.what for f in findings(forged, Trust(printed))] == ["truncated"]
+
+
+def test_a_key_that_is_none_is_one_sentence(tmp_path: Path, key_file: Path) -> None:
+    assert keys.public(key_file) == keys.signer(key_file).public_key
+    wrong = tmp_path / "wrong.key"
+    wrong.write_text("hello")
+    for broken in (wrong, tmp_path / "none.key"):
+        with pytest.raises(ConfigError, match="openssl genpkey"):
+            keys.signer(broken)
+        with pytest.raises(UsageError, match="openssl genpkey"):
+            keys.public(broken)
