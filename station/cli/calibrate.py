@@ -11,6 +11,9 @@ def command(
     recipe: Annotated[str, Option(help="Recipe: a file, or its name in recipes/.")],
     json: Annotated[Path | None, Option(help="Write station.calibration/1 there; - is standard output.")] = None,
     budget: Annotated[bool, Option("--budget", help="Print every unit's uncertainty budget.")] = False,
+    compare_models: Annotated[
+        bool, Option("--compare-models", help="Would quadratic or cubic terms explain more?")
+    ] = False,
     pictures: Annotated[Path | None, Option(help="Folder for pictures (SVG) of every unit.")] = None,
 ) -> int:
     """Calibrate from a samples table: coefficients, uncertainty, residual and tilt of each position, verdict.
@@ -23,6 +26,7 @@ def command(
 
         station calibrate --samples samples.parquet --recipe tilt-24 --budget --pictures pictures
     """
-    from station.cli._calibrate import calibrate_file
+    from station.cli._calibrate import Wanted, calibrate_file
 
-    return calibrate_file(samples, recipe, json, pictures, with_budget=budget)
+    wanted = Wanted(json, pictures, budget=budget, compare_models=compare_models)
+    return calibrate_file(samples, recipe, wanted)

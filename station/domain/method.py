@@ -4,8 +4,8 @@ Units come first in every array: one unit is a batch of one, and no unit's numbe
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol, cast
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,8 @@ class Problem:
 
     mean, true (u, v, 3) readings and truths in the recipe's unit; cov (u, v, 3, 3), quantisation, dof (u, v, 3) and
     temperature_degC (u, v): see Stops; magnitude (u, v) of the truth; pose (v) number of the pose: same position and
-    seating, same pose; pose_std_rad: expected error of a pose about each axis; nuisance (v, q): see Sensor.nuisance;
+    seating, same pose; pose_std_rad: expected error of a pose about each axis; scatter_pose, scatter_stop (u): further
+    variance of a reading, common to the stops of a pose or each stop's own; nuisance (v, q): see Sensor.nuisance;
     model: matrix | offset-gain; pose_known: whether `true` is known.
     """
 
@@ -37,6 +38,8 @@ class Problem:
     magnitude: Floats
     pose: NDArray[np.intp]
     pose_std_rad: float
+    scatter_pose: Floats
+    scatter_stop: Floats
     nuisance: Floats
     model: str
     pose_known: bool
@@ -44,6 +47,16 @@ class Problem:
     def visits_of_pose(self) -> NDArray[np.intp]:
         """How many stops share the pose of each stop (v)."""
         return np.bincount(self.pose)[self.pose]
+
+    def scatter(self) -> Floats:
+        """Variance (u, v) that weights are to know of beside noise, as `visits_of_pose` stops share a pose's."""
+        return self.scatter_stop[:, None] + self.scatter_pose[:, None] * self.visits_of_pose()
+
+    def take(self, rows: NDArray[np.intp]) -> "Problem":
+        """The same for some of the units."""
+        by_unit = ("mean", "cov", "quantisation", "dof", "temperature_degC", "true", "magnitude")
+        more = ("scatter_pose", "scatter_stop")
+        return replace(self, **{name: getattr(self, name)[rows] for name in (*by_unit, *more)})
 
     def without_nuisance(self) -> "Problem":
         """The same, with nothing but the stimulus acting on the sensor."""
@@ -56,8 +69,9 @@ class Fit:
 
     theta (u, 12); jacobian (u, 12, v, 3): derivative of theta by each reading; free (12) bool: estimated at all;
     residual (u, v, 3) measured − modelled; tilt_rad, tilt_std_rad (u, v): see Calibration; disturbed (u, v) bool;
-    chi2, dof (u): squared residuals over what noise and declared pose errors explain, and their degrees of freedom;
-    pose_std_rad (u): pose error about each axis as found, 0 where the method cannot tell; notes: sentences a unit.
+    misfit (u, v, a): what the method made small, with the variances (u, v, a) that noise and declared pose errors give
+    it; parameters: how many it fitted to that; pose_std_rad (u): pose error about each axis as found, 0 where the
+    method cannot tell; notes: sentences a unit.
     """
 
     theta: Floats
@@ -67,16 +81,33 @@ class Fit:
     tilt_rad: Floats
     tilt_std_rad: Floats
     disturbed: NDArray[np.bool_]
-    chi2: Floats
-    dof: Floats
+    misfit: Floats
+    noise: Floats
+    pose_variance: Floats
+    parameters: int
     pose_std_rad: Floats
     notes: tuple[tuple[str, ...], ...]
 
+    def with_units(self, rows: NDArray[np.intp], other: "Fit") -> "Fit":
+        """The same with the units `rows` replaced by those of another fit."""
+        out: dict[str, Any] = {}
+        for f in fields(Fit):
+            mine, theirs = getattr(self, f.name), getattr(other, f.name)
+            if f.name == "notes":
+                out[f.name] = tuple((dict(enumerate(mine)) | dict(zip(rows.tolist(), theirs, strict=True))).values())
+            elif f.name not in ("free", "parameters"):
+                mine = mine.copy()
+                mine[rows] = theirs
+                out[f.name] = mine
+        return replace(self, **out)
+
 
 class Method(Protocol):
-    """A calibration method. open_ended: whether it takes any number of positions."""
+    """A calibration method. open_ended: whether it takes any number of positions; by_magnitude: whether it fits the
+    magnitudes of the readings, one number a stop, and not the three readings themselves."""
 
     open_ended: ClassVar[bool]
+    by_magnitude: ClassVar[bool]
 
     def check(self, recipe: Recipe) -> None:
         """RecipeError when the recipe's positions are not those the method wants."""
@@ -97,9 +128,10 @@ def problem(recipe: Recipe, units: Sequence[Stops]) -> Problem:
     """The problem of units whose stops are the same, one by one, in position and seating."""
     first = units[0]
     keys = list(zip(first.position, first.seating, strict=True))
+    # Of hand-held stops nobody knows which were alike.
+    known = recipe.pose_known
     number = {key: i for i, key in enumerate(dict.fromkeys(keys))}
     true = np.stack([s.true for s in units])
-    known = recipe.pose_known
     return Problem(
         mean=np.stack([s.mean for s in units]),
         cov=np.stack([s.cov for s in units]),
@@ -108,7 +140,9 @@ def problem(recipe: Recipe, units: Sequence[Stops]) -> Problem:
         temperature_degC=np.stack([s.temperature_degC for s in units]),
         true=true,
         magnitude=np.linalg.norm(true, axis=2) if known else np.full(true.shape[:2], recipe.reference.strength()),
-        pose=np.array([number[k] for k in keys], np.intp),
+        pose=np.array([number[k] for k in keys], np.intp) if known else np.arange(len(keys)),
+        scatter_pose=np.zeros(len(units)),
+        scatter_stop=np.zeros(len(units)),
         pose_std_rad=float(np.deg2rad(recipe.reference.pose_std_deg)),
         nuisance=nuisance(recipe, first.position, first.seating, first.true),
         model=recipe.model,

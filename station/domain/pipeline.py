@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.domain import design, method, quality, rank, references, uncertainty
+from station.domain import design, method, quality, rank, references, scatter, uncertainty
 from station.domain.coefficients import matrix_of, offset_of
 from station.domain.judge import judge
 from station.domain.method import Fit, Problem
@@ -90,8 +90,7 @@ def _solve(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Resu
 
 def _solve_alike(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Result]:
     stops = [s for _, s, _ in units]
-    problem = method.problem(recipe, stops)
-    fit = method.of(recipe).fit(problem)
+    problem, fit = scatter.solve(method.of(recipe), method.problem(recipe, stops))
     budgets = uncertainty.budgets(recipe, problem, fit, stops, rounding)
     return [_result(recipe, unit, problem, fit, budgets[u], u) for u, unit in enumerate(units)]
 
@@ -124,7 +123,7 @@ def _calibration(
         tilt_std_deg=np.rad2deg(fit.tilt_std_rad[u]),
         disturbed=fit.disturbed[u],
         residual_rms=float(rms),
-        notes=(*_disturbed(stops, fit, u), *_lack(budget), *fit.notes[u], *told),
+        notes=(*_disturbed(stops, fit, u), *_scatter(budget, recipe.unit), *fit.notes[u], *told),
     )
 
 
@@ -137,11 +136,11 @@ def _disturbed(stops: Stops, fit: Fit, u: int) -> Iterator[str]:
         )
 
 
-def _lack(budget: Budget) -> Iterator[str]:
-    if budget.parts[uncertainty.LACK][0, 0] > 0:
+def _scatter(budget: Budget, unit: str) -> Iterator[str]:
+    if budget.scatter > 0:
         yield (
-            f"residuals are {budget.lack:.1f} times what noise and declared pose errors explain; the uncertainty was "
-            f"widened to match"
+            f"stops scatter by {budget.scatter:.2g} {unit} beyond what noise and declared pose errors explain; the "
+            f"uncertainty was widened to match"
         )
 
 

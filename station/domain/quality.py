@@ -94,9 +94,13 @@ def _drifted(visits: Visits) -> NDArray[np.bool_]:
 
 
 def _rejected(visits: Visits) -> Iterator[str]:
-    for v in np.flatnonzero(visits.dwells.rejected):
-        lost, of = int(visits.dwells.rejected[v]), int(visits.dwells.count[v])
-        yield f"{lost} of {of} readings at {_place(visits, v)} lie far from the others and were left out"
+    d = visits.dwells
+    if d.rejected.any():
+        v = int(np.argmax(d.rejected))
+        yield (
+            f"{int(d.rejected.sum())} of {int(d.count.sum())} readings lie far from the others of their visit and were "
+            f"left out, most at {_place(visits, v)}: {int(d.rejected[v])} of {int(d.count[v])}"
+        )
 
 
 def _coarse(recipe: Recipe, visits: Visits) -> Iterator[str]:
@@ -115,9 +119,14 @@ def _coarse(recipe: Recipe, visits: Visits) -> Iterator[str]:
 
 
 def _drifts(recipe: Recipe, visits: Visits) -> Iterator[str]:
-    for v, i in np.argwhere(_drifted(visits)):
-        size = -float(visits.dwells.drift[v, i])
-        yield f"axis {'xyz'[i]} drifts by {size:+.2g} {recipe.unit} from first to second half at {_place(visits, v)}"
+    drifted = _drifted(visits)
+    if drifted.any():
+        size = np.where(drifted, np.abs(visits.dwells.drift), 0.0)
+        v, i = np.unravel_index(int(np.argmax(size)), size.shape)
+        yield (
+            f"readings drift within {int(drifted.any(axis=1).sum())} of {len(visits)} visits, most on axis {'xyz'[i]} "
+            f"at {_place(visits, v)}: {-visits.dwells.drift[v, i]:+.2g} {recipe.unit} from first to second half"
+        )
 
 
 def _single(visits: Visits) -> Iterator[str]:

@@ -8,16 +8,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc
 
-from station.domain import coefficients, noise, sensor
+from station.domain import coefficients, noise, scatter, sensor
 from station.domain.method import Fit, Problem
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, Stops
 
-#: Residuals are larger than noise explains when chance would do it this rarely.
-LACK_LEVEL = 1e-3
-LACK = "lack of fit"
+#: The budget line for what stops differ by beyond noise and declared pose errors (station.domain.scatter).
+SCATTER = "scatter"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,14 +23,14 @@ class Budget:
     """Covariances (12, 12) of one unit by cause, their sum, and the degrees of freedom (12) of its diagonal.
 
     Standard deviations are to be read with a normal quantile: ± 1.96 of them cover 95 %, although noise is itself
-    an estimate (the covariance is widened by (t₀.₉₇₅,ν/1.96)² where it is). lack: residuals over what noise and
-    declared pose errors explain (a standard-deviation ratio), 1 when they agree.
+    an estimate (the covariance is widened by (t₀.₉₇₅,ν/1.96)² where it is). scatter: standard deviation, in the
+    recipe's unit, of what stops differ by beyond noise and declared pose errors; 0 when those explain the residuals.
     """
 
     parts: Mapping[str, Floats]
     total: Floats
     dof: Floats
-    lack: float
+    scatter: float
 
     def std(self, cause: str | None = None) -> Floats:
         """Standard uncertainties (12), of one cause or of all."""
@@ -65,23 +63,35 @@ def budgets(recipe: Recipe, problem: Problem, fit: Fit, units: Sequence[Stops], 
         "temperature": _temperature(recipe, problem, fit),
         "rounding": np.broadcast_to(np.diag(np.where(fit.free, rounding, 0.0) ** 2), (len(units), 12, 12)),
     }
-    factor = lack_of_fit(fit)
-    explained = parts["noise"] + parts["quantisation"] + (0.0 if fit.pose_std_rad.any() else parts["position"])
-    parts[LACK] = (factor - 1)[:, None, None] * explained
+    found = scatter.lack(problem, fit)
+    parts[SCATTER] = _scatter(problem, fit, found)
     total = np.sum(list(parts.values()), axis=0)
     total = (total + total.transpose(0, 2, 1)) / 2
+    spread = problem.scatter_pose + problem.scatter_stop
     dof = _dof(problem, parts["noise"], total)
     return [
-        Budget({k: v[u] for k, v in parts.items()}, total[u], dof[u], float(np.sqrt(fit.chi2[u] / max(fit.dof[u], 1))))
+        Budget({k: v[u] for k, v in parts.items()}, total[u], dof[u], float(np.sqrt(spread[u])))
         for u in range(len(units))
     ]
 
 
-def lack_of_fit(fit: Fit) -> Floats:
-    """Factor (u) on the explained variance that the residuals ask for: 1, or χ²/ν widened (Birge 1932)."""
-    dof = np.maximum(fit.dof, 1)
-    loud = (fit.dof > 0) & (chdtrc(dof, fit.chi2) < LACK_LEVEL)
-    return np.where(loud, np.maximum(fit.chi2 / dof * noise.widening(dof), 1.0), 1.0)
+def _scatter(problem: Problem, fit: Fit, found: scatter.Lack) -> Floats:
+    """Covariance (u, 12, 12) from scatter of stops, and from scatter that the stops of a pose share."""
+    u, _, v, _ = fit.jacobian.shape
+    stop = problem.scatter_stop * noise.widening(np.maximum(found.dof_within, 1))
+    pose = problem.scatter_pose * noise.widening(np.maximum(found.dof_between, 1))
+    own = fit.jacobian.reshape(u, 12, 3 * v)
+    shared = _by_pose(problem, fit.jacobian.transpose(0, 1, 3, 2))
+    of_stop = stop[:, None, None] * (own @ own.transpose(0, 2, 1))
+    return np.asarray(of_stop + pose[:, None, None] * (shared @ shared.transpose(0, 2, 1)))
+
+
+def _by_pose(problem: Problem, effect: Floats) -> Floats:
+    """Sums of effects (u, 12, k, v) over the stops of each pose: (u, 12, k · poses)."""
+    order = np.argsort(problem.pose, kind="stable")
+    first = np.flatnonzero(np.r_[True, np.diff(problem.pose[order]) > 0])
+    summed = np.add.reduceat(effect[..., order], first, axis=3)
+    return np.asarray(summed.reshape(*summed.shape[:2], -1))
 
 
 def _diagonal(variance: Floats) -> Floats:
@@ -114,9 +124,7 @@ def _position(recipe: Recipe, problem: Problem, fit: Fit) -> Floats:
     turned = np.cross(np.eye(3)[None, :, None], problem.true[:, None])
     felt = turned @ coefficients.matrix_of(fit.theta)[:, None].transpose(0, 1, 3, 2)
     effect = np.einsum("uivk,uavk->uiav", fit.jacobian, felt)
-    order = np.argsort(problem.pose, kind="stable")
-    first = np.flatnonzero(np.r_[True, np.diff(problem.pose[order]) > 0])
-    by_pose = np.add.reduceat(effect[..., order], first, axis=3).reshape(u, 12, -1) * std[:, None, None]
+    by_pose = _by_pose(problem, effect) * std[:, None, None]
     return np.asarray(by_pose @ by_pose.transpose(0, 2, 1))
 
 

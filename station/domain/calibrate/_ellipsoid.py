@@ -18,12 +18,13 @@ ARRIVED = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ellipsoid:
-    """b (u, 3), K (u, 3, 3), residual r (u, v) of the magnitudes, their variance (u, v), derivative J (u, v, 9) of r
-    by the parameters, G (u, 9, v, 3) of the parameters by the readings, leverage H (u, v), converged (u) bool."""
+    """b (u, 3), K (u, 3, 3), residual r (u, v) of the magnitudes, its variance (u, v) by noise and in all, derivative
+    J (u, v, 9) of r by the parameters and G (u, 9, v, 3) of those by the readings, leverage H (u, v), converged (u)."""
 
     b: Floats
     K: Floats
     r: Floats
+    noise: Floats
     variance: Floats
     J: Floats
     G: Floats
@@ -52,6 +53,7 @@ def fit(problem: Problem, keep: Floats) -> Ellipsoid:
         b=p[:, :3],
         K=_upper(p[:, 3:]),
         r=r,
+        noise=_noise(slope, problem),
         variance=variance,
         J=J,
         G=-gain[..., None] * slope[:, None],
@@ -86,8 +88,13 @@ def _linearise(p: Floats, problem: Problem) -> tuple[Floats, Floats, Floats, Flo
     n = felt / np.maximum(size, 1e-300)[..., None]
     slope = n @ K
     J = np.concatenate([-slope, n[..., ROWS] * apart[..., COLUMNS]], axis=2)
+    return size - problem.magnitude, J, _noise(slope, problem) + problem.scatter(), slope
+
+
+def _noise(slope: Floats, problem: Problem) -> Floats:
+    """Variance (u, v) of r that noise of the means makes."""
     variance = (slope[:, :, None, :] @ problem.cov @ slope[..., None])[..., 0, 0]
-    return size - problem.magnitude, J, np.maximum(variance, (1e-9 * problem.magnitude) ** 2), slope
+    return np.maximum(variance, (1e-9 * problem.magnitude) ** 2)
 
 
 def _cost(p: Floats, problem: Problem, keep: Floats) -> Floats:

@@ -36,7 +36,8 @@ def solve(problem: Problem, columns: tuple[tuple[int, ...], ...], *, weighted: b
 
     weighted: weights are inverse variances of noise and declared pose error; otherwise all stops count alike.
     """
-    variance = expected_variance(problem)
+    noise, pose = variances(problem)
+    variance = noise + pose * problem.visits_of_pose()[:, None] + problem.scatter()[..., None]
     keep = np.ones(variance.shape[:2])
     for _ in range(max(len(problem.pose) // 4, 1)):
         axes = _regressions(problem, columns, variance, keep, weighted)
@@ -44,19 +45,18 @@ def solve(problem: Problem, columns: tuple[tuple[int, ...], ...], *, weighted: b
         if not worst.any():
             break
         keep = np.where(worst, 0.0, keep)
-    return _fit(problem, columns, axes, variance, keep)
+    return _fit(problem, columns, axes, (noise, pose), keep)
 
 
-def expected_variance(problem: Problem) -> Floats:
-    """Variance (u, v, 3) of a mean about the model: noise, and pose errors that stops of one pose share.
+def variances(problem: Problem) -> tuple[Floats, Floats]:
+    """Variances (u, v, 3) of a mean about the model: by noise, and by the declared error of its pose.
 
     A pose turned by δ about each axis moves the truth t by δ × t: variance δ²(|t|² − t_i²) on axis i.
     """
     noise = np.einsum("uvii->uvi", problem.cov)
     across = problem.magnitude[..., None] ** 2 - problem.true**2
-    pose = problem.pose_std_rad**2 * np.maximum(across, 0.0) * problem.visits_of_pose()[:, None]
     scale = np.maximum(problem.magnitude, 1e-12)[..., None]
-    return np.asarray(np.maximum(noise + pose, (1e-9 * scale) ** 2))
+    return np.maximum(noise, (1e-9 * scale) ** 2), problem.pose_std_rad**2 * np.maximum(across, 0.0)
 
 
 def _regressions(
@@ -101,7 +101,7 @@ def _fit(
     problem: Problem,
     columns: tuple[tuple[int, ...], ...],
     axes: tuple[_Axis, _Axis, _Axis],
-    variance: Floats,
+    variance: tuple[Floats, Floats],
     keep: Floats,
 ) -> Fit:
     u, v = keep.shape
@@ -115,7 +115,6 @@ def _fit(
         free[at] = True
     residual, leverage = _residuals(axes), np.minimum(_leverages(axes), 1.0)
     tilt, tilt_std = _tilts(problem, theta, residual, leverage)
-    chi2 = (keep[..., None] * residual**2 / variance).sum(axis=(1, 2))
     return Fit(
         theta=theta,
         jacobian=jacobian,
@@ -124,8 +123,10 @@ def _fit(
         tilt_rad=tilt,
         tilt_std_rad=tilt_std,
         disturbed=keep == 0,
-        chi2=chi2,
-        dof=3.0 * keep.sum(axis=1) - _parameters(columns, problem),
+        misfit=residual,
+        noise=variance[0],
+        pose_variance=variance[1],
+        parameters=_parameters(columns, problem),
         pose_std_rad=np.zeros(u),
         notes=((),) * u,
     )

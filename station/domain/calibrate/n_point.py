@@ -20,6 +20,7 @@ class NPoint:
     """
 
     open_ended: ClassVar[bool] = True
+    by_magnitude: ClassVar[bool] = False
 
     def check(self, recipe: Recipe) -> None:
         """Any positions whose pose is known."""

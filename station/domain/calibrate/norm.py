@@ -30,6 +30,7 @@ class Norm:
     """
 
     open_ended: ClassVar[bool] = True
+    by_magnitude: ClassVar[bool] = True
 
     def check(self, recipe: Recipe) -> None:
         """Any positions; how many are enough is the design's question."""
@@ -100,8 +101,10 @@ def _fit(
         tilt_rad=tilt,
         tilt_std_rad=tilt_std,
         disturbed=keep == 0,
-        chi2=(keep * e.r**2 / e.variance).sum(axis=1),
-        dof=keep.sum(axis=1) - 9,
+        misfit=e.r[..., None],
+        noise=e.noise[..., None],
+        pose_variance=np.zeros((*e.r.shape, 1)),
+        parameters=9,
         pose_std_rad=pose_std,
         notes=tuple(() if ok else lost for ok in e.converged),
     )

@@ -14,6 +14,7 @@ class OnePoint:
     """offset = reading − truth (ST DT0105 rev 2). Every error of gain and pose goes straight into the offset."""
 
     open_ended: ClassVar[bool] = False
+    by_magnitude: ClassVar[bool] = False
 
     def check(self, recipe: Recipe) -> None:
         """One position."""

@@ -18,6 +18,7 @@ class SixPoint:
     """
 
     open_ended: ClassVar[bool] = False
+    by_magnitude: ClassVar[bool] = False
 
     def check(self, recipe: Recipe) -> None:
         """The six faces, each once."""

@@ -21,6 +21,7 @@ class ThreePoint:
     """
 
     open_ended: ClassVar[bool] = False
+    by_magnitude: ClassVar[bool] = False
 
     def check(self, recipe: Recipe) -> None:
         """Three positions, one along each axis."""

@@ -1,0 +1,100 @@
+"""Calibrations as tables for people."""
+
+from collections.abc import Mapping, Sequence
+from math import isnan
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from station.cli import _budget_table, _face
+from station.domain.larger_model import Larger
+from station.domain.pipeline import Result
+from station.domain.recipe import Recipe
+from station.domain.types import Outcome
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+#: Units whose details are printed; all of them stand in the JSON document.
+SHOWN = 20
+#: A pipe has no width; this holds every column on one line.
+PIPE_WIDTH = 130
+
+
+def show(recipe: Recipe, results: Sequence[Result], *, with_budget: bool) -> None:
+    """Prints the table, then for each unit every reason and note, and its budget."""
+    console = _face.console()
+    width = None if console.is_terminal else PIPE_WIDTH
+    console.print(_table(recipe, results[:SHOWN]), width=width)
+    if len(results) > SHOWN:
+        console.print(f"… and {len(results) - SHOWN} more units; --json FILE holds them all")
+    for r in results[:SHOWN]:
+        for line in (*(reason.sentence for reason in r.verdict.reasons), *_notes(r)):
+            console.print(f"{r.serial}: {line}", markup=False)
+        if with_budget and r.budget is not None:
+            title = f"{r.serial}: standard uncertainty by cause"
+            console.print(
+                _budget_table.table(r.budget, recipe.unit, title), width=None if console.is_terminal else PIPE_WIDTH
+            )
+    console.print(_summary(recipe, results), markup=False)
+
+
+def show_larger(recipe: Recipe, larger: Mapping[str, Sequence[Larger]]) -> None:
+    """Prints whether quadratic and cubic terms pay, unit by unit."""
+    for serial, models in larger.items():
+        for m in models:
+            if isnan(m.p):
+                _face.say(f"{serial}: {m.terms} terms: these positions cannot tell them")
+                continue
+            verdict = "pay" if m.pays else "do not pay"
+            _face.say(
+                f"{serial}: {m.terms} terms {verdict}: F test p = {m.p:.2g}; residual leaving one pose out "
+                f"{m.rms_left_out:.3g} -> {m.larger_rms_left_out:.3g} {recipe.unit}"
+            )
+
+
+def _table(recipe: Recipe, results: Sequence[Result]) -> "Table":
+    """Three rows a unit: x, y, z."""
+    from rich.table import Table
+
+    shown = Table(title=f"{recipe.name} version {recipe.version}, {recipe.method}", title_justify="left")
+    for title in ("serial", "verdict", "axis"):
+        shown.add_column(title)
+    for title in (f"offset, {recipe.unit}", "± 95 %", "gain", "± 95 %", f"residual, {recipe.unit}", "worst tilt, deg"):
+        shown.add_column(title, justify="right")
+    for r in results:
+        for i, axis in enumerate("xyz"):
+            head = (r.serial, str(r.verdict.outcome)) if i == 0 else ("", "")
+            shown.add_row(*head, axis, *_cells(r, i), end_section=i == 2)
+    return shown
+
+
+def _cells(r: Result, i: int) -> tuple[str, ...]:
+    found = r.calibration
+    if found is None or r.budget is None:
+        return ("",) * 6
+    wide, gain = 1.96 * r.budget.std(), found.matrix[i, i]
+    axis = (f"{found.offset[i]:+.6f}", f"{wide[i]:.2g}", f"{gain:.6f}", f"{wide[3 + 4 * i]:.2g}")
+    worst = int(np.argmax(np.where(found.disturbed, -1.0, found.tilt_deg)))
+    if not found.tilt_deg.any():
+        return (*axis, f"{found.residual_rms:.2g} rms" if i == 0 else "", "")
+    tilt = f"{found.tilt_deg[worst]:.3f} ± {1.96 * found.tilt_std_deg[worst]:.3f}"
+    last = (f"{found.residual_rms:.2g} rms", tilt) if i == 0 else ("", f"at {found.positions[worst]}" if i == 1 else "")
+    return (*axis, *last)
+
+
+def _notes(r: Result) -> tuple[str, ...]:
+    return () if r.calibration is None else r.calibration.notes
+
+
+def _summary(recipe: Recipe, results: Sequence[Result]) -> str:
+    passed = [r.verdict for r in results if r.verdict.outcome is Outcome.PASS]
+    told = f"{len(passed)} of {len(results)} units pass"
+    limits = recipe.limits
+    if all(v is None for v in (limits.offset, limits.gain, limits.cross_axis)):
+        return f"{told}; the recipe has no limits for coefficients"
+    if passed:
+        worst = max(v.false_accept for v in passed)
+        chance = "below 1e-6" if worst < 1e-6 else f"at most {worst:.2g}"
+        told += f"; probability of a false accept {chance}; rule {passed[0].rule}"
+    return told

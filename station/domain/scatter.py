@@ -1,0 +1,95 @@
+"""What stops differ by beyond their noise: loose poses, slow drift, a bent response. Estimated, then weighted with.
+
+Two levels, each a variance of its own: between poses (stops of one pose share it) and between stops of one pose. Each
+is what makes χ² equal to its degrees of freedom (Paule & Mandel 1982, J. Res. NBS 87, 377), and is taken up only where
+chance would hardly make residuals that large; dwells that differ in length then no longer count by noise alone.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.special import chdtrc
+
+from station.domain.method import Fit, Method, Problem
+from station.domain.types import Floats
+
+#: Residuals are larger than noise explains when chance would do it this rarely.
+LEVEL = 1e-3
+#: Rounds of estimating the scatter and fitting with it.
+ROUNDS = 4
+#: Newton steps on χ²(τ²) = ν, which is convex and falls: it arrives from below.
+STEPS = 30
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lack:
+    """Squared misfits (u, n) of pose means and of stops about them, their variances (u, n), degrees of freedom (u)."""
+
+    between: Floats
+    of_between: Floats
+    dof_between: Floats
+    within: Floats
+    of_within: Floats
+    dof_within: Floats
+
+
+def solve(method: Method, problem: Problem) -> tuple[Problem, Fit]:
+    """The fit, and the problem with the scatter that it found; units without scatter are fitted once."""
+    fit = method.fit(problem)
+    for _ in range(ROUNDS):
+        stop = estimate(replace(problem, scatter_stop=np.zeros(len(problem.mean))), fit, "within")
+        pose = estimate(replace(problem, scatter_stop=stop), fit, "between")
+        moved = np.abs(pose - problem.scatter_pose) + np.abs(stop - problem.scatter_stop)
+        rows = np.flatnonzero(moved > 1e-3 * (pose + stop))
+        if not len(rows):
+            break
+        problem = replace(problem, scatter_pose=pose, scatter_stop=stop)
+        fit = fit.with_units(rows, method.fit(problem.take(rows)))
+    return problem, fit
+
+
+def estimate(problem: Problem, fit: Fit, level: Literal["between", "within"]) -> Floats:
+    """Variance (u) of the scatter between poses or within them: 0 unless noise cannot explain the misfit."""
+    found = lack(problem, fit)
+    square, variance, dof = (getattr(found, name) for name in (level, f"of_{level}", f"dof_{level}"))
+    chi2 = (square / variance).sum(axis=1)
+    loud = (dof > 0) & (chdtrc(np.maximum(dof, 1), chi2) < LEVEL)
+    return np.where(loud, _paule_mandel(square, variance, dof), 0.0)
+
+
+def lack(problem: Problem, fit: Fit) -> Lack:
+    """Misfits of poses, whose variance is that of their mean plus the declared pose error, and of stops about them.
+
+    Scatter of stops already in the problem counts as noise; scatter of poses does not, for it is what is asked.
+    """
+    u, _, a = fit.misfit.shape
+    keep = np.where(fit.disturbed, 0.0, 1.0)[..., None]
+    noise = fit.noise + problem.scatter_stop[:, None, None]
+    group = (problem.pose[:, None] == np.arange(problem.pose.max() + 1)).astype(float)
+    weight = (keep / noise).transpose(0, 2, 1) @ group
+    seen = weight > 0
+    of_mean = np.where(seen, 1 / np.where(seen, weight, 1.0), 1.0)
+    mean = ((keep * fit.misfit / noise).transpose(0, 2, 1) @ group) * of_mean
+    declared = (keep * fit.pose_variance).transpose(0, 2, 1) @ group / np.maximum(keep[..., 0] @ group, 1)[:, None]
+    about = (fit.misfit - (mean @ group.T).transpose(0, 2, 1)) * keep
+    poses, stops = seen[:, 0].sum(axis=1), keep.sum(axis=(1, 2))
+    return Lack(
+        between=(mean**2).reshape(u, -1),
+        of_between=(of_mean + declared).reshape(u, -1),
+        dof_between=a * poses - float(fit.parameters),
+        within=(about**2).reshape(u, -1),
+        of_within=noise.reshape(u, -1),
+        dof_within=a * (stops - poses).astype(float),
+    )
+
+
+def _paule_mandel(square: Floats, variance: Floats, dof: Floats) -> Floats:
+    """τ² (u) with Σ square/(variance + τ²) = dof, by Newton's steps from 0."""
+    tau2 = np.zeros(len(square))
+    for _ in range(STEPS):
+        spread = variance + tau2[:, None]
+        over = (square / spread).sum(axis=1) - dof
+        slope = (square / spread**2).sum(axis=1)
+        tau2 = tau2 + np.maximum(over, 0.0) / np.maximum(slope, 1e-300)
+    return tau2
