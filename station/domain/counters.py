@@ -12,7 +12,7 @@ LATE_AT_MOST = 2
 #: From this share of its time on, a turn counts as missed.
 TURN = 0.75
 #: So many frames on either side of a pause are looked at; an adapter that holds back more is taken for a loss.
-WINDOW = 256
+WINDOW = 1024
 
 
 @dataclass(frozen=True, slots=True)

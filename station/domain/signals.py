@@ -116,7 +116,7 @@ def physical(values: Array, signal: SignalLayout) -> Array:
 
 def _bits(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
     """The signal's bits as integers (n), extended by sign: shifted up against the word's end, then down again."""
-    first, skip = divmod(signal.first_bit, 8)
+    first, skip = (0, signal.first_bit) if data.shape[1] == 8 else divmod(signal.first_bit, 8)
     window = _window(data, first)
     rest = skip + signal.length - 64
     if signal.big_endian:
@@ -136,7 +136,9 @@ def _bits(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
 
 
 def _window(data: NDArray[np.uint8], first: int) -> NDArray[np.uint8]:
-    """Eight bytes (n, 8) of each payload from `first`; zeros beyond the end."""
+    """Eight bytes (n, 8) of each payload from `first`; zeros beyond the end. A classic payload is its own window."""
+    if data.shape[1] == 8:
+        return np.ascontiguousarray(data)
     window = np.zeros((len(data), 8), np.uint8)
     part = data[:, first : first + 8]
     window[:, : part.shape[1]] = part
