@@ -1,5 +1,6 @@
 """Products by name: `dbc/<name>.yaml`, checked."""
 
+import re
 from pathlib import Path
 
 from station.config.documents import load_document, validate
@@ -10,7 +11,7 @@ from station.errors import ProductError
 
 def product_path(name: str, near: Path | None = None) -> Path:
     """The file of a product by name, searched around the recipe `near`, here, and as shipped."""
-    if not all(part not in ("", ".", "..") for part in Path(name).parts) or "/" in name or "\\" in name:
+    if re.fullmatch(r"\w[\w.+\- ]*", name) is None:
         raise ProductError(
             f"product {name[:40]!r} is not a plain name; write the name of a file in dbc/, such as gs-21"
         )

@@ -1,0 +1,176 @@
+"""`station run` as a process: what it prints where, its exit codes, its JSON, and what a signal does to it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.fakes import fixture_run
+
+STATION = [sys.executable, "-m", "station"]
+
+
+def station(folder: Path, *args: str, stdin: str | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*STATION, *args],
+        capture_output=True,
+        text=True,
+        timeout=110,
+        cwd=folder,
+        check=False,
+        input=stdin,
+        stdin=None if stdin is not None else subprocess.DEVNULL,
+    )
+
+
+def one_sentence(done: subprocess.CompletedProcess[str]) -> str:
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("station: ")
+    return line
+
+
+def test_the_table_is_on_standard_output_and_no_bar_in_a_pipe(tmp_path: Path) -> None:
+    done = station(tmp_path, "run", "--simulate", "--units", "2")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.count("✔ PASS") == 2
+    assert "log: station.db" in done.stdout
+    assert "\x1b" not in done.stdout
+    assert (tmp_path / "station.db").exists()
+
+
+def test_json_is_one_document_of_the_contract(tmp_path: Path) -> None:
+    done = station(tmp_path, "run", "--simulate", "--units", "2", "--seed", "3", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    document = json.loads(done.stdout)
+    assert (document["schema"], document["method"], document["unit"]) == ("station.run/1", "six-point", "g")
+    first = document["units"][0]
+    assert (first["serial"], first["nest"], first["outcome"], first["reasons"]) == ("SN0001", "A", "PASS", [])
+    assert (first["written"], first["verified"]) == (True, True)
+    assert (len(first["offset"]), len(first["matrix"]), len(first["covariance"])) == (3, 3, 12)
+    assert {"name", "residual", "tilt_deg", "tilt_std_deg"} <= set(first["positions"][0])
+    assert first["duration_s"] > 10
+    assert len(first["attempt"]) == 36
+    assert first["residual_rms"] < 0.01
+    assert 0 <= first["false_accept"] < 0.01
+
+
+def test_exit_codes_follow_the_worst_unit(tmp_path: Path) -> None:
+    assert station(tmp_path, "run", "--simulate", "--units", "1", "--fault", "stuck-axis").returncode == 1
+    mixed = station(tmp_path, "run", "--simulate", "--units", "2", "--fault", "SN0001/silent",
+                    "--fault", "SN0002/stuck-axis", "--json")  # fmt: skip
+    assert mixed.returncode == 3
+    assert [u["outcome"] for u in json.loads(mixed.stdout)["units"]] == ["ERROR", "FAIL"]
+    assert json.loads(mixed.stdout)["units"][0]["offset"] is None
+
+
+def test_an_interface_that_is_not_there_is_said_before_anything_is_asked(tmp_path: Path) -> None:
+    done = station(tmp_path, "run", "--interface", "socketcan", "--channel", "nocan9", stdin="SN0042\n")
+    assert done.returncode in (2, 3)
+    said = one_sentence(done)
+    assert "nocan9" in said or "this kernel has no CAN" in said
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (["--serial", "SN0001", "--serial", "SN0001"], "'SN0001' was given twice"),
+        (["--serial", "X1"], "does not match the recipe's pattern"),
+        (["--serial", "SN0001", "--units", "3"], "do not agree"),
+        (["--recipe", "no-such"], "there is no no-such.yaml"),
+        (["--config", "absent.yaml"], "absent.yaml cannot be read"),
+        (["--effect", "gremlins"], "there is no effect 'gremlins'"),
+        (["--effect", "cross-axis=much"], "size 'much' of cross-axis is no number"),
+        (["--fault", "hiccup"], "there is no fault 'hiccup'"),
+        (["--model", "absent.yaml"], "absent.yaml cannot be read"),
+    ],
+)
+def test_what_cannot_be_is_one_sentence_and_exit_2(tmp_path: Path, args: list[str], words: str) -> None:
+    done = station(tmp_path, "run", "--simulate", *args)
+    assert done.returncode == 2
+    assert words in one_sentence(done)
+    log = tmp_path / "station.db"
+    assert not log.exists() or not fixture_run.Ran(tmp_path).lives("SN0001")
+
+
+def test_simulation_options_want_simulate(tmp_path: Path) -> None:
+    done = station(tmp_path, "run", "--effect", "cross-axis", "--serial", "SN0001")
+    assert done.returncode == 2
+    assert "--effect changes simulated units; add --simulate" in one_sentence(done)
+
+
+def test_a_second_station_on_the_same_log_is_refused_with_the_first_ones_name(tmp_path: Path) -> None:
+    first = subprocess.Popen(
+        [*STATION, "run", "--simulate", "--units", "60"],
+        cwd=tmp_path,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        _wait_for(tmp_path / "station.db")
+        second = station(tmp_path, "run", "--simulate", "--units", "1")
+        assert second.returncode == 3
+        assert "bench-1" in one_sentence(second)
+    finally:
+        first.send_signal(signal.SIGINT)
+        _, told = first.communicate(timeout=60)
+    assert first.returncode == 4, told
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_run_with_a_true_record(tmp_path: Path, number: signal.Signals) -> None:
+    process = subprocess.Popen(
+        [*STATION, "run", "--simulate", "--units", "60", "--json", "--device-state", "devices"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    _wait_for(tmp_path / "station.db")
+    time.sleep(1.0)  # a process outside simulated time: let it get somewhere
+    process.send_signal(number)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 4, err
+    assert "Traceback" not in err
+    units = json.loads(out)["units"]
+    assert units[-1]["outcome"] in ("ABORTED", "PASS")
+    for unit in units:
+        ran = fixture_run.Ran(tmp_path)
+        assert ran.life(unit["serial"])["outcome"] == unit["outcome"]
+        assert len(ran.coefficients(unit["serial"])) == (12 if unit["written"] else 0)
+
+
+def test_it_runs_from_any_folder_with_a_recipe_by_path(tmp_path: Path) -> None:
+    name = fixture_run.recipe(tmp_path, dwell={"time_s": 0.4})
+    (tmp_path / "elsewhere").mkdir()
+    done = station(tmp_path / "elsewhere", "run", "--simulate", "--units", "1", "--recipe", name, "--db", "x.db")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "elsewhere" / "x.db").exists()
+
+
+def test_recover_is_a_command(tmp_path: Path) -> None:
+    common = ["--simulate", "--device-state", "devices"]
+    assert station(tmp_path, "run", *common, "--units", "1", "--fault", "save-torn").returncode == 3
+    looked = station(tmp_path, "recover", "SN0001", *common)
+    assert looked.returncode == 1
+    assert "some old values and some new ones" in looked.stdout or "hold old values and some new ones" in looked.stdout
+    done = station(tmp_path, "recover", "SN0001", *common, "--continue", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["state"] == "new"
+    again = station(tmp_path, "recover", "SN0001", *common, "--restore")
+    assert again.returncode == 2
+    assert "knows no attempt" in one_sentence(again)
+    both = station(tmp_path, "recover", "SN0001", "--restore", "--continue")
+    assert "choose one" in one_sentence(both)
+
+
+def _wait_for(path: Path) -> None:
+    until = time.monotonic() + 30
+    while not path.exists() and time.monotonic() < until:
+        os.sched_yield()
+        time.sleep(0.01)
+    assert path.exists()

@@ -1,0 +1,79 @@
+"""Serials as they come: options, a scanner on standard input, a prompt."""
+
+import io
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from station.cli._serials import ask_serials
+from station.config.recipes import load_recipe
+from station.config.settings import Nest
+from station.errors import UsageError
+
+
+def bench(nests: int = 2, simulated: bool = False) -> Any:
+    settings = SimpleNamespace(nests=tuple(Nest(name="ABCD"[i], node=17 + i) for i in range(nests)))
+    return SimpleNamespace(
+        simulated=simulated,
+        job=SimpleNamespace(recipe=load_recipe("six-point")),
+        station=SimpleNamespace(settings=settings),
+    )
+
+
+class Terminal(io.StringIO):
+    """Standard input with a person at it."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def feed(monkeypatch: pytest.MonkeyPatch, stdin: io.StringIO) -> None:
+    monkeypatch.setattr("sys.stdin", stdin)
+
+
+def test_options_are_taken_as_they_are() -> None:
+    assert ask_serials(bench(), ["SN0042", "SN0043"], None) == ("SN0042", "SN0043")
+
+
+def test_simulated_units_have_serials_of_their_own() -> None:
+    assert ask_serials(bench(simulated=True), [], 3) == ("SN0001", "SN0002", "SN0003")
+    assert ask_serials(bench(nests=4, simulated=True), [], None) == ("SN0001", "SN0002", "SN0003", "SN0004")
+
+
+def test_a_scanner_types_lines_until_it_ends_or_enough_came(monkeypatch: pytest.MonkeyPatch) -> None:
+    feed(monkeypatch, io.StringIO("SN0042\r\n\nSN0043\t\nSN0044\n"))
+    assert ask_serials(bench(), [], None) == ("SN0042", "SN0043", "SN0044")
+    feed(monkeypatch, io.StringIO("SN0042\nSN0043\nSN0044\n"))
+    assert ask_serials(bench(), [], 2) == ("SN0042", "SN0043")
+
+
+@pytest.mark.parametrize("text", ["X\n", "SN0042 SN0043\n", "S" * 10_000_000, "SN00\x1b[2J42\n", "\x00\n"])
+def test_a_wrong_scan_stops_at_once_in_one_short_sentence(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    feed(monkeypatch, io.StringIO(text))
+    with pytest.raises(UsageError) as caught:
+        ask_serials(bench(), [], None)
+    assert len(caught.value.sentence) < 300
+
+
+def test_no_scan_at_all_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    feed(monkeypatch, io.StringIO(""))
+    with pytest.raises(UsageError, match="no serial came"):
+        ask_serials(bench(), [], None)
+
+
+def test_a_person_is_asked_nest_by_nest_and_may_mistype(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    feed(monkeypatch, Terminal("SN0042\nnonsense\nSN0042\nSN0043\n"))
+    assert ask_serials(bench(), [], None) == ("SN0042", "SN0043")
+    asked = capsys.readouterr().err
+    assert asked.count("nest A") == 1
+    assert asked.count("nest B") == 3
+    assert "does not match" in asked
+    assert "given twice" in asked
+
+
+def test_an_empty_line_starts_a_fixture_that_is_not_full(monkeypatch: pytest.MonkeyPatch) -> None:
+    feed(monkeypatch, Terminal("SN0042\n\n"))
+    assert ask_serials(bench(), [], None) == ("SN0042",)
