@@ -8,8 +8,11 @@ import numpy as np
 
 from station.domain import references
 from station.domain.recipe import Recipe
-from station.domain.types import Stops
+from station.domain.types import Floats, Stops
 from station.errors import LogError
+
+#: True vectors (v, 3) by positions and seatings.
+Truths = dict[tuple[tuple[str, ...], tuple[str, ...]], Floats]
 
 _TEXT = ("position", "seating")
 _WHOLE = {"run": np.int32, "visit": np.int32, "count": np.int64}
@@ -21,9 +24,10 @@ def to_document(stops: Stops) -> dict[str, Any]:
     return {name: list(v) if name in _TEXT else v.tolist() for name, v in values.items()}
 
 
-def from_document(document: Mapping[str, Any], recipe: Recipe) -> Stops:
+def from_document(document: Mapping[str, Any], recipe: Recipe, truths: Truths | None = None) -> Stops:
     """The stops at the recipe's positions, with the truth as `recipe` has it; a gold reference's reading as kept.
 
+    truths: of this recipe, by positions and seatings, filled here: units of one fleet share them.
     Errors: LogError when the document lacks a field.
     """
     try:
@@ -33,7 +37,9 @@ def from_document(document: Mapping[str, Any], recipe: Recipe) -> Stops:
     if recipe.pose_known:
         values = _at(values, {p.name for p in recipe.positions}, {"home", *recipe.seatings})
     if recipe.reference.source != "gold":
-        values["true"] = references.true_vectors(recipe, values["position"], values["seating"])
+        key = values["position"], values["seating"]
+        known = {} if truths is None else truths
+        values["true"] = known[key] = known[key] if key in known else references.true_vectors(recipe, *key)
     return Stops(**values)
 
 

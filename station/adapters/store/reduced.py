@@ -1,0 +1,39 @@
+"""Reduced stops and what was made of them, many attempts a query: what a backtest reads."""
+
+import json
+import sqlite3
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+_BEFORE = "json_extract(c.document, '$.outcome', '$.offset', '$.matrix', '$.checks')"
+
+_QUERY = f"""
+    SELECT a.seq, a.id, a.serial, a.product, s.document, {_BEFORE}
+    FROM json_each(?) n JOIN attempt a ON a.seq = n.value JOIN finish f ON f.attempt = a.seq
+    JOIN result s ON s.seq BETWEEN a.seq AND f.seq AND s.attempt = a.seq AND s.name = 'stops'
+    JOIN result c ON c.seq BETWEEN s.seq AND f.seq AND c.attempt = a.seq AND c.name = 'calibration'
+    ORDER BY a.seq"""
+
+
+@dataclass(frozen=True, slots=True)
+class Reduced:
+    """One attempt. number: its record; product: the record of its product; stops: JSON;
+    before: JSON of outcome, offset, matrix, checks."""
+
+    number: int
+    attempt: str
+    serial: str
+    product: int | None
+    stops: str
+    before: str
+
+
+def read(db: sqlite3.Connection, numbers: Sequence[int]) -> list[Reduced]:
+    """Those of the attempts that came to a calibration, in the order of their records."""
+    return [Reduced(*row) for row in db.execute(_QUERY, (json.dumps(list(numbers)),))]
+
+
+def document(db: sqlite3.Connection, number: int) -> str:
+    """The text that a document record holds."""
+    (text,) = db.execute("SELECT text FROM document WHERE seq = ?", (number,)).fetchone()
+    return str(text)

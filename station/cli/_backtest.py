@@ -1,0 +1,100 @@
+"""The work of `station backtest`."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Attempt, Query
+from station.cli import _face
+from station.config.recipes import recipe_hash
+from station.domain import backtest
+from station.domain.backtest import Compared
+from station.domain.recipe import Recipe
+from station.errors import LogError
+from station.wiring.backtest import run
+from station.wiring.recompute import known
+
+_SHOWN = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """What is asked."""
+
+    recipe: Recipe
+    query: Query
+    from_frames: bool
+    processes: int | None
+
+
+def answer(log: LogReader, ask: Ask, *, as_json: bool) -> int:
+    """Prints what would change. Errors: LogError, RecipeError."""
+    attempts = log.attempts(ask.query)
+    if not attempts:
+        raise LogError(
+            f"the log {log.path} holds no such attempt with recipe {ask.query.recipe_name!r}; "
+            f"name the one they were made with by --of"
+        )
+    from_frames = ask.from_frames or _windows_differ(log, attempts, ask.recipe)
+    with _face.progress() as bar:
+        task = bar.add_task("computing again", total=len(attempts))
+        compared = run(
+            log,
+            attempts,
+            ask.recipe,
+            from_frames=from_frames,
+            processes=ask.processes,
+            progress=lambda done: bar.advance(task, done),
+        )
+    document = _document(log, ask, attempts, compared, "frames" if from_frames else "stops")
+    if as_json:
+        _face.say_json(document)
+    else:
+        _show(document)
+    return 0
+
+
+def _windows_differ(log: LogReader, attempts: Sequence[Attempt], changed: Recipe) -> bool:
+    """Whether any of the recipes in use then cut its dwells otherwise."""
+    one_of_each = {a.recipe_hash: a for a in attempts}.values()
+    used = (known(*log.recipe_and_product(a))[0] for a in one_of_each)
+    return any(backtest.windows_differ(old, changed) for old in used)
+
+
+def _document(
+    log: LogReader, ask: Ask, attempts: Sequence[Attempt], compared: Compared, computed_from: str
+) -> dict[str, Any]:
+    done = compared.verdicts.total()
+    return {
+        "schema": "station.backtest/1",
+        "log": str(log.path),
+        "head": asdict(log.head()),
+        "recipe": {"name": ask.recipe.name, "version": ask.recipe.version, "hash": recipe_hash(ask.recipe)},
+        "of": ask.query.recipe_name,
+        "computed_from": computed_from,
+        "attempts": len(attempts),
+        "compared": done,
+        "without_calibration": len(attempts) - done,
+        "verdicts": [{"before": b, "after": a, "count": n} for (b, a), n in sorted(compared.verdicts.items())],
+        "changed": [asdict(change) for change in compared.changes],
+        "coefficients": backtest.summary(compared, ask.recipe),
+    }
+
+
+def _show(d: dict[str, Any]) -> None:
+    name = f"{d['recipe']['name']} version {d['recipe']['version']}"
+    _face.say(f"{d['compared']} of {d['attempts']} attempts with recipe {d['of']}, computed again under {name}")
+    source = "raw frames" if d["computed_from"] == "frames" else "reduced stops"
+    _face.say(f"from {source}; {d['without_calibration']} never came to a calibration")
+    for row in d["verdicts"]:
+        same = "stay" if row["before"] == row["after"] else "become"
+        _face.say(f"  {row['count']:>8}  {row['before']} {same} {row['after']}")
+    for change in d["changed"][:_SHOWN]:
+        why = "; ".join(change["reasons"]) or "nothing speaks against it any more"
+        _face.say(f"  {change['serial']}: {change['before']} becomes {change['after']}: {why}")
+    if len(d["changed"]) > _SHOWN:
+        _face.say(f"  … and {len(d['changed']) - _SHOWN} more; --json lists them all")
+    _face.say("  coefficient              rms change   largest   in its uncertainty")
+    for c in d["coefficients"]:
+        _face.say(f"  {c['name']:<22} {c['rms_change']:>12.3g} {c['max_change']:>9.3g} {c['max_change_in_std']:>12.3g}")

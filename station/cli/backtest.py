@@ -1,0 +1,48 @@
+"""`station backtest`: what a changed recipe would have made of the units in the log."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+
+def command(
+    recipe: Annotated[str, Option(help="The changed recipe: a file, or its name in recipes/.")],
+    of: Annotated[str | None, Option(help="Attempts made with this recipe; left out: of the same name.")] = None,
+    from_frames: Annotated[
+        bool, Option("--from-frames", help="Compute from raw frames; by itself where settle or dwell changed.")
+    ] = False,
+    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    nest: Annotated[str | None, Option(help="Only attempts in this nest.")] = None,
+    lot: Annotated[str | None, Option(help="Only attempts of this lot.")] = None,
+    since: Annotated[str | None, Option(help="Begun then or later: 2026-11-21, 2026-11-21T13:00, 7d.")] = None,
+    until: Annotated[str | None, Option(help="Begun before.")] = None,
+    processes: Annotated[int | None, Option(min=1, max=256, help="Left out: one a processor.")] = None,
+) -> int:
+    """Compute stored units again under a changed recipe, method or limits, and show what would change.
+
+    Would tighter limits have failed units of the last month:
+
+        station backtest --recipe tilt-24-tighter.yaml --of tilt-24 --since 30d
+
+    Reduced stops (means with their covariances) are computed from where settling and dwell are as they were; then
+    what only raw samples show, such as clipping, is taken over as it was found.
+    """
+    from station.adapters.store.search import Query
+    from station.cli import _backtest
+    from station.cli._log import open_log, time_ns
+    from station.config.recipes import load_recipe
+
+    changed = load_recipe(recipe)
+    query = Query(
+        recipe_name=of or changed.name,
+        nest=nest,
+        lot=lot,
+        since_ns=time_ns(since, "--since"),
+        until_ns=time_ns(until, "--until"),
+    )
+    with open_log(db, config) as log:
+        ask = _backtest.Ask(changed, query, from_frames=from_frames, processes=processes)
+        return _backtest.answer(log, ask, as_json=json)

@@ -1,0 +1,118 @@
+"""Every stored unit computed again under another recipe, in as many processes as there are processors."""
+
+import json
+import multiprocessing
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from station.adapters.store import reduced
+from station.adapters.store.reader import LogReader
+from station.adapters.store.reduced import Reduced
+from station.adapters.store.search import Attempt, Query
+from station.domain import backtest, design, pipeline, product_record, stops_document, writeback
+from station.domain.backtest import Before, Compared
+from station.domain.pipeline import Result
+from station.domain.recipe import Recipe
+from station.domain.types import Floats
+from station.wiring.recompute import judged_ns, kept_visits, known, refit
+
+#: Attempts of one task: enough to be solved together, few enough to show progress.
+_PORTION, _PORTION_OF_FRAMES = 1024, 32
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What one process does at a time. recipe: JSON; numbers: records of the attempts."""
+
+    path: Path
+    recipe: str
+    numbers: tuple[int, ...]
+    from_frames: bool
+
+
+def run(
+    log: LogReader,
+    attempts: Sequence[Attempt],
+    recipe: Recipe,
+    *,
+    from_frames: bool = False,
+    processes: int | None = None,
+    progress: Callable[[int], None] = lambda _done: None,
+) -> Compared:
+    """Compares all attempts; from_frames: from raw frames, not from the reduced stops. progress: attempts done.
+
+    Errors: RecipeError when the recipe cannot be computed at all, LogError.
+    """
+    design.check(recipe)
+    portion = _PORTION_OF_FRAMES if from_frames else _PORTION
+    numbers = [a.number for a in attempts]
+    text = recipe.model_dump_json(by_alias=True)
+    parts = [tuple(numbers[i : i + portion]) for i in range(0, len(numbers), portion)]
+    tasks = [Task(log.path, text, part, from_frames) for part in parts]
+    workers = min(processes or os.cpu_count() or 1, len(tasks))
+    if workers <= 1:
+        return Compared.join([_told(work(task), task, progress) for task in tasks])
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        done = zip(pool.map(work, tasks), tasks, strict=True)
+        return Compared.join([_told(part, task, progress) for part, task in done])
+
+
+def work(task: Task) -> Compared:
+    """One portion, in whatever process."""
+    recipe = Recipe.model_validate_json(task.recipe)
+    with LogReader(task.path) as log:
+        rows = reduced.read(log.db.conn, task.numbers)
+        results = _from_frames(log, rows, recipe) if task.from_frames else _from_stops(log, rows, recipe)
+    return backtest.compare([_before(row) for row in rows], results, from_samples=task.from_frames)
+
+
+def _told(part: Compared, task: Task, progress: Callable[[int], None]) -> Compared:
+    progress(len(task.numbers))
+    return part
+
+
+def _from_stops(log: LogReader, rows: Sequence[Reduced], recipe: Recipe) -> list[Result]:
+    truths: stops_document.Truths = {}
+    results: dict[str, Result] = {}
+    by_product: dict[int | None, list[Reduced]] = {}
+    for row in rows:
+        by_product.setdefault(row.product, []).append(row)
+    for product, own in by_product.items():
+        rounding = _rounding(log, product)
+        units = {r.attempt: stops_document.from_document(json.loads(r.stops), recipe, truths) for r in own}
+        solved = pipeline.calibrate_stops(recipe, units, rounding)
+        results |= dict(zip(units, solved, strict=True))
+    return [results[row.attempt] for row in rows]
+
+
+def _rounding(log: LogReader, product: int | None) -> Floats:
+    if product is None:
+        return pipeline.NO_ROUNDING
+    return writeback.rounding_std(product_record.load(reduced.document(log.db.conn, product))[0].map)
+
+
+def _from_frames(log: LogReader, rows: Sequence[Reduced], recipe: Recipe) -> list[Result]:
+    found = {a.attempt: a for row in rows for a in log.attempts(Query(serial=row.serial))}
+    return [_again(log, found[row.attempt], recipe) for row in rows]
+
+
+def _again(log: LogReader, attempt: Attempt, recipe: Recipe) -> Result:
+    old, product, layout = known(*log.recipe_and_product(attempt))
+    kept = log.attempt(attempt)
+    visits = kept_visits(kept["visits"], log.frames(attempt))
+    if backtest.windows_differ(old, recipe):
+        visits = backtest.rewindow(visits, old, recipe)
+    positions = {p.name for p in recipe.positions}
+    at_positions = [v for v in visits if not recipe.pose_known or v.position in positions]
+    return refit(attempt, at_positions, recipe, (product, layout), judged_ns(kept))
+
+
+def _before(row: Reduced) -> Before:
+    outcome, offset, matrix, checks = json.loads(row.before)
+    theta = None if offset is None else np.array([*offset, *(v for part in matrix for v in part)])
+    return Before(row.attempt, row.serial, outcome, theta, tuple((c["check"], c["sentence"]) for c in checks))

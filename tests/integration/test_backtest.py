@@ -1,0 +1,148 @@
+"""`station backtest`: nothing changes where nothing was changed, and every change is shown."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Query
+from station.cli.app import main
+from station.config.recipes import load_recipe
+from station.domain import backtest
+from station.domain.stops_document import from_document, to_document
+from station.domain.types import Stops
+from station.errors import LogError, RecipeError
+from station.wiring.backtest import run
+from tests.fakes import fixture_run
+
+Out = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("backtest")
+    fixture_run.run(made, units=4)
+    return made
+
+
+def asked(capsys: Out, folder: Path, *args: str, code: int = 0) -> Any:
+    with pytest.raises(SystemExit) as ended:
+        main(["backtest", "--db", str(folder / "station.db"), "--processes", "1", *args])
+    shown = capsys.readouterr()
+    assert ended.value.code == code, shown.err
+    return json.loads(shown.out) if "--json" in args else shown.out if code == 0 else shown.err
+
+
+@pytest.mark.parametrize("source", [[], ["--from-frames"]])
+def test_the_same_recipe_gives_the_same_bits(folder: Path, source: list[str], capsys: Out) -> None:
+    told = asked(capsys, folder, "--recipe", "six-point", "--json", *source)
+    assert told["verdicts"] == [{"before": "PASS", "after": "PASS", "count": 4}]
+    assert told["changed"] == []
+    assert all(c["max_change"] == 0 for c in told["coefficients"])
+    assert told["computed_from"] == ("frames" if source else "stops")
+
+
+def test_tighter_limits_fail_the_units_beyond_them_and_say_why(folder: Path, capsys: Out) -> None:
+    tight = fixture_run.recipe(folder, limits={"offset": 0.03})
+    told = asked(capsys, folder, "--recipe", tight, "--json")
+    beyond = {r["serial"] for r in kept(folder) if np.abs(r["offset"]).max() > 0.03}
+    assert 0 < len(beyond) < 4
+    assert {c["serial"] for c in told["changed"]} == beyond
+    assert all(c["after"] == "FAIL" and "beyond 0.03" in c["reasons"][0] for c in told["changed"])
+    text = asked(capsys, folder, "--recipe", tight)
+    assert f"{len(beyond)}  PASS become FAIL" in text
+
+
+def kept(folder: Path) -> list[dict[str, Any]]:
+    with LogReader(folder / "station.db") as log:
+        lives = [log.life(Query(serial=a.serial))[0] for a in log.attempts(Query())]
+    return [{"serial": k["serial"], **_calibration(k)} for k in lives]
+
+
+def _calibration(life: dict[str, Any]) -> dict[str, Any]:
+    return next(r["document"] for r in life["results"] if r["name"] == "calibration")
+
+
+def test_another_method_moves_coefficients_within_their_uncertainty(folder: Path, capsys: Out) -> None:
+    told = asked(capsys, folder, "--recipe", fixture_run.recipe(folder, method="n-point"), "--json")
+    moved = [c["max_change_in_std"] for c in told["coefficients"]]
+    assert told["computed_from"] == "stops"
+    assert 0 < max(moved) < 6
+
+
+def test_other_dwells_are_computed_from_frames_by_themselves(folder: Path, capsys: Out) -> None:
+    shorter = fixture_run.recipe(folder, settle={"time_s": 0.5}, dwell={"time_s": 0.5})
+    told = asked(capsys, folder, "--recipe", shorter, "--json")
+    assert told["computed_from"] == "frames"
+    assert told["compared"] == 4
+    assert max(c["max_change"] for c in told["coefficients"]) > 0
+
+
+def test_two_processes_give_what_one_gives(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("station.wiring.backtest._PORTION", 2)
+    tight = load_recipe(fixture_run.recipe(folder, limits={"offset": 0.03}))
+    done: list[int] = []
+    with LogReader(folder / "station.db") as log:
+        one = run(log, log.attempts(Query()), tight, processes=1)
+        two = run(log, log.attempts(Query()), tight, processes=2, progress=done.append)
+    assert (one.verdicts, one.changes) == (two.verdicts, two.changes)
+    assert one.moved.tobytes() == two.moved.tobytes()
+    assert sum(done) == 4
+
+
+def test_wrong_orders_end_in_one_sentence(folder: Path, capsys: Out) -> None:
+    assert "name the one they were made with by --of" in asked(capsys, folder, "--recipe", "tilt-24", code=2)
+    few = load_recipe("six-point").model_copy(update={"positions": load_recipe("six-point").positions[:2]})
+    with LogReader(folder / "station.db") as log, pytest.raises(RecipeError):
+        run(log, log.attempts(Query()), few)
+
+
+def test_reduced_stops_come_back_bit_for_bit_and_without_what_the_recipe_leaves_out() -> None:
+    recipe = load_recipe("six-point")
+    names = tuple(p.name for p in recipe.positions)
+    rng = np.random.default_rng(5)
+    stops = Stops(
+        position=names,
+        seating=("home",) * 6,
+        run=np.zeros(6, np.int32),
+        visit=np.arange(6, dtype=np.int32),
+        mean=rng.normal(size=(6, 3)),
+        cov=rng.normal(size=(6, 3, 3)),
+        quantisation=rng.normal(size=(6, 3)),
+        dof=rng.normal(size=(6, 3)),
+        true=np.array([recipe.true_vector(p) for p in recipe.positions]),
+        std=rng.normal(size=(6, 3)),
+        count=np.full(6, 100),
+        effective=rng.normal(size=6),
+        time_s=rng.normal(size=6),
+        temperature_degC=np.array([20.0, np.nan, 21, 22, 23, 24]),
+    )
+    document = json.loads(json.dumps(to_document(stops)).replace("NaN", "null"))
+    again = from_document(document, recipe)
+    for name in ("mean", "cov", "true", "count", "temperature_degC", "run"):
+        assert getattr(again, name).tobytes() == getattr(stops, name).tobytes(), name
+    fewer = recipe.model_copy(update={"positions": recipe.positions[:4]})
+    assert from_document(document, fewer).position == names[:4]
+    with pytest.raises(LogError, match="use --from-frames"):
+        from_document({}, recipe)
+
+
+def test_a_longer_settling_cuts_later_and_never_before_the_arrival() -> None:
+    from station.domain.assemble import KeptVisit
+    from station.domain.types import Frames
+
+    recipe = load_recipe("six-point")
+    visit = KeptVisit(0, 0, "z-up", "home", 100, 100 + 300_000_000, 100 + 1_300_000_000, Frames.empty())
+
+    def window(settle_s: float, dwell_s: float) -> tuple[int, int]:
+        parts = {"settle": {"time_s": settle_s}, "dwell": {"time_s": dwell_s}}
+        new = type(recipe).model_validate({**recipe.model_dump(by_alias=True), **parts})
+        (made,) = backtest.rewindow([visit], recipe, new)
+        return made.from_ns - 100, made.to_ns - 100
+
+    assert window(0.3, 1.0) == (300_000_000, 1_300_000_000)
+    assert window(0.5, 0.5) == (500_000_000, 1_000_000_000)
+    assert window(0.0, 1.0) == (0, 1_000_000_000)
