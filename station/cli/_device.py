@@ -13,7 +13,7 @@ from station.wiring.live_device import LiveDevices, Population, World
 
 def live(wanted: Population, seconds: float | None) -> int:
     """Serves until the time is over, or Ctrl-C, which is the way to stop it and no failure."""
-    devices = LiveDevices(wanted)
+    devices = LiveDevices.open(wanted)
     bodies = {s: {"offset": b.offset.tolist(), "matrix": b.matrix.tolist()} for s, b in devices.bodies.items()}
     say_json({"schema": "station.device/1", "units": bodies})
     commands = _Commands(devices.world)

@@ -20,6 +20,7 @@ from station.domain.product import kept_serial
 from station.domain.recipe import UP
 from station.domain.types import Floats
 from station.errors import ProductError, UsageError
+from station.ports.bus import Endpoint
 
 #: Spread of the units: gain and cross-axis, 1; offset and noise, as fractions of full scale.
 _GAIN_STD, _OFFSET_STD, _NOISE_STD = 0.01, 0.01, 0.0002
@@ -78,13 +79,12 @@ class Body:
 
 
 class LiveDevices:
-    """The devices of one process on one bus. bodies: serial → its true errors, drawn from the seed.
+    """The devices of one process on one bus. channel: hears what `listens` says; bodies: serial → true errors.
 
     Errors: those of product and bus; UsageError where nodes and serials do not pair up.
     """
 
-    def __init__(self, wanted: Population) -> None:
-        _check(wanted)
+    def __init__(self, wanted: Population, channel: Endpoint) -> None:
         where = product_path(wanted.product)
         product = load_product(wanted.product)
         if product.eds is None:
@@ -93,16 +93,22 @@ class LiveDevices:
         self._wanted, self._map, self._eds = wanted, product.map, where.parent / product.eds
         self._layout: SensorLayout = resolve(product.frames, read_layouts(where.parent / product.frames.dbc))
         self._clock = SystemClock()
-        self._bus = SocketCan(wanted.channel)
-        self._hub = Hub(self._bus.service(tuple(sorted({i for node in wanted.nodes for i in listens_to(node)}))))
+        self._channel, self._hub = channel, Hub(channel)
         self._devices = [self._device(n, s) for n, s in zip(wanted.nodes, wanted.serials, strict=True)]
+
+    @classmethod
+    def open(cls, wanted: Population) -> "LiveDevices":
+        """The devices on their CAN interface."""
+        _check(wanted)
+        product_path(wanted.product)
+        return cls(wanted, SocketCan(wanted.channel).service(listens(wanted)))
 
     def live(self, go_on: Callable[[], bool]) -> None:
         """Serves the bus for as long as `go_on()`, then leaves it."""
         try:
             serve(self._hub, self._devices, self._clock, go_on)
         finally:
-            self._bus.close()
+            self._channel.close()
 
     def _device(self, node: int, serial: str) -> SimulatedDevice:
         wanted, rng = self._wanted, np.random.default_rng([self._wanted.seed, node])
@@ -122,6 +128,11 @@ class LiveDevices:
             timing=Timing(turnaround_s=0.0, flash_s=wanted.flash_s, block_s=0.0),
             faults=[fault.parse(text) for text in wanted.faults],
         )
+
+
+def listens(wanted: Population) -> tuple[int, ...]:
+    """Identifiers that the devices' channel must receive."""
+    return tuple(sorted({can_id for node in wanted.nodes for can_id in listens_to(node)}))
 
 
 def _check(wanted: Population) -> None:

@@ -87,13 +87,13 @@ def test_a_unit_senses_by_the_stations_model() -> None:
 def test_what_cannot_be_asked_for_is_told(changes: dict[str, Any], said: str) -> None:
     wanted: dict[str, Any] = {"product": "accelerometer", "channel": "nocan9", "nodes": (5,), "serials": ("SN1",)}
     with pytest.raises(StationError) as caught:
-        LiveDevices(Population(**{**wanted, **changes}))
+        LiveDevices.open(Population(**{**wanted, **changes}))
     assert said in caught.value.sentence
 
 
 def test_an_interface_that_is_not_there_is_told() -> None:
     with pytest.raises(ConfigError):
-        LiveDevices(Population("accelerometer", "nocan9", (5,), ("SN1",)))
+        LiveDevices.open(Population("accelerometer", "nocan9", (5,), ("SN1",)))
 
 
 def test_node_ids_as_people_write_them() -> None:

@@ -129,14 +129,14 @@ class SdoClient:
             while True:
                 answer = self._exchange(exchange, index, sub, timeout_s)
                 exchange = transfer.throw(NoAnswer()) if answer is None else transfer.send(answer)
+                if exchange.send:
+                    self._drain()
         except StopIteration as done:
             result: Result = done.value
             return result
 
     def _exchange(self, exchange: Exchange, index: int, sub: int, timeout_s: float) -> bytes | None:
         """Sends, and waits for the answer that fits; Refused when it is an abort; None at the time-out."""
-        if exchange.send:
-            self._drain()
         for data in exchange.send:
             self._network.send(0x600 + self.node, data)
         if exchange.fits is None:

@@ -39,7 +39,7 @@ def live() -> Iterator[Live]:
 
         def start(interface: Interface, **options: Any) -> LiveDevices:
             wanted = Population("accelerometer", interface.name, (NODE,), ("SN0042",), **options)
-            devices, end = LiveDevices(wanted), threading.Event()
+            devices, end = LiveDevices.open(wanted), threading.Event()
             thread = threading.Thread(target=devices.live, args=(lambda: not end.is_set(),))
             stack.callback(thread.join, 30)
             stack.callback(end.set)
@@ -180,7 +180,7 @@ def test_a_killed_process_keeps_what_was_saved_and_obeys_its_world(
 ) -> None:
     wanted = Population("accelerometer", vcan.name, (NODE,), ("SN0042",), memory=tmp_path, flash_s=0.05)
     # A fork costs nothing where starting Python takes ten seconds.
-    first = multiprocessing.get_context("fork").Process(target=LiveDevices(wanted).live, args=(lambda: True,))
+    first = multiprocessing.get_context("fork").Process(target=LiveDevices.open(wanted).live, args=(lambda: True,))
     first.start()
     bus = SocketCan(vcan.name)
     station = CanopenDevice(ServiceNetwork(bus.service(service_ids((NODE,))), SystemClock()), NODE, answer_s=10.0)
