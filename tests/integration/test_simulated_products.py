@@ -1,0 +1,70 @@
+"""Every shipped product on the virtual bus: written by its own map, it corrects its own readings to the truth."""
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from station.domain import writeback
+from station.domain.stream import samples
+from station.domain.types import Calibration
+from tests.fakes.device_rig import DBC, DeviceRig, still
+
+Rig = Callable[..., DeviceRig]
+PRODUCTS = sorted(path.stem for path in Path(DBC).glob("*.yaml"))
+A = np.array([[1.02, 0.012, -0.007], [0.011, 0.985, -0.001], [-0.008, 0.003, 1.01]])
+
+
+@pytest.mark.parametrize("name", PRODUCTS)
+def test_it_corrects_its_readings_to_the_truth(rig: Rig, name: str) -> None:
+    unit = {"accelerometer": 1.0, "magnetometer": 48.0, "gyroscope": 90.0}[name]
+    truth, b = unit * np.array([0.36, -0.48, 0.8]), unit * np.array([0.012, -0.003, 0.021])
+    device = rig(product_name=name, sense=still(A @ truth + b))
+    calibration = Calibration(
+        method="n-point",
+        unit=device.layout.axes[0].unit,
+        offset=b,
+        matrix=A,
+        covariance=np.zeros((12, 12)),
+        positions=(),
+        residual=np.zeros((0, 3)),
+        tilt_deg=np.zeros(0),
+        tilt_std_deg=np.zeros(0),
+        disturbed=np.zeros(0, bool),
+        residual_rms=0.0,
+    )
+    writes = writeback.sequence(device.product.map, calibration, temperature_degC=31.25, epoch_ns=10**18)
+    for write in writes:
+        device.station.download(*write.address, write.raw)
+        if write.read_back:
+            assert device.station.upload(*write.address) == write.raw, write.name
+    written = {write.address: write.raw for write in writes if write.read_back}
+    assert device.station.upload(0x2105, 0) == writeback.expected_checksum(device.product.map, written)
+    device.station.nmt("start")
+    got = samples(device.readings(0.1), device.layout, device.node)
+    assert len(got)
+    assert got.trouble.clean
+    step = device.layout.axes[0].scale
+    rounding = writeback.rounding_std(device.product.map, b, A)
+    # Half a step of converter and output each; √3 standard deviations of every kept number, times what it multiplies.
+    kept = np.sqrt(3) * (rounding[:3] + rounding[3:].reshape(3, 3) @ np.abs(truth))
+    inverse = np.abs(np.linalg.inv(A))
+    bound = inverse @ (np.full(3, 0.5 * step) + 3 * kept) + 0.5 * step + 1e-9
+    assert np.all(np.abs(got.xyz[-1] - truth) <= bound), (got.xyz[-1] - truth, bound)
+
+
+@pytest.mark.parametrize("name", PRODUCTS)
+def test_it_is_what_its_product_file_says(rig: Rig, name: str) -> None:
+    device = rig(product_name=name)
+    read = device.station.identify()
+    assert not device.product.mismatches(
+        device_type=read.device_type,
+        vendor=read.vendor,
+        product=read.product,
+        revision=read.revision,
+        name=read.name,
+    )
+    (timer,) = device.product.map.settings
+    assert struct.unpack("<H", device.station.upload(*timer.address)) == (10,)
