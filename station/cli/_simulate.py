@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from station.cli import _face
-from station.config.documents import load_document, validate
+from station.config.models import load_model
 from station.config.recipes import load_recipe, recipe_path
 from station.config.settings import load_settings
-from station.errors import InputError, UsageError
+from station.errors import UsageError
 from station.model import truth
 from station.model.line import Line
-from station.model.model_file import Model
 from station.model.simulate import Job, Made, effects_of, parts
 
 if TYPE_CHECKING:
@@ -58,7 +57,7 @@ def simulate_to(out: Path, asked: Asked, *, as_json: bool) -> int:
 
 def _job(asked: Asked, name: str) -> Job:
     recipe = load_recipe(name)
-    model = Model() if asked.model is None else validate(load_document(asked.model), Model, InputError)
+    model = load_model(asked.model)
     return Job(
         recipe=recipe,
         units=tuple(f"SN{i + 1:04d}" for i in range(asked.units)),

@@ -18,7 +18,8 @@ Model = TypeVar("Model", bound=BaseModel)
 Place = tuple[str | int, ...]
 
 #: Beyond these a file is not a recipe but an accident or an attack.
-MOST_BYTES, MOST_NODES, MOST_DEPTH = 1_000_000, 20_000, 32
+MOST_BYTES, BYTES_A_NODE, MOST_DEPTH = 1_000_000, 50, 32
+TOO_MUCH = "there is too much nested or listed here; this cannot be the right file"
 
 #: C0 and C1 controls but tab and line ends, and the marks that reorder text on a screen.
 CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
@@ -53,13 +54,14 @@ class Document:
         return Document(self.path, data, lines)
 
 
-def load_document(path: Path, error: type[InputError] = InputError) -> Document:
-    """Reads a YAML file without tags, aliases, repeated keys or control characters, in bounded time.
+def load_document(path: Path, error: type[InputError] = InputError, most_bytes: int = MOST_BYTES) -> Document:
+    """Reads a YAML file without tags, repeated keys or control characters, in bounded time; aliases are counted out.
 
-    Errors: `error`, naming file, line and remedy.
+    most_bytes: what is longer, or holds more than one node in 50 bytes of that, is refused. Errors: `error`, naming
+    file, line and remedy.
     """
-    builder = _Builder(path, error)
-    text = _text(path, error)
+    builder = _Builder(path, error, most_bytes // BYTES_A_NODE)
+    text = _text(path, error, most_bytes)
     try:
         data = builder.build(yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
     except yaml.MarkedYAMLError as exc:
@@ -90,14 +92,14 @@ def content_hash(model: BaseModel) -> str:
     return hashlib.sha256(canonical(model).encode()).hexdigest()
 
 
-def _text(path: Path, error: type[InputError]) -> str:
+def _text(path: Path, error: type[InputError], most_bytes: int) -> str:
     try:
         with path.open("rb") as file:
-            raw = file.read(MOST_BYTES + 1)
+            raw = file.read(most_bytes + 1)
     except OSError as exc:
         raise error(f"{path} cannot be read: {exc.strerror or exc}; check the name and the rights") from exc
-    if len(raw) > MOST_BYTES:
-        raise error(f"{path} is longer than {MOST_BYTES} bytes; this cannot be the right file")
+    if len(raw) > most_bytes:
+        raise error(f"{path} is longer than {most_bytes} bytes; this cannot be the right file")
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as exc:
@@ -112,10 +114,11 @@ def _text(path: Path, error: type[InputError]) -> str:
 class _Builder:
     """Builds plain data from parse events, so that nothing is expanded, tagged or constructed on the way."""
 
-    def __init__(self, path: Path, error: type[InputError]) -> None:
-        self.path, self.error = path, error
+    def __init__(self, path: Path, error: type[InputError], most_nodes: int) -> None:
+        self.path, self.error, self.most_nodes = path, error, most_nodes
         self.lines: dict[Place, int] = {}
         self.nodes = 0
+        self.anchors: dict[str, tuple[Any, int]] = {}
 
     def build(self, events: Iterator[yaml.Event]) -> Any:
         data: Any = None
@@ -130,23 +133,41 @@ class _Builder:
 
     def node(self, event: yaml.Event, events: Iterator[yaml.Event], place: Place) -> Any:
         self.check(event, place)
+        if isinstance(event, yaml.AliasEvent):
+            return self.alias(event)
+        before = self.nodes
+        data = self.content(event, events, place)
+        if isinstance(event, yaml.NodeEvent) and event.anchor is not None:
+            self.anchors[event.anchor] = data, self.nodes - before
+        return data
+
+    def content(self, event: yaml.Event, events: Iterator[yaml.Event], place: Place) -> Any:
         if isinstance(event, yaml.SequenceStartEvent):
             return self.sequence(events, place)
         if isinstance(event, yaml.MappingStartEvent):
             return self.mapping(events, place)
         return self.scalar(event)
 
+    def alias(self, event: yaml.AliasEvent) -> Any:
+        """What an anchor stands for. It counts as if it were written out, so aliases of aliases cannot explode."""
+        if event.anchor not in self.anchors:
+            raise self.refusal(event, f"alias *{event.anchor} has no finished anchor before it; write the value out")
+        data, size = self.anchors[event.anchor]
+        self.count(event, size)
+        return data
+
     def check(self, event: yaml.Event, place: Place) -> None:
-        self.nodes += 1
+        self.count(event, 1)
         self.lines.setdefault(place, _line(event))
-        if isinstance(event, yaml.AliasEvent):
-            raise self.refusal(event, f"alias *{event.anchor} is not allowed here; write the value out")
-        if isinstance(event, yaml.NodeEvent) and event.anchor is not None:
-            raise self.refusal(event, f"anchor &{event.anchor} is not allowed here; write the value where it is used")
         if (tag := getattr(event, "tag", None)) is not None:
             raise self.refusal(event, f"tag {tag} is not allowed here; remove it")
-        if self.nodes > MOST_NODES or len(place) > MOST_DEPTH:
-            raise self.refusal(event, "there is too much nested or listed here; this cannot be the right file")
+        if len(place) > MOST_DEPTH:
+            raise self.refusal(event, TOO_MUCH)
+
+    def count(self, event: yaml.Event, nodes: int) -> None:
+        self.nodes += nodes
+        if self.nodes > self.most_nodes:
+            raise self.refusal(event, TOO_MUCH)
 
     def sequence(self, events: Iterator[yaml.Event], place: Place) -> list[Any]:
         out: list[Any] = []

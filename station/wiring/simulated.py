@@ -12,15 +12,15 @@ from station.adapters.device.memory import NonVolatile
 from station.adapters.device.simulated import SimulatedDevice, Timing, listens_to
 from station.adapters.device.simulated_stream import Sensor
 from station.adapters.positioner.simulated import Simulated as SimulatedPositioner
-from station.config.documents import Document, load_document, validate
+from station.config.documents import Document
+from station.config.models import load_model
 from station.config.settings import Settings
 from station.domain.plan import Stop
 from station.domain.product import kept_serial
 from station.domain.progress import Seat
 from station.domain.types import Frames
-from station.errors import InputError, ProductError
+from station.errors import ProductError
 from station.model.effect import Effect
-from station.model.model_file import Model
 from station.model.rig import Rig
 from station.model.simulate import Job as Campaign
 from station.model.simulate import effect_of
@@ -48,8 +48,7 @@ class SimulatedFixture:
         self.bus = SimulatedBus(self.clock)
         self.positioner = SimulatedPositioner(self._positioner_settings(document), self.clock, self._go)
         effects = tuple(_effect(text, job) for text in order.effects)
-        model = Model() if order.model is None else validate(load_document(order.model), Model, InputError)
-        self._rig = Rig(Campaign(job.recipe, (), order.seed, effects, model), self.positioner.plate)
+        self._rig = Rig(Campaign(job.recipe, (), order.seed, effects, load_model(order.model)), self.positioner.plate)
         self._faults = [_split(text) for text in order.faults]
         self._devices: list[tuple[SimulatedDevice, _Delivered]] = []
 

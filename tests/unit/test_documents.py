@@ -69,8 +69,8 @@ def test_a_part_keeps_the_lines_of_the_file(tmp_path: Path) -> None:
         (("version: 1", "version: 1\nlimits: {offset: -3}"), 4, "greater than 0"),
         (("version: 1", "version: 1\nlimits: {temperature_degC: [40, 10]}"), 4, "holds no temperature"),
         (("version: 1", "version: 0x" + "f" * 5000), 3, "version"),
-        (("version: 1", "version: &a 1"), 3, "anchor"),
-        (("version: 1", "version: *a"), 3, "alias"),
+        (("version: 1", "version: *a"), 3, "alias *a has no finished anchor"),
+        (("version: 1", "version: &a [*a]"), 3, "alias *a has no finished anchor"),
         (("version: 1", "version: !!python/object/apply:os.system [ls]"), 3, "tag"),
         (("version: 1", "version: {a: [}"), 3, "not YAML"),
         (("version: 1", "version: 1\n---\na: 1"), 4, "second document"),
@@ -110,6 +110,8 @@ def test_a_missing_key_is_named(tmp_path: Path) -> None:
         b"- " * 400_000,
         b"? [a]\n: b",
         b"a: !!binary x",
+        b"a: &a [x,x,x,x,x,x,x,x,x]\n"
+        + b"".join(b"%c: &%c [%s]\n" % (c, c, b",".join([b"*%c" % (c - 1)] * 9)) for c in range(98, 110)),
         b"%YAML 9.9\n---\na: 1",
         b"a: 1\n" + b"".join(b"k%d: 1\n" % i for i in range(30_000)),
     ],
@@ -118,6 +120,14 @@ def test_hostile_files_end_in_a_sentence_soon(tmp_path: Path, raw: bytes) -> Non
     begin = time.monotonic()
     assert len(sentence(written(tmp_path, raw))) < 4000
     assert time.monotonic() - begin < 5
+
+
+def test_an_alias_is_what_its_anchor_was(tmp_path: Path) -> None:
+    text = "a: &one {x: [1, 2]}\nb: *one\nc: [*one, &two 3, *two]\n"
+    one = {"x": [1, 2]}
+    document = load_document(written(tmp_path, text))
+    assert document.data == {"a": one, "b": one, "c": [one, 3, 3]}
+    assert document.line(("c", 0, "x", 1)) == 3
 
 
 def test_an_absent_file_is_named(tmp_path: Path) -> None:

@@ -1,0 +1,166 @@
+"""What a person may hand in wrong: one clear sentence before anything moves, and no attempt in the log."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+
+from station.config.places import shipped
+from station.domain import serial
+from station.domain.types import Outcome
+from station.errors import BusFault, ConfigError, InputError, ProductError, RecipeError, StationError, UsageError
+from station.wiring import Order, open_bench
+from tests.fakes import fixture_run
+
+SIX = [{"name": f, "up": f} for f in ("+z", "-z", "+x", "-x", "+y", "-y")]
+
+
+def refused(folder: Path, kind: type[StationError] | tuple[type[StationError], ...], **order: object) -> str:
+    """Opens the station with an order that cannot be; the sentence. Nothing may be left behind."""
+    database = folder / "station.db"
+    with pytest.raises(kind) as caught:
+        open_bench(Order(**{"simulate": True, "database": database, **order})).close()  # type: ignore[arg-type]
+    assert not database.exists(), "no log is begun for what cannot run"
+    said = caught.value.sentence
+    assert "\n" not in said
+    assert caught.value.exit_code == (2 if isinstance(caught.value, InputError) else 3)
+    return said
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"dwel": {"time_s": 1.0}}, "unknown key; did you mean `dwell`?"),
+        ({"positions": None}, "positions are missing; list at least one"),
+        ({"positions": SIX[:5]}, "has 5 positions; list 6"),
+        ({"positions": [*SIX, SIX[0]]}, "position '+z' is listed twice"),
+        (
+            {"positions": [{"name": "a", "quaternion": [1, 1, 0, 0]}, *SIX[1:]]},
+            "quaternion is not a rotation: its length",
+        ),
+        ({"positions": [{"name": "a"}, *SIX[1:]]}, "position 'a' says no orientation"),
+        ({"positions": [{"name": "a", "up": "+z", "rotate": []}, *SIX[1:]]}, "both say the orientation"),
+        ({"limits": {"offset": -0.1}}, "greater than 0"),
+        ({"limits": {"temperature_degC": [40, 10]}}, "holds no temperature"),
+        ({"limits": {"rule": "false-accept"}}, "needs false_accept"),
+        ({"unit": "m/s2"}, "the nearest is"),
+        ({"runs": [{"seating": "upside-down"}]}, "seating 'upside-down' is not defined"),
+        ({"product": None}, "names no product"),
+        ({"product": "no-such-thing"}, "there is no no-such-thing.yaml"),
+        ({"product": "../accelerometer"}, "is not a plain name"),
+        ({"dwell": {"time_s": 1, "until_std": 0.001}}, "either time_s or until_std"),
+    ],
+)
+def test_a_recipe_that_cannot_be_run(tmp_path: Path, changes: dict[str, object], words: str) -> None:
+    said = refused(tmp_path, InputError, recipe=fixture_run.recipe(tmp_path, **changes))
+    assert words in said
+    assert "six-point-changed.yaml" in said or "product" in words or "no-such-thing" in words or "plain name" in words
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"nests": [{"name": "A", "node": 17}, {"name": "B", "node": 17}]}, "both have node 17"),
+        ({"nests": []}, "nests"),
+        ({"positioner": {"kind": "simulated", "sped_deg_s": 3}}, "did you mean `speed_deg_s`?"),
+        ({"positioner": {"kind": "simulated", "speed_deg_s": -3}}, "greater than 0"),
+    ],
+)
+def test_a_config_that_cannot_be_used(tmp_path: Path, changes: dict[str, object], words: str) -> None:
+    said = refused(tmp_path, ConfigError, config=fixture_run.config(tmp_path, **changes))
+    assert words in said
+    assert "config.yaml line" in said
+
+
+def test_an_unknown_positioner_names_the_known_ones(tmp_path: Path) -> None:
+    file = fixture_run.config(tmp_path, positioner={"kind": "robot-arm"})
+    said = refused(tmp_path, InputError, config=file, simulate=False, interface="simulated")
+    assert "robot-arm" in said
+    assert "manual, simulated" in said
+
+
+def test_an_absent_interface(tmp_path: Path) -> None:
+    said = refused(tmp_path, (ConfigError, BusFault), simulate=False, channel="nocan9")
+    assert "nocan9" in said or "this kernel has no CAN" in said
+
+
+def product(folder: Path, change: Callable[[dict[str, object]], None] = lambda _: None) -> Path:
+    """A copy of the shipped product beside a recipe of its own, changed; the recipe's path."""
+    shutil.copytree(shipped() / "dbc", folder / "dbc")
+    path = folder / "dbc" / "accelerometer.yaml"
+    document = yaml.safe_load(path.read_text())
+    change(document)
+    path.write_text(yaml.safe_dump(document))
+    (folder / "recipes").mkdir()
+    shutil.copy(shipped() / "recipes" / "six-point.yaml", folder / "recipes")
+    return folder / "recipes" / "six-point.yaml"
+
+
+def test_a_dbc_without_the_mapped_signal(tmp_path: Path) -> None:
+    def change(document: dict[str, object]) -> None:
+        document["frames"]["sample"]["x"] = "XX"  # type: ignore[index]
+
+    said = refused(tmp_path, ProductError, recipe=str(product(tmp_path, change)))
+    assert "message ACCELERATION has no signal XX; its signals are CRC, COUNTER, STATUS, X, Y, Z" in said
+
+
+def test_a_dbc_without_the_mapped_message(tmp_path: Path) -> None:
+    recipe = product(tmp_path)
+    dbc = tmp_path / "dbc" / "accelerometer.dbc"
+    dbc.write_text(dbc.read_text().replace("ACCELERATION", "VELOCITY"))
+    assert "has no message ACCELERATION" in refused(tmp_path, ProductError, recipe=str(recipe))
+
+
+def test_a_dbc_in_another_unit(tmp_path: Path) -> None:
+    recipe = product(tmp_path)
+    dbc = tmp_path / "dbc" / "accelerometer.dbc"
+    dbc.write_text(dbc.read_text().replace('"g" STATION', '"mg" STATION'))
+    assert "gives readings in mg, but the recipe counts in g" in refused(tmp_path, ProductError, recipe=str(recipe))
+
+
+def test_a_dbc_that_is_none(tmp_path: Path) -> None:
+    recipe = product(tmp_path)
+    (tmp_path / "dbc" / "accelerometer.dbc").write_bytes(bytes(range(256)))
+    assert "accelerometer.dbc" in refused(tmp_path, ProductError, recipe=str(recipe))
+
+
+def test_a_product_of_another_sensor(tmp_path: Path) -> None:
+    recipe = product(tmp_path, lambda d: d.update(sensor="gyroscope"))
+    assert "calibrates a accelerometer, but" in refused(tmp_path, RecipeError, recipe=str(recipe))
+
+
+def test_an_unknown_key_in_the_device_map(tmp_path: Path) -> None:
+    def change(document: dict[str, object]) -> None:
+        document["map"]["matirx"] = document["map"].pop("matrix")  # type: ignore[index, union-attr]
+
+    said = refused(tmp_path, ProductError, recipe=str(product(tmp_path, change)))
+    assert "did you mean `matrix`?" in said
+    assert "accelerometer.yaml line" in said
+
+
+def test_a_simulation_without_an_eds(tmp_path: Path) -> None:
+    recipe = product(tmp_path, lambda d: d.pop("eds"))
+    assert "names no eds" in refused(tmp_path, ProductError, recipe=str(recipe))
+
+
+@pytest.mark.parametrize(
+    ("serials", "words"),
+    [(["SN0001", "SN0001"], "given twice"), (["SN1"], "does not match"), (["SN0001\n"], "printable")],
+)
+def test_serials_that_cannot_be(tmp_path: Path, serials: list[str], words: str) -> None:
+    with (
+        open_bench(Order(simulate=True, database=tmp_path / "station.db")) as bench,
+        pytest.raises(UsageError) as caught,
+    ):
+        serial.check_all(serials, bench.job.recipe)
+    assert words in caught.value.sentence
+
+
+def test_a_reference_past_its_due_date_measures_nothing(tmp_path: Path) -> None:
+    gold = {"source": "gold", "magnitude": 1.0, "gold": {"serial": "G1", "due": "2020-01-31"}}
+    ran = fixture_run.run(tmp_path, recipe=fixture_run.recipe(tmp_path, reference=gold))
+    assert ran.results["SN0001"].outcome is Outcome.ERROR
+    assert "was due for calibration on 2020-01-31" in ran.results["SN0001"].reasons[0].sentence
+    assert ran.memory("SN0001") == {}
