@@ -7,6 +7,7 @@ from contextlib import closing, contextmanager
 from typing import Any
 
 from station.cli import _face
+from station.cli._live import Live, Pace
 from station.cli._results import row, run_document, table
 from station.cli._serials import ask_serials
 from station.domain import serial as serials_of
@@ -40,14 +41,16 @@ PHASES = {
 }
 
 
-def run_units(order: Order, given: Sequence[str], units: int | None, *, as_json: bool) -> int:
+def run_units(
+    order: Order, given: Sequence[str], units: int | None, *, as_json: bool, pace: float | None = None
+) -> int:
     """Opens the station, takes every unit through it, and says how it went; the exit code."""
     with open_bench(order) as bench:
         serials = ask_serials(bench, given, units)
         serials_of.check_all(serials, bench.job.recipe)
         for sentence in bench.told:
             _face.remark(sentence)
-        results, fault = _run(bench, serials)
+        results, fault = _run(bench, serials, pace)
         if as_json:
             _face.say_json(run_document(results, bench.job.recipe))
         else:
@@ -69,8 +72,12 @@ def exit_code(results: Sequence[UnitResult], fault: StationError | None) -> int:
     return 0
 
 
-def _run(bench: Bench, serials: Sequence[str]) -> tuple[list[UnitResult], StationError | None]:
+def _run(bench: Bench, serials: Sequence[str], pace: float | None) -> tuple[list[UnitResult], StationError | None]:
     stop = Stop()
+    settings = bench.station.settings
+    told = {"station": settings.station, "operator": settings.operator, "simulated": bench.simulated}
+    live = Live(bench.database, bench.job.recipe, told)
+    held = Pace(pace, bench.station.clock.monotonic_s, stop)
     results: list[UnitResult] = []
     loads = bench.loads(serials)
     with _face.progress() as bar, _stops(stop):
@@ -82,6 +89,8 @@ def _run(bench: Bench, serials: Sequence[str]) -> tuple[list[UnitResult], Statio
             show = _Show(bar, f"load {number + 1} of {len(loads)}" if len(loads) > 1 else "run")
             with closing(runner.run(seats)) as events:
                 for event in events:
+                    held.keep()
+                    live.event(event)
                     show.event(event)
                     if isinstance(event, UnitDone):
                         results.append(event.result)

@@ -22,6 +22,9 @@ def command(
     device_state: Annotated[
         Path | None, Option(help="With --simulate: folder of the devices' non-volatile memory.")
     ] = None,
+    pace: Annotated[
+        float | None, Option(min=0.01, help="With --simulate: so many times real time, to watch it; left out: at once.")
+    ] = None,
     interface: Annotated[str | None, Option(help="Bus interface, in place of config.yaml's.")] = None,
     channel: Annotated[str | None, Option(help="Bus channel, in place of config.yaml's.")] = None,
     operator: Annotated[str | None, Option(help="Who runs it, for the record.")] = None,
@@ -39,6 +42,7 @@ def command(
         station run --recipe six-point --serial SN0042 --serial SN0043
     """
     from station.cli._run import run_units
+    from station.errors import UsageError
     from station.wiring import Order
 
     order = Order(
@@ -56,4 +60,6 @@ def command(
         operator=operator,
         lot=lot,
     )
-    return run_units(order, tuple(serial or ()), units, as_json=json)
+    if pace is not None and not simulate:
+        raise UsageError("--pace holds virtual time back; add --simulate or leave it out")
+    return run_units(order, tuple(serial or ()), units, as_json=json, pace=pace)

@@ -140,6 +140,15 @@ class VisitRejected(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class Reading(Event):
+    """What the units read just now, in the middle of a dwell: serial → mean of the newest samples, and the standard
+    deviation of one sample of the noisiest axis, both in the recipe's unit. Only for the eye; nothing is kept."""
+
+    means: Mapping[str, tuple[float, ...]]
+    noise: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
 class StopDone(Event):
     """A stop is measured and kept. means: serial → mean reading in the recipe's unit."""
 

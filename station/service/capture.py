@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from station.domain.plan import Stop as Planned
-from station.domain.progress import Event, Told
+from station.domain.progress import Event, Reading, Told
 from station.domain.stillness import angle_deg, at_rest, expected_noise, face, mean_std
 from station.domain.stop_check import FACE_DEG
 from station.domain.stream import samples
@@ -66,8 +66,9 @@ class Capture:
         while len(self._channel.receive(0.0)):
             self._stop.check()
 
-    def take(self, units: Sequence[Unit]) -> Taken:
-        """Settles and dwells; the fixture has just arrived. Errors: BusFault, Aborted."""
+    def take(self, units: Sequence[Unit]) -> Generator[Event, None, Taken]:
+        """Settles and dwells; the fixture has just arrived. Yields what is read meanwhile. Errors: BusFault,
+        Aborted."""
         clock, dwell = self._station.clock, self._job.recipe.dwell
         arrived_ns = clock.epoch_ns()
         parts = self._settle(units)
@@ -76,6 +77,7 @@ class Capture:
         inside: list[Frames] = []
         while (left_s := until_s - clock.monotonic_s()) > 1e-9:
             inside.append(self._look(min(DWELL_LOOK_S, left_s)))
+            yield self._reading(inside[-1], units)
             if self._good_enough(units, inside, clock.monotonic_s() - began_s):
                 break
         to_ns, lasted_s = clock.epoch_ns(), clock.monotonic_s() - began_s
@@ -106,6 +108,14 @@ class Capture:
         raise PositionerFault(
             f"position {planned.position!r} was not brought up and held still within {face_s:g} s; "
             "start again when somebody is there to turn the fixture"
+        )
+
+    def _reading(self, newest: Frames, units: Sequence[Unit]) -> Reading:
+        """The newest frames as a page may show them; a unit that sent fewer than two readings is left out."""
+        read = {u.seat.serial: xyz for u in units if len(xyz := self._usable(newest, u)) > 1}
+        return Reading(
+            {serial: tuple(float(v) for v in xyz.mean(axis=0)) for serial, xyz in read.items()},
+            {serial: float(xyz.std(axis=0, ddof=1).max()) for serial, xyz in read.items()},
         )
 
     def _good_enough(self, units: Sequence[Unit], inside: list[Frames], lasted_s: float) -> bool:

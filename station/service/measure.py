@@ -49,7 +49,7 @@ class Measure:
             self._capture.drain()
             if asked:
                 yield from self._capture.wait_for_face(waiting, planned, asked)
-            taken = self._capture.take(waiting)
+            taken = yield from self._capture.take(waiting)
             found = {unit.seat.serial: self._judge(unit, planned, taken) for unit in waiting}
             self._keep(waiting, planned, taken, found, kind)
             means |= {serial: _mean(dwelled) for serial, (dwelled, reasons) in found.items() if not reasons}

@@ -1,0 +1,76 @@
+"""The state of a run, folded from its events."""
+
+from station.domain.progress import (
+    Identified,
+    LoadBegun,
+    LoadDone,
+    ObjectWritten,
+    Phase,
+    PhaseEntered,
+    Reading,
+    Seat,
+    StopDone,
+    StopStarted,
+    Told,
+    UnitDone,
+    UnitResult,
+    VisitRejected,
+)
+from station.domain.run_state import MOST_SENTENCES, RunState
+from station.domain.types import Outcome, Reason
+from station.errors import BusFault
+
+SEATS = (Seat("SN1", "A", 17), Seat("SN2", "B", 18))
+BEGUN = RunState(stops=("z-up", "z-down", "verify-x")).after(LoadBegun(SEATS, 3, 25.0), 1000.0)
+
+
+def test_a_load_begins_with_its_nests_and_its_first_stop_next() -> None:
+    assert [(n.nest, n.serial, n.outcome) for n in BEGUN.nests] == [("A", "SN1", ""), ("B", "SN2", "")]
+    assert (BEGUN.following, BEGUN.done, BEGUN.total, BEGUN.began_s, BEGUN.estimate_s) == ("z-up", 0, 3, 1000.0, 25.0)
+
+
+def test_stops_go_by_even_where_the_numbers_start_again_with_the_verification() -> None:
+    state = BEGUN.after(StopStarted(1, 2, "z-up", ""), 1001)
+    assert (state.position, state.following) == ("z-up", "z-down")
+    state = state.after(StopDone(1, 2, "z-up", {"SN1": (0.0, 0.0, 1.0)}), 1002)
+    state = state.after(StopStarted(2, 2, "z-down", ""), 1003).after(StopDone(2, 2, "z-down", {}), 1004)
+    state = state.after(StopStarted(1, 1, "verify-x", "turn it"), 1005)
+    assert (state.position, state.following, state.done, state.asked) == ("verify-x", "", 2, "turn it")
+    assert state.nests[0].vector == (0.0, 0.0, 1.0)
+    assert state.nests[1].vector == ()
+
+
+def test_readings_move_vector_and_noise_and_nothing_else() -> None:
+    state = BEGUN.after(Reading({"SN2": (0.1, 0.2, 0.3)}, {"SN2": 0.001}), 1001)
+    assert state.nests[0] == BEGUN.nests[0]
+    assert (state.nests[1].vector, state.nests[1].noise, state.done) == ((0.1, 0.2, 0.3), 0.001, 0)
+
+
+def test_a_unit_ends_with_every_reason_and_its_neighbour_goes_on() -> None:
+    state = BEGUN.after(Identified(SEATS[0], "accelerometer", "1.0.0", 1), 1001)
+    reasons = (Reason("offset", "offset x is too large"), Reason("noise", "too noisy"))
+    ended = UnitResult(SEATS[0], "id", Outcome.FAIL, reasons, None, False, False, 0.002, 3.0)
+    state = state.after(UnitDone(ended), 1002)
+    first, second = state.nests
+    assert (first.outcome, first.attempt, first.device) == ("FAIL", "id", "accelerometer 1.0.0")
+    assert first.reasons == ("offset x is too large", "too noisy")
+    assert second.outcome == ""
+
+
+def test_phases_writes_and_the_end_with_its_fault() -> None:
+    state = BEGUN.after(PhaseEntered(Phase.WRITE), 1001).after(ObjectWritten("SN1", "gain x", 2, 12), 1002)
+    assert (state.phase, state.writing) == ("write", "gain x (2/12)")
+    state = state.after(PhaseEntered(Phase.SAVE), 1003)
+    assert state.writing == ""
+    state = state.after(LoadDone((), BusFault("the bus is off")), 1004)
+    assert (state.over, state.fault, state.position, state.phase) == (True, "the bus is off", "", "done")
+    assert not state.after(LoadBegun(SEATS, 3, 25.0), 1005).over
+
+
+def test_sentences_are_kept_but_never_without_end() -> None:
+    state = BEGUN.after(VisitRejected("SN1", "z-up", (Reason("gaps", "frames were lost"),), True), 1001)
+    assert state.sentences == ("SN1: frames were lost; measuring it again",)
+    for i in range(3 * MOST_SENTENCES):
+        state = state.after(Told(f"sentence {i}", "SN2"), 1002)
+    assert len(state.sentences) == MOST_SENTENCES
+    assert state.sentences[-1] == f"SN2: sentence {3 * MOST_SENTENCES - 1}"
