@@ -1,15 +1,18 @@
 """Product files: identity in words, serials as printed and as kept, and the map against the EDS."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from station.adapters.device import eds
+from station.adapters.device.fault import KINDS
 from station.config.products import load_product
 from station.domain import map_check
-from station.domain.devicemap import Serial
+from station.domain.devicemap import DeviceMap, Serial
 from station.domain.dictionary import Dictionary
 from station.domain.product import Product, kept_serial, read_serial
 from station.domain.sdo_codes import ABORT, meaning, sentence
@@ -138,3 +141,13 @@ def test_the_codes_are_those_of_the_common_library() -> None:
 
 def test_an_unknown_code_is_said_to_be_the_makers() -> None:
     assert "only its maker knows" in sentence(0x12345678, 5, "read", 0x2101, 3)
+
+
+def test_the_guides_name_every_fault_and_their_maps_are_right() -> None:
+    docs = DBC.parent / "docs"
+    faults = (docs / "simulated-device.md").read_text()
+    assert [kind for kind, told in KINDS.items() if f"| `{kind}` | {told} |" not in faults] == []
+    blocks = re.findall(r"```yaml\n(.*?)```", (docs / "device-map.md").read_text(), re.DOTALL)
+    assert len(blocks) == 4
+    for block in blocks:
+        DeviceMap.model_validate(yaml.safe_load(block)["map"])
