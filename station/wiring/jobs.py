@@ -7,7 +7,7 @@ from station.adapters.dbc import read_layouts
 from station.config.documents import canonical, load_document, validate
 from station.config.products import product_path
 from station.config.recipes import recipe_hash, recipe_path
-from station.domain import method, product_record
+from station.domain import map_check, method, product_record
 from station.domain.frames import resolve
 from station.domain.product import Product
 from station.domain.recipe import Recipe
@@ -42,6 +42,8 @@ def load_job(name: str | Path) -> tuple[Job, Source]:
     dbc = where.parent / product.frames.dbc
     layout = resolve(product.frames, read_layouts(dbc))
     _check_fit(path, recipe, where, product)
+    eds = None if product.eds is None else where.parent / product.eds
+    _check_map(where, product, eds)
     _check_units(dbc, recipe, [axis.unit for axis in layout.axes])
     job = Job(
         recipe=recipe,
@@ -51,7 +53,7 @@ def load_job(name: str | Path) -> tuple[Job, Source]:
         product_json=product_record.dump(product, layout),
         layout=layout,
     )
-    return job, Source(path, where, dbc, None if product.eds is None else where.parent / product.eds)
+    return job, Source(path, where, dbc, eds)
 
 
 def _check_fit(path: Path, recipe: Recipe, where: Path, product: Product) -> None:
@@ -59,6 +61,17 @@ def _check_fit(path: Path, recipe: Recipe, where: Path, product: Product) -> Non
         raise RecipeError(
             f"{path} calibrates a {recipe.sensor}, but {where} is a {product.sensor}; correct `sensor` or `product`"
         )
+
+
+def _check_map(where: Path, product: Product, eds: Path | None) -> None:
+    """Refuses a device map that contradicts the EDS: the device would refuse it half-way through a write."""
+    if eds is None:
+        return
+    from station.adapters.device.eds import load
+
+    wrong = map_check.mismatches(product.map, load(eds, product.frames.node_of_dbc))
+    if wrong:
+        raise ProductError(f"{where}: the device map contradicts {eds.name}: {'; '.join(wrong)}; correct one of them")
 
 
 def _check_units(dbc: Path, recipe: Recipe, units: list[str]) -> None:

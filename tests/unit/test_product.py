@@ -17,6 +17,7 @@ from station.domain.dictionary import Dictionary
 from station.domain.product import Product, kept_serial, read_serial
 from station.domain.sdo_codes import ABORT, meaning, sentence
 from station.errors import ProductError, UsageError
+from station.wiring import load_job
 
 DBC = Path(__file__).parents[2] / "dbc"
 SHIPPED = sorted(path.stem for path in DBC.glob("*.yaml"))
@@ -151,3 +152,15 @@ def test_the_guides_name_every_fault_and_their_maps_are_right() -> None:
     assert len(blocks) == 4
     for block in blocks:
         DeviceMap.model_validate(yaml.safe_load(block)["map"])
+
+
+def test_a_job_whose_map_contradicts_its_eds_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    for name in ("accelerometer.dbc", "accelerometer.eds"):
+        (tmp_path / name).write_bytes((DBC / name).read_bytes())
+    text = (DBC / "accelerometer.yaml").read_text()
+    (tmp_path / "accelerometer.yaml").write_text(text.replace("limits: [-1.5, 1.5]", "limits: [-2, 2]"))
+    recipe = tmp_path / "six-point.yaml"
+    recipe.write_text((DBC.parent / "recipes" / "six-point.yaml").read_text())
+    with pytest.raises(ProductError) as caught:
+        load_job(recipe)
+    assert "accelerometer.yaml: the device map contradicts accelerometer.eds: matrix.xx at" in caught.value.sentence
