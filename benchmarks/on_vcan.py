@@ -4,8 +4,8 @@ python benchmarks/on_vcan.py receive.py --rows 1 --runs 5
 """
 
 import shlex
-import shutil
 import sys
+import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -18,8 +18,8 @@ from vcan_harness.job import Job
 def main() -> None:
     """Starts the benchmark named first, with the arguments after it, and prints what it says."""
     script, *arguments = sys.argv[1:]
-    work = cache.fresh_folder()
-    try:
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
         way = ways.find(work, (HERE.parent, Path(sys.prefix), Path(sys.base_prefix), cache.folder()))
         said = work / "said.txt"
         command = shlex.join([sys.executable, str(HERE / script), *arguments])
@@ -27,8 +27,6 @@ def main() -> None:
         for _ in job.reports():  # a benchmark reports nothing; this waits for its end
             continue
         print(said.read_text() if said.is_file() else job.last_words())
-    finally:
-        shutil.rmtree(work)
 
 
 if __name__ == "__main__":
