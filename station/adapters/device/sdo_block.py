@@ -51,7 +51,7 @@ def _blocks(most: int) -> Generator[Exchange, bytes, tuple[bytes, bytes]]:
         repairs += not last and received < BLOCK_SIZE
         if repairs > REPAIRS:
             raise Violation(sdo.ABORT_INVALID_SEQUENCE_NUMBER)
-        if len(data) >= most + SEGMENT:
+        if len(data) >= max(most, 1) + SEGMENT:
             raise Violation(sdo.ABORT_LENGTH_TOO_HIGH)
         send = _request(sdo.BLOCK_TRANSFER_RESPONSE, received, BLOCK_SIZE)
     end = yield Exchange((send,), _step(sdo.RESPONSE_BLOCK_UPLOAD, sdo.END_BLOCK_TRANSFER))

@@ -135,7 +135,7 @@ def block_download(objects: Objects, index: int, sub: int, request: bytes) -> Se
     complete = False
     while not complete:
         acknowledged, data, complete = yield from _receive_block(reply, data)
-        if len(data) >= (MOST_BYTES if size is None else size) + SEGMENT:
+        if len(data) >= (MOST_BYTES if size is None else max(size, 1)) + SEGMENT:
             raise SdoAbort(sdo.ABORT_LENGTH_TOO_HIGH)
         command = sdo.RESPONSE_BLOCK_DOWNLOAD | sdo.BLOCK_TRANSFER_RESPONSE
         reply = Reply((bytes([command, acknowledged, _BLOCK_SIZE]) + bytes(5),), segments_follow=not complete)
