@@ -2,12 +2,15 @@
 
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from station.domain import writeback
+from station.adapters.device.simulated_stream import Readings, Sensor
+from station.adapters.device.stream_faults import StreamFaults
+from station.domain import signals, writeback
 from station.domain.stream import samples
 from station.domain.types import Calibration
 from tests.fakes.device_rig import DBC, DeviceRig, still
@@ -68,3 +71,19 @@ def test_it_is_what_its_product_file_says(rig: Rig, name: str) -> None:
     )
     (timer,) = device.product.map.settings
     assert struct.unpack("<H", device.station.upload(*timer.address)) == (10,)
+
+
+def test_a_product_that_sends_floats_is_neither_rounded_nor_clipped(rig: Rig) -> None:
+    pattern = rig()
+    layout = replace(pattern.layout, sample=_as_floats(pattern.layout.sample))
+    frames = StreamFaults((), layout, 5, 0.0)
+    readings = Readings(Sensor(layout, still((1e-4, -40_000.0, 3.25)), lambda _: 20.0), frames)
+    sent = readings.frames(np.zeros(2), np.zeros(2, np.int64), None, 0.0)
+    got = signals.decode(sent, replace(layout.sample, can_id=int(sent.can_id[0]))).values
+    # Halves: a reading of a ten-thousandth is no whole step, and one beyond 16 bits is not clipped.
+    assert [got[name][0] for name in ("X", "Y", "Z")] == [float(np.float16(1e-4)), -40_000.0, 3.25]
+
+
+def _as_floats(sample: signals.FrameLayout) -> signals.FrameLayout:
+    changed = (replace(s, is_float=True, signed=True, scale=1) if s.name in "XYZ" else s for s in sample.signals)
+    return replace(sample, signals=tuple(changed))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from station.adapters.device.stream_faults import StreamFaults
 from station.domain import encode, signals
 from station.domain.frames import SensorLayout
-from station.domain.types import Floats, Frames
+from station.domain.types import Array, Floats, Frames
 
 Sense = Callable[[Floats], Floats]
 Correction = tuple[Floats, Floats] | None
@@ -72,40 +72,41 @@ class Readings:
 
     def raw(self, times_s: Floats) -> Floats:
         """Readings (n, 3) as the converter gives them: multiples of its step, within its range."""
-        sensed = self._faults.spoil_readings(np.asarray(self._sense(times_s), float), times_s)
-        return self._converted(sensed)
+        return self._physical(self._converted(times_s))
 
     def corrected(self, raw: Floats, correction: Correction) -> Floats:
         """matrix⁻¹ · (raw − offset) for readings (n, 3), in the output's own steps; raw when there is no correction."""
         if correction is None:
             return raw
         offset, matrix = correction
-        return self._converted(np.asarray(np.linalg.solve(matrix, (raw - offset).T).T, np.float64))
+        return self._physical(self.counts(np.asarray(np.linalg.solve(matrix, (raw - offset).T).T, np.float64)))
 
-    def counts(self, readings: Floats) -> NDArray[np.int64]:
-        """Readings (n, 3) as raw integers of their signals."""
+    def counts(self, readings: Floats) -> Array:
+        """Readings (n, 3) as raw values of their signals: integers, unless the DBC sends floats."""
         columns = zip(readings.T, self._layout.axes, strict=True)
-        return np.stack([encode.to_raw(values, axis).astype(np.int64) for values, axis in columns], axis=1)
+        return np.stack([encode.to_raw(values, axis) for values, axis in columns], axis=1)
 
     def frames(self, times_s: Floats, time_ns: NDArray[np.int64], correction: Correction, settled_s: float) -> Frames:
         """One frame for each instant. settled_s: before it the status says that the sensor has not settled."""
         if not len(times_s):
             return Frames.empty()
-        raw = self.raw(times_s)
-        readings = self.corrected(raw, correction)
+        counts = self._converted(times_s)
+        readings = self.corrected(self._physical(counts), correction)
         status = (
-            CLIPPED * self._clipped(raw) + COMPENSATED * (correction is not None) + UNSETTLED * (times_s < settled_s)
+            CLIPPED * self._clipped(counts) + COMPENSATED * (correction is not None) + UNSETTLED * (times_s < settled_s)
         )
         frames = self._faults.encode(time_ns, readings, self._count, status, times_s)
         self._count = (self._count + len(times_s)) % self._layout.counter_values
         return self._faults.spoil_frames(frames, times_s)
 
-    def _converted(self, values: Floats) -> Floats:
-        columns = zip(values.T, self._layout.axes, strict=True)
-        steps = [signals.physical(encode.to_raw(v, axis), axis) for v, axis in columns]
-        return np.asarray(np.stack(steps, axis=1), np.float64)
+    def _converted(self, times_s: Floats) -> Array:
+        return self.counts(self._faults.spoil_readings(np.asarray(self._sense(times_s), float), times_s))
 
-    def _clipped(self, raw: Floats) -> NDArray[np.bool_]:
-        counts = self.counts(raw)
-        limits = np.array([axis.raw_limits() for axis in self._layout.axes])
+    def _physical(self, counts: Array) -> Floats:
+        columns = zip(counts.T, self._layout.axes, strict=True)
+        return np.asarray(np.stack([signals.physical(c, axis) for c, axis in columns], axis=1), np.float64)
+
+    def _clipped(self, counts: Array) -> NDArray[np.bool_]:
+        endless = (-math.inf, math.inf)
+        limits = np.array([endless if axis.is_float else axis.raw_limits() for axis in self._layout.axes])
         return np.asarray(((counts <= limits[:, 0]) | (counts >= limits[:, 1])).any(axis=1))
