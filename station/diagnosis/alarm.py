@@ -1,0 +1,140 @@
+"""When to say that something is wrong: the threshold comes from a parametric bootstrap.
+
+Data sets without any cause are drawn from the floor, its own uncertainty included, and scored by the whole bank.
+Each cause's scores give its own null distribution (an exponential tail beyond the sample); the statistic of a data
+set is the largest −log₁₀ p over the bank, and the threshold its 99 % quantile over the null sets, so that the whole
+family of causes raises a false alarm in one of a hundred campaigns.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.diagnosis.evidence import Sets
+from station.diagnosis.floor import Fitted
+from station.diagnosis.space import Space
+from station.diagnosis.stage import Problem, Stage, by_cause
+from station.domain.types import Floats
+
+#: Chance of any alarm in data without a cause.
+LEVEL = 0.01
+#: Null data sets, in how many floors drawn from the estimate's uncertainty, and in how large parts.
+SETS, FLOORS, PART = 2048, 16, 64
+#: Probabilities below the tail at which a cause's null scores are kept, and where its exponential tail begins.
+GRID = np.linspace(0.0, 1.0, 33)
+TAIL = 0.975
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Null:
+    """What scores look like when nothing is wrong.
+
+    quantiles (33) of each cause's null scores below its tail, start and scale of the tail; threshold of the largest
+    −log₁₀ p.
+    """
+
+    quantiles: Mapping[str, Floats]
+    start: Mapping[str, float]
+    scale: Mapping[str, float]
+    threshold: float
+
+    def surprise(self, name: str, score: Floats) -> Floats:
+        """−log₁₀ p of a cause's scores (n); 0 for a cause without a null distribution."""
+        if name not in self.quantiles:
+            return np.zeros_like(score)
+        below = 1 - TAIL * np.interp(score, self.quantiles[name], GRID)
+        tail = np.maximum(score - self.start[name], 0.0) / (self.scale[name] * np.log(10))
+        return np.asarray(-np.log10(below) + tail)
+
+    def document(self) -> dict[str, object]:
+        """As plain numbers, to keep."""
+        causes = {
+            name: [*(float(x) for x in q), self.start[name], self.scale[name]] for name, q in self.quantiles.items()
+        }
+        return {"threshold": self.threshold, "causes": causes}
+
+    @staticmethod
+    def of_document(document: Mapping[str, object]) -> "Null":
+        """From plain numbers. Errors: KeyError, TypeError or ValueError when it is none."""
+        causes = document["causes"]
+        if not isinstance(causes, Mapping):
+            raise TypeError("causes is no mapping")
+        rows = {str(name): np.asarray(row, float) for name, row in causes.items()}
+        if any(len(row) != len(GRID) + 2 for row in rows.values()):
+            raise ValueError("causes have rows of another length")
+        return Null(
+            {name: row[:-2] for name, row in rows.items()},
+            {name: float(row[-2]) for name, row in rows.items()},
+            {name: float(row[-1]) for name, row in rows.items()},
+            float(str(document["threshold"])),
+        )
+
+
+def bootstrap(problem: Problem, fitted: Fitted, now: Stage, seed: int) -> Null:
+    """The null distribution for a bank under the floor fitted without any new cause."""
+    scores: dict[str, list[Floats]] = {}
+    for sets in _drawn(problem, fitted, now, seed):
+        for name, score in by_cause(now.candidates, now.evidence(sets)).items():
+            scores.setdefault(name, []).append(score)
+    return null_of({name: np.concatenate(parts) for name, parts in scores.items()})
+
+
+def null_of(scores: Mapping[str, Floats]) -> Null:
+    """The null distribution from each cause's scores (n) in the same null data sets."""
+    quantiles = {name: np.quantile(s, TAIL * GRID) for name, s in scores.items()}
+    start = {name: float(q[-1]) for name, q in quantiles.items()}
+    scale = {
+        name: max(float(np.mean(s[s > start[name]] - start[name])), 0.05) if np.any(s > start[name]) else 1.0
+        for name, s in scores.items()
+    }
+    null = Null(quantiles, start, scale, 0.0)
+    largest = np.max([null.surprise(name, s) for name, s in scores.items()], axis=0)
+    return Null(quantiles, start, scale, float(np.quantile(largest, 1 - LEVEL)))
+
+
+def _drawn(problem: Problem, fitted: Fitted, now: Stage, seed: int) -> Iterator[list[Sets]]:
+    """Null data sets, a part at a time, as each of the stage's spaces sees them."""
+    rng = np.random.default_rng(seed)
+    mean, spread = fitted.floor.variances, fitted.covariance
+    root = np.linalg.cholesky(spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
+    for _ in range(FLOORS):
+        variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
+        other = np.asarray(np.linalg.inv(problem.structure.covariance(variances).inverse), float)
+        for _ in range(SETS // FLOORS // PART):
+            noise: Floats | None = None
+            sets = []
+            for seen in sorted(now.seen, key=lambda s: -s.space.data.shape[1]):
+                noise = _noise(seen.space, other, rng) if noise is None else noise
+                sets.append((seen.space, _of(seen.space, noise)))
+            yield [next(s for space, s in sets if space is seen.space) for seen in now.seen]
+
+
+def _noise(space: Space, other: Floats, rng: np.random.Generator) -> Floats:
+    """White noise (n, U, M) as drawn from another floor, whose Cholesky factors are given."""
+    U, M = space.data.shape
+    noise = rng.standard_normal((PART, U, M)) * space.live
+    member = space.covariance.member
+    mixed = (space.covariance.inverse @ other)[member]
+    R, m = member.shape[1], mixed.shape[-1]
+    stops = noise[:, :, : R * m].reshape(PART, U, R, m)
+    noise[:, :, : R * m] = np.einsum("urij,nurj->nuri", mixed, stops).reshape(PART, U, R * m)
+    return noise
+
+
+def _of(space: Space, noise: Floats) -> Sets:
+    """Noise (n, U, ·) drawn for the widest space, as this one sees it: its stops, contrasts and priors."""
+    stops = space.covariance.live.shape[1]
+    priors = space.live.shape[1] - stops - space.dwell
+    rows = [noise[:, :, : stops + space.dwell], noise[:, :, noise.shape[2] - priors :]]
+    return Sets.of(space, np.moveaxis(space.free(np.moveaxis(np.concatenate(rows, axis=2), 0, 2)), 2, 0))
+
+
+def statistic(null: Null, evidence: Mapping[str, float]) -> float:
+    """The largest −log₁₀ p over the causes."""
+    return max((float(null.surprise(name, np.array([e]))[0]) for name, e in evidence.items()), default=0.0)
+
+
+def surprises(null: Null, evidence: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
+    """−log₁₀ p of the named causes."""
+    return {name: float(null.surprise(name, np.array([evidence[name]]))[0]) for name in names if name in evidence}

@@ -1,0 +1,77 @@
+"""The problem as it stands: data, simulation, floor structure and everything known so far."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.diagnosis.floor import structure
+from station.diagnosis.known import Accepted, known_of
+from station.diagnosis.reduce import Reduced
+from station.diagnosis.solve import solve
+from station.diagnosis.space import space
+from station.diagnosis.stage import Problem
+from station.diagnosis.view import View, moved, quieted, settled, view_of
+from station.domain.types import Floats
+from station.model.effects.bias_walk import BiasWalk
+from station.model.effects.repeatability import Repeatability
+
+
+@dataclass(frozen=True, slots=True)
+class Allowance:
+    """What a healthy rig's floor may hold: turn, rad a stop; walk, recipe's unit a stop. More is a finding."""
+
+    turn: float = 1e-4
+    walk: float = 1e-5
+
+    @property
+    def upper(self) -> Floats:
+        """Bounds of the variances σ², τ_r², τ_w²."""
+        return np.array([np.inf, self.turn**2, self.walk**2])
+
+
+def problem_of(reduced: Reduced, allowance: Allowance, matrix: bool = False) -> Problem:
+    """The problem before any cause is known."""
+    return assembled(view_of(reduced, matrix), (), matrix, allowance.upper)
+
+
+def assembled(view: View, accepted: tuple[Accepted, ...], matrix: bool, upper: Floats) -> Problem:
+    """The problem of a view with causes accepted."""
+    turn = np.einsum("vki,via->vka", view.keep, view.signature(Repeatability.example())[0])
+    steps = view.signature(BiasWalk.example())[0][:, 0, 0]
+    weight = view.reduced.count.sum(1)
+    project = view.keep if view.grid.k == 1 else np.broadcast_to(np.eye(3), view.keep.shape)
+    parts = structure(view.grid, weight / weight.mean(), turn, np.round(steps), project)
+    known, places = known_of(view, accepted, matrix)
+    return Problem(view, parts, accepted, known, places, matrix, upper)
+
+
+def refined(problem: Problem, rounds: int = 4) -> Problem:
+    """The simulation with all known parameters at their best: Gauss–Newton under the floor, exact at its end."""
+    for _ in range(rounds):
+        readings, _ = problem.readings(moving=problem.known.moving)
+        fitted = problem.fit()
+        now = space(fitted.space.covariance, problem.known, *problem.readings(moving=problem.known.moving))
+        solved = solve(now, problem.known, readings)
+        p = problem.view.calibration(problem.matrix).shape[-1]
+        steps = [solved.at(place)[0] for place in problem.places]
+        accepted = tuple(
+            replace(item, coefficient=item.coefficient + step) if item.candidate.effect else item
+            for item, step in zip(problem.accepted, steps, strict=True)
+        )
+        view = acting(settled(problem.view, moved(problem.view.base, solved.own[:, :p])), accepted)
+        problem = assembled(view, tuple(i.renewed(view) for i in accepted), problem.matrix, problem.upper)
+        at_work = [s for s, item in zip(steps, accepted, strict=True) if item.candidate.effect]
+        if _small(fitted.floor.noise, [solved.own[:, :p], *at_work]):
+            break
+    return problem
+
+
+def acting(view: View, accepted: tuple[Accepted, ...]) -> View:
+    """The view with the accepted causes at work."""
+    at_work = {item.key: found for item in accepted if (found := item.acting()) is not None}
+    return quieted(replace(view, active=at_work))
+
+
+def _small(noise: float, steps: list[Floats]) -> bool:
+    """Whether the last step of every parameter is far below the noise: what it leaves is of second order."""
+    return all(float(np.max(np.abs(s), initial=0.0)) < 1e-3 * noise for s in steps)

@@ -1,0 +1,95 @@
+"""The ranking of causes over all noise floors worth trying.
+
+The floor that fits best when nothing new acts has swallowed a part of whatever does act. Each cause is therefore
+judged under the floor that fits best with that cause: a profile of the likelihood over the floor.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.diagnosis.bank import Bank, Candidate
+from station.diagnosis.floor import Floor
+from station.diagnosis.stage import Problem, Stage, by_cause, stage
+
+#: What a free variance costs against a bounded one, in nats: its size could have been any in a range of e³.
+OCCAM = 3.0
+#: Causes that are a variance of the floor, and which.
+VARIANCES = {"repeatability": 1, "bias-walk": 2}
+#: A floor is worth trying when it differs by more than this share from those tried.
+NEAR = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rank:
+    """One cause: log evidence over all its shapes, levels and floors; its best candidate, None for a cause that is
+    a variance of the floor; and the stage where that stood best."""
+
+    name: str
+    evidence: float
+    best: Candidate | None
+    at: Stage
+
+
+def rank(problem: Problem, banks: Sequence[Bank], first: Stage, words: Sequence[str]) -> dict[str, Rank]:
+    """Every cause under the best of the floors visited, `first` the one without any of them. words: the kernels."""
+    zero = dict(zip(first.candidates, first.profiles(), strict=True))
+    best: dict[str, Rank] = {}
+    visited: list[Floor] = []
+    now: Stage | None = first
+    while now is not None and len(visited) < 6:
+        visited.append(now.floor)
+        _merge(best, now, zero)
+        now = _next(problem, banks, best, visited, words)
+    best.update(_floor_causes(problem, first))
+    return best
+
+
+def _merge(best: dict[str, Rank], now: Stage, zero: dict[Candidate, float]) -> None:
+    """Takes over what is more evident under the floor of `now`."""
+    candidates = now.candidates
+    total = now.evidence()[0] + now.profiles() - np.array([zero[c] for c in candidates])
+    for name, value in by_cause(candidates, total[None]).items():
+        if name not in best or value[0] > best[name].evidence:
+            rows = [i for i, c in enumerate(candidates) if c.name == name]
+            chosen = max(rows, key=lambda i: float(total[i]))
+            best[name] = Rank(name, float(value[0]), candidates[chosen], now)
+
+
+def _next(
+    problem: Problem, banks: Sequence[Bank], best: dict[str, Rank], visited: list[Floor], words: Sequence[str]
+) -> Stage | None:
+    """The bank under the floor of the leading cause, or else of the leading kernel, if that is a new one."""
+    for kernel in (False, True):
+        leader = max((r for r in best.values() if (r.name in words) == kernel), key=lambda r: r.evidence, default=None)
+        if leader is None or leader.best is None or leader.evidence < 0:
+            continue
+        with_it = problem.beside((*problem.accepted, leader.at.accept(leader.best, problem.view)))
+        found = with_it.fit(leader.at.floor).floor
+        if all(_differ(found, f) for f in visited):
+            return stage(problem, banks, found)
+    return None
+
+
+def _differ(a: Floor, b: Floor) -> bool:
+    return bool(np.any(np.abs(a.variances - b.variances) * _WEIGHT > NEAR * (a.variances[0] + b.variances[0])))
+
+
+#: How much a variance counts beside white noise: a turn of 1 rad moves 1 g, a step of the walk adds up over a run.
+_WEIGHT = np.array([1.0, 1.0, 10.0])
+
+
+def _floor_causes(problem: Problem, first: Stage) -> dict[str, Rank]:
+    """The causes that are variances of the floor, let free beyond what is allowed."""
+    found = {}
+    bounded = problem.fit(first.floor)
+    for name, i in VARIANCES.items():
+        if bounded.floor.variances[i] < 0.99 * problem.upper[i]:
+            continue
+        upper = problem.upper.copy()
+        upper[i] = np.inf
+        free = problem.fit(bounded.floor, upper)
+        gain = free.space.profile - bounded.space.profile - OCCAM
+        found[name] = Rank(name, gain, None, Stage(free.floor, first.seen))
+    return found

@@ -1,0 +1,167 @@
+"""Causes one after another, until nothing alarms."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.diagnosis import kernels as generic
+from station.diagnosis.alarm import Null, statistic
+from station.diagnosis.alike import APART_95, alike, signal
+from station.diagnosis.bank import Bank, bank_of, candidates, library, testable, visible
+from station.diagnosis.evidence import log_mean
+from station.diagnosis.floor import Fitted, Floor
+from station.diagnosis.known import Accepted
+from station.diagnosis.problem import refined
+from station.diagnosis.rank import Rank, rank
+from station.diagnosis.shape import evidence_of, tunable, tuned
+from station.diagnosis.stage import Problem, Stage, by_cause, stage
+from station.diagnosis.view import View
+
+NullOf = Callable[[Problem, Fitted, Stage], Null]
+
+#: A kernel must beat every cause of the library by this many nats to be "something unknown".
+UNKNOWN_NATS = 3.0
+#: Causes and kernels looked for at most.
+ROUNDS = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finding:
+    """One cause found, or one kernel that no cause explains.
+
+    ranks: log evidence of every cause at that point; chosen: what was accepted; probability of it together with
+    `alike`, the causes that cannot be told from it; d: its strength; words: what an unknown depends on.
+    """
+
+    name: str
+    accepted: Accepted | None
+    evidence: Mapping[str, float]
+    probability: Mapping[str, float]
+    alike: tuple[str, ...]
+    d: float
+    statistic: float
+    words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Searched:
+    """What was found, the problem with all of it known, and the stage at which nothing alarmed any more."""
+
+    first: Problem
+    last: Problem
+    findings: tuple[Finding, ...]
+    statistics: tuple[float, ...]
+    threshold: float
+    stage: Stage
+    blind: tuple[str, ...]
+
+
+def banks_of(view: View, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:
+    """The still and the moving candidates, without the causes that are hidden from these data."""
+    effects = [e for e in library(view.scene.recipe) if e.id not in hidden and testable(e, view)]
+    items = [c for e in effects for c in candidates(e, view)] + generic.kernels(view)
+    return bank_of(items, view, moving=False), bank_of(items, view, moving=True)
+
+
+def hidden_in(problem: Problem, at: Floor) -> tuple[str, ...]:
+    """Causes whose covariates were not recorded, and those that this recipe cannot show at all."""
+    now = stage(problem, banks_of(problem.view), at)
+    shown = {c.name for s in now.seen for c, v in zip(s.bank.candidates, visible(s), strict=True) if v}
+    return tuple(e.id for e in library(problem.view.scene.recipe) if e.id not in shown)
+
+
+def search(problem: Problem, null_of: NullOf) -> Searched:
+    """Everything that can be found. null_of gives the null distribution for the first stage."""
+    first = problem
+    findings: list[Finding] = []
+    statistics: list[float] = []
+    null: Null | None = None
+    fitted = problem.fit()
+    blind = hidden_in(problem, fitted.floor)
+    while True:
+        banks = banks_of(problem.view, blind)
+        fitted = problem.fit(fitted.floor)
+        now = stage(problem, banks, fitted.floor)
+        null = null or null_of(problem, fitted, now)
+        evidence = {name: float(e[0]) for name, e in by_cause(now.candidates, now.evidence()).items()}
+        statistics.append(statistic(null, evidence))
+        if statistics[-1] <= null.threshold or len(findings) == ROUNDS:
+            return Searched(first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind)
+        ranks = _sharpened(problem, rank(problem, banks, now, generic.WORDS))
+        finding = _chosen(problem, ranks, statistics[-1])
+        findings.append(finding)
+        if finding.words:
+            return Searched(first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind)
+        problem = _with(problem, finding)
+
+
+def _with(problem: Problem, finding: Finding) -> Problem:
+    """The problem with what was found accepted and everything known at its best."""
+    if finding.accepted is None:
+        upper = problem.upper.copy()
+        upper[1 if finding.name == "repeatability" else 2] = np.inf
+        return replace(problem, upper=upper)
+    return refined(problem.beside((*problem.accepted, finding.accepted)))
+
+
+def _sharpened(problem: Problem, ranks: dict[str, Rank]) -> dict[str, Rank]:
+    """The same with the form of each promising cause at its best."""
+    top = max(r.evidence for r in ranks.values())
+    for name, r in ranks.items():
+        if r.best is None or not tunable(r.best.effect) or r.evidence < 0.5 * top:
+            continue
+        space = problem.space(r.at.floor, moving=r.best.dwell is not None)
+        best, _ = tuned(r.best, problem.view, space)
+        gain = evidence_of(best, problem.view, space) - evidence_of(r.best, problem.view, space)
+        bank = bank_of([best], problem.view, moving=best.dwell is not None)
+        ranks[name] = Rank(name, r.evidence + max(gain, 0.0), best, stage(problem, [bank], r.at.floor))
+    return ranks
+
+
+def _chosen(problem: Problem, ranks: Mapping[str, Rank], surprise: float) -> Finding:
+    """The leading cause with those it cannot be told from, or the leading kernel."""
+    evidence = {name: r.evidence for name, r in ranks.items()}
+    causes = [r for name, r in ranks.items() if name not in generic.WORDS]
+    words = [r for name, r in ranks.items() if name in generic.WORDS]
+    cause = max(causes, key=lambda r: r.evidence)
+    kernel = max(words, key=lambda r: r.evidence, default=None)
+    if kernel is not None and kernel.evidence > cause.evidence + UNKNOWN_NATS:
+        near = sorted((r for r in words if r.evidence > kernel.evidence - UNKNOWN_NATS), key=lambda r: -r.evidence)
+        accepted = kernel.at.accept(kernel.best, problem.view) if kernel.best else None
+        return Finding(kernel.name, accepted, evidence, {}, (), 0.0, surprise, tuple(r.name for r in near))
+    probability = _posterior({r.name: r.evidence for r in causes})
+    likely = _credible(probability)
+    accepted = cause.at.accept(cause.best, problem.view) if cause.best is not None else None
+    near_by, d = _alike(problem, cause, causes, accepted)
+    members = [n for n in dict.fromkeys((*likely, *near_by)) if n != cause.name]
+    return Finding(cause.name, accepted, evidence, probability, tuple(members), d, surprise)
+
+
+def _posterior(evidence: Mapping[str, float]) -> dict[str, float]:
+    values = np.array(list(evidence.values()))
+    shares = np.exp(values - (log_mean(values) + np.log(len(values))))
+    return dict(zip(evidence, (float(s) for s in shares), strict=True))
+
+
+def _credible(probability: Mapping[str, float], level: float = 0.95) -> list[str]:
+    """The likeliest causes that together hold `level` of the probability."""
+    chosen: list[str] = []
+    for name in sorted(probability, key=lambda n: -probability[n]):
+        if sum(probability[n] for n in chosen) >= level:
+            break
+        chosen.append(name)
+    return chosen
+
+
+def _alike(problem: Problem, cause: Rank, causes: Sequence[Rank], accepted: Accepted | None) -> tuple[list[str], float]:
+    """Causes closer than 3.3 to the found one, and its strength d."""
+    if cause.best is None or accepted is None:
+        return [], 0.0
+    others = [r for r in causes if r.best is not None and r.name != cause.name]
+    moving = cause.best.dwell is not None or any(r.best is not None and r.best.dwell is not None for r in others)
+    space = problem.space(cause.at.floor, moving=moving)
+    found = signal(cause.best, problem.view, space, accepted.hit.astype(float))
+    hits = [(r.best, r.at.hit(r.best, problem.view, alone=True).astype(float)) for r in others if r.best is not None]
+    apart = alike(found, hits, problem.view, space)
+    return sorted((n for n, x in apart.items() if x < APART_95), key=lambda n: apart[n]), found.d

@@ -1,0 +1,111 @@
+"""The form of a cause (a time constant, a frequency) at its best, between the values that the bank scans."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.diagnosis.bank import Candidate, bank_of, see
+from station.diagnosis.evidence import Sets
+from station.diagnosis.space import Space
+from station.diagnosis.view import View
+from station.model.effect import Effect, Parameter
+
+#: Nats by which a form is not worth improving further.
+ENOUGH = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """A form parameter: its field, best value, and standard deviation from the curvature of the evidence."""
+
+    field: str
+    value: float
+    std: float
+
+
+def tunable(effect: Effect | None) -> tuple[Parameter, ...]:
+    """The parameters of a form that are scanned on a grid."""
+    return () if effect is None else tuple(p for p in effect.forms if p.grid)
+
+
+def evidence_of(candidate: Candidate, view: View, space: Space) -> float:
+    """Log evidence of one candidate."""
+    seen = see(bank_of([candidate], view, moving=candidate.dwell is not None), space)
+    return float(seen.evidence(Sets.of(space, space.data[None]))[0, 0])
+
+
+def reshaped(candidate: Candidate, field: str, value: float, view: View) -> Candidate:
+    """The candidate with another value of a form parameter."""
+    assert candidate.effect is not None
+    effect = replace(candidate.effect, **{field: value})
+    stop, dwell = view.signature(effect, candidate.of)
+    return replace(candidate, effect=effect, stop=stop, dwell=dwell)
+
+
+def tuned(candidate: Candidate, view: View, space: Space) -> tuple[Candidate, tuple[Tuned, ...]]:
+    """The candidate with its form at the greatest evidence, on a logarithmic scale."""
+    found = []
+    for p in tunable(candidate.effect):
+        candidate, result = _tune(candidate, p, view, space)
+        found.append(result)
+    return candidate, tuple(found)
+
+
+def _tune(candidate: Candidate, p: Parameter, view: View, space: Space) -> tuple[Candidate, Tuned]:
+    """Successive parabolas through the best three points of the logarithm."""
+    tried: dict[float, tuple[float, Candidate]] = {}
+
+    def at(x: float) -> float:
+        if x not in tried:
+            c = reshaped(candidate, p.field, float(np.exp(x)), view)
+            tried[x] = evidence_of(c, view, space), c
+        return tried[x][0]
+
+    low, high = np.log(0.5 * min(p.low, *p.grid)), np.log(2 * max(p.high, *p.grid))
+    middle = float(np.log(getattr(candidate.effect, p.field)))
+    gap = float(np.log(p.grid[1] / p.grid[0])) if len(p.grid) > 1 else 0.5
+    for x in (middle, middle - gap, middle + gap):
+        at(float(np.clip(x, low, high)))
+    for _ in range(10):
+        best = max(tried, key=lambda x: tried[x][0])
+        step = _vertex(sorted(tried), best, at)
+        fresh = float(np.clip(best + step, low, high))
+        if min(abs(fresh - x) for x in tried) < 1e-4:
+            break
+        before = tried[best][0]
+        if at(fresh) - before < ENOUGH and abs(fresh - best) < 0.3 * gap:
+            break
+    best = max(tried, key=lambda x: tried[x][0])
+    return tried[best][1], Tuned(p.field, float(np.exp(best)), float(np.exp(best) * _spread(sorted(tried), best, at)))
+
+
+def _neighbours(points: list[float], best: float) -> tuple[float, float] | None:
+    i = points.index(best)
+    return None if i in (0, len(points) - 1) else (points[i - 1], points[i + 1])
+
+
+def _vertex(points: list[float], best: float, at: Callable[[float], float]) -> float:
+    """Step from the best point to the vertex of the parabola through it and its neighbours; outwards at an end."""
+    around = _neighbours(points, best)
+    if around is None:
+        other = points[1] if best == points[0] else points[-2]
+        return best - other
+    a, b = around[0] - best, around[1] - best
+    fa, fb = at(around[0]) - at(best), at(around[1]) - at(best)
+    bend = (fb / b - fa / a) / (b - a)
+    if bend >= 0:
+        return 0.5 * (a if fa > fb else b)
+    step = -(fa / a - bend * a) / (2 * bend)
+    return float(np.clip(step, 0.9 * a, 0.9 * b))
+
+
+def _spread(points: list[float], best: float, at: Callable[[float], float]) -> float:
+    """Standard deviation of the logarithm by the curvature at the best point; 1 where it is at an end."""
+    around = _neighbours(points, best)
+    if around is None:
+        return 1.0
+    a, b = around[0] - best, around[1] - best
+    fa, fb = at(around[0]) - at(best), at(around[1]) - at(best)
+    bend = 2 * (fb / b - fa / a) / (b - a)
+    return float(min(1.0, 1 / np.sqrt(-bend))) if bend < 0 else 1.0
