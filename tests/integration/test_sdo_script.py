@@ -8,6 +8,7 @@ import pytest
 from station.adapters.device.network import ServiceNetwork
 from station.adapters.device.sdo_client import SdoClient
 from station.domain.sdo_codes import ABORT
+from station.domain.types import Frames
 from station.errors import BusFault, DeviceRefused, DeviceSilent
 from tests.fakes.scripted_channel import Line, ScriptedChannel
 
@@ -373,3 +374,29 @@ def test_one_repeated_frame_is_forgiven(start: Start) -> None:
     )
     for _ in range(5):
         assert sdo.upload(0x2000, 0) == b"\7"
+
+
+def test_a_flood_of_strays_does_not_outlast_the_deadline() -> None:
+    channel = Flood(NODE)
+    sdo = SdoClient(ServiceNetwork(channel, channel), NODE, 0.3)
+    with pytest.raises(DeviceSilent, match="answers came that belong to other requests"):
+        sdo.upload(0x2000, 0)
+    assert 0.3 <= channel.monotonic_s() - 100.0 < 0.4
+
+
+class Flood(ScriptedChannel):
+    """A node that sends an answer to nobody every millisecond, for ever; looking at the clock takes time too."""
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Anything."""
+
+    def receive(self, timeout_s: float) -> Frames:
+        """Hundred at once, so that there is always one waiting."""
+        for _ in range(100):
+            self.come(0.0, 0x580 + NODE, bytes.fromhex("60 99 99 09 00 00 00 00"))
+        return super().receive(timeout_s)
+
+    def monotonic_s(self) -> float:
+        """Each look costs 0.1 ms."""
+        self.sleep(0.0001)
+        return super().monotonic_s()

@@ -1,6 +1,7 @@
 """A device on the bus: SDO, NMT, EMCY, heartbeat and boot-up of one node. Implements station.ports.device.Device."""
 
 import math
+from collections import deque
 from collections.abc import Mapping
 
 from canopen.nmt import NMT_COMMANDS, NMT_STATES
@@ -20,6 +21,8 @@ _COMMANDS = {
 _BOOT_UP = 0x00
 _NO_SUCH = (0x06020000, 0x06090011)
 _LONGEST_NAME = 80
+#: The latest ones are kept when nobody takes them.
+_MOST_EMERGENCIES = 1000
 
 
 class CanopenDevice:
@@ -40,7 +43,7 @@ class CanopenDevice:
         self._heard_s = -math.inf
         self._boot_ups = 0
         self._boot_ups_before_reset = 0
-        self._emergencies: list[Emergency] = []
+        self._emergencies: deque[Emergency] = deque(maxlen=_MOST_EMERGENCIES)
         network.subscribe(0x700 + node, self._on_heartbeat)
         network.subscribe(0x080 + node, self._on_emergency)
 

@@ -22,6 +22,8 @@ Address = tuple[int, int]
 
 #: Longer values go in blocks, where the device knows them.
 BLOCK_FROM = 400
+#: More than a block's segments, and a bound to what a babbling node may heap up.
+_MOST_WAITING = 4096
 #: An abort in the middle of saving may do harm, so these time-outs are silent.
 _STORES = (0x1010, 0x1011)
 #: Mandatory objects that any device answers for: they tell when it has caught up.
@@ -50,7 +52,7 @@ class SdoClient:
         self._timeouts_s = dict(timeouts_s or {})
         self._network = network
         self._lock = threading.RLock()
-        self._inbox: deque[bytes] = deque()
+        self._inbox: deque[bytes] = deque(maxlen=_MOST_WAITING)
         self._last_fits: Callable[[bytes], bool] = lambda _: False
         self._answered_twice = 0
         self._quarantined_by: Address | None = None

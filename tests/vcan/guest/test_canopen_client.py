@@ -58,7 +58,7 @@ def station() -> Iterator[Station]:
             bus = SocketCan(interface.name)
             stack.callback(bus.close)
             network = ServiceNetwork(bus.service(service_ids((NODE,))), SystemClock())
-            return CanopenDevice(network, NODE, answer_s=5.0)
+            return CanopenDevice(network, NODE, answer_s=3.0)
 
         yield make
 
