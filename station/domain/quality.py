@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.recipe import Recipe
+from station.domain.stillness import has_direction
 from station.domain.types import Floats, Reason, Stops
 from station.domain.visit import Visits
 
@@ -69,19 +70,23 @@ def _stimulus(recipe: Recipe, stops: Stops) -> Iterator[Reason]:
     wanted = np.linalg.norm(np.where(known[:, None], stops.true, recipe.reference.strength() * np.eye(3)[2]), axis=1)
     if recipe.sensor == "magnetometer" or not (wanted > 0).all():
         return
-    ratio = float(np.median(size / wanted))
+    # At a weak stimulus, such as a gyroscope's rest, the offset decides what is read.
+    strong = np.array([has_direction(t, recipe) for t in stops.true]) | ~known
+    if not strong.any():
+        return
+    ratio = float(np.median((size / wanted)[strong]))
     if len(stops) > 1 and not 1 / SCALE < ratio < SCALE:
         hint = "; are they in m/s²?" if abs(ratio / 9.80665 - 1) < 0.05 else "; look at range and unit"
         yield Reason("scale", f"readings are {ratio:.3g} times the stimulus{hint}", ratio, SCALE)
     elif known.all():
-        yield from _faces(stops, wanted, size)
+        yield from _faces(stops, wanted, size, strong)
 
 
-def _faces(stops: Stops, wanted: Floats, size: Floats) -> Iterator[Reason]:
+def _faces(stops: Stops, wanted: Floats, size: Floats, strong: NDArray[np.bool_]) -> Iterator[Reason]:
     found = stops.mean / np.maximum(size, 1e-300)[:, None]
     nominal = stops.true / wanted[:, None]
     cosines = found @ nominal.T
-    for v in np.flatnonzero(np.diagonal(cosines) < np.cos(np.deg2rad(FACE_DEG))):
+    for v in np.flatnonzero(strong & (np.diagonal(cosines) < np.cos(np.deg2rad(FACE_DEG)))):
         angle = float(np.degrees(np.arccos(np.clip(cosines[v, v], -1, 1))))
         like = stops.position[int(np.argmax(cosines[v]))]
         seems = f"; it looks like {like!r}" if like != stops.position[v] else ""

@@ -6,18 +6,18 @@ from itertools import pairwise
 
 import numpy as np
 
+from station.domain import stills
 from station.domain.frames import SensorLayout
 from station.domain.marks import Mark
 from station.domain.recipe import Position, Recipe
-from station.domain.stillness import angle_deg, at_rest, expected_noise
+from station.domain.stillness import angle_deg
 from station.domain.stop_check import FACE_DEG
 from station.domain.stream import samples
 from station.domain.types import Floats, Frames
+from station.errors import SamplesError
 
-#: Readings are looked at in blocks of this length, s; a still is this long at least.
-BLOCK_S, LEAST_S = 0.2, 0.6
-#: Beginning and end of a still are left out: the part was being let go, or taken up.
-MARGIN_S = 0.1
+#: Readings in a block, and how many standard deviations of a difference of two blocks' means are a step.
+BLOCK, STEP = 20, 7.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,61 +35,52 @@ def nodes_in(frames: Frames, layout: SensorLayout) -> tuple[int, ...]:
     return tuple(node for node in range(1, 128) if _id(layout, node) in seen)
 
 
-def stills(frames: Frames, layout: SensorLayout, node: int, recipe: Recipe) -> list[Still]:
-    """Stretches in which a node was at rest, in order of time."""
+def stills_of(frames: Frames, layout: SensorLayout, node: int) -> list[Still]:
+    """Stretches in which a node was at rest, in order of time; none when it said too little to tell."""
     told = samples(frames, layout, node)
-    keep = told.usable
-    time_s = (told.time_ns[keep] - frames.time_ns[0]) / 1e9
-    xyz = told.xyz[keep]
-    noise = expected_noise(recipe)
-    lsb = max(abs(axis.scale) for axis in layout.axes)
-    found: list[list[slice]] = []
-    for block in _blocks(time_s):
-        resting = at_rest(xyz[block], noise, lsb)
-        if resting and found and found[-1] and _same(xyz, found[-1][-1], block, noise, lsb):
-            found[-1].append(block)
-        elif resting:
-            found.append([block])
-        elif found and found[-1]:
-            found.append([])
-    return [s for s in (_still(time_s, xyz, blocks) for blocks in found if blocks) if s.end_s - s.start_s >= LEAST_S]
+    time_s = (told.time_ns[told.usable] - frames.time_ns[0]) / 1e9
+    xyz = told.xyz[told.usable]
+    try:
+        found = stills.find(time_s, xyz)
+    except SamplesError:
+        return []
+    parts = [part for a, b in found.tolist() for part in _unbroken(xyz, a, b)]
+    return [
+        Still(float(time_s[a]), float(time_s[b - 1]), np.asarray(xyz[a:b].mean(axis=0)))
+        for a, b in parts
+        if b - a >= BLOCK
+    ]
+
+
+def _unbroken(xyz: Floats, begin: int, end: int) -> Iterator[tuple[int, int]]:
+    """Parts of a stretch without a step: two rests with a quick turn, or a switched output, between them are two."""
+    edges = [*range(begin, end - BLOCK + 1, BLOCK), end]
+    blocks = [xyz[a:b] for a, b in pairwise(edges)]
+    start = begin
+    spread = np.median([b.std(axis=0) for b in blocks], axis=0) * np.sqrt(2 / BLOCK)
+    for i, (before, after) in enumerate(pairwise(blocks), 1):
+        if (np.abs(before.mean(axis=0) - after.mean(axis=0)) > STEP * spread).any():
+            yield start, edges[i] - BLOCK
+            start = edges[i] + BLOCK
+    yield start, end
 
 
 def marks(frames: Frames, layout: SensorLayout, node: int, recipe: Recipe) -> tuple[Mark, ...]:
-    """One mark for each position of the recipe, the longest still that shows it; none when a position is missing."""
-    found = stills(frames, layout, node, recipe)
-    best: dict[str, Still] = {}
-    for still in found:
+    """One mark for each position of the recipe, the first still that shows it; none when a position is missing.
+
+    Later ones may have come through the device's own corrected output, as the stops of a verification do.
+    """
+    first: dict[str, Still] = {}
+    for still in stills_of(frames, layout, node):
         name = _position(still, recipe)
-        if name and (name not in best or still.end_s - still.start_s > best[name].end_s - best[name].start_s):
-            best[name] = still
-    if set(best) != {p.name for p in recipe.positions}:
+        if name:
+            first.setdefault(name, still)
+    if set(first) != {p.name for p in recipe.positions}:
         return ()
-    ordered = sorted(best.items(), key=lambda item: item[1].start_s)
     return tuple(
         Mark(unit=f"node-{node}", node=node, run=0, visit=i, position=name, start_s=s.start_s, end_s=s.end_s)
-        for i, (name, s) in enumerate(ordered)
+        for i, (name, s) in enumerate(first.items())
     )
-
-
-def _blocks(time_s: Floats) -> Iterator[slice]:
-    if not len(time_s):
-        return
-    number = np.floor((time_s - time_s[0]) / BLOCK_S).astype(np.int64)
-    edges = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), len(time_s)]
-    for begin, end in pairwise(edges):
-        yield slice(begin, end)
-
-
-def _same(xyz: Floats, before: slice, block: slice, noise: float, lsb: float) -> bool:
-    """Whether two blocks of rest are one still: their means agree."""
-    return at_rest(np.concatenate([xyz[before], xyz[block]]), noise, lsb)
-
-
-def _still(time_s: Floats, xyz: Floats, blocks: list[slice]) -> Still:
-    rows = slice(blocks[0].start, blocks[-1].stop)
-    start, end = float(time_s[rows.start]) + MARGIN_S, float(time_s[rows.stop - 1]) - MARGIN_S
-    return Still(start, end, np.asarray(xyz[rows].mean(axis=0)))
 
 
 def _position(still: Still, recipe: Recipe) -> str:

@@ -9,6 +9,8 @@ from station.domain.types import Floats
 FEWEST = 8
 #: A drift counts as movement beyond this many standard deviations of a difference of two half-window means.
 MOVED = 4.0
+#: A stimulus below this share of the recipe's strongest says nothing about which way is up.
+WEAK = 0.1
 #: Noise that nobody has specified, as a share of the stimulus.
 UNKNOWN_NOISE = 0.005
 
@@ -43,6 +45,19 @@ def angle_deg(reading: Floats, true: Floats) -> float:
     if not size > 0:
         return 180.0
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(reading, true)), reading @ true)))
+
+
+def has_direction(true: Floats, recipe: Recipe) -> bool:
+    """Whether readings of a unit not yet calibrated must point along this stimulus (3).
+
+    Not where the pose is unknown; not for a magnetometer, whose hard iron may be larger than the field; not for a
+    stimulus as weak as an offset, such as the Earth's turning at a gyroscope's rest.
+    """
+    if recipe.sensor == "magnetometer" or not np.isfinite(true).all():
+        return False
+    strongest = max((float(np.linalg.norm(recipe.stimulus(p))) for p in recipe.positions), default=0.0)
+    least = max(WEAK * strongest, 2 * (recipe.limits.offset or 0.0))
+    return bool(np.linalg.norm(true) >= least > 0)
 
 
 def face(reading: Floats) -> str:

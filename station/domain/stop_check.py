@@ -7,7 +7,7 @@ import numpy as np
 
 from station.domain.frames import SensorLayout
 from station.domain.recipe import Recipe
-from station.domain.stillness import angle_deg, expected_noise, face
+from station.domain.stillness import angle_deg, expected_noise, face, has_direction
 from station.domain.stream import Samples
 from station.domain.types import Floats, Reason
 
@@ -139,8 +139,7 @@ def _rest(d: Dwelled, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
 
 
 def _face(d: Dwelled, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
-    # A magnetometer's hard iron may be larger than the field: before it is calibrated its direction says nothing.
-    if recipe.sensor == "magnetometer" or not np.isfinite(d.true).all() or not np.any(d.true):
+    if not has_direction(d.true, recipe):
         return
     mean = np.asarray(xyz.mean(axis=0))
     angle = angle_deg(mean, d.true)

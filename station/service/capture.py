@@ -7,7 +7,7 @@ import numpy as np
 
 from station.domain.plan import Stop as Planned
 from station.domain.progress import Event, Reading, Told
-from station.domain.stillness import angle_deg, at_rest, expected_noise, face, mean_std
+from station.domain.stillness import angle_deg, at_rest, expected_noise, face, has_direction, mean_std
 from station.domain.stop_check import FACE_DEG
 from station.domain.stream import samples
 from station.domain.types import ERROR, Floats, Frames
@@ -20,6 +20,8 @@ from station.service.unit import Unit
 LOOK_S, DWELL_LOOK_S = 0.05, 0.2
 #: How long the part must have been still before it counts, s, and the readings that this needs at least.
 HOLD_S, HOLD_READINGS = 0.2, 16
+#: Where any pose will do, the next one is so far from the last, degrees.
+ANOTHER_DEG = 15.0
 #: A hand needs longer to let go.
 HOLD_BY_HAND_S = 0.6
 
@@ -98,7 +100,7 @@ class Capture:
             if not all(at_rest(w, self._noise, self._lsb) for w in windows):
                 turned = turned or all(len(w) for w in windows)
                 continue
-            wrong = {_wrong_face(u, w, planned) for u, w in zip(units, windows, strict=True)} - {""}
+            wrong = {self._wrong_face(u, w, planned) for u, w in zip(units, windows, strict=True)} - {""}
             if not wrong:
                 return
             if turned:
@@ -158,11 +160,12 @@ class Capture:
         told = samples(frames, self._job.layout, unit.seat.node)
         return told.xyz[told.usable]
 
-
-def _wrong_face(unit: Unit, window: Floats, planned: Planned) -> str:
-    if not np.isfinite(planned.true).all():
-        return ""
-    mean = np.asarray(window.mean(axis=0))
-    if angle_deg(mean, planned.true) <= FACE_DEG:
-        return ""
-    return f"nest {unit.seat.nest} shows {face(mean)} up"
+    def _wrong_face(self, unit: Unit, window: Floats, planned: Planned) -> str:
+        """What is up instead, in words; '' where it is right. Where any pose will do, it must be another one."""
+        mean = np.asarray(window.mean(axis=0))
+        if not self._job.recipe.pose_known:
+            same = unit.last_mean is not None and angle_deg(mean, unit.last_mean) < ANOTHER_DEG
+            return f"nest {unit.seat.nest} still shows the same side" if same else ""
+        if not has_direction(planned.true, self._job.recipe) or angle_deg(mean, planned.true) <= FACE_DEG:
+            return ""
+        return f"nest {unit.seat.nest} shows {face(mean)} up"

@@ -4,9 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from station.domain import plan
+from station.domain import plan, rotation
 from station.domain.plan import Stop
 from station.domain.recipe import Recipe
+from station.domain.types import Floats
 from station.ports.positioner import Positioner
 
 #: Stops of a run whose recipe lists no positions, because a person holds the part in any pose.
@@ -14,15 +15,23 @@ STOPS_BY_HAND = 24
 
 
 def tumble(recipe: Recipe, run: int) -> tuple[Stop, ...]:
-    """The stops of one run; of a hand-held run, so many nameless ones."""
+    """The stops of one run; of a hand-held run, so many nameless ones, spread evenly where a drive turns it."""
     if recipe.pose_known or recipe.positions:
         return plan.stops(recipe, run)
     unknown = np.full(3, np.nan)
     names = [f"hand-{i + 1}" for i in range(STOPS_BY_HAND)]
+    up = np.array([0.0, 0.0, 1.0])
     return tuple(
-        Stop(run, i, name, "home", np.eye(3), np.eye(3), unknown, names[i - 1] if i else None)
+        Stop(run, i, name, "home", rotation.shortest(_spread(i), up), np.eye(3), unknown, names[i - 1] if i else None)
         for i, name in enumerate(names)
     )
+
+
+def _spread(number: int) -> Floats:
+    """One of STOPS_BY_HAND directions (3) spread evenly over the sphere: the golden spiral."""
+    z = 1 - (2 * number + 1) / STOPS_BY_HAND
+    angle = number * np.pi * (3 - np.sqrt(5))
+    return np.array([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z])
 
 
 def verification(recipe: Recipe) -> tuple[Stop, ...]:

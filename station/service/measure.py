@@ -120,6 +120,7 @@ class Measure:
             records.append(_record(kept, "rejected" if reasons else kind, dwelled, reasons))
             if not reasons:
                 (unit.visits if kind == "tumble" else unit.verify_visits).append(kept)
+                unit.last_mean = np.array(_mean(dwelled))
                 std = dwelled.samples.xyz[dwelled.samples.usable].std(axis=0, ddof=1)
                 unit.noise = max(unit.noise or 0.0, float(std.max()))
         self._station.store.visit([u.attempt for u in units], records)

@@ -7,7 +7,7 @@ from station.domain.assemble import KeptVisit
 from station.domain.pipeline import Result
 from station.domain.product import read_serial
 from station.domain.progress import Seat, UnitResult
-from station.domain.types import Outcome, Reason
+from station.domain.types import Floats, Outcome, Reason
 from station.errors import StationError, UnitFault, WrongUnit
 from station.ports.device import Device, Identity
 from station.service.station import Job
@@ -21,7 +21,7 @@ class Unit:
 
     switched: output or settings are not as they were found; touched: coefficients may differ from `old`;
     written: new coefficients are saved and read back after a reset. noise in the recipe's unit; heartbeat_s: 0 for
-    none; emergency: an error that the device has reported and not taken back.
+    none; emergency: an error that the device has reported and not taken back; last_mean (3): of the last good stop.
     """
 
     seat: Seat
@@ -38,6 +38,7 @@ class Unit:
     verified: bool = False
     heartbeat_s: float = 0.0
     emergency: str = ""
+    last_mean: Floats | None = None
     noise: float | None = None
     temperature_degC: float | None = None
     visits: list[KeptVisit] = field(default_factory=list)

@@ -17,9 +17,12 @@ from station.cli._replay import decode_log, replay_log
 from station.domain import product_record
 from station.domain.assemble import KeptVisit
 from station.domain.marks import Mark, Marks, marks_of
-from station.domain.progress import Seat
+from station.domain.progress import Event, LoadDone, Seat
 from station.domain.types import Frames
 from station.errors import LogError
+from station.ports.bus import Channel
+from station.service.stop import Stop
+from station.wiring import Bench
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
 
@@ -28,7 +31,17 @@ from tests.fakes.fixture_run import Ran
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
     """A candump log of two units with its marks, as exported from a run's own record."""
     folder = tmp_path_factory.mktemp("recorded")
-    ran = fixture_run.run(folder, units=2)
+    listening: list[Channel] = []
+
+    def listen(bench: Bench) -> Bench:
+        listening.append(bench.station.bus.stream(()))
+        return bench
+
+    def keep(event: Event, _stop: Stop, _bench: Bench) -> None:
+        if isinstance(event, LoadDone):
+            write_log(folder / "whole.log", listening[0].receive(0.0))
+
+    ran = fixture_run.run(folder, units=2, wrap=listen, hook=keep)
     parts, stops = [], []
     with LogReader(folder / "station.db") as log:
         for attempt in log.attempts(Query()):
@@ -93,14 +106,14 @@ def test_marks_written_as_a_table_are_the_same(recorded: tuple[Path, Ran]) -> No
 
 def test_without_marks_the_stills_are_found(recorded: tuple[Path, Ran], capsys: pytest.CaptureFixture[str]) -> None:
     folder, ran = recorded
-    units = replayed(capsys, folder / "two.blf", "six-point", None)
+    units = replayed(capsys, folder / "whole.log", "six-point", None)
     assert sorted(units) == ["node-17", "node-18"]
     for serial, unit in zip(("SN0001", "SN0002"), ("node-17", "node-18"), strict=True):
         r = ran.results[serial]
         assert r.fit is not None
         assert r.fit.calibration is not None
         std = np.sqrt(np.diagonal(r.fit.calibration.covariance))
-        # Other ends of the same dwells: the means differ by a part of their own uncertainty.
+        # Longer parts of the same stops: the means differ by a part of their own uncertainty.
         assert np.all(np.abs(np.array(units[unit]["offset"]) - r.fit.calibration.offset) < 3 * std[:3])
 
 
