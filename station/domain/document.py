@@ -36,7 +36,7 @@ def unit(result: Result) -> dict[str, Any]:
         "reasons": [r.sentence for r in verdict.reasons],
         "checks": [_reason(r) for r in verdict.reasons],
     }
-    if found is None or result.stops is None or result.budget is None:
+    if found is None or result.stops is None or result.budget is None or not _finite(found):
         return {**head, **dict.fromkeys(ABSENT), "notes": []}
     return {
         **head,
@@ -47,6 +47,12 @@ def unit(result: Result) -> dict[str, Any]:
         "temperature_degC": _number(np.mean(result.stops.temperature_degC)),
         "notes": list(found.notes),
     }
+
+
+def _finite(found: Calibration) -> bool:
+    """Whether there is anything to tell: JSON knows no NaN."""
+    parts = (found.offset, found.matrix, found.covariance, found.residual, found.tilt_deg, found.tilt_std_deg)
+    return all(bool(np.isfinite(part).all()) for part in parts)
 
 
 def coefficients(found: Calibration, stops: Stops) -> dict[str, Any]:

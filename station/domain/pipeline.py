@@ -90,8 +90,10 @@ def _solve(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Resu
 
 def _solve_alike(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Result]:
     stops = [s for _, s, _ in units]
-    problem, fit = scatter.solve(method.of(recipe), method.problem(recipe, stops))
-    budgets = uncertainty.budgets(recipe, problem, fit, stops, rounding)
+    # Readings that are no calibration end in NaN, and NaN in a verdict.
+    with np.errstate(all="ignore"):
+        problem, fit = scatter.solve(method.of(recipe), method.problem(recipe, stops))
+        budgets = uncertainty.budgets(recipe, problem, fit, stops, rounding)
     return [_result(recipe, unit, problem, fit, budgets[u], u) for u, unit in enumerate(units)]
 
 

@@ -108,6 +108,12 @@ class Gold(Part):
     due: Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
     node: Annotated[int, Field(ge=1, le=127)] | None = None
 
+    @model_validator(mode="after")
+    def _can_be_undone(self) -> Self:
+        if not np.linalg.det(self.matrix) > 1e-6:
+            raise ValueError("matrix of the gold sensor cannot be undone; enter the one of its certificate")
+        return self
+
 
 class Reference(Part):
     """Where the true stimulus comes from. magnitude and vector in the recipe's unit."""

@@ -68,8 +68,11 @@ def _fill(errors: Errors, groups: Sequence[Group], odd: Floats, number: Ints, re
         coefficient = (g.blocks / np.sqrt(odd[g.rows])[..., None]) @ f.transform.T
         leading.append(coefficient[..., min(1, g.cut.blocks - 1)])
         first = np.flatnonzero(np.r_[True, np.diff(number[g.rows]) > 0])
-        who, many = number[g.rows][first], np.diff(np.r_[first, len(g.rows)])
-        misfit[who] += np.add.reduceat(coefficient**2, first) @ f.inverse
+        who = number[g.rows][first]
+        # A dwell that is odd in one axis was disturbed or moved: it says nothing of the usual noise.
+        usual = (odd[g.rows] == 1).all(axis=1)
+        many = np.add.reduceat(usual.astype(float), first)
+        misfit[who] += np.add.reduceat(coefficient**2 * usual[:, None, None], first) @ f.inverse
         dof[who] += many * (g.cut.blocks - 1)
         log_det[who] += many[:, None] * f.log_det
     dof = np.maximum(dof, 1.0)

@@ -106,7 +106,7 @@ def _noise(fit: Fit, cov: Floats) -> Floats:
     return np.asarray(carried @ fit.jacobian.reshape(u, 12, 3 * v).transpose(0, 2, 1))
 
 
-def _shared(fit: Fit, patterns: Floats) -> Floats:
+def shared(fit: Fit, patterns: Floats) -> Floats:
     """Covariance (u, 12, 12) from patterns (k, v, 3) of errors of the truth, each common to all stops."""
     u, _, v, _ = fit.jacobian.shape
     matrix = coefficients.matrix_of(fit.theta)
@@ -133,7 +133,7 @@ def _truth(recipe: Recipe, problem: Problem, fit: Fit, stops: Stops) -> dict[str
     kind = sensor.of(recipe)
     if problem.pose_known:
         found = kind.truth_errors(recipe, stops.position, stops.seating, stops.true)
-        return {name: _shared(fit, patterns) for name, patterns in found.items()}
+        return {name: shared(fit, patterns) for name, patterns in found.items()}
     relative = recipe.reference.relative_std()
     gain = np.where(coefficients.OFFSETS, 0.0, fit.theta) * relative
     return {"magnitude": gain[:, :, None] * gain[:, None, :]}

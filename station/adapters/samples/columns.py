@@ -44,7 +44,7 @@ def in_words(name: str) -> str:
 def check_columns(path: Path, names: list[str]) -> None:
     """Required columns are there, none is double, none is a known one misspelt; others are left alone: SamplesError."""
     for name in names:
-        near = get_close_matches(name, [k for k in KNOWN if k not in names], 1, 0.85)
+        near = get_close_matches(name.casefold(), [k for k in KNOWN if k not in names], 1, 0.85)
         if names.count(name) > 1:
             raise SamplesError(f"{path} has column {name!r} twice; keep one of them")
         if name not in KNOWN and near:

@@ -2,16 +2,13 @@
 
 import numpy as np
 
+from station.domain.linear_algebra import rotation_of, solve
 from station.domain.types import Floats
 
 
 def align(found: Floats, nominal: Floats, keep: Floats) -> Floats:
     """Rotations Q (u, 3, 3) with found (u, v, 3) ≈ Q · nominal (u, v, 3), unit vectors; keep (u, v) 0 or 1."""
-    B = (found * keep[..., None]).transpose(0, 2, 1) @ nominal
-    U, _, Vt = np.linalg.svd(B)
-    sign = np.linalg.det(U) * np.linalg.det(Vt)
-    U[:, :, 2] *= sign[:, None]
-    return np.asarray(U @ Vt)
+    return rotation_of((found * keep[..., None]).transpose(0, 2, 1) @ nominal)
 
 
 def turns(Q: Floats, nominal: Floats, keep: Floats) -> tuple[Floats, Floats]:
@@ -23,4 +20,4 @@ def turns(Q: Floats, nominal: Floats, keep: Floats) -> tuple[Floats, Floats]:
     S = np.einsum("uv,ij->uij", keep, np.eye(3)) - (d * keep[..., None]).transpose(0, 2, 1) @ d
     cross = np.cross(d[:, :, None, :], np.eye(3), axis=-1).transpose(0, 1, 3, 2) * keep[..., None, None]
     u, v = keep.shape
-    return np.linalg.solve(S, cross.transpose(0, 2, 1, 3).reshape(u, 3, 3 * v)).reshape(u, 3, v, 3), d
+    return solve(S, cross.transpose(0, 2, 1, 3).reshape(u, 3, 3 * v)).reshape(u, 3, v, 3), d

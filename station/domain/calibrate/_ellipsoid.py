@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from station.domain.linear_algebra import solve
 from station.domain.method import Problem
 from station.domain.types import Floats
 
@@ -19,7 +20,8 @@ ARRIVED = 1e-12
 @dataclass(frozen=True, slots=True, eq=False)
 class Ellipsoid:
     """b (u, 3), K (u, 3, 3), residual r (u, v) of the magnitudes, its variance (u, v) by noise and in all, derivative
-    J (u, v, 9) of r by the parameters and G (u, 9, v, 3) of those by the readings, leverage H (u, v), converged (u)."""
+    J (u, v, 9) of r by the parameters and G (u, 9, v, 3) of those by the readings, H (u, v, v) which takes out of r
+    what the parameters explain, converged (u)."""
 
     b: Floats
     K: Floats
@@ -38,7 +40,7 @@ def fit(problem: Problem, keep: Floats) -> Ellipsoid:
     done = np.zeros(len(p), bool)
     for _ in range(STEPS):
         r, J, variance, _ = _linearise(p, problem)
-        step = np.asarray(np.linalg.solve(*_normal(J, keep / variance, r)), float)[..., 0]
+        step = solve(*_normal(J, keep / variance, r))[..., 0]
         # Each unit stops by itself, so that its bits do not depend on its neighbours.
         p = np.where(done[:, None], p, _shorten(p, step, problem, keep))
         size = np.abs((J @ step[..., None])[..., 0]).max(axis=1)
@@ -48,7 +50,7 @@ def fit(problem: Problem, keep: Floats) -> Ellipsoid:
     r, J, variance, slope = _linearise(p, problem)
     weight = keep / variance
     A, _ = _normal(J, weight, r)
-    gain = np.linalg.solve(A, (J * weight[..., None]).transpose(0, 2, 1))
+    gain = solve(A, (J * weight[..., None]).transpose(0, 2, 1))
     return Ellipsoid(
         b=p[:, :3],
         K=_upper(p[:, 3:]),
@@ -57,7 +59,7 @@ def fit(problem: Problem, keep: Floats) -> Ellipsoid:
         variance=variance,
         J=J,
         G=-gain[..., None] * slope[:, None],
-        H=(J * gain.transpose(0, 2, 1)).sum(axis=2),
+        H=J @ gain,
         converged=done,
     )
 
@@ -135,7 +137,7 @@ def _algebraic(problem: Problem, keep: Floats) -> Floats:
     with np.errstate(all="ignore"):
         sound = np.linalg.eigvalsh(M)[:, 0] > 1e-6
         M = np.where(sound[:, None, None], M, np.eye(3))
-        centre = -np.linalg.solve(M, q[:, 6:, None])[..., 0] / 2
+        centre = -solve(M, q[:, 6:, None])[..., 0] / 2
         level = 1 + (centre[:, None] @ M @ centre[..., None])[:, 0, 0]
         sound &= level > 0
         K = np.linalg.cholesky(M / np.where(sound, level, 1.0)[:, None, None]).transpose(0, 2, 1)

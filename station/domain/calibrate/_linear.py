@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.domain import coefficients
+from station.domain import coefficients, linear_algebra
 from station.domain.calibrate import _outliers
 from station.domain.method import Fit, Problem
 from station.domain.types import Floats
@@ -23,7 +23,8 @@ MATRIX_NAMES = ("offset x, y, z", *(f"gain {a} and cross-axis from {a}" for a in
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Axis:
-    """Regression of one axis: G (u, k, v) estimate = G · reading; H (u, v) leverage; r (u, v) residual; b (u, k)."""
+    """Regression of one axis: G (u, k, v) estimate = G · reading; H (u, v, v) fitted = H · reading; r (u, v)
+    residual; b (u, k)."""
 
     G: Floats
     H: Floats
@@ -37,11 +38,16 @@ def solve(problem: Problem, columns: tuple[tuple[int, ...], ...], *, weighted: b
     weighted: weights are inverse variances of noise and declared pose error; otherwise all stops count alike.
     """
     noise, pose = variances(problem)
+    if not weighted:
+        # Plain least squares spreads every error over all residuals of its axis.
+        noise, pose = (np.broadcast_to(part.mean(axis=1, keepdims=True), part.shape) for part in (noise, pose))
     variance = noise + pose * problem.visits_of_pose()[:, None] + problem.scatter()[..., None]
     keep = np.ones(variance.shape[:2])
     for _ in range(max(len(problem.pose) // 4, 1)):
         axes = _regressions(problem, columns, variance, keep, weighted)
-        worst = _outliers.worst(_residuals(axes), _leverages(axes), variance, keep, _parameters(columns, problem))
+        worst = _outliers.worst(
+            _residuals(axes), np.stack([a.H for a in axes], axis=1), variance, keep, _parameters(columns, problem)
+        )
         if not worst.any():
             break
         keep = np.where(worst, 0.0, keep)
@@ -55,7 +61,8 @@ def variances(problem: Problem) -> tuple[Floats, Floats]:
     """
     noise = np.einsum("uvii->uvi", problem.cov)
     across = problem.magnitude[..., None] ** 2 - problem.true**2
-    scale = np.maximum(problem.magnitude, 1e-12)[..., None]
+    # Readings without any noise still count alike.
+    scale = np.maximum(problem.magnitude.max(axis=1), 1e-12)[:, None, None]
     return np.maximum(noise, (1e-9 * scale) ** 2), problem.pose_std_rad**2 * np.maximum(across, 0.0)
 
 
@@ -79,10 +86,10 @@ def _regression(X: Floats, y: Floats, weight: Floats) -> _Axis:
     scale = np.sqrt((X**2).mean(axis=1, keepdims=True))
     Z = X / np.where(scale > 0, scale, 1.0)
     ZW = (Z * weight[..., None]).transpose(0, 2, 1)
-    G = np.linalg.solve(ZW @ Z, ZW)
+    G = linear_algebra.solve(ZW @ Z, ZW)
     b = (G @ y[..., None])[..., 0]
     r = y - (Z @ b[..., None])[..., 0]
-    return _Axis(G / scale.transpose(0, 2, 1), (Z * G.transpose(0, 2, 1)).sum(axis=2), r, b / scale[:, 0])
+    return _Axis(G / scale.transpose(0, 2, 1), Z @ G, r, b / scale[:, 0])
 
 
 def _residuals(axes: tuple[_Axis, _Axis, _Axis]) -> Floats:
@@ -90,7 +97,7 @@ def _residuals(axes: tuple[_Axis, _Axis, _Axis]) -> Floats:
 
 
 def _leverages(axes: tuple[_Axis, _Axis, _Axis]) -> Floats:
-    return np.stack([a.H for a in axes], axis=2)
+    return np.stack([np.einsum("uvv->uv", a.H) for a in axes], axis=2)
 
 
 def _parameters(columns: tuple[tuple[int, ...], ...], problem: Problem) -> int:
@@ -140,7 +147,7 @@ def _tilts(problem: Problem, theta: Floats, residual: Floats, leverage: Floats) 
     """
     matrix = coefficients.matrix_of(theta)[:, None]
     size = np.maximum(problem.magnitude, 1e-300)
-    off = np.linalg.solve(matrix, residual[..., None])[..., 0] / size[..., None]
+    off = linear_algebra.solve(matrix, residual[..., None])[..., 0] / size[..., None]
     along = problem.true / size[..., None]
     across = off - along * (along * off).sum(axis=2, keepdims=True)
     tilt = np.arctan2(np.linalg.norm(across, axis=2), 1 + (along * off).sum(axis=2))

@@ -8,22 +8,24 @@ from station.domain.types import Floats
 
 #: Probability that a unit without any disturbance loses a stop.
 LEVEL = 1e-3
-#: A stop is named only if leaving it out explains this much more than leaving out any other: χ²₁ at LEVEL.
-CLEARLY = 10.8
+#: Two stops whose residuals are correlated more than this cannot be told apart: neither is named.
+ALIKE = 0.95
 #: Leverage above which the others say nothing about a stop.
 ALONE = 1 - 1e-6
 
 
-def worst(residual: Floats, leverage: Floats, variance: Floats, keep: Floats, parameters: int) -> NDArray[np.bool_]:
+def worst(residual: Floats, hat: Floats, variance: Floats, keep: Floats, parameters: int) -> NDArray[np.bool_]:
     """Marks, in each unit, the stop to leave out, if any: (u, v).
 
-    residual, leverage, variance (u, v, a) of a readings a stop; keep (u, v) 0 or 1. The drop in χ² when a stop is
-    left out is measured against noise where the rest agrees with noise, against the rest's own scatter otherwise
-    (externally studentised residual, Cook & Weisberg 1982, eq. 2.2.8): a rig with loose poses loses no stop for it.
+    residual, variance (u, v, a) of a readings a stop; hat (u, a, v, v): fitted = hat · reading; keep (u, v) 0 or 1.
+    The drop in χ² when a stop is left out is measured against noise where the rest agrees with noise, against the
+    rest's own scatter otherwise (externally studentised residual, Cook & Weisberg 1982, eq. 2.2.8): a rig with loose
+    poses loses no stop for it.
     """
     a = residual.shape[2]
-    told = (leverage < ALONE).all(axis=2) & (keep > 0)
-    drop = (residual**2 / (variance * np.maximum(1 - leverage, 1 - ALONE))).sum(axis=2) * told
+    free = 1 - np.einsum("uavv->uva", hat)
+    told = (free > 1 - ALONE).all(axis=2) & (keep > 0)
+    drop = (residual**2 / (variance * np.maximum(free, 1 - ALONE))).sum(axis=2) * told
     chi2 = (keep[..., None] * residual**2 / variance).sum(axis=(1, 2))
     left = a * keep.sum(axis=1) - parameters - a
     rest = np.maximum(chi2 - drop.max(axis=1), 0.0)
@@ -33,7 +35,16 @@ def worst(residual: Floats, leverage: Floats, variance: Floats, keep: Floats, pa
         chdtrc(a, drop.max(axis=1)),
         fdtrc(a, np.maximum(left, 1), drop.max(axis=1) / a / np.maximum(scatter, 1e-300)),
     )
-    ranked = np.sort(drop, axis=1)
-    clear = ranked[:, -1] - ranked[:, -2] > CLEARLY * np.maximum(scatter, 1.0) if drop.shape[1] > 1 else False
-    found = (p * keep.sum(axis=1) < LEVEL) & clear & (left >= a)
-    return np.asarray(found[:, None] & (np.arange(drop.shape[1]) == drop.argmax(axis=1)[:, None]))
+    suspect = drop.argmax(axis=1)
+    found = (p * keep.sum(axis=1) < LEVEL) & (left >= a) & ~_ambiguous(hat, free, keep, suspect)
+    return np.asarray(found[:, None] & (np.arange(drop.shape[1]) == suspect[:, None]))
+
+
+def _ambiguous(hat: Floats, free: Floats, keep: Floats, suspect: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Whether another stop's residuals would look the same (u), as those of opposite faces do: −h / √((1−h)(1−h))."""
+    u = np.arange(len(suspect))
+    row = hat[u, :, suspect].transpose(0, 2, 1)
+    root = np.sqrt(np.maximum(free * free[u, suspect][:, None], 1e-300))
+    alike = (np.abs(row) / root).mean(axis=2) * (keep > 0)
+    alike[u, suspect] = 0.0
+    return np.asarray((alike > ALIKE).any(axis=1))

@@ -13,9 +13,11 @@ from scipy.special import chdtrc
 from station.domain import rotation
 from station.domain.calibrate import _alignment, _ellipsoid, _outliers
 from station.domain.calibrate._ellipsoid import COLUMNS, ROWS, Ellipsoid
+from station.domain.linear_algebra import inverse
 from station.domain.method import Fit, Problem
 from station.domain.recipe import Recipe
 from station.domain.types import Floats
+from station.errors import RecipeError
 
 NAMES = (
     *(f"offset {a}" for a in "xyz"),
@@ -33,7 +35,13 @@ class Norm:
     by_magnitude: ClassVar[bool] = True
 
     def check(self, recipe: Recipe) -> None:
-        """Any positions; how many are enough is the design's question."""
+        """Any positions with a stimulus; how many are enough is the design's question."""
+        for position in recipe.positions if recipe.pose_known else ():
+            if not np.any(recipe.true_vector(position)):
+                raise RecipeError(
+                    f"norm fits magnitudes, and position {position.name!r} of recipe {recipe.name} has none; "
+                    f"take it out or use method: n-point"
+                )
 
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
         """One row a stop, nine columns."""
@@ -44,7 +52,7 @@ class Norm:
         keep = np.ones(problem.mean.shape[:2])
         for _ in range(max(len(problem.pose) // 4, 1)):
             e = _ellipsoid.fit(problem, keep)
-            worst = _outliers.worst(e.r[..., None], e.H[..., None], e.variance[..., None], keep, 9)
+            worst = _outliers.worst(e.r[..., None], e.H[:, None], e.variance[..., None], keep, 9)
             if not worst.any():
                 break
             keep = np.where(worst, 0.0, keep)
@@ -56,7 +64,7 @@ def _unaligned(problem: Problem, e: Ellipsoid, keep: Floats) -> Fit:
     u, v = keep.shape
     theta, jacobian = _coefficients(e, np.tile(np.eye(3), (u, 1, 1)), np.zeros((u, 3, v, 3)))
     found, _ = _found(problem, e)
-    modelled = e.b[:, None] + (found * problem.magnitude[..., None]) @ np.linalg.inv(e.K).transpose(0, 2, 1)
+    modelled = e.b[:, None] + (found * problem.magnitude[..., None]) @ inverse(e.K).transpose(0, 2, 1)
     upper = np.r_[np.ones(3, bool), np.triu(np.ones((3, 3), bool)).ravel()]
     nothing = np.zeros((u, v))
     return _fit(e, keep, theta, jacobian, upper, problem.mean - modelled, nothing, nothing, np.zeros(u))
@@ -76,7 +84,7 @@ def _aligned(problem: Problem, e: Ellipsoid, keep: Floats) -> Fit:
     noise = _tilt_noise(problem, d, moves, turned)
     pose_std = _pose_std(problem, off, noise, keep)
     common = _alignment_spread(problem, d, keep) * pose_std[:, None] ** 2
-    modelled = e.b[:, None] + problem.true @ (np.linalg.inv(e.K) @ Q).transpose(0, 2, 1)
+    modelled = e.b[:, None] + problem.true @ (inverse(e.K) @ Q).transpose(0, 2, 1)
     residual = problem.mean - modelled
     return _fit(e, keep, theta, jacobian, np.ones(12, bool), residual, tilt, np.sqrt(noise + common), pose_std)
 
@@ -123,10 +131,10 @@ def _coefficients(e: Ellipsoid, Q: Floats, turned: Floats) -> tuple[Floats, Floa
     d(K⁻¹Q) = −K⁻¹ dK K⁻¹ Q + K⁻¹ [φ]× Q.
     """
     u, _, v, _ = e.G.shape
-    inverse = np.linalg.inv(e.K)
-    A = inverse @ Q
-    by_K = -inverse[:, :, ROWS, None] * A[:, COLUMNS][:, None]
-    by_turn = (inverse[:, None] @ rotation.cross_matrix(np.eye(3))) @ Q[:, None]
+    U = inverse(e.K)
+    A = U @ Q
+    by_K = -U[:, :, ROWS, None] * A[:, COLUMNS][:, None]
+    by_turn = (U[:, None] @ rotation.cross_matrix(np.eye(3))) @ Q[:, None]
     into_K = by_K.transpose(0, 1, 3, 2).reshape(u, 9, 6)
     into_turn = by_turn.transpose(0, 2, 3, 1).reshape(u, 9, 3)
     matrix = into_K @ e.G[:, 3:].reshape(u, 6, 3 * v) + into_turn @ turned.reshape(u, 3, 3 * v)
@@ -175,4 +183,4 @@ def _alignment_spread(problem: Problem, d: Floats, keep: Floats) -> Floats:
     alone = keep / problem.visits_of_pose()
     S = np.einsum("uv,ij->uij", alone, np.eye(3)) - (d * alone[..., None]).transpose(0, 2, 1) @ d
     across = np.eye(3) - d[..., :, None] * d[..., None, :]
-    return np.asarray(np.einsum("uvij,uji->uv", across, np.linalg.inv(S)) / 2)
+    return np.asarray(np.einsum("uvij,uji->uv", across, inverse(S)) / 2)

@@ -1,0 +1,142 @@
+"""What every kind of sensor keeps to; a new file in the folder is tested without being told."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station import plugins
+from station.domain import method, pipeline, sensor, uncertainty
+from station.domain.recipe import Recipe
+from tests.fakes import tumble
+
+KINDS = plugins.names(sensor.PACKAGE)
+
+
+def bench(kind: str, **reference: Any) -> Recipe:
+    """Twelve positions and six faces, with the stimulus the kind is used to."""
+    own = {**tumble.TRUTHS[kind]["reference"], **reference}
+    return tumble.recipe("n-point", kind, reference=own)
+
+
+def stops(recipe: Recipe) -> tuple[tuple[str, ...], tuple[str, ...], Any]:
+    names = tuple(p.name for p in recipe.positions)
+    return names, ("home",) * len(names), tumble.truths(recipe)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_says_what_it_is(kind: str) -> None:
+    found: Any = plugins.load(sensor.PACKAGE, kind)
+    assert found.unit and found.quantity
+    assert {"gold"} < set(found.sources)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_recipe_in_another_unit_or_with_another_stimulus_is_refused(kind: str) -> None:
+    own: Any = plugins.load(sensor.PACKAGE, kind)
+    other = next(plugins.load(sensor.PACKAGE, k) for k in KINDS if k != kind)
+    with pytest.raises(ValueError, match=f"unit .* does not go with sensor {kind}"):
+        tumble.recipe("n-point", kind, unit=getattr(other, "unit"))  # noqa: B009
+    wrong = next(s for s in ("gravity", "rate") if s not in own.sources)
+    with pytest.raises(ValueError, match="does not excite"):
+        tumble.recipe("n-point", kind, reference={"source": wrong})
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_its_errors_of_the_truth_are_patterns_over_the_stops(kind: str) -> None:
+    recipe = bench(kind, magnitude_std=0.01)
+    names, seats, true = stops(recipe)
+    found = sensor.of(recipe).truth_errors(recipe, names, seats, true)
+    assert found
+    for patterns in found.values():
+        assert patterns.ndim == 3
+        assert patterns.shape[1:] == true.shape
+        assert np.isfinite(patterns).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_uncertain_magnitude_is_the_same_share_of_every_gain(kind: str, rng: np.random.Generator) -> None:
+    """A stimulus wrong by 1 % makes every gain wrong by 1 %, and no offset."""
+    plain, unsure = bench(kind), bench(kind)
+    largest = float(np.linalg.norm(tumble.truths(plain), axis=1).max())
+    unsure = bench(kind, magnitude_std=0.01 * largest)
+    theta = tumble.units(rng, 1, largest)
+    table = tumble.table(unsure, tumble.readings(theta, tumble.truths(unsure)), 1e-4 * largest, 40, rng)
+    found = pipeline.calibrate_unit(unsure, table, tumble.TODAY)
+    assert found.budget is not None
+    own = plugins.load(sensor.PACKAGE, kind)
+    (name,) = [n for n in ("gravity", "field", "rate") if n in found.budget.parts]
+    part = found.budget.std(name)
+    assert getattr(own, "quantity")  # noqa: B009
+    assert np.diagonal(part[3:].reshape(3, 3)) == pytest.approx(0.01 * np.diagonal(found.calibration.matrix), rel=1e-6)
+    assert np.abs(part[:3]).max() < 1e-12 * largest
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_gold_reference_brings_its_own_uncertainty(kind: str, rng: np.random.Generator) -> None:
+    size = float(np.linalg.norm(tumble.truths(bench(kind)), axis=1).max())
+    gold = {"serial": "G1", "due": "2030-01-01", "offset_std": 0.002 * size, "gain_std": 0.001, "seat_std_deg": 0.05}
+    recipe = tumble.recipe("n-point", kind)
+    true = tumble.truths(recipe)
+    recipe = tumble.recipe(
+        "n-point",
+        kind,
+        reference={"source": "gold", "gold": gold, "magnitude": size},
+        positions=[{"name": p.name, "up": "+z"} for p in recipe.positions],
+    )
+    names, seats, _ = stops(recipe)
+    patterns = sensor.of(recipe).truth_errors(recipe, names, seats, true)["gold reference"]
+    problem = _problem(recipe, true, rng, size)
+    fit = method.of(recipe).fit(problem)
+    part = uncertainty.shared(fit, patterns)[0]
+    std = np.sqrt(np.diagonal(part))
+    assert std[:3] == pytest.approx(np.full(3, 0.002 * size), rel=1e-6)
+    matrix = std[3:].reshape(3, 3)
+    assert np.diagonal(matrix) == pytest.approx(np.full(3, 0.001), rel=1e-6)
+    assert matrix[0, 1] == pytest.approx(np.deg2rad(0.05), rel=1e-6)
+
+
+def _problem(recipe: Recipe, true: Any, rng: np.random.Generator, size: float) -> method.Problem:
+    v = len(true)
+    ideal = np.tile([0.0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1], (1, 1))
+    return method.Problem(
+        mean=tumble.readings(ideal, true),
+        cov=np.tile(1e-8 * size**2 * np.eye(3), (1, v, 1, 1)),
+        quantisation=np.zeros((1, v, 3)),
+        dof=np.full((1, v, 3), 1e6),
+        temperature_degC=np.full((1, v), np.nan),
+        true=true[None],
+        magnitude=np.linalg.norm(true, axis=1)[None],
+        pose=np.arange(v),
+        pose_std_rad=0.0,
+        scatter_pose=np.zeros(1),
+        scatter_stop=np.zeros(1),
+        nuisance=np.zeros((v, 0)),
+        model="matrix",
+        pose_known=True,
+    )
+
+
+def test_a_gyroscope_without_a_site_does_not_know_the_earths_turning() -> None:
+    """Without a site all of it is unknown; with one, the level part; with a heading, nothing."""
+    rest = [{"name": "rest", "rate": [0, 0, 0]}]
+
+    def unknown(**site: float) -> float:
+        reference: dict[str, Any] = {"source": "rate"} | ({"site": site} if site else {})
+        recipe = tumble.recipe("one-point", "gyroscope", positions=rest, reference=reference)
+        patterns = sensor.of(recipe).truth_errors(recipe, ("rest",), ("home",), np.zeros((1, 3)))["Earth rate"]
+        return float(np.sqrt((patterns**2).sum()))
+
+    assert unknown() == pytest.approx(0.00417807, rel=1e-5)
+    assert unknown(latitude_deg=60.0) == pytest.approx(0.00417807 * 0.5, rel=1e-5)
+    assert unknown(latitude_deg=60.0, heading_deg=10.0) == 0
+
+
+def test_g_sensitivity_of_a_gyroscope_stands_in_the_budget_where_it_cannot_be_fitted(rng: np.random.Generator) -> None:
+    """One position: 0.02 deg/s/g on each axis go straight into the offsets."""
+    sheet = {"g_sensitivity": 0.02}
+    recipe = tumble.recipe("one-point", "gyroscope", positions=[{"name": "rest", "rate": [0, 0, 0]}], device=sheet)
+    table = tumble.table(recipe, np.zeros((1, 1, 3)), 0.01, 50, rng)
+    found = pipeline.calibrate_unit(recipe, table, tumble.TODAY)
+    assert found.budget is not None
+    assert found.budget.std("g-sensitivity")[:3] == pytest.approx([0.02] * 3)

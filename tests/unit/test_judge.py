@@ -1,0 +1,131 @@
+"""Limits and the decision rule: what is accepted, why not, and how often wrongly."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm, t
+
+from station.domain import judge, pipeline
+from station.domain.recipe import Limits
+from station.domain.types import Calibration, Floats, Outcome
+from station.domain.uncertainty import Budget
+from tests.fakes import tumble
+
+OFFSET = 0.05
+
+
+def unit(offset: Floats | list[float], std: float, dof: float = 1e9) -> tuple[Calibration, Budget]:
+    """A unit with offsets (3) known to `std`, and nothing else uncertain."""
+    covariance = np.zeros((12, 12))
+    covariance[range(3), range(3)] = std**2
+    nothing = np.zeros((1, 3))
+    found = Calibration(
+        method="one-point",
+        unit="g",
+        offset=np.asarray(offset, float),
+        matrix=np.eye(3),
+        covariance=covariance,
+        positions=("z-up",),
+        residual=nothing,
+        tilt_deg=np.zeros(1),
+        tilt_std_deg=np.zeros(1),
+        disturbed=np.zeros(1, bool),
+        residual_rms=0.0,
+    )
+    return found, Budget({"noise": covariance}, covariance, np.full(12, dof), 0.0)
+
+
+def within(limits: Limits, offset: float, std: float, dof: float = 1e9) -> judge.Toleranced:
+    return judge.toleranced(limits, *unit([offset, 0.0, 0.0], std, dof))
+
+
+def test_the_guard_band_of_each_rule() -> None:
+    """JCGM 106: simple w = 0; guard band w = U = 2u; false accept w = z·u."""
+    std, dof = np.array([0.01]), np.array([1e9])
+    assert judge.guard_band(Limits(offset=1.0), std, dof).tolist() == [0.0]
+    assert judge.guard_band(Limits(offset=1.0, rule="guard-band"), std, dof) == pytest.approx([0.02])
+    rule = Limits(offset=1.0, rule="false-accept", false_accept=0.01)
+    assert judge.guard_band(rule, std, dof) == pytest.approx([0.01 * norm.ppf(0.99)], rel=1e-6)
+
+
+def test_the_guard_band_knows_that_the_noise_is_an_estimate() -> None:
+    """With ν = 5 the standard deviation was widened by t/1.96, and the band is the t quantile of what it was."""
+    rule = Limits(offset=1.0, rule="false-accept", false_accept=0.01)
+    widened = 0.01 * t.ppf(0.975, 5) / norm.ppf(0.975)
+    found = judge.guard_band(rule, np.array([widened]), np.array([5.0]))
+    assert found == pytest.approx([0.01 * t.ppf(0.99, 5)], rel=1e-6)
+
+
+def test_probability_of_conformance_by_hand() -> None:
+    """One coefficient at 0.04 ± 0.01 within ±0.05: Φ(1) − Φ(−9); the two at zero add nothing."""
+    found = within(Limits(offset=OFFSET), 0.04, 0.01)
+    assert judge.conformance(found) == pytest.approx(norm.cdf(1) * (norm.cdf(5) - norm.cdf(-5)) ** 2, rel=1e-6)
+
+
+def test_a_value_in_the_guard_band_fails_although_it_is_within_the_limit() -> None:
+    recipe = tumble.recipe("one-point", limits={"offset": OFFSET, "rule": "guard-band"})
+    stops = _stops(recipe)
+    verdict = judge.judge(recipe, *unit([0.04, 0, 0], 0.006), stops, ())
+    assert verdict.outcome is Outcome.FAIL
+    assert verdict.false_accept == 0
+    assert verdict.false_reject == pytest.approx(norm.cdf(0.01 / 0.006), rel=1e-3)
+    (reason,) = verdict.reasons
+    assert "offset x is +0.04 g" in reason.sentence and "guard band 0.012" in reason.sentence
+    simple = tumble.recipe("one-point", limits={"offset": OFFSET})
+    assert judge.judge(simple, *unit([0.04, 0, 0], 0.006), stops, ()).outcome is Outcome.PASS
+
+
+def test_a_limit_that_the_uncertainty_eats_up_is_said_to_be_undecidable() -> None:
+    recipe = tumble.recipe("one-point", limits={"offset": OFFSET, "rule": "guard-band"})
+    verdict = judge.judge(recipe, *unit([0, 0, 0], 0.03), _stops(recipe), ())
+    assert len(verdict.reasons) == 3
+    assert all("cannot decide it" in r.sentence for r in verdict.reasons)
+
+
+def _stops(recipe: object) -> object:
+    rng = np.random.default_rng(1)
+    own = tumble.recipe("one-point")
+    table = tumble.table(own, np.array([[[0.0, 0.0, 1.0]]]), 1e-4, 20, rng)
+    return pipeline.calibrate_unit(own, table, tumble.TODAY).stops
+
+
+@pytest.mark.parametrize(("rule", "stated"), [("guard-band", 0.0228), ("false-accept", 0.01)])
+def test_100000_units_at_the_limit_are_not_accepted_more_often_than_stated(
+    rng: np.random.Generator, rule: str, stated: float
+) -> None:
+    """Units just out of limits, noise estimated with few degrees of freedom: the hardest case for the guard band."""
+    limits = Limits(offset=OFFSET, rule=rule, false_accept=0.01 if rule == "false-accept" else None)
+    n, u, dof = 100_000, 0.004, 12
+    measured = OFFSET + u * rng.standard_normal(n)
+    estimate = u * np.sqrt(rng.chisquare(dof, n) / dof)
+    std = estimate * t.ppf(0.975, dof) / norm.ppf(0.975)
+    guard = judge.guard_band(limits, std, np.full(n, float(dof)))
+    accepted = (np.abs(measured) <= OFFSET - guard).mean()
+    assert accepted < stated + 3 * np.sqrt(stated / n)
+
+
+def test_100000_units_of_a_population_fail_as_often_as_their_verdicts_say(rng: np.random.Generator) -> None:
+    """Over a wide population the mean stated probability of a false accept is the rate of false accepts."""
+    limits = Limits(offset=OFFSET)
+    n, u = 100_000, 0.01
+    true = rng.uniform(-0.15, 0.15, n)
+    measured = true + u * rng.standard_normal(n)
+    accepted = np.abs(measured) <= OFFSET
+    stated = 1 - (norm.cdf((OFFSET - measured) / u) - norm.cdf((-OFFSET - measured) / u))
+    some = np.flatnonzero(accepted)[:2000]
+    one_by_one = [1 - judge.conformance(within(limits, measured[i], u)) for i in some]
+    assert one_by_one == pytest.approx(stated[some], abs=1e-4)
+    rate = (np.abs(true[accepted]) > OFFSET).mean()
+    assert rate == pytest.approx(stated[accepted].mean(), abs=4 * np.sqrt(rate / accepted.sum()))
+
+
+def test_every_reason_is_told_not_the_first_only(rng: np.random.Generator) -> None:
+    limits = {"offset": 0.001, "gain": 0.001, "cross_axis": 0.001, "noise": 1e-5, "temperature_degC": [20, 30]}
+    recipe = tumble.recipe("six-point", limits=limits)
+    theta = np.array([[0.05, 0, 0, 1.05, 0.02, 0, 0, 1, 0, 0, 0, 1]])
+    table = tumble.table(recipe, tumble.readings(theta, tumble.truths(recipe)), 1e-3, 40, rng)
+    table = type(table)(
+        **{n: getattr(table, n) for n in table.__slots__ if n != "values"},
+        values={"temperature_degC": np.full(len(table), 35.0)},
+    )
+    found = {r.check for r in pipeline.calibrate_unit(recipe, table, tumble.TODAY).verdict.reasons}
+    assert {"offset", "gain", "cross-axis", "noise", "temperature"} <= found

@@ -1,0 +1,56 @@
+"""Steps in readings are recognised, and what they leave in a mean is known."""
+
+import numpy as np
+import pytest
+
+from station.domain import dwell, resolution
+from station.domain.types import Floats
+
+
+def dwells(x: Floats) -> dwell.Dwells:
+    v, n, _ = x.shape
+    return dwell.measure(x.reshape(-1, 3), np.arange(v) * n, np.full(v, n), np.zeros(v, np.int64))
+
+
+def test_the_step_is_found_in_the_data(rng: np.random.Generator) -> None:
+    x = np.round(0.02 * rng.standard_normal((6, 80, 3)) / 0.0127) * 0.0127
+    assert resolution.step_of(dwells(x), 0.0) == pytest.approx([0.0127] * 3)
+
+
+def test_readings_of_full_precision_have_none(rng: np.random.Generator) -> None:
+    assert resolution.step_of(dwells(rng.standard_normal((6, 80, 3))), 0.5).tolist() == [0, 0, 0]
+
+
+def test_readings_that_never_change_take_the_sheets(rng: np.random.Generator) -> None:
+    assert resolution.step_of(dwells(np.full((3, 20, 3), 0.0127)), 0.0127).tolist() == [0.0127] * 3
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.2, 0.3, 0.5])
+def test_what_rounding_leaves_in_a_mean(rng: np.random.Generator, share: float) -> None:
+    """Against the definition: mean square error of rounded Gaussian readings over all places within a step."""
+    place = np.linspace(0, 1, 401)[:-1]
+    edge = np.arange(-6, 7) + 0.5
+    from scipy.special import ndtr
+
+    below = ndtr((edge[:, None] - place) / max(share, 1e-9))
+    mean = 7 - below.sum(axis=0)
+    expected = ((mean - place) ** 2).mean()
+    found = resolution.rounding_variance(np.array(1.0), np.array(share))
+    assert float(found) == pytest.approx(expected, rel=0.02, abs=1e-9)
+
+
+def test_without_noise_a_twelfth_of_a_step_squared() -> None:
+    assert float(resolution.rounding_variance(np.array(0.3), np.array(0.0))) == pytest.approx(0.09 / 12, rel=1e-9)
+    assert float(resolution.rounding_variance(np.array(0.0), np.array(0.1))) == 0
+
+
+def test_means_of_undithered_readings_are_covered(rng: np.random.Generator) -> None:
+    """Noise of a tenth of a step cannot be averaged away: the rounding must stand in the uncertainty."""
+    true = rng.uniform(0, 1, (2000, 1, 3))
+    x = np.round(true + 0.1 * rng.standard_normal((2000, 60, 3)))
+    found = dwells(x)
+    noise = resolution.noise_under(np.ones(3), found.std)
+    std = np.sqrt(found.variance + resolution.rounding_variance(np.ones(3), noise))
+    off = np.abs(found.mean - true[:, 0])
+    assert (off < 1.96 * std).mean() > 0.94
+    assert (off < 1.96 * found.std / np.sqrt(60)).mean() < 0.5

@@ -1,0 +1,126 @@
+"""The budget: every cause by a formula worked by hand, and pose errors by simulation."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station.domain import pipeline, rotation
+from station.domain.types import Floats
+from tests.fakes import tumble
+from tests.fakes.tumble import TODAY, coefficients
+
+
+def budget(method: str, **more: Any) -> Any:
+    recipe = tumble.recipe(method, **more)
+    theta = np.array([[0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1.0]])
+    table = tumble.table(recipe, tumble.readings(theta, tumble.truths(recipe)), 1e-4, 50, np.random.default_rng(2))
+    return pipeline.calibrate_unit(recipe, table, TODAY).budget
+
+
+def test_parts_add_up_in_squares() -> None:
+    found = budget("six-point", reference={"source": "gravity", "magnitude": 1.0, "pose_std_deg": 0.1})
+    squares = sum(found.std(cause) ** 2 for cause in found.parts)
+    assert found.std() == pytest.approx(np.sqrt(squares))
+
+
+def test_position_error_of_one_point_goes_across_into_the_offset() -> None:
+    """0.1° of tilt moves 1.745 mg onto each level axis, nothing onto the upright one."""
+    found = budget("one-point", reference={"source": "gravity", "magnitude": 1.0, "pose_std_deg": 0.1})
+    assert found.std("position")[:3] == pytest.approx([np.deg2rad(0.1), np.deg2rad(0.1), 0.0], abs=1e-12)
+
+
+def test_gravity_at_a_site_is_uncertain_by_local_anomalies() -> None:
+    site = {"latitude_deg": 48.14, "altitude_m": 520, "anomaly_std_ppm": 30}
+    found = budget("six-point", reference={"source": "gravity", "site": site})
+    gains = found.std("gravity")[[3, 7, 11]]
+    # Readings were made for 1 g: the gains are 1/1.00008.
+    assert gains == pytest.approx(np.full(3, 30e-6), rel=1e-3)
+
+
+def test_rounding_in_the_device_enters_as_it_is_told(rng: np.random.Generator) -> None:
+    recipe = tumble.recipe("three-point")
+    table = tumble.table(recipe, tumble.truths(recipe)[None], 1e-4, 50, rng)
+    rounding = np.full(12, 3e-5)
+    found = pipeline.calibrate_unit(recipe, table, TODAY, rounding).budget
+    assert found is not None
+    # What the method does not estimate is kept nominal, and nominal is not rounded.
+    assert (found.std("rounding") > 0).sum() == 6
+    assert found.std("rounding").max() == pytest.approx(3e-5)
+
+
+def test_temperature_differences_enter_by_the_sheets_coefficient(rng: np.random.Generator) -> None:
+    """One of two passes 10 °C warmer: the mean offset is right, and half of 10 °C · tempco is in no pass."""
+    recipe = tumble.recipe("three-point", device={"offset_tempco": 1e-4})
+    table = tumble.table(recipe, tumble.truths(recipe)[None], 1e-4, 50, rng)
+    warm = np.where(table.visit == 0, 30.0, 20.0)
+    found = pipeline.calibrate_unit(recipe, replace(table, values={"temperature_degC": warm}), TODAY).budget
+    assert found is not None
+    # x is measured up while warm: its gain takes all of 1 mg, its offset (the mean of the other two) −⅓ of it.
+    assert found.std("temperature")[[0, 3]] == pytest.approx([1e-3 / 3, 1e-3], rel=1e-6)
+
+
+def test_quantisation_without_dither_is_a_line_of_its_own(rng: np.random.Generator) -> None:
+    recipe = tumble.recipe("six-point", device={"lsb": 0.0127})
+    true = tumble.readings(tumble.units(rng, 1), tumble.truths(recipe))
+    table = tumble.table(recipe, true, 0.001, 50, rng)
+    table = replace(table, reading=np.round(table.reading / 0.0127) * 0.0127)
+    found = pipeline.calibrate_unit(recipe, table, TODAY)
+    assert found.budget is not None and found.calibration is not None
+    assert found.budget.std("quantisation")[:3] == pytest.approx(np.full(3, 0.0127 / np.sqrt(12 * 6)), rel=0.2)
+    assert any("steps of 0.0127" in note for note in found.calibration.notes)
+
+
+@pytest.mark.parametrize("declared", [True, False])
+@pytest.mark.parametrize("method", ["six-point", "n-point", "norm"])
+def test_pose_errors_are_covered_whether_declared_or_not(rng: np.random.Generator, method: str, declared: bool) -> None:
+    """Every pose of every unit is off by 0.1° about each axis: intervals hold, though noise alone is far smaller."""
+    reference = {"source": "gravity", "magnitude": 1.0, "pose_std_deg": 0.1 if declared else 0.0}
+    recipe = tumble.recipe(method, reference=reference)
+    theta = tumble.units(rng, 150)
+    true = turned(tumble.truths(recipe), np.deg2rad(0.1), rng, len(theta))
+    table = tumble.table(recipe, tumble.readings(theta, true), 3e-4, 40, rng)
+    found = list(pipeline.calibrate(recipe, table, TODAY))
+    error = np.array([coefficients(r) for r in found]) - theta
+    std = np.array([r.budget.std() for r in found if r.budget is not None])
+    assert 0.92 < (np.abs(error) < 1.96 * std).mean() < 0.985
+
+
+def turned(true: Floats, std_rad: float, rng: np.random.Generator, count: int) -> Floats:
+    """Truths (count, v, 3) with every pose turned at random."""
+    R = rotation.from_vector(std_rad * rng.standard_normal((count, len(true), 3)))
+    return np.asarray((R @ true[..., None])[..., 0])
+
+
+def test_norm_does_not_feel_fixture_error_where_six_point_does(rng: np.random.Generator) -> None:
+    """0.2° a pose: the magnitude by norm stays within 0.2 mg rms where the six faces have more than 1.5 mg."""
+    direction = rng.standard_normal((400, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    errors = {}
+    for method in ("six-point", "norm"):
+        ups = None if method == "six-point" else {f"v{i}": v for i, v in enumerate(tumble.VERTICES)}
+        recipe = tumble.recipe(method, ups=ups)
+        theta = tumble.units(rng, 100)
+        true = turned(tumble.truths(recipe), np.deg2rad(0.2), rng, 100)
+        table = tumble.table(recipe, tumble.readings(theta, true), 2e-4 * np.sqrt(20), 20, rng)
+        seen = tumble.readings(theta, direction)
+        found = pipeline.calibrate(recipe, table, TODAY)
+        off = [np.linalg.norm(r.calibration.correct(seen[i]), axis=1) - 1 for i, r in enumerate(found) if r.calibration]
+        errors[method] = float(np.sqrt(np.mean(np.square(off))))
+    assert errors["norm"] < 2.0e-4
+    assert errors["six-point"] > 1.5e-3
+
+
+def test_norm_tells_the_tilt_of_every_pose(rng: np.random.Generator) -> None:
+    recipe = tumble.recipe("norm")
+    true = tumble.truths(recipe)
+    tilt = np.deg2rad(0.2) * rng.standard_normal((80, len(true), 3))
+    tilted = (rotation.from_vector(tilt) @ true[..., None])[..., 0]
+    table = tumble.table(recipe, tumble.readings(tumble.units(rng, 80), tilted), 1e-4, 40, rng)
+    found = [r.calibration for r in pipeline.calibrate(recipe, table, TODAY)]
+    angle = np.rad2deg(np.arccos(np.clip((tilted * true).sum(axis=2), -1, 1)))
+    off = np.array([c.tilt_deg for c in found if c]) - angle
+    std = np.array([c.tilt_std_deg for c in found if c])
+    assert np.sqrt((off**2).mean()) < 0.085
+    assert np.sqrt((off**2).mean()) == pytest.approx(np.sqrt((std**2).mean()), rel=0.2)
