@@ -114,10 +114,9 @@ class _Channel:
         """All frames waiting, in order, with the kernel's time; waits up to `timeout_s` for the first."""
         self._check_open()
         try:
-            frames = self._receiver.take()
-            if not len(frames) and timeout_s > 0:
+            if timeout_s > 0:
                 self._readable.poll(timeout_s * 1000)
-                frames = self._receiver.take()
+            frames = self._receiver.take()
             parts = [frames]
             while len(parts[-1]) == self._receiver.batch and len(parts) < MOST_BATCHES:
                 parts.append(self._receiver.take())
