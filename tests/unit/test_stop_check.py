@@ -1,0 +1,183 @@
+"""A dwell as evidence: every way in which it can be none, from frames made to be so; and what counts as rest."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from station.adapters.dbc import read_layouts
+from station.config.places import shipped
+from station.config.products import load_product
+from station.config.recipes import load_recipe
+from station.domain import encode
+from station.domain.frames import SensorLayout, resolve
+from station.domain.recipe import Recipe
+from station.domain.stillness import angle_deg, at_rest, expected_noise, face, has_direction, mean_std
+from station.domain.stop_check import STATION_CHECKS, Dwelled, check, statistics
+from station.domain.stream import samples
+from station.domain.types import Floats, Frames
+from tests.conftest import SEED
+
+NODE = 17
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def layout() -> SensorLayout:
+    product = load_product("accelerometer", None)
+    return resolve(product.frames, read_layouts(Path(shipped(), "dbc", product.frames.dbc)))
+
+
+@pytest.fixture(scope="module")
+def recipe() -> Recipe:
+    return load_recipe("six-point")
+
+
+def readings(n: int = 100, noise: float = 7e-4, mean: Floats = UP) -> Floats:
+    return mean + noise * np.random.default_rng(SEED).standard_normal((n, 3))
+
+
+def frames(layout: SensorLayout, xyz: Floats, rate_hz: float = 100.0) -> Frames:
+    time_ns = np.round(np.arange(len(xyz)) * 1e9 / rate_hz).astype(np.int64)
+    return encode.sample_frames(layout, NODE, time_ns, xyz)
+
+
+def dwelled(layout: SensorLayout, came: Frames, **change: object) -> Dwelled:
+    whole = Dwelled("z-up", samples(came, layout, NODE), UP, 1.0, 0, 24.0)
+    return replace(whole, **change)  # type: ignore[arg-type]
+
+
+def checks(layout: SensorLayout, recipe: Recipe, xyz: Floats, **change: object) -> set[str]:
+    found = check(dwelled(layout, frames(layout, xyz), **change), recipe, layout)
+    assert all(r.sentence.isprintable() for r in found)
+    return {r.check for r in found}
+
+
+def test_a_good_dwell_has_nothing_against_it(layout: SensorLayout, recipe: Recipe) -> None:
+    assert checks(layout, recipe, readings()) == set()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "change"),
+    [
+        ("kernel-drops", {"drops": 3}),
+        ("temperature", {"temperature_degC": 45.0}),
+        ("temperature", {"temperature_degC": -3.0}),
+        ("emergency", {"emergencies": ("emergency 0x4210 (register 0x01)",)}),
+        ("too-few", {"lasted_s": 2.0}),
+        ("wrong-face", {"true": np.array([1.0, 0, 0])}),
+        ("wrong-face", {"true": -UP}),
+    ],
+)
+def test_what_happened_around_it(layout: SensorLayout, recipe: Recipe, wrong: str, change: dict[str, object]) -> None:
+    assert checks(layout, recipe, readings(), **change) == {wrong}
+
+
+def test_no_frames_at_all_is_silence(layout: SensorLayout, recipe: Recipe) -> None:
+    found = check(dwelled(layout, Frames.empty()), recipe, layout)
+    assert [r.check for r in found] == ["silent"]
+    assert found[0].check in STATION_CHECKS
+    assert statistics(dwelled(layout, Frames.empty()))["mean"] is None
+
+
+def test_axes_that_cannot_be(layout: SensorLayout, recipe: Recipe) -> None:
+    stuck = readings()
+    stuck[:, 1] = 0.03
+    assert checks(layout, recipe, stuck) == {"stuck"}
+    clipped = readings(mean=np.array([0, 0, 2.2]))
+    assert checks(layout, recipe, clipped) == {"clipped"}
+    loud = readings(noise=0.02)
+    assert checks(layout, recipe, loud) == {"noise"}
+
+
+def test_a_coarse_sensor_may_stand_still(layout: SensorLayout, recipe: Recipe) -> None:
+    quiet = recipe.model_copy(update={"device": recipe.device.model_copy(update={"noise_density": 1e-7, "lsb": 1e-3})})
+    still = np.tile([0.0123, 0.03, 1.0], (100, 1))
+    assert "stuck" in checks(layout, recipe, still)
+    coarse = replace(layout, sample=replace(layout.sample, signals=tuple(
+        replace(s, scale=0.0125) if s.name in "XYZ" else s for s in layout.sample.signals
+    )))  # fmt: skip
+    came = frames(coarse, still)
+    assert not check(dwelled(coarse, came), quiet, coarse)
+
+
+def test_a_part_that_is_touched_during_the_dwell(layout: SensorLayout, recipe: Recipe) -> None:
+    bumped = readings()
+    bumped[60:, 0] += 0.01
+    assert checks(layout, recipe, bumped) == {"not-still"}
+    warming = readings() + np.linspace(0, 0.0004, 100)[:, None]
+    assert checks(layout, recipe, warming) == set(), "a slow drift below what matters is the budget's business"
+
+
+def test_the_transport(layout: SensorLayout, recipe: Recipe) -> None:
+    whole = frames(layout, readings())
+    lost = whole[np.delete(np.arange(100), [40, 41])]
+    assert {r.check for r in check(dwelled(layout, lost), recipe, layout)} == {"frames"}
+    again = whole[np.insert(np.arange(100), 40, 40)]
+    assert {r.check for r in check(dwelled(layout, again), recipe, layout)} == {"frames"}
+    data = whole.data.copy()
+    data[7, 5] ^= 0x10
+    bad = Frames(whole.time_ns, whole.can_id, whole.length, data)
+    (found,) = check(dwelled(layout, bad), recipe, layout)
+    assert "1 frames with a wrong CRC" in found.sentence
+
+
+@pytest.mark.parametrize(("rate_hz", "said"), [(100.5, False), (110.0, True), (91.0, True)])
+def test_a_clock_that_is_off(layout: SensorLayout, recipe: Recipe, rate_hz: float, said: bool) -> None:
+    came = frames(layout, readings(round(rate_hz)), rate_hz)
+    found = {r.check for r in check(dwelled(layout, came), recipe, layout)}
+    assert found == ({"rate"} if said else set())
+
+
+def test_statistics_are_of_the_usable_readings(layout: SensorLayout) -> None:
+    xyz = readings()
+    told = statistics(dwelled(layout, frames(layout, xyz)))
+    np.testing.assert_allclose(told["mean"], xyz.mean(axis=0), atol=6.25e-5)  # type: ignore[arg-type]
+    assert (told["count"], told["lost"], told["crc_errors"], told["kernel_drops"]) == (100, 0, 0, 0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rest_is_seen_and_so_is_movement(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    noise = 7e-4 * rng.standard_normal((40, 3))
+    assert at_rest(UP + noise, 7e-4, 6e-5)
+    assert not at_rest(UP + noise + np.linspace(0, 0.005, 40)[:, None], 7e-4, 6e-5)
+    assert not at_rest(UP + noise + 0.1 * np.sin(np.arange(40))[:, None], 7e-4, 6e-5)
+    assert not at_rest((UP + noise)[:7], 7e-4, 6e-5), "too few to tell"
+
+
+def test_directions() -> None:
+    assert face(np.array([0.1, -0.9, 0.3])) == "-y"
+    assert angle_deg(np.array([1.0, 1, 0]), np.array([2.0, 0, 0])) == pytest.approx(45)
+    assert angle_deg(np.zeros(3), UP) == 180
+
+
+def test_which_stimulus_points_somewhere(recipe: Recipe) -> None:
+    assert has_direction(UP, recipe)
+    assert not has_direction(np.full(3, np.nan), recipe)
+    gyroscope = load_recipe("gyroscope-n-point")
+    assert has_direction(np.array([0.0, 0, 90]), gyroscope)
+    assert not has_direction(np.array([0.0, 0, 0.004]), gyroscope), "the Earth's turning"
+    assert not has_direction(np.array([0.0, 0, 48.0]), load_recipe("magnetometer-n-point")), "hard iron may be larger"
+
+
+def test_expected_noise_is_the_sheets_white_noise_and_rounding(recipe: Recipe) -> None:
+    assert expected_noise(recipe) == pytest.approx(np.hypot(1e-4 * np.sqrt(50), 6.25e-5 / np.sqrt(12)))
+
+
+def test_batch_means_know_the_error_of_correlated_readings() -> None:
+    rng = np.random.default_rng(SEED)
+    n, phi, runs = 800, 0.8, 300
+    told, means = [], []
+    for _ in range(runs):
+        x = rng.standard_normal((n, 3))
+        for i in range(1, n):
+            x[i] = phi * x[i - 1] + np.sqrt(1 - phi**2) * x[i]
+        told.append(mean_std(x))
+        means.append(x.mean(axis=0))
+    true = float(np.std(means))
+    # The largest of three axes, each from 8 batches (7 degrees of freedom): its mean is about 1.25 times the truth;
+    # sigma / sqrt(n) would be a third of it (sqrt((1 + phi) / (1 - phi)) = 3).
+    assert 1.0 * true < np.mean(told) < 1.5 * true
+    assert mean_std(np.zeros((15, 3))) == np.inf
