@@ -12,6 +12,7 @@ from station.domain.stop_check import FACE_DEG
 from station.domain.stream import samples
 from station.domain.types import ERROR, Floats, Frames
 from station.errors import PositionerFault
+from station.service.bus_errors import refuse_bus_off
 from station.service.station import Job, Station
 from station.service.stop import Stop
 from station.service.unit import Unit
@@ -65,7 +66,7 @@ class Capture:
 
     def drain(self) -> None:
         """Drops what is waiting: frames from before the arrival belong to no stop."""
-        while len(self._channel.receive(0.0)):
+        while len(self._receive()):
             self._stop.check()
 
     def take(self, units: Sequence[Unit]) -> Generator[Event, None, Taken]:
@@ -83,7 +84,7 @@ class Capture:
             if self._good_enough(units, inside, clock.monotonic_s() - began_s):
                 break
         to_ns, lasted_s = clock.epoch_ns(), clock.monotonic_s() - began_s
-        inside.append(self._channel.receive(0.0))
+        inside.append(self._receive())
         frames = Frames.join([*parts, *inside])
         return Taken(frames, arrived_ns, from_ns, to_ns, lasted_s, self._channel.drops() - drops)
 
@@ -148,7 +149,11 @@ class Capture:
         """Lets a moment pass and takes what came."""
         self._stop.check()
         self._station.clock.sleep(duration_s)
-        return self._channel.receive(0.0)
+        return self._receive()
+
+    def _receive(self) -> Frames:
+        """What is waiting. Errors: BusFault, after bus-off too."""
+        return refuse_bus_off(self._channel.receive(0.0), self._station.bus)
 
     def _window(self, frames: Frames, unit: Unit, hold_s: float) -> Floats:
         """The newest readings of a unit (n, 3), long enough to tell rest from movement; none when they are too few."""

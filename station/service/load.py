@@ -20,6 +20,7 @@ from station.domain.progress import (
 from station.domain.types import Outcome
 from station.errors import Aborted, DeviceSilent, PositionerFault, StationError, StoreFault, UnitFault, WrongUnit
 from station.service import compute, record
+from station.service.bus_errors import blamed
 from station.service.capture import Capture
 from station.service.identify import identify, leave, make_ready, read_old
 from station.service.itinerary import estimate_s, tumble, verification
@@ -115,7 +116,7 @@ class Load:
             try:
                 yield from step(unit)
             except OF_ONE_UNIT as fault:
-                yield from self._end(unit, explained(unit, fault))
+                yield from self._end(unit, blamed(explained(unit, fault), self._station.bus))
 
     def _identify(self) -> Iterator[Event]:
         yield from self._each(self._identify_one)

@@ -6,6 +6,7 @@ import numpy as np
 
 from station.domain import rotation
 from station.domain.assemble import KeptVisit
+from station.domain.error_frames import error_frames
 from station.domain.plan import Stop as Planned
 from station.domain.progress import Event, StopDone, StopStarted, VisitRejected
 from station.domain.stillness import face
@@ -147,7 +148,12 @@ class Measure:
 
 
 def _record(kept: KeptVisit, kind: str, dwelled: Dwelled, reasons: Reasons) -> VisitRecord:
-    more = {"from_ns": kept.from_ns, "to_ns": kept.to_ns, "reasons": [r.sentence for r in reasons]}
+    more = {
+        "from_ns": kept.from_ns,
+        "to_ns": kept.to_ns,
+        "bus_errors": list(error_frames(kept.frames)),
+        "reasons": [r.sentence for r in reasons],
+    }
     return VisitRecord(
         run=kept.run,
         visit=kept.visit,

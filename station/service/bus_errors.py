@@ -1,0 +1,23 @@
+"""What the bus itself complains of while a fixture is measured: bus-off ends the run, the rest goes into the record."""
+
+from station.domain.error_frames import error_frames, has_bus_off
+from station.domain.types import Frames
+from station.errors import BusFault, DeviceSilent, StationError
+from station.ports.bus import Bus
+
+#: States in which a device's silence is the bus's doing.
+_TELLING = frozenset({"down", "bus-off", "passive"})
+
+
+def refuse_bus_off(frames: Frames, bus: Bus) -> Frames:
+    """The same frames. Errors: BusFault when the controller went bus-off among them and did not come back."""
+    if has_bus_off(frames):
+        raise BusFault(f"{bus.name}: {'; '.join(error_frames(frames))}; nothing can be measured until that is repaired")
+    return frames
+
+
+def blamed(fault: StationError, bus: Bus) -> StationError:
+    """A device's silence with the state of the bus, where that tells why."""
+    if isinstance(fault, DeviceSilent) and (state := bus.state()) in _TELLING:
+        return DeviceSilent(f"{fault.sentence}; {bus.name} is {state}")
+    return fault
