@@ -31,6 +31,7 @@ from station.wiring.live_device import LiveDevices, Population
 NODE, KEY = 5, bytes.fromhex("3143414c")
 REQUEST, ANSWER = 0x600 + NODE, 0x580 + NODE
 GOAL = 1.15
+SO_TIMESTAMPNS = 35
 #: CAN 2.0: polynomial of the frame's CRC; bits after it, interframe space included, that are never stuffed.
 CRC_POLYNOMIAL, UNSTUFFED_TAIL = 0x4599, 13
 VALUES = [struct.pack("<f", v) for v in (1.01, 0.002, 0, 0.001, 0.99, -0.001, 0, 0.003, 1.0, 0.012, -0.003, 0.021)]
@@ -154,28 +155,32 @@ def so_far(told: Connection) -> tuple[float, float]:
 
 
 def carry(near: socket.socket, far: socket.socket, bitrate: int, tells: Connection) -> None:
-    """The wire: one frame at a time, each for as long as its bits take; says how long after every answer."""
-    waiting, wire_s, delivered_s = select.poll(), 0.0, 0.0
+    """The wire: one frame at a time, each for as long as its bits take; says how long after every answer.
+
+    A frame's time runs from when the kernel took it, so that this process's own waking costs nothing.
+    """
+    waiting, wire_ns, delivered_ns = select.poll(), 0, 0
     for end in (near, far):
         waiting.register(end, select.POLLIN)
+        end.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
     while True:
         for descriptor, _ in waiting.poll():
-            came_s = time.perf_counter()
             request = descriptor == near.fileno()
-            frame = (near if request else far).recv(16)
+            frame, notes, _, _ = (near if request else far).recvmsg(16, 128)
             can_id, length, data = wires.FRAME.unpack(frame)
             if can_id not in (REQUEST, ANSWER):
                 continue  # boot-up, heartbeat: UDP has no filters
-            frame_s = bits(can_id, data[:length]) / bitrate
-            while time.perf_counter() - came_s < frame_s:
+            seconds, nanoseconds = struct.unpack("=qq", notes[0][2])
+            came_ns, frame_ns = seconds * 10**9 + nanoseconds, bits(can_id, data[:length]) * 10**9 // bitrate
+            while time.time_ns() - came_ns < frame_ns:
                 pass  # sleeping is too coarse for one frame, and nobody else has anything to do meanwhile
-            (far if request else near).send(frame)
-            wire_s += frame_s
             if request:
-                delivered_s = time.perf_counter()
-            else:
-                tells.send((wire_s, came_s - delivered_s))
-                wire_s = 0.0
+                delivered_ns = time.time_ns()  # before the call: the answer may be here when it returns
+            (far if request else near).send(frame)
+            wire_ns += frame_ns
+            if not request:
+                tells.send((wire_ns / 1e9, (came_ns - delivered_ns) / 1e9))
+                wire_ns = 0
 
 
 def bits(can_id: int, data: bytes) -> int:
