@@ -21,9 +21,10 @@ CLIPPED, COMPENSATED, UNSETTLED = 2, 4, 8
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """The physical side of a device. layout: of its frames; sense: instants (n), monotonic s → readings (n, 3) in the
+    """The physical side of a device.
 
-    layout's unit, uncompensated; temperature: instant → degC; rate_hz: of the readings, None: as the EDS says.
+    layout: of its frames; sense: instants (n), monotonic s → readings (n, 3) in the layout's unit, uncompensated;
+    temperature: instant → degC; rate_hz: of the readings, None: as the EDS says.
     """
 
     layout: SensorLayout
