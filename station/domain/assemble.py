@@ -43,12 +43,14 @@ def table_of(
     labels: Mapping[str, str] | None = None,
     *,
     counter_bits: int = 32,
+    gold_node: int | None = None,
     everything: bool = False,
 ) -> SampleTable:
     """All readings of one unit's dwells, in the order given (station.samples/1).
 
     labels: station, nest, lot, operator, the same in every row. everything: also repeats and readings that are no
-    number, for exports; else only what may be calibrated with. time_s counts from the first arrival of the run;
+    number, for exports; else only what may be calibrated with. gold_node: of a gold reference whose frames are
+    among the visits', brought to the readings' own times. time_s counts from the first arrival of the run;
     `counter` counts modulo 2^counter_bits (the recipe's), whatever modulus the product's own counter has.
     """
     parts = [samples(dwell_frames(v), layout, node) for v in visits]
@@ -73,6 +75,7 @@ def table_of(
             **_counter(visits, parts, rows, layout.counter_values, 1 << counter_bits),
             **_temperature(visits, time_ns, layout, node),
         },
+        gold=None if gold_node is None else _gold(visits, parts, rows, layout, gold_node),
     )
 
 
@@ -82,6 +85,23 @@ def _starts(visits: Sequence[KeptVisit]) -> dict[int, int]:
     for v in visits:
         starts[v.run] = min(starts.get(v.run, v.arrived_ns), v.arrived_ns)
     return starts
+
+
+def _gold(
+    visits: Sequence[KeptVisit], parts: list[Samples], rows: list[Rows], layout: SensorLayout, node: int
+) -> Floats:
+    """The gold reference (n, 3) at the times of the readings; NaN where it said nothing during a dwell."""
+    out = []
+    for visit, part, row in zip(visits, parts, rows, strict=True):
+        told = samples(dwell_frames(visit), layout, node)
+        time_ns, xyz = told.time_ns[told.usable], told.xyz[told.usable]
+        at = (part.time_ns[row] - visit.from_ns) / 1e9
+        if len(time_ns):
+            since = (time_ns - visit.from_ns) / 1e9
+            out.append(np.stack([np.interp(at, since, axis) for axis in xyz.T], axis=1))
+        else:
+            out.append(np.full((len(at), 3), np.nan))
+    return np.concatenate(out or [np.zeros((0, 3))])
 
 
 def _counter(

@@ -39,8 +39,8 @@ class Taken:
     drops: int
 
     def of(self, unit: Unit, job: Job) -> Frames:
-        """The frames of one node, and the bus's error frames, which are everybody's."""
-        ids = np.array(job.layout.ids(unit.seat.node), np.uint32)
+        """The frames of one node and of the gold reference, and the bus's error frames, which are everybody's."""
+        ids = np.array(job.ids(unit.seat.node), np.uint32)
         can_id = self.frames.can_id
         return self.frames[np.isin(can_id, ids) | ((can_id & np.uint32(ERROR)) != 0)]
 
@@ -50,7 +50,7 @@ class Capture:
 
     def __init__(self, station: Station, job: Job, stop: Stop, units: Sequence[Unit]) -> None:
         self._station, self._job, self._stop = station, job, stop
-        self._channel = station.bus.stream(tuple(i for u in units for i in job.layout.ids(u.seat.node)))
+        self._channel = station.bus.stream(tuple({i for u in units for i in job.ids(u.seat.node)}))
         self._noise = expected_noise(job.recipe)
         self._lsb = max(abs(axis.scale) for axis in job.layout.axes)
 

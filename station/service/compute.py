@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from station.domain import pipeline, verification, writeback
+from station.domain import pipeline, references, verification, writeback
 from station.domain.assemble import KeptVisit, dwell_frames, table_of
 from station.domain.frames import SensorLayout
 from station.domain.pipeline import Result
@@ -34,8 +34,17 @@ def calibrate(unit: Unit, job: Job, station: Station) -> Result:
 def samples_of(
     seat: Seat, visits: Sequence[KeptVisit], recipe: Recipe, layout: SensorLayout, labels: Mapping[str, str]
 ) -> SampleTable:
-    """The samples table of a unit's tumble."""
-    return table_of(seat.serial, seat.node, visits, layout, labels, counter_bits=recipe.device.counter_bits)
+    """The samples table of a unit's tumble, with the gold reference where the recipe takes its truth from one."""
+    gold = recipe.reference.gold if recipe.reference.source == "gold" else None
+    return table_of(
+        seat.serial,
+        seat.node,
+        visits,
+        layout,
+        labels,
+        counter_bits=recipe.device.counter_bits,
+        gold_node=None if gold is None else gold.node,
+    )
 
 
 def refit(table: SampleTable, recipe: Recipe, product: Product, measured_ns: int) -> Result:
@@ -52,7 +61,7 @@ def verify(unit: Unit, job: Job, stops: Sequence[Stop]) -> tuple[tuple[Reason, .
     """Reasons against the unit's own corrected output, and the document for the record."""
     strength = job.recipe.reference.strength()
     found = tuple(
-        verification.Verified(kept.position, _mean(kept, unit, job), planned.true, strength)
+        verification.Verified(kept.position, _mean(kept, unit, job), _true(kept, planned, job), strength)
         for kept, planned in zip(unit.verify_visits, stops, strict=True)
     )
     positions = [
@@ -60,6 +69,16 @@ def verify(unit: Unit, job: Job, stops: Sequence[Stop]) -> tuple[tuple[Reason, .
     ]
     limit = job.recipe.verify.limit
     return verification.check(found, job.recipe), {"limit": limit, "unit": job.recipe.unit, "positions": positions}
+
+
+def _true(kept: KeptVisit, planned: Stop, job: Job) -> Floats:
+    """True vector (3) at a verify stop: the recipe's, or what the gold reference says it was."""
+    if job.gold_node is None:
+        return planned.true
+    told = samples(dwell_frames(kept), job.layout, job.gold_node)
+    mean = told.xyz[told.usable].mean(axis=0, keepdims=True)
+    true, _ = references.gold_vectors(job.recipe, (mean, np.zeros((1, 3, 3))), (kept.seating,))
+    return np.asarray(true[0])
 
 
 def _mean(kept: KeptVisit, unit: Unit, job: Job) -> Floats:

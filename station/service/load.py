@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
-from station.domain import document, stops_document
+from station.domain import document, stops_document, writeback
 from station.domain.progress import (
     Event,
     Identified,
@@ -134,6 +134,7 @@ class Load:
             yield Identified(unit.seat, unit.identity.name, unit.identity.software, unit.identity.serial)
 
     def _measure(self) -> Iterator[Event]:
+        self._start_gold()
         self._capture = Capture(self._station, self._job, self._stop, self._alive)
         measure = Measure(self._station, self._job, self._stop, self._capture)
         recipe = self._job.recipe
@@ -150,6 +151,16 @@ class Load:
                 self._parked = False
                 bad = yield from measure.at_stop(self._alive, planned, (done, total), "tumble")
                 yield from self._drop(bad)
+
+    def _start_gold(self) -> None:
+        """The gold reference into operation, with raw output: its own calibration stands in the recipe."""
+        if self._job.gold_node is None:
+            return
+        device = self._station.device(self._job.gold_node)
+        device.nmt("start")
+        switch = writeback.output(self._job.product.map, raw=True)
+        if switch is not None:
+            device.download(*switch.address, switch.raw)
 
     def _reseat(self, seating: str) -> Iterator[Event]:
         sentence = f"turn every unit in its nest to seating {seating!r}, then go on"

@@ -13,7 +13,7 @@ from station.domain.stillness import face
 from station.domain.stop_check import Dwelled, check, statistics
 from station.domain.stream import samples
 from station.domain.types import Reason
-from station.errors import PositionerFault
+from station.errors import PositionerFault, StationFault
 from station.ports.store import VisitRecord
 from station.service.capture import Capture, Taken
 from station.service.station import Job, Station
@@ -51,6 +51,7 @@ class Measure:
             if asked:
                 yield from self._capture.wait_for_face(waiting, planned, asked)
             taken = yield from self._capture.take(waiting)
+            self._check_gold(planned, taken)
             found = {unit.seat.serial: self._judge(unit, planned, taken) for unit in waiting}
             self._keep(waiting, planned, taken, found, kind)
             means |= {serial: _mean(dwelled) for serial, (dwelled, reasons) in found.items() if not reasons}
@@ -92,6 +93,20 @@ class Measure:
             emergencies=self._emergencies(unit),
         )
         return dwelled, (*self._life(unit, planned), *check(dwelled, self._job.recipe, self._job.layout))
+
+    def _check_gold(self, planned: Planned, taken: Taken) -> None:
+        """StationFault when the gold reference does not say what the truth is."""
+        node = self._job.gold_node
+        gold = self._job.recipe.reference.gold
+        if node is None or gold is None:
+            return
+        told = samples(taken.frames, self._job.layout, node)
+        inside = told.usable & (told.time_ns >= taken.from_ns) & (told.time_ns < taken.to_ns)
+        if np.count_nonzero(inside) < taken.lasted_s * self._job.recipe.device.rate_hz / 2:
+            raise StationFault(
+                f"the gold reference {gold.serial} (node {node}) gave {np.count_nonzero(inside)} readings at "
+                f"{planned.position!r}; without it nothing measured there counts: check its cable and power"
+            )
 
     def _life(self, unit: Unit, planned: Planned) -> Reasons:
         """What boot-up and heartbeat say against the device."""

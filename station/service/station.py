@@ -28,6 +28,17 @@ class Job:
     product_json: str
     layout: SensorLayout
 
+    @property
+    def gold_node(self) -> int | None:
+        """Node of the gold reference that is read beside the units; None where the recipe has another truth."""
+        gold = self.recipe.reference.gold
+        return gold.node if gold is not None and self.recipe.reference.source == "gold" else None
+
+    def ids(self, node: int) -> tuple[int, ...]:
+        """Identifiers that belong to a unit's evidence: its own frames, and the gold reference's."""
+        gold = () if self.gold_node is None else self.layout.ids(self.gold_node)
+        return (*self.layout.ids(node), *gold)
+
 
 @dataclass(frozen=True, slots=True)
 class Station:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol
@@ -18,8 +19,9 @@ from station.adapters.store.sqlite import SqliteStore
 from station.config.documents import content_hash
 from station.config.sentences import sentences
 from station.config.settings import Settings, load_config
+from station.domain import references
 from station.domain.progress import Seat
-from station.errors import UsageError
+from station.errors import RecipeError, UsageError
 from station.ports.bus import Bus
 from station.ports.clock import Clock
 from station.ports.device import Device
@@ -89,6 +91,7 @@ def open_bench(order: Order) -> Bench:
     settings = _overridden(settings, order)
     job, source = load_job(order.recipe or settings.recipe)
     _check_simulation_options(order)
+    _check_gold(job, settings)
     with ExitStack() as opened:
         if order.simulate:
             fixture: Fixture = (made := SimulatedFixture(settings, document, job, source, order))
@@ -133,6 +136,20 @@ def _check_simulation_options(order: Order) -> None:
             raise UsageError(f"{option} changes simulated units; add --simulate or leave it out")
 
 
+def _check_gold(job: Job, settings: Settings) -> None:
+    """A gold reference must be there to be read, and not be overdue. Errors: RecipeError, ReferenceOverdue."""
+    gold = job.recipe.reference.gold
+    if job.recipe.reference.source != "gold" or gold is None:
+        return
+    if gold.node is None:
+        raise RecipeError(f"recipe {job.recipe.name}: reference.gold.node is missing; say at which node id it answers")
+    for nest in settings.nests:
+        if nest.node == gold.node:
+            raise RecipeError(f"reference.gold.node {gold.node} is also the node of nest {nest.name}; change one")
+    today = datetime.fromtimestamp(SystemClock().epoch_ns() / 1e9, UTC).date().isoformat()
+    references.check_due(job.recipe, today)
+
+
 def _store(path: Path, settings: Settings, clock: Clock, opened: ExitStack) -> Store:
     store = SqliteStore(path, owner=settings.station, epoch_ns=clock.epoch_ns)
     opened.callback(store.close)
@@ -141,7 +158,8 @@ def _store(path: Path, settings: Settings, clock: Clock, opened: ExitStack) -> S
 
 def _devices(bus: Bus, clock: Clock, settings: Settings, job: Job) -> Callable[[int], Device]:
     """One device a node for as long as the bus is open: boot-ups and quarantines outlive a fixture load."""
-    nodes = tuple(nest.node for nest in settings.nests)
+    gold = () if job.gold_node is None else (job.gold_node,)
+    nodes = (*(nest.node for nest in settings.nests), *gold)
     network = ServiceNetwork(bus.service(service_ids(nodes)), clock)
     timeouts: Mapping[tuple[int, int], float] = job.product.map.timeouts()
     made = {node: CanopenDevice(network, node, answer_s=settings.timeouts.sdo_s, timeouts_s=timeouts) for node in nodes}

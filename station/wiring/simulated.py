@@ -64,11 +64,12 @@ class SimulatedFixture:
             {k: v for k, v in labels.items() if v},
         )
         self._devices = [self._device(seat) for seat in seats]
+        if self._job.gold_node is not None:
+            self._devices.append(self._gold(seats[0].nest, self._job.gold_node))
         for device, _ in self._devices:
             self.clock.attach(device)
 
     def _device(self, seat: Seat) -> "tuple[SimulatedDevice, _Delivered]":
-        channel = _Delivered(self.bus.service(listens_to(seat.node)), self._rig, seat.nest)
         sheet, folder = self._job.recipe.device, self._order.device_state
         sensor = Sensor(
             layout=self._job.layout,
@@ -76,16 +77,35 @@ class SimulatedFixture:
             temperature=lambda time_s: float(self._rig.temperature_degC(seat.nest, np.array([time_s]))[0]),
             rate_hz=sheet.rate_hz * (1 + self._rig.rate_error(seat.nest)),
         )
+        memory = NonVolatile() if folder is None else NonVolatile.of_serial(folder, seat.serial)
+        faults = [f for serial, f in self._faults if serial in ("", seat.serial)]
+        serial = kept_serial(self._job.product.map.serial, seat.serial)
+        return self._made(seat.nest, seat.node, sensor, serial, memory, faults)
+
+    def _gold(self, nest: str, node: int) -> "tuple[SimulatedDevice, _Delivered]":
+        """A gold reference beside the first nest; a fault of serial GOLD is its own."""
+        sensor = Sensor(
+            layout=self._job.layout,
+            sense=partial(self._rig.gold, nest),
+            temperature=lambda time_s: float(self._rig.temperature_degC(nest, np.array([time_s]))[0]),
+            rate_hz=self._job.recipe.device.rate_hz,
+        )
+        return self._made(nest, node, sensor, 0, NonVolatile(), [f for s, f in self._faults if s == "GOLD"])
+
+    def _made(
+        self, nest: str, node: int, sensor: Sensor, serial: int | str, memory: NonVolatile, faults: list[fault.Fault]
+    ) -> "tuple[SimulatedDevice, _Delivered]":
+        channel = _Delivered(self.bus.service(listens_to(node)), self._rig, nest)
         device = SimulatedDevice(
             channel,
             self.clock,
-            eds.load(self._eds, seat.node),
+            eds.load(self._eds, node),
             self._job.product.map,
             sensor,
             timing=Timing(block_s=BLOCK_S),
-            serial=kept_serial(self._job.product.map.serial, seat.serial),
-            memory=None if folder is None else NonVolatile.of_serial(folder, seat.serial),
-            faults=[f for serial, f in self._faults if serial in ("", seat.serial)],
+            serial=serial,
+            memory=memory,
+            faults=faults,
         )
         return device, channel
 

@@ -8,9 +8,20 @@ import pytest
 import yaml
 
 from station.config.places import shipped
+from station.config.recipes import load_recipe
 from station.domain import serial
 from station.domain.types import Outcome
-from station.errors import BusFault, ConfigError, InputError, ProductError, RecipeError, StationError, UsageError
+from station.errors import (
+    BusFault,
+    ConfigError,
+    InputError,
+    ProductError,
+    RecipeError,
+    ReferenceOverdue,
+    StationError,
+    UsageError,
+)
+from station.model.simulate import Job
 from station.wiring import Order, open_bench
 from tests.fakes import fixture_run
 
@@ -158,9 +169,33 @@ def test_serials_that_cannot_be(tmp_path: Path, serials: list[str], words: str) 
     assert words in caught.value.sentence
 
 
+def gold(folder: Path, **change: object) -> str:
+    told = {"serial": "G1", "due": "2099-01-31", "node": 5, "seat_std_deg": 0.01, **change}
+    reference = {"source": "gold", "magnitude": 1.0, "gold": {k: v for k, v in told.items() if v is not None}}
+    return fixture_run.recipe(folder, reference=reference)
+
+
 def test_a_reference_past_its_due_date_measures_nothing(tmp_path: Path) -> None:
-    gold = {"source": "gold", "magnitude": 1.0, "gold": {"serial": "G1", "due": "2020-01-31"}}
-    ran = fixture_run.run(tmp_path, recipe=fixture_run.recipe(tmp_path, reference=gold))
-    assert ran.results["SN0001"].outcome is Outcome.ERROR
-    assert "was due for calibration on 2020-01-31" in ran.results["SN0001"].reasons[0].sentence
-    assert ran.memory("SN0001") == {}
+    said = refused(tmp_path, ReferenceOverdue, recipe=gold(tmp_path, due="2020-01-31"))
+    assert "was due for calibration on 2020-01-31" in said
+
+
+@pytest.mark.parametrize(("node", "words"), [(None, "gold.node is missing"), (17, "is also the node of nest A")])
+def test_a_gold_reference_nobody_can_read(tmp_path: Path, node: int | None, words: str) -> None:
+    assert words in refused(tmp_path, RecipeError, recipe=gold(tmp_path, node=node))
+
+
+def test_a_gold_reference_is_the_truth_and_when_it_dies_nothing_counts(tmp_path: Path) -> None:
+    tilted = {"effects": ("base-tilt=0.02",), "recipe": gold(tmp_path)}
+    ran = fixture_run.run(tmp_path, **tilted)
+    r = ran.results["SN0001"]
+    assert r.fit is not None
+    assert r.fit.calibration is not None
+    # A base that leans by 20 mrad would stand in the offsets of a unit calibrated against nominal poses.
+    base = Job(load_recipe("six-point"), ("SN0001",), 1).base(("SN0001",))
+    assert abs(r.fit.calibration.offset - base.offset[0]).max() < 0.001
+    blind = fixture_run.run(tmp_path, seed=2, recipe=fixture_run.recipe(tmp_path), effects=("base-tilt=0.02",))
+    assert blind.results["SN0001"].outcome is Outcome.FAIL
+    dead = fixture_run.run(tmp_path, seed=3, faults=("GOLD/stream-stops:after_s=6",), recipe=gold(tmp_path))
+    assert dead.results["SN0001"].outcome is Outcome.ERROR
+    assert "the gold reference G1 (node 5) gave 0 readings at 'x-up'" in dead.results["SN0001"].reasons[0].sentence
