@@ -1,5 +1,7 @@
 """The phases of a fixture load: every one can end, none can be skipped, and the runner's stop is kept."""
 
+from pathlib import Path
+
 import pytest
 
 from station.domain.progress import TRANSITIONS, Phase, diagram, follow
@@ -55,3 +57,8 @@ def test_a_stop_asked_for_is_seen_before_waiting_begins() -> None:
     with pytest.raises(Aborted), stop:
         raise AssertionError("must not come here")
     assert not stop.waiting
+
+
+def test_the_drawn_diagram_is_that_of_the_table() -> None:
+    page = Path(__file__).resolve().parents[2] / "docs" / "decisions" / "0020-the-run.md"
+    assert f"```mermaid\n{diagram()}\n```" in page.read_text(encoding="utf-8")
