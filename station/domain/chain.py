@@ -9,6 +9,7 @@ import hashlib
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 Value = int | float | str | bytes | None
 
@@ -34,12 +35,16 @@ def canonical(kind: str, names: Sequence[str], values: Sequence[Value]) -> bytes
     Lengths stand before values, so two different records never give the same bytes.
     """
     parts = [b"%d:%s" % (len(kind), kind.encode())]
-    for name, value in zip(names, values, strict=True):
+    for name, value in zip(_equals(tuple(names)), values, strict=True):
         if value is not None:
             tag, body = _ENCODE[type(value)](value)
-            parts.append(b"%s=%s%d:" % (name.encode(), tag, len(body)))
-            parts.append(body)
+            parts += name, tag, b"%d:" % len(body), body
     return b"".join(parts)
+
+
+@cache
+def _equals(names: tuple[str, ...]) -> tuple[bytes, ...]:
+    return tuple(f"{name}=".encode() for name in names)
 
 
 def link(previous: bytes, body: bytes) -> bytes:

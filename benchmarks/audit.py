@@ -1,0 +1,119 @@
+"""Look-up in a log of a million units: one serial's whole life, containment, yields, and the walk along the chain.
+
+    python benchmarks/audit.py [--units 1000000] [--every 20] [--asks 2000] [--folder DIR]
+
+Row 9. The log is made first (see bulk_log.py). Serials are asked for at random among those with all their records, so
+most of what is read was not read before; the operating system's cache is as it is after the making.
+"""
+
+import argparse
+import random
+import sqlite3
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import bulk_log
+import numpy as np
+
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Query
+from station.adapters.store.verify import Trust
+from station.service.runner import Runner
+from station.wiring import Order, open_bench
+
+DAY_NS = 86_400_000_000_000
+
+
+def main() -> None:
+    """Makes the log and prints every figure."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--units", type=int, default=1_000_000)
+    parser.add_argument("--every", type=int, default=20, help="one unit in so many has all its records")
+    parser.add_argument("--asks", type=int, default=2000)
+    parser.add_argument("--folder", help="where the log is made: some GB")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=options.folder) as folder:
+        path = Path(folder) / "big.db"
+        begun = time.perf_counter()
+        bulk_log.build(path, bulk_log.template(one_run(Path(folder)), "SN0001"), options.units, options.every)
+        size = path.stat().st_size / 1e9
+        print(f"sqlite {sqlite3.sqlite_version}; a log of {options.units} units, {size:.1f} GB, ", end="")
+        print(f"made in {time.perf_counter() - begun:.0f} s; one unit in {options.every} has all its records")
+        with LogReader(path) as log:
+            serials(log, options.units, options.every, options.asks)
+            containment(log, options.units)
+            whole(log)
+
+
+def one_run(folder: Path, recipe: str = "six-point") -> Path:
+    """A log of one simulated unit, by the run itself."""
+    path = folder / "one.db"
+    with open_bench(Order(recipe=recipe, simulate=True, database=path)) as bench:
+        for seats in bench.loads(["SN0001"]):
+            bench.fixture.place(seats)
+            for _ in Runner(bench.station, bench.job).run(seats):
+                continue
+    return path
+
+
+def serials(log: LogReader, units: int, every: int, asks: int) -> None:
+    """Row 9, first half."""
+    choose = random.Random(1)
+    took, records = [], 0
+    for _ in range(asks):
+        serial = f"SN{choose.randrange(units // every) * every:08d}"
+        begun = time.perf_counter()
+        (life,) = log.life(Query(serial=serial))
+        took.append(time.perf_counter() - begun)
+        records = sum(len(life[k]) for k in ("visits", "results", "writes", "events"))
+    middle, late = np.percentile(np.array(took) * 1e3, [50, 99])
+    print(f"row 9: one serial's whole life, {records} records: median {middle:.2f} ms, p99 {late:.2f} ms; {asks} asks")
+    print(f"  goal median < 5 ms, p99 < 20 ms: {'reached' if middle < 5 and late < 20 else 'NOT reached'}")
+
+
+def containment(log: LogReader, units: int) -> None:
+    """Row 9, second half."""
+    middle = bulk_log.FIRST_NS + units // 2 * bulk_log.STEP_NS
+    nest_b = Query(recipe_name="six-point", nest="B", since_ns=middle)
+    week, month = (replace(nest_b, until_ns=middle + days * DAY_NS) for days in (7, 30))
+    asked: dict[str, Callable[[], int]] = {
+        "recipe, nest, a week": lambda: len(log.attempts(week)),
+        "recipe, nest, a month": lambda: len(log.attempts(month)),
+        "recipe and nest, all time, counted": lambda: log.count(Query(recipe_name="six-point", nest="B")),
+        "a lot": lambda: len(log.attempts(Query(lot="L17"))),
+        "FAIL in a month": lambda: len(
+            log.attempts(Query(outcome="FAIL", since_ns=middle, until_ns=middle + 30 * DAY_NS))
+        ),
+        "firmware in a week": lambda: len(
+            log.attempts(Query(firmware="1.0.0", since_ns=middle, until_ns=middle + 7 * DAY_NS))
+        ),
+        "the newest hundred": lambda: len(log.attempts(Query(), limit=100)),
+        "yields of a month by nest": lambda: len(
+            log.yields(Query(since_ns=middle, until_ns=middle + 30 * DAY_NS), "nest")
+        ),
+    }
+    for name, ask in asked.items():
+        took = []
+        for _ in range(3):
+            begun = time.perf_counter()
+            found = ask()
+            took.append(time.perf_counter() - begun)
+        worst = max(took)
+        verdict = "reached" if worst < 1 else "NOT reached"
+        print(f"row 9: containment, {name}: {worst:.3f} s at worst of 3, {found} found; goal < 1 s: {verdict}")
+
+
+def whole(log: LogReader) -> None:
+    """The walk along the chain."""
+    begun = time.perf_counter()
+    findings = list(log.findings(Trust()))
+    took, records = time.perf_counter() - begun, log.head().number
+    speed = f"{records} records, {took:.0f} s, {records / took:.0f} a second"
+    print(f"walk along the chain: {speed}; {len(findings)} findings")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+"""A whole fleet computed again under another recipe, against one unit at a time by `audit --recompute`.
+
+    python benchmarks/backtest.py [--units 100000] [--processes 2] [--folder DIR]
+
+Row 11. The log holds that many units with all that a backtest reads: reduced stops, calibration, beginning and end.
+"""
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import bulk_log
+import yaml
+from audit import one_run
+
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Query
+from station.config.places import shipped
+from station.config.recipes import load_recipe
+from station.wiring.backtest import run
+from station.wiring.recompute import recompute
+
+GOAL_S = 120
+KEPT = {"attempt", "finish"}
+RESULTS = {"stops", "calibration"}
+
+
+def main() -> None:
+    """Makes the log and prints the figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--units", type=int, default=100_000)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--folder", help="where the log is made: some GB")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=options.folder) as folder:
+        name = once_round(Path(folder))
+        recipe = load_recipe(name)
+        tighter = recipe.model_copy(update={"limits": recipe.limits.model_copy(update={"offset": 0.04})})
+        one, path = one_run(Path(folder), name), Path(folder) / "fleet.db"
+        peer_s = single(one)
+        whole = bulk_log.template(one, "SN0001")
+        rows = tuple((t, v) for t, v in whole.rows if t in KEPT or (t == "result" and v[2] in RESULTS))
+        bulk_log.build(path, bulk_log.Template(rows, whole.documents), options.units, 1)
+        visits = sum(table == "visit" for table, _ in whole.rows)
+        size = path.stat().st_size / 1e9
+        print(f"{options.units} units of recipe {recipe.name}, {visits} stops each; {size:.1f} GB")
+        with LogReader(path) as log:
+            begun = time.perf_counter()
+            found = run(log, log.attempts(Query()), tighter, processes=options.processes)
+            took = time.perf_counter() - begun
+    each = took / options.units
+    print(f"row 11: {options.units} units on {options.processes} processes: {took:.0f} s, {each * 1e3:.2f} ms a unit")
+    print(f"  goal < {GOAL_S} s for 100000: {'reached' if each * 100_000 < GOAL_S else 'NOT reached'}")
+    print(f"  one unit at a time by audit --recompute: {peer_s * 1e3:.0f} ms a unit, {peer_s / each:.0f} times as long")
+    print(f"  {len(found.changes)} verdicts would change")
+
+
+def once_round(folder: Path) -> str:
+    """tilt-24 for the simulated product, each of its 24 positions once."""
+    said = yaml.safe_load((shipped() / "recipes" / "tilt-24.yaml").read_text(encoding="utf-8"))
+    sheet = yaml.safe_load((shipped() / "recipes" / "six-point.yaml").read_text(encoding="utf-8"))
+    said |= {"product": sheet["product"], "device": sheet["device"], "runs": [{"seating": "home"}], "limits": {}}
+    path = folder / "tilt-24-once.yaml"
+    path.write_text(yaml.safe_dump(said), encoding="utf-8")
+    return str(path)
+
+
+def single(path: Path) -> float:
+    """Seconds for one unit from its raw frames: the median of nine."""
+    took = []
+    with LogReader(path) as log:
+        (attempt,) = log.attempts(Query())
+        for _ in range(9):
+            begun = time.perf_counter()
+            assert recompute(log, attempt).identical
+            took.append(time.perf_counter() - begun)
+    return sorted(took)[4]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,173 @@
+"""The log: commit of one stop against a bare SQLite insert, and raw frames at rest against candump + zstd and BLF.
+
+    python benchmarks/store.py [--rows 7 8] [--stops 300] [--units 4] [--folder DIR]
+
+Row 7: the same bytes (plain frames and statistics of four nests) go through `SqliteStore.visit` and through bare
+`INSERT`s in one transaction, in turn, with the same settings: WAL, synchronous FULL. Row 8: all frames of a unit,
+24 stops, as the log packs them, against its candump log compressed by zstd -19 and its BLF file; time stamps as a
+kernel gives them, to the nanosecond, with 20 µs of jitter, and cut to whole microseconds, as candump keeps them.
+"""
+
+import argparse
+import sqlite3
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import can
+import numpy as np
+import zstandard
+
+from station.adapters.bus import write_log
+from station.adapters.dbc import read_layouts
+from station.adapters.store import plain
+from station.adapters.store.sqlite import SqliteStore
+from station.domain.encode import sample_frames, temperature_frames
+from station.domain.framepack import codec
+from station.domain.framepack import plain as raw
+from station.domain.frames import FrameMap, SensorLayout, resolve
+from station.domain.types import Frames
+from station.ports.store import Begin, VisitRecord
+
+DBC = Path(__file__).resolve().parents[1] / "dbc" / "accelerometer.dbc"
+ROLES = {
+    "dbc": DBC.name,
+    "sample": {
+        **{"message": "ACCELERATION", "x": "X", "y": "Y", "z": "Z"},
+        **{"counter": "COUNTER", "status": "STATUS", "crc": "CRC"},
+    },
+    "temperature": {"message": "TEMPERATURE", "signal": "TEMPERATURE"},
+    "e2e": {"profile": "P01", "data_id": 0x1A00, "data_id_plus_node": True},
+}
+NESTS = 4
+POSITIONS = 24
+#: Noise density of the shipped simulated sensor, g/√Hz.
+NOISE = 1e-4
+
+
+def main() -> None:
+    """Prints both rows."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rows", type=int, nargs="+", default=[7, 8], choices=[7, 8])
+    parser.add_argument("--stops", type=int, default=300)
+    parser.add_argument("--units", type=int, default=4)
+    parser.add_argument("--folder", help="where the logs of row 7 are written: the disk that is measured")
+    options = parser.parse_args()
+    layout = resolve(FrameMap.model_validate(ROLES), read_layouts(DBC))
+    print(f"sqlite {sqlite3.sqlite_version}, python-can {can.__version__}, zstandard {zstandard.__version__}")
+    if 7 in options.rows:
+        for rate_hz in (100, 1000):
+            row_7(layout, rate_hz, options.stops, options.folder)
+    if 8 in options.rows:
+        for rate_hz in (100, 1000):
+            for whole_us in (False, True):
+                row_8(layout, rate_hz, whole_us, options.units)
+
+
+def stop(layout: SensorLayout, rng: np.random.Generator, rate_hz: int, begun_ns: int, *, whole_us: bool) -> Frames:
+    """Frames of one stop of one unit: 0.3 s of settling and 1 s of dwell in a random direction."""
+    n = int(1.3 * rate_hz)
+    direction = rng.normal(size=3)
+    xyz = direction / np.linalg.norm(direction) + rng.normal(0, NOISE * np.sqrt(rate_hz / 2), (n, 3))
+    time_ns = begun_ns + np.arange(n) * (10**9 // rate_hz) + rng.integers(0, 20_000, n)
+    warm_ns = begun_ns + np.array([400_000_000]) + rng.integers(0, 20_000, 1)
+    if whole_us:
+        time_ns, warm_ns = time_ns // 1000 * 1000, warm_ns // 1000 * 1000
+    readings = sample_frames(layout, 17, time_ns, xyz, first_count=int(rng.integers(15)))
+    joined = Frames.join([readings, temperature_frames(layout, 17, warm_ns, np.array([24.3]))])
+    return joined[np.argsort(joined.time_ns, kind="stable")]
+
+
+def row_7(layout: SensorLayout, rate_hz: int, stops: int, folder: str | None) -> None:
+    """Commit of one stop."""
+    rng = np.random.default_rng(1)
+    frames = [stop(layout, rng, rate_hz, 1_767_225_600_000_000_000, whole_us=False) for _ in range(NESTS)]
+    statistics = [_statistics(rng) for _ in frames]
+    ours, bare = [], []
+    with tempfile.TemporaryDirectory(dir=folder) as place, SqliteStore(Path(place) / "station.db") as store:
+        attempts = [store.begin(_begin(n)) for n in range(NESTS)]
+        peer = sqlite3.connect(Path(place) / "bare.db", isolation_level=None)
+        for setting in ("journal_mode = WAL", "synchronous = FULL"):
+            peer.execute(f"PRAGMA {setting}")
+        peer.execute("CREATE TABLE visit (id INTEGER PRIMARY KEY, statistics TEXT, frames BLOB)")
+        same = [(plain.document(s), raw.to_bytes(f)) for s, f in zip(statistics, frames, strict=True)]
+        for number in range(stops):
+            records = [
+                VisitRecord(0, number, "z-up", "home", "tumble", 1, 2, f, s)
+                for f, s in zip(frames, statistics, strict=True)
+            ]
+            for turn in (0, 1) if number % 2 else (1, 0):
+                begun = time.perf_counter()
+                if turn:
+                    store.visit(attempts, records)
+                    ours.append(time.perf_counter() - begun)
+                else:
+                    _bare(peer, same)
+                    bare.append(time.perf_counter() - begun)
+        peer.close()
+    kib = sum(len(s) + len(f) for s, f in same) / 1024
+    what = f"commit of one stop, {NESTS} nests at {rate_hz} Hz ({kib:.0f} KiB)"
+    print(f"row 7: {what}: {_middle(ours)} against a bare insert's {_middle(bare)}")
+    _ratio(np.median(ours) / np.median(bare), 1.3, f"medians of {stops}; means {np.mean(ours) / np.mean(bare):.2f}")
+
+
+def _bare(peer: sqlite3.Connection, rows: Sequence[tuple[str, bytes]]) -> None:
+    peer.execute("BEGIN IMMEDIATE")
+    for row in rows:
+        peer.execute("INSERT INTO visit (statistics, frames) VALUES (?, ?)", row)
+    peer.execute("COMMIT")
+
+
+def row_8(layout: SensorLayout, rate_hz: int, whole_us: bool, units: int) -> None:
+    """Raw frames at rest."""
+    ratios, sizes, count = [], np.zeros(3), 0
+    for seed in range(units):
+        rng = np.random.default_rng(seed)
+        begun = 1_767_225_600_000_000_000
+        parts = [stop(layout, rng, rate_hz, begun + v * 4 * 10**9, whole_us=whole_us) for v in range(POSITIONS)]
+        size = np.array([len(codec.pack(parts)), *_peers(Frames.join(parts))])
+        ratios.append(size[0] / size[1:].min())
+        sizes += size
+        count += sum(len(p) for p in parts)
+    each = sizes / count
+    stamps = "µs" if whole_us else "ns (candump's cut to µs)"
+    print(
+        f"row 8: raw frames at {rate_hz} Hz, time stamps in {stamps}: {each[0]:.2f} bytes a frame; "
+        f"candump + zstd -19 {each[1]:.2f}, BLF {each[2]:.2f}"
+    )
+    _ratio(float(np.median(ratios)), 0.5, f"median of {units} units, {min(ratios):.3f} to {max(ratios):.3f}")
+
+
+def _peers(frames: Frames) -> tuple[int, int]:
+    with tempfile.TemporaryDirectory() as folder:
+        log, blf = Path(folder) / "unit.log", Path(folder) / "unit.blf"
+        write_log(log, frames)
+        write_log(blf, frames)
+        return len(zstandard.ZstdCompressor(level=19).compress(log.read_bytes())), blf.stat().st_size
+
+
+def _begin(nest: int) -> Begin:
+    told = {"recipe_hash": "", "recipe_json": "", "config_hash": "", "software": "", "operator": "", "started_ns": 1}
+    return Begin(f"SN{nest}", "bench", str(nest), 17 + nest, "tilt-24", 1, **told)
+
+
+def _statistics(rng: np.random.Generator) -> dict[str, object]:
+    floats = {name: rng.normal(size=3) for name in ("mean", "std")}
+    counts = dict.fromkeys(("count", "frames", "gaps", "lost", "late", "repeats", "crc_errors", "kernel_drops"), 100)
+    window = {"from_ns": 1_767_225_600_300_000_000, "to_ns": 1_767_225_601_300_000_000}
+    return {**floats, **counts, **window, "temperature_degC": 24.31, "emergencies": [], "reasons": []}
+
+
+def _middle(seconds: Sequence[float]) -> str:
+    low, middle, high = np.percentile(np.array(seconds) * 1e3, [10, 50, 90])
+    return f"{middle:.2f} ms (10-90 %: {low:.2f} to {high:.2f})"
+
+
+def _ratio(ratio: float, goal: float, how: str) -> None:
+    verdict = "reached" if ratio <= goal else "NOT reached"
+    print(f"  ratio {ratio:.3f}   goal <= {goal}: {verdict}   ({how})")
+
+
+if __name__ == "__main__":
+    main()
