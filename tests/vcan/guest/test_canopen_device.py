@@ -180,8 +180,10 @@ def test_a_killed_process_keeps_what_was_saved_and_obeys_its_world(
 ) -> None:
     wanted = Population("accelerometer", vcan.name, (NODE,), ("SN0042",), memory=tmp_path, flash_s=0.05)
     # A fork costs nothing where starting Python takes ten seconds.
-    first = multiprocessing.get_context("fork").Process(target=LiveDevices.open(wanted).live, args=(lambda: True,))
+    opened = LiveDevices.open(wanted)
+    first = multiprocessing.get_context("fork").Process(target=opened.live, args=(lambda: True,))
     first.start()
+    opened.live(lambda: False)  # this process leaves the bus to the other
     bus = SocketCan(vcan.name)
     station = CanopenDevice(ServiceNetwork(bus.service(service_ids((NODE,))), SystemClock()), NODE, answer_s=10.0)
     station.download(0x2104, 0, KEY)
