@@ -1,0 +1,280 @@
+"""Every fault the station is tested against, as data: what tests/integration/test_faults.py runs.
+
+docs/faults.md is made of it. inject: see tests/faults/inject.py. flash: what the device holds after the next power-on:
+nothing new, all the new values, or a mixture that the record shows. parked: whether the positioner can still be
+brought to its parking place.
+"""
+
+from dataclasses import dataclass
+
+from station.domain.sdo_codes import ABORT
+
+PASS, FAIL, ERROR, ABORTED = "PASS", "FAIL", "ERROR", "ABORTED"
+_CODES = {PASS: 0, FAIL: 1, ERROR: 3, ABORTED: 4}
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One fault: in words, how it is injected, the unit's outcome, part of the sentence, and what is left behind."""
+
+    area: str
+    fault: str
+    inject: str
+    outcome: str
+    says: str = ""
+    flash: str = "nothing new"
+    exit_code: int = -1
+    parked: bool = True
+
+    @property
+    def code(self) -> int:
+        """The exit code of `station run`: that of the outcome unless the row says otherwise."""
+        return self.exit_code if self.exit_code >= 0 else _CODES[self.outcome]
+
+
+def _rows(area: str, *rows: tuple[str, str, str, str] | tuple[str, str, str, str, str]) -> tuple[Row, ...]:
+    return tuple(Row(area, *row) for row in rows)
+
+
+NEW, MIXED = "new", "mixed"
+
+_WHO = _rows(
+    "Who sits in the nest",
+    ("no device, or without power", "device deaf", ERROR, "did not answer the request to read 0x1000:00 within 1 s"),
+    ("the device hears, but nobody hears it", "device silent", ERROR, "check power, wiring, bit rate and node id"),
+    ("another vendor", "device reads:index=0x1018,sub=1,value=5", FAIL, "vendor is 0x5, not 0xCA1B0"),
+    ("another product", "device reads:index=0x1018,sub=2,value=7", FAIL, "product code is 0x7"),
+    ("an old revision", "device reads:index=0x1018,sub=3,value=1", FAIL, "revision is 0x1, older"),
+    ("another device type", "device reads:index=0x1000,sub=0,value=0", FAIL, "device type is 0x0"),
+    ("the label is another unit's", "device reads:index=0x1018,sub=4,value=9", ERROR, "but the label SN0001 means 1"),
+    ("two units in each other's nest", "seats swapped", ERROR, "calls itself 2, but the label SN0001 means 1"),
+    ("identity refused", "device refuse:index=0x1018,sub=1,code=0x06020000", FAIL, "there is no such object"),
+    ("two devices with one node id", "device twice", ERROR, "two devices share this node id"),
+    ("power lost while it is identified", "device power-cut:at=10", ERROR, "did not answer the request to read"),
+    ("unit exchanged while it is identified", "device other-unit:at=10,value=77", ERROR, "calls itself 77"),
+    (
+        "unit exchanged after it was measured",
+        "device other-unit:at=33,value=77",
+        ERROR,
+        "77, but it was 1",
+    ),
+)
+
+_ANSWERS = _rows(
+    "Answers on the bus",
+    ("every answer 0.5 s late", "device late:seconds=0.5", PASS, "", NEW),
+    ("one answer 3 s late", "device late:seconds=3,at=12,times=1", ERROR, "within 1 s"),
+    ("every answer preceded by a stale one", "device stale", PASS, "", NEW),
+    ("stale answers from one point on", "device stale:at=30", PASS, "", NEW),
+    (
+        "one answer for another object",
+        "device wrong-object:at=12,times=1,value=8192",
+        ERROR,
+        "belong to other requests",
+    ),
+    (
+        "a coefficient answered as another one",
+        "device wrong-object:index=0x2101,sub=4,value=0x2102",
+        ERROR,
+        "1 answers came that belong to other requests",
+    ),
+    ("toggle bit wrong in a segment", "device wrong-toggle", ERROR, "belong to other requests"),
+    ("a node babbles with the highest priority", "device babble:after_s=26", PASS, "", NEW),
+)
+
+_STREAM = _rows(
+    "Readings",
+    ("no readings at all", "device frames-lost:fraction=1", ERROR, "no readings came at 'z-up'"),
+    ("cable out during the tumble", "device stream-stops:after_s=6", ERROR, "no readings came at 'x-up'"),
+    ("cable out during verification", "device stream-stops:after_s=22", ERROR, "no readings came at 'verify-x'", NEW),
+    ("frame counter stuck", "device counter-stuck", FAIL, "the frame counter is stuck"),
+    ("a fifth of the CRCs wrong", "device crc-errors:fraction=0.2", FAIL, "frames with a wrong CRC"),
+    ("a fifth of the frames lost", "device frames-lost:fraction=0.2", FAIL, "frames lost, at"),
+    ("a fifth of the frames repeated", "device frames-repeated:fraction=0.2", FAIL, "frames repeated"),
+    ("a fifth of the frames swapped", "device frames-swapped:fraction=0.2", FAIL, "frames out of order"),
+    ("an axis stands still", "device stuck-axis:value=1", FAIL, "axis y stands still"),
+    ("its clock 20 % fast", "device clock-fast:fraction=0.2", FAIL, "120.0 Hz at 'z-up', but the recipe says 100 Hz"),
+    ("its clock 5 % fast", "device clock-fast:fraction=0.05", FAIL, "105.0 Hz at 'z-up'"),
+    ("EMCY during the tumble", "device emergency:code=0x4210,after_s=6", FAIL, "emergency 0x4210 (register 0x01)"),
+    ("EMCY during the first move", "device emergency:code=0x2310,seconds=2", FAIL, "emergency 0x2310"),
+    ("EMCY during verification", "device emergency:code=0x2310,after_s=25", FAIL, "at 'verify-tilt'", NEW),
+    ("heartbeat lost", "device heartbeat-stops:after_s=5", FAIL, "no heartbeat for"),
+    ("it says that it has no heartbeat", "device reads:index=0x1017,sub=0,value=0", PASS, "", NEW),
+    ("thermometer frozen inside its limits", "device thermometer-frozen", PASS, "", NEW),
+    ("too warm for the recipe", 'recipe limits={"temperature_degC": [-10, 10]}', ERROR, "is outside -10 to 10 degC"),
+    ("restart during the tumble", "device spontaneous-reset:after_s=6", FAIL, "restarted by itself at 'x-up'"),
+    ("restart during verification", "device spontaneous-reset:after_s=22", FAIL, "restarted by itself at", NEW),
+    (
+        "raw output cannot be switched on",
+        "device reads:index=0x2106,sub=0,value=1",
+        FAIL,
+        "raw output reads 01 after 00",
+    ),
+)
+
+_RESETS = _rows(
+    "Resets at every step",
+    ("while its identity is read", "device reboot:at=3", ERROR, "did not answer the request to read 0x1018:02"),
+    ("while its old values are read", "device reboot:at=20", ERROR, "did not answer the request to read 0x2101:08"),
+    ("while it is made ready", "device reboot:at=33", FAIL, "restarted by itself"),
+    ("at the unlock", "device reboot:index=0x2104", FAIL, "restarted by itself"),
+    ("at the first coefficient", "device reboot:at=40", FAIL, "restarted by itself"),
+    ("between the coefficients", "device reboot:at=60", FAIL, "restarted by itself"),
+    ("power gone for 1 s between the coefficients", "device power-cut:at=60,seconds=1", FAIL, "restarted by itself"),
+    ("power gone for good between the coefficients", "device power-cut:at=60", ERROR, "did not answer"),
+    ("at a coefficient's write", "device power-cut:index=0x2101,sub=4,access=write,seconds=1", FAIL, "restarted by"),
+    ("before the save", "device reboot:at=75", FAIL, "restarted by itself"),
+    ("at the save", "device reboot:index=0x1010", FAIL, "holds old values after save and reset"),
+    ("power gone for 1 s at the save", "device power-cut:index=0x1010,seconds=1", FAIL, "holds old values after save"),
+    ("power gone for good at the save", "device power-cut:index=0x1010", ERROR, "sent no boot-up message within 5 s"),
+)
+
+_WRITES = _rows(
+    "Writing",
+    ("one coefficient is kept wrongly", "device reads:index=0x2101,sub=3,value=0.5", FAIL, "reads back 0000003f"),
+    (
+        "an offset is kept wrongly",
+        "device reads:index=0x2102,sub=1,value=0.25",
+        FAIL,
+        "offset.x at 0x2102:01 reads back",
+    ),
+    ("its checksum is wrong", "device reads:index=0x2105,sub=0,value=3", FAIL, "computes the checksum 00000003"),
+    (
+        "the answer to a write 3 s late",
+        "device late:seconds=3,index=0x2101,sub=4,access=write,times=1",
+        ERROR,
+        "request to take 0x2101:04",
+    ),
+    ("a write done but not answered", "device silent:index=0x2101,sub=4,access=write", ERROR, "to take 0x2101:04"),
+    ("a write not heard", "device deaf:index=0x2101,sub=4,access=write", ERROR, "to take 0x2101:04"),
+    ("silent from the middle of the write on", "device silent:at=60", ERROR, "did not answer the request to take"),
+    ("deaf from the middle of the write on", "device deaf:at=60", ERROR, "did not answer the request to take"),
+    ("the unlock done but not answered", "device silent:index=0x2104", ERROR, "did not answer the request to take"),
+)
+
+_SAVES = _rows(
+    "Saving",
+    ("save fails", "device save-fails", FAIL, "0x1010:01: its hardware failed"),
+    ("save confirmed, nothing kept", "device save-lies", FAIL, "holds old values after save and reset"),
+    ("power lost half-way through the save", "device save-torn", ERROR, "sent no boot-up message", MIXED),
+    ("save done but not answered", "device silent:index=0x1010", PASS, "", NEW),
+    ("save not heard", "device deaf:index=0x1010", FAIL, "holds old values after save and reset"),
+    ("save answered 6 s late", "device late:seconds=6,index=0x1010", PASS, "", NEW),
+    ("no boot-up message at all", "device no-boot-up", ERROR, "sent no boot-up message within 5 s", NEW),
+    ("no boot-up message after the reset", "device no-boot-up:at=2", ERROR, "sent no boot-up message within 5 s", NEW),
+)
+
+_BUS = _rows(
+    "The bus and its adapter",
+    ("bus-off in a dwell", "bus bus-off at 4.5 s", ERROR, "the controller is bus-off: check wiring, termination"),
+    ("bus-off while the fixture moves", "bus bus-off at 6.0 s", ERROR, "the controller is bus-off"),
+    ("error-passive: kept with the stop", "bus error-passive at 4.5 s", PASS, "", NEW),
+    ("a frame nobody acknowledged: kept", "bus no-acknowledge at 4.5 s", PASS, "", NEW),
+    ("bit errors: kept", "bus bit-error at 4.5 s", PASS, "", NEW),
+    ("the adapter's buffer overflowed: kept", "bus overflow at 4.5 s", PASS, "", NEW),
+)
+
+_RIG = (
+    *_rows(
+        "The fixture",
+        (
+            "the positioner stands 90 degrees off",
+            "positioner fault=wrong-place,after=2",
+            ERROR,
+            "90.0 degrees away from",
+        ),
+    ),
+    Row(
+        "The fixture",
+        "the positioner is stuck",
+        "positioner fault=stuck,after=2",
+        ERROR,
+        "did not reach position 'x-up' within 60 s",
+        parked=False,
+    ),
+    Row(
+        "The fixture",
+        "the positioner is a thousand times too slow",
+        "positioner fault=slow,after=2",
+        ERROR,
+        "did not reach position 'x-up' within 60 s",
+        parked=False,
+    ),
+    Row(
+        "The fixture",
+        "it stands wrongly and its encoder lies",
+        "positioner fault=wrong-place,after=0,encoder_lies=true",
+        ERROR,
+        "-x is up instead of -z at 'z-down'",
+        parked=False,
+    ),
+    Row(
+        "The fixture",
+        "the positioner is stuck after the write",
+        "positioner fault=stuck,after=6",
+        ERROR,
+        "did not reach position 'verify-x' within 60 s",
+        NEW,
+        parked=False,
+    ),
+    Row(
+        "The fixture",
+        "the computer's clock is set back by an hour during a dwell",
+        "clock steps back 3600 s at stop 2",
+        PASS,
+        "",
+        NEW,
+    ),
+)
+
+_LOG = _rows(
+    "The log",
+    ("the disk is full", "log full at stop 2", ERROR, "cannot be written: the disk is full"),
+    ("the file became read-only", "log read-only at stop 2", ERROR, "cannot be written: it is read-only"),
+    ("another program locks the file", "log locked at stop 2", ERROR, "another program holds it locked"),
+    ("the file is no log", "log garbage", ERROR, "it is not a station log, or its first page is damaged"),
+    ("a newer station wrote the log", "log newer", ERROR, "was written by a newer station"),
+    ("its folder does not exist", "log nowhere", ERROR, "its folder does not exist; make it first"),
+    ("another station owns the log", "log in use", ERROR, "is in use by bench-7"),
+)
+
+_STOPS = (
+    *_rows(
+        "The operator's stop",
+        ("while the units are identified", "stop at identify", ABORTED, "stopped by the operator"),
+        ("before the tumble", "stop at measure", ABORTED, "stopped by the operator"),
+        ("while the fit is computed", "stop at judge", ABORTED, "stopped by the operator"),
+        ("before the first write", "stop at write", ABORTED, "stopped by the operator"),
+        ("before the save: the unit is finished first", "stop at save", ABORTED, "stopped by the operator", NEW),
+        ("before the reset: the unit is finished first", "stop at restart", ABORTED, "stopped by the operator", NEW),
+        ("before the verification", "stop at verify", ABORTED, "stopped by the operator", NEW),
+    ),
+)
+
+_REFUSED = tuple(
+    Row("Every SDO abort code", f"{what}: {meaning}", f"device refuse:{where},access=write,code=0x{code:08X}", FAIL,
+        f"(abort code 0x{code:08X})")
+    for what, where, codes in (
+        ("coefficient refused", "index=0x2102,sub=2", tuple(ABORT)),
+        ("unlock refused", "index=0x2104", (0x08000020, 0x08000021, 0x08000022, 0x06090030)),
+        ("save refused", "index=0x1010", (0x08000020, 0x08000021, 0x08000022, 0x06060000)),
+        ("validation refused", "index=0x2107", (0x08000022, 0x06010002)),
+        ("raw output refused", "index=0x2106", (0x08000022,)),
+    )
+    for code, meaning in ABORT.items()
+    if code in codes
+)  # fmt: skip
+
+ROWS: tuple[Row, ...] = (
+    *_WHO,
+    *_ANSWERS,
+    *_STREAM,
+    *_RESETS,
+    *_WRITES,
+    *_SAVES,
+    *_BUS,
+    *_RIG,
+    *_LOG,
+    *_STOPS,
+    *_REFUSED,
+)
