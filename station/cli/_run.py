@@ -51,6 +51,8 @@ def run_units(
         for sentence in bench.told:
             _face.remark(sentence)
         results, fault = _run(bench, serials, pace)
+        place = {serial: i for i, serial in enumerate(serials)}
+        results.sort(key=lambda r: place[r.seat.serial])
         if as_json:
             _face.say_json(run_document(results, bench.job.recipe))
         else:

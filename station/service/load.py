@@ -1,6 +1,7 @@
 """One fixture load: N units go through the phases together, each with an end of its own."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 from station.domain import document, stops_document, writeback
 from station.domain.progress import (
@@ -186,7 +187,8 @@ class Load:
         yield from self._each(self._judge_one)
 
     def _judge_one(self, unit: Unit) -> Iterator[Event]:
-        unit.fit = fit = compute.calibrate(unit, self._job, self._station)
+        fit = compute.calibrate(unit, self._job, self._station)
+        unit.fit = replace(fit, visits=None)  # the log keeps the stops; a long batch must not keep them in memory too
         if fit.stops is not None:  # what `station backtest` computes from: raw frames of a whole fleet take hours
             self._station.store.result(unit.attempt, "stops", stops_document.to_document(fit.stops))
         self._station.store.result(unit.attempt, "calibration", document.unit(fit))
