@@ -67,6 +67,7 @@ class Settings(Part):
     positioner: PositionerSettings = PositionerSettings()
     recipe: Line = "six-point"
     database: Line = "station.db"
+    signing_key: Line = ""
     arrival_tolerance_deg: Positive = 2.0
     timeouts: Timeouts = Timeouts()
 

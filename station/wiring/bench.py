@@ -15,6 +15,7 @@ from station.adapters.bus import open_bus
 from station.adapters.clock import SystemClock
 from station.adapters.device.canopen_device import CanopenDevice
 from station.adapters.device.network import ServiceNetwork, service_ids
+from station.adapters.store import keys
 from station.adapters.store.sqlite import SqliteStore
 from station.config.documents import content_hash
 from station.config.sentences import sentences
@@ -151,7 +152,8 @@ def _check_gold(job: Job, settings: Settings) -> None:
 
 
 def _store(path: Path, settings: Settings, clock: Clock, opened: ExitStack) -> Store:
-    store = SqliteStore(path, owner=settings.station, epoch_ns=clock.epoch_ns)
+    signer = keys.signer(Path(settings.signing_key)) if settings.signing_key else None
+    store = SqliteStore(path, owner=settings.station, epoch_ns=clock.epoch_ns, signer=signer)
     opened.callback(store.close)
     return store
 

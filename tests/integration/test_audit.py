@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from pyarrow import parquet
 
 from station.cli.app import main
@@ -194,3 +196,19 @@ def test_exports_that_cannot_be_end_in_one_sentence(
     assert station("export", *args, "--db", db) == 2
     assert said in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == [], "nothing half-written is left"
+
+
+def test_a_station_with_a_key_signs_every_record(
+    tmp_path: Path, capsys: Out, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    key, other = Path("station.key"), Path("other.key")
+    pem = (serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    for path in (key, other):
+        path.write_bytes(Ed25519PrivateKey.generate().private_bytes(*pem))
+    fixture_run.run(tmp_path, config=fixture_run.config(tmp_path, signing_key=str(key)))
+    db = tmp_path / "station.db"
+    assert station("audit", "--verify", "--db", db) == 0
+    assert station("audit", "--verify", "--db", db, "--key", key) == 0
+    assert station("audit", "--verify", "--db", db, "--key", other) == 2
+    assert "was not signed by this key" in capsys.readouterr().out

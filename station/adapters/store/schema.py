@@ -61,12 +61,12 @@ _TABLES = {
 #: One index a question: a serial's life, a time span, a recipe, a lot, a nest, a firmware. Visits, writes and results
 #: of an attempt need none: their numbers lie between those of its beginning and its finish. Events may come later.
 _INDICES = (
-    "attempt_serial ON attempt(serial, started_ns)",
+    "attempt_serial ON attempt(serial, recipe_name)",
     "attempt_started ON attempt(started_ns)",
     "attempt_recipe ON attempt(recipe_name, started_ns)",
     "attempt_recipe_hash ON attempt(recipe_hash, started_ns)",
     "attempt_lot ON attempt(lot)",
-    "attempt_nest ON attempt(station, nest, started_ns)",
+    "attempt_nest ON attempt(nest, started_ns)",
     "event_attempt ON event(attempt)",
     "finish_outcome ON finish(outcome, ended_ns)",
     "result_firmware ON result(json_extract(document, '$.software'), attempt) WHERE name = 'identity'",

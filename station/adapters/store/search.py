@@ -55,10 +55,24 @@ class Query:
     before: int | None = None
 
     def where(self) -> tuple[str, dict[str, object]]:
-        """The SQL condition and its parameters."""
-        said = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) is not None}
-        return " AND ".join(["1", *(_CONDITIONS.get(name, f"a.{name} = :{name}") for name in said)]), said
+        """The SQL condition and its parameters.
 
+        A plus before a column keeps SQLite from its index: without statistics it would often take the wrong one.
+        """
+        said = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) is not None}
+        by = next((name for name in _KEYS if name in said), "")
+        conditions = {name: _CONDITIONS.get(name, f"{'' if name == by else '+'}a.{name} = :{name}") for name in said}
+        if set(said) - {"firmware"}:
+            conditions |= {"firmware": _FIRMWARE_PROBED} if "firmware" in said else {}
+        return " AND ".join(["1", *conditions.values()]), said
+
+
+#: Columns with an index, the most telling first.
+_KEYS = ("serial", "lot", "nest", "recipe_hash", "recipe_name")
+
+_FIRMWARE = "name = 'identity' AND json_extract(document, '$.software') = :firmware"
+#: Where other conditions leave few attempts, each is looked up; else the index of firmwares says which they are.
+_FIRMWARE_PROBED = f"EXISTS (SELECT 1 FROM result WHERE {_FIRMWARE} AND attempt = a.seq)"
 
 _CONDITIONS = {
     "serial_from": "a.serial >= :serial_from AND a.serial < :serial_from || char(1114111)",
@@ -66,8 +80,7 @@ _CONDITIONS = {
     "until_ns": "a.started_ns < :until_ns",
     "before": "a.seq < :before",
     "outcome": "f.outcome = :outcome",
-    "firmware": "a.seq IN (SELECT attempt FROM result WHERE name = 'identity' "
-    "AND json_extract(document, '$.software') = :firmware)",
+    "firmware": f"a.seq IN (SELECT attempt FROM result WHERE {_FIRMWARE})",
 }
 
 

@@ -50,8 +50,10 @@ class Yield:
         return self.final_pass / self.final if self.final else float("nan")
 
 
-#: The plus keeps SQLite from looking among all attempts with the recipe instead of the few with the serial.
-_OTHER = "SELECT 1 FROM attempt b WHERE b.serial = a.serial AND +b.recipe_name = a.recipe_name AND b.seq"
+_OTHER = (
+    "SELECT 1 FROM attempt b INDEXED BY attempt_serial "
+    "WHERE b.serial = a.serial AND b.recipe_name = a.recipe_name AND b.seq"
+)
 
 
 def yields(db: sqlite3.Connection, query: Query, by: str = "all") -> list[Yield]:
