@@ -21,7 +21,7 @@ from station.domain.types import Floats
 #: Longer dwells are cut into this many blocks at most; slow noise needs no more.
 LONGEST = 128
 #: Prior weight of each kind of shape against first-order noise.
-MIXED, FLICKER, TWO_POLE, BOXCAR = 0.01, 0.005, 0.01, 0.01
+MIXED, FLICKER, TWO_POLE, BOXCAR = 0.005, 0.002, 0.005, 0.005
 SLOW_SHARES = (0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8)
 FLICKER_SHARES = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 BOXCARS = (2, 3, 4, 6, 8, 12, 16)

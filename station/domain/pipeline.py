@@ -20,6 +20,10 @@ NO_ROUNDING = np.zeros(12)
 BATCH = 256
 
 
+#: Serial, stops, and what the samples came to where there are samples.
+Unit = tuple[str, Stops, Visits | None]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
     """What one unit came to. Where its samples cannot be calibrated all but serial and verdict are None."""
@@ -40,13 +44,14 @@ def calibrate(recipe: Recipe, table: SampleTable, today: str, rounding: Floats =
     """
     design.check(recipe)
     references.check_due(recipe, today)
-    batch: list[Visits] = []
+    truths: references.Truths = {}
+    batch: list[Unit] = []
     for found in visits(table, recipe):
-        batch.append(found)
+        batch.append((found.serial, stops_of(found, recipe, truths), found))
         if len(batch) == BATCH:
-            yield from _batch(recipe, batch, rounding)
+            yield from _solve(recipe, batch, rounding)
             batch = []
-    yield from _batch(recipe, batch, rounding)
+    yield from _solve(recipe, batch, rounding)
 
 
 def calibrate_unit(recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING) -> Result:
@@ -64,12 +69,6 @@ def calibrate_stops(recipe: Recipe, units: Mapping[str, Stops], rounding: Floats
     design.check(recipe)
     return _solve(recipe, [(serial, stops, None) for serial, stops in units.items()], rounding)
 
-
-def _batch(recipe: Recipe, batch: Sequence[Visits], rounding: Floats) -> list[Result]:
-    return _solve(recipe, [(v.serial, stops_of(v, recipe), v) for v in batch], rounding)
-
-
-Unit = tuple[str, Stops, Visits | None]
 
 
 def _solve(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Result]:

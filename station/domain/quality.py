@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.recipe import Recipe
-from station.domain.stillness import has_direction
+from station.domain.stillness import least_pointing
 from station.domain.types import Floats, Reason, Stops
 from station.domain.visit import Visits
 
@@ -71,7 +71,7 @@ def _stimulus(recipe: Recipe, stops: Stops) -> Iterator[Reason]:
     if recipe.sensor == "magnetometer" or not (wanted > 0).all():
         return
     # At a weak stimulus, such as a gyroscope's rest, the offset decides what is read.
-    strong = np.array([has_direction(t, recipe) for t in stops.true]) | ~known
+    strong = np.asarray(wanted >= least_pointing(float(wanted.max()), recipe)) | ~known
     if not strong.any():
         return
     ratio = float(np.median((size / wanted)[strong]))

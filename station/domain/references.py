@@ -6,6 +6,9 @@ from station.domain.recipe import Gold, Recipe
 from station.domain.types import Floats
 from station.errors import RecipeError, ReferenceOverdue
 
+#: Nominal stimulus (v, 3) by positions and seatings: units of one fleet share it.
+Truths = dict[tuple[tuple[str, ...], tuple[str, ...]], Floats]
+
 
 def true_vectors(recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
     """Nominal stimulus (v, 3) in the device's frame for stops by name; NaN where the pose is unknown."""

@@ -56,8 +56,12 @@ def has_direction(true: Floats, recipe: Recipe) -> bool:
     if recipe.sensor == "magnetometer" or not np.isfinite(true).all():
         return False
     strongest = max((float(np.linalg.norm(recipe.stimulus(p))) for p in recipe.positions), default=0.0)
-    least = max(WEAK * strongest, 2 * (recipe.limits.offset or 0.0))
-    return bool(np.linalg.norm(true) >= least > 0)
+    return bool(np.linalg.norm(true) >= least_pointing(strongest, recipe) > 0)
+
+
+def least_pointing(strongest: float, recipe: Recipe) -> float:
+    """From which strength on a stimulus has a direction for a unit not yet calibrated; strongest: of the recipe."""
+    return max(WEAK * strongest, 2 * (recipe.limits.offset or 0.0))
 
 
 def face(reading: Floats) -> str:

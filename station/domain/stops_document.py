@@ -8,11 +8,9 @@ import numpy as np
 
 from station.domain import references
 from station.domain.recipe import Recipe
-from station.domain.types import Floats, Stops
+from station.domain.references import Truths
+from station.domain.types import Stops
 from station.errors import LogError
-
-#: True vectors (v, 3) by positions and seatings.
-Truths = dict[tuple[tuple[str, ...], tuple[str, ...]], Floats]
 
 _TEXT = ("position", "seating")
 _WHOLE = {"run": np.int32, "visit": np.int32, "count": np.int64}

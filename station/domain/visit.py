@@ -161,14 +161,20 @@ def _rounding(dwells: Dwells, step: Floats) -> Floats:
     return np.broadcast_to(resolution.rounding_variance(step, noise), dwells.mean.shape)
 
 
-def stops_of(found: Visits, recipe: Recipe) -> Stops:
-    """The stops of a unit that take part in the fit: those at positions only `verify` names are left out."""
+def stops_of(found: Visits, recipe: Recipe, truths: references.Truths) -> Stops:
+    """The stops of a unit that take part in the fit: those at positions only `verify` names are left out.
+
+    truths: of this recipe, filled here; units that go through the same stops share them.
+    """
     keep = _for_the_fit(found, recipe)
     d = found.dwells
     position = tuple(n for n, k in zip(found.position, keep, strict=True) if k)
     seating = tuple(n for n, k in zip(found.seating, keep, strict=True) if k)
     cov = _covariance(d, found.quantisation)[keep]
-    true = references.true_vectors(recipe, position, seating)
+    key = position, seating
+    if key not in truths:
+        truths[key] = references.true_vectors(recipe, *key)
+    true = truths[key]
     if recipe.reference.source == "gold":
         true, more = references.gold_vectors(recipe, _of_gold(found, keep), seating)
         cov = cov + more

@@ -14,7 +14,7 @@ from station.adapters.store import reduced
 from station.adapters.store.reader import LogReader
 from station.adapters.store.reduced import Reduced
 from station.adapters.store.search import Attempt, Query
-from station.domain import backtest, design, pipeline, product_record, stops_document, writeback
+from station.domain import backtest, design, pipeline, product_record, references, stops_document, writeback
 from station.domain.backtest import Before, Compared
 from station.domain.pipeline import Result
 from station.domain.recipe import Recipe
@@ -77,7 +77,7 @@ def _told(part: Compared, task: Task, progress: Callable[[int], None]) -> Compar
 
 
 def _from_stops(log: LogReader, rows: Sequence[Reduced], recipe: Recipe) -> list[Result]:
-    truths: stops_document.Truths = {}
+    truths: references.Truths = {}
     results: dict[str, Result] = {}
     by_product: dict[int | None, list[Reduced]] = {}
     for row in rows:
