@@ -111,7 +111,7 @@ class Store(Protocol):
         """Creates the attempt before the device is touched; returns its id (UUID)."""
 
     def event(self, attempt: str, kind: str, detail: Mapping[str, Any]) -> None:
-        """Appends an event to the attempt."""
+        """Appends an event to the attempt, also after its end; attempt "": to the station itself."""
 
     def visit(self, attempts: Sequence[str], visits: Sequence[VisitRecord]) -> None:
         """Keeps one stop of every nest, in one transaction."""
@@ -120,7 +120,8 @@ class Store(Protocol):
         """Keeps one stage of an object write: the intent before, the fact after."""
 
     def result(self, attempt: str, name: str, document: Mapping[str, Any]) -> None:
-        """Keeps a named result: identity, calibration, verdict, verification, old-calibration."""
+        """Keeps a named result: identity, old-calibration, stops, calibration, write-plan, device-state,
+        verification, verdict."""
 
     def finish(self, attempt: str, outcome: str, ended_ns: int) -> None:
         """Closes the attempt with its outcome; what follows can only be another attempt."""

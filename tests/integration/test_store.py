@@ -361,3 +361,19 @@ def test_a_lost_head_file_is_told_by_the_check_and_then_stands_in_the_log(path: 
     with LogReader(path) as log:
         assert [e.kind for e in log.events()] == ["head-file-lost"]
     assert whole(path)
+
+
+def test_whoever_follows_the_log_sees_every_record_once_and_in_order(path: Path) -> None:
+    with SqliteStore(path) as store, LogReader(path) as log:
+        attempt = logs.unit(store)
+        store.event("", "log-in", {})
+        seen = log.changes(limit=4)
+        while more := log.changes(after=seen[-1].number, limit=4):
+            seen += more
+        store.event(attempt, "returned", {})
+        assert [(c.what, c.detail) for c in log.changes(after=seen[-1].number)] == [("event", "returned")]
+    told = [(c.what, c.detail, c.attempt == attempt) for c in seen]
+    assert told[0] == ("attempt", "SN1", True)
+    assert told[2:4] == [("visit", "tumble p0", True), ("visit", "tumble p1", True)]
+    assert told[-3:] == [("result", "verdict", True), ("finish", "PASS", True), ("event", "log-in", False)]
+    assert [c.number for c in seen] == sorted({c.number for c in seen})

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from station.adapters.store import archive, file, life, search, unfinished, verify
+from station.adapters.store import archive, changes, file, life, search, unfinished, verify
+from station.adapters.store.changes import Change
 from station.adapters.store.faults import told
 from station.adapters.store.search import Attempt, Query
 from station.adapters.store.yields import Yield, yields
@@ -79,6 +80,11 @@ class LogReader:
             LEFT JOIN attempt a ON a.seq = e.attempt WHERE e.seq > ? ORDER BY e.seq LIMIT ?"""
         with self._told():
             return [Record(*row) for row in self.db.execute(query, [after, limit])]
+
+    def changes(self, after: int = 0, limit: int = 1000) -> list[Change]:
+        """Records of attempts with numbers beyond `after`, oldest first: what a page needs to stay up to date."""
+        with self._told():
+            return changes.since(self.db.conn, after, limit)
 
     def yields(self, query: Query, by: str = "all") -> list[Yield]:
         """First-pass and final yield by station, nest, recipe, lot, operator or day."""
