@@ -103,7 +103,8 @@ def open_bench(order: Order) -> Bench:
             fixture = _ByHand()
             clock = SystemClock()
             turned_by = positioner(settings, document, clock)
-            bus = open_bus(settings.bus.interface, settings.bus.channel, clock)
+            at = settings.bus
+            bus = open_bus(at.interface, at.channel, clock, receive_buffer_bytes=at.receive_buffer_bytes)
         opened.callback(bus.close)
         database = order.database or Path(settings.database)
         store = _store(database, settings, clock, opened)

@@ -11,8 +11,10 @@ from station.ports.clock import Clock
 __all__ = ["open_bus", "read_blocks", "read_log", "write_log"]
 
 
-def open_bus(interface: str, channel: str, clock: Clock) -> Bus:
+def open_bus(interface: str, channel: str, clock: Clock, *, receive_buffer_bytes: int | None = None) -> Bus:
     """Opens a bus by the name of its file: socketcan can0, replay some.log, simulated NAME (on an EventClock).
+
+    receive_buffer_bytes: of a stream in the kernel; left out: the bus's own choice. Only socketcan has one.
 
     Errors: ConfigError for an unknown or absent interface, LogError for a log that cannot be read.
     """
@@ -20,5 +22,5 @@ def open_bus(interface: str, channel: str, clock: Clock) -> Bus:
         known = ", ".join(plugins.names(__name__))
         raise ConfigError(f"bus.interface {interface!r} is unknown; the known ones are {known}")
     kind: Any = plugins.load(__name__, interface)
-    bus: Bus = kind.open(channel, clock)
+    bus: Bus = kind.open(channel, clock, receive_buffer_bytes)
     return bus

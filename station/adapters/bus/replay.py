@@ -24,7 +24,7 @@ class Replay:
             raise LogError(f"{path} holds no CAN frames; check that it is the right log")
 
     @classmethod
-    def open(cls, channel: str, _clock: Clock) -> "Replay":
+    def open(cls, channel: str, _clock: Clock, _receive_buffer_bytes: int | None) -> "Replay":
         """The log in the file of that name."""
         return cls(Path(channel))
 

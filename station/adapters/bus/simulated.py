@@ -28,7 +28,7 @@ class Simulated:
         self._channels: list[_Channel] = []
 
     @classmethod
-    def open(cls, channel: str, clock: EventClock) -> "Simulated":
+    def open(cls, channel: str, clock: EventClock, _receive_buffer_bytes: int | None) -> "Simulated":
         """A new bus; `channel` is only its name."""
         return cls(clock, channel)
 

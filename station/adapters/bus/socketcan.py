@@ -30,15 +30,16 @@ class SocketCan:
     Errors: ConfigError when the interface does not exist or the kernel has no CAN.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, stream_buffer_bytes: int = STREAM_BUFFER_BYTES) -> None:
         self._name = name
+        self._stream_buffer_bytes = stream_buffer_bytes
         self._channels: list[_Channel] = []
         self._open((), errors=False, buffer_bytes=SERVICE_BUFFER_BYTES).close()  # fails now, not in mid-run
 
     @classmethod
-    def open(cls, channel: str, _clock: Clock) -> "SocketCan":
+    def open(cls, channel: str, _clock: Clock, receive_buffer_bytes: int | None) -> "SocketCan":
         """The interface of that name."""
-        return cls(channel)
+        return cls(channel, receive_buffer_bytes or STREAM_BUFFER_BYTES)
 
     @property
     def name(self) -> str:
@@ -47,7 +48,7 @@ class SocketCan:
 
     def stream(self, can_ids: tuple[int, ...]) -> "_Channel":
         """A channel that receives these ids (none: all) and error frames."""
-        return self._open(can_ids, errors=True, buffer_bytes=STREAM_BUFFER_BYTES)
+        return self._open(can_ids, errors=True, buffer_bytes=self._stream_buffer_bytes)
 
     def service(self, can_ids: tuple[int, ...]) -> "_Channel":
         """A channel that receives these ids (none: all) and no error frames."""

@@ -44,11 +44,13 @@ def parse(text: str) -> list[Logged]:
 class Candump:
     """A running `candump -L`, error frames included; it listens when the constructor returns."""
 
-    def __init__(self, interface: Interface, log: Path) -> None:
+    def __init__(self, interface: Interface, log: Path, *options: str) -> None:
         self.log = log
         before = interface.listeners()
         with log.open("w") as file:
-            self._process = subprocess.Popen(["candump", "-L", interface.name + _ANY_FRAME_AND_ERROR], stdout=file)
+            self._process = subprocess.Popen(
+                ["candump", "-L", *options, interface.name + _ANY_FRAME_AND_ERROR], stdout=file
+            )
         until(lambda: interface.listeners() >= before + 2, "candump listens")
 
     def frames(self) -> list[Logged]:
