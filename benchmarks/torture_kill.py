@@ -1,0 +1,314 @@
+"""Kills a run with SIGKILL at every commit point, every SDO exchange and every save, and at random instants; then
+asks the log, the device's flash and the next start whether they agree.
+
+    python benchmarks/torture_kill.py [--points N] [--instants N] [--seed S] [--json]
+
+--points: so many of all points, spread evenly (0: every one). Each trial is a process of its own, forked from one
+that has loaded everything. Every second trial has a device that loses power half-way through its save, so that there
+are mixtures to be recognised. What a trial must never show:
+
+* lost: an attempt or a stop whose store call had returned, or a PASS that had been shown, is not in the log;
+* contradicting: the log says PASS, or says what the device holds, and the flash says otherwise;
+* unrecognised: the flash holds a mixture, and the next station to see the unit does not refuse it as one.
+"""
+
+import argparse
+import json
+import os
+import shutil
+import signal
+import struct
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from station.adapters.device.canopen_device import CanopenDevice
+from station.adapters.device.memory import NonVolatile
+from station.adapters.store.life import result
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Query
+from station.adapters.store.sqlite import SqliteStore
+from station.adapters.store.verify import Trust
+from station.domain.progress import Phase, PhaseEntered, UnitDone
+from station.domain.types import Outcome
+from station.domain.writeback import classify
+from station.service.runner import Runner
+from station.service.stop import Stop
+from station.wiring import Order, open_bench
+
+SERIAL = "SN0001"
+#: What is a point: before and after each of these calls.
+CALLS: Sequence[tuple[type, tuple[str, ...]]] = (
+    (SqliteStore, ("begin", "event", "visit", "write", "result", "finish")),
+    (CanopenDevice, ("upload", "download", "nmt", "wait_boot_up")),
+    (NonVolatile, ("store",)),
+)
+_KEPT = ("begin", "visit")
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One death: at the n-th point, or after so many seconds (point 0). torn: the device's save is torn as well."""
+
+    number: int
+    torn: bool
+    point: int = 0
+    after_s: float = 0.0
+
+
+class Death:
+    """Counts points and kills this process at the wanted one; tells the parent what had returned by then."""
+
+    def __init__(self, pipe: int, point: int) -> None:
+        self.points, self._pipe, self._point = 0, pipe, point
+
+    def pass_by(self) -> None:
+        """One more point."""
+        self.points += 1
+        if self.points == self._point:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    def tell(self, what: str) -> None:
+        """Whoever watches has seen this."""
+        os.write(self._pipe, f"{what}\n".encode())
+
+    def around(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        """The call with a point before and one after it."""
+
+        def deadly(*args: Any, **kwargs: Any) -> Any:
+            self.pass_by()
+            returned = call(*args, **kwargs)
+            if name in _KEPT:
+                self.tell(name)
+            self.pass_by()
+            return returned
+
+        return deadly
+
+
+@contextmanager
+def forked(work: Callable[[int], None]) -> Iterator[tuple[int, int]]:
+    """`work(pipe)` in a process of its own: its id, and the end of the pipe that reads."""
+    reads, writes = os.pipe()
+    child = os.fork()
+    if child == 0:
+        code = 70
+        try:
+            os.close(reads)
+            work(writes)
+            code = 0
+        finally:
+            os._exit(code)
+    os.close(writes)
+    try:
+        yield child, reads
+    finally:
+        os.close(reads)
+
+
+def run(folder: Path, seed: int, *, torn: bool = False, until: Phase | None = None, death: Death | None = None) -> None:
+    """A whole simulated run, or one that the operator stops on entering the phase `until`."""
+    faults = ("save-torn",) if torn else ()
+    order = Order(simulate=True, database=folder / "station.db", device_state=folder / "devices", seed=seed)
+    stop = Stop()
+    with open_bench(replace(order, faults=faults)) as bench:
+        (seats,) = bench.loads([SERIAL])
+        bench.fixture.place(seats)
+        for event in Runner(bench.station, bench.job, stop).run(seats):
+            if isinstance(event, PhaseEntered) and event.phase is until:
+                stop.request("seen enough")
+            if isinstance(event, UnitDone) and death is not None:
+                death.tell(f"shown {event.result.outcome}")
+
+
+def doomed(folder: Path, trial: Trial, pipe: int) -> None:
+    """The run that dies; one that comes to its end tells how many points it passed."""
+    death = Death(pipe, trial.point)
+    for kind, names in CALLS:
+        for name in names:
+            setattr(kind, name, death.around(name, getattr(kind, name)))
+    run(folder, trial.number + 2, torn=trial.torn, death=death)
+    death.tell(f"points {death.points}")
+
+
+def die(folder: Path, trial: Trial) -> list[str]:
+    """Runs the trial; what had been seen before the death."""
+    with forked(lambda pipe: doomed(folder, trial, pipe)) as (child, pipe):
+        if trial.after_s:
+            time.sleep(trial.after_s)
+            os.kill(child, signal.SIGKILL)
+        told = b"".join(iter(lambda: os.read(pipe, 65536), b""))
+        os.waitpid(child, 0)
+    return told.decode().splitlines()
+
+
+def come_again(folder: Path, number: int) -> None:
+    """The next start takes the same unit, and stops before anything is measured."""
+    with forked(lambda _: run(folder, number, until=Phase.MEASURE)) as (child, _):
+        _, status = os.waitpid(child, 0)
+    if status:
+        raise RuntimeError(f"the next start in {folder} ended with status {status}")
+
+
+def lives(folder: Path) -> list[dict[str, Any]]:
+    """Every attempt of the unit, oldest first; the chain of the log is checked on the way."""
+    with LogReader(folder / "station.db") as log:
+        found = list(log.findings(Trust()))
+        if found:
+            raise RuntimeError(f"the log in {folder} is broken: {found[0]}")
+        return log.life(Query(serial=SERIAL))
+
+
+def flash(folder: Path, like: dict[str, str]) -> dict[str, str]:
+    """What the device would read as after power-on, as hex, for the objects in `like`; read from its own file."""
+    held = json.loads((folder / "devices" / f"{SERIAL}.json").read_text())["objects"]
+    return {at: raw(held[at], len(like[at]) // 2) for at in like}
+
+
+def raw(value: float | str, size: int) -> str:
+    """A value of the flash file as hex."""
+    if isinstance(value, str):
+        return value.encode().hex()
+    return (struct.pack("<f", value) if isinstance(value, float) else value.to_bytes(size, "little")).hex()
+
+
+def judge(folder: Path, trial: Trial, base: Path) -> tuple[list[str], str]:
+    """Everything that is wrong after this trial, as `kind: what`, and what the flash holds."""
+    seen = die(folder, trial)
+    before = lives(folder)
+    attempt = before[1] if len(before) > 1 else None
+    wrong = [f"lost: {what}" for what in lost(seen, attempt)]
+    if attempt is None:
+        return wrong, "old"
+    planned = (result(attempt, "write-plan") or {}).get("objects", {})
+    truth = classify(flash(base, planned), planned, flash(folder, planned)) if planned else "old"
+    wrong += [f"contradicting: {what}" for what in contradicting(attempt, truth)]
+    come_again(folder, trial.number)
+    wrong += [f"unrecognised: {what}" for what in unrecognised(lives(folder), truth)]
+    return wrong, truth
+
+
+def lost(seen: Sequence[str], attempt: dict[str, Any] | None) -> Iterator[str]:
+    """What had returned before the death and is not in the log."""
+    counts = Counter(seen)
+    if counts["begin"] and attempt is None:
+        yield "the attempt"
+    elif attempt is not None:
+        if counts["visit"] > len(attempt["visits"]):
+            yield f"{counts['visit'] - len(attempt['visits'])} stops"
+        shown = [line.removeprefix("shown ") for line in seen if line.startswith("shown ")]
+        if shown and attempt["outcome"] != shown[0]:
+            yield f"{shown[0]} was shown, the log says {attempt['outcome']}"
+
+
+def contradicting(attempt: dict[str, Any], truth: str) -> Iterator[str]:
+    """Where the log's word is not the device's."""
+    if attempt["outcome"] == Outcome.PASS and truth != "new":
+        yield f"PASS, but the flash holds {truth} values"
+    state = (result(attempt, "device-state") or {}).get("state")
+    if state in ("old", "new", "mixed") and state != truth:
+        yield f"device-state {state}, but the flash holds {truth} values"
+    if not attempt["writes"] and truth != "old":
+        yield f"no write is recorded, but the flash holds {truth} values"
+
+
+def unrecognised(found: Sequence[dict[str, Any]], truth: str) -> Iterator[str]:
+    """What the next start did not see."""
+    interrupted, again = found[1], found[2]
+    if interrupted["outcome"] is None:
+        yield "the attempt is still open"
+    told = [e["detail"]["state"] for e in interrupted["events"] if e["kind"] == "device-state"]
+    if told and told[-1] != truth:
+        yield f"the next start took {truth} values for {told[-1]}"
+    if truth == "mixed" and (again["outcome"] != Outcome.FAIL or not told):
+        yield f"a mixture was taken on with outcome {again['outcome']}"
+
+
+def trials(points: int, wanted: int, instants: int, lasts_s: float, seed: int) -> Iterator[Trial]:
+    """Every point (or `wanted` of them), then the random instants; every second one with a torn save."""
+    chosen = range(1, points + 1) if not wanted else np.unique(np.linspace(1, points, wanted).astype(int)).tolist()
+    number = 0
+    for number, point in enumerate(chosen, 1):
+        yield Trial(number, number % 2 == 0, point=point)
+    rng = np.random.default_rng(seed)
+    for i, after_s in enumerate(rng.uniform(0.0, lasts_s, instants).tolist(), number + 1):
+        yield Trial(i, i % 2 == 0, after_s=after_s)
+
+
+def torture(wanted: int, instants: int, seed: int) -> dict[str, Any]:
+    """The counts."""
+    begun_s = time.monotonic()
+    with tempfile.TemporaryDirectory() as name:
+        base = Path(name) / "base"
+        base.mkdir()
+        with forked(lambda _: run(base, 1)) as (child, _):
+            os.waitpid(child, 0)
+        points, lasts_s = measured(Path(name), base)
+        wrong: Counter[str] = Counter()
+        kinds: Counter[str] = Counter()
+        held: Counter[str] = Counter()
+        said: list[str] = []
+        for trial in trials(points, wanted, instants, lasts_s, seed):
+            folder = Path(shutil.copytree(base, Path(name) / "trial"))
+            found, truth = judge(folder, trial, base)
+            wrong.update(line.split(":")[0] for line in found)
+            said += [f"{trial}: {line}" for line in found]
+            held[truth] += 1
+            kinds["points" if trial.point else "instants"] += 1
+            shutil.rmtree(folder)
+    return {
+        "deaths": dict(kinds),
+        "of_points": points,
+        "lost": wrong["lost"],
+        "contradicting": wrong["contradicting"],
+        "unrecognised": wrong["unrecognised"],
+        "flash_held": dict(held),
+        "seed": seed,
+        "lasted_s": round(time.monotonic() - begun_s, 1),
+        "said": said,
+    }
+
+
+def measured(folder: Path, base: Path) -> tuple[int, float]:
+    """How many points a run has, and how long it takes, s."""
+    whole = Path(shutil.copytree(base, folder / "whole"))
+    begun_s = time.monotonic()
+    told = die(whole, Trial(0, torn=False))
+    return int(told[-1].removeprefix("points ")), time.monotonic() - begun_s
+
+
+def main() -> None:
+    """Prints the counts."""
+    ask = argparse.ArgumentParser()
+    ask.add_argument("--points", type=int, default=0)
+    ask.add_argument("--instants", type=int, default=1000)
+    ask.add_argument("--seed", type=int, default=1)
+    ask.add_argument("--json", action="store_true")
+    given = ask.parse_args()
+    told = torture(given.points, given.instants, given.seed)
+    if given.json:
+        print(json.dumps(told))
+        return
+    deaths = told["deaths"]
+    print(
+        f"SIGKILL at {deaths.get('points', 0)} of {told['of_points']} points and {deaths.get('instants', 0)} random "
+        f"instants: attempts lost / logs contradicting the device / half-written devices not recognised = "
+        f"{told['lost']} / {told['contradicting']} / {told['unrecognised']}   goal: 0 / 0 / 0   seed {told['seed']}"
+    )
+    print(f"  {told['lasted_s']:.0f} s; the flash held {told['flash_held']} values")
+    for line in told["said"][:20]:
+        print(f"  {line}")
+
+
+if __name__ == "__main__":
+    main()

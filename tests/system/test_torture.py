@@ -1,0 +1,20 @@
+"""Short forms of the torture: a run killed at points and instants; the long ones are `make torture`."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.conftest import SEED
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_killed_at_points_and_instants_nothing_is_lost_contradicted_or_overlooked() -> None:
+    command = [sys.executable, "benchmarks/torture_kill.py", "--points", "9", "--instants", "3", "--seed", str(SEED)]
+    done = subprocess.run([*command, "--json"], cwd=ROOT, capture_output=True, text=True, timeout=110, check=False)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["deaths"] == {"points": 9, "instants": 3}
+    assert told["of_points"] > 250
+    assert (told["lost"], told["contradicting"], told["unrecognised"]) == (0, 0, 0), told["said"]
