@@ -11,12 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from station.diagnosis.bank import Seen
 from station.diagnosis.evidence import Sets
 from station.diagnosis.floor import Fitted
 from station.diagnosis.space import Space
 from station.diagnosis.stage import Problem, Stage, by_cause
 from station.domain.types import Floats
 
+#: Raised whenever a kept null distribution is no longer valid.
+VERSION = 1
 #: Chance of any alarm in data without a cause.
 LEVEL = 0.01
 #: Null data sets, in how many floors drawn from the estimate's uncertainty, and in how large parts.
@@ -138,3 +141,18 @@ def statistic(null: Null, evidence: Mapping[str, float]) -> float:
 def surprises(null: Null, evidence: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
     """−log₁₀ p of the named causes."""
     return {name: float(null.surprise(name, np.array([evidence[name]]))[0]) for name in names if name in evidence}
+
+
+def key(problem: Problem, fitted: Fitted, now: Stage, seed: int) -> str:
+    """What the null distribution depends on, as text: bank and design exactly, floor and strengths to a factor."""
+    grid, floor = problem.view.grid, fitted.floor
+    recipe = problem.view.scene.recipe
+    relative = [round(2 * float(np.log2(max(x / floor.noise, 1e-3)))) for x in (floor.turn, floor.walk)]
+    shown = [(s.bank.moving, s.space.dof, _kinds(s)) for s in now.seen]
+    return repr((VERSION, recipe.name, recipe.version, grid.slot.shape, grid.data, grid.k, relative, shown, seed))
+
+
+def _kinds(seen: Seen) -> list[tuple[str, str, str, int]]:
+    """Name, level, pattern and number of coefficients of every candidate."""
+    pairs = zip(seen.bank.candidates, seen.spectra, strict=True)
+    return [(c.name, c.of, c.pattern, s.m.size) for c, s in pairs]

@@ -92,6 +92,13 @@ def _by_group(columns: Floats, code: NDArray[np.int32], groups: int) -> Floats:
     return out.reshape(*columns.shape[:-1], -1)
 
 
+def smooth() -> tuple[str, ...]:
+    """Ids of the causes whose signature is smooth, whether this recipe can show them or not."""
+    kinds = (PoseEffect, StimulusEffect, SensorEffect, GoldEffect)
+    found = plugins.load_all("station.model.effects").items()
+    return tuple(n for n, c in found if issubclass(c, kinds) and n not in FLOOR and not _sounds(c.example()))
+
+
 def library(recipe: Recipe) -> tuple[Effect, ...]:
     """Every cause that can act in this recipe and whose signature is smooth, at its typical size."""
     kinds = (PoseEffect, StimulusEffect, SensorEffect, GoldEffect)
@@ -100,7 +107,17 @@ def library(recipe: Recipe) -> tuple[Effect, ...]:
 
 
 def _at_work(effect: Effect, recipe: Recipe) -> bool:
-    return effect.id not in FLOOR and (not isinstance(effect, GoldEffect) or recipe.reference.source == "gold")
+    """Whether a cause acts, and can be seen in the means of a stop's blocks."""
+    return (
+        effect.id not in FLOOR
+        and not _sounds(effect)
+        and (not isinstance(effect, GoldEffect) or recipe.reference.source == "gold")
+    )
+
+
+def _sounds(effect: Effect) -> bool:
+    """Whether a cause makes many waves a dwell."""
+    return any(p.name == "frequency" and p.typical > 0 for p in effect.forms)
 
 
 def shapes(effect: Effect, view: View) -> Iterator[Effect]:
@@ -168,6 +185,11 @@ class Bank:
     rows: Rows
     place: tuple[slice, ...]
 
+    def only(self, chosen: Sequence[int]) -> "Bank":
+        """The same with some of the candidates."""
+        candidates, groups, place = (tuple(x[i] for i in chosen) for x in (self.candidates, self.groups, self.place))
+        return Bank(self.moving, candidates, groups, self.rows, place)  # type: ignore[arg-type]
+
 
 def bank_of(items: Sequence[Candidate], view: View, *, moving: bool) -> Bank:
     """The candidates that move within a stop, or those that do not."""
@@ -202,6 +224,17 @@ class Seen:
         """u of every candidate for the data sets."""
         products = (sets.data.transpose(1, 0, 2) @ self.axes).transpose(1, 0, 2)
         return [s.components(products[..., at], sets) for s, at in zip(self.spectra, self.place, strict=True)]
+
+    def only(self, kept: Sequence[bool]) -> "Seen":
+        """The same with some of the candidates; the columns of the others stay behind unused."""
+        chosen = [i for i, k in enumerate(kept) if k]
+        columns = np.concatenate(
+            [np.arange(self.place[i].start, self.place[i].stop) for i in chosen] or [np.zeros(0, int)]
+        )
+        ends = np.cumsum([0, *(self.place[i].stop - self.place[i].start for i in chosen)])
+        place = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+        spectra = tuple(self.spectra[i] for i in chosen)
+        return Seen(self.bank.only(chosen), self.space, spectra, self.axes[:, :, columns], place)
 
     def evidence(self, sets: Sets) -> Floats:
         """Log evidence (n, candidates)."""

@@ -21,7 +21,7 @@ from station.model.forward import resting
 #: The words of `unknown.depends_on`.
 WORDS = ("time", "position", "temperature", "input", "dwell-phase", "order", "unit", "group")
 #: Waves of the slow and of the fast kernel of time, half periods in a run.
-WAVES = (range(1, 4), range(1, 13))
+WAVES = (range(1, 4), range(1, 11))
 
 
 def kernels(view: View) -> list[Candidate]:
@@ -80,14 +80,12 @@ def _order(view: View) -> Iterator[Candidate]:
 
 
 def _position(view: View) -> Iterator[Candidate]:
-    """Any offset at each position: for all units, for each unit, for each run of the recipe."""
+    """Any offset at each position: along the device's axes, along the nest's, for each unit."""
     visits = view.scene.visits
-    of_run, runs = view.scene.group("run-of-recipe")
     places = len(visits.position.names)
     yield _kernel("position", "position", view, _ones(view))
-    if len(runs) > 1:
-        code = of_run * places + visits.position.code
-        yield _grouped("position", "run-position", *_packed(code), _ones(view))
+    if np.ptp(visits.seat_R, axis=0).max(initial=0.0) > 1e-6:
+        yield _kernel("position", "position", view, visits.seat_R.transpose(0, 2, 1).copy())
     if view.grid.units > 1:
         code = visits.unit.code * places + visits.position.code
         yield _grouped("position", "unit-position", *_packed(code), _ones(view))

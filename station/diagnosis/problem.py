@@ -1,19 +1,26 @@
 """The problem as it stands: data, simulation, floor structure and everything known so far."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.diagnosis.floor import structure
+from station.diagnosis.bank import FLOOR, Candidate
+from station.diagnosis.floor import Fitted, structure
 from station.diagnosis.known import Accepted, known_of
 from station.diagnosis.reduce import Reduced
-from station.diagnosis.solve import solve
-from station.diagnosis.space import space
+from station.diagnosis.solve import solve, whitened
 from station.diagnosis.stage import Problem
 from station.diagnosis.view import View, moved, quieted, settled, view_of
+from station.domain.recipe import Recipe
 from station.domain.types import Floats
+from station.model.effect import GoldEffect, PoseEffect, SensorEffect, StimulusEffect, strength
 from station.model.effects.bias_walk import BiasWalk
 from station.model.effects.repeatability import Repeatability
+from station.model.model_file import Model, ModelEffect
+
+#: A parameter of a model is never known better than to this share of the cause's typical size.
+LEAST = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,15 +30,57 @@ class Allowance:
     turn: float = 1e-4
     walk: float = 1e-5
 
+    @staticmethod
+    def of(recipe: Recipe, model: Model) -> "Allowance":
+        """The usual allowance in the recipe's unit, or what a model has found the floor to hold, if that is more."""
+        turn, walk = 1e-4, 1e-5 * strength(recipe)
+        for told in model.effects:
+            sizes = [float(p.value) for p in told.parameters if p.of == "common" and not isinstance(p.value, str)]
+            if told.effect == Repeatability.id:
+                turn = max([turn, *(1.5 * x for x in sizes)])
+            elif told.effect == BiasWalk.id:
+                walk = max([walk, *(1.5 * x for x in sizes)])
+        return Allowance(turn, walk)
+
     @property
     def upper(self) -> Floats:
         """Bounds of the variances σ², τ_r², τ_w²."""
         return np.array([np.inf, self.turn**2, self.walk**2])
 
 
-def problem_of(reduced: Reduced, allowance: Allowance, matrix: bool = False) -> Problem:
+def problem_of(reduced: Reduced, allowance: Allowance, *, matrix: bool = False) -> Problem:
     """The problem before any cause is known."""
     return assembled(view_of(reduced, matrix), (), matrix, allowance.upper)
+
+
+def with_model(problem: Problem, model: Model) -> Problem:
+    """The problem with the causes of a model at work, each coefficient known as well as the model says."""
+    items = [item for told in model.effects for item in _told(problem.view, told)]
+    if not items:
+        return problem
+    view = acting(problem.view, tuple(items))
+    items = [item.renewed(view) for item in items]
+    return refined(assembled(view, tuple(items), problem.matrix, problem.upper))
+
+
+def _told(view: View, told: ModelEffect) -> Iterator[Accepted]:
+    """A cause of a model file, once for each level it speaks of; gross faults and the floor are known otherwise."""
+    effect = told.build()
+    if effect.id in FLOOR or not isinstance(effect, PoseEffect | StimulusEffect | SensorEffect | GoldEffect):
+        return
+    for found in told.acting(view.scene, None):
+        code, names = view.scene.group(found.of)
+        std = np.zeros(found.coefficients.shape)
+        for p in told.parameters:
+            if p.name == effect.parameter.name and p.of in names:
+                at = slice(None) if p.axis is None else effect.axes.index(p.axis)
+                std[names.index(p.of), at] = p.std or 0.0
+        hit = np.any(found.coefficients != 0.0, axis=1) | np.any(std > 0, axis=1)
+        if hit.any():
+            std = np.maximum(std, LEAST * effect.parameter.typical * effect.parameter.scale(view.scene.recipe))
+            stop, dwell = view.signature(found.effect, found.of)
+            candidate = Candidate(effect.id, found.effect, found.of, "own", code, names, stop, dwell)
+            yield Accepted(candidate, hit, found.coefficients, found.coefficients, std)
 
 
 def assembled(view: View, accepted: tuple[Accepted, ...], matrix: bool, upper: Floats) -> Problem:
@@ -47,11 +96,11 @@ def assembled(view: View, accepted: tuple[Accepted, ...], matrix: bool, upper: F
 
 def refined(problem: Problem, rounds: int = 4) -> Problem:
     """The simulation with all known parameters at their best: Gauss–Newton under the floor, exact at its end."""
+    fitted: Fitted | None = None
     for _ in range(rounds):
         readings, _ = problem.readings(moving=problem.known.moving)
-        fitted = problem.fit()
-        now = space(fitted.space.covariance, problem.known, *problem.readings(moving=problem.known.moving))
-        solved = solve(now, problem.known, readings)
+        fitted = problem.fit(None if fitted is None else fitted.floor)
+        solved = solve(whitened(fitted.space.covariance, problem.known, readings))
         p = problem.view.calibration(problem.matrix).shape[-1]
         steps = [solved.at(place)[0] for place in problem.places]
         accepted = tuple(

@@ -8,9 +8,9 @@ import numpy as np
 from station.diagnosis import kernels as generic
 from station.diagnosis.alarm import Null, statistic
 from station.diagnosis.alike import APART_95, alike, signal
-from station.diagnosis.bank import Bank, bank_of, candidates, library, testable, visible
+from station.diagnosis.bank import Bank, bank_of, candidates, library, smooth, testable, visible
 from station.diagnosis.evidence import log_mean
-from station.diagnosis.floor import Fitted, Floor
+from station.diagnosis.floor import Fitted
 from station.diagnosis.known import Accepted
 from station.diagnosis.problem import refined
 from station.diagnosis.rank import Rank, rank
@@ -55,6 +55,24 @@ class Searched:
     threshold: float
     stage: Stage
     blind: tuple[str, ...]
+    rest: Mapping[str, float]
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What the rest depends on that no cause explains; empty where nothing is left."""
+        said = next((f.words for f in self.findings if f.words), ())
+        if said or self.statistics[-1] <= self.threshold:
+            return said
+        kernels = [(e, name) for name, e in self.rest.items() if name in generic.WORDS]
+        return (max(kernels)[1],) if kernels else ()
+
+    @property
+    def ranking(self) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        """Log evidence and probability of every cause when the first one was looked for."""
+        if self.findings:
+            return self.findings[0].evidence, self.findings[0].probability
+        causes = {name: e for name, e in self.rest.items() if name not in generic.WORDS}
+        return self.rest, dict.fromkeys(causes, 0.0)
 
 
 def banks_of(view: View, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:
@@ -64,11 +82,12 @@ def banks_of(view: View, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:
     return bank_of(items, view, moving=False), bank_of(items, view, moving=True)
 
 
-def hidden_in(problem: Problem, at: Floor) -> tuple[str, ...]:
-    """Causes whose covariates were not recorded, and those that this recipe cannot show at all."""
-    now = stage(problem, banks_of(problem.view), at)
+def _shown(now: Stage) -> tuple[Stage, tuple[str, ...]]:
+    """The stage without the causes that it cannot show, and those: their covariates were not recorded, or the largest
+    amplitude ever met would leave nothing here."""
     shown = {c.name for s in now.seen for c, v in zip(s.bank.candidates, visible(s), strict=True) if v}
-    return tuple(e.id for e in library(problem.view.scene.recipe) if e.id not in shown)
+    seen = tuple(s.only([c.name in shown for c in s.bank.candidates]) for s in now.seen)
+    return Stage(now.floor, seen), tuple(name for name in smooth() if name not in shown)
 
 
 def search(problem: Problem, null_of: NullOf) -> Searched:
@@ -77,22 +96,24 @@ def search(problem: Problem, null_of: NullOf) -> Searched:
     findings: list[Finding] = []
     statistics: list[float] = []
     null: Null | None = None
-    fitted = problem.fit()
-    blind = hidden_in(problem, fitted.floor)
+    fitted: Fitted | None = None
+    blind: tuple[str, ...] = ()
     while True:
-        banks = banks_of(problem.view, blind)
-        fitted = problem.fit(fitted.floor)
-        now = stage(problem, banks, fitted.floor)
+        fitted = problem.fit(None if fitted is None else fitted.floor)
+        now = stage(problem, banks_of(problem.view, blind), fitted.floor)
+        if not findings:
+            now, blind = _shown(now)
+        banks = tuple(s.bank for s in now.seen)
         null = null or null_of(problem, fitted, now)
         evidence = {name: float(e[0]) for name, e in by_cause(now.candidates, now.evidence()).items()}
         statistics.append(statistic(null, evidence))
         if statistics[-1] <= null.threshold or len(findings) == ROUNDS:
-            return Searched(first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind)
+            return Searched(first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind, evidence)
         ranks = _sharpened(problem, rank(problem, banks, now, generic.WORDS))
         finding = _chosen(problem, ranks, statistics[-1])
         findings.append(finding)
         if finding.words:
-            return Searched(first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind)
+            return Searched(first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind, evidence)
         problem = _with(problem, finding)
 
 

@@ -5,8 +5,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from station.diagnosis.known import Place
-from station.diagnosis.space import Known, Rows, Space
+from station.diagnosis.space import Covariance, Known, Rows, priors
 from station.domain.types import Floats
+
+#: Directions shorter than this share of the longest are not estimated.
+CUT = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class White:
+    """Everything known and the readings as white rows (U, M, …), those of the priors last; precision of those that
+    have none is 0."""
+
+    own: Floats
+    shared: Floats
+    data: Floats
+    stops: int
+    dwell: int
+
+    def residual(self, solved: "Solved") -> Floats:
+        """Readings (U, M) without what the coefficients explain."""
+        return np.asarray(self.data - np.einsum("ump,up->um", self.own, solved.own) - self.shared @ solved.shared)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,19 +50,34 @@ class Solved:
         return value, std
 
 
-def solve(space: Space, known: Known, readings: Rows) -> Solved:
-    """Best coefficients of the known columns, priors included (the estimate of a random effect is its mean)."""
-    shared = space.inner @ np.einsum("umc,um->c", space.border, space.data)
-    white = space.covariance.whiten(readings, space.dwell)
-    rows = [space.covariance.whiten(r, space.dwell) for r in (known.own, known.shared)]
-    normal = np.einsum("ump,umq->upq", rows[0], rows[0])
-    at = np.arange(normal.shape[1])
-    normal[:, at, at] += known.own_precision
-    # Scaling the columns to length one keeps the pseudo-inverse's cut about directions, not about units.
-    size = np.sqrt(np.maximum(np.einsum("upp->up", normal), 1e-300))
-    inverse = np.linalg.pinv(normal / (size[:, :, None] * size[:, None, :]), 1e-12, hermitian=True)
-    inverse = inverse / (size[:, :, None] * size[:, None, :])
-    said = np.einsum("ump,um->up", rows[0], white[..., 0]) + known.own_precision * known.own_target
-    cross = inverse @ np.einsum("ump,umc->upc", rows[0], rows[1])
-    own = np.einsum("upq,uq->up", inverse, said) - cross @ shared
-    return Solved(own, inverse + cross @ space.inner @ cross.transpose(0, 2, 1), shared, space.inner)
+def whitened(covariance: Covariance, known: Known, readings: Rows) -> White:
+    """Known columns and readings (one column) as white rows."""
+    dwell = 0 if readings.dwell is None else readings.dwell.shape[1]
+    white = [covariance.whiten(rows, dwell) for rows in (known.own, known.shared, readings)]
+    own, shared, data = (np.concatenate(pair, axis=1) for pair in zip(white, priors(known), strict=True))
+    return White(own, shared, data[..., 0], white[0].shape[1] - dwell, dwell)
+
+
+def solve(white: White, used: Floats | None = None) -> Solved:
+    """Best coefficients, priors included (the estimate of a random effect is its mean given the data).
+
+    used (U, M): weight 1 of the rows that may be looked at, 0 of the others; all where left out.
+    """
+    own, shared, data = white.own, white.shared, white.data
+    if used is not None:
+        own, shared, data = own * used[..., None], shared * used[..., None], data * used
+    inverse = _inverse(own.transpose(0, 2, 1) @ own)
+    to_shared = inverse @ (own.transpose(0, 2, 1) @ shared)
+    to_data = np.einsum("upq,uq->up", inverse, np.einsum("ump,um->up", own, data))
+    left = shared - own @ to_shared
+    shared_cov = _inverse(np.einsum("umc,umd->cd", left, left))
+    found = shared_cov @ np.einsum("umc,um->c", left, data)
+    own_cov = inverse + to_shared @ shared_cov @ to_shared.transpose(0, 2, 1)
+    return Solved(to_data - to_shared @ found, own_cov, found, shared_cov)
+
+
+def _inverse(normal: Floats) -> Floats:
+    """Pseudo-inverse (…, p, p). Columns are scaled first, so that the cut is about directions, not about units."""
+    size = np.sqrt(np.maximum(np.einsum("...pp->...p", normal), 1e-300))
+    scale = size[..., :, None] * size[..., None, :]
+    return np.asarray(np.linalg.pinv(normal / scale, CUT, hermitian=True) / scale)

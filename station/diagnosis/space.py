@@ -132,7 +132,7 @@ class Space:
 def space(covariance: Covariance, known: Known, readings: Rows, count: int) -> Space:
     """The space of `count` readings (one column). Contrasts are kept where the readings have them."""
     dwell = 0 if readings.dwell is None else readings.dwell.shape[1]
-    own_rows, shared_rows, said = _priors(known)
+    own_rows, shared_rows, said = priors(known)
     white = [covariance.whiten(rows, dwell) for rows in (known.own, known.shared, readings)]
     own, shared, data = (
         np.concatenate(pair, axis=1) for pair in zip(white, (own_rows, shared_rows, said), strict=True)
@@ -154,7 +154,7 @@ def _live(covariance: Covariance, readings: Rows, dwell: int) -> NDArray[np.bool
     return np.concatenate([covariance.live, readings.dwell[..., 0] != 0], axis=1)
 
 
-def _priors(known: Known) -> tuple[Floats, Floats, Floats]:
+def priors(known: Known) -> tuple[Floats, Floats, Floats]:
     """Rows that stand for the priors: of own columns (U, p+c, p), shared ones (U, p+c, c), readings (U, p+c, 1).
 
     A shared prior is said once, among the rows of the first unit.

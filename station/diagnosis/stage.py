@@ -1,7 +1,7 @@
 """The whole bank under one noise floor."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,13 @@ class Problem:
     def beside(self, items: Sequence[Accepted]) -> "Problem":
         """The same with other causes accepted, their columns as they are."""
         known, places = known_of(self.view, tuple(items), self.matrix)
-        return Problem(self.view, self.structure, tuple(items), known, places, self.matrix, self.upper)
+        return replace(self, accepted=tuple(items), known=known, places=places)
+
+    def without(self, i: int) -> "Problem":
+        """The same with one accepted cause neither known nor at work: its whole signal is in the readings."""
+        active = {key: acting for key, acting in self.view.active.items() if key != self.accepted[i].key}
+        bare = replace(self, view=replace(self.view, active=active))
+        return bare.beside([*self.accepted[:i], *self.accepted[i + 1 :]])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,169 @@
+"""The work of `station diagnose`: read, diagnose, tell people and programs, write what is wanted."""
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from station.cli import _face
+from station.config.models import load_model
+from station.config.recipes import load_recipe
+from station.diagnosis import alarm
+from station.diagnosis.alarm import Null
+from station.diagnosis.diagnose import Diagnosis, diagnose
+from station.diagnosis.document import document
+from station.diagnosis.extend import extended
+from station.diagnosis.search import NullOf
+from station.domain.recipe import Recipe
+from station.domain.types import SampleTable
+from station.errors import LogError, UsageError
+from station.model.model_file import Model
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Files to write, or None; json may be - for standard output."""
+
+    json: Path | None
+    report: Path | None
+    extend: Path | None
+    next_run: Path | None
+
+
+def diagnose_to(
+    samples: Path | None, db: Path | None, since: str | None, recipe_name: str, model: Path | None,
+    wanted: Wanted, seed: int,
+) -> int:  # fmt: skip
+    """Diagnoses and tells; returns the exit code. Errors: InputError."""
+    recipe, simulation = load_recipe(recipe_name), load_model(model)
+    for option, path in (("--report", wanted.report), ("--extend", wanted.extend), ("--next-run", wanted.next_run)):
+        if path is not None and not path.parent.is_dir():
+            raise UsageError(f"{option} {path}: there is no folder {path.parent}; make it first")
+    table = _whole_columns(_table(samples, db, since, recipe))
+    found = diagnose(recipe, table, simulation, _kept(seed))
+    told = document(found)
+    _write(wanted, told, found, simulation)
+    if str(wanted.json) != "-":
+        _show(told)
+    return 0 if found.verdict == "none" else 1
+
+
+def _table(samples: Path | None, db: Path | None, since: str | None, recipe: Recipe) -> SampleTable:
+    """The samples of a file or of the station's log."""
+    if (samples is None) == (db is None):
+        raise UsageError("say where the samples are: either --samples FILE or --db FILE")
+    if samples is not None:
+        from station.adapters.samples import read_samples
+
+        return read_samples(samples)
+    return _logged(db, since, recipe)
+
+
+def _logged(db: Path | None, since: str | None, recipe: Recipe) -> SampleTable:
+    """All samples of this recipe in the log."""
+    from station.adapters.samples import join
+    from station.adapters.store.search import Query
+    from station.cli._log import open_log, time_ns
+    from station.wiring import stored
+
+    with open_log(db, None) as log:
+        query = Query(recipe_name=recipe.name, since_ns=time_ns(since, "--since"))
+        attempts = log.attempts(query)[::-1]
+        tables = list(stored.samples(log, attempts))
+        if not tables:
+            raise LogError(
+                f"the log {log.path} holds no stops of recipe {recipe.name!r}; `station audit` lists what it holds"
+            )
+        return join(tables)
+
+
+def _whole_columns(table: SampleTable) -> SampleTable:
+    """The table without optional columns that have gaps: a cause cannot be laid to what is not always known."""
+    return replace(table, values={name: v for name, v in table.values.items() if bool(np.all(np.isfinite(v)))})
+
+
+def _kept(seed: int) -> NullOf:
+    """Null distributions, drawn once for each kind of campaign and kept in the user's cache."""
+
+    def null_of(problem: Any, fitted: Any, now: Any) -> Null:
+        name = hashlib.sha256(alarm.key(problem, fitted, now, seed).encode()).hexdigest()[:32]
+        path = _cache() / f"{name}.json"
+        try:
+            return Null.of_document(json.loads(path.read_text(encoding="utf-8")))
+        except (OSError, ValueError, KeyError, TypeError):
+            # Not there, or not whole: it is drawn anew.
+            null = alarm.bootstrap(problem, fitted, now, seed)
+        _keep(path, null)
+        return null
+
+    return null_of
+
+
+def _cache() -> Path:
+    root = os.environ.get("XDG_CACHE_HOME")
+    return (Path(root) if root else Path.home() / ".cache") / "station" / "null"
+
+
+def _keep(path: Path, null: Null) -> None:
+    """Keeps a null distribution; a cache that cannot be written only costs time."""
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(null.document()), encoding="utf-8")
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+
+
+def _write(wanted: Wanted, told: Mapping[str, Any], found: Diagnosis, model: Model) -> None:
+    if str(wanted.json) == "-":
+        _face.say_json(told)
+    elif wanted.json is not None:
+        _text(wanted.json, "--json", json.dumps(told, allow_nan=False, ensure_ascii=False))
+    if wanted.extend is not None:
+        import yaml
+
+        lines = yaml.safe_dump(extended(model, found).document(), sort_keys=False, allow_unicode=True, width=120)
+        _text(wanted.extend, "--extend", lines)
+
+
+def _text(path: Path, option: str, text: str) -> None:
+    part = path.with_name(f"{path.name}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError as exc:
+        raise UsageError(
+            f"{option} {path} cannot be written ({exc.strerror}); name a file in a folder that exists"
+        ) from exc
+
+
+def _show(told: Mapping[str, Any]) -> None:
+    """The finding for a person."""
+    data, unit = told["data"], told["baseline"]["unit"]
+    _face.say(f"{data['units']} units, {data['runs']} runs, {data['visits']} stops, {data['samples']} samples")
+    _face.say(f"verdict: {told['verdict']}. {told['sentence']}")
+    base = told["baseline"]
+    _face.say(
+        f"residual {base['residual_rms']:.3g} {unit} rms; the noise floor alone makes {base['floor_rms']:.3g} {unit}"
+    )
+    for cause in told["causes"]:
+        gain = cause["gain"]
+        also = cause["indistinguishable_from"]
+        names = cause["effect"] + (f" (or {', '.join(also)})" if also else "")
+        _face.say(
+            f"  {names}: probability {cause['probability']:.3f}; held-out residual {gain['rms_before']:.3g} → "
+            f"{gain['rms_after']:.3g} {unit}, {gain['log_score']:.0f} ± {gain['std_error']:.0f} nats"
+        )
+        for p in cause["parameters"][:12]:
+            value = p["value"] if isinstance(p["value"], str) else f"{p['value']:.4g} ± {p['std'] or 0:.2g} {p['unit']}"
+            _face.say(f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}")
+        if len(cause["parameters"]) > 12:
+            _face.say(f"    and {len(cause['parameters']) - 12} more; --json has all")
+    if told["not_testable"]:
+        _face.say(f"not testable with these data: {', '.join(told['not_testable'])}")

@@ -1,0 +1,77 @@
+"""Gross faults, looked for before any statistics: decoding, grid, saturation, counters, clocks and tones."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.diagnosis.faults import clipping, clock, counters, grid_step, mapping, tone
+from station.diagnosis.faults.fault import Fault, Number
+from station.domain.recipe import Recipe
+from station.domain.types import Floats, SampleTable
+from station.model.scene import Scene, scene_of_table
+
+__all__ = ["Fault", "Inspected", "Number", "inspect"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inspected:
+    """Faults; the table as it would be without them, clipped stops left out; and the faults that nothing could show."""
+
+    faults: tuple[Fault, ...]
+    table: SampleTable
+    blind: tuple[str, ...]
+
+
+def inspect(recipe: Recipe, table: SampleTable) -> Inspected:
+    """Looks a table over. Its rows come back sorted by unit, run and stop, in the order of arrival."""
+    scene = scene_of_table(recipe, table)
+    order = np.argsort(scene.visit, kind="stable")
+    table, stop = table[order], scene.visit[order]
+    read = mapping.decoded(scene, _means(table.reading, stop))
+    found = mapping.faults(recipe, table, scene, read)
+    found = [_measured(f, scene, table, mapping.repaired(table, read), stop) for f in found]
+    table = replace(table, reading=mapping.repaired(table, read)) if read else table
+    for part in (clipping, grid_step, counters, clock, tone):
+        found += part.faults(recipe, table, stop)
+    _, bad = clipping.clipped(table, stop)
+    kept = table[~np.isin(stop, np.unique(stop[bad]))] if bad.any() else table
+    return Inspected(tuple(found), kept, _blind(recipe, table, scene))
+
+
+def _means(reading: Floats, stop: NDArray[np.intp]) -> Floats:
+    count = np.bincount(stop)
+    return np.stack([np.bincount(stop, column) / count for column in reading.T], 1)
+
+
+def _measured(fault: Fault, scene: Scene, table: SampleTable, repaired: Floats, stop: NDArray[np.intp]) -> Fault:
+    """The fault with the rms of what the ideal simulation leaves, before and after the repair."""
+    if not scene.recipe.pose_known:
+        return fault
+    v = scene.visits
+    true = np.einsum("vji,vj->vi", np.einsum("vij,vjk->vik", v.nest_R, v.seat_R), v.stimulus)
+    before, after = (_rms(_means(r, stop) - true, v.unit.code) for r in (table.reading, repaired))
+    return replace(fault, rms_before=before, rms_after=after)
+
+
+def _rms(residual: Floats, unit: NDArray[np.int32]) -> float:
+    """Rms about each unit's mean."""
+    count = np.maximum(np.bincount(unit), 1)
+    middle = np.stack([np.bincount(unit, column) / count for column in residual.T], 1)
+    return float(np.sqrt(np.mean((residual - middle[unit]) ** 2)))
+
+
+def _blind(recipe: Recipe, table: SampleTable, scene: Scene) -> tuple[str, ...]:
+    """Faults that these data could not show."""
+    blind = []
+    if "counter" not in table.values:
+        blind += ["lost-frames", "duplicated-frames", "reordered-frames"]
+    if len(table) < 3 * len(scene.visits):
+        blind.append("clock-error")
+    if recipe.device.lsb <= 0:
+        blind.append("quantization")
+    if not {"motor", "started_s"} <= set(table.values) or float(np.ptp(table.values["motor"])) == 0.0:
+        blind.append("motor-tone")
+    if not recipe.pose_known:
+        blind.append("axis-permutation")
+    return tuple(blind)

@@ -1,0 +1,140 @@
+"""A line in the spectrum of the dwells that grows with the drive of the motors.
+
+Each stop's samples are turned into one complex amplitude per frequency up to half the sample rate. Powers add up over
+stops without regard to phase; where they stand out in proportion to motor², the phases are followed over the whole
+campaign, which fixes frequency, amplitude and phase. A tone above half the rate shows at its alias.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.diagnosis.faults.fault import Fault, Number
+from station.domain.recipe import Recipe
+from station.domain.types import Array, Floats, SampleTable
+
+#: Nats of log-likelihood that a line must gain beyond the number of frequencies tried.
+SURE = 12.0
+#: Frequencies tried for each 1/dwell.
+FINE = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dwells:
+    """White samples (v, s, 3) of the stops, zero where there is none; time (v, s) on the campaign's clock, its middle
+    (v); motor (v); rate in Hz."""
+
+    white: Floats
+    time_s: Floats
+    motor: Floats
+    rate_hz: float
+
+    @property
+    def middle_s(self) -> Floats:
+        """Where each stop's phase is taken (v)."""
+        return np.asarray(self.time_s[:, 0])
+
+
+def dwells_of(table: SampleTable, stop: NDArray[np.intp], rate_hz: float) -> tuple[Dwells, float]:
+    """The stops' samples without their slow course, and their noise."""
+    first = np.flatnonzero(np.diff(stop, prepend=-1))
+    length = np.diff(np.append(first, len(stop)))
+    place = np.arange(len(stop)) - np.repeat(first, length)
+    shape = (len(first), int(length.max()))
+    white, time = np.zeros((*shape, 3)), np.zeros(shape)
+    share = (place + 0.5) / np.repeat(length, length) * 2 - 1
+    curve = np.stack([share**k for k in range(4)], 1)
+    flat = table.reading - _smooth(table.reading, curve, first, length)
+    sigma = float(np.median(np.abs(flat))) / 0.6745
+    white[np.repeat(np.arange(len(first)), length), place] = flat / max(sigma, 1e-300)
+    started = table.values["started_s"]
+    time[np.repeat(np.arange(len(first)), length), place] = table.time_s + started
+    return Dwells(white, time, np.add.reduceat(table.values["motor"], first) / length, rate_hz), sigma
+
+
+def _smooth(reading: Floats, curve: Floats, first: NDArray[np.intp], length: NDArray[np.intp]) -> Floats:
+    """A cubic in time through each stop's samples (n, 3)."""
+    normal = np.add.reduceat(curve[:, :, None] * curve[:, None, :], first) + 1e-9 * np.eye(4)
+    said = np.add.reduceat(curve[:, :, None] * reading[:, None, :], first)
+    return np.asarray(np.einsum("nk,nki->ni", curve, np.repeat(np.linalg.solve(normal, said), length, axis=0)))
+
+
+def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[Fault]:
+    """The strongest line, if there is one that the motors explain."""
+    needed = {"motor", "started_s"} <= set(table.values)
+    if not needed or float(np.ptp(table.values["motor"])) == 0.0 or len(table) < 64:
+        return []
+    rate = recipe.device.rate_hz
+    d, sigma = dwells_of(table, stop, rate)
+    samples = d.white.shape[1]
+    if samples < 16:
+        return []
+    tried = np.arange(3, FINE * samples // 2) * rate / (FINE * samples)
+    gains = np.array([_power_gain(d, f) for f in tried])
+    best = int(gains.argmax())
+    if gains[best] < SURE + np.log(len(tried)):
+        return []
+    return [_fault(d, _followed(d, float(tried[best])), sigma, float(gains[best]), recipe)]
+
+
+def _amplitudes(d: Dwells, frequency_hz: float) -> Array:
+    """Complex sums (v, 3) of the white samples against the wave."""
+    wave = np.exp(-2j * np.pi * frequency_hz * (d.time_s - d.middle_s[:, None]))
+    return np.asarray(np.einsum("vs,vsi->vi", wave, d.white))
+
+
+def _power_gain(d: Dwells, frequency_hz: float) -> float:
+    """Log-likelihood gained by power in proportion to motor² at a frequency, phases free."""
+    power = np.abs(_amplitudes(d, frequency_hz)) ** 2
+    count = np.count_nonzero(d.white[:, :, 0], axis=1)[:, None]
+    weight = d.motor[:, None] ** 2 * count**2 / 4
+    # One step of the score test for each axis, on exponentially distributed powers of mean count + A² weight.
+    slope = np.sum((power - count) * weight / count**2, axis=0)
+    bend = np.sum(weight**2 / count**2, axis=0)
+    z = slope / np.sqrt(np.maximum(bend, 1e-300))
+    return float(np.sum(np.maximum(z, 0.0) ** 2) / 2)
+
+
+def _followed(d: Dwells, frequency_hz: float) -> float:
+    """The frequency near a line at which the phases of all stops agree best."""
+    resolution = d.rate_hz / (FINE * d.white.shape[1])
+    base = _amplitudes(d, frequency_hz) * d.motor[:, None]
+    at = d.middle_s - d.middle_s.mean()
+    total = max(float(np.ptp(at)), 1e-9)
+    shift = np.arange(-resolution, resolution, 0.25 / total)
+    best = (0.0, -1.0)
+    for part in np.array_split(shift, max(1, len(shift) * len(at) // 2_000_000)):
+        turned = np.exp(-2j * np.pi * np.outer(part + frequency_hz, at)) @ base
+        agree = np.abs(np.sum(turned**2, axis=1)) + np.sum(np.abs(turned) ** 2, axis=1)
+        i = int(agree.argmax())
+        best = max(best, (float(part[i]), float(agree[i])), key=lambda pair: pair[1])
+    return frequency_hz + best[0]
+
+
+def _fault(d: Dwells, frequency_hz: float, sigma: float, nats: float, recipe: Recipe) -> Fault:
+    """Amplitude of each axis, frequency and phase by least squares on all samples."""
+    live = d.white[:, :, 0] != 0
+    t, motor = d.time_s[live], np.repeat(d.motor[:, None], d.white.shape[1], 1)[live]
+    y = d.white[live]
+    for _ in range(4):
+        angle = 2 * np.pi * frequency_hz * t
+        waves = motor[:, None] * np.stack([np.sin(angle), np.cos(angle)], 1)
+        c = np.linalg.lstsq(waves, y, rcond=None)[0]
+        slope = 2 * np.pi * (t - t.mean())[:, None] * motor[:, None]
+        bend = slope * (np.cos(angle)[:, None] * c[0] - np.sin(angle)[:, None] * c[1])
+        step = float(np.sum(bend * (y - waves @ c)) / max(float(np.sum(bend**2)), 1e-300))
+        frequency_hz += step
+    strong = int(np.argmax(np.hypot(*c)))
+    phase = float(np.arctan2(c[1, strong], c[0, strong]) % (2 * np.pi))
+    along = c[0] * np.cos(phase) + c[1] * np.sin(phase)
+    std = sigma / np.sqrt(max(float(np.sum(waves[:, 0] ** 2)), 1e-300))
+    numbers = [
+        Number("amplitude", axis, "common", float(a * sigma), float(std), recipe.unit)
+        for axis, a in zip("xyz", along, strict=True)
+    ]
+    told_std = float(1 / np.sqrt(max(float(np.sum(bend**2)), 1e-300)))
+    numbers.append(Number("frequency", None, "common", frequency_hz, told_std, "Hz"))
+    numbers.append(Number("phase", None, "common", phase, float(std / (sigma * np.hypot(*c)[strong])), "rad"))
+    told = f"a tone of {frequency_hz:.3f} Hz follows the motors"
+    return Fault("motor-tone", "common", tuple(numbers), told, nats)
