@@ -2,13 +2,12 @@
 
 from collections.abc import Awaitable, Callable
 from functools import wraps
-from typing import TypeVar
 
-from starlette.datastructures import FormData
+from starlette.datastructures import FormData, Headers, MutableHeaders
 from starlette.exceptions import HTTPException
-from starlette.middleware.base import BaseHTTPMiddleware, RequestResponseEndpoint
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from station.web.sessions import Session, same_token
 
@@ -17,16 +16,16 @@ COOKIE = "station_session"
 MOST_BODY_BYTES = 64 * 1024
 
 _HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; style-src 'self'; script-src 'self'; "
-    "frame-ancestors 'none'; base-uri 'none'; form-action 'self'; object-src 'none'",
+    "Content-Security-Policy": "default-src 'none'; connect-src 'self'; img-src 'self' data:; style-src 'self'; "
+    "script-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'",
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
-    "Referrer-Policy": "no-referrer",
+    "Referrer-Policy": "same-origin",
     "Cache-Control": "no-store",
     "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
 }
 
-Answer = TypeVar("Answer", bound=Response)
 Endpoint = Callable[[Request], Awaitable[Response]]
 
 
@@ -57,36 +56,47 @@ def person(right: str) -> Callable[[Callable[[Request, Session], Awaitable[Respo
 
 
 async def form_of(request: Request, session: Session | None) -> FormData:
-    """The posted form, once its size and its token are right. HTTPException 403 or 413 otherwise."""
+    """The posted form, once its size and its token are right. HTTPException 400 or 403 otherwise."""
     form = await request.form(max_files=0, max_fields=300, max_part_size=MOST_BODY_BYTES)
     if session is not None and not same_token(session, str(form.get("csrf", ""))):
         raise HTTPException(403, "this form is not from your page; reload it and try again")
     return form
 
 
-class Closed(BaseHTTPMiddleware):
+class Closed:
     """Refuses large bodies and foreign origins before anything reads them, and closes the answer's headers."""
 
-    async def dispatch(self, request: Request, call_next: RequestResponseEndpoint) -> Response:
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Checks, calls, adds headers."""
-        refused = _refusal(request)
-        response = refused if refused is not None else await call_next(request)
-        for name, value in _HEADERS.items():
-            response.headers.setdefault(name, value)
-        return response
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def closed(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in _HEADERS.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
+        refused = _refusal(str(scope["method"]), Headers(scope=scope))
+        await (refused or self._app)(scope, receive, closed)
 
 
-def _refusal(request: Request) -> Response | None:
-    if request.method in ("GET", "HEAD"):
+def _refusal(method: str, headers: Headers) -> Response | None:
+    if method in ("GET", "HEAD"):
         return None
-    if request.method != "POST":
+    if method != "POST":
         return Response("only GET and POST", 405)
-    length = request.headers.get("content-length", "")
+    length = headers.get("content-length", "")
     if not length.isdigit():
         return Response("a body needs its length", 411)
     if int(length) > MOST_BODY_BYTES:
         return Response("the body is too large", 413)
-    origin = request.headers.get("origin")
-    if origin is not None and origin.partition("://")[2] != request.headers.get("host", ""):
+    origin = headers.get("origin")
+    if origin is not None and origin.partition("://")[2] != headers.get("host", ""):
         return Response("this form is from another site", 403)
     return None

@@ -47,6 +47,11 @@ class Sessions:
         self._open[session.token] = session
         return session
 
+    def open(self, token: str) -> bool:
+        """Whether the session still lives; asking does not keep it alive."""
+        session = self._open.get(token)
+        return session is not None and self._alive(session, self.monotonic_s())
+
     def end(self, token: str) -> None:
         """Logs out."""
         self._open.pop(token, None)

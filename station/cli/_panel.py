@@ -1,0 +1,130 @@
+"""The face of the page: people in and out, then a server until it is stopped."""
+
+import getpass
+import secrets
+import socket
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from station.cli import _face
+from station.config.settings import Settings, load_settings
+from station.errors import ConfigError, StationFault, UsageError
+from station.web import accounts
+from station.web.accounts import Account, Role
+from station.web.panel import Panel
+from station.web.runs import Order
+from station.wiring.jobs import load_job
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """What the command line says about files; None: as config.yaml says, or beside the log."""
+
+    recipe: str | None
+    config: Path | None
+    db: Path | None
+    accounts: Path | None
+
+    def database(self, settings: Settings) -> Path:
+        """The log."""
+        return self.db or Path(settings.database)
+
+    def people(self, settings: Settings) -> Path:
+        """The file of the people."""
+        return self.accounts or self.database(settings).with_name("accounts.json")
+
+
+@dataclass(frozen=True, slots=True)
+class Listen:
+    """Where the server listens."""
+
+    host: str
+    port: int
+    secure: bool
+
+
+def change_people(where: Where, add: str | None, remove: str | None, role: str) -> int:
+    """Adds or removes one person. Errors: UsageError, ConfigError."""
+    path = where.people(load_settings(where.config))
+    people = accounts.load(path)
+    if remove is not None and people.pop(remove, None) is None:
+        raise UsageError(f"{path} holds nobody named {remove!r}; it holds {', '.join(people) or 'nobody'}")
+    if add is not None:
+        if not add.isprintable() or not 0 < len(add) <= 64:
+            raise UsageError("a name has 1 to 64 printable characters")
+        if role not in list(Role):
+            raise UsageError(f"there is no role {role!r}; use {', '.join(Role)}")
+        people[add] = Account(add, Role(role), accounts.hash_password(_password(add)))
+    accounts.save(path, people)
+    _face.say(f"{path}: {', '.join(f'{p.name} ({p.role})' for p in people.values()) or 'nobody'}")
+    return 0
+
+
+def serve(where: Where, listen: Listen, *, pace: float | None, more: tuple[str, ...] = ()) -> int:
+    """Serves until it is stopped. pace: of simulated runs; None: runs on the bench; more: words for `station run`."""
+    settings = load_settings(where.config)
+    recipe = where.recipe or settings.recipe
+    job, _ = load_job(recipe)
+    order = Order(where.database(settings), recipe, where.config, simulate=pace is not None, pace=pace, more=more)
+    people = where.people(settings)
+    if not accounts.load(people):
+        if pace is None:
+            raise ConfigError(
+                f"{people}: nobody may log in yet; `station panel --add NAME --role engineer` adds a person"
+            )
+        _demonstrate(people)
+    panel = Panel(settings, job.recipe, order, people, secure=listen.secure)
+    _serve(panel, listen)
+    return 0
+
+
+def _serve(panel: Panel, listen: Listen) -> None:
+    import uvicorn
+
+    from station.web.app import create_app
+
+    door = _bound(listen)
+    host, port = door.getsockname()[:2]
+    _face.say(f"http://{f'[{host}]' if ':' in host else host}:{port}")
+
+    class Server(uvicorn.Server):
+        """Stopping is its regular end: the open event streams end first, and no signal is raised again."""
+
+        def handle_exit(self, sig: int, frame: object) -> None:  # noqa: ARG002
+            panel.over = True
+            self.should_exit = True
+
+    options = uvicorn.Config(
+        create_app(panel), log_level="warning", access_log=False, server_header=False, timeout_graceful_shutdown=2
+    )
+    Server(options).run(sockets=[door])
+
+
+def _bound(listen: Listen) -> socket.socket:
+    try:
+        family = socket.getaddrinfo(listen.host, listen.port, type=socket.SOCK_STREAM)[0][0]
+        door = socket.socket(family, socket.SOCK_STREAM)
+        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        door.bind((listen.host, listen.port))
+    except OSError as exc:
+        raise StationFault(
+            f"nobody can listen at {listen.host} port {listen.port} ({exc.strerror}); choose another --port"
+        ) from exc
+    return door
+
+
+def _demonstrate(people: Path) -> None:
+    """One engineer with a password that is said once, so that a demonstration needs no preparation."""
+    password = secrets.token_urlsafe(9)
+    accounts.save(people, {"demo": Account("demo", Role.ENGINEER, accounts.hash_password(password))})
+    _face.remark(f"log in as demo with the password {password} (kept in {people} as a hash; said only now)")
+
+
+def _password(name: str) -> str:
+    if not sys.stdin.isatty():
+        return sys.stdin.readline(1000).rstrip("\r\n")
+    first = getpass.getpass(f"password of {name}: ")
+    if getpass.getpass("once more: ") != first:
+        raise UsageError("the two passwords differ; try again")
+    return first

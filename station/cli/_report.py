@@ -1,0 +1,70 @@
+"""The face of the report: a self-contained page, a JSON document, or tables."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from station.adapters.store.search import Query
+from station.cli import _face
+from station.errors import UsageError
+from station.web import charts
+from station.web.line import gather
+from station.web.render import environment
+
+if TYPE_CHECKING:
+    from station.adapters.store.reader import LogReader
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """What is asked; out: the page's file, or None."""
+
+    query: Query
+    value: str
+    size: int
+    most: int
+    out: Path | None
+
+
+def answer(log: "LogReader", ask: Ask, *, as_json: bool) -> int:
+    """Writes and prints the report. Errors: LogError, UsageError."""
+    line = gather(log, ask.query, ask.most)
+    drawn = charts.draw(line, ask.value, ask.size)
+    if ask.out is not None:
+        _write(ask.out, _page(log, drawn, len(line.attempts)))
+    if as_json:
+        _face.say_json(charts.document(line, drawn))
+        return 0
+    for table in drawn.tables:
+        _face.say(f"\n{table.title}")
+        _print(table)
+    if drawn.problem:
+        _face.remark(drawn.problem)
+    if ask.out is not None:
+        _face.say(f"\nreport: {ask.out}")
+    return 0
+
+
+def _page(log: "LogReader", drawn: charts.Charts, count: int) -> str:
+    head = log.head()
+    title = f"Line report: {log.path.name}"
+    said = f"{count} finished attempts; control charts show the newest of them, limits are three σ within subgroups."
+    template = environment().get_template("report.html")
+    return template.render(title=title, said=said, charts=drawn, head=f"{head.number}:{head.hash}")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as exc:
+        raise UsageError(f"{path} cannot be written ({exc.strerror}); choose another --out") from exc
+
+
+def _print(table: charts.Table) -> None:
+    from rich import box
+    from rich.table import Table
+
+    shown = Table(*table.columns, box=box.SIMPLE)
+    for row in table.rows:
+        shown.add_row(*row)
+    _face.console().print(shown)

@@ -1,0 +1,49 @@
+"""`station panel`: the operator's page."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+
+def command(
+    recipe: Annotated[str | None, Option(help="Recipe of the runs: a file, or its name in recipes/.")] = None,
+    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    simulate: Annotated[bool, Option("--simulate", help="Runs from the page are simulated ones.")] = False,
+    pace: Annotated[float, Option(min=0.01, help="With --simulate: so many times real time.")] = 1.0,
+    fault: Annotated[
+        list[str] | None, Option(help="With --simulate: what is wrong with a device, [SERIAL/]KIND[:key=value,...].")
+    ] = None,
+    host: Annotated[str, Option(help="Address to listen at; only this machine unless told otherwise.")] = "127.0.0.1",
+    port: Annotated[int, Option(min=0, max=65535, help="Port to listen at; 0: any free one.")] = 8080,
+    secure: Annotated[bool, Option("--secure", help="The page is reached by https only (behind a proxy).")] = False,
+    accounts: Annotated[Path | None, Option(help="File of the people; left out: accounts.json beside the log.")] = None,
+    add: Annotated[str | None, Option(help="Add this person (or change the password), then end.")] = None,
+    remove: Annotated[str | None, Option(help="Remove this person, then end.")] = None,
+    role: Annotated[str, Option(help="With --add: operator, engineer or auditor.")] = "operator",
+) -> int:
+    """Serve the page for operator, auditor and engineer; it reads the log and starts runs as processes of their own.
+
+    First the people (the password is asked for, or read from standard input):
+
+        station panel --add anna --role engineer
+
+    Then the page, at http://127.0.0.1:8080:
+
+        station panel --db station.db
+
+    Without any hardware:
+
+        station panel --simulate --db /tmp/demo.db
+    """
+    from station.cli import _panel
+    from station.errors import UsageError
+
+    where = _panel.Where(recipe, config, db, accounts)
+    if add is not None or remove is not None:
+        return _panel.change_people(where, add, remove, role)
+    if fault and not simulate:
+        raise UsageError("--fault changes simulated units; add --simulate or leave it out")
+    more = tuple(f"--fault={text}" for text in fault or ())
+    return _panel.serve(where, _panel.Listen(host, port, secure=secure), pace=pace if simulate else None, more=more)

@@ -1,0 +1,175 @@
+"""The auditor's pages: find attempts, a unit's whole life, certificates, the same computed again."""
+
+from dataclasses import asdict, replace
+from typing import Any
+from urllib.parse import urlencode
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route
+
+from station.adapters.store.life import result
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Attempt, Query
+from station.domain import coefficients
+from station.drawing.figure import Figure, Series, svg
+from station.errors import LogError
+from station.web import certificate, render
+from station.web.certificate_pdf import pdf
+from station.web.guard import form_of, person
+from station.web.panel import Panel
+from station.web.questions import FIELDS, query_of
+from station.web.sessions import Session
+
+#: Attempts on one page; the next page begins where this one ends.
+PAGE = 100
+
+
+@person("audit")
+async def search(request: Request, session: Session) -> Response:
+    """The form and what it found; `as=text` gives every serial, one a line: the list of a recall."""
+    panel: Panel = request.app.state.panel
+    asked = dict(request.query_params)
+    query = query_of(asked)
+    if asked.get("as") == "text":
+        serials = await run_in_threadpool(_serials, panel, query)
+        panel.journal.add(session.account.name, "containment", question=asked, units=len(serials))
+        return PlainTextResponse("".join(f"{s}\n" for s in serials))
+    found, head = await run_in_threadpool(_found, panel, query)
+    said = {k: v for k, v in asked.items() if k in FIELDS and v}
+    more = urlencode({**said, "before": found[PAGE - 1].number}) if len(found) > PAGE else ""
+    shown = {k: asked.get(k, "") for k in FIELDS}
+    return render.page(
+        *(request, "audit.html", session),
+        asked=shown, found=found[:PAGE], more=more, head=head, text=urlencode({**said, "as": "text"}),
+    )  # fmt: skip
+
+
+@person("audit")
+async def unit(request: Request, session: Session) -> Response:
+    """Everything ever done to one serial."""
+    panel: Panel = request.app.state.panel
+    serial = request.query_params.get("serial", "")
+    lives = await run_in_threadpool(_lives, panel, serial)
+    history = [(a, result(a, "calibration")) for a in lives]
+    history = [(a, fit) for a, fit in history if fit and fit.get("offset") is not None]
+    rows = [
+        (
+            name,
+            [_theta(fit)[i] for _, fit in history],
+            [b["expanded"] for b in (fit["budget"][i] for _, fit in history)],
+        )
+        for i, name in enumerate(coefficients.NAMES)
+    ]
+    return render.page(
+        *(request, "unit.html", session),
+        serial=serial, lives=lives[::-1], history=[a for a, _ in history], rows=rows, chart=_chart(history),
+    )  # fmt: skip
+
+
+@person("audit")
+async def show_certificate(request: Request, session: Session) -> Response:
+    """The certificate of one attempt, as a page or, at `.pdf`, as a document."""
+    panel: Panel = request.app.state.panel
+    made = await run_in_threadpool(_certificate, panel, *_which(dict(request.query_params)))
+    panel.journal.add(session.account.name, "certificate", **dict(request.query_params))
+    if not request.url.path.endswith(".pdf"):
+        return render.page(request, "certificate.html", session, made=made, query=request.url.query)
+    paper = await run_in_threadpool(pdf, made)
+    name = "".join(c if c.isalnum() or c in "-_" else "_" for c in made.serial)
+    return Response(paper, media_type="application/pdf", headers={
+        "Content-Disposition": f'inline; filename="certificate-{name}.pdf"'})  # fmt: skip
+
+
+@person("audit")
+async def recompute(request: Request, session: Session) -> Response:
+    """Refits one attempt from its raw frames, and says whether every bit comes out again."""
+    form = await form_of(request, session)
+    panel: Panel = request.app.state.panel
+    which = _which({k: str(v) for k, v in form.items()})
+    done = await run_in_threadpool(_recomputed, panel, *which)
+    panel.journal.add(
+        session.account.name, "recompute", serial=which[0], attempt=which[1], differences=done["differences"]
+    )
+    return render.page(request, "recomputed.html", session, done=done)
+
+
+@person("audit")
+async def journal(request: Request, session: Session) -> Response:
+    """What people did at this page, newest first; an edited journal says where."""
+    panel: Panel = request.app.state.panel
+    lines = await run_in_threadpool(lambda: list(panel.journal.lines()))
+    return render.page(request, "journal.html", session, lines=lines[::-1][:500])
+
+
+def _found(panel: Panel, query: Query) -> tuple[list[Attempt], dict[str, Any]]:
+    with panel.log() as log:
+        return log.attempts(query, PAGE + 1), asdict(log.head())
+
+
+def _serials(panel: Panel, query: Query) -> list[str]:
+    with panel.log() as log:
+        return sorted({a.serial for a in log.attempts(replace(query, before=None))})
+
+
+def _lives(panel: Panel, serial: str) -> list[dict[str, Any]]:
+    with panel.log() as log:
+        found = log.life(Query(serial=serial))
+    if not found:
+        raise LogError(f"the log holds no unit {serial[:40]!r}; search for it")
+    return found
+
+
+def _attempt(log: LogReader, serial: str, attempt: str) -> Attempt:
+    for found in log.attempts(Query(serial=serial)):
+        if found.attempt == attempt:
+            return found
+    raise LogError(f"the log holds no attempt {attempt[:40]!r} of {serial[:40]!r}")
+
+
+def _which(asked: dict[str, str]) -> tuple[str, str]:
+    return asked.get("serial", ""), asked.get("attempt", "")
+
+
+def _certificate(panel: Panel, serial: str, attempt: str) -> certificate.Certificate:
+    with panel.log() as log:
+        return certificate.build(log, _attempt(log, serial, attempt))
+
+
+def _recomputed(panel: Panel, serial: str, attempt: str) -> dict[str, Any]:
+    from station.wiring.recompute import recompute as again
+
+    with panel.log() as log:
+        done = again(log, _attempt(log, serial, attempt))
+    return {**asdict(done), "identical": done.identical}
+
+
+def _theta(fit: dict[str, Any]) -> list[float]:
+    return [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
+
+
+def _chart(history: list[tuple[dict[str, Any], dict[str, Any]]]) -> str:
+    """The offsets from attempt to attempt with their expanded uncertainty; '' for a single one."""
+    if len(history) < 2:
+        return ""
+    names = tuple(a["started"][:16].replace("T", " ") for a, _ in history)
+    x = [float(i) for i in range(len(history))]
+    series = []
+    for axis in range(3):
+        y = [_theta(fit)[axis] for _, fit in history]
+        u = [fit["budget"][axis]["expanded"] for _, fit in history]
+        low, high = [a - b for a, b in zip(y, u, strict=True)], [a + b for a, b in zip(y, u, strict=True)]
+        series.append(Series(x, y, coefficients.NAMES[axis], "dots", low, high, axis))
+    unit = history[0][1]["budget"][0]["unit"]
+    return svg(Figure("Offsets of every attempt, with U (k = 2)", "", f"offset, {unit}", tuple(series), names))
+
+
+ROUTES = [
+    Route("/audit", search, methods=["GET"]),
+    Route("/audit/unit", unit, methods=["GET"]),
+    Route("/audit/certificate", show_certificate, methods=["GET"]),
+    Route("/audit/certificate.pdf", show_certificate, methods=["GET"]),
+    Route("/audit/recompute", recompute, methods=["POST"]),
+    Route("/journal", journal, methods=["GET"]),
+]

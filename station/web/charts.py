@@ -1,0 +1,185 @@
+"""Figures and tables of the line, for the page and for `station report`."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+
+import numpy as np
+
+from station.adapters.store.life import utc
+from station.domain import spc
+from station.domain.types import Floats
+from station.drawing.figure import Figure, Series, svg
+from station.drawing.tables import bars
+from station.errors import UsageError
+from station.web.line import PARTS, SPLITS, VALUES, Line, limits_of
+from station.web.render import number
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A titled table of text."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Charts:
+    """What is shown, in its order. problem: why a control chart could not be drawn, or ''."""
+
+    figures: tuple[str, ...]
+    tables: tuple[Table, ...]
+    problem: str = ""
+
+
+def draw(line: Line, value: str, size: int) -> Charts:
+    """All figures; value: what the control chart follows, in subgroups of `size` successive attempts."""
+    control, capability, problem = _control(line, value, size)
+    figures = [_yield(line), _pareto(line), _cycle(line), *control, *_tilts(line)]
+    tables = [*(_yields(by, line) for by in SPLITS), *capability, _tilt_table(line)]
+    return Charts(tuple(f for f in figures if f), tuple(tables), problem)
+
+
+def _yield(line: Line) -> str:
+    days = list(line.yields["day"])[-31:]
+    x = [float(i) for i in range(len(days))]
+    first = _shares(x, [d.first_pass_yield for d in days], "first pass", 0)
+    final = _shares(x, [d.final_yield for d in days], "final", 1)
+    names = tuple(d.group for d in days)
+    return svg(Figure("Yield by day", "", "yield, %", (first, final), names, ((100.0, ""),))) if days else ""
+
+
+def _shares(x: Sequence[float], shares: Sequence[float], name: str, colour: int) -> Series:
+    """Percentages; days without any stay out."""
+    kept = [(a, 100 * b) for a, b in zip(x, shares, strict=True) if np.isfinite(b)]
+    return Series([a for a, _ in kept], [b for _, b in kept], name, "dots", colour=colour)
+
+
+def _pareto(line: Line) -> str:
+    rows = [(name, float(count)) for name, count in line.reasons.items()]
+    return bars("Reasons of attempts that did not pass", rows, "attempts") if rows else ""
+
+
+def _cycle(line: Line) -> str:
+    passed = [m for m in line.attempts if m.outcome == "PASS"]
+    rows = [(part, fmean(m.parts[part] for m in passed)) for part in PARTS] if passed else []
+    return bars("Cycle time of a unit that passes, mean", rows, "s") if rows else ""
+
+
+def _control(line: Line, value: str, size: int) -> tuple[list[str], list[Table], str]:
+    if value not in VALUES:
+        raise UsageError(f"there is no value {value[:40]!r}; use one of {', '.join(VALUES)}")
+    if not 1 <= size <= 25:
+        raise UsageError(f"a subgroup has 1 to 25 attempts, not {size}")
+    kept = [
+        (m.started_ns, m.values[value]) for m in line.attempts if value in m.values and m.outcome in ("PASS", "FAIL")
+    ]
+    count = len(kept) // size
+    if count < 2:
+        return [], [], f"a control chart of {value} needs two subgroups of {size}; there are {len(kept)} values"
+    used = kept[-count * size :]
+    groups = np.array([v for _, v in used]).reshape(count, size)
+    unit = line.recipe.unit if line.recipe and value.split(maxsplit=1)[0] in ("offset", "residual", "noise") else ""
+    unit = "s" if value == "cycle time" else unit
+    drawn = [_chart(chart, value, unit, size) for chart in spc.charts(groups)]
+    alarms = [(chart.name, utc(used[i * size][0]), rule) for chart in spc.charts(groups) for i, rule in chart.alarms]
+    tables = [Table(f"Out of control: {value}", ("chart", "from", "rule"), tuple(alarms))] if alarms else []
+    capability, problem = _capability(line, value, groups)
+    return drawn, [*tables, *capability], problem
+
+
+def _chart(chart: spc.Chart, value: str, unit: str, size: int) -> str:
+    x = [float(i + 1) for i in range(len(chart.points))]
+    out = sorted({i for i, _ in chart.alarms})
+    series = (
+        Series(x, chart.points.tolist(), "", "line"),
+        Series(x, chart.points.tolist(), "", "dots"),
+        Series([x[i] for i in out], [float(chart.points[i]) for i in out], "out of control", "dots", colour=1),
+    )
+    levels = (
+        (chart.upper, f"UCL {number(chart.upper, 4)}"),
+        (chart.centre, ""),
+        (chart.lower, f"LCL {number(chart.lower, 4)}"),
+    )
+    title = f"{value}: {chart.name} of {size}" if size > 1 else f"{value}: {chart.name}"
+    return svg(Figure(title, "subgroup", f"{value} {unit}".strip(), series, levels=levels, zero=False))
+
+
+def _capability(line: Line, value: str, groups: Floats) -> tuple[list[Table], str]:
+    lower, upper = limits_of(value, line.recipe.limits) if line.recipe else (None, None)
+    if lower is None and upper is None:
+        return [], ""
+    try:
+        c = spc.capability(groups, lower, upper)
+    except UsageError as exc:
+        return [], exc.sentence
+    rows = [("limits", f"{number(lower)} … {number(upper)}"), ("n", str(c.n)), ("mean", number(c.mean))]
+    rows += [("σ within", number(c.sigma_within, 4)), ("σ overall", number(c.sigma_overall, 4))]
+    for name, index in (("Cp", c.cp), ("Cpk", c.cpk), ("Pp", c.pp), ("Ppk", c.ppk)):
+        rows.append((name, "–" if index is None else "{} ({} … {}, 95 %)".format(*(number(v, 4) for v in index))))
+    return [Table(f"Capability: {value}", ("", "value"), tuple(rows))], ""
+
+
+def _tilts(line: Line) -> list[str]:
+    """One figure: the tilt found at each position, attempt by attempt; a fixture that wears shows here."""
+    names = sorted({name for m in line.attempts for name in m.tilts})
+    if len(line.attempts) < 2 or not names:
+        return []
+    shown = names[:: max(1, -(-len(names) // 6))]
+    series = [_tilt_of(line, name, i) for i, name in enumerate(shown)]
+    return [svg(Figure("Tilt of each position over time", "attempt", "tilt, degrees", tuple(series)))]
+
+
+def _tilt_of(line: Line, name: str, colour: int) -> Series:
+    points = [(float(i + 1), m.tilts[name]) for i, m in enumerate(line.attempts) if name in m.tilts]
+    return Series([x for x, _ in points], [y for _, y in points], name, "line", colour=colour)
+
+
+def _yields(by: str, line: Line) -> Table:
+    columns = (by, "units", "first pass", "first-pass yield", "final yield", "FAIL", "ERROR", "mean time, s")
+    rows = tuple(
+        (
+            y.group,
+            str(y.units),
+            str(y.first_pass),
+            _percent(y.first_pass_yield),
+            _percent(y.final_yield),
+            str(y.failed),
+            str(y.errors),
+            number(y.mean_duration_s, 4),
+        )
+        for y in line.yields[by][-31:]
+    )
+    return Table(f"Yield by {by}", columns, rows)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %" if np.isfinite(share) else "–"
+
+
+def _tilt_table(line: Line) -> Table:
+    """Mean tilt of every position, and how it moved from the first half of the attempts to the second."""
+    rows = []
+    names: Sequence[str] = sorted({name for m in line.attempts for name in m.tilts})
+    for name in names:
+        found = [m.tilts[name] for m in line.attempts if name in m.tilts]
+        half = len(found) // 2
+        moved = fmean(found[half:]) - fmean(found[:half]) if half else 0.0
+        rows.append((name, str(len(found)), number(fmean(found), 4), number(max(found), 4), number(moved, 3)))
+    return Table(
+        "Tilt of each position, degrees", ("position", "n", "mean", "largest", "second half − first"), tuple(rows)
+    )
+
+
+def document(line: Line, charts: Charts) -> Mapping[str, object]:
+    """The same as JSON: schema station.report/1."""
+    tables = [{"title": t.title, "columns": list(t.columns), "rows": [list(r) for r in t.rows]} for t in charts.tables]
+    return {
+        "schema": "station.report/1",
+        "attempts": len(line.attempts),
+        "tables": tables,
+        "reasons": dict(line.reasons),
+        "problem": charts.problem,
+    }

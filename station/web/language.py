@@ -1,0 +1,27 @@
+"""Texts of the page in several languages: one JSON file each in languages/, every one with the same keys."""
+
+import json
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+
+from starlette.requests import Request
+
+_FOLDER = Path(__file__).parent / "languages"
+COOKIE = "station_language"
+
+
+@lru_cache(maxsize=1)
+def all_texts() -> Mapping[str, Mapping[str, str]]:
+    """Language code → key → text."""
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(_FOLDER.glob("*.json"))}
+
+
+def of_request(request: Request) -> str:
+    """The language asked for by link, remembered by cookie, or wished by the browser; English otherwise."""
+    known = all_texts()
+    wished = [request.query_params.get("language", ""), request.cookies.get(COOKIE, "")]
+    wished += [
+        part.partition(";")[0].strip()[:2].lower() for part in request.headers.get("accept-language", "").split(",")
+    ]
+    return next((code for code in wished if code in known), "en")

@@ -1,0 +1,111 @@
+"""The line in figures: what finished attempts in the log come to, gathered once for the page and for the report."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+from station.adapters.store import life
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Query
+from station.adapters.store.yields import Yield
+from station.domain import coefficients
+from station.domain.recipe import Limits, Recipe
+
+#: What the yields are split by.
+SPLITS = ("station", "nest", "recipe", "day")
+#: Parts of a cycle, in their order.
+PARTS = ("identify", "measure", "compute and write", "verify", "close")
+#: Values that a control chart can follow.
+VALUES = (*coefficients.NAMES, "residual rms", "noise", "cycle time")
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One finished attempt: its values by name, its parts of the cycle (s), and the tilt of each position (degrees)."""
+
+    serial: str
+    nest: str
+    started_ns: int
+    outcome: str
+    values: Mapping[str, float]
+    parts: Mapping[str, float]
+    tilts: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Everything that the charts show. attempts: oldest first; reasons: check → how often; recipe: the newest's."""
+
+    recipe: Recipe | None
+    attempts: tuple[Measured, ...]
+    yields: Mapping[str, Sequence[Yield]]
+    reasons: Mapping[str, int] = field(default_factory=dict)
+
+
+def gather(log: LogReader, query: Query, most: int) -> Line:
+    """The newest `most` finished attempts that the query names. Errors: LogError."""
+    found = [a for a in log.attempts(query, most) if a.outcome is not None]
+    lives = [log.attempt(a) for a in reversed(found)]
+    reasons = Counter(check for kept in lives for check in _checks(kept))
+    recipe = Recipe.model_validate_json(log.recipe_and_product(found[0])[0]) if found else None
+    return Line(
+        recipe=recipe,
+        attempts=tuple(_measured(kept) for kept in lives),
+        yields={by: log.yields(query, by) for by in SPLITS},
+        reasons=dict(reasons.most_common(12)),
+    )
+
+
+def limits_of(name: str, limits: Limits) -> tuple[float | None, float | None]:
+    """Lower and upper acceptance limit of a value in the recipe; None: it has none."""
+    if name == "residual rms":
+        return None, limits.residual
+    if name == "noise":
+        return None, limits.noise
+    kind = name.partition(" ")[0]
+    half = {"offset": limits.offset, "gain": limits.gain, "cross-axis": limits.cross_axis}.get(kind)
+    nominal = 1.0 if kind == "gain" else 0.0
+    return (None, None) if half is None else (nominal - half, nominal + half)
+
+
+def _checks(kept: dict[str, Any]) -> list[str]:
+    verdict = life.result(kept, "verdict") or {}
+    return sorted({str(r["check"]) for r in verdict.get("reasons", ())})
+
+
+def _measured(kept: dict[str, Any]) -> Measured:
+    fit, verdict = life.result(kept, "calibration") or {}, life.result(kept, "verdict") or {}
+    values: dict[str, float] = {}
+    if fit.get("offset") is not None:
+        theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
+        values |= dict(zip(coefficients.NAMES, theta, strict=True)) | {"residual rms": fit["residual_rms"]}
+    if verdict.get("noise") is not None:
+        values["noise"] = verdict["noise"]
+    values["cycle time"] = (kept["ended_ns"] - kept["started_ns"]) / 1e9
+    tilts = {p["name"]: p["tilt_deg"] for p in fit.get("positions") or () if p["tilt_deg"] is not None}
+    known = {k: float(v) for k, v in values.items() if math.isfinite(v)}
+    return Measured(
+        serial=kept["serial"],
+        nest=f"{kept['station']}/{kept['nest']}",
+        started_ns=kept["started_ns"],
+        outcome=str(kept["outcome"]),
+        values=known,
+        parts=_parts(kept),
+        tilts=tilts,
+    )
+
+
+def _parts(kept: dict[str, Any]) -> dict[str, float]:
+    """How long each part lasted, s: from the record's own time stamps; parts that did not happen take none."""
+    tumble = [v for v in kept["visits"] if v["kind"] != "verify"]
+    verify = [v for v in kept["visits"] if v["kind"] == "verify"]
+    marks = [kept["started_ns"]]
+    marks.append(tumble[0]["arrived_ns"] if tumble else marks[-1])
+    marks.append(tumble[-1]["left_ns"] if tumble else marks[-1])
+    marks.append(verify[0]["arrived_ns"] if verify else marks[-1])
+    marks.append(verify[-1]["left_ns"] if verify else marks[-1])
+    marks.append(kept["ended_ns"])
+    return {name: (b - a) / 1e9 for name, (a, b) in zip(PARTS, pairwise(marks), strict=True)}

@@ -1,0 +1,48 @@
+"""The engineer's page: the line in charts."""
+
+from dataclasses import replace
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from station.errors import UsageError
+from station.web import charts, render
+from station.web.guard import person
+from station.web.line import VALUES, Line, gather
+from station.web.panel import Panel
+from station.web.questions import query_of
+from station.web.sessions import Session
+
+#: The page looks at so many of the newest attempts, and over so many days where it is not told.
+MOST, DAYS = 200, 7
+ASKED = ("since", "until", "station", "nest", "recipe_name", "lot")
+
+
+@person("charts")
+async def show(request: Request, session: Session) -> Response:
+    """Charts of the attempts that the address asks for."""
+    asked = {k: request.query_params.get(k, "") for k in ASKED}
+    value, size = request.query_params.get("value", VALUES[0]), request.query_params.get("size", "1")
+    if not size.isdigit():
+        raise UsageError("the size of a subgroup is a number from 1 to 25")
+    panel: Panel = request.app.state.panel
+    line = await run_in_threadpool(_line, panel, asked)
+    drawn = await run_in_threadpool(charts.draw, line, value, int(size))
+    return render.page(
+        *(request, "charts.html", session),
+        asked=asked, value=value, size=size, values=VALUES, charts=drawn, count=len(line.attempts), days=DAYS,
+    )  # fmt: skip
+
+
+def _line(panel: Panel, asked: dict[str, str]) -> Line:
+    query = query_of(asked)
+    with panel.log() as log:
+        if query.since_ns is None:
+            newest = log.attempts(query, 1)
+            query = replace(query, since_ns=newest[0].started_ns - DAYS * 86400 * 10**9 if newest else None)
+        return gather(log, query, MOST)
+
+
+ROUTES = [Route("/charts", show, methods=["GET"])]

@@ -1,0 +1,67 @@
+"""Log-in and log-out: rate-limited, the same time for known and unknown names, every try in the journal."""
+
+import math
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import RedirectResponse, Response
+from starlette.routing import Route
+
+from station.web import accounts, render
+from station.web.guard import COOKIE, form_of, person, session_of
+from station.web.panel import Panel
+from station.web.sessions import Session
+
+_LONGEST = 200
+
+
+async def show(request: Request) -> Response:
+    """The form."""
+    if session_of(request) is not None:
+        return RedirectResponse("/", 303)
+    return render.page(request, "login.html", None, error="")
+
+
+async def log_in(request: Request) -> Response:
+    """Checks name and password; a cookie that no script reads, or the form again with the reason."""
+    panel: Panel = request.app.state.panel
+    form = await form_of(request, None)
+    name, password = str(form.get("name", ""))[:_LONGEST], str(form.get("password", ""))[:_LONGEST]
+    keys = (f"name {name}", f"address {request.client.host if request.client else ''}")
+    wait_s = panel.guesses.wait_s(*keys)
+    if wait_s > 0:
+        answer = render.page(request, "login.html", None, 429, error="too_many")
+        answer.headers["Retry-After"] = str(math.ceil(wait_s))
+        return answer
+    # Counted before it is known: tries that come at the same time all count.
+    panel.guesses.failed(*keys)
+    account = accounts.load(panel.accounts).get(name)
+    right = await run_in_threadpool(accounts.verify, password, account.password if account else accounts.NOBODY)
+    if account is None or not right:
+        panel.journal.add(name, "log-in-refused")
+        return render.page(request, "login.html", None, 401, error="wrong_password")
+    panel.guesses.forget(*keys)
+    panel.journal.add(name, "log-in", role=str(account.role))
+    inside = RedirectResponse("/", 303)
+    token = panel.sessions.begin(account).token
+    inside.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=panel.secure, path="/")
+    return inside
+
+
+@person("watch")
+async def log_out(request: Request, session: Session) -> Response:
+    """Ends the session here and in the browser."""
+    await form_of(request, session)
+    panel: Panel = request.app.state.panel
+    panel.sessions.end(session.token)
+    panel.journal.add(session.account.name, "log-out")
+    answer = RedirectResponse("/login", 303)
+    answer.delete_cookie(COOKIE, path="/")
+    return answer
+
+
+ROUTES = [
+    Route("/login", show, methods=["GET"]),
+    Route("/login", log_in, methods=["POST"]),
+    Route("/logout", log_out, methods=["POST"]),
+]

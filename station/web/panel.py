@@ -1,0 +1,50 @@
+"""Everything the page stands on, made once and handed to every route as `request.app.state.panel`."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from station.adapters.store.reader import LogReader
+from station.config.settings import Settings
+from station.domain.recipe import Recipe
+from station.errors import LogError
+from station.web.journal import Journal
+from station.web.runs import Order, Runs, beside
+from station.web.screen import Screen
+from station.web.sessions import Guesses, Sessions
+
+
+@dataclass(slots=True)
+class Panel:
+    """Settings and recipe of the station; the people's file; how runs are started; open sessions.
+
+    secure: the page is reached by https only, so cookies are too. over: the server ends, and so do its streams.
+    monotonic_s: the clock of sessions and guesses.
+    """
+
+    settings: Settings
+    recipe: Recipe
+    order: Order
+    accounts: Path
+    secure: bool = False
+    monotonic_s: Callable[[], float] = time.monotonic
+    over: bool = False
+    sessions: Sessions = field(init=False)
+    guesses: Guesses = field(init=False)
+    journal: Journal = field(init=False)
+    runs: Runs = field(init=False)
+    screen: Screen = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.sessions = Sessions(self.monotonic_s)
+        self.guesses = Guesses(self.monotonic_s)
+        self.journal = Journal(beside(self.order.database, ".panel.jsonl"))
+        self.runs = Runs(self.order)
+        self.screen = Screen(self.settings, self.runs)
+
+    def log(self) -> LogReader:
+        """The log, opened for one question. Errors: LogError; nothing was ever run where there is no file."""
+        if not self.order.database.exists():
+            raise LogError(f"there is no log {self.order.database} yet; the first run makes it")
+        return LogReader(self.order.database)

@@ -1,0 +1,41 @@
+"""Questions of the audit and chart pages, as they stand in an address → a query on the log."""
+
+from collections.abc import Mapping
+from datetime import datetime, timedelta
+
+from station.adapters.store.search import Query
+from station.errors import UsageError
+
+#: Fields of the form that are columns of the query as they stand.
+PLAIN = ("station", "nest", "recipe_name", "recipe_hash", "firmware", "lot", "operator", "software")
+FIELDS = ("serial", "since", "until", "outcome", *PLAIN)
+
+
+def query_of(asked: Mapping[str, str]) -> Query:
+    """The query; empty fields do not matter. A serial that ends in `*` is a beginning. Errors: UsageError."""
+    said = {k: asked[k].strip() for k in FIELDS if asked.get(k, "").strip()}
+    serial = said.get("serial")
+    begins = serial is not None and serial.endswith("*")
+    before = asked.get("before", "")
+    return Query(
+        serial=None if begins else serial,
+        serial_from=serial[:-1] if serial and begins else None,
+        outcome=said["outcome"].upper() if "outcome" in said else None,
+        since_ns=_time_ns(said.get("since"), next_day=False),
+        until_ns=_time_ns(said.get("until"), next_day=True),
+        before=int(before) if before.isdigit() else None,
+        **{k: said[k] for k in PLAIN if k in said},
+    )
+
+
+def _time_ns(text: str | None, *, next_day: bool) -> int | None:
+    """A day or an instant, local; a day as the end of a span counts whole."""
+    if text is None:
+        return None
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError as exc:
+        raise UsageError(f"{text[:40]!r} is no time; write 2026-11-21 or 2026-11-21T13:00") from exc
+    if next_day and len(text) == len("2026-11-21"):
+        moment += timedelta(days=1)
+    return int(moment.astimezone().timestamp() * 1e9)

@@ -1,0 +1,111 @@
+"""Runs are processes of their own: started in their own session, found again by their lock, stopped by a signal."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from station.errors import StationFault, UsageError
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """How runs are started from this page; what is None stays as config.yaml says."""
+
+    database: Path
+    recipe: str
+    config: Path | None = None
+    simulate: bool = False
+    pace: float | None = None
+    more: tuple[str, ...] = ()
+
+    def words(self, serials: Sequence[str], operator: str) -> list[str]:
+        """The arguments of `station run`."""
+        words = ["run", "--db", str(self.database), "--recipe", self.recipe, f"--operator={operator}"]
+        if self.config is not None:
+            words += ["--config", str(self.config)]
+        if self.simulate:
+            words += ["--simulate", "--device-state", f"{self.database}.devices"]
+            words += ["--pace", f"{self.pace:g}"] if self.pace is not None else []
+        return [*words, *self.more, *(f"--serial={serial}" for serial in serials)]
+
+
+def beside(database: Path, ending: str) -> Path:
+    """A file of this log: `station.db` + `.live.json`."""
+    return database.with_name(database.name + ending)
+
+
+def owner(database: Path) -> int | None:
+    """The pid that holds the log right now, whoever started it; None when nobody does.
+
+    A pid in the lock file counts only while that process has the file open: pids are used again, locks are not
+    taken here, because even a short one would turn a starting run away.
+    """
+    lock = beside(database, ".lock")
+    try:
+        pid = int(json.loads(lock.read_bytes())["pid"])
+        handles = list(Path(f"/proc/{pid}/fd").iterdir())
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return pid if any(_is(handle, lock) for handle in handles) else None
+
+
+def _is(handle: Path, lock: Path) -> bool:
+    try:
+        return handle.samefile(lock)
+    except OSError:
+        return False
+
+
+class Runs:
+    """Starts and stops runs on one log. Children of this process are reaped whenever somebody asks."""
+
+    def __init__(self, order: Order) -> None:
+        self.order = order
+        self.started: int | None = None
+        self._child: subprocess.Popen[bytes] | None = None
+
+    def pid(self) -> int | None:
+        """The run on this log: a child that is just starting, or whoever holds the lock."""
+        if self._child is not None and self._child.poll() is None:
+            return self._child.pid
+        self._child = None
+        return owner(self.order.database)
+
+    def start(self, serials: Sequence[str], operator: str) -> int:
+        """Starts a run that outlives this process; its pid. UsageError when one is under way."""
+        if self.pid() is not None:
+            raise UsageError("a run is under way on this station; wait for its end or stop it")
+        words = [sys.executable, "-m", "station", *self.order.words(serials, operator)]
+        with self._said().open("wb") as said:
+            self._child = subprocess.Popen(
+                words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said, start_new_session=True
+            )
+        self.started = self._child.pid
+        return self._child.pid
+
+    def stop(self) -> int:
+        """Asks the run to stop and park, as Ctrl-C does; its pid. UsageError when there is none."""
+        pid = self.pid()
+        if pid is None:
+            raise UsageError("no run is under way; there is nothing to stop")
+        try:
+            os.kill(pid, signal.SIGINT)
+        except OSError as exc:
+            raise StationFault(f"the run (pid {pid}) cannot be stopped from here ({exc.strerror})") from exc
+        return pid
+
+    def last_words(self) -> str:
+        """The last sentence of the last run started here on its standard error, or ''."""
+        try:
+            lines = self._said().read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        except OSError:
+            return ""
+        return lines[-1][:500] if lines else ""
+
+    def _said(self) -> Path:
+        return beside(self.order.database, ".run.err")

@@ -1,0 +1,116 @@
+"""What every screen shows right now, as one flat mapping: screens are sent the keys whose values changed."""
+
+import json
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from station.config.settings import Settings
+from station.web import fixture
+from station.web.runs import Runs, beside
+
+#: A value older than this is looked up again, s: the rate at which all screens together look.
+FRESH_S = 0.03
+
+
+class Screen:
+    """Folds the run's live file, the lock and the scanned serials together. Every look is at most FRESH_S old."""
+
+    def __init__(self, settings: Settings, runs: Runs) -> None:
+        self._settings, self._runs = settings, runs
+        self._path = beside(runs.order.database, ".live.json")
+        self._stamp: tuple[int, int] | None = None
+        self._live: dict[str, Any] = {}
+        self._shown: dict[str, Any] = {}
+        self._looked_s = 0.0
+        self._pictures: dict[str, str] = {}
+        self.scans: dict[str, str] = {}
+        self.stopping = False
+
+    def shown(self) -> Mapping[str, Any]:
+        """Key → value; a key's value is replaced as a whole."""
+        now_s = time.monotonic()
+        if now_s - self._looked_s > FRESH_S:
+            self._looked_s = now_s
+            self._look()
+            self._shown = self._compose()
+        return self._shown
+
+    def state(self) -> dict[str, Any]:
+        """The run's own state as it last told it, empty when there never was one."""
+        self._look()
+        found: dict[str, Any] = self._live.get("state", {})
+        return found
+
+    def unfinished(self) -> dict[str, str]:
+        """Nest → serial of the units of the last load that neither passed nor failed."""
+        return {n["nest"]: n["serial"] for n in self.state().get("nests", ()) if n["outcome"] not in ("PASS", "FAIL")}
+
+    def _look(self) -> None:
+        """Reads the live file again when it is another one; a file in between keeps the last."""
+        try:
+            stat = self._path.stat()
+            stamp = (stat.st_ino, stat.st_mtime_ns)
+            if stamp != self._stamp:
+                self._live = json.loads(self._path.read_bytes())
+                self._stamp = stamp
+        except FileNotFoundError:
+            self._live, self._stamp = {}, None
+        except (OSError, ValueError):
+            return
+
+    def _compose(self) -> dict[str, Any]:
+        pid = self._runs.pid()
+        running = pid is not None
+        state: dict[str, Any] = self._live.get("state", {})
+        mine = running and self._live.get("pid") == pid
+        self.stopping = self.stopping and running
+        poses = self._live.get("poses", {})
+        now, following = (state.get(k, "") if mine else "" for k in ("position", "following"))
+        return {
+            "running": running,
+            "stopping": self.stopping,
+            "phase": state.get("phase", "") if mine else "begin" if running else "",
+            "position": now,
+            "following": following,
+            "now_svg": self._picture(poses, now),
+            "next_svg": self._picture(poses, following),
+            "asked": state.get("asked", "") if mine else "",
+            "writing": state.get("writing", "") if mine else "",
+            "done": state.get("done", 0) if mine or not running else 0,
+            "total": state.get("total", 0) if mine or not running else 0,
+            "began_s": state.get("began_s", 0.0) if mine else 0.0,
+            "estimate_s": state.get("estimate_s", 0.0) if mine else 0.0,
+            "unit": self._live.get("unit", ""),
+            "recipe": self._live.get("recipe", self._runs.order.recipe),
+            "sentences": state.get("sentences", []) if mine or not running else [],
+            "fault": self._fault(state, running=running),
+            **{f"nest {n.name}": self._nest(n.name, state, stale=running and not mine) for n in self._settings.nests},
+        }
+
+    def _nest(self, name: str, state: Mapping[str, Any], *, stale: bool) -> dict[str, Any]:
+        scanned = self.scans.get(name, "")
+        kept = None if stale else next((n for n in state.get("nests", ()) if n["nest"] == name), None)
+        if kept is None or (scanned and scanned != kept["serial"]):
+            return {"serial": scanned, "scanned": bool(scanned)}
+        return {**kept, "scanned": bool(scanned)}
+
+    def _fault(self, state: Mapping[str, Any], *, running: bool) -> str:
+        """Why there is no run, where it did not end by itself."""
+        if running:
+            return ""
+        if self._runs.started not in (None, self._live.get("pid")):
+            return self._runs.last_words() or "the run ended before it began, without a word"
+        if self._live and not state.get("over", False):
+            return self._runs.last_words() or "the run ended without a word; its units count as interrupted"
+        return str(state.get("fault", ""))
+
+    def _picture(self, poses: Mapping[str, Any], name: str) -> str:
+        if not name:
+            return ""
+        pose = poses.get(name)
+        key = f"{name} {pose}"
+        if key not in self._pictures:
+            self._pictures = dict(list(self._pictures.items())[-200:])
+            self._pictures[key] = fixture.picture(pose, name)
+        return self._pictures[key]

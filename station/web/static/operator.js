@@ -1,0 +1,120 @@
+// The operator's page: events change what is there; nothing is added to the page that is not replaced later.
+"use strict";
+(() => {
+  const byId = (id) => document.getElementById(id);
+  const { symbols, texts } = JSON.parse(byId("texts").textContent);
+  const state = {};
+  const scan = byId("scan"), form = byId("scan-form");
+  let beat = performance.now(), behind = 0, source = null;
+
+  const say = (node, words) => { if (node.textContent !== words) node.textContent = words; };
+  const list = (node, lines) => {
+    while (node.children.length > lines.length) node.lastChild.remove();
+    lines.forEach((line, i) => {
+      if (i >= node.children.length) node.append(document.createElement("li"));
+      say(node.children[i], line);
+    });
+  };
+  const figure = (v) => (v < 0 ? "−" : "+") + Math.abs(v).toFixed(4);
+
+  function showNest(name, nest) {
+    const box = document.querySelector(`[data-nest="${CSS.escape(name)}"]`);
+    const part = (p) => box.querySelector(`[data-part="${p}"]`);
+    const outcome = nest.scanned ? "" : nest.outcome || "";
+    say(part("serial"), nest.serial || "");
+    const words = outcome ? `${symbols[outcome]} ${texts[outcome]}`
+      : nest.scanned ? `◌ ${texts.scanned}` : nest.serial && state.running ? `… ${texts.measuring}` : "–";
+    say(part("verdict"), words);
+    part("verdict").dataset.outcome = outcome;
+    say(part("device"), nest.device || "");
+    const vector = nest.vector && nest.vector.length ? nest.vector.map(figure).join("  ") : "";
+    say(part("vector"), vector && `${vector} ${state.unit}`);
+    say(part("noise"), nest.noise == null ? "" : `${texts.noise} ${nest.noise.toExponential(1)} ${state.unit}`);
+    list(part("reasons"), outcome ? nest.reasons || [] : []);
+  }
+
+  function show(changed) {
+    Object.assign(state, changed);
+    for (const [key, value] of Object.entries(state)) if (key.startsWith("nest ") && (key in changed || "running" in changed)) showNest(key.slice(5), value);
+    if ("now_svg" in changed) byId("now-picture").innerHTML = state.now_svg;
+    if ("next_svg" in changed) byId("next-picture").innerHTML = state.next_svg;
+    say(byId("now"), state.writing || state.position || "–");
+    say(byId("next"), state.following || "–");
+    say(byId("recipe"), state.recipe);
+    say(byId("asked"), state.asked);
+    say(byId("phase"), state.stopping ? texts.stopping : state.running ? texts[`phase_${state.phase}`] || state.phase : texts.idle);
+    byId("bar").max = state.total || 1;
+    byId("bar").value = state.done;
+    say(byId("count"), state.total ? `${state.done} / ${state.total}` : "");
+    byId("fault").hidden = !state.fault;
+    say(byId("fault"), state.fault ? `⚠ ${state.fault}` : "");
+    list(byId("sentences"), state.sentences);
+    document.body.dataset.running = String(state.running);
+    if (form) buttons();
+  }
+
+  function buttons() {
+    const nests = Object.entries(state).filter(([k]) => k.startsWith("nest ")).map(([, v]) => v);
+    const open = nests.some((n) => n.serial && !n.scanned && !["PASS", "FAIL"].includes(n.outcome));
+    byId("resume").hidden = state.running || !open;
+    byId("start").disabled = state.running || !nests.some((n) => n.scanned);
+    byId("clear").disabled = state.running || !nests.some((n) => n.scanned);
+    byId("stop").disabled = !state.running;
+  }
+
+  function time() {
+    const lost = performance.now() - beat > 1500;
+    byId("lost").hidden = !lost;
+    document.body.dataset.lost = String(lost);
+    if (lost && source.readyState === EventSource.CLOSED) connect();
+    const left = state.began_s + state.estimate_s - (Date.now() / 1000 + behind);
+    say(byId("left"), state.running && state.estimate_s ? `${Math.max(0, Math.ceil(left))} s` : "–");
+  }
+
+  function connect() {
+    if (source) source.close();
+    source = new EventSource("/events");
+    source.addEventListener("change", (e) => {
+      const changed = JSON.parse(e.data);
+      behind = changed.now_s - Date.now() / 1000;
+      beat = performance.now();
+      show(changed);
+    });
+    source.addEventListener("beat", () => { beat = performance.now(); });
+    source.addEventListener("out", () => { location.href = "/login"; });
+  }
+
+  async function command(action, serial) {
+    const body = new URLSearchParams({ action, serial: serial || "", csrf: form.dataset.csrf });
+    let answer;
+    try {
+      const response = await fetch("/command", { method: "POST", body, headers: { Accept: "application/json" } });
+      if (response.status === 401) { location.href = "/login"; return false; }
+      answer = await response.json();
+    } catch { answer = { error: texts.lost }; }
+    const told = byId("told");
+    told.classList.toggle("problem", Boolean(answer.error));
+    say(told, answer.error ? `⚠ ${answer.error}` : answer.told ? `✔ ${answer.told}` : "");
+    scan.focus();
+    return !answer.error;
+  }
+
+  if (form) {
+    form.addEventListener("submit", (e) => {
+      e.preventDefault();
+      const serial = scan.value.trim();
+      scan.value = "";
+      if (serial) command("scan", serial);
+    });
+    for (const action of ["start", "stop", "resume", "clear"]) byId(action).addEventListener("click", () => command(action));
+    // A scanner types wherever the focus is: its characters belong to the scan field, whatever was touched last.
+    document.addEventListener("keydown", (e) => {
+      const elsewhere = document.activeElement !== scan && !e.ctrlKey && !e.altKey && !e.metaKey;
+      if (elsewhere && e.key.length === 1 && e.key !== " ") scan.focus();
+    });
+    document.addEventListener("click", (e) => { if (!e.target.closest("a, button, input, summary")) scan.focus(); });
+    scan.focus();
+  }
+  connect();
+  setInterval(time, 250);
+})();

@@ -1,0 +1,129 @@
+"""Chromium as Debian ships it, the accessibility judge from npm, and a panel process with people and a log."""
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from station.web import accounts
+from station.web.accounts import Account, Role
+from tests.browser.chrome import Browser, driver
+
+PASSWORD = "correct horse"
+_PEERS = Path(__file__).parent / "peers"
+
+
+@dataclass(frozen=True)
+class Site:
+    """A panel process. folder: where its log is."""
+
+    url: str
+    folder: Path
+    process: subprocess.Popen[str]
+
+    @property
+    def database(self) -> Path:
+        return self.folder / "station.db"
+
+
+@pytest.fixture(scope="session")
+def programs() -> tuple[str, str]:
+    """chromium and chromedriver: those installed, else fetched by apt."""
+    wanted = ("chromium", "chromedriver")
+    if not all(map(shutil.which, wanted)):
+        for words in (["update"], ["install", "-y", "chromium", "chromium-driver"]):
+            done = subprocess.run(
+                ["apt-get", "--quiet", *words], check=False, capture_output=True, text=True, timeout=600
+            )
+            assert done.returncode == 0, f"as root: apt-get install -y chromium chromium-driver\n{done.stderr[-1000:]}"
+    chromium, chromedriver = map(shutil.which, wanted)
+    assert chromium
+    assert chromedriver, "the package chromium-driver brings no chromedriver"
+    return chromium, chromedriver
+
+
+@pytest.fixture(scope="session")
+def open_browser(programs: tuple[str, str]) -> Iterator[Callable[..., Browser]]:
+    """Makes windows; all are closed at the end."""
+    opened: list[Browser] = []
+    with driver(programs[1]) as url:
+
+        def make(size: tuple[int, int] = (1280, 800), language: str = "en") -> Browser:
+            opened.append(Browser(url, programs[0], size, language))
+            return opened[-1]
+
+        yield make
+        for browser in opened:
+            browser.close()
+
+
+@pytest.fixture
+def log_in(open_browser: Callable[..., Browser]) -> Callable[..., Browser]:
+    """A window in which somebody has logged in."""
+
+    def make(site: Site, name: str = "olga", **options: object) -> Browser:
+        browser = open_browser(**options)
+        browser.go(site.url)
+        browser.type("#name", name)
+        browser.type("#password", f"{PASSWORD}\n")
+        browser.wait("document.querySelector('header form')")
+        return browser
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def people() -> dict[str, Account]:
+    hashed = accounts.hash_password(PASSWORD)
+    names = {"olga": Role.OPERATOR, "emil": Role.ENGINEER, "ada": Role.AUDITOR}
+    return {name: Account(name, role, hashed) for name, role in names.items()}
+
+
+@pytest.fixture
+def serve(people: dict[str, Account], tmp_path: Path) -> Iterator[Callable[..., Site]]:
+    """Starts panel processes on simulated stations."""
+    running: list[subprocess.Popen[str]] = []
+
+    def start(*more: str, folder: Path = tmp_path) -> Site:
+        accounts.save(folder / "accounts.json", people)
+        words = ["panel", "--simulate", "--db", str(folder / "station.db"), "--port", "0", *more]
+        process = subprocess.Popen(
+            [sys.executable, "-m", "station", *words], stdout=subprocess.PIPE, text=True, cwd=folder
+        )
+        running.append(process)
+        assert process.stdout is not None
+        return Site(process.stdout.readline().strip(), folder, process)
+
+    yield start
+    for process in running:
+        process.terminate()
+        process.wait(15)
+        assert process.stdout is not None
+        process.stdout.close()
+
+
+@pytest.fixture(scope="session")
+def axe() -> str:
+    """axe-core's script, fetched once by npm as the lock file pins it."""
+    lock = (_PEERS / "package-lock.json").read_bytes()
+    cache = Path(os.environ.get("STATION_TEST_CACHE") or Path.home() / ".cache" / "station-tests")
+    target = cache / "axe" / hashlib.sha256(lock).hexdigest()[:12]
+    if not target.is_dir():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        npm = shutil.which("npm")
+        assert npm, "axe-core comes by npm: as root, apt-get install -y npm"
+        with tempfile.TemporaryDirectory(dir=target.parent) as work:
+            for name in ("package.json", "package-lock.json"):
+                shutil.copy(_PEERS / name, work)
+            words = [npm, "ci", "--ignore-scripts", "--no-audit", "--no-fund"]
+            done = subprocess.run(words, cwd=work, check=False, capture_output=True, text=True, timeout=300)
+            assert done.returncode == 0, f"npm ci fails:\n{done.stderr[-1500:]}"
+            Path(work, "node_modules").rename(target)
+    return (target / "axe-core" / "axe.min.js").read_text(encoding="utf-8")

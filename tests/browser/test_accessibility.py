@@ -1,0 +1,110 @@
+"""Every page, judged by axe-core against WCAG 2.1 AA, on a desk, a 10-inch touch screen and a phone."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.browser.chrome import Browser
+from tests.browser.conftest import Site
+from tests.fakes import fixture_run
+
+PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
+TOUCH, PHONE = (1280, 800), (390, 844)
+PAGES = ("/", "/audit", "/audit/unit?serial=SN0001", "/journal", "/charts?size=2", "/nowhere")
+pytestmark = pytest.mark.timeout(240)
+
+_JUDGE = """
+const done = arguments[0];
+axe.run(document, { runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"] })
+  .then((found) => done(found.violations.map((v) => `${v.id}: ${v.nodes.map((n) => n.html).slice(0, 3).join(" | ")}`)));
+"""
+#: What sticks out on the right of a page that must not be moved sideways; tables scroll in boxes of their own.
+_SIDEWAYS = """
+const wide = document.documentElement.clientWidth;
+return [...document.querySelectorAll("body *")]
+  .filter((n) => n.getBoundingClientRect().right > wide + 1 && !n.closest(".scroll, .unseen, .skip, svg"))
+  .map((n) => n.outerHTML.slice(0, 120));
+"""
+
+
+def judged(page: Browser, axe: str) -> list[str]:
+    """What axe-core finds wrong with the page as it stands."""
+    page.script(axe)
+    return list(page.later(_JUDGE))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log with one unit that passed twice and one that failed."""
+    made = tmp_path_factory.mktemp("log")
+    fixture_run.run(made, ["SN0001", "SN0002"], faults=("SN0002/stuck-axis:value=2",))
+    fixture_run.run(made, ["SN0001"])
+    return made
+
+
+def test_pages_are_accessible_on_every_screen(
+    serve: Callable[..., Site], log_in: Callable[..., Browser], axe: str, folder: Path
+) -> None:
+    site = serve(folder=folder)
+    page = log_in(site, "emil")
+    for at in PAGES:
+        page.go(f"{site.url}{at}")
+        if at == "/":
+            page.wait("document.querySelector('#recipe').textContent")
+        for width, height in (TOUCH, PHONE):
+            page.device(width, height)
+            assert judged(page, axe) == [], at
+            assert page.script(_SIDEWAYS) == [], f"{at} at {width} px"
+            small = page.script(
+                "return [...document.querySelectorAll('button, input:not([type=hidden]):not([type=checkbox]), select')]"
+                ".filter(n => n.offsetParent && n.offsetHeight < 44).map(n => n.outerHTML)"
+            )
+            assert small == [], "a finger needs 44 px"
+
+
+def test_the_log_in_is_accessible(serve: Callable[..., Site], open_browser: Callable[..., Browser], axe: str) -> None:
+    page = open_browser()
+    page.go(serve().url)
+    assert judged(page, axe) == []
+
+
+def test_the_languages_of_the_page(
+    serve: Callable[..., Site], open_browser: Callable[..., Browser], axe: str, folder: Path
+) -> None:
+    site = serve(folder=folder)
+    page = open_browser(language="de")
+    page.go(site.url)
+    assert "Anmelden" in page.text("main")
+    page.type("#name", "olga")
+    page.type("#password", "correct horse\n")
+    page.wait("document.querySelector('header form')")
+    page.go(f"{site.url}/?language=zh")
+    page.wait("document.querySelector('#phase').textContent === '就绪'")
+    assert page.script("return document.documentElement.lang") == "zh"
+    page.device(*PHONE)
+    assert judged(page, axe) == []
+    page.picture(PICTURES / "phone-zh.png")
+
+
+def test_an_auditor_finds_a_unit_and_computes_it_again(
+    serve: Callable[..., Site], log_in: Callable[..., Browser], folder: Path
+) -> None:
+    site = serve(folder=folder)
+    page = log_in(site, "ada")
+    page.go(f"{site.url}/audit")
+    page.type("#serial", "SN000*")
+    page.type("#nest", "A\n")
+    page.wait("document.querySelectorAll('tbody tr').length === 2 && location.search.includes('nest=A')")
+    page.picture(PICTURES / "audit.png")
+    page.go(f"{site.url}/audit/unit?serial=SN0001")
+    assert page.text("main").count("PASS") == 2
+    page.picture(PICTURES / "unit.png")
+    page.click("form[action='/audit/recompute'] button")
+    page.wait("document.querySelector('main [role=status]').textContent.includes('bit for bit')")
+    page.go(f"{site.url}/audit/unit?serial=SN0001")
+    page.click("a[href^='/audit/certificate']")
+    page.wait("document.querySelector('h1').textContent.includes('certificate SN0001')")
+    page.picture(PICTURES / "certificate.png")
+    page.go(f"{site.url}/charts?size=1&value=gain+z")
+    page.picture(PICTURES / "charts.png")

@@ -1,0 +1,215 @@
+"""The page's doors: every route without log-in, with the wrong role, with a forged token, with too much in it."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from starlette.routing import Mount, Route
+from starlette.testclient import TestClient
+
+from station.config.settings import load_settings
+from station.web import accounts
+from station.web.accounts import RIGHTS, Account, Role
+from station.web.app import create_app
+from station.web.guard import MOST_BODY_BYTES
+from station.web.panel import Panel
+from station.web.runs import Order
+from station.wiring.jobs import load_job
+
+PASSWORD = "correct horse"
+#: Routes that anybody may see; /metrics looks at the address instead.
+OPEN = {"/login", "/health", "/metrics"}
+#: Route → the right it asks for. A new route must be written down here.
+NEEDS = {
+    "/": "watch",
+    "/events": "watch",
+    "/command": "run",
+    "/logout": "watch",
+    "/audit": "audit",
+    "/audit/unit": "audit",
+    "/audit/certificate": "audit",
+    "/audit/certificate.pdf": "audit",
+    "/audit/recompute": "audit",
+    "/charts": "charts",
+    "/diagnose": "diagnose",
+    "/diagnosis": "diagnose",
+    "/journal": "audit",
+}
+
+
+@dataclass
+class Clock:
+    """Seconds that pass when a test says so."""
+
+    now_s: float = 1000.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@dataclass
+class House:
+    """A panel with three people and clients for them."""
+
+    panel: Panel
+    clock: Clock
+    client: Callable[[], TestClient] = field(init=False)
+
+    def __post_init__(self) -> None:
+        app = create_app(self.panel)
+        self.client = lambda: TestClient(app, follow_redirects=False)
+        self.routes = [r for r in app.routes if isinstance(r, Route)]
+        assert sum(isinstance(r, Mount) for r in app.routes) == 1, "only /static is mounted"
+
+    def of(self, name: str) -> TestClient:
+        """A client in which that person has logged in."""
+        client = self.client()
+        answer = client.post("/login", data={"name": name, "password": PASSWORD})
+        assert answer.status_code == 303
+        return client
+
+    def csrf(self, client: TestClient) -> str:
+        """The token of the client's session."""
+        session = self.panel.sessions.find(client.cookies.get("station_session"))
+        assert session is not None
+        return session.csrf
+
+
+@pytest.fixture(scope="module")
+def people() -> dict[str, Account]:
+    hashed = accounts.hash_password(PASSWORD)
+    return {role.value: Account(role.value, role, hashed) for role in Role}
+
+
+@pytest.fixture
+def house(tmp_path: Path, people: dict[str, Account]) -> Iterator[House]:
+    accounts.save(tmp_path / "accounts.json", people)
+    order = Order(tmp_path / "station.db", "six-point", simulate=True)
+    clock = Clock()
+    job, _ = load_job("six-point")
+    yield House(Panel(load_settings(), job.recipe, order, tmp_path / "accounts.json", monotonic_s=clock), clock)
+
+
+def test_every_route_is_known_here(house: House) -> None:
+    assert {r.path for r in house.routes} - OPEN <= set(NEEDS)
+
+
+def test_nothing_is_seen_without_log_in(house: House) -> None:
+    client = house.client()
+    for route in house.routes:
+        for method in (route.methods or set()) - {"HEAD"}:
+            if route.path in OPEN:
+                continue
+            answer = client.request(method, route.path, data={} if method == "POST" else None)
+            assert answer.status_code == 401, route.path
+            page = client.get(route.path, headers={"accept": "text/html"}) if method == "GET" else None
+            assert page is None or (page.status_code, page.headers["location"]) == (303, "/login")
+
+
+@pytest.mark.parametrize("role", Role)
+def test_nobody_does_what_is_not_theirs(house: House, role: Role) -> None:
+    client = house.of(role.value)
+    for route in house.routes:
+        if route.path in OPEN | {"/events"} or role in RIGHTS[NEEDS[route.path]]:
+            continue
+        for method in (route.methods or set()) - {"HEAD"}:
+            data = {"csrf": house.csrf(client), "action": "start"} if method == "POST" else None
+            assert client.request(method, route.path, data=data).status_code == 403, route.path
+
+
+def test_no_state_changes_by_get(house: House) -> None:
+    client = house.of("engineer")
+    for get in ("/command?action=start", "/logout"):
+        assert client.get(get).status_code == 405
+    for route in house.routes:
+        assert (route.methods or set()) <= {"GET", "HEAD"} or (route.methods or set()) == {"POST"}
+
+
+@pytest.mark.parametrize("token", ["", "forged", None])
+def test_a_forged_or_missing_token_changes_nothing(house: House, token: str | None) -> None:
+    client = house.of("operator")
+    data = {"action": "scan", "serial": "SN0001"} | ({} if token is None else {"csrf": token})
+    assert client.post("/command", data=data).status_code == 403
+    assert client.post("/logout", data=data).status_code == 403
+    other = house.of("operator")
+    assert client.post("/command", data=data | {"csrf": house.csrf(other)}).status_code == 403, "another session's"
+    assert house.panel.screen.scans == {}
+
+
+def test_a_form_from_another_site_is_refused(house: House) -> None:
+    client = house.of("operator")
+    data = {"action": "scan", "serial": "SN0001", "csrf": house.csrf(client)}
+    for origin in ("https://evil.example", "null"):
+        assert client.post("/command", data=data, headers={"origin": origin}).status_code == 403
+    assert client.post("/command", data=data, headers={"origin": "http://testserver"}).status_code == 200
+
+
+def test_bodies_that_are_too_large_or_of_no_length_are_not_read(house: House) -> None:
+    client = house.of("operator")
+    assert client.post("/command", content=b"x" * (MOST_BODY_BYTES + 1)).status_code == 413
+    assert client.post("/login", content=iter([b"x" * 10])).status_code == 411
+    assert client.put("/command", content=b"").status_code == 405
+
+
+def test_a_script_in_a_serial_stays_text(house: House) -> None:
+    client = house.of("operator")
+    script = "<script>alert(1)</script>"
+    data = {"action": "scan", "serial": script, "csrf": house.csrf(client)}
+    answer = client.post("/command", data=data)
+    assert answer.status_code == 409
+    assert answer.headers["content-type"] == "application/json"
+    assert house.panel.screen.scans == {}
+    page = client.post("/login", data={"name": script, "password": "x"}, headers={"accept": "text/html"})
+    assert script not in page.text
+
+
+def test_guessing_is_slow(house: House) -> None:
+    client = house.client()
+    for _ in range(5):
+        assert client.post("/login", data={"name": "operator", "password": "guess"}).status_code == 401
+    refused = client.post("/login", data={"name": "operator", "password": PASSWORD})
+    assert refused.status_code == 429
+    assert 0 < int(refused.headers["retry-after"]) <= 60
+    house.clock.now_s += 61
+    assert client.post("/login", data={"name": "operator", "password": PASSWORD}).status_code == 303
+
+
+def test_a_session_expires_and_ends_with_the_log_out(house: House) -> None:
+    client = house.of("operator")
+    house.clock.now_s += house.panel.sessions.idle_s + 1
+    assert client.get("/").status_code == 401
+    client = house.of("operator")
+    cookie = client.cookies["station_session"]
+    assert client.post("/logout", data={"csrf": house.csrf(client)}).status_code == 303
+    client.cookies.set("station_session", cookie)
+    assert client.get("/").status_code == 401
+
+
+def test_answers_are_closed(house: House) -> None:
+    client = house.client()
+    for get in ("/login", "/static/panel.css", "/nowhere"):
+        headers = client.get(get).headers
+        assert "default-src 'none'" in headers["content-security-policy"]
+        assert "unsafe" not in headers["content-security-policy"]
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["x-frame-options"] == "DENY"
+        assert headers["cache-control"] == "no-store"
+    answer = client.post("/login", data={"name": "operator", "password": PASSWORD})
+    cookie = answer.headers["set-cookie"].lower()
+    assert "httponly" in cookie
+    assert "samesite=strict" in cookie
+
+
+def test_static_files_stay_in_their_folder(house: House) -> None:
+    client = house.client()
+    for get in ("/static/../app.py", "/static/%2e%2e/app.py", "/static/..%2fapp.py"):
+        assert client.get(get).status_code == 404
+
+
+def test_deeds_carry_the_name_of_the_person(house: House) -> None:
+    client = house.of("operator")
+    client.post("/command", data={"action": "scan", "serial": "SN0001", "csrf": house.csrf(client)})
+    client.post("/login", data={"name": "mallory", "password": "x"})
+    lines = [(line["person"], line["deed"]) for line in house.panel.journal.lines()]
+    assert lines == [("operator", "log-in"), ("operator", "scan"), ("mallory", "log-in-refused")]

@@ -1,0 +1,99 @@
+"""The line report over a real log: yields from rows, charts and capability as the formulas say, on the page too."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Query
+from station.cli.app import main
+from station.domain import spc
+from station.errors import UsageError
+from station.web import charts
+from station.web.line import PARTS, Line, gather, limits_of
+from tests.fakes import fixture_run
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("log")
+    fixture_run.run(made, units=8, faults=("SN0002/stuck-axis:value=2",))
+    fixture_run.run(made, ["SN0002"])
+    return made / "station.db"
+
+
+@pytest.fixture(scope="module")
+def line(database: Path) -> Line:
+    with LogReader(database) as log:
+        return gather(log, Query(), 100)
+
+
+def test_a_unit_that_fails_first_and_passes_then_is_no_first_pass(line: Line) -> None:
+    (all_of_it,) = line.yields["station"]
+    assert (all_of_it.units, all_of_it.first_pass, all_of_it.final_pass, all_of_it.failed) == (8, 7, 8, 1)
+    assert sum(line.reasons.values()) == 1
+    assert [m.outcome for m in line.attempts].count("PASS") == 8
+
+
+def test_parts_of_the_cycle_make_the_cycle(line: Line) -> None:
+    for m in line.attempts:
+        assert set(m.parts) == set(PARTS)
+        assert sum(m.parts.values()) == pytest.approx(m.values["cycle time"], abs=1e-6)
+        assert min(m.parts.values()) >= 0
+
+
+def test_the_capability_is_that_of_the_values_in_the_log(line: Line) -> None:
+    drawn = charts.draw(line, "offset x", 2)
+    table = dict(next(t for t in drawn.tables if t.title == "Capability: offset x").rows)
+    values = np.array([m.values["offset x"] for m in line.attempts if "offset x" in m.values])
+    assert line.recipe is not None
+    expected = spc.capability(values.reshape(-1, 2), *limits_of("offset x", line.recipe.limits))
+    assert table["n"] == str(len(values))
+    assert table["Cpk"].split()[0] == f"{expected.cpk[0]:.4g}".replace("-", "−")
+    assert expected.cp is not None
+    assert table["Cp"].split()[0] == f"{expected.cp[0]:.4g}"
+
+
+def test_every_figure_is_there(line: Line) -> None:
+    titles = "".join(charts.draw(line, "gain z", 2).figures)
+    for wanted in (
+        "Yield by day",
+        "Reasons of attempts",
+        "Cycle time",
+        "gain z: mean of 2",
+        "range of 2",
+        "Tilt of each",
+    ):
+        assert wanted in titles
+    assert "moving range" in "".join(charts.draw(line, "noise", 1).figures)
+
+
+def test_too_few_values_are_said_and_wrong_ones_refused(line: Line) -> None:
+    assert "needs two subgroups" in charts.draw(line, "offset x", 20).problem
+    with pytest.raises(UsageError, match="there is no value"):
+        charts.draw(line, "offset q", 1)
+
+
+def test_an_empty_log_has_an_empty_report(database: Path) -> None:
+    with LogReader(database) as log:
+        nothing = gather(log, Query(station="elsewhere"), 100)
+    drawn = charts.draw(nothing, "offset x", 1)
+    assert drawn.figures == ()
+    assert drawn.problem
+
+
+def test_the_command_writes_one_page_that_needs_nothing_else(
+    database: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "report.html"
+    with pytest.raises(SystemExit) as ended:
+        main(["report", "--db", str(database), "--size", "2", "--out", str(out), "--json"])
+    assert ended.value.code == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["schema"], told["attempts"]) == ("station.report/1", 9)
+    page = out.read_text()
+    assert "<svg" in page
+    assert "src=" not in page
+    assert "href=" not in page

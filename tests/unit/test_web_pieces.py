@@ -1,0 +1,61 @@
+"""Languages, the picture of the fixture, and how a run is found by its lock."""
+
+import json
+import os
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from station.domain import rotation
+from station.web import fixture, language
+from station.web.runs import Order, Runs, owner
+
+
+def test_every_language_says_everything_and_nothing_more() -> None:
+    texts = language.all_texts()
+    assert set(texts) == {"en", "de", "zh"}
+    for code, said in texts.items():
+        assert set(said) == set(texts["en"]), code
+        assert all(said.values()), code
+        assert not set(said) & set(dir(dict)), "a template would find the mapping's own method"
+
+
+def faces(pose: np.ndarray) -> set[str]:
+    """The names on the faces that are seen."""
+    drawn = ElementTree.fromstring(fixture.picture(pose.tolist(), "p"))
+    return {t.text or "" for t in drawn.iter("{http://www.w3.org/2000/svg}text")} - {"z"}
+
+
+def test_the_block_shows_the_faces_that_a_person_in_front_sees() -> None:
+    assert faces(np.eye(3)) == {"−y", "+z", "+x"}
+    assert "−z" in faces(rotation.about(np.array([1.0, 0, 0]), 180.0))
+    x_up = rotation.shortest(np.array([1.0, 0, 0]), np.array([0, 0, 1.0]))
+    assert {"+x", "−y"} <= faces(x_up)
+
+
+def test_names_cannot_break_out_of_the_picture() -> None:
+    assert "<script" not in fixture.picture(None, "<script>")
+    assert ">?<" in fixture.picture(None, "anything")
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", '{"pid": "x"}', '{"pid": 999999999}'])
+def test_a_lock_that_nobody_holds_is_no_owner(tmp_path: Path, text: str) -> None:
+    (tmp_path / "s.db.lock").write_text(text)
+    assert owner(tmp_path / "s.db") is None
+
+
+def test_a_pid_counts_only_while_it_has_the_lock_open(tmp_path: Path) -> None:
+    lock = tmp_path / "s.db.lock"
+    lock.write_text(json.dumps({"pid": os.getpid()}))
+    assert owner(tmp_path / "s.db") is None, "this process is alive, but does not hold it"
+    with lock.open():
+        assert owner(tmp_path / "s.db") == os.getpid()
+        assert Runs(Order(tmp_path / "s.db", "six-point")).pid() == os.getpid()
+
+
+def test_words_of_a_run_cannot_be_taken_for_options(tmp_path: Path) -> None:
+    words = Order(tmp_path / "s.db", "six-point", simulate=True, pace=2.0).words(["--version"], "anna")
+    assert words[-1] == "--serial=--version"
+    assert "--operator=anna" in words
