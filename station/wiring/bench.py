@@ -30,6 +30,7 @@ from station.ports.positioner import Positioner
 from station.ports.store import Store
 from station.service.recovery import close_unfinished
 from station.service.station import Job, Station
+from station.wiring.bus_owner import own_bus
 from station.wiring.jobs import Source, load_job
 from station.wiring.order import Order
 from station.wiring.positioners import positioner
@@ -104,6 +105,8 @@ def open_bench(order: Order) -> Bench:
             clock = SystemClock()
             turned_by = positioner(settings, document, clock)
             at = settings.bus
+            if at.interface == "socketcan":
+                opened.callback(own_bus(at, settings.station).release)
             bus = open_bus(at.interface, at.channel, clock, receive_buffer_bytes=at.receive_buffer_bytes)
         opened.callback(bus.close)
         database = order.database or Path(settings.database)

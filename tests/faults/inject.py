@@ -86,7 +86,7 @@ def _log(made: Injected, how: str, folder: Path) -> None:
     elif how == "nowhere":
         made.order["database"] = folder / "no such folder" / "station.db"
     elif how == "in use":
-        made.opened.callback(Owner(path, "bench-7", _STARTED_NS).release)
+        made.opened.callback(Owner(folder / "station.db.lock", f"the log {path}", "bench-7", _STARTED_NS).release)
     else:
         trouble, number = _match(r"(\S+) at stop (\d+)", how)
         made.order["hook"] = _at_stop(int(number), lambda bench: _STORE[trouble](made, bench, path))

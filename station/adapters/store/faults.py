@@ -44,10 +44,14 @@ def told(kind: type[StationError], path: Path, doing: str) -> Iterator[None]:
     except sqlite3.Error as exc:
         raise kind(f"the log {path} cannot be {doing}: {_why(exc)}") from exc
     except OSError as exc:
-        why = _SYSTEM.get(exc.errno or 0, exc.strerror or str(exc))
-        raise kind(f"the log {path} cannot be {doing}: {why}") from exc
+        raise kind(f"the log {path} cannot be {doing}: {reason(exc)}") from exc
     except OverflowError as exc:
         raise kind(f"the log {path} cannot be {doing}: a whole number is beyond 64 bits") from exc
+
+
+def reason(exc: OSError) -> str:
+    """The system's complaint with its remedy."""
+    return _SYSTEM.get(exc.errno or 0, exc.strerror or str(exc))
 
 
 def _why(exc: sqlite3.Error) -> str:

@@ -1,4 +1,4 @@
-"""One log, one owner: a lock that dies with its process, so that nothing stale ever blocks a start."""
+"""One thing, one owner: a lock that dies with its process, so that nothing stale ever blocks a start."""
 
 import fcntl
 import json
@@ -8,34 +8,36 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from station.adapters.store.faults import told
-from station.errors import StoreFault
+from station.adapters.store.faults import reason
+from station.errors import StationError, StoreFault
 
 
 class Owner:
-    """Holds `<log>.lock` (flock) as long as it lives; the file says who: name, pid, start time.
+    """Holds `lock` (flock) as long as it lives; the file says who: name, pid, start time.
 
-    Errors: StoreFault naming the present owner when there is one.
+    what: what is owned, as sentences call it ("the log station.db"). fault: the type of the errors, which name the
+    present owner when there is one.
     """
 
-    def __init__(self, log: Path, name: str, started_ns: int) -> None:
-        self._path = log.with_name(log.name + ".lock")
-        with told(StoreFault, log, "locked"):
-            self._handle = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    def __init__(
+        self, lock: Path, what: str, name: str, started_ns: int, fault: type[StationError] = StoreFault
+    ) -> None:
+        self._what, self._fault = what, fault
+        try:
+            self._handle = _open(lock)
+        except OSError as exc:
+            raise self._cannot(exc) from exc
         try:
             fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as exc:
             present = self._present()
             os.close(self._handle)
-            raise StoreFault(
-                f"the log {log} is in use by {present}; one log has one owner, stop that one first"
-            ) from exc
+            raise fault(f"{what} is in use by {present}; only one may own it, stop that one first") from exc
         try:
-            with told(StoreFault, log, "locked"):
-                self._say(name, started_ns)
-        except StoreFault:
+            self._say(name, started_ns)
+        except OSError as exc:
             self.release()
-            raise
+            raise self._cannot(exc) from exc
 
     def release(self) -> None:
         """Gives the log free; twice is harmless. The lock file stays: removing it would race with the next owner."""
@@ -54,6 +56,9 @@ class Owner:
         os.ftruncate(self._handle, 0)
         os.pwrite(self._handle, text.encode(), 0)
 
+    def _cannot(self, exc: OSError) -> StationError:
+        return self._fault(f"{self._what} cannot be locked: {reason(exc)}")
+
     def _present(self) -> str:
         try:
             said = json.loads(os.pread(self._handle, 4096, 0))
@@ -61,3 +66,13 @@ class Owner:
             return f"{said['name']} (pid {said['pid']}) since {since:%Y-%m-%d %H:%M:%S}"
         except (ValueError, KeyError, TypeError):
             return "another process, which is just starting"
+
+
+def _open(lock: Path) -> int:
+    """The lock file; made so that the station may be started by another user next time."""
+    try:
+        return os.open(lock, os.O_RDWR | os.O_CLOEXEC)
+    except FileNotFoundError:
+        handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        os.fchmod(handle, 0o666)
+        return handle

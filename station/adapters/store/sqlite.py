@@ -46,7 +46,8 @@ class SqliteStore:
         self._anchor_fault = ""
         self._open: dict[str, int] = {}
         with ExitStack() as opened, told(StoreFault, path, "opened"):
-            opened.callback(Owner(path, owner, time.time_ns()).release)
+            lock = path.with_name(path.name + ".lock")
+            opened.callback(Owner(lock, f"the log {path}", owner, time.time_ns()).release)
             self._db = file.for_writing(path, busy_s)
             opened.callback(self._db.close)
             log_id = self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0]

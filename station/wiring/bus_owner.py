@@ -1,0 +1,29 @@
+"""One bus, one owner: a second station on the same CAN interface is refused with the first one's name."""
+
+import tempfile
+import time
+from pathlib import Path
+
+from station.adapters.store.owner import Owner
+from station.config.settings import BusSettings
+from station.errors import BusFault
+
+#: Where programs of every user of a machine keep the locks of its devices (FHS 3.0, 3.15.4 and 5.9).
+_LOCKS = Path("/run/lock")
+
+
+def own_bus(bus: BusSettings, name: str) -> Owner:
+    """Takes the interface for the station of that name, until it is released or dies.
+
+    Errors: BusFault with the name, process and start of the station that has it.
+    """
+    return Owner(lock_path(bus.channel), f"the bus {bus.channel}", name, time.time_ns(), BusFault)
+
+
+def lock_path(channel: str) -> Path:
+    """The lock of an interface; each network namespace has interfaces of its own."""
+    folder = _LOCKS if _LOCKS.is_dir() else Path(tempfile.gettempdir())
+    space = Path("/proc/self/ns/net")
+    number = space.stat().st_ino if space.exists() else 0
+    name = "".join(c if c.isalnum() else "_" for c in channel)
+    return folder / f"station-{name}-{number}.lock"
