@@ -85,7 +85,7 @@ def _run(bench: Bench, serials: Sequence[str], pace: float | None) -> tuple[list
     with _face.progress() as bar, _stops(stop):
         for number, seats in enumerate(loads):
             if number and not bench.simulated:
-                _wait_for_person("put in " + ", ".join(f"{s.serial} ({s.nest})" for s in seats))
+                wait_for_person("put in " + ", ".join(f"{s.serial} ({s.nest})" for s in seats))
             bench.fixture.place(seats)
             runner = Runner(bench.station, bench.job, stop, _confirm(bench))
             show = _Show(bar, f"load {number + 1} of {len(loads)}" if len(loads) > 1 else "run")
@@ -146,6 +146,7 @@ def _stops(stop: Stop) -> Iterator[None]:
         if asked > 2:
             raise KeyboardInterrupt
         if stop.waiting:
+            stop.waiting = False  # the next one must not break off the parking that this one leads to
             raise Aborted(stop.why)
 
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -158,10 +159,11 @@ def _stops(stop: Stop) -> Iterator[None]:
 
 
 def _confirm(bench: Bench) -> Callable[[str], None]:
-    return (lambda _: None) if bench.simulated else _wait_for_person
+    return (lambda _: None) if bench.simulated else wait_for_person
 
 
-def _wait_for_person(sentence: str) -> None:
+def wait_for_person(sentence: str) -> None:
+    """Asks somebody at the terminal to do something and waits. Errors: UsageError when nobody is there."""
     if not sys.stdin.isatty():
         raise UsageError(f"somebody must {sentence}, but nobody is at a terminal; run this from one")
     print(f"{sentence}, then press Enter: ", end="", file=sys.stderr, flush=True)
