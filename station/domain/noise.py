@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 
 import numpy as np
-from scipy.fft import dct, irfft, rfft
 from scipy.special import digamma, stdtrit
 
 from station.domain.types import Floats
@@ -77,6 +76,8 @@ def reach_of(longest: int) -> int:
 @lru_cache(maxsize=256)
 def family(blocks: int, width: int, reach: int) -> Family:
     """The family for dwells of blocks · width steps; correlation lengths up to reach / 2 steps."""
+    from scipy.fft import dct  # slow to import, and no run needs it before its first frames
+
     autocovariance, prior = _shapes(blocks * width, reach)
     coarse = _of_blocks(autocovariance, blocks, width)
     C = np.asarray(dct(np.eye(blocks), axis=0, norm="ortho", type=2))
@@ -89,6 +90,8 @@ def family(blocks: int, width: int, reach: int) -> Family:
 @cache
 def _lag_weights(n: int) -> Floats:
     """Weights (n, n): expected square of coefficient j = Σ_k weight[j, k] · autocovariance[k]."""
+    from scipy.fft import dct, irfft, rfft
+
     C = dct(np.eye(n), axis=0, norm="ortho", type=2)
     W = irfft(np.abs(rfft(C, 2 * n, axis=1)) ** 2, 2 * n, axis=1)[:, :n]
     W[:, 1:] *= 2

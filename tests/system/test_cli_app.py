@@ -29,6 +29,12 @@ def test_help_lists_every_command_and_loads_nothing_heavy() -> None:
     assert not loaded("--help") & heavy
 
 
+def test_a_run_loads_no_table_library() -> None:
+    program = "import sys, station.cli._run; print({'pandas', 'pyarrow', 'asammdf'} & set(sys.modules) or 'none')"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout == "none\n", done.stderr
+
+
 def test_every_command_has_help_with_an_example_to_paste() -> None:
     for name, line in commands().items():
         done = station(name, "--help")

@@ -72,22 +72,20 @@ def _by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
 
 def _reader(suffix: str) -> tuple[Any, str, tuple[type[Exception], ...]]:
     """python-can's reader for an ending, how to open its file, and what it raises on a broken one."""
-    import can  # heavy, and only needed where such a log is read
-    from can.io.blf import BLFParseError
+    from station.adapters.bus._python_can import can, mf4_reader  # heavy, and only needed where such a log is read
 
     if suffix == ".mf4":
         from asammdf.blocks.utils import MdfException
 
-        return can.MF4Reader, "rb", (*_CORRUPT, MdfException)
+        return mf4_reader(), "rb", (*_CORRUPT, MdfException)
     if suffix == ".blf":
-        return can.BLFReader, "rb", (*_CORRUPT, BLFParseError)
+        return can.BLFReader, "rb", (*_CORRUPT, can.io.blf.BLFParseError)
     return can.ASCReader, "r", _CORRUPT
 
 
 def _write_blf(path: Path, frames: Frames, _channel: str) -> None:
-    import can
-
     from station.adapters.bus._messages import to_message
+    from station.adapters.bus._python_can import can
 
     columns = frames.time_ns.tolist(), frames.can_id.tolist(), frames.length.tolist(), frames.data
     with can.BLFWriter(path) as writer:

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-import can
 import numpy as np
 
+from station.adapters.bus._python_can import can
 from station.domain.types import ERROR, EXTENDED, REMOTE, Frames
 
 

@@ -3,10 +3,10 @@
 import uuid
 
 import numpy as np
-from can.interfaces.virtual import VirtualBus
 
 from station.adapters.bus._filter import wanted
 from station.adapters.bus._messages import to_frames, to_message
+from station.adapters.bus._python_can import VirtualBus
 from station.domain.types import Frames
 from station.errors import BusFault
 from station.ports.clock import EventClock

@@ -1,0 +1,28 @@
+"""Packages hidden from an import are not there inside, and are as ever outside."""
+
+import importlib
+import importlib.util
+import sys
+
+import pytest
+
+from station.lean import without
+
+
+def test_a_hidden_package_is_not_installed_inside_and_is_outside() -> None:
+    with without("tabnanny"), pytest.raises(ImportError):
+        importlib.import_module("tabnanny")
+    assert "tabnanny" not in sys.modules
+    assert importlib.util.find_spec("tabnanny") is not None
+
+
+def test_what_is_loaded_stays_loaded() -> None:
+    with without("pytest"):
+        assert importlib.import_module("pytest") is pytest
+    assert sys.modules["pytest"] is pytest
+
+
+def test_a_failed_import_leaves_nothing_hidden() -> None:
+    with pytest.raises(ZeroDivisionError), without("tabnanny"):
+        raise ZeroDivisionError
+    assert "tabnanny" not in sys.modules
