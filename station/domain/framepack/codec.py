@@ -1,20 +1,19 @@
-"""All frames of an attempt ↔ bytes, lossless: each message is described once and foretold, the rest Rice coded.
+"""All frames of an attempt ↔ bytes, lossless: each message is described once and foretold, the rest compressed.
 
-Bytes: head (descriptions, parameters, unary bits, stragglers, order; compressed by zstd where that helps), then the
-low bits, which are noise and are kept as they are. Unpacking needs nothing but the bytes.
+Bytes: the head (descriptions, starts, stragglers, order; compressed by zstd where that helps), then what is left of
+each message's columns, over all parts in one. Unpacking needs nothing but the bytes.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-import zstandard
 from numpy.typing import NDArray
 
-from station.domain.framepack import message
+from station.domain.framepack import columns, message
 from station.domain.framepack.bytestream import Reader, Writer
 from station.domain.framepack.layout import Layout
-from station.domain.framepack.message import Key
+from station.domain.framepack.message import Begun, Key
 from station.domain.types import Frames
 from station.errors import LogError
 
@@ -25,6 +24,8 @@ _AS_IS, _PACKED = 1, 2
 _FEW, _MANY = 12, 32
 
 Rows = NDArray[np.int64]
+#: What is left of a message's columns, part after part.
+Left = list[list[NDArray[np.uint64]]]
 
 
 def pack(parts: Sequence[Frames]) -> bytes:
@@ -32,21 +33,30 @@ def pack(parts: Sequence[Frames]) -> bytes:
     split = [_messages(part) for part in parts]
     keys = sorted({key for messages, _ in split for key in messages})[:_MANY]
     layouts = {key: _layout(key, parts, split) for key in keys}
-    out, low = Writer(), list[bytes]()
-    out.count(len(parts), len(keys))
+    head = Writer()
+    left: dict[Key, Left] = {key: [[] for _ in layout.columns] for key, layout in layouts.items()}
+    head.count(len(parts), len(keys))
     for key, layout in layouts.items():
-        message.write_layout(out, key, layout)
+        message.write_layout(head, key, layout)
     for part, (messages, _) in zip(parts, split, strict=True):
-        _pack_part(out, low, part, {key: rows for key, rows in messages.items() if key in layouts}, layouts)
-    return _box(bytes(out), b"".join(low))
+        _pack_part(head, left, part, {key: rows for key, rows in messages.items() if key in layouts}, layouts)
+    out = _boxed(bytes(head))
+    columns.pack(out, [np.concatenate(column) for message_left in left.values() for column in message_left])
+    return bytes(out)
 
 
 def unpack(data: bytes) -> list[Frames]:
     """The frames from their bytes. Errors: LogError when the bytes are not those of frames."""
-    head, low = _unbox(Reader(data))
+    box = Reader(data)
+    head = _unboxed(box)
     number, described = head.count(), head.count()
     layouts = [message.read_layout(head) for _ in range(described)]
-    return [_unpack_part(head, low, layouts) for _ in range(number)]
+    parts = [_read_part(head, layouts) for _ in range(number)]
+    totals = [sum(b.n for part in parts for i, b in part.begun if i == each) for each in range(described)]
+    lengths = [n for n, (_, layout) in zip(totals, layouts, strict=True) for _ in layout.columns]
+    flat = iter(columns.unpack(box, lengths))
+    left = [[next(flat) for _ in layout.columns] for _, layout in layouts]
+    return [_restore(part, layouts, left) for part in parts]
 
 
 def _layout(key: Key, parts: Sequence[Frames], split: Sequence[tuple[dict[Key, Rows], Rows]]) -> Layout:
@@ -69,26 +79,54 @@ def _messages(frames: Frames) -> tuple[dict[Key, Rows], Rows]:
 
 
 def _pack_part(
-    out: Writer, low: list[bytes], frames: Frames, messages: dict[Key, Rows], layouts: dict[Key, Layout]
+    head: Writer, left: dict[Key, Left], frames: Frames, messages: dict[Key, Rows], layouts: dict[Key, Layout]
 ) -> None:
     known = list(layouts)
-    out.count(frames.data.shape[1], len(messages))
+    head.count(frames.data.shape[1], len(messages))
     for key, rows in messages.items():
-        out.count(known.index(key))
-        message.pack(out, low, frames[rows], layouts[key])
+        head.count(known.index(key))
+        for column, own in zip(left[key], message.pack(head, frames[rows], layouts[key]), strict=True):
+            column.append(own)
     taken = np.concatenate([np.zeros(0, np.int64), *messages.values()])
     rest = np.setdiff1d(np.arange(len(frames)), taken)
-    _stragglers(out, frames[rest])
-    _order(out, frames, [*messages.values(), rest])
+    _stragglers(head, frames[rest])
+    _order(head, frames, [*messages.values(), rest])
 
 
-def _unpack_part(head: Reader, low: Reader, layouts: Sequence[tuple[Key, Layout]]) -> Frames:
-    width = head.count()
-    found = [message.unpack(head, low, *layouts[head.count()]) for _ in range(head.count())]
-    found.append(_read_stragglers(head, width))
-    joined = Frames.join(found)
-    whole = replace(joined, data=message.of_width(joined.data, width))
-    return _read_order(head, whole, [len(f) for f in found])
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """One part as the head tells it; begun: message number and start of each; order: message of each frame, or None."""
+
+    width: int
+    begun: tuple[tuple[int, Begun], ...]
+    stragglers: Frames
+    order: NDArray[np.uint8] | None
+
+
+def _read_part(head: Reader, layouts: Sequence[tuple[Key, Layout]]) -> _Part:
+    width, number = head.count(), head.count()
+    begun = []
+    for _ in range(number):
+        which = head.count()
+        begun.append((which, message.read(head, layouts[which][1])))
+    stragglers = _read_stragglers(head, width)
+    total = sum(b.n for _, b in begun) + len(stragglers)
+    order = np.frombuffer(head.take(total), np.uint8) if head.count() else None
+    return _Part(width, tuple(begun), stragglers, order)
+
+
+def _restore(part: _Part, layouts: Sequence[tuple[Key, Layout]], left: list[list[NDArray[np.uint64]]]) -> Frames:
+    """The frames of one part; takes what belongs to it off the front of what is left."""
+    found = []
+    for which, begun in part.begun:
+        own = [column[: begun.n] for column in left[which]]
+        left[which] = [column[begun.n :] for column in left[which]]
+        found.append(message.restore(begun, *layouts[which], own))
+    joined = Frames.join([*found, part.stragglers])
+    whole = replace(joined, data=message.of_width(joined.data, part.width))
+    if part.order is None:
+        return whole[np.argsort(whole.time_ns, kind="stable")]
+    return whole[np.argsort(np.argsort(part.order, kind="stable"), kind="stable")]
 
 
 def _stragglers(out: Writer, frames: Frames) -> None:
@@ -123,29 +161,17 @@ def _order(out: Writer, frames: Frames, groups: Sequence[Rows]) -> None:
     out.out += code.tobytes()
 
 
-def _read_order(head: Reader, joined: Frames, sizes: Sequence[int]) -> Frames:
-    if head.count() == 0:
-        return joined[np.argsort(joined.time_ns, kind="stable")]
-    code = np.frombuffer(head.take(sum(sizes)), np.uint8)
-    return joined[np.argsort(np.argsort(code, kind="stable"), kind="stable")]
-
-
-def _box(head: bytes, low: bytes) -> bytes:
-    packed = zstandard.ZstdCompressor(level=12).compress(head)
-    smaller = len(packed) < len(head)
+def _boxed(head: bytes) -> Writer:
+    packed = columns.squeeze(head)
+    shorter = len(packed) < len(head)
     box = Writer()
-    box.count(_PACKED if smaller else _AS_IS)
-    box.string(packed if smaller else head)
-    return bytes(box) + low
+    box.count(_PACKED if shorter else _AS_IS)
+    box.string(packed if shorter else head)
+    return box
 
 
-def _unbox(box: Reader) -> tuple[Reader, Reader]:
+def _unboxed(box: Reader) -> Reader:
     form, head = box.count(), box.string()
     if form not in (_AS_IS, _PACKED):
         raise LogError("stored frames are of an unknown format; update this station")
-    if form == _PACKED:
-        try:
-            head = zstandard.ZstdDecompressor().decompress(head)
-        except zstandard.ZstdError as exc:
-            raise LogError("stored frames are damaged; run `station audit --verify`") from exc
-    return Reader(head), Reader(box.data[box.at :])
+    return Reader(columns.expand(head) if form == _PACKED else head)

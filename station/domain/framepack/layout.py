@@ -32,6 +32,11 @@ class Layout:
     time: int
     parity: parity.Parity | None
 
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """How each column is foretold: the time stamps, then the fields."""
+        return self.time, *self.models
+
     def fields(self, data: NDArray[np.uint8]) -> Table:
         """Payloads (n, width) → fields (n, f) as differences from the first row, that of 16 bits in [-2¹⁵, 2¹⁵)."""
         rows, at = [], 0

@@ -1,17 +1,19 @@
 """The frames of one message (one identifier, one length) as bytes, and back."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain.framepack import predict, rice
+from station.domain.framepack import predict
 from station.domain.framepack.bytestream import Reader, Writer
 from station.domain.framepack.layout import Layout, find, words
 from station.domain.framepack.parity import Parity
 from station.domain.types import Frames
 
 Table = NDArray[np.int64]
+Words = NDArray[np.uint64]
 
 #: Identifier and length of a message.
 Key = tuple[int, int]
@@ -44,8 +46,8 @@ def ticks_of(frames: Frames) -> tuple[Table, int]:
     return since // tick, tick
 
 
-def pack(out: Writer, low: list[bytes], frames: Frames, layout: Layout) -> None:
-    """Writes the frames: description and unary bits to `out`, incompressible low bits to `low`."""
+def pack(out: Writer, frames: Frames, layout: Layout) -> list[Words]:
+    """Writes what the frames start from to `out`; gives what is left of each column: time, then the fields."""
     ticks, tick = ticks_of(frames)
     data = of_width(frames.data, layout.width)
     first = data[0].copy()
@@ -55,37 +57,41 @@ def pack(out: Writer, low: list[bytes], frames: Frames, layout: Layout) -> None:
     out.count(len(frames), tick)
     out.whole(int(frames.time_ns[0]))
     out.out += first.tobytes()
-    columns = np.column_stack([ticks, layout.fields(data)])
-    u = _residuals(out, columns, (layout.time, *layout.models))
-    used = u.any(axis=0)
-    kept = u[:, used]
-    k = rice.best_k(kept)
-    out.string(np.packbits(used).tobytes())
-    out.out += k.tobytes()
-    unary, low_bits, outliers = rice.pack(kept, k)
-    out.string(unary)
-    out.count(len(outliers), *outliers.tolist())
-    low.append(low_bits)
+    left = []
+    for column, model in zip((ticks, *layout.fields(data).T), layout.columns, strict=True):
+        residual, parameters = predict.forward(column, model)
+        left.append(predict.zigzag(residual))
+        out.whole(*parameters)
+    return left
 
 
-def unpack(data: Reader, low: Reader, key: Key, layout: Layout) -> Frames:
-    """The inverse of `pack`: frames of this identifier and length."""
-    n, tick = data.count(), data.count()
-    start = data.whole()
-    first = np.frombuffer(data.take(layout.width), np.uint8)
-    models = (layout.time, *layout.models)
-    parameters = [[data.whole() for _ in range(predict.PARAMETERS[m])] for m in models]
-    used = np.unpackbits(np.frombuffer(data.string(), np.uint8))[: len(models)].astype(bool)
-    k = np.frombuffer(data.take(int(used.sum())), np.uint8)
-    unary = data.string()
-    outliers = np.array([data.count() for _ in range(data.count())], np.uint64)
-    u = np.zeros((n, len(models)), np.uint64)
-    u[:, used] = rice.unpack(unary, low.take(rice.low_size(n, k)), outliers, n, k)
-    residuals = predict.unzigzag(u).T
-    columns = [predict.backward(r, m, p) for r, m, p in zip(residuals, models, parameters, strict=True)]
-    payload = _payload(layout, np.column_stack(columns[1:]) if columns[1:] else np.zeros((n, 0), np.int64), first)
-    can_id, length = np.full(n, key[0], np.uint32), np.full(n, key[1], np.uint8)
-    return Frames(start + columns[0] * tick, can_id, length, payload)
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """What `pack` wrote of one part's frames: their number, tick, start, first payload and the models' parameters."""
+
+    n: int
+    tick: int
+    start_ns: int
+    first: bytes
+    parameters: tuple[tuple[int, ...], ...]
+
+
+def read(data: Reader, layout: Layout) -> Begun:
+    """The inverse of what `pack` writes."""
+    n, tick, start = data.count(), data.count(), data.whole()
+    first = data.take(layout.width)
+    told = tuple(tuple(data.whole() for _ in range(predict.PARAMETERS[m])) for m in layout.columns)
+    return Begun(n, tick, start, first, told)
+
+
+def restore(begun: Begun, key: Key, layout: Layout, left: Sequence[Words]) -> Frames:
+    """The frames of this identifier and length, from what `pack` wrote and gave."""
+    leftovers = zip(left, layout.columns, begun.parameters, strict=True)
+    time, *fields = [predict.backward(predict.unzigzag(u), model, list(told)) for u, model, told in leftovers]
+    table = np.column_stack(fields) if fields else np.zeros((begun.n, 0), np.int64)
+    payload = _payload(layout, table, np.frombuffer(begun.first, np.uint8))
+    can_id, length = np.full(begun.n, key[0], np.uint32), np.full(begun.n, key[1], np.uint8)
+    return Frames(begun.start_ns + time * begun.tick, can_id, length, payload)
 
 
 def of_width(data: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
@@ -107,15 +113,6 @@ def _payload(layout: Layout, fields: Table, first: NDArray[np.uint8]) -> NDArray
 
 def _foretold(parity: Parity, data: NDArray[np.uint8], first: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return parity.predict(words(data), int(words(first[None, :])[0]))
-
-
-def _residuals(out: Writer, columns: Table, models: Sequence[int]) -> NDArray[np.uint64]:
-    residuals = []
-    for column, model in zip(columns.T, models, strict=True):
-        residual, parameters = predict.forward(column, model)
-        residuals.append(residual)
-        out.whole(*parameters)
-    return predict.zigzag(np.stack(residuals, axis=1))
 
 
 def write_layout(out: Writer, key: Key, layout: Layout) -> None:
