@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from station import plugins
 from station.domain import rank, sensor
 from station.domain.recipe import Recipe
-from station.domain.types import Floats, Stops
+from station.domain.types import Array, Floats, Stops
 
 PACKAGE = "station.domain.calibrate"
 
@@ -68,25 +68,39 @@ class Fit:
     """What a method found for each unit.
 
     theta (u, 12); jacobian (u, 12, v, 3): derivative of theta by each reading; free (12) bool: estimated at all;
-    residual (u, v, 3) measured − modelled; tilt_rad, tilt_std_rad (u, v): see Calibration; disturbed (u, v) bool;
-    misfit (u, v, a): what the method made small, with the variances (u, v, a) that noise and declared pose errors give
-    it; parameters: how many it fitted to that; pose_std_rad (u): pose error about each axis as found, 0 where the
-    method cannot tell; notes: sentences a unit.
+    residual (u, v, 3) measured − modelled; tilt: angles and standard deviations (u, v) in rad where the method finds
+    them (else station.domain.tilt); disturbed (u, v) bool; misfit (u, v, a): what the method made small, with the
+    variances (u, v, a) that noise and declared pose errors give it; parameters: how many it fitted to that; calm (u):
+    known to have neither scatter nor a stop that does not fit; pose_std_rad (u): pose error about each axis as found,
+    0 where the method cannot tell; notes: sentences a unit.
     """
 
     theta: Floats
     jacobian: Floats
     free: NDArray[np.bool_]
     residual: Floats
-    tilt_rad: Floats
-    tilt_std_rad: Floats
+    tilt: tuple[Floats, Floats] | None
     disturbed: NDArray[np.bool_]
     misfit: Floats
     noise: Floats
     pose_variance: Floats
     parameters: int
+    calm: NDArray[np.bool_]
     pose_std_rad: Floats
     notes: tuple[tuple[str, ...], ...]
+
+    def take(self, rows: NDArray[np.intp]) -> "Fit":
+        """The same for some of the units."""
+        out: dict[str, Any] = {}
+        for f in fields(Fit):
+            mine = getattr(self, f.name)
+            if f.name == "notes":
+                out[f.name] = tuple(mine[i] for i in rows)
+            elif f.name == "tilt" and mine is not None:
+                out[f.name] = tuple(m[rows] for m in mine)
+            elif f.name not in ("free", "parameters", "tilt"):
+                out[f.name] = mine[rows]
+        return replace(self, **out)
 
     def with_units(self, rows: NDArray[np.intp], other: "Fit") -> "Fit":
         """The same with the units `rows` replaced by those of another fit."""
@@ -95,11 +109,17 @@ class Fit:
             mine, theirs = getattr(self, f.name), getattr(other, f.name)
             if f.name == "notes":
                 out[f.name] = tuple((dict(enumerate(mine)) | dict(zip(rows.tolist(), theirs, strict=True))).values())
-            elif f.name not in ("free", "parameters"):
-                mine = mine.copy()
-                mine[rows] = theirs
-                out[f.name] = mine
+            elif f.name == "tilt" and mine is not None:
+                out[f.name] = tuple(_with_rows(m, rows, t) for m, t in zip(mine, theirs, strict=True))
+            elif f.name not in ("free", "parameters", "tilt"):
+                out[f.name] = _with_rows(mine, rows, theirs)
         return replace(self, **out)
+
+
+def _with_rows(mine: Array, rows: NDArray[np.intp], theirs: Array) -> Array:
+    out = mine.copy()
+    out[rows] = theirs
+    return out
 
 
 class Method(Protocol):
@@ -125,13 +145,13 @@ def of(recipe: Recipe) -> Method:
 
 
 def problem(recipe: Recipe, units: Sequence[Stops]) -> Problem:
-    """The problem of units whose stops are the same, one by one, in position and seating."""
+    """The problem of units whose stops are the same, one by one, in position, seating and truth."""
     first = units[0]
     keys = list(zip(first.position, first.seating, strict=True))
     # Of hand-held stops nobody knows which were alike.
     known = recipe.pose_known
     number = {key: i for i, key in enumerate(dict.fromkeys(keys))}
-    true = np.stack([s.true for s in units])
+    true = np.broadcast_to(first.true, (len(units), *first.true.shape))
     return Problem(
         mean=np.stack([s.mean for s in units]),
         cov=np.stack([s.cov for s in units]),

@@ -1,14 +1,14 @@
 """Samples → stops → calibration → budget → verdict: the one path of the run, the command and the refit."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.domain import design, method, quality, rank, references, scatter, uncertainty
+from station.domain import design, method, quality, rank, references, scatter, tilt, uncertainty
 from station.domain.coefficients import matrix_of, offset_of
 from station.domain.judge import judge
-from station.domain.method import Fit, Problem
+from station.domain.method import Fit
 from station.domain.recipe import Recipe
 from station.domain.types import Calibration, Floats, Outcome, Reason, SampleTable, Stops, Verdict
 from station.domain.uncertainty import Budget
@@ -16,8 +16,8 @@ from station.domain.visit import Visits, stops_of, visits
 from station.errors import SamplesError
 
 NO_ROUNDING = np.zeros(12)
-#: Units solved together: enough to be fast, few enough to fit in memory.
-BATCH = 256
+#: Units solved together: enough to be fast, few enough for a processor's cache.
+BATCH = 128
 
 
 #: Serial, stops, and what the samples came to where there are samples.
@@ -70,7 +70,6 @@ def calibrate_stops(recipe: Recipe, units: Mapping[str, Stops], rounding: Floats
     return _solve(recipe, [(serial, stops, None) for serial, stops in units.items()], rounding)
 
 
-
 def _solve(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Result]:
     """Units that went through the same visits are solved together; the order of the results is that of the units."""
     alike: dict[object, list[int]] = {}
@@ -93,25 +92,31 @@ def _solve_alike(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> lis
     with np.errstate(all="ignore"):
         problem, fit = scatter.solve(method.of(recipe), method.problem(recipe, stops))
         budgets = uncertainty.budgets(recipe, problem, fit, stops, rounding)
-    return [_result(recipe, unit, problem, fit, budgets[u], u) for u, unit in enumerate(units)]
+        tilts = tilt.of(problem, fit)
+        found = [
+            _calibration(recipe, stops[u], (fit, u), budgets[u], (tilts[0][u], tilts[1][u])) for u in range(len(units))
+        ]
+    return [_result(recipe, *each, fit.notes[u]) for u, each in enumerate(zip(units, found, budgets, strict=True))]
 
 
-def _result(recipe: Recipe, unit: Unit, problem: Problem, fit: Fit, budget: Budget, u: int) -> Result:
-    serial, stops, found = unit
-    told = quality.notes(recipe, found) if found is not None else ()
-    calibration = _calibration(recipe, stops, problem, fit, budget, u, told)
-    unsound = quality.reasons(recipe, found, stops) if found is not None else ()
-    verdict = judge(recipe, calibration, budget, stops, (*_broken(calibration, fit, u), *unsound))
-    return Result(serial, verdict, stops, calibration, budget, found)
+def _result(recipe: Recipe, unit: Unit, found: Calibration, budget: Budget, broken: tuple[str, ...]) -> Result:
+    serial, stops, measured = unit
+    unsound: tuple[Reason, ...] = ()
+    if measured is not None:
+        found = replace(found, notes=(*found.notes, *quality.notes(recipe, measured)))
+        unsound = quality.reasons(recipe, measured, stops)
+    verdict = judge(recipe, found, budget, stops, (*_broken(found, broken), *unsound))
+    return Result(serial, verdict, stops, found, budget, measured)
 
 
 def _calibration(
-    recipe: Recipe, stops: Stops, problem: Problem, fit: Fit, budget: Budget, u: int, told: tuple[str, ...]
+    recipe: Recipe, stops: Stops, fitted: tuple[Fit, int], budget: Budget, tilts: tuple[Floats, Floats]
 ) -> Calibration:
+    fit, u = fitted
     kept = ~fit.disturbed[u]
     square = (fit.residual[u][kept] ** 2).sum(axis=1)
     # Of a hand-held stop only the magnitude can be off: one number, not three.
-    rms = np.sqrt(square.mean() / (3 if problem.pose_known else 1))
+    rms = np.sqrt(square.mean() / (3 if recipe.pose_known else 1))
     return Calibration(
         method=recipe.method,
         unit=recipe.unit,
@@ -120,11 +125,11 @@ def _calibration(
         covariance=budget.total,
         positions=stops.position,
         residual=fit.residual[u],
-        tilt_deg=np.rad2deg(fit.tilt_rad[u]),
-        tilt_std_deg=np.rad2deg(fit.tilt_std_rad[u]),
+        tilt_deg=np.rad2deg(tilts[0]),
+        tilt_std_deg=np.rad2deg(tilts[1]),
         disturbed=fit.disturbed[u],
         residual_rms=float(rms),
-        notes=(*_disturbed(stops, fit, u), *_scatter(budget, recipe.unit), *fit.notes[u], *told),
+        notes=(*_disturbed(stops, fit, u), *_scatter(budget, recipe.unit), *fit.notes[u]),
     )
 
 
@@ -145,10 +150,10 @@ def _scatter(budget: Budget, unit: str) -> Iterator[str]:
         )
 
 
-def _broken(found: Calibration, fit: Fit, u: int) -> Iterator[Reason]:
+def _broken(found: Calibration, notes: tuple[str, ...]) -> Iterator[Reason]:
     """A fit that is no calibration: not settled, not finite, or a matrix that mirrors."""
-    if fit.notes[u]:
-        yield Reason("fit", fit.notes[u][0])
+    if notes:
+        yield Reason("fit", notes[0])
     if not (np.isfinite(found.offset).all() and np.isfinite(found.matrix).all()):
         yield Reason("fit", "the fit gave no finite coefficients")
     elif not np.linalg.det(found.matrix) > 0:

@@ -6,6 +6,7 @@ truth acts as a reading that is off by matrix · δt, so one derivative serves a
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -56,8 +57,8 @@ class Budget:
 def budgets(recipe: Recipe, problem: Problem, fit: Fit, units: Sequence[Stops], rounding: Floats) -> list[Budget]:
     """The budget of each unit. rounding (12): standard deviations of the coefficients' rounding in the device."""
     parts = {
-        "noise": _noise(fit, problem.cov - _diagonal(problem.quantisation)),
-        "quantisation": _noise(fit, _diagonal(problem.quantisation)),
+        "noise": covariance_of_noise(fit, problem.cov - _diagonal(problem.quantisation)),
+        "quantisation": covariance_of_noise(fit, _diagonal(problem.quantisation)),
         "position": _position(recipe, problem, fit),
         **_truth(recipe, problem, fit, units[0]),
         "temperature": _temperature(recipe, problem, fit),
@@ -98,12 +99,36 @@ def _diagonal(variance: Floats) -> Floats:
     return variance[..., None] * np.eye(3)
 
 
-def _noise(fit: Fit, cov: Floats) -> Floats:
+def covariance_of_noise(fit: Fit, cov: Floats) -> Floats:
     """Covariance (u, 12, 12) from independent errors of the means, cov (u, v, 3, 3)."""
-    u, _, v, _ = fit.jacobian.shape
-    by_stop = fit.jacobian.transpose(0, 2, 1, 3)
-    carried = (by_stop @ cov).transpose(0, 2, 1, 3).reshape(u, 12, 3 * v)
-    return np.asarray(carried @ fit.jacobian.reshape(u, 12, 3 * v).transpose(0, 2, 1))
+    # Which way a unit takes is its own affair: the same bits alone as among many.
+    even = fit.calm & (cov == cov[:, :1]).reshape(len(cov), -1).all(axis=1)
+    if even.all():
+        return _of_even_noise(fit.jacobian[0], cov[:, 0])
+    out = np.empty((len(cov), 12, 12))
+    if even.any():
+        out[even] = _of_even_noise(fit.jacobian[int(np.argmax(even))], cov[even, 0])
+    if not even.all():
+        out[~even] = _of_noise(fit.jacobian[~even], cov[~even])
+    return out
+
+
+def _of_noise(jacobian: Floats, cov: Floats) -> Floats:
+    u, _, v, _ = jacobian.shape
+    carried = (jacobian.transpose(0, 2, 1, 3) @ cov).transpose(0, 2, 1, 3).reshape(u, 12, 3 * v)
+    return np.asarray(carried @ jacobian.reshape(u, 12, 3 * v).transpose(0, 2, 1))
+
+
+def _of_even_noise(jacobian: Floats, cov: Floats) -> Floats:
+    """J (12, v, 3) with the same covariance (u, 3, 3) at every stop: Σ_kl cov_kl · J_k J_lᵀ, the nine products once."""
+    products = _products(np.ascontiguousarray(jacobian).tobytes())
+    return np.asarray((cov.reshape(-1, 1, 9) @ products).reshape(-1, 12, 12))
+
+
+@lru_cache(maxsize=64)
+def _products(jacobian: bytes) -> Floats:
+    J = np.frombuffer(jacobian).reshape(12, -1, 3)
+    return np.asarray(np.einsum("ivk,jvl->klij", J, J).reshape(9, 144))
 
 
 def shared(fit: Fit, patterns: Floats) -> Floats:

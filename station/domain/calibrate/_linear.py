@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from station.domain import coefficients, linear_algebra
-from station.domain.calibrate import _outliers
+from station.domain.calibrate import _even, _outliers
+from station.domain.calibrate._even import Columns
 from station.domain.method import Fit, Problem
 from station.domain.types import Floats
 
@@ -32,22 +33,49 @@ class _Axis:
     b: Floats
 
 
-def solve(problem: Problem, columns: tuple[tuple[int, ...], ...], *, weighted: bool) -> Fit:
+def solve(problem: Problem, columns: Columns, *, weighted: bool) -> Fit:
     """Fits `columns` of each axis; stops that do not fit with the rest are left out and marked.
 
     weighted: weights are inverse variances of noise and declared pose error; otherwise all stops count alike.
     """
     noise, pose = variances(problem)
+    even = (noise == noise[:, :1]).reshape(len(noise), -1).all(axis=1)
+    if problem.pose_std_rad > 0:
+        even &= (pose == pose[:, :1]).all(axis=(1, 2))
     if not weighted:
         # Plain least squares spreads every error over all residuals of its axis.
         noise, pose = (np.broadcast_to(part.mean(axis=1, keepdims=True), part.shape) for part in (noise, pose))
+        even[:] = True
+    even &= (problem.scatter_pose == 0) & (problem.scatter_stop == 0)
+    if problem.nuisance.shape[1] or not _one_truth(problem) or not _all_poses_differ(problem):
+        even[:] = False
+    if not even.any():
+        return _at_length(problem, columns, (noise, pose), weighted=weighted)
+    fit = _even.fit(problem, columns, (noise[:, :1], pose[:, :1]), even)
+    rest = np.flatnonzero(~fit.calm)
+    if not len(rest):
+        return fit
+    longer = _at_length(problem.take(rest), columns, (noise[rest], pose[rest]), weighted=weighted)
+    return fit.with_units(rest, longer)
+
+
+def _one_truth(problem: Problem) -> bool:
+    return len(problem.true) == 1 or problem.true.strides[0] == 0
+
+
+def _all_poses_differ(problem: Problem) -> bool:
+    return int(problem.pose.max()) + 1 == len(problem.pose)
+
+
+def _at_length(problem: Problem, columns: Columns, parts: tuple[Floats, Floats], *, weighted: bool) -> Fit:
+    """Every unit with a regression of its own; parts: variances by noise and by declared pose error."""
+    noise, pose = parts
     variance = noise + pose * problem.visits_of_pose()[:, None] + problem.scatter()[..., None]
     keep = np.ones(variance.shape[:2])
     for _ in range(max(len(problem.pose) // 4, 1)):
         axes = _regressions(problem, columns, variance, keep, weighted)
-        worst = _outliers.worst(
-            _residuals(axes), np.stack([a.H for a in axes], axis=1), variance, keep, _parameters(columns, problem)
-        )
+        hat = np.stack([a.H for a in axes], axis=1)
+        worst = _outliers.worst(_residuals(axes), hat, variance, keep, _parameters(columns, problem))
         if not worst.any():
             break
         keep = np.where(worst, 0.0, keep)
@@ -59,15 +87,17 @@ def variances(problem: Problem) -> tuple[Floats, Floats]:
 
     A pose turned by δ about each axis moves the truth t by δ × t: variance δ²(|t|² − t_i²) on axis i.
     """
-    noise = np.einsum("uvii->uvi", problem.cov)
-    across = problem.magnitude[..., None] ** 2 - problem.true**2
     # Readings without any noise still count alike.
     scale = np.maximum(problem.magnitude.max(axis=1), 1e-12)[:, None, None]
-    return np.maximum(noise, (1e-9 * scale) ** 2), problem.pose_std_rad**2 * np.maximum(across, 0.0)
+    noise = np.maximum(np.einsum("uvii->uvi", problem.cov), (1e-9 * scale) ** 2)
+    if problem.pose_std_rad == 0:
+        return noise, np.broadcast_to(0.0, noise.shape)
+    across = problem.magnitude[..., None] ** 2 - problem.true**2
+    return noise, problem.pose_std_rad**2 * np.maximum(across, 0.0)
 
 
 def _regressions(
-    problem: Problem, columns: tuple[tuple[int, ...], ...], variance: Floats, keep: Floats, weighted: bool
+    problem: Problem, columns: Columns, variance: Floats, keep: Floats, weighted: bool
 ) -> tuple[_Axis, _Axis, _Axis]:
     u, v = keep.shape
     T = np.concatenate([np.ones((u, v, 1)), problem.true], axis=2)
@@ -96,17 +126,13 @@ def _residuals(axes: tuple[_Axis, _Axis, _Axis]) -> Floats:
     return np.stack([a.r for a in axes], axis=2)
 
 
-def _leverages(axes: tuple[_Axis, _Axis, _Axis]) -> Floats:
-    return np.stack([np.einsum("uvv->uv", a.H) for a in axes], axis=2)
-
-
-def _parameters(columns: tuple[tuple[int, ...], ...], problem: Problem) -> int:
+def _parameters(columns: Columns, problem: Problem) -> int:
     return sum(len(c) for c in columns) + 3 * int(problem.nuisance.shape[1])
 
 
 def _fit(
     problem: Problem,
-    columns: tuple[tuple[int, ...], ...],
+    columns: Columns,
     axes: tuple[_Axis, _Axis, _Axis],
     variance: tuple[Floats, Floats],
     keep: Floats,
@@ -116,42 +142,23 @@ def _fit(
     jacobian = np.zeros((u, 12, v, 3))
     free = np.zeros(12, bool)
     for i, axis in enumerate(axes):
-        at = [i if c == 0 else 2 + 3 * i + c for c in columns[i]]
+        at = _even.coefficients_of(i, columns[i])
         theta[:, at] = axis.b[:, : len(at)]
         jacobian[:, at, :, i] = axis.G[:, : len(at)].transpose(1, 0, 2)
         free[at] = True
-    residual, leverage = _residuals(axes), np.minimum(_leverages(axes), 1.0)
-    tilt, tilt_std = _tilts(problem, theta, residual, leverage)
+    residual = _residuals(axes)
     return Fit(
         theta=theta,
         jacobian=jacobian,
         free=free,
         residual=residual,
-        tilt_rad=tilt,
-        tilt_std_rad=tilt_std,
+        tilt=None,
         disturbed=keep == 0,
         misfit=residual,
         noise=variance[0],
         pose_variance=variance[1],
         parameters=_parameters(columns, problem),
+        calm=np.zeros(u, bool),
         pose_std_rad=np.zeros(u),
         notes=((),) * u,
     )
-
-
-def _tilts(problem: Problem, theta: Floats, residual: Floats, leverage: Floats) -> tuple[Floats, Floats]:
-    """Angle between nominal and found direction, and its standard deviation, each (u, v).
-
-    A linear fit takes part of every tilt into its coefficients: the share `leverage` of it is missing from the
-    residual, and stands, as large as the residuals of all stops make likely, in the standard deviation.
-    """
-    matrix = coefficients.matrix_of(theta)[:, None]
-    size = np.maximum(problem.magnitude, 1e-300)
-    off = linear_algebra.solve(matrix, residual[..., None])[..., 0] / size[..., None]
-    along = problem.true / size[..., None]
-    across = off - along * (along * off).sum(axis=2, keepdims=True)
-    tilt = np.arctan2(np.linalg.norm(across, axis=2), 1 + (along * off).sum(axis=2))
-    still = 1 - leverage
-    noise = (still * np.einsum("uvii->uvi", problem.cov)).mean(axis=2) / size**2
-    scatter = (across**2).sum(axis=(1, 2)) / np.maximum(still.mean(axis=2).sum(axis=1), 1e-9)
-    return tilt, np.sqrt(noise + leverage.mean(axis=2) * scatter[:, None] / 2)
