@@ -31,6 +31,7 @@ class Wanted:
 
     json: Path | None
     report: Path | None
+    figures: Path | None
     extend: Path | None
     next_run: Path | None
 
@@ -125,6 +126,14 @@ def _write(wanted: Wanted, told: Mapping[str, Any], found: Diagnosis, model: Mod
         _face.say_json(told)
     elif wanted.json is not None:
         _text(wanted.json, "--json", json.dumps(told, allow_nan=False, ensure_ascii=False))
+    if wanted.report is not None or wanted.figures is not None:
+        from station.cli._diagnosis_page import html, page_of_diagnosis, write_figures
+
+        page = page_of_diagnosis(found, told)
+        if wanted.report is not None:
+            _text(wanted.report, "--report", html(page))
+        if wanted.figures is not None:
+            write_figures(wanted.figures, page)
     if wanted.extend is not None:
         import yaml
 

@@ -17,6 +17,7 @@ def command(
     model: Annotated[Path | None, Option(help="The simulation to compare with, station.model/1.")] = None,
     json: Annotated[Path | None, Option(help="Write station.diagnosis/1 there; - is standard output.")] = None,
     report: Annotated[Path | None, Option(help="Write a report for people, one HTML file.")] = None,
+    figures: Annotated[Path | None, Option(help="Folder for the report's figures, one SVG file each.")] = None,
     extend: Annotated[Path | None, Option(help="Write the simulation extended by what was found.")] = None,
     next_run: Annotated[Path | None, Option("--next-run", help="Write the recipe of the next run proposed.")] = None,
     seed: Annotated[int, Option(min=0, help="Seed of the bootstrap.")] = 1,
@@ -36,5 +37,5 @@ def command(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from station.cli._diagnose import Wanted, diagnose_to
 
-    wanted = Wanted(json, report, extend, next_run)
+    wanted = Wanted(json, report, figures, extend, next_run)
     return diagnose_to(samples, db, since, recipe, model, wanted, seed)

@@ -15,12 +15,15 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 34.0, 46.0
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One set of points. low and high draw a band (line) or error bars (dots); colour is an index."""
+    """One set of points. low and high draw a band (line) or error bars (dots); colour is an index.
+
+    dots are marks a reader may count; a cloud is many small ones in one stroke; dashes are level strokes over them.
+    """
 
     x: Sequence[float]
     y: Sequence[float]
     name: str = ""
-    kind: Literal["dots", "line", "steps", "bars"] = "dots"
+    kind: Literal["dots", "cloud", "dashes", "line", "steps", "bars"] = "dots"
     low: Sequence[float] | None = None
     high: Sequence[float] | None = None
     colour: int = 0
@@ -43,9 +46,22 @@ class Figure:
 
 def svg(figure: Figure) -> str:
     """The figure as one SVG element with a title for screen readers."""
+    return document(figure.width, figure.height, figure.title, _inside(figure))
+
+
+def panels(title: str, figures: Sequence[Figure]) -> str:
+    """Figures one below the other in one SVG element, each with its own title."""
+    parts, down = [], 28.0
+    for figure in figures:
+        parts.append(f'<g transform="translate(0 {down:g})">')
+        parts += [text(12, 20, figure.title, weight=600), *_inside(figure), "</g>"]
+        down += figure.height
+    return document(max((f.width for f in figures), default=640), down + 4, title, parts)
+
+
+def _inside(figure: Figure) -> list[str]:
     x, y = _scales(figure)
-    parts = [*_frame(figure, x, y), *(p for s in figure.series for p in _series(s, x, y)), *_legend(figure)]
-    return document(figure.width, figure.height, figure.title, parts)
+    return [*_frame(figure, x, y), *(p for s in figure.series for p in _series(s, x, y)), *_legend(figure)]
 
 
 def document(width: float, height: float, title: str, parts: Iterable[str]) -> str:
@@ -84,7 +100,7 @@ def _scales(figure: Figure) -> tuple[Scale, Scale]:
 def _slanted(figure: Figure) -> bool:
     """Whether words under the axis would run into each other if they lay flat."""
     room = (figure.width - _LEFT - _RIGHT) / max(len(figure.x_names), 1)
-    return max(map(len, figure.x_names), default=0) * 7 > room
+    return (max(map(len, figure.x_names), default=0) + 1) * 7 > room
 
 
 def _frame(figure: Figure, x: Scale, y: Scale) -> list[str]:
@@ -117,6 +133,8 @@ def _series(s: Series, x: Scale, y: Scale) -> list[str]:
         half = 0.35 * abs(x(1) - x(0))
         base = y(max(0.0, y.low))
         return [_rect(a - half, min(b, base), 2 * half, abs(b - base), colour) for a, b in points]
+    if s.kind in ("cloud", "dashes"):
+        return [_strokes(s.kind, points, colour)]
     parts = _spread(s, x, y, colour)
     if s.kind == "dots":
         return [*parts, *(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="2.6" fill="{colour}"/>' for a, b in points)]
@@ -124,6 +142,14 @@ def _series(s: Series, x: Scale, y: Scale) -> list[str]:
         points = [p for (a, b), (c, _) in zip(points, [*points[1:], points[-1]], strict=True) for p in ((a, b), (c, b))]
     path = " ".join(f"{a:.1f},{b:.1f}" for a, b in points)
     return [*parts, f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="1.8"/>']
+
+
+def _strokes(kind: str, points: Sequence[tuple[float, float]], colour: str) -> str:
+    """All points in one path: round dots, or dashes 11 px wide."""
+    half, wide, cap = (0.0, 4.0, "round") if kind == "cloud" else (5.5, 3.0, "butt")
+    path = "".join(f"M{a - half:.1f} {b:.1f}h{2 * half:g}" for a, b in points)
+    faint = ' stroke-opacity="0.6"' if kind == "cloud" else ""
+    return f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="{wide:g}" stroke-linecap="{cap}"{faint}/>'
 
 
 def _spread(s: Series, x: Scale, y: Scale, colour: str) -> list[str]:

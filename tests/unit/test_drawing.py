@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station.drawing import scale, tables
-from station.drawing.figure import Figure, Series, svg
+from station.drawing.figure import Figure, Series, panels, svg
 
 NS = "{http://www.w3.org/2000/svg}"
 
@@ -43,9 +43,26 @@ def test_no_text_breaks_the_page(words: str) -> None:
 def test_ticks_are_round_and_inside(low: float, width: float) -> None:
     found = scale.ticks(low, low + width)
     assert 2 <= len(found) <= 12
-    assert all(low - width * 1e-6 <= t <= low + width * (1 + 1e-6) for t in found)
+    near = width * 1e-6 + 4 * math.ulp(abs(low) + width)
+    assert all(low - near <= t <= low + width + near for t in found)
 
 
 def test_a_figure_without_data_still_draws() -> None:
     ET.fromstring(svg(Figure("empty", "x", "y", ())))
     ET.fromstring(tables.bars("empty", []))
+
+
+def test_a_cloud_is_one_stroke_however_many_points() -> None:
+    many = Series(range(5000), range(5000), "residual", kind="cloud")
+    root = ET.fromstring(svg(Figure("t", "x", "y", (many, Series([0.0], [1.0], kind="dashes")))))
+    cloud, dash = root.findall(f"{NS}path")
+    assert (cloud.get("d") or "").count("M") == 5000
+    assert (dash.get("d") or "").endswith("h11")
+
+
+def test_panels_stand_below_each_other_and_each_has_its_title() -> None:
+    one, two = (Figure(name, "x", "y", (Series([0], [1]),), height=100) for name in ("first", "second"))
+    root = ET.fromstring(panels("both", [one, two]))
+    assert [g.get("transform") for g in root.findall(f"{NS}g")] == ["translate(0 28)", "translate(0 128)"]
+    assert {"both", "first", "second"} <= {t.text for t in root.iter(f"{NS}text")}
+    assert root.get("height") == "232"

@@ -1,0 +1,40 @@
+"""The report of `station diagnose`: one self-contained HTML file, and its figures as SVG files."""
+
+from collections.abc import Mapping
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from station.diagnosis.diagnose import Diagnosis
+from station.diagnosis.report.gather import report_data
+from station.diagnosis.report.page import Page, page_of
+from station.errors import UsageError
+
+_FOLDER = Path(__file__).parent / "templates"
+
+
+def page_of_diagnosis(found: Diagnosis, told: Mapping[str, Any]) -> Page:
+    """The report of a diagnosis and its document."""
+    today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
+    return page_of(report_data(found, told, today))
+
+
+def html(page: Page) -> str:
+    """The page as HTML; every text is escaped, only the figures, whose makers escape, go in as they are."""
+    made = Environment(loader=FileSystemLoader(_FOLDER), autoescape=True, undefined=StrictUndefined)
+    made.filters["drawing"] = Markup
+    return made.get_template("diagnosis.html").render(page=page)
+
+
+def write_figures(folder: Path, page: Page) -> None:
+    """Every figure as NAME.svg. UsageError where the folder cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, svg in page.pictures().items():
+            safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in name)
+            (folder / f"{safe}.svg").write_text(svg, encoding="utf-8")
+    except OSError as exc:
+        raise UsageError(f"--figures {folder} cannot be written ({exc.strerror}); name another folder") from exc

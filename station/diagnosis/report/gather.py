@@ -1,0 +1,112 @@
+"""From a diagnosis to what its report shows."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from station.diagnosis.diagnose import Diagnosis
+from station.diagnosis.reduce import EDGES, Reduced, split
+from station.diagnosis.report.data import Dwell, ReportData, Signature
+from station.diagnosis.report.line import verdicts
+from station.diagnosis.report.smallest import smallest
+from station.diagnosis.stage import Problem
+from station.diagnosis.view import View
+from station.domain.types import Floats
+from station.model.scene import COVARIATES, Scene, scene_of_table
+
+#: Covariates that a picture can have as its horizontal axis.
+SHOWN = ("temperature_degC", "temperature_rate", "since_power_s", "since_clamp_s", "motor")
+#: Labels of visits that a samples table may carry.
+LABELS = ("station", "nest", "lot", "operator", "gold")
+
+
+def report_data(d: Diagnosis, document: Mapping[str, Any], today: str) -> ReportData:
+    """The diagnosis as the report has it. today: ISO 8601, for what is due in the recipe. Errors: InputError."""
+    view, first = d.last.view, d.searched.first.view
+    scene, visits, known = view.scene, view.scene.visits, d.recipe.pose_known
+    new = range(len(d.searched.first.accepted), len(d.last.accepted))
+    effects = [_effect(d.last, i) for i in new]
+    read, expected = _read(d) if d.inspected.faults and known else (None, None)
+    whole = sum((mean for mean, _ in effects), np.zeros_like(view.reduced.mean))
+    return ReportData(
+        document=document,
+        recipe=d.recipe.name,
+        axes=("x", "y", "z") if known else ("along the stimulus",),
+        unit=visits.unit,
+        position=visits.position,
+        run=visits.run,
+        visit=visits.visit,
+        previous=visits.previous,
+        values={"time_s": scene.time_s} | {k: v for k in SHOWN if (v := getattr(scene, k)) is not None},
+        measured=_kept(view, view.reduced.mean),
+        before=_kept(first, first.reduced.mean - first.simulated()[0]),
+        after=_kept(view, view.reduced.mean - view.simulated()[0]),
+        signatures=tuple(
+            Signature(d.last.accepted[i].candidate.name, _freed(d.last, mean))
+            for i, (mean, _) in zip(new, effects, strict=True)
+        ),
+        dwell=_dwell(d.last, effects) if known and any(np.any(c) for _, c in effects) else None,
+        read=read,
+        expected=expected,
+        smallest=smallest(d.searched.stage),
+        recorded=frozenset(name for name in (*COVARIATES, *LABELS) if scene.knows(name)),
+        verdicts=verdicts(d.recipe, d.inspected.table, whole, today) if effects and known else None,
+    )
+
+
+def _effect(problem: Problem, i: int) -> tuple[Floats, Floats]:
+    """What an accepted cause adds to the means (v, 3) and to the contrasts (v, B−1, 3)."""
+    with_it, without = problem.view.simulated(), problem.without(i).view.simulated()
+    return with_it[0] - without[0], with_it[1] - without[1]
+
+
+def _kept(view: View, readings: Floats) -> Floats:
+    return np.asarray(np.einsum("vki,vi->vk", view.keep, readings))
+
+
+def _freed(problem: Problem, effect: Floats) -> Floats:
+    """An effect (v, k) without what each unit's calibration takes up of it, by least squares."""
+    view = problem.view
+    columns = np.einsum("vki,vip->vkp", view.keep, view.calibration(problem.matrix))
+    kept, unit = _kept(view, effect), view.scene.visits.unit.code
+    left = np.empty_like(kept)
+    for u in range(len(view.base.offset)):
+        rows = unit == u
+        A, y = columns[rows].reshape(-1, columns.shape[2]), kept[rows].ravel()
+        left[rows] = (y - A @ np.linalg.lstsq(A, y, rcond=1e-9)[0]).reshape(-1, kept.shape[1])
+    return left
+
+
+def _dwell(problem: Problem, effects: list[tuple[Floats, Floats]]) -> Dwell:
+    """The mean course within a dwell, stops and axes weighted and turned by how strongly the causes begin there."""
+    r = problem.view.reduced
+    mean, contrast = (sum(parts[1:], parts[0]) for parts in zip(*effects, strict=True))
+    said = _blocks(r, mean, contrast)
+    now = problem.view.simulated()
+    left = _blocks(r, r.mean - now[0] + mean, r.contrast - now[1] + contrast)
+    weight = said[:, 0] - said[:, -1]
+    total = max(float(np.abs(weight).sum()), 1e-300)
+    level = [np.einsum("vbi,vi->b", part - part[:, -1:], weight / total) for part in (left, said)]
+    ends = [0.0, *EDGES]
+    names = tuple(f"{100 * a:.0f}–{100 * b:.0f} % of the dwell" for a, b in zip(ends, EDGES, strict=False))
+    return Dwell(names, level[0], level[1])
+
+
+def _blocks(r: Reduced, mean: Floats, contrast: Floats) -> Floats:
+    """Values of the sub-blocks (v, B, 3), from means and contrasts."""
+    v, B = r.count.shape
+    row, rest = split(np.broadcast_to(np.eye(B), (v, B, B)), r.count)
+    forth = np.concatenate([row[:, None], rest], axis=1)
+    said = np.concatenate([mean[:, None], contrast], axis=1)
+    return np.asarray(np.linalg.pinv(forth) @ said)
+
+
+def _read(d: Diagnosis) -> tuple[Floats, Floats]:
+    """Means of the samples as they came (v, 3), and what an ideal unit would read there."""
+    scene: Scene = scene_of_table(d.recipe, d.table)
+    count = np.bincount(scene.visit)
+    read = np.stack([np.bincount(scene.visit, column) / count for column in d.table.reading.T], axis=1)
+    v = scene.visits
+    true = np.einsum("vji,vj->vi", np.einsum("vij,vjk->vik", v.nest_R, v.seat_R), v.stimulus)
+    return read, true

@@ -1,0 +1,55 @@
+"""Numbers as a person on the line says them: 0.00031 g/degC is 0.31 mg/°C."""
+
+import math
+from collections.abc import Iterable
+
+#: Prefixes to try, largest unit first, of the units that a size may begin with.
+_PREFIXES = {
+    "g": (("g", 1.0), ("mg", 1e3), ("µg", 1e6)),
+    "uT": (("µT", 1.0), ("nT", 1e3)),
+    "deg/s": (("deg/s", 1.0), ("mdeg/s", 1e3)),
+    "rad": (("rad", 1.0), ("mrad", 1e3), ("µrad", 1e6)),
+    "1": (("%", 100.0), ("ppm", 1e6)),
+}
+_BEGINNINGS = ("deg/s", "rad", "uT", "g", "1")
+
+
+def shown_as(values: Iterable[float], unit: str) -> tuple[float, str]:
+    """Factor and unit in which values of `unit` are easy to read."""
+    largest = max((abs(v) for v in values if math.isfinite(v)), default=0.0)
+    for start in _BEGINNINGS:
+        rest = unit[len(start) :]
+        if unit.startswith(start) and (not rest or rest[0] in "/·"):
+            choices = _PREFIXES[start]
+            if start == "1" and rest:
+                choices = choices[1:]
+            words, factor = next((c for c in choices if largest * c[1] >= 1.0), choices[-1] if largest else choices[0])
+            return factor, words + rest.replace("degC", "°C")
+    return 1.0, unit.replace("degC", "°C")
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number with so many digits that mean something, no exponent where it can be helped, a real minus."""
+    if not math.isfinite(value):
+        return "–"
+    text = f"{value:.{digits}g}"
+    if "e" in text and 1e-6 <= abs(value) < 1e7:
+        text = f"{float(text):.{max(0, digits - 1 - math.floor(math.log10(abs(value))))}f}"
+    return text.replace("-", "−")
+
+
+def size(value: float, unit: str, digits: int = 3) -> str:
+    """A size with its unit."""
+    factor, words = shown_as([value], unit)
+    return f"{number(value * factor, digits)} {words}".strip()
+
+
+def with_std(value: float, std: float, unit: str) -> str:
+    """value ± 1.96 std, with as many digits as the interval deserves."""
+    factor, words = shown_as([value], unit)
+    wide = 1.96 * std * factor
+    if not (wide > 0 and math.isfinite(wide)):
+        return f"{number(value * factor, 4)} {words}"
+    places = max(0, 1 - math.floor(math.log10(wide)))
+    low = f"{value * factor:.{places}f} ± {wide:.{places}f} {words}"
+    return low.replace("-", "−")
