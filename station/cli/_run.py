@@ -29,6 +29,7 @@ from station.errors import Aborted, StationError, UsageError
 from station.service.runner import Runner
 from station.service.stop import Stop
 from station.wiring import Bench, Order, open_bench
+from station.wiring.golden import refuse_unless_checked
 
 PHASES = {
     Phase.IDENTIFY: "identifying",
@@ -48,6 +49,7 @@ def run_units(
     with open_bench(order) as bench:
         serials = ask_serials(bench, given, units)
         serials_of.check_all(serials, bench.job.recipe)
+        refuse_unless_checked(bench.station.settings, bench.database, serials)
         for sentence in bench.told:
             _face.remark(sentence)
         results, fault = _run(bench, serials, pace)
@@ -82,6 +84,7 @@ def _run(bench: Bench, serials: Sequence[str], pace: float | None) -> tuple[list
     held = Pace(pace, bench.station.clock.monotonic_s, stop)
     results: list[UnitResult] = []
     loads = bench.loads(serials)
+    _check_person(bench, len(loads))
     with _face.progress() as bar, _stops(stop):
         for number, seats in enumerate(loads):
             if number and not bench.simulated:
@@ -156,6 +159,19 @@ def _stops(stop: Stop) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _check_person(bench: Bench, loads: int) -> None:
+    """UsageError before anything moves when somebody will have to do something and nobody is there."""
+    if bench.simulated or sys.stdin.isatty():
+        return
+    if loads > 1:
+        nests = len(bench.station.settings.nests)
+        raise UsageError(
+            f"more than {nests} units need somebody who changes them; run it from a terminal, or {nests} at a time"
+        )
+    if any(run.seating != "home" for run in bench.job.recipe.runs):
+        raise UsageError("this recipe needs somebody who turns the units in their nests; run it from a terminal")
 
 
 def _confirm(bench: Bench) -> Callable[[str], None]:

@@ -55,6 +55,13 @@ class Timeouts(Part):
     park_s: Positive = 20.0
 
 
+class Golden(Part):
+    """Golden and known-bad units that must come out as registered, every so many hours, before anything is made."""
+
+    file: Line = "golden.json"
+    every_h: Positive = 8.0
+
+
 class Settings(Part):
     """Everything about this station that no recipe says."""
 
@@ -70,6 +77,7 @@ class Settings(Part):
     signing_key: Line = ""
     arrival_tolerance_deg: Positive = 2.0
     timeouts: Timeouts = Timeouts()
+    golden: Golden | None = None
 
     @model_validator(mode="after")
     def _nests_differ(self) -> Self:

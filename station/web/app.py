@@ -11,7 +11,7 @@ from starlette.routing import Mount
 from starlette.staticfiles import StaticFiles
 
 from station.errors import InputError, StationError
-from station.web import audit, line_page, login, operator, render
+from station.web import audit, diagnosis, line_page, login, metrics, operator, render
 from station.web.guard import Closed, session_of
 from station.web.panel import Panel
 
@@ -23,7 +23,9 @@ def create_app(panel: Panel) -> Starlette:
             *login.ROUTES,
             *operator.ROUTES,
             *audit.ROUTES,
+            *diagnosis.ROUTES,
             *line_page.ROUTES,
+            *metrics.ROUTES,
             Mount("/static", StaticFiles(directory=Path(__file__).parent / "static")),
         ],
         middleware=[Middleware(Closed)],

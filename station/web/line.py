@@ -9,7 +9,7 @@ from typing import Any
 
 from station.adapters.store import life
 from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.search import Attempt, Query
 from station.adapters.store.yields import Yield
 from station.domain import coefficients
 from station.domain.recipe import Limits, Recipe
@@ -47,7 +47,7 @@ class Line:
 
 def gather(log: LogReader, query: Query, most: int) -> Line:
     """The newest `most` finished attempts that the query names. Errors: LogError."""
-    found = [a for a in log.attempts(query, most) if a.outcome is not None]
+    found = _finished(log, query, most)
     lives = [log.attempt(a) for a in reversed(found)]
     reasons = Counter(check for kept in lives for check in _checks(kept))
     recipe = Recipe.model_validate_json(log.recipe_and_product(found[0])[0]) if found else None
@@ -57,6 +57,15 @@ def gather(log: LogReader, query: Query, most: int) -> Line:
         yields={by: log.yields(query, by) for by in SPLITS},
         reasons=dict(reasons.most_common(12)),
     )
+
+
+def measured(log: LogReader, query: Query, most: int) -> list[Measured]:
+    """The newest `most` finished attempts that the query names, oldest first, without anything around them."""
+    return [_measured(log.attempt(a)) for a in reversed(_finished(log, query, most))]
+
+
+def _finished(log: LogReader, query: Query, most: int) -> list[Attempt]:
+    return [a for a in log.attempts(query, most) if a.outcome is not None]
 
 
 def limits_of(name: str, limits: Limits) -> tuple[float | None, float | None]:

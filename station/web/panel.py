@@ -1,5 +1,6 @@
 """Everything the page stands on, made once and handed to every route as `request.app.state.panel`."""
 
+import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,7 +21,7 @@ class Panel:
     """Settings and recipe of the station; the people's file; how runs are started; open sessions.
 
     secure: the page is reached by https only, so cookies are too. over: the server ends, and so do its streams.
-    monotonic_s: the clock of sessions and guesses.
+    monotonic_s: the clock of sessions and guesses. children: diagnoses under way, by name.
     """
 
     settings: Settings
@@ -35,6 +36,7 @@ class Panel:
     journal: Journal = field(init=False)
     runs: Runs = field(init=False)
     screen: Screen = field(init=False)
+    children: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.sessions = Sessions(self.monotonic_s)

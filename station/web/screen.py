@@ -6,17 +6,22 @@ from collections.abc import Mapping
 from typing import Any
 
 from station.config.settings import Settings
+from station.errors import StationError
 from station.web import fixture
 from station.web.runs import Runs, beside
+from station.wiring.golden import standings
 
 #: A value older than this is looked up again, s: the rate at which all screens together look.
 FRESH_S = 0.03
+#: And so often whether the golden units are due, s.
+GOLDEN_S = 5.0
 
 
 class Screen:
     """Folds the run's live file, the lock and the scanned serials together. Every look is at most FRESH_S old."""
 
     def __init__(self, settings: Settings, runs: Runs) -> None:
+        self._golden: tuple[float, str] = (-GOLDEN_S, "")
         self._settings, self._runs = settings, runs
         self._path = beside(runs.order.database, ".live.json")
         self._stamp: tuple[int, int] | None = None
@@ -85,6 +90,7 @@ class Screen:
             "recipe": self._live.get("recipe", self._runs.order.recipe),
             "sentences": state.get("sentences", []) if mine or not running else [],
             "fault": self._fault(state, running=running),
+            "golden": self._due(),
             **{f"nest {n.name}": self._nest(n.name, state, stale=running and not mine) for n in self._settings.nests},
         }
 
@@ -104,6 +110,18 @@ class Screen:
         if self._live and not state.get("over", False):
             return self._runs.last_words() or "the run ended without a word; its units count as interrupted"
         return str(state.get("fault", ""))
+
+    def _due(self) -> str:
+        """What is due or wrong with the golden units, looked up every few seconds; '' when all is well."""
+        at_s, told = self._golden
+        if time.monotonic() - at_s > GOLDEN_S:
+            try:
+                found = standings(self._settings, self._runs.order.database)
+                told = "; ".join(s.problem for s in found if s.problem)
+            except StationError as exc:
+                told = exc.sentence
+            self._golden = (time.monotonic(), told)
+        return told
 
     def _picture(self, poses: Mapping[str, Any], name: str) -> str:
         if not name:

@@ -48,6 +48,8 @@
     say(byId("count"), state.total ? `${state.done} / ${state.total}` : "");
     byId("fault").hidden = !state.fault;
     say(byId("fault"), state.fault ? `⚠ ${state.fault}` : "");
+    byId("golden").hidden = !state.golden;
+    say(byId("golden"), state.golden ? `⚠ ${state.golden}` : "");
     list(byId("sentences"), state.sentences);
     document.body.dataset.running = String(state.running);
     if (form) buttons();

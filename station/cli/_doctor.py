@@ -1,0 +1,170 @@
+"""What `station doctor` looks at; each check is a function that says what it found, or raises what is wrong."""
+
+import os
+import shutil
+import socket
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from station.adapters.device import eds
+from station.adapters.store import keys
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Query
+from station.cli import _face
+from station.config.settings import Settings, load_settings
+from station.domain.map_check import mismatches
+from station.errors import BusFault, ConfigError, ReferenceOverdue, StationError, StationFault, StoreFault, UsageError
+from station.wiring import golden
+from station.wiring.jobs import load_job
+
+#: Less free space than this is soon none, bytes.
+LITTLE = 2 * 1024**3
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What the command line says."""
+
+    recipe: str | None
+    config: Path | None
+    db: Path | None
+    simulate: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    """What the checks look at."""
+
+    settings: Settings
+    database: Path
+    recipe: str
+
+
+def examine(asked: Question, *, as_json: bool) -> int:
+    """Every check, each told in a line; 0 when all are well, 3 otherwise. Errors: ConfigError."""
+    settings = load_settings(asked.config)
+    station = Station(settings, asked.db or Path(settings.database), asked.recipe or settings.recipe)
+    checks = {k: v for k, v in CHECKS.items() if not (asked.simulate and k == "bus")}
+    found = [_one(name, check, station) for name, check in checks.items()]
+    well = all(f["well"] for f in found)
+    if as_json:
+        _face.say_json({"schema": "station.doctor/1", "well": well, "checks": found})
+    else:
+        for f in found:
+            _face.say(f"{'✔' if f['well'] else '✘'} {f['check']}: {f['said']}")
+    return 0 if well else StationFault.exit_code
+
+
+def _one(name: str, check: Callable[[Station], str], station: Station) -> dict[str, Any]:
+    try:
+        return {"check": name, "well": True, "said": check(station)}
+    except StationError as exc:
+        return {"check": name, "well": False, "said": exc.sentence}
+
+
+def _bus(station: Station) -> str:
+    bus = station.settings.bus
+    if bus.interface != "socketcan":
+        return f"{bus.interface}, nothing to look at"
+    from station.adapters.bus._netlink import ask
+
+    setup = f"ip link set {bus.channel} type can bitrate {bus.bitrate} && ip link set {bus.channel} up"
+    try:
+        link = ask(bus.channel)
+    except OSError:
+        known = ", ".join(n for _, n in socket.if_nameindex() if "can" in n) or "none"
+        raise BusFault(
+            f"there is no interface {bus.channel} (CAN interfaces here: {known}); plug the adapter in, then `{setup}`"
+        ) from None
+    if not link.up:
+        raise BusFault(f"{bus.channel} is down; as root: `{setup}`")
+    if link.can_state not in (None, "active"):
+        raise BusFault(f"{bus.channel} is {link.can_state}; check wiring, termination and bit rate, then `{setup}`")
+    return f"{bus.channel} ({link.kind}) is up, state {link.can_state or 'not told'}"
+
+
+def _rights(station: Station) -> str:
+    folder = station.database.resolve().parent
+    if not folder.is_dir():
+        raise StoreFault(f"there is no folder {folder} for the log; make it, or change `database`")
+    paths = [folder, *(p for p in (station.database,) if p.exists())]
+    for path in paths:
+        if not os.access(path, os.R_OK | os.W_OK):
+            raise StoreFault(f"user {os.getuid()} may not write {path}; `chown {os.getuid()} {path}` gives it to them")
+    return f"{folder} can be written"
+
+
+def _clock(station: Station) -> str:
+    now_s = time.time()
+    if now_s < 1.7e9:
+        raise StationFault("the clock stands before 2024; set it, or let NTP set it: `timedatectl set-ntp true`")
+    if station.database.exists():
+        with LogReader(station.database) as log:
+            newest = log.attempts(Query(), 1)
+        ahead_s = newest[0].started_ns / 1e9 - now_s if newest else 0.0
+        if ahead_s > 1:
+            raise StationFault(f"the clock is {ahead_s:.0f} s behind the newest record of the log; set it by NTP")
+    synchronised = Path("/run/systemd/timesync/synchronized").exists()
+    return f"not before the newest record; {'NTP has set it' if synchronised else 'whether NTP sets it is not known'}"
+
+
+def _disk(station: Station) -> str:
+    folder = station.database.resolve().parent
+    if not folder.is_dir():
+        raise StoreFault(f"there is no folder {folder} for the log; make it, or change `database`")
+    free = shutil.disk_usage(folder).free
+    if free < LITTLE:
+        raise StoreFault(f"{folder} has {free / 1024**3:.1f} GiB left; free some, a full disk stops the line")
+    return f"{free / 1024**3:.0f} GiB free at {folder}"
+
+
+def _recipe(station: Station) -> str:
+    _, source = load_job(station.recipe)
+    return f"{source.recipe}, product {source.product}, frames {source.dbc}"
+
+
+def _map(station: Station) -> str:
+    job, source = load_job(station.recipe)
+    if source.eds is None:
+        return f"{source.product} names no EDS to hold the map against"
+    wrong = mismatches(job.product.map, eds.load(source.eds, station.settings.nests[0].node))
+    if wrong:
+        raise ConfigError(f"{source.product} does not fit {source.eds}: {'; '.join(wrong)}")
+    return f"{source.product} fits {source.eds}"
+
+
+def _key(station: Station) -> str:
+    path = station.settings.signing_key
+    if not path:
+        return "none; the chain shows edits, but a `signing_key` would also show a rebuilt log"
+    mode = Path(path).stat().st_mode & 0o077 if Path(path).exists() else 0
+    if mode:
+        raise ConfigError(f"others may read the station key {path}; `chmod 600 {path}`")
+    return f"{path}, public half {keys.signer(Path(path)).public_key.hex()[:16]}…"
+
+
+def _golden(station: Station) -> str:
+    if station.settings.golden is None:
+        return "not wanted by config.yaml"
+    found = golden.standings(station.settings, station.database)
+    if not found:
+        raise UsageError(f"{station.settings.golden.file} registers none; run one and `station golden register SERIAL`")
+    problems = [s.problem for s in found if s.problem]
+    if problems:
+        raise ReferenceOverdue("; ".join(problems))
+    return f"{len(found)} units as registered"
+
+
+CHECKS: dict[str, Callable[[Station], str]] = {
+    "bus": _bus,
+    "rights": _rights,
+    "clock": _clock,
+    "disk": _disk,
+    "recipe and DBC": _recipe,
+    "device map": _map,
+    "key": _key,
+    "golden units": _golden,
+}

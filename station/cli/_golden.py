@@ -1,0 +1,64 @@
+"""The work of `station golden`."""
+
+from dataclasses import asdict, dataclass
+from datetime import date
+from pathlib import Path
+
+from station.adapters.store.reader import LogReader
+from station.cli import _face
+from station.config.settings import load_settings
+from station.domain.golden import Expected
+from station.errors import ConfigError, ReferenceOverdue, UsageError
+from station.wiring import golden
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """Options of `register`."""
+
+    bad: bool
+    within: float
+    due: str
+
+
+def act(action: str, serial: str | None, said: Said, where: tuple[Path | None, Path | None], *, as_json: bool) -> int:
+    """Does what is asked; where: log and config. Errors: UsageError, ConfigError, LogError."""
+    db, config = where
+    settings = load_settings(config)
+    if settings.golden is None:
+        raise ConfigError("config.yaml has no golden block; add golden: {file: golden.json, every_h: 8}")
+    database, register = db or Path(settings.database), Path(settings.golden.file)
+    units = golden.load(register)
+    if action in ("register", "remove"):
+        _change(units, action, serial, said, database)
+        golden.save(register, units)
+    elif action not in ("check", "list"):
+        raise UsageError(f"there is no action {action[:20]!r}; use register, remove, check or list")
+    standings = golden.standings(settings, database)
+    if as_json:
+        document = {"schema": golden.SCHEMA, "units": [asdict(u) for u in units.values()]}
+        _face.say_json({**document, "standings": [asdict(s) for s in standings]})
+    else:
+        for s in standings:
+            _face.say(f"{s.serial} ({s.kind}): {s.problem or 'as registered'}")
+    problem = any(s.problem for s in standings) or not standings
+    return ReferenceOverdue.exit_code if action == "check" and problem else 0
+
+
+def _change(units: dict[str, Expected], action: str, serial: str | None, said: Said, database: Path) -> None:
+    if serial is None:
+        raise UsageError(f"say which unit: station golden {action} SERIAL")
+    if action == "register":
+        with LogReader(database) as log:
+            units[serial] = golden.expect(log, serial, bad=said.bad, share=said.within, due=_day(said.due))
+    elif units.pop(serial, None) is None:
+        raise UsageError(f"the register holds no unit {serial!r}; it holds {', '.join(units) or 'none'}")
+
+
+def _day(text: str) -> str:
+    if not text:
+        return ""
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError as exc:
+        raise UsageError(f"--due {text[:20]!r} is no day; write 2027-01-31") from exc

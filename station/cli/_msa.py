@@ -1,0 +1,230 @@
+"""The work of `station msa`: which readings there are, which are missing, and what they come to."""
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Query
+from station.cli import _face
+from station.cli._msa_runs import Cell, make
+from station.config.settings import load_settings
+from station.domain import msa
+from station.domain.types import Floats
+from station.errors import UsageError
+from station.web.line import VALUES, limits_of, measured
+from station.wiring import Order
+from station.wiring.jobs import load_job
+
+SCHEMA = "station.msa/1"
+#: Parts of a study on the simulated station that names none.
+PARTS = tuple(f"SN{i + 1:04d}" for i in range(10))
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """What is asked; see the command's options. makes: missing readings are made."""
+
+    study: str
+    value: str
+    serials: tuple[str, ...]
+    repeats: int
+    trials: int
+    nests: int
+    reference: float | None
+    tolerance: float | None
+    k_percent: float
+    spread: float
+    resolution: float
+    samples: Path | None
+    makes: bool
+
+
+def study_to(order: Order, ask: Ask, *, as_json: bool) -> int:
+    """Does the study, keeps it and tells it; the exit code. Errors: UsageError, LogError, those of a run."""
+    if ask.study not in ("type1", "grr"):
+        raise UsageError(f"there is no study {ask.study[:20]!r}; use type1 or grr")
+    if ask.value not in VALUES:
+        raise UsageError(f"there is no value {ask.value[:40]!r}; use one of {', '.join(VALUES)}")
+    readings = _of_table(ask) if ask.samples is not None else _of_log(order, ask)
+    told = _type1(ask, order, readings) if ask.study == "type1" else _grr(ask, order, readings)
+    document = {
+        "schema": SCHEMA,
+        "study": ask.study,
+        "value": ask.value,
+        "at": datetime.now(UTC).isoformat(timespec="seconds"),
+        "from": str(ask.samples or _database(order)),
+        "readings": readings.tolist(),
+        **told,
+    }
+    kept = _keep(document, ask.samples or _database(order))
+    if as_json:
+        _face.say_json(document)
+    else:
+        _show(document)
+        _face.say(f"study: {kept}")
+    return 0
+
+
+def _type1(ask: Ask, order: Order, readings: Floats) -> dict[str, Any]:
+    if ask.reference is None:
+        raise UsageError("a type-1 study compares with the unit's known value; add --reference VALUE")
+    found = msa.type1(
+        readings,
+        ask.reference,
+        _tolerance(ask, order),
+        k_percent=ask.k_percent,
+        spread=ask.spread,
+        resolution=ask.resolution,
+    )
+    capable = found.cg is not None and min(found.cg, found.cgk) >= 1.33
+    settings = {"reference": ask.reference, "tolerance": _tolerance(ask, order)}
+    settings |= {"k_percent": ask.k_percent, "spread": ask.spread}
+    return {"settings": settings, "type1": asdict(found), "judgement": "capable" if capable else "not capable"}
+
+
+def _grr(ask: Ask, order: Order, readings: Floats) -> dict[str, Any]:
+    tolerance = _tolerance(ask, order) if ask.tolerance is not None or ask.samples is None else None
+    found: dict[str, Any] = {"anova": asdict(a := msa.anova(readings, tolerance))}
+    try:
+        found["xbar_r"] = asdict(msa.xbar_r(readings, tolerance))
+    except UsageError as exc:  # the book's constants end at ten; ANOVA knows no such end
+        found["xbar_r"], found["note"] = None, exc.sentence
+    return {"settings": {"tolerance": tolerance}, **found, "judgement": a.judgement}
+
+
+def _tolerance(ask: Ask, order: Order) -> float:
+    """The full width T: as said, or between the recipe's limits of this value."""
+    if ask.tolerance is not None:
+        return ask.tolerance
+    job, _ = load_job(order.recipe or load_settings(order.config).recipe)
+    lower, upper = limits_of(ask.value, job.recipe.limits)
+    if lower is None or upper is None:
+        raise UsageError(f"the recipe has no two-sided limit for {ask.value}; add --tolerance WIDTH")
+    return upper - lower
+
+
+def _of_table(ask: Ask) -> Floats:
+    """Readings of a CSV: (n), or (parts, appraisers, trials)."""
+    assert ask.samples is not None
+    try:
+        with ask.samples.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        values = [float(row["value"]) for row in rows]
+        if ask.study == "type1":
+            return np.array(values)
+        cells: dict[Cell, list[float]] = {}
+        for row, value in zip(rows, values, strict=True):
+            cells.setdefault((row["part"], row["appraiser"]), []).append(value)
+    except OSError as exc:
+        raise UsageError(f"{ask.samples} cannot be read ({exc.strerror}); check --samples") from exc
+    except (KeyError, ValueError, TypeError) as exc:
+        columns = "value" if ask.study == "type1" else "part,appraiser,trial,value"
+        raise UsageError(f"{ask.samples} is not a table with the columns {columns} ({exc}); see --help") from exc
+    return crossed(cells, min(map(len, cells.values()), default=0), str(ask.samples))
+
+
+def _of_log(order: Order, ask: Ask) -> Floats:
+    """Readings of the log, the missing ones made first where that is asked for."""
+    serials = ask.serials or ((PARTS[:1] if ask.study == "type1" else PARTS) if order.simulate else ())
+    if not serials:
+        raise UsageError("say which units are studied: --serial S, repeatable")
+    nests = [n.name for n in load_settings(order.config).nests]
+    if ask.study == "type1":
+        if len(serials) != 1:
+            raise UsageError(f"a type-1 study repeats one unit; give --serial once, not {len(serials)} times")
+        wanted = {(serials[0], nests[0]): ask.repeats}
+    else:
+        if ask.nests > len(nests) or ask.nests > len(serials):
+            raise UsageError(f"{ask.nests} nests need as many parts, and a station with as many; lower --nests")
+        wanted = {(s, n): ask.trials for s in serials for n in nests[: ask.nests]}
+    if ask.makes:
+        make(order, wanted, _counts(order, ask, serials))
+    return _read(order, ask, wanted)
+
+
+def _read(order: Order, ask: Ask, wanted: Mapping[Cell, int]) -> Floats:
+    cells = _cells(order, ask, sorted({serial for serial, _ in wanted}))
+    for cell, count in wanted.items():
+        there = len(cells.get(cell, ()))
+        if there < count:
+            raise UsageError(
+                f"{cell[0]} has {there} of {count} readings in nest {cell[1]}; put it there and add --run "
+                "(or --simulate), and the study goes on from here"
+            )
+    if ask.study == "type1":
+        ((cell, count),) = wanted.items()
+        return np.array(cells[cell][-count:])
+    return crossed({cell: cells[cell] for cell in wanted}, ask.trials, "the log")
+
+
+def _counts(order: Order, ask: Ask, serials: Sequence[str]) -> dict[Cell, int]:
+    return {cell: len(values) for cell, values in _cells(order, ask, serials).items()}
+
+
+def _cells(order: Order, ask: Ask, serials: Sequence[str]) -> dict[Cell, list[float]]:
+    """(serial, nest) → readings in the log, oldest first."""
+    database = _database(order)
+    if not database.exists():
+        return {}
+    cells: dict[Cell, list[float]] = {}
+    with LogReader(database) as log:
+        made = [m for serial in serials for m in measured(log, Query(serial=serial), 10_000)]
+    for m in made:
+        if ask.value in m.values and m.outcome in ("PASS", "FAIL"):
+            cells.setdefault((m.serial, m.nest.partition("/")[2]), []).append(m.values[ask.value])
+    return cells
+
+
+def crossed(cells: Mapping[Cell, Sequence[float]], trials: int, where: str) -> Floats:
+    """Readings (parts, appraisers, trials) of a crossed study. UsageError where a cell is missing."""
+    parts, appraisers = (sorted({cell[i] for cell in cells}) for i in (0, 1))
+    missing = [f"{p} × {a}" for p in parts for a in appraisers if len(cells.get((p, a), ())) < max(trials, 2)]
+    if missing or not parts:
+        raise UsageError(
+            f"{where}: the study is not crossed; too few readings of {', '.join(missing[:3]) or 'anything'}"
+        )
+    return np.array([[list(cells[p, a])[-trials:] for a in appraisers] for p in parts])
+
+
+def _database(order: Order) -> Path:
+    return order.database or Path(load_settings(order.config).database)
+
+
+def _keep(document: Mapping[str, Any], source: Path) -> Path:
+    """Keeps the study beside its readings; a study is never written over."""
+    folder = source.with_name(f"{source.name}.studies")
+    stem = f"{document['at'].replace(':', '').replace('+0000', 'Z')}-{document['study']}"
+    try:
+        folder.mkdir(exist_ok=True)
+        for number in range(1000):
+            path = folder / (f"{stem}.json" if not number else f"{stem}-{number}.json")
+            if not path.exists():
+                path.write_text(json.dumps(document, indent=1, allow_nan=False), encoding="utf-8")
+                return path
+    except OSError as exc:
+        raise UsageError(f"the study cannot be kept in {folder} ({exc.strerror})") from exc
+    raise UsageError(f"{folder} holds a thousand studies of this second; clear it up")
+
+
+def _show(document: Mapping[str, Any]) -> None:
+    from rich import box
+    from rich.table import Table
+
+    methods = [k for k in ("type1", "anova", "xbar_r") if document.get(k)]
+    table = Table("", *methods, box=box.SIMPLE)
+    for key in document[methods[0]]:
+        if key != "method":
+            table.add_row(key, *(_figure(document[m][key]) for m in methods))
+    _face.console().print(table)
+    _face.say(f"{document['study']} of {document['value']}: {document['judgement']}")
+
+
+def _figure(value: Any) -> str:
+    return "–" if value is None else str(value) if isinstance(value, int) else f"{value:.5g}"

@@ -1,0 +1,53 @@
+"""Makes the missing readings of a study: load by load, every part through every nest."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+
+from station.cli import _face
+from station.cli._run import wait_for_person
+from station.domain.progress import LoadDone, Seat
+from station.service.runner import Runner
+from station.service.stop import Stop
+from station.wiring import Bench, Order, open_bench
+
+#: A serial and a nest's name.
+Cell = tuple[str, str]
+
+
+def make(order: Order, wanted: Mapping[Cell, int], there: Mapping[Cell, int]) -> None:
+    """Runs every load that is missing. Errors: those of a run; what was measured until then stays."""
+    loads = list(missing(wanted, there))
+    if not loads:
+        return
+    with open_bench(order) as bench, _face.progress() as bar:
+        task = bar.add_task("loads of the study", total=len(loads))
+        for cells in loads:
+            _load(bench, cells)
+            bar.advance(task)
+
+
+def missing(wanted: Mapping[Cell, int], there: Mapping[Cell, int]) -> Iterator[list[Cell]]:
+    """Loads that bring every cell to its count: each nest and each part at most once in a load, cyclic Latin square."""
+    left = Counter({cell: count - there.get(cell, 0) for cell, count in wanted.items()})
+    parts, nests = (list(dict.fromkeys(cell[i] for cell in wanted)) for i in (0, 1))
+    while any(count > 0 for count in left.values()):
+        for turn in range(len(parts)):
+            cells = [(parts[(turn + i) % len(parts)], nest) for i, nest in enumerate(nests)]
+            load = [cell for cell in cells if left[cell] > 0]
+            left.subtract(load)
+            if load:
+                yield load
+
+
+def _load(bench: Bench, cells: Sequence[Cell]) -> None:
+    nodes = {n.name: n.node for n in bench.station.settings.nests}
+    seats = [Seat(serial, nest, nodes[nest]) for serial, nest in cells]
+    if not bench.simulated:
+        wait_for_person("put in " + ", ".join(f"{s.serial} ({s.nest})" for s in seats))
+    bench.fixture.place(seats)
+    confirm = (lambda _: None) if bench.simulated else wait_for_person
+    with closing(Runner(bench.station, bench.job, Stop(), confirm).run(seats)) as events:
+        for event in events:
+            if isinstance(event, LoadDone) and event.fault is not None:
+                raise event.fault

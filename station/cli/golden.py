@@ -1,0 +1,35 @@
+"""`station golden`: golden and known-bad units."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+
+def command(
+    action: Annotated[str, Argument(help="register, remove, check or list.")],
+    serial: Annotated[str | None, Argument(help="The unit (register, remove).")] = None,
+    bad: Annotated[bool, Option("--bad", help="register: it must FAIL, for the same reasons.")] = False,
+    within: Annotated[float, Option(min=0.001, max=1, help="register: half-width, as a share of the limits.")] = 0.1,
+    due: Annotated[str, Option(help="register: day by which the unit itself is due, 2027-01-31.")] = "",
+    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+) -> int:
+    """Register units whose result is known; the station makes nothing while their check is due or failed.
+
+    config.yaml says that they are wanted, and how often: `golden: {file: golden.json, every_h: 8}`.
+    Run the unit once, then register what it came to:
+
+        station run --serial GOLD01
+        station golden register GOLD01 --due 2027-06-30
+        station golden register BAD01 --bad
+
+    Before each shift, run them alone, then see where they stand:
+
+        station run --serial GOLD01 --serial BAD01
+        station golden check
+    """
+    from station.cli._golden import Said, act
+
+    return act(action, serial, Said(bad, within, due), (db, config), as_json=json)

@@ -1,0 +1,93 @@
+"""The diagnosis of a selection of units: their samples out of the log, `station diagnose` as a child, its report."""
+
+import secrets
+import subprocess
+import sys
+from pathlib import Path
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.routing import Route
+
+from station.adapters.samples import join
+from station.adapters.samples.writing import write_samples
+from station.adapters.store.search import Attempt, Query
+from station.errors import LogError, UsageError
+from station.web import render
+from station.web.guard import form_of, person
+from station.web.panel import Panel
+from station.web.runs import beside
+from station.web.sessions import Session
+from station.wiring import stored
+
+#: So many units at most in one selection.
+MOST = 200
+#: The report is one page with its style and figures in it, and no script.
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; sandbox"
+
+
+@person("diagnose")
+async def begin(request: Request, session: Session) -> Response:
+    """Starts the diagnosis of the serials picked."""
+    form = await form_of(request, session)
+    panel: Panel = request.app.state.panel
+    serials = sorted({str(s) for s in form.getlist("serial")})
+    if not 0 < len(serials) <= MOST:
+        raise UsageError(f"pick 1 to {MOST} units, then diagnose them")
+    name = secrets.token_hex(8)
+    panel.journal.add(session.account.name, "diagnose", serials=serials, report=name)
+    await run_in_threadpool(_begin, panel, serials, name)
+    return RedirectResponse(f"/diagnosis?name={name}", 303)
+
+
+@person("diagnose")
+async def show(request: Request, session: Session) -> Response:
+    """The report, when it is there; until then a page that looks again, or what went wrong."""
+    panel: Panel = request.app.state.panel
+    name = request.query_params.get("name", "")
+    folder = _folder(panel, name)
+    report, said = folder / "report.html", folder / "said.txt"
+    if report.exists():
+        return HTMLResponse(report.read_bytes(), headers={"Content-Security-Policy": _POLICY})
+    child = panel.children.get(name)
+    working = child is not None and child.poll() is None
+    words = "" if working else said.read_text(encoding="utf-8", errors="replace")[-500:]
+    return render.page(request, "diagnosis.html", session, working=working, words=words)
+
+
+def _begin(panel: Panel, serials: list[str], name: str) -> None:
+    """Writes the samples of the newest recipe's attempts, and starts the child. Errors: LogError."""
+    with panel.log() as log:
+        found = [a for serial in serials for a in log.attempts(Query(serial=serial))]
+        attempts = _of_one_recipe(found)
+        tables = list(stored.samples(log, attempts))
+        recipe_json = log.recipe_and_product(attempts[-1])[0] if attempts else ""
+    if not tables:
+        raise LogError("these units have no stops in the log; there is nothing to diagnose")
+    folder = beside(panel.order.database, ".diagnoses") / name
+    folder.mkdir(parents=True)
+    (folder / "recipe.yaml").write_text(recipe_json, encoding="utf-8")  # JSON is YAML
+    write_samples(folder / "samples.parquet", join(tables))
+    words = ["diagnose", "--samples", "samples.parquet", "--recipe", "./recipe.yaml", "--report", "report.html"]
+    with (folder / "said.txt").open("wb") as said:
+        panel.children[name] = subprocess.Popen(
+            [sys.executable, "-m", "station", *words, "--json", "diagnosis.json"],
+            cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True,
+        )  # fmt: skip
+
+
+def _of_one_recipe(found: list[Attempt]) -> list[Attempt]:
+    """The attempts with the newest one's recipe, oldest first: a diagnosis is of one recipe."""
+    in_order = sorted(found, key=lambda a: a.started_ns)
+    return [a for a in in_order if a.recipe_hash == in_order[-1].recipe_hash]
+
+
+def _folder(panel: Panel, name: str) -> Path:
+    folder = beside(panel.order.database, ".diagnoses") / name
+    if len(name) != 16 or set(name) - set("0123456789abcdef") or not folder.is_dir():
+        raise UsageError("there is no such diagnosis; begin one from the audit page")
+    return folder
+
+
+ROUTES = [Route("/diagnose", begin, methods=["POST"]), Route("/diagnosis", show, methods=["GET"])]

@@ -1,0 +1,106 @@
+"""For machines: figures for Prometheus, and whether the page and its log are well."""
+
+import time
+from typing import Any
+
+from prometheus_client import CollectorRegistry, Gauge
+from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from station.adapters.store.reader import LogReader
+from station.errors import StationError
+from station.web.guard import session_of
+from station.web.panel import Panel
+from station.wiring.golden import standings
+
+#: Stops and units that the figures of the present look back over.
+STOPS, UNITS = 200, 50
+
+_OUTCOMES = "SELECT outcome, count(*) FROM finish GROUP BY outcome"
+_CYCLE = """SELECT avg(f.ended_ns - a.started_ns) / 1e9, max(f.ended_ns) / 1e9
+    FROM (SELECT attempt, ended_ns FROM finish WHERE outcome = 'PASS' ORDER BY seq DESC LIMIT ?) f
+    JOIN attempt a ON a.seq = f.attempt"""
+_STREAM = """SELECT sum(json_extract(statistics, '$.kernel_drops')), sum(json_extract(statistics, '$.lost')),
+    sum(json_extract(statistics, '$.crc_errors')), sum(kind = 'rejected'), count(*)
+    FROM (SELECT kind, statistics FROM visit ORDER BY seq DESC LIMIT ?)"""
+
+
+async def metrics(request: Request) -> Response:
+    """Text for Prometheus: for this machine, and for people who have logged in."""
+    local = request.client is not None and request.client.host in ("127.0.0.1", "::1")
+    if not local and session_of(request) is None:
+        raise HTTPException(401, "metrics are for this machine or for people who have logged in")
+    text = await run_in_threadpool(lambda: generate_latest(gather(request.app.state.panel)))
+    return Response(text, media_type=CONTENT_TYPE_LATEST)
+
+
+async def health(request: Request) -> Response:
+    """200 while the log can be read or does not exist yet; 503 otherwise. Tells nothing else."""
+    panel: Panel = request.app.state.panel
+    try:
+        if panel.order.database.exists():
+            await run_in_threadpool(_readable, panel)
+    except StationError:
+        return JSONResponse({"status": "the log cannot be read"}, 503)
+    return JSONResponse({"status": "ok"})
+
+
+def gather(panel: Panel) -> CollectorRegistry:
+    """All figures, from the log as it stands."""
+    registry = CollectorRegistry()
+    shown = panel.screen.shown()
+    _gauge(registry, "station_run_active", "1 while a run is under way").set(bool(shown["running"]))
+    _gauge(registry, "station_queue_units", "units scanned and waiting for the start").set(len(panel.screen.scans))
+    _gauge(registry, "station_units_in_work", "units of the present load without a verdict").set(
+        sum(1 for k, v in shown.items() if shown["running"] and k.startswith("nest ") and not v.get("outcome", "-"))
+    )
+    _golden(registry, panel)
+    if panel.order.database.exists():
+        with panel.log() as log:
+            _of_log(registry, log)
+        size = panel.order.database.stat().st_size
+        _gauge(registry, "station_log_bytes", "size of the log").set(size)
+    return registry
+
+
+def _of_log(registry: CollectorRegistry, log: LogReader) -> None:
+    units = Gauge("station_attempts", "finished attempts in the log", ["outcome"], registry=registry)
+    for outcome, count in log.db.execute(_OUTCOMES):
+        units.labels(outcome).set(count)
+    cycle, last = log.db.execute(_CYCLE, [UNITS]).fetchone()
+    if cycle is not None:
+        _gauge(registry, "station_cycle_seconds", f"mean cycle time of the newest {UNITS} units that passed").set(cycle)
+        _gauge(registry, "station_last_pass_timestamp_seconds", "when a unit passed last").set(last)
+    drops, lost, crc, rejected, stops = log.db.execute(_STREAM, [STOPS]).fetchone()
+    recent = f"in the newest {STOPS} stops"
+    _gauge(registry, "station_recent_stops", "stops that the recent figures look at").set(stops)
+    _gauge(registry, "station_recent_kernel_drops", f"frames that the kernel dropped {recent}").set(drops or 0)
+    _gauge(registry, "station_recent_frames_lost", f"frames missing by their counters {recent}").set(lost or 0)
+    _gauge(registry, "station_recent_crc_errors", f"frames with a wrong CRC {recent}").set(crc or 0)
+    _gauge(registry, "station_recent_rejected_stops", f"stops measured again or given up {recent}").set(rejected or 0)
+
+
+def _golden(registry: CollectorRegistry, panel: Panel) -> None:
+    found = standings(panel.settings, panel.order.database)
+    age = Gauge("station_golden_age_seconds", "since the unit's last run", ["serial", "kind"], registry=registry)
+    bad = Gauge("station_golden_problem", "1 while the check is due or failed", ["serial", "kind"], registry=registry)
+    for s in found:
+        bad.labels(s.serial, s.kind).set(bool(s.problem))
+        if s.age_s is not None:
+            age.labels(s.serial, s.kind).set(s.age_s)
+
+
+def _gauge(registry: CollectorRegistry, name: str, told: str) -> Gauge:
+    return Gauge(name, told, registry=registry)
+
+
+def _readable(panel: Panel) -> tuple[Any, float]:
+    with panel.log() as log:
+        return log.head(), time.time()
+
+
+ROUTES = [Route("/metrics", metrics, methods=["GET"]), Route("/health", health, methods=["GET"])]

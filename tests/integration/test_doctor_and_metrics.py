@@ -1,0 +1,115 @@
+"""`station doctor` and the figures for Prometheus: right about a healthy station, and about each fault."""
+
+import json
+import shutil
+from collections import namedtuple
+from pathlib import Path
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+from starlette.testclient import TestClient
+
+from station.cli.app import main
+from station.config.settings import load_settings
+from station.web.app import create_app
+from station.web.panel import Panel
+from station.web.runs import Order
+from station.wiring.jobs import load_job
+from tests.fakes import fixture_run
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    fixture_run.config(tmp_path, golden={"file": "golden.json", "every_h": 8}, database="station.db")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def doctor(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, dict[str, tuple[bool, str]]]:
+    """Exit code, and check → (well, said)."""
+    with pytest.raises(SystemExit) as ended:
+        main(["doctor", "--json", *words])
+    told = json.loads(capsys.readouterr().out)
+    assert told["well"] == all(c["well"] for c in told["checks"])
+    return int(str(ended.value.code)), {c["check"]: (c["well"], c["said"]) for c in told["checks"]}
+
+
+def test_a_healthy_simulated_station(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fixture_run.config(folder, database="station.db")
+    fixture_run.run(folder)
+    code, found = doctor(capsys, "--simulate")
+    assert code == 0, found
+    assert set(found) == {"rights", "clock", "disk", "recipe and DBC", "device map", "key", "golden units"}
+
+
+def test_each_fault_is_named_with_what_to_do(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10, 9, 1))
+    fixture_run.config(
+        folder,
+        golden={"file": "golden.json", "every_h": 8},
+        database="station.db",
+        signing_key="no.key",
+        bus={"interface": "socketcan", "channel": "can77", "bitrate": 500000},
+    )
+    code, found = doctor(capsys, "--recipe", "no-such-recipe")
+    assert code == 3
+    assert "ip link set can77 type can bitrate 500000" in found["bus"][1]
+    assert "0.0 GiB left" in found["disk"][1]
+    assert "openssl genpkey" in found["key"][1]
+    assert "golden register" in found["golden units"][1]
+    assert not found["recipe and DBC"][0]
+    assert found["rights"][0]
+
+
+def test_a_clock_that_was_set_back_is_seen(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fixture_run.run(folder)
+    monkeypatch.setattr("station.cli._doctor.time.time", lambda: 1.75e9)
+    _, found = doctor(capsys, "--simulate")
+    assert "behind the newest record" in found["clock"][1]
+
+
+@pytest.fixture
+def panel(folder: Path) -> Panel:
+    job, _ = load_job("six-point")
+    return Panel(
+        load_settings(), job.recipe, Order(folder / "station.db", "six-point", simulate=True), folder / "a.json"
+    )
+
+
+def figures(client: TestClient) -> dict[str, float]:
+    """Every sample by name and labels."""
+    text = client.get("/metrics").text
+    samples = [s for family in text_string_to_metric_families(text) for s in family.samples]
+    return {s.name + "".join(f" {v}" for v in s.labels.values()): s.value for s in samples}
+
+
+def test_figures_of_an_empty_and_of_a_working_station(folder: Path, panel: Panel) -> None:
+    client = TestClient(create_app(panel), client=("127.0.0.1", 1))
+    assert client.get("/health").json() == {"status": "ok"}
+    assert figures(client)["station_run_active"] == 0
+    fixture_run.run(folder, ["SN0001", "SN0002"], faults=("SN0002/stuck-axis:value=2",))
+    with pytest.raises(SystemExit):
+        main(["golden", "register", "SN0001"])
+    panel.screen.scans["A"] = "SN0009"
+    found = figures(client)
+    assert found["station_attempts PASS"] == found["station_attempts FAIL"] == 1
+    assert 20 < found["station_cycle_seconds"] < 60
+    assert found["station_recent_kernel_drops"] == 0
+    assert found["station_recent_rejected_stops"] > 0
+    assert found["station_queue_units"] == 1
+    assert 0 <= found["station_golden_age_seconds golden SN0001"] < 600
+    assert found["station_golden_problem golden SN0001"] == 0
+
+
+def test_figures_are_for_this_machine(panel: Panel) -> None:
+    assert TestClient(create_app(panel), client=("192.0.2.7", 1)).get("/metrics").status_code == 401
+
+
+def test_a_log_that_cannot_be_read_is_no_health(folder: Path, panel: Panel) -> None:
+    (folder / "station.db").write_bytes(b"no log at all" * 100)
+    assert TestClient(create_app(panel)).get("/health").status_code == 503

@@ -1,0 +1,70 @@
+"""The station makes nothing while a golden or known-bad unit is due or came out wrong."""
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from station.cli.app import main
+from tests.fakes import fixture_run
+
+
+def station(*words: str) -> int:
+    """The exit code of a command."""
+    with pytest.raises(SystemExit) as ended:
+        main(list(words))
+    return int(str(ended.value.code))
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    fixture_run.config(tmp_path, golden={"file": "golden.json", "every_h": 8}, database="station.db")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_lock_of_a_golden_and_a_known_bad_unit(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = ("run", "--simulate", "--fault", "SN9002/stuck-axis:value=2")
+    assert station(*run, "--serial", "SN0001") == 3
+    assert "holds none" in capsys.readouterr().err
+    fixture_run.run(folder, ["SN9001", "SN9002"], faults=("SN9002/stuck-axis:value=2",))
+    assert station("golden", "register", "SN9002") == 2
+    assert "no golden unit" in capsys.readouterr().err
+    assert station("golden", "register", "SN9001", "--due", "2099-01-31") == 0
+    assert station("golden", "register", "SN9002", "--bad") == 0
+    assert station("golden", "check") == 0
+    capsys.readouterr()
+    assert station(*run, "--serial", "SN0001", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["units"][0]["outcome"] == "PASS"
+    # The golden unit drifts away from what was registered: registered units alone may run, nothing else.
+    register = json.loads((folder / "golden.json").read_text())
+    register["units"][0]["values"]["offset x"][0] += 1.0
+    (folder / "golden.json").write_text(json.dumps(register))
+    assert station("golden", "check") == 3
+    assert station(*run, "--serial", "SN0001") == 3
+    assert "came out wrong: offset x" in capsys.readouterr().err
+    assert station(*run, "--serial", "SN9001", "--json") == 0
+
+
+def test_a_check_that_is_too_old_locks(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fixture_run.run(folder, ["SN9001"])
+    assert station("golden", "register", "SN9001") == 0
+    now_s = time.time()
+    monkeypatch.setattr("station.wiring.golden.time.time", lambda: now_s + 9 * 3600)
+    assert station("golden", "check") == 3
+    assert station("run", "--simulate", "--serial", "SN0001") == 3
+
+
+def test_wrong_questions_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words, told in (
+        (("golden", "polish"), "there is no action"),
+        (("golden", "register"), "say which unit"),
+        (("golden", "remove", "SN1"), "holds no unit"),
+        (("golden", "register", "SN1"), "station.db"),
+    ):
+        assert station(*words) == 2
+        assert told in capsys.readouterr().err
+    (folder / "golden.json").write_text("[]")
+    assert station("golden", "list") == 2
+    assert "cannot be read" in capsys.readouterr().err

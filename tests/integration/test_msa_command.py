@@ -1,0 +1,90 @@
+"""`station msa`: the plan of loads, a study on the simulated station that is broken off and goes on, tables."""
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Query
+from station.cli._msa_runs import missing
+from station.cli.app import main
+from tests.unit.test_msa import AIAG
+
+
+def station(*words: str) -> int:
+    """The exit code of a command."""
+    with pytest.raises(SystemExit) as ended:
+        main(list(words))
+    return int(str(ended.value.code))
+
+
+@pytest.mark.parametrize(("parts", "nests", "trials"), [(10, 3, 3), (2, 2, 2), (5, 4, 2)])
+def test_every_part_goes_through_every_nest_as_often_as_wanted(parts: int, nests: int, trials: int) -> None:
+    wanted = {(f"P{p}", f"N{n}"): trials for p in range(parts) for n in range(nests)}
+    loads = list(missing(wanted, {}))
+    assert Counter(cell for load in loads for cell in load) == wanted
+    assert len(loads) == parts * trials, "no load is wasted"
+    for load in loads:
+        assert len({part for part, _ in load}) == len({nest for _, nest in load}) == len(load)
+
+
+def test_what_is_there_is_not_measured_again() -> None:
+    wanted = {("P0", "A"): 2, ("P1", "A"): 2}
+    assert list(missing(wanted, {("P0", "A"): 2, ("P1", "A"): 1})) == [[("P1", "A")]]
+    assert list(missing(wanted, {("P0", "A"): 5, ("P1", "A"): 2})) == []
+
+
+def test_a_table_gives_the_published_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [
+        f"{p},{a},{t},{AIAG[p, a, t]}"
+        for p in range(AIAG.shape[0])
+        for a in range(AIAG.shape[1])
+        for t in range(AIAG.shape[2])
+    ]
+    table = tmp_path / "aiag.csv"
+    table.write_text("part,appraiser,trial,value\n" + "\n".join(rows))
+    assert station("msa", "grr", "--samples", str(table), "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["xbar_r"]["percent_grr"] == pytest.approx(26.68, abs=0.01)
+    assert told["xbar_r"]["ndc"] == 5
+    assert told["judgement"] == "conditional"
+    (kept,) = (tmp_path / "aiag.csv.studies").iterdir()
+    assert json.loads(kept.read_text()) == told
+
+
+def test_a_study_on_the_simulated_station_goes_on_where_it_stopped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    db = str(tmp_path / "s.db")
+    grr = ("msa", "grr", "--serial", "SN0001", "--serial", "SN0002", "--nests", "2", "--trials", "2", "--db", db)
+    assert station(*grr) == 2
+    assert "has 0 of 2 readings" in capsys.readouterr().err
+    assert station(*grr, "--simulate", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["schema"] == "station.msa/1"
+    assert told["anova"]["percent_grr"] < 10
+    with LogReader(Path(db)) as log:
+        assert log.count(Query()) == 8
+    assert station(*grr, "--json") == 0, "nothing is missing, nothing is run"
+    assert json.loads(capsys.readouterr().out)["anova"] == told["anova"]
+    type1 = ("msa", "type1", "--serial", "SN0001", "--reference", "0.022", "--repeats", "2", "--db", db, "--json")
+    assert station(*type1) == 0
+    assert json.loads(capsys.readouterr().out)["judgement"] == "capable"
+
+
+def test_wrong_questions_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "t.csv"
+    table.write_text("value\n1\nx\n")
+    db = ("--db", str(tmp_path / "none.db"))
+    for words, told in (
+        (("msa", "type2", *db), "there is no study"),
+        (("msa", "grr", "--value", "colour", *db), "there is no value"),
+        (("msa", "grr", *db), "which units"),
+        (("msa", "type1", "--samples", str(table), "--reference", "1"), "is not a table"),
+        (("msa", "type1", "--serial", "SN0001", *db), "has 0 of 25"),
+        (("msa", "grr", "--serial", "SN0001", *db), "need as many parts"),
+    ):
+        assert station(*words) == 2
+        assert told in capsys.readouterr().err
