@@ -77,3 +77,20 @@ def test_a_person_is_asked_nest_by_nest_and_may_mistype(
 def test_an_empty_line_starts_a_fixture_that_is_not_full(monkeypatch: pytest.MonkeyPatch) -> None:
     feed(monkeypatch, Terminal("SN0042\n\n"))
     assert ask_serials(bench(), [], None) == ("SN0042",)
+
+
+def test_what_needs_a_person_is_refused_before_anything_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+    from station.cli._run import _check_person
+
+    feed(monkeypatch, io.StringIO(""))
+    _check_person(bench(), 1)
+    with pytest.raises(UsageError, match="more than 2 units need somebody who changes them"):
+        _check_person(bench(), 2)
+    turned = bench()
+    run = SimpleNamespace(seating="turned")
+    turned.job.recipe = SimpleNamespace(runs=(SimpleNamespace(seating="home"), run))
+    with pytest.raises(UsageError, match="somebody who turns the units"):
+        _check_person(turned, 1)
+    _check_person(bench(simulated=True), 9)
+    feed(monkeypatch, Terminal(""))
+    _check_person(turned, 2)
