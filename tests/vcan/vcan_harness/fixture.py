@@ -23,13 +23,17 @@ from station.service.runner import Runner
 from station.wiring import Bench, Order, open_bench
 from station.wiring.live_device import LiveDevices, Population
 
-#: Small enough for a guest that starts programs ten times slower, large enough for a verdict.
-RATE_HZ = 50
+#: Small enough for a guest that does everything ten times slower, large enough for a verdict. A guest that stands
+#: still for a moment spoils a stop, so stops may be repeated more often than on a bench.
+RATE_HZ = 40
 SMALL: Mapping[str, Any] = {
     "device": {"rate_hz": RATE_HZ, "lsb": 6.25e-5, "full_scale": 2.0, "noise_density": 0.0001, "counter_bits": 4},
     "settle": {"time_s": 0.1},
-    "dwell": {"time_s": 0.5},
+    "dwell": {"time_s": 0.6},
+    "visit_repeats": 4,
 }
+#: A drive that is there in a tenth of a second, where the hand that turns it is not what is tested.
+DRIVEN: Mapping[str, Any] = {"kind": "simulated", "speed_deg_s": 3600, "acceleration_deg_s2": 36000}
 Turn = Callable[[Floats], None]
 Hook = Callable[[Event, Bench], None]
 
@@ -43,7 +47,7 @@ def recipe(folder: Path, **changes: Any) -> str:
 
 
 def config(folder: Path, interface: Interface, nodes: Sequence[int], **changes: Any) -> Path:
-    """A station turned by hand, with one nest for each node."""
+    """A station with one nest for each node, turned by hand unless `positioner` says otherwise."""
     nests = [{"name": chr(ord("A") + i), "node": node} for i, node in enumerate(nodes)]
     bus = {"interface": "socketcan", "channel": interface.name, **changes.pop("bus", {})}
     base = {"schema": "station.config/1", "bus": bus, "nests": nests, "positioner": {"kind": "manual"}}
