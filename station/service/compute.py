@@ -61,12 +61,10 @@ def verify(unit: Unit, job: Job, stops: Sequence[Stop]) -> tuple[tuple[Reason, .
     """Reasons against the unit's own corrected output, and the document for the record."""
     strength = job.recipe.reference.strength()
     found = tuple(
-        verification.Verified(kept.position, _mean(kept, unit, job), _true(kept, planned, job), strength)
+        _verified(kept, _true(kept, planned, job), strength, unit, job)
         for kept, planned in zip(unit.verify_visits, stops, strict=True)
     )
-    positions = [
-        {"name": v.position, "mean": v.mean.tolist(), "true": v.true.tolist(), "error": v.error} for v in found
-    ]
+    positions = [_document(v) for v in found]
     limit = job.recipe.verify.limit
     return verification.check(found, job.recipe), {"limit": limit, "unit": job.recipe.unit, "positions": positions}
 
@@ -81,10 +79,20 @@ def _true(kept: KeptVisit, planned: Stop, job: Job) -> Floats:
     return np.asarray(true[0])
 
 
-def _mean(kept: KeptVisit, unit: Unit, job: Job) -> Floats:
-    """Mean output (3) at a verify stop; of a product without a switch the station corrects it itself."""
+def _verified(kept: KeptVisit, true: Floats, strength: float, unit: Unit, job: Job) -> verification.Verified:
+    """Mean output at a verify stop, with its forecast; of a product without a switch the station corrects it itself."""
     told = samples(dwell_frames(kept), job.layout, unit.seat.node)
-    mean = np.asarray(told.xyz[told.usable].mean(axis=0))
-    if job.product.map.output is None and unit.fit is not None and unit.fit.calibration is not None:
-        return unit.fit.calibration.correct(mean)
-    return mean
+    output, fit = told.xyz[told.usable], unit.fit
+    if fit is None or fit.calibration is None:
+        return verification.Verified(kept.position, np.asarray(output.mean(axis=0)), true, strength)
+    if job.product.map.output is None:
+        output = fit.calibration.correct(output)
+    cov = verification.forecast(fit, job.recipe, true, output)
+    return verification.Verified(kept.position, np.asarray(output.mean(axis=0)), true, strength, cov)
+
+
+def _document(v: verification.Verified) -> dict[str, Any]:
+    """A verify position for the record; its error's forecast as standard deviations of the axes."""
+    std = None if v.cov is None else np.sqrt(np.diagonal(v.cov)).tolist()
+    measured = {"name": v.position, "mean": v.mean.tolist(), "true": v.true.tolist(), "error": v.error}
+    return {**measured, "forecast_std": std, "chance": v.chance}
