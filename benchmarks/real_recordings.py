@@ -1,0 +1,85 @@
+"""Real sensors recorded by others: residuals of the magnitude, and agreement with imucal.
+
+    python benchmarks/real_recordings.py [--data DIR]
+
+DIR (or STATION_REFERENCE_DATA) holds the recordings; see tests/integration/test_real_recordings.py, which asserts
+what is printed here. One recording each, so there is no spread over runs; the uncertainty stands beside each figure.
+"""
+
+import argparse
+import os
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from station.domain import larger_model, pipeline, stills
+from tests.fakes import tumble
+from tests.integration import test_real_recordings as recordings
+
+
+def main() -> None:
+    """Prints both."""
+    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("STATION_REFERENCE_DATA", beside)))
+    folder = parser.parse_args().data
+    xsens(folder)
+    imucal(folder)
+
+
+def told(what: str, figure: float, goal: str, met: bool) -> None:
+    """One row."""
+    print(f"  {what:<58} {figure:>9.4g}   goal {goal:<10} {'met' if met else 'MISSED'}")
+
+
+def xsens(folder: Path) -> None:
+    """An Xsens MTi turned by hand; the rests are found by the code."""
+    raw = np.loadtxt(folder / "xsens_mti_tumble" / "xsens_acc.mat")
+    reading = (raw[:, 1:] - recordings.XSENS_ZERO) / recordings.XSENS_SCALE / recordings.XSENS_G
+    found = stills.find(raw[:, 0], reading)
+    names = [f"still-{i:02d}" for i in range(len(found))]
+    recipe = recordings.by_hand()
+    result = pipeline.calibrate_unit(recipe, stills.table(raw[:, 0], reading, found, "MTi", names), tumble.TODAY)
+    assert result.calibration is not None and result.stops is not None
+    quadratic, cubic = larger_model.of_unit(recipe, result)
+    print("Xsens MTi, 512 s by hand, norm fit, mg")
+    told("still segments found", len(found), "39", len(found) == 39)
+    rms = 1e3 * result.calibration.residual_rms
+    told("residual in sample", rms, "<= 0.105", rms <= 0.105)
+    told(
+        "residual leaving one orientation out",
+        1e3 * quadratic.rms_left_out,
+        "<= 0.18",
+        quadratic.rms_left_out <= 0.18e-3,
+    )
+    for one in (quadratic, cubic):
+        told(f"{one.terms} terms: p of the F test", one.p, "rejected", not one.pays)
+        before, after = 1e3 * one.rms_left_out, 1e3 * one.larger_rms_left_out
+        print(f"    leaving one orientation out they make {before:.3f} into {after:.3f}")
+    white = 1e3 * (result.stops.std / np.sqrt(result.stops.count[:, None])).mean()
+    own = 1e3 * np.sqrt(np.einsum("vii->vi", result.stops.cov).mean())
+    print(f"    standard error of a stop: white noise would give {white:.3f}, this code states {own:.3f}")
+
+
+def imucal(folder: Path) -> None:
+    """Six labelled faces of a real sensor, beside imucal's own answer."""
+    table = recordings.session(folder)
+    ours = pipeline.calibrate_unit(
+        tumble.recipe("six-point"), recordings.faces(table, recordings.IMUCAL_G), tumble.TODAY
+    )
+    assert ours.budget is not None
+    std = ours.budget.std()
+    off = tumble.coefficients(ours) - recordings.imucals(table)
+    theirs = std.copy()
+    theirs[:3] *= np.sqrt(3)
+    print(f"six faces of a real sensor, imucal {version('imucal')}; offsets in mg, gains and cross-axis in 1e-3")
+    worst = float(np.abs(off / np.hypot(std, theirs)).max())
+    told("largest difference over its standard uncertainty", worst, "< 1.96", worst < 1.96)
+    told("our offset uncertainty over that of imucal's formula", std[0] / theirs[0], "< 1", std[0] < theirs[0])
+    rest = 1e3 * np.abs(off[3:]).max()
+    print(f"    offsets differ by {np.round(1e3 * off[:3], 2)}, stated {1e3 * std[0]:.2f}; the rest by < {rest:.1g}")
+
+
+if __name__ == "__main__":
+    main()
