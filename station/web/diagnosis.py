@@ -10,8 +10,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from station.adapters.samples import join
-from station.adapters.samples.writing import write_samples
+from station.adapters.samples import join, write_samples
 from station.adapters.store.search import Attempt, Query
 from station.errors import LogError, UsageError
 from station.web import render
@@ -68,7 +67,7 @@ def _begin(panel: Panel, serials: list[str], name: str) -> None:
     folder = beside(panel.order.database, ".diagnoses") / name
     folder.mkdir(parents=True)
     (folder / "recipe.yaml").write_text(recipe_json, encoding="utf-8")  # JSON is YAML
-    write_samples(folder / "samples.parquet", join(tables))
+    write_samples(join(tables), folder / "samples.parquet")
     words = ["diagnose", "--samples", "samples.parquet", "--recipe", "./recipe.yaml", "--report", "report.html"]
     with (folder / "said.txt").open("wb") as said:
         panel.children[name] = subprocess.Popen(

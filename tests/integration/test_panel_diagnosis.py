@@ -1,0 +1,43 @@
+"""The engineer picks units on the audit page and reads the report of their diagnosis."""
+
+from pathlib import Path
+
+import pytest
+from starlette.testclient import TestClient
+
+from station.config.settings import load_settings
+from station.web import accounts
+from station.web.accounts import Account, Role
+from station.web.app import create_app
+from station.web.panel import Panel
+from station.web.runs import Order
+from station.wiring.jobs import load_job
+from tests.fakes import fixture_run
+
+
+@pytest.mark.timeout(300)
+def test_picked_units_are_diagnosed_and_the_report_opens(tmp_path: Path) -> None:
+    fixture_run.run(tmp_path, units=2)
+    people = {"emil": Account("emil", Role.ENGINEER, accounts.hash_password("correct horse"))}
+    accounts.save(tmp_path / "accounts.json", people)
+    job, _ = load_job("six-point")
+    order = Order(tmp_path / "station.db", "six-point", simulate=True)
+    panel = Panel(load_settings(), job.recipe, order, tmp_path / "accounts.json")
+    with TestClient(create_app(panel), follow_redirects=False) as client:
+        client.post("/login", data={"name": "emil", "password": "correct horse"})
+        session = panel.sessions.find(client.cookies["station_session"])
+        assert session is not None
+        token = {"csrf": session.csrf}
+        assert client.post("/diagnose", data=token).status_code == 400
+        assert client.post("/diagnose", data=token | {"serial": "SN9999"}).status_code == 400
+        begun = client.post("/diagnose", data=token | {"serial": ["SN0001", "SN0002"]})
+        assert begun.status_code == 303
+        at = begun.headers["location"]
+        assert "diagnosed" in client.get(at).text
+        (child,) = panel.children.values()
+        child.wait(280)
+        page = client.get(at)
+        assert "<svg" in page.text
+        assert "sandbox" in page.headers["content-security-policy"]
+        for name in ("../station.db", "0" * 16, ""):
+            assert client.get("/diagnosis", params={"name": name}).status_code == 400

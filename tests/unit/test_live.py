@@ -1,0 +1,50 @@
+"""What a run tells the page, and the pace at which a simulated one can be watched."""
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from station.cli._live import Live, Pace
+from station.domain.progress import LoadBegun, Seat, StopStarted
+from station.service.stop import Stop
+from station.wiring.jobs import load_job
+
+BEGUN = LoadBegun((Seat("SN1", "A", 17),), 8, 25.0)
+
+
+def test_the_live_file_holds_the_state_after_every_event(tmp_path: Path) -> None:
+    job, _ = load_job("six-point")
+    live = Live(tmp_path / "s.db", job.recipe, {"operator": "anna"})
+    for event in (BEGUN, StopStarted(1, 6, "z-up", "")):
+        live.event(event)
+    told = json.loads((tmp_path / "s.db.live.json").read_text())
+    assert (told["schema"], told["operator"], told["unit"]) == ("station.live/1", "anna", "g")
+    assert (told["state"]["position"], told["state"]["following"]) == ("z-up", "z-down")
+    assert set(told["state"]["stops"]) == set(told["poses"])
+    assert [p.name for p in tmp_path.iterdir()] == ["s.db.live.json"], "nothing half written is left"
+
+
+def test_a_view_that_cannot_be_written_is_said_once_and_stops_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job, _ = load_job("six-point")
+    live = Live(tmp_path / "none" / "s.db", job.recipe, {})
+    live.event(BEGUN)
+    live.event(BEGUN)
+    assert capsys.readouterr().err.count("cannot be written") == 1
+
+
+def test_a_paced_run_waits_for_real_time_and_a_stop_ends_the_wait() -> None:
+    virtual = [0.0]
+    stop = Stop()
+    pace = Pace(100.0, lambda: virtual[0], stop)
+    virtual[0] = 5.0
+    began = time.monotonic()
+    pace.keep()
+    assert time.monotonic() - began == pytest.approx(0.05, abs=0.045)
+    virtual[0] = 1e6
+    stop.request()
+    pace.keep()
+    assert time.monotonic() - began < 5
