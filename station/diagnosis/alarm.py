@@ -14,12 +14,13 @@ import numpy as np
 from station.diagnosis.bank import Seen
 from station.diagnosis.evidence import Sets
 from station.diagnosis.floor import Fitted
+from station.diagnosis.panel import Panel
 from station.diagnosis.space import Space
-from station.diagnosis.stage import Problem, Stage, by_cause
-from station.domain.types import Floats
+from station.diagnosis.stage import Problem
+from station.domain.types import Array, Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-VERSION = 1
+VERSION = 2
 #: Chance of any alarm in data without a cause.
 LEVEL = 0.01
 #: Null data sets, in how many floors drawn from the estimate's uncertainty, and in how large parts.
@@ -74,13 +75,14 @@ class Null:
         )
 
 
-def bootstrap(problem: Problem, fitted: Fitted, now: Stage, seed: int) -> Null:
+def bootstrap(problem: Problem, fitted: Fitted, now: Panel, seed: int) -> Null:
     """The null distribution for a bank under the floor fitted without any new cause."""
+    light = Panel(now.best.light(), tuple(s.light() for s in now.sides), now.slow)
     scores: dict[str, list[Floats]] = {}
-    for sets in _drawn(problem, fitted, now, seed):
-        for name, score in by_cause(now.candidates, now.evidence(sets)).items():
+    for sets in _drawn(problem, fitted, light, seed):
+        for name, score in light.scores(sets).items():
             scores.setdefault(name, []).append(score)
-    return null_of({name: np.concatenate(parts) for name, parts in scores.items()})
+    return null_of({name: np.concatenate(parts).astype(float) for name, parts in scores.items()})
 
 
 def null_of(scores: Mapping[str, Floats]) -> Null:
@@ -96,41 +98,34 @@ def null_of(scores: Mapping[str, Floats]) -> Null:
     return Null(quantiles, start, scale, float(np.quantile(largest, 1 - LEVEL)))
 
 
-def _drawn(problem: Problem, fitted: Fitted, now: Stage, seed: int) -> Iterator[list[Sets]]:
-    """Null data sets, a part at a time, as each of the stage's spaces sees them."""
+def _drawn(problem: Problem, fitted: Fitted, now: Panel, seed: int) -> Iterator[list[list[Sets]]]:
+    """Null data sets, a part at a time, as each space of each stage sees them."""
     rng = np.random.default_rng(seed)
     mean, spread = fitted.floor.variances, fitted.covariance
     root = np.linalg.cholesky(spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
+    spaces = [seen.space for s in now.stages for seen in s.seen]
+    widest = max(spaces, key=lambda space: space.live.shape[1])
     for _ in range(FLOORS):
         variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
-        other = np.asarray(np.linalg.inv(problem.structure.covariance(variances).inverse), float)
+        true = np.linalg.inv(problem.structure.covariance(variances).inverse).astype(np.float32)
         for _ in range(SETS // FLOORS // PART):
-            noise: Floats | None = None
-            sets = []
-            for seen in sorted(now.seen, key=lambda s: -s.space.data.shape[1]):
-                noise = _noise(seen.space, other, rng) if noise is None else noise
-                sets.append((seen.space, _of(seen.space, noise)))
-            yield [next(s for space, s in sets if space is seen.space) for seen in now.seen]
+            shape = (PART, *widest.live.shape)
+            noise = rng.standard_normal(shape, dtype=np.float32) * widest.live
+            yield [[_as_seen(seen.space, noise, true) for seen in s.seen] for s in now.stages]
 
 
-def _noise(space: Space, other: Floats, rng: np.random.Generator) -> Floats:
-    """White noise (n, U, M) as drawn from another floor, whose Cholesky factors are given."""
-    U, M = space.data.shape
-    noise = rng.standard_normal((PART, U, M)) * space.live
+def _as_seen(space: Space, noise: Array, true: Array) -> Sets:
+    """White noise (n, U, ·) of a true floor, whose Cholesky factors are given, as a space whitens it."""
     member = space.covariance.member
-    mixed = (space.covariance.inverse @ other)[member]
-    R, m = member.shape[1], mixed.shape[-1]
-    stops = noise[:, :, : R * m].reshape(PART, U, R, m)
-    noise[:, :, : R * m] = np.einsum("urij,nurj->nuri", mixed, stops).reshape(PART, U, R * m)
-    return noise
-
-
-def _of(space: Space, noise: Floats) -> Sets:
-    """Noise (n, U, ·) drawn for the widest space, as this one sees it: its stops, contrasts and priors."""
-    stops = space.covariance.live.shape[1]
-    priors = space.live.shape[1] - stops - space.dwell
-    rows = [noise[:, :, : stops + space.dwell], noise[:, :, noise.shape[2] - priors :]]
-    return Sets.of(space, np.moveaxis(space.free(np.moveaxis(np.concatenate(rows, axis=2), 0, 2)), 2, 0))
+    mixed = (space.covariance.inverse.astype(np.float32) @ true)[member]
+    (U, R), m, n = member.shape, mixed.shape[-1], len(noise)
+    stops = noise[:, :, : R * m].reshape(n, U, R, m).transpose(1, 2, 0, 3) @ mixed.transpose(0, 1, 3, 2)
+    inside = noise[:, :, R * m : R * m + space.dwell]
+    priors = noise[:, :, noise.shape[2] - (space.live.shape[1] - R * m - space.dwell) :]
+    rows = np.concatenate([stops.transpose(2, 0, 1, 3).reshape(n, U, R * m), inside, priors], axis=2)
+    basis = space.basis.astype(np.float32)
+    taken = (rows.transpose(1, 0, 2) @ basis) @ basis.transpose(0, 2, 1)
+    return Sets.of(space, rows - taken.transpose(1, 0, 2))
 
 
 def statistic(null: Null, evidence: Mapping[str, float]) -> float:
@@ -143,12 +138,12 @@ def surprises(null: Null, evidence: Mapping[str, float], names: Sequence[str]) -
     return {name: float(null.surprise(name, np.array([evidence[name]]))[0]) for name in names if name in evidence}
 
 
-def key(problem: Problem, fitted: Fitted, now: Stage, seed: int) -> str:
+def key(problem: Problem, fitted: Fitted, now: Panel, seed: int) -> str:
     """What the null distribution depends on, as text: bank and design exactly, floor and strengths to a factor."""
     grid, floor = problem.view.grid, fitted.floor
     recipe = problem.view.scene.recipe
     relative = [round(2 * float(np.log2(max(x / floor.noise, 1e-3)))) for x in (floor.turn, floor.walk)]
-    shown = [(s.bank.moving, s.space.dof, _kinds(s)) for s in now.seen]
+    shown = [(s.bank.moving, s.space.dof, _kinds(s)) for s in now.best.seen]
     return repr((VERSION, recipe.name, recipe.version, grid.slot.shape, grid.data, grid.k, relative, shown, seed))
 
 

@@ -122,17 +122,22 @@ def _sounds(effect: Effect) -> bool:
 
 def shapes(effect: Effect, view: View) -> Iterator[Effect]:
     """The effect at every value of its shape that is scanned; times of a jump are those between the stops."""
-    grid = {p.field: p.grid or (_gaps(view) if p.name == "at" else ()) for p in effect.forms}
+    grid = {p.field: p.grid or (_some(gaps_of(view)) if p.name == "at" else ()) for p in effect.forms}
     grid = {key: values for key, values in grid.items() if values}
     for values in product(*grid.values()):
         yield replace(effect, **dict(zip(grid, values, strict=True)))
 
 
-def _gaps(view: View) -> tuple[float, ...]:
+def gaps_of(view: View) -> tuple[float, ...]:
     """Times between the stops of the longest run, s from its start."""
     longest = max((rows for rows in view.scene.visits.passes()), key=lambda rows: rows.stop - rows.start)
     t = view.scene.time_s[longest]
     return tuple(float(x) for x in (t[1:] + t[:-1]) / 2)
+
+
+def _some(gaps: tuple[float, ...]) -> tuple[float, ...]:
+    """All of a few gaps, every second one of many."""
+    return gaps if len(gaps) <= 12 else gaps[1::2]
 
 
 def testable(effect: Effect, view: View) -> bool:
@@ -220,6 +225,11 @@ class Seen:
     axes: Floats
     place: tuple[slice, ...]
 
+    def light(self) -> "Seen":
+        """The same in single precision."""
+        spectra = tuple(s.light() for s in self.spectra)
+        return Seen(self.bank, self.space, spectra, self.axes.astype(np.float32), self.place)
+
     def components(self, sets: Sets) -> list[Floats]:
         """u of every candidate for the data sets."""
         products = (sets.data.transpose(1, 0, 2) @ self.axes).transpose(1, 0, 2)
@@ -249,14 +259,17 @@ def see(bank: Bank, space: Space) -> Seen:
     found = [spectrum(space, columns[..., at], groups, c.pattern, c.most) for c, groups, at in each]
     ends = np.cumsum([0, *(turned.shape[2] for _, turned in found)])
     place = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
-    axes = np.concatenate([turned for _, turned in found], axis=2)
+    axes = np.concatenate([columns[..., :0], *(turned for _, turned in found)], axis=2)
     return Seen(bank, space, tuple(s for s, _ in found), axes, place)
 
 
-def visible(seen: Seen) -> tuple[bool, ...]:
-    """Of each candidate, whether the largest amplitude met in practice would leave more than noise (d > 1)."""
-    d2 = [(c.most / THINKABLE) ** 2 * float(s.m.sum()) for c, s in zip(seen.bank.candidates, seen.spectra, strict=True)]
-    return tuple(x > 1.0 for x in d2)
+def visible(seen: Seen, swollen: float) -> tuple[bool, ...]:
+    """Of each candidate, whether the largest amplitude met in practice would leave more than noise (d > 1).
+
+    swollen: how many times the noise is larger than the samples' own, perhaps by what is yet to be found.
+    """
+    pairs = zip(seen.bank.candidates, seen.spectra, strict=True)
+    return tuple(swollen * c.most / THINKABLE * float(np.sqrt(s.m.sum())) > 1.0 for c, s in pairs)
 
 
 def form(effect: Effect) -> dict[str, float]:

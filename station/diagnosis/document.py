@@ -51,7 +51,7 @@ def document(d: Diagnosis, next_run: Mapping[str, Any] | None = None) -> dict[st
 
 def sentence(d: Diagnosis) -> str:
     """The finding in one sentence for a person."""
-    names = [f.sentence for f in d.faults]
+    names = [f"{f.effect}, {f.sentence}" for f in d.faults]
     for c in d.causes:
         others = f" (or {', '.join(c.finding.alike)}: these data cannot tell)" if c.finding.alike else ""
         names.append(f"{c.finding.name}{others}")

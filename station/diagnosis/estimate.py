@@ -7,7 +7,7 @@ import numpy as np
 
 from station.diagnosis.floor import Fitted
 from station.diagnosis.known import Accepted
-from station.diagnosis.problem import refined
+from station.diagnosis.problem import gap_s, refined
 from station.diagnosis.shape import Tuned, reshaped, tunable, tuned
 from station.diagnosis.solve import solve, whitened
 from station.diagnosis.stage import Problem
@@ -42,15 +42,9 @@ def estimates(problem: Problem) -> tuple[Problem, tuple[Estimate, ...]]:
         fitted = problem.fit()
     found = _coefficients(problem, problem.accepted, fitted)
     return problem, tuple(
-        Estimate(item, value, np.hypot(std, _by_form(problem, i, form, fitted)), form, _gap_s(problem))
+        Estimate(item, value, np.hypot(std, _by_form(problem, i, form, fitted)), form, gap_s(problem.view))
         for i, (item, (value, std), form) in enumerate(zip(problem.accepted, found, forms, strict=True))
     )
-
-
-def _gap_s(problem: Problem) -> float:
-    """The usual time from one stop to the next."""
-    steps = np.diff(problem.view.scene.time_s)[problem.view.scene.visits.previous[1:] >= 0]
-    return float(np.median(steps)) if len(steps) else 0.0
 
 
 def _tuned(problem: Problem, i: int, fitted: Fitted) -> tuple[Accepted, tuple[Tuned, ...]]:

@@ -9,7 +9,7 @@ and the evidence the log of the mean of e^L over a logarithmic grid of q = ρ·m
 stand beside Z are taken off exactly: for unit-wise causes their normal matrix is renewed for each ρ (Woodbury).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -24,6 +24,9 @@ COARSE = RATIOS[::2]
 
 #: Shares of the groups that a rare cause may hit.
 SHARES = (0.003, 0.02, 0.1, 0.3)
+
+#: The largest share of the sum of squares that a cause may take up: all of it leaves nothing to measure by.
+MOST = 1 - 1e-6
 
 Pattern = Literal["own", "shared", "scan"]
 
@@ -40,8 +43,11 @@ class Sets:
     @staticmethod
     def of(space: Space, data: Floats) -> "Sets":
         """Data sets (n, U, M) that are free of the own known columns."""
-        shared = np.einsum("num,umc->nc", data, space.border)
-        rest = np.einsum("num,num->n", data, data) - np.einsum("nc,cd,nd->n", shared, space.inner, shared)
+        rest = np.einsum("num,num->n", data, data)
+        shared = np.zeros((len(data), 0), data.dtype)
+        if space.border.shape[2]:
+            shared = (data.transpose(1, 0, 2) @ space.border.astype(data.dtype)).sum(0)
+            rest = rest - np.einsum("nc,cd,nd->n", shared, space.inner, shared)
         return Sets(data, shared, rest)
 
 
@@ -66,6 +72,11 @@ class Spectrum:
     def ratios(self) -> Floats:
         """The grid of q."""
         return COARSE if self.pattern == "scan" else RATIOS
+
+    def light(self) -> "Spectrum":
+        """The same in single precision."""
+        f = np.float32
+        return replace(self, weight=self.weight.astype(f), logdet=self.logdet.astype(f), cross=self.cross.astype(f))
 
     def components(self, products: Floats, sets: Sets) -> Floats:
         """u (n, …, K) of the products EᵀZᵀr (n, U, C)."""
@@ -105,7 +116,7 @@ class Spectrum:
 
     def _ratio(self, drop: Floats, rest: Floats) -> Floats:
         """−½ n·log(1 − drop / rest)."""
-        return np.asarray(-0.5 * self.space.dof * np.log1p(-np.minimum(drop / rest, 1 - 1e-12)))
+        return np.asarray(-0.5 * self.space.dof * np.log1p(-np.minimum(drop / rest, MOST)))
 
     def _bordered(self, u: Floats, sets: Sets) -> tuple[Floats, Floats]:
         """What the known shared columns change for each ρ: the drop of the sum of squares (n, ρ) and the

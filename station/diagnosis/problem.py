@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.diagnosis.bank import FLOOR, Candidate
+from station.diagnosis.bank import Candidate, smooth
 from station.diagnosis.floor import Fitted, structure
 from station.diagnosis.known import Accepted, known_of
 from station.diagnosis.reduce import Reduced
@@ -14,18 +14,20 @@ from station.diagnosis.stage import Problem
 from station.diagnosis.view import View, moved, quieted, settled, view_of
 from station.domain.recipe import Recipe
 from station.domain.types import Floats
-from station.model.effect import GoldEffect, PoseEffect, SensorEffect, StimulusEffect, strength
+from station.model.effect import strength
 from station.model.effects.bias_walk import BiasWalk
 from station.model.effects.repeatability import Repeatability
 from station.model.model_file import Model, ModelEffect
 
+#: Time from stop to stop for which the allowance of the walk holds; it grows with the root of time.
+STOP_S = 2.5
 #: A parameter of a model is never known better than to this share of the cause's typical size.
 LEAST = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
 class Allowance:
-    """What a healthy rig's floor may hold: turn, rad a stop; walk, recipe's unit a stop. More is a finding."""
+    """What a healthy rig's floor may hold: turn, rad a stop; walk, recipe's unit a stop of 2.5 s. More is a finding."""
 
     turn: float = 1e-4
     walk: float = 1e-5
@@ -42,15 +44,22 @@ class Allowance:
                 walk = max([walk, *(1.5 * x for x in sizes)])
         return Allowance(turn, walk)
 
-    @property
-    def upper(self) -> Floats:
-        """Bounds of the variances σ², τ_r², τ_w²."""
-        return np.array([np.inf, self.turn**2, self.walk**2])
+    def upper(self, gap_s: float) -> Floats:
+        """Bounds of the variances σ², τ_r², τ_w² where stops follow each other so many seconds apart."""
+        longer = max(1.0, gap_s / STOP_S)
+        return np.array([np.inf, self.turn**2, self.walk**2 * longer])
 
 
 def problem_of(reduced: Reduced, allowance: Allowance, *, matrix: bool = False) -> Problem:
     """The problem before any cause is known."""
-    return assembled(view_of(reduced, matrix), (), matrix, allowance.upper)
+    view = view_of(reduced, matrix)
+    return assembled(view, (), matrix, allowance.upper(gap_s(view)))
+
+
+def gap_s(view: View) -> float:
+    """The usual time from one stop to the next."""
+    steps = np.diff(view.scene.time_s)[view.scene.visits.previous[1:] >= 0]
+    return float(np.median(steps)) if len(steps) else 0.0
 
 
 def with_model(problem: Problem, model: Model) -> Problem:
@@ -66,7 +75,7 @@ def with_model(problem: Problem, model: Model) -> Problem:
 def _told(view: View, told: ModelEffect) -> Iterator[Accepted]:
     """A cause of a model file, once for each level it speaks of; gross faults and the floor are known otherwise."""
     effect = told.build()
-    if effect.id in FLOOR or not isinstance(effect, PoseEffect | StimulusEffect | SensorEffect | GoldEffect):
+    if effect.id not in smooth():
         return
     for found in told.acting(view.scene, None):
         code, names = view.scene.group(found.of)
@@ -88,6 +97,8 @@ def assembled(view: View, accepted: tuple[Accepted, ...], matrix: bool, upper: F
     turn = np.einsum("vki,via->vka", view.keep, view.signature(Repeatability.example())[0])
     steps = view.signature(BiasWalk.example())[0][:, 0, 0]
     weight = view.reduced.count.sum(1)
+    # A length does not change when the part turns; what rounding leaves of that is no structure.
+    turn = turn if view.grid.k == 3 else np.zeros_like(turn)
     project = view.keep if view.grid.k == 1 else np.broadcast_to(np.eye(3), view.keep.shape)
     parts = structure(view.grid, weight / weight.mean(), turn, np.round(steps), project)
     known, places = known_of(view, accepted, matrix)

@@ -11,7 +11,9 @@ import numpy as np
 
 from station.diagnosis.bank import Bank, Candidate
 from station.diagnosis.floor import Floor
-from station.diagnosis.stage import Problem, Stage, by_cause, stage
+from station.diagnosis.panel import Panel, panel
+from station.diagnosis.stage import Problem, Stage, by_cause
+from station.domain.types import Floats
 
 #: What a free variance costs against a bounded one, in nats: its size could have been any in a range of e³.
 OCCAM = 3.0
@@ -32,34 +34,33 @@ class Rank:
     at: Stage
 
 
-def rank(problem: Problem, banks: Sequence[Bank], first: Stage, words: Sequence[str]) -> dict[str, Rank]:
+def rank(problem: Problem, banks: Sequence[Bank], first: Panel, words: Sequence[str]) -> dict[str, Rank]:
     """Every cause under the best of the floors visited, `first` the one without any of them. words: the kernels."""
-    zero = dict(zip(first.candidates, first.profiles(), strict=True))
+    zero = first.without()
     best: dict[str, Rank] = {}
     visited: list[Floor] = []
-    now: Stage | None = first
+    now: Panel | None = first
     while now is not None and len(visited) < 6:
-        visited.append(now.floor)
+        visited.append(now.best.floor)
         _merge(best, now, zero)
         now = _next(problem, banks, best, visited, words)
-    best.update(_floor_causes(problem, first))
+    best.update(_floor_causes(problem, first.best))
     return best
 
 
-def _merge(best: dict[str, Rank], now: Stage, zero: dict[Candidate, float]) -> None:
+def _merge(best: dict[str, Rank], now: Panel, zero: Floats) -> None:
     """Takes over what is more evident under the floor of `now`."""
-    candidates = now.candidates
-    total = now.evidence()[0] + now.profiles() - np.array([zero[c] for c in candidates])
+    candidates, total = now.candidates, now.totals() - zero
     for name, value in by_cause(candidates, total[None]).items():
         if name not in best or value[0] > best[name].evidence:
             rows = [i for i, c in enumerate(candidates) if c.name == name]
             chosen = max(rows, key=lambda i: float(total[i]))
-            best[name] = Rank(name, float(value[0]), candidates[chosen], now)
+            best[name] = Rank(name, float(value[0]), candidates[chosen], now.best)
 
 
 def _next(
     problem: Problem, banks: Sequence[Bank], best: dict[str, Rank], visited: list[Floor], words: Sequence[str]
-) -> Stage | None:
+) -> Panel | None:
     """The bank under the floor of the leading cause, or else of the leading kernel, if that is a new one."""
     for kernel in (False, True):
         leader = max((r for r in best.values() if (r.name in words) == kernel), key=lambda r: r.evidence, default=None)
@@ -68,7 +69,7 @@ def _next(
         with_it = problem.beside((*problem.accepted, leader.at.accept(leader.best, problem.view)))
         found = with_it.fit(leader.at.floor).floor
         if all(_differ(found, f) for f in visited):
-            return stage(problem, banks, found)
+            return panel(problem, banks, found)
     return None
 
 

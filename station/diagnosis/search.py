@@ -12,13 +12,14 @@ from station.diagnosis.bank import Bank, bank_of, candidates, library, smooth, t
 from station.diagnosis.evidence import log_mean
 from station.diagnosis.floor import Fitted
 from station.diagnosis.known import Accepted
+from station.diagnosis.panel import Panel, beside
 from station.diagnosis.problem import refined
 from station.diagnosis.rank import Rank, rank
-from station.diagnosis.shape import evidence_of, tunable, tuned
-from station.diagnosis.stage import Problem, Stage, by_cause, stage
+from station.diagnosis.shape import between, evidence_of, jumps, may_ring, rung, tunable, tuned
+from station.diagnosis.stage import Problem, Stage, stage
 from station.diagnosis.view import View
 
-NullOf = Callable[[Problem, Fitted, Stage], Null]
+NullOf = Callable[[Problem, Fitted, Panel], Null]
 
 #: A kernel must beat every cause of the library by this many nats to be "something unknown".
 UNKNOWN_NATS = 3.0
@@ -82,10 +83,12 @@ def banks_of(view: View, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:
     return bank_of(items, view, moving=False), bank_of(items, view, moving=True)
 
 
-def _shown(now: Stage) -> tuple[Stage, tuple[str, ...]]:
+def _shown(problem: Problem, now: Stage) -> tuple[Stage, tuple[str, ...]]:
     """The stage without the causes that it cannot show, and those: their covariates were not recorded, or the largest
     amplitude ever met would leave nothing here."""
-    shown = {c.name for s in now.seen for c, v in zip(s.bank.candidates, visible(s), strict=True) if v}
+    count = problem.view.reduced.count.sum(1).mean()
+    swollen = max(1.0, now.floor.noise * float(np.sqrt(count)) / problem.view.sigma)
+    shown = {c.name for s in now.seen for c, v in zip(s.bank.candidates, visible(s, swollen), strict=True) if v}
     seen = tuple(s.only([c.name in shown for c in s.bank.candidates]) for s in now.seen)
     return Stage(now.floor, seen), tuple(name for name in smooth() if name not in shown)
 
@@ -102,14 +105,15 @@ def search(problem: Problem, null_of: NullOf) -> Searched:
         fitted = problem.fit(None if fitted is None else fitted.floor)
         now = stage(problem, banks_of(problem.view, blind), fitted.floor)
         if not findings:
-            now, blind = _shown(now)
+            now, blind = _shown(problem, now)
         banks = tuple(s.bank for s in now.seen)
-        null = null or null_of(problem, fitted, now)
-        evidence = {name: float(e[0]) for name, e in by_cause(now.candidates, now.evidence()).items()}
+        around = beside(problem, now)
+        null = null or null_of(problem, fitted, around)
+        evidence = {name: float(e[0]) for name, e in around.scores(around.readings()).items()}
         statistics.append(statistic(null, evidence))
         if statistics[-1] <= null.threshold or len(findings) == ROUNDS:
             return Searched(first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind, evidence)
-        ranks = _sharpened(problem, rank(problem, banks, now, generic.WORDS))
+        ranks = _sharpened(problem, rank(problem, banks, around, generic.WORDS))
         finding = _chosen(problem, ranks, statistics[-1])
         findings.append(finding)
         if finding.words:
@@ -129,14 +133,18 @@ def _with(problem: Problem, finding: Finding) -> Problem:
 def _sharpened(problem: Problem, ranks: dict[str, Rank]) -> dict[str, Rank]:
     """The same with the form of each promising cause at its best."""
     top = max(r.evidence for r in ranks.values())
+    leads = any(r.evidence == top for name, r in ranks.items() if name in generic.WORDS)
     for name, r in ranks.items():
-        if r.best is None or not tunable(r.best.effect) or r.evidence < 0.5 * top:
+        if r.best is None or r.best.effect is None or r.evidence < 0.25 * top:
             continue
         space = problem.space(r.at.floor, moving=r.best.dwell is not None)
-        best, _ = tuned(r.best, problem.view, space)
-        gain = evidence_of(best, problem.view, space) - evidence_of(r.best, problem.view, space)
-        bank = bank_of([best], problem.view, moving=best.dwell is not None)
-        ranks[name] = Rank(name, r.evidence + max(gain, 0.0), best, stage(problem, [bank], r.at.floor))
+        best = rung(r.best, problem.view, space) if leads and may_ring(r.best.effect) else r.best
+        best = between(best, problem.view, space) if jumps(best.effect) else best
+        best = tuned(best, problem.view, space)[0] if tunable(best.effect) else best
+        if best is not r.best:
+            gain = evidence_of(best, problem.view, space) - evidence_of(r.best, problem.view, space)
+            bank = bank_of([best], problem.view, moving=best.dwell is not None)
+            ranks[name] = Rank(name, r.evidence + max(gain, 0.0), best, stage(problem, [bank], r.at.floor))
     return ranks
 
 

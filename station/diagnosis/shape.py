@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.diagnosis.bank import Candidate, bank_of, see
+from station.diagnosis.bank import Candidate, bank_of, gaps_of, see
 from station.diagnosis.evidence import Sets
 from station.diagnosis.space import Space
 from station.diagnosis.view import View
@@ -24,9 +24,33 @@ class Tuned:
     std: float
 
 
+#: Frequencies tried where a cause may ring, Hz, beyond which a block of samples holds whole waves.
+RINGS_HZ = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.5, 10.0, 12.0)
+
+
 def tunable(effect: Effect | None) -> tuple[Parameter, ...]:
-    """The parameters of a form that are scanned on a grid."""
-    return () if effect is None else tuple(p for p in effect.forms if p.grid)
+    """The parameters of a form that are scanned on a grid, and the frequency of one that rings."""
+    return () if effect is None else tuple(p for p in effect.forms if p.grid or _rings(effect, p))
+
+
+def _rings(effect: Effect, p: Parameter) -> bool:
+    return p.name == "frequency" and getattr(effect, p.field) > 0
+
+
+def may_ring(effect: Effect | None) -> bool:
+    """Whether a cause has a frequency that nobody has looked for yet."""
+    return effect is not None and any(p.name == "frequency" and not _rings(effect, p) for p in effect.forms)
+
+
+def rung(candidate: Candidate, view: View, space: Space) -> Candidate:
+    """The candidate with the frequency and the time constant that explain most, roughly."""
+    assert candidate.effect is not None
+    field = next(p.field for p in candidate.effect.forms if p.name == "frequency")
+    others = [(p.field, value) for p in candidate.effect.forms for value in p.grid] or [(field, 0.0)]
+    found = [candidate]
+    for hz in RINGS_HZ:
+        found += [reshaped(reshaped(candidate, other, v, view), field, hz, view) for other, v in others]
+    return max(found, key=lambda c: evidence_of(c, view, space))
 
 
 def evidence_of(candidate: Candidate, view: View, space: Space) -> float:
@@ -52,6 +76,19 @@ def tuned(candidate: Candidate, view: View, space: Space) -> tuple[Candidate, tu
     return candidate, tuple(found)
 
 
+def jumps(effect: Effect | None) -> bool:
+    """Whether a cause begins at some time within a run."""
+    return effect is not None and any(p.name == "at" for p in effect.forms)
+
+
+def between(candidate: Candidate, view: View, space: Space) -> Candidate:
+    """The candidate with its time of a jump at the best gap nearby: the bank looks at every second one."""
+    gaps = gaps_of(view)
+    i = min(range(len(gaps)), key=lambda k: abs(gaps[k] - candidate.effect.at_s))  # type: ignore[union-attr]
+    near = [reshaped(candidate, "at_s", gaps[k], view) for k in (i - 1, i + 1) if 0 <= k < len(gaps)]
+    return max([candidate, *near], key=lambda c: evidence_of(c, view, space))
+
+
 def _tune(candidate: Candidate, p: Parameter, view: View, space: Space) -> tuple[Candidate, Tuned]:
     """Successive parabolas through the best three points of the logarithm."""
     tried: dict[float, tuple[float, Candidate]] = {}
@@ -62,22 +99,28 @@ def _tune(candidate: Candidate, p: Parameter, view: View, space: Space) -> tuple
             tried[x] = evidence_of(c, view, space), c
         return tried[x][0]
 
-    low, high = np.log(0.5 * min(p.low, *p.grid)), np.log(2 * max(p.high, *p.grid))
-    middle = float(np.log(getattr(candidate.effect, p.field)))
-    gap = float(np.log(p.grid[1] / p.grid[0])) if len(p.grid) > 1 else 0.5
-    for x in (middle, middle - gap, middle + gap):
-        at(float(np.clip(x, low, high)))
+    def best() -> float:
+        return max(tried, key=lambda x: tried[x][0])
+
+    start = getattr(candidate.effect, p.field)
+    # A frequency beyond a tenth off would be another wave of the same blocks.
+    gap = float(np.log(p.grid[1] / p.grid[0])) if len(p.grid) > 1 else 0.1
+    low, high = (np.log(0.5 * min(p.low, *p.grid)), np.log(2 * max(p.high, *p.grid))) if p.grid else (-3.0, 5.0)
+    for x in (0.0, -gap, gap):
+        at(float(np.clip(np.log(start) + x, low, high)))
     for _ in range(10):
-        best = max(tried, key=lambda x: tried[x][0])
-        step = _vertex(sorted(tried), best, at)
-        fresh = float(np.clip(best + step, low, high))
+        now, before = best(), tried[best()][0]
+        fresh = float(np.clip(now + _vertex(sorted(tried), now, at), low, high))
         if min(abs(fresh - x) for x in tried) < 1e-4:
             break
-        before = tried[best][0]
-        if at(fresh) - before < ENOUGH and abs(fresh - best) < 0.3 * gap:
+        if at(fresh) - before < ENOUGH and abs(fresh - now) < 0.3 * gap:
             break
-    best = max(tried, key=lambda x: tried[x][0])
-    return tried[best][1], Tuned(p.field, float(np.exp(best)), float(np.exp(best) * _spread(sorted(tried), best, at)))
+    # The curvature is that of the top: points one deviation off say more of it than those of the search.
+    spread = _spread(sorted(tried), best(), at)
+    for x in (best() - spread, best() + spread):
+        at(float(np.clip(x, low, high)))
+    value = float(np.exp(best()))
+    return tried[best()][1], Tuned(p.field, value, value * _spread(sorted(tried), best(), at))
 
 
 def _neighbours(points: list[float], best: float) -> tuple[float, float] | None:

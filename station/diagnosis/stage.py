@@ -69,6 +69,10 @@ class Stage:
         """All of them, in the order of the evidence."""
         return tuple(c for s in self.seen for c in s.bank.candidates)
 
+    def light(self) -> "Stage":
+        """The same in single precision, which is enough for chance."""
+        return Stage(self.floor, tuple(s.light() for s in self.seen))
+
     def readings(self) -> list[Sets]:
         """The readings as the data set of each space."""
         return [Sets.of(s.space, s.space.data[None]) for s in self.seen]
@@ -78,9 +82,10 @@ class Stage:
         given = self.readings() if sets is None else sets
         return np.concatenate([s.evidence(d) for s, d in zip(self.seen, given, strict=True)], axis=1)
 
-    def profiles(self) -> Floats:
-        """Log-likelihood of the readings without any candidate, in each candidate's space."""
-        return np.concatenate([np.full(len(s.spectra), s.space.profile) for s in self.seen])
+    def fits(self, sets: Sequence[Sets]) -> Floats:
+        """Log-likelihood (n, spaces) of data sets without any candidate, the floor's scale at its best."""
+        each = zip(self.seen, sets, strict=True)
+        return np.stack([-0.5 * (s.space.logdet + s.space.dof * np.log(d.rest)) for s, d in each], axis=1)
 
     def accept(self, candidate: Candidate, view: View) -> Accepted:
         """The candidate with its likeliest amplitude, and the groups that it likely hits."""
@@ -110,7 +115,7 @@ class Stage:
 def stage(problem: Problem, banks: Sequence[Bank], at: Floor) -> Stage:
     """The bank under a floor."""
     covariance = problem.structure.covariance(at.variances)
-    seen = (see(b, space(covariance, problem.known, *problem.readings(moving=b.moving))) for b in banks if b.candidates)
+    seen = (see(b, space(covariance, problem.known, *problem.readings(moving=b.moving))) for b in banks)
     return Stage(at, tuple(seen))
 
 

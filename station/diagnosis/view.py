@@ -54,9 +54,17 @@ class View:
         kept = self.grid.spread(np.einsum("vki,vic->vkc", self.keep, stop))
         if dwell is None:
             return Rows(kept)
-        wide = Grid(self.grid.slot, dwell.shape[1] * 3)
+        dwell = self.within(dwell)
+        wide = Grid(self.grid.slot, dwell.shape[1] * dwell.shape[2])
         laid = wide.spread(dwell.reshape(len(dwell), -1, dwell.shape[-1]) / self.sigma)
         return Rows(kept, laid.reshape(self.grid.units, -1, dwell.shape[-1]))
+
+    def within(self, dwell: Floats) -> Floats:
+        """Contrasts (v, B−1, 3, …) as they are, or along the stimulus alone (v, B−1, 1, …) where a hand may turn."""
+        if self.grid.k == 3:
+            return dwell
+        along = self.keep[:, 0] / np.linalg.norm(self.keep[:, 0], axis=1, keepdims=True)
+        return np.asarray(np.einsum("vi,vbi...->vb...", along, dwell)[:, :, None])
 
     def signature(self, effect: Effect, of: str = "") -> tuple[Floats, Floats | None]:
         """Derivatives by each axis' coefficient: of the stops' means (v, 3, axes) and of their contrasts
@@ -99,7 +107,7 @@ def view_of(reduced: Reduced, matrix: bool = False) -> View:
 def quieted(view: View) -> View:
     """The view with the noise of a contrast as it now is: that from one sample to the next, or more where slower
     noise adds to the quietest contrast."""
-    contrast = np.moveaxis(view.reduced.contrast - view.simulated()[1], 1, 0)
+    contrast = np.moveaxis(view.within(view.reduced.contrast - view.simulated()[1]), 1, 0)
     there = [np.abs(c[c != 0]) for c in contrast]
     slow = min((float(np.median(c)) / MAD for c in there if c.size), default=0.0)
     return replace(view, sigma=max(view.reduced.sigma, slow) or 1.0)

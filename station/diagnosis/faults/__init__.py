@@ -32,10 +32,12 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspected:
     found = mapping.faults(recipe, table, scene, read)
     found = [_measured(f, scene, table, mapping.repaired(table, read), stop) for f in found]
     table = replace(table, reading=mapping.repaired(table, read)) if read else table
-    for part in (clipping, grid_step, counters, clock, tone):
+    for part in (clipping, grid_step, counters, clock):
         found += part.faults(recipe, table, stop)
     _, bad = clipping.clipped(table, stop)
-    kept = table[~np.isin(stop, np.unique(stop[bad]))] if bad.any() else table
+    whole = ~np.isin(stop, np.unique(stop[bad]))
+    kept = table[whole] if bad.any() else table
+    found += tone.faults(recipe, kept, stop[whole])
     return Inspected(tuple(found), kept, _blind(recipe, table, scene))
 
 

@@ -23,7 +23,15 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[F
     if not off.any():
         return []
     numbers = tuple(
-        Number("rate_error", None, of_unit(table.unit, int(u)), float(error[u]), float(std[u]), "1")
+        # A clock within its tolerance has an error of its own beside the fault.
+        Number(
+            "rate_error",
+            None,
+            of_unit(table.unit, int(u)),
+            float(error[u]),
+            float(np.hypot(std[u], tolerance / 2)),
+            "1",
+        )
         for u in np.flatnonzero(np.isfinite(error))
     )
     told = f"{int(off.sum())} of {len(error)} clocks are off by more than {recipe.device.clock_tolerance_ppm:g} ppm"

@@ -1,8 +1,9 @@
 """A line in the spectrum of the dwells that grows with the drive of the motors.
 
 Each stop's samples are turned into one complex amplitude per frequency up to half the sample rate. Powers add up over
-stops without regard to phase; where they stand out in proportion to motor², the phases are followed over the whole
-campaign, which fixes frequency, amplitude and phase. A tone above half the rate shows at its alias.
+stops without regard to phase; where a narrow line stands out of the spectrum around it in proportion to motor², the
+phases are followed over the whole campaign, which fixes frequency, amplitude and phase. A tone above half the rate
+shows at its alias. What dies away after each arrival is taken off first: it keeps step with the moves, a tone does not.
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,10 @@ from station.domain.types import Array, Floats, SampleTable
 SURE = 12.0
 #: Frequencies tried for each 1/dwell.
 FINE = 2
+#: The spectrum around a line: so many frequencies on each side, less those that the line itself reaches.
+AROUND, REACH = 12, 2
+#: A unit needs so many stops before its arrivals can be told from its tones.
+ENOUGH_STOPS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +53,7 @@ def dwells_of(table: SampleTable, stop: NDArray[np.intp], rate_hz: float) -> tup
     flat = table.reading - _smooth(table.reading, curve, first, length)
     sigma = float(np.median(np.abs(flat))) / 0.6745
     white[np.repeat(np.arange(len(first)), length), place] = flat / max(sigma, 1e-300)
+    white = _without_arrivals(white, table, first, length)
     started = table.values["started_s"]
     time[np.repeat(np.arange(len(first)), length), place] = table.time_s + started
     return Dwells(white, time, np.add.reduceat(table.values["motor"], first) / length, rate_hz), sigma
@@ -58,6 +64,23 @@ def _smooth(reading: Floats, curve: Floats, first: NDArray[np.intp], length: NDA
     normal = np.add.reduceat(curve[:, :, None] * curve[:, None, :], first) + 1e-9 * np.eye(4)
     said = np.add.reduceat(curve[:, :, None] * reading[:, None, :], first)
     return np.asarray(np.einsum("nk,nki->ni", curve, np.repeat(np.linalg.solve(normal, said), length, axis=0)))
+
+
+def _without_arrivals(white: Floats, table: SampleTable, first: NDArray[np.intp], length: NDArray[np.intp]) -> Floats:
+    """The samples (v, s, 3) less what each unit's dwells have in common, plainly and in proportion to the last move."""
+    mean = np.add.reduceat(table.reading, first) / length[:, None]
+    unit, run = table.unit.code[first], table.run[first]
+    same = np.append(False, (unit[1:] == unit[:-1]) & (run[1:] == run[:-1]))[:, None]
+    step = np.where(same, np.roll(mean, 1, axis=0) - mean, 0.0)
+    out = white.copy()
+    for code in np.unique(unit):
+        stops = np.flatnonzero((unit == code) & (length == length.max()))
+        if len(stops) < ENOUGH_STOPS:
+            continue
+        for axis in range(3):
+            basis = np.linalg.qr(np.stack([np.ones(len(stops)), step[stops, axis]], 1))[0]
+            out[stops, :, axis] -= basis @ (basis.T @ white[stops, :, axis])
+    return out
 
 
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[Fault]:
@@ -71,7 +94,7 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[F
     if samples < 16:
         return []
     tried = np.arange(3, FINE * samples // 2) * rate / (FINE * samples)
-    gains = np.array([_power_gain(d, f) for f in tried])
+    gains = _gains(np.array([_power(d, f) for f in tried]), d)
     best = int(gains.argmax())
     if gains[best] < SURE + np.log(len(tried)):
         return []
@@ -84,16 +107,33 @@ def _amplitudes(d: Dwells, frequency_hz: float) -> Array:
     return np.asarray(np.einsum("vs,vsi->vi", wave, d.white))
 
 
-def _power_gain(d: Dwells, frequency_hz: float) -> float:
-    """Log-likelihood gained by power in proportion to motor² at a frequency, phases free."""
-    power = np.abs(_amplitudes(d, frequency_hz)) ** 2
+def _power(d: Dwells, frequency_hz: float) -> Floats:
+    """Mean power (3) at a frequency, each stop weighted as a tone in proportion to motor would show in it."""
     count = np.count_nonzero(d.white[:, :, 0], axis=1)[:, None]
-    weight = d.motor[:, None] ** 2 * count**2 / 4
-    # One step of the score test for each axis, on exponentially distributed powers of mean count + A² weight.
-    slope = np.sum((power - count) * weight / count**2, axis=0)
-    bend = np.sum(weight**2 / count**2, axis=0)
-    z = slope / np.sqrt(np.maximum(bend, 1e-300))
-    return float(np.sum(np.maximum(z, 0.0) ** 2) / 2)
+    power = np.abs(_amplitudes(d, frequency_hz)) ** 2 / np.maximum(count, 1)
+    weight = _weight(d)[:, None]
+    return np.asarray(np.sum(weight * power, axis=0) / max(float(np.sum(weight)), 1e-300))
+
+
+def _weight(d: Dwells) -> Floats:
+    return np.asarray(d.motor**2 * np.count_nonzero(d.white[:, :, 0], axis=1))
+
+
+def _gains(power: Floats, d: Dwells) -> Floats:
+    """Log-likelihood (f) that a line of powers (f, 3) gains over the median of the spectrum around it.
+
+    The background is the data's own, so neither the tails nor the colour of the noise can pass for a line. Powers
+    are exponential: their mean over stops is normal with a relative spread of 1/√(effective number of stops).
+    """
+    weight = _weight(d)
+    stops = float(np.sum(weight)) ** 2 / max(float(np.sum(weight**2)), 1e-300)
+    place = np.arange(len(power))
+    far = np.abs(place[:, None] - place)
+    around = (far > REACH) & (far <= AROUND)
+    background = np.array([np.median(power[near], axis=0) if near.any() else np.full(3, np.inf) for near in around])
+    spread = np.sqrt((1 + np.pi / 2 * FINE / np.maximum(around.sum(1), 1)) / stops)[:, None]
+    z = (power / np.maximum(background, 1e-300) - 1) / spread
+    return np.asarray(np.sum(np.maximum(z, 0.0) ** 2, axis=1) / 2)
 
 
 def _followed(d: Dwells, frequency_hz: float) -> float:
