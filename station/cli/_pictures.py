@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from station.cli._budget_table import NEGLIGIBLE
 from station.domain import coefficients
 from station.domain.pipeline import Result
 from station.domain.recipe import Recipe
@@ -50,13 +51,14 @@ def tilt(recipe: Recipe, found: Calibration, serial: str) -> str:
 
 
 def budget_bars(recipe: Recipe, budget: Budget, serial: str) -> str:
-    """Which cause contributes how much to the least certain offset and gain: relative to the whole."""
+    """Which cause contributes how much to the least certain offset (or coefficient, where no offset is fitted)."""
     std = budget.std()
     worst = int(np.argmax(np.where(coefficients.OFFSETS, std, -1.0)))
     if not std[worst] > 0:
         worst = int(np.argmax(std))
     unit = coefficients.unit_of(worst, recipe.unit)
-    rows = [(cause, float(budget.std(cause)[worst])) for cause in budget.parts if budget.std(cause)[worst] > 0]
+    parts = {cause: float(budget.std(cause)[worst]) for cause in budget.parts}
+    rows = [(cause, part) for cause, part in parts.items() if part > NEGLIGIBLE * std[worst]]
     rows = [*sorted(rows, key=lambda r: -r[1]), ("together", float(std[worst]))]
     title = f"{serial}: standard uncertainty of {coefficients.NAMES[worst]} by cause"
     return bars(title, rows, "" if unit == "1" else unit)
