@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import stdtr, stdtrit
 
 from station.domain import coefficients
 from station.domain.recipe import Limits, Recipe
@@ -81,13 +81,13 @@ def guard_band(limits: Limits, std: Floats, dof: Floats) -> Floats:
     if limits.rule == "guard-band":
         return COVERAGE_FACTOR * std
     if limits.rule == "false-accept" and limits.false_accept is not None:
-        quantile = stdtrit(np.minimum(dof, 1e6), 1 - limits.false_accept)
+        quantile = scipy.special.stdtrit(np.minimum(dof, 1e6), 1 - limits.false_accept)
         return np.asarray(quantile * std / _widened(dof))
     return np.zeros_like(std)
 
 
 def _widened(dof: Floats) -> Floats:
-    return np.asarray(stdtrit(np.minimum(dof, 1e6), 0.975) / NORMAL_975)
+    return np.asarray(scipy.special.stdtrit(np.minimum(dof, 1e6), 0.975) / NORMAL_975)
 
 
 def conformance(t: Toleranced) -> float:
@@ -104,7 +104,8 @@ def _within(t: Toleranced, bound: Floats) -> float:
     """Π P(|deviation + error| ≤ bound), coefficients taken as independent: never too small where they agree."""
     scale = np.maximum(t.std, 1e-300) / _widened(t.dof)
     dof = np.minimum(t.dof, 1e6)
-    inside = stdtr(dof, (bound - t.deviation) / scale) - stdtr(dof, (-bound - t.deviation) / scale)
+    above, below = (bound - t.deviation) / scale, (-bound - t.deviation) / scale
+    inside = scipy.special.stdtr(dof, above) - scipy.special.stdtr(dof, below)
     return float(np.prod(np.maximum(inside, 0.0)))
 
 

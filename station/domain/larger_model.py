@@ -7,8 +7,8 @@ residual leaving one pose out, by the linear fit's own leverages (Cook & Weisber
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import fdtrc
 
 from station.domain import method, rank, stills
 from station.domain.pipeline import Result
@@ -54,7 +54,7 @@ def _one(
     after, after_out = _fitted(wide, misfit, group)
     drop = float((before[0] ** 2).sum() - (after**2).sum())
     q = columns.shape[1]
-    p = float(fdtrc(q, left, drop / q / max(float((after**2).sum()) / left, 1e-300)))
+    p = float(scipy.special.fdtrc(q, left, drop / q / max(float((after**2).sum()) / left, 1e-300)))
     pays = p < LEVEL and _rms(after_out) < _rms(before[1])
     return Larger(name, p, *told[2:], _rms(after), _rms(after_out), pays=pays)
 

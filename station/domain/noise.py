@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 
 import numpy as np
-from scipy.special import digamma, stdtrit
+import scipy
 
 from station.domain.types import Floats
 
@@ -76,11 +76,9 @@ def reach_of(longest: int) -> int:
 @lru_cache(maxsize=256)
 def family(blocks: int, width: int, reach: int) -> Family:
     """The family for dwells of blocks · width steps; correlation lengths up to reach / 2 steps."""
-    from scipy.fft import dct  # slow to import, and no run needs it before its first frames
-
     autocovariance, prior = _shapes(blocks * width, reach)
     coarse = _of_blocks(autocovariance, blocks, width)
-    C = np.asarray(dct(np.eye(blocks), axis=0, norm="ortho", type=2))
+    C = np.asarray(scipy.fft.dct(np.eye(blocks), axis=0, norm="ortho", type=2))
     expected = coarse @ _lag_weights(blocks).T
     inverse = np.zeros((blocks, len(prior)))
     inverse[1:] = 1 / expected[:, 1:].T
@@ -90,10 +88,8 @@ def family(blocks: int, width: int, reach: int) -> Family:
 @cache
 def _lag_weights(n: int) -> Floats:
     """Weights (n, n): expected square of coefficient j = Σ_k weight[j, k] · autocovariance[k]."""
-    from scipy.fft import dct, irfft, rfft
-
-    C = dct(np.eye(n), axis=0, norm="ortho", type=2)
-    W = irfft(np.abs(rfft(C, 2 * n, axis=1)) ** 2, 2 * n, axis=1)[:, :n]
+    C = scipy.fft.dct(np.eye(n), axis=0, norm="ortho", type=2)
+    W = scipy.fft.irfft(np.abs(scipy.fft.rfft(C, 2 * n, axis=1)) ** 2, 2 * n, axis=1)[:, :n]
     W[:, 1:] *= 2
     return np.asarray(W)
 
@@ -159,9 +155,9 @@ def averaged(weight: Floats, variance_of_mean: Floats, dof: Floats) -> tuple[Flo
     mean = (weight * log).sum(axis=-1)
     spread = np.maximum((weight * log**2).sum(axis=-1) - mean**2, 0.0) + 2 / dof[:, None]
     nu = np.maximum(1 + 2 / spread, 2.0)
-    return np.exp(mean - np.log(nu / 2) + digamma(nu / 2)), nu
+    return np.exp(mean - np.log(nu / 2) + scipy.special.digamma(nu / 2)), nu
 
 
 def widening(nu: Floats) -> Floats:
     """(t_{0.975, ν} / 1.96)²: makes ± 1.96 standard deviations cover 95 % although the variance is an estimate."""
-    return np.asarray((stdtrit(np.maximum(nu, 1.0), 0.975) / 1.959963984540054) ** 2)
+    return np.asarray((scipy.special.stdtrit(np.maximum(nu, 1.0), 0.975) / 1.959963984540054) ** 2)

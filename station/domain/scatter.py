@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.special import chdtrc
+import scipy
 
 from station.domain.method import Fit, Method, Problem
 from station.domain.types import Floats
@@ -69,7 +69,7 @@ def estimate(problem: Problem, fit: Fit, level: Literal["between", "within"]) ->
     found = lack(problem, fit)
     square, variance, dof = (getattr(found, name) for name in (level, f"of_{level}", f"dof_{level}"))
     chi2 = (square / variance).sum(axis=1)
-    loud = (dof > 0) & (chdtrc(np.maximum(dof, 1), chi2) < LEVEL)
+    loud = (dof > 0) & (scipy.special.chdtrc(np.maximum(dof, 1), chi2) < LEVEL)
     out = np.zeros(len(loud))
     if loud.any():
         out[loud] = _paule_mandel(square[loud], variance[loud], dof[loud])

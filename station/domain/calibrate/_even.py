@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from station.domain import coefficients, linear_algebra
 from station.domain.calibrate import _outliers
@@ -52,13 +52,13 @@ def fit(problem: Problem, columns: Columns, variance: tuple[Floats, Floats], eve
 @lru_cache(maxsize=64)
 def loud_stop(stops: int) -> float:
     """Drop in χ² beyond which one of so many stops does not fit with the others."""
-    return float(chdtri(3, _outliers.LEVEL / stops))
+    return float(scipy.special.chdtri(3, _outliers.LEVEL / stops))
 
 
 @lru_cache(maxsize=64)
 def loud(dof: int) -> float:
     """χ² beyond which residuals are larger than noise explains."""
-    return float(chdtri(dof, _outliers.LEVEL)) if dof > 0 else float("inf")
+    return float(scipy.special.chdtri(dof, _outliers.LEVEL)) if dof > 0 else float("inf")
 
 
 @lru_cache(maxsize=64)

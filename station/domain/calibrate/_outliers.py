@@ -1,8 +1,8 @@
 """Which stop does not fit with the others: deletion tests at a level held for the whole unit."""
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtrc, fdtrc
 
 from station.domain.types import Floats
 
@@ -31,9 +31,9 @@ def worst(residual: Floats, hat: Floats, variance: Floats, keep: Floats, paramet
     rest = np.maximum(chi2 - drop.max(axis=1), 0.0)
     scatter = rest / np.maximum(left, 1)
     p = np.where(
-        chdtrc(np.maximum(left, 1), rest) > LEVEL,
-        chdtrc(a, drop.max(axis=1)),
-        fdtrc(a, np.maximum(left, 1), drop.max(axis=1) / a / np.maximum(scatter, 1e-300)),
+        scipy.special.chdtrc(np.maximum(left, 1), rest) > LEVEL,
+        scipy.special.chdtrc(a, drop.max(axis=1)),
+        scipy.special.fdtrc(a, np.maximum(left, 1), drop.max(axis=1) / a / np.maximum(scatter, 1e-300)),
     )
     suspect = drop.argmax(axis=1)
     found = (p * keep.sum(axis=1) < LEVEL) & (left >= a) & ~_ambiguous(hat, free, keep, suspect)

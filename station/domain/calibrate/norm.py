@@ -7,8 +7,8 @@ and every pose gets an estimate of its own tilt.
 from typing import ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from station.domain import rotation
 from station.domain.calibrate import _alignment, _ellipsoid, _outliers
@@ -173,7 +173,7 @@ def _pose_std(problem: Problem, off: Floats, noise: Floats, keep: Floats) -> Flo
     dof = 2 * seen.sum(axis=1) - 3.0
     square = (mean**2).sum(axis=1) * seen
     chi2 = (square / np.maximum(expected, 1e-30)).sum(axis=1)
-    loose = (chdtrc(np.maximum(dof, 1), chi2) < _outliers.LEVEL) & (dof > 0)
+    loose = (scipy.special.chdtrc(np.maximum(dof, 1), chi2) < _outliers.LEVEL) & (dof > 0)
     found = np.maximum(square.sum(axis=1) / np.maximum(dof, 1) - expected.mean(axis=1), 0.0)
     return np.where(loose, np.maximum(np.sqrt(found), problem.pose_std_rad), problem.pose_std_rad)
 
