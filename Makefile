@@ -28,6 +28,9 @@ check: $(VENV)/.dev  ## import contracts, types, lint: the same on a desk and in
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
+torture: $(VENV)/.dev  ## kills, edits, hostile input and 10,000 units, with counts; an hour or more
+	$(BIN)/python benchmarks/torture.py --seed $(SEED)
+
 lock: ## renew the lock files from pyproject.toml
 	$(PYTHON) -m pip install --quiet uv
 	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group build -o requirements.lock

@@ -11,8 +11,8 @@ from station.domain.signals import FrameLayout, SignalLayout
 from station.domain.types import EXTENDED
 from station.errors import ProductError
 
-#: Beyond this a file is not one product's DBC but an accident.
-MOST_BYTES = 20_000_000
+#: Beyond this a file is not one product's DBC but an accident, and parsing it takes longer than anybody waits.
+MOST_BYTES = 4_000_000
 #: A page of mistakes helps nobody; the rest shows after these are mended.
 MOST_FINDINGS = 10
 # cantools warns of double names in its log; here they are errors, said once.

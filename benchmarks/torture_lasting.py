@@ -1,0 +1,102 @@
+"""Takes many units through one opened station in virtual time, and watches what should not grow.
+
+    python benchmarks/torture_lasting.py [--units 10000] [--after 500] [--json]
+
+Growth of memory (resident) is from the `after`-th unit to the last; threads and open files likewise; the write-ahead
+log is the largest that was seen. Goals: < 5 %, 0, 0; the log of writes under 64 MiB, at which SQLite cuts it.
+"""
+
+import argparse
+import gc
+import json
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from station.domain.types import Outcome
+from station.service.runner import Runner
+from station.wiring import Bench, Order, open_bench
+
+GOAL, WAL_MIB = 0.05, 64
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What this process holds: resident memory in kB, threads, open files."""
+
+    memory_kb: int
+    threads: int
+    files: int
+
+
+def held() -> Held:
+    """Now, with the garbage collected."""
+    gc.collect()
+    status = Path("/proc/self/status").read_text()
+    memory = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS"))
+    return Held(memory, threading.active_count(), len(list(Path("/proc/self/fd").iterdir())))
+
+
+def one_load(bench: Bench, first: int) -> int:
+    """One fixture load of new units; how many passed."""
+    names = [f"SN{first + i:06d}" for i in range(len(bench.station.settings.nests))]
+    (seats,) = bench.loads(names)
+    bench.fixture.place(seats)
+    results = list(Runner(bench.station, bench.job).run(seats))[-1].results  # type: ignore[attr-defined]
+    return sum(r.outcome is Outcome.PASS for r in results)
+
+
+def lasting(units: int, after: int) -> dict[str, Any]:
+    """The figures."""
+    begun_s, largest_wal, passed, done, early = time.monotonic(), 0, 0, 0, held()
+    with tempfile.TemporaryDirectory() as name:
+        log = Path(name) / "station.db"
+        wal = log.with_name(log.name + "-wal")
+        with open_bench(Order(simulate=True, database=log)) as bench:
+            while done < units:
+                passed += one_load(bench, done)
+                done += len(bench.station.settings.nests)
+                largest_wal = max(largest_wal, wal.stat().st_size if wal.exists() else 0)
+                if done <= after:
+                    early = held()
+            late = held()
+    return {
+        "units": done,
+        "passed": passed,
+        "after": after,
+        "memory_growth": late.memory_kb / early.memory_kb - 1,
+        "memory_mib": late.memory_kb / 1024,
+        "threads_growth": late.threads - early.threads,
+        "files_growth": late.files - early.files,
+        "wal_mib": largest_wal / 2**20,
+        "lasted_s": time.monotonic() - begun_s,
+    }
+
+
+def main() -> None:
+    """Prints the figures."""
+    ask = argparse.ArgumentParser()
+    ask.add_argument("--units", type=int, default=10_000)
+    ask.add_argument("--after", type=int, default=500)
+    ask.add_argument("--json", action="store_true")
+    given = ask.parse_args()
+    told = lasting(given.units, given.after)
+    if given.json:
+        print(json.dumps(told))
+        return
+    print(
+        f"{told['units']} units in virtual time, {told['passed']} passed: memory after the first {told['after']} "
+        f"{100 * told['memory_growth']:+.1f} % (goal < {100 * GOAL:g} %), threads {told['threads_growth']:+d} and open "
+        f"files {told['files_growth']:+d} (goal 0), WAL at most {told['wal_mib']:.1f} MiB (goal < {WAL_MIB})"
+    )
+    print(f"  {told['memory_mib']:.0f} MiB resident; {told['lasted_s']:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
