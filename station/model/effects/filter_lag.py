@@ -1,6 +1,7 @@
 """The device's low-pass filter has not yet forgotten the last orientation.
 
-reading_i gains c_i · (previous − present) · e^(−t/τ), t since arrival. Like `settling`, but each unit's own.
+What it passes on gains c_i · (previous − present) · e^(−t/τ), t since arrival. A linear filter and a gain can change
+places, so it acts where `settling` does: without ringing the two differ only in whose coefficient it is.
 
 >>> import numpy as np
 >>> from types import SimpleNamespace
@@ -15,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from station.domain.types import Floats
-from station.model.effect import Parameter, SensorEffect
+from station.model.effect import Parameter, StimulusEffect
 from station.model.scene import Signal
 
 
 @dataclass(frozen=True)
-class FilterLag(SensorEffect):
+class FilterLag(StimulusEffect):
     """Fraction of the step that is left on arrival, per unit and axis."""
 
     level = "device"
