@@ -146,7 +146,7 @@ def _series(s: Series, x: Scale, y: Scale) -> list[str]:
 
 def _strokes(kind: str, points: Sequence[tuple[float, float]], colour: str) -> str:
     """All points in one path: round dots, or dashes 11 px wide."""
-    half, wide, cap = (0.0, 4.0, "round") if kind == "cloud" else (5.5, 3.0, "butt")
+    half, wide, cap = (0.0, 4.6, "round") if kind == "cloud" else (5.5, 3.0, "butt")
     path = "".join(f"M{a - half:.1f} {b:.1f}h{2 * half:g}" for a, b in points)
     faint = ' stroke-opacity="0.6"' if kind == "cloud" else ""
     return f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="{wide:g}" stroke-linecap="{cap}"{faint}/>'

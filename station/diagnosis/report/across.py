@@ -99,7 +99,8 @@ def _explained(axis: Across, signature: Floats, rows: NDArray[np.bool_]) -> floa
     there = bins >= 0
     count = np.bincount(bins[there])
     free = int(there.sum()) - int(np.count_nonzero(count))
-    if free < 1:
+    if 2 * free < int(there.sum()):
+        # Hardly more stops than steps: anything would look ordered.
         return -np.inf
     values = signature[there] - signature[there].mean(0)
     mean = np.stack([np.bincount(bins[there], column) for column in values.T], 1) / np.maximum(count, 1)[:, None]

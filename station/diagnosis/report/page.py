@@ -10,7 +10,7 @@ from station.diagnosis.report.data import ReportData
 from station.diagnosis.report.remedies import named, needed_by
 from station.diagnosis.report.tables import Table
 from station.diagnosis.report.units import number, size
-from station.diagnosis.report.words import BADGES, depends_on, first_screen, next_step
+from station.diagnosis.report.words import BADGES, depends_on, first_screen, many, next_step
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +73,14 @@ def page_of(data: ReportData) -> Page:
     )
 
 
+#: What the document counts, and its name here.
+_COUNTED = (("unit", "unit"), ("run", "run"), ("visit", "stop"))
+
+
 def _cards(data: ReportData) -> Iterator[tuple[str, str]]:
     d, unit = data.document, data.unit_of_readings
     counts = d["data"]
-    yield "looked at", f"{counts['units']} units, {counts['runs']} runs, {counts['visits']} stops"
+    yield "looked at", ", ".join(many(counts[f"{counted}s"], name) for counted, name in _COUNTED)
     yield "the simulation leaves", f"{size(d['baseline']['residual_rms'], unit)} rms"
     yield "noise alone makes", f"{size(d['baseline']['floor_rms'], unit)} rms"
     alarm = d["alarm"]

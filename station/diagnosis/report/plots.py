@@ -56,7 +56,7 @@ def overlay(
         cloud = _cloud(chosen, rest[:, i], "measured − simulated" if first else "", 0)
         line = _mean(chosen, signature[:, i] * factor, named=first)
         height = 170 if len(shown) > 1 else 330
-        figures.append(_figure(data.axes[i], axis, unit, [cloud, line], last=i == shown[-1], height=height))
+        figures.append(_figure(data.axes[i], axis, unit, [line, cloud], last=i == shown[-1], height=height))
     return panels(title, figures)
 
 

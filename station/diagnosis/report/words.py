@@ -49,9 +49,9 @@ def _none(data: ReportData) -> First:
     rms, floor = (number(base[k] * factor) for k in ("residual_rms", "floor_rms"))
     checked = len(data.document["considered"])
     return First(
-        f"Nothing is wrong that these data could show: the simulation accounts for {_many(counts['visits'], 'stop')} "
-        f"of {_many(counts['units'], 'unit')} to {rms} {unit} rms, where the noise floor alone makes {floor} {unit}.",
-        f"Nothing needs doing. {_many(checked, 'cause was', 'causes were')} looked for; how small an effect of each "
+        f"Nothing is wrong that these data could show: the simulation accounts for {many(counts['visits'], 'stop')} "
+        f"of {many(counts['units'], 'unit')} to {rms} {unit} rms, where the noise floor alone makes {floor} {unit}.",
+        f"Nothing needs doing. {many(checked, 'cause was', 'causes were')} looked for; how small an effect of each "
         "would have been seen stands below.",
     )
 
@@ -72,7 +72,7 @@ def _found(data: ReportData) -> First:
     also = [c["effect"] for c in data.causes if c is not cause]
     parts = [f"{what(cause)}{how_big(cause, data)}; {cost(cause, data)}"]
     if also:
-        parts.append(f" {_many(len(also), 'more cause was', 'more causes were')} found: {', '.join(also)}")
+        parts.append(f" {many(len(also), 'more cause was', 'more causes were')} found: {', '.join(also)}")
     if data.document["verdict"] == "incomplete":
         parts.append(f" What is left depends on {depends_on(data)}")
     return First(".".join(parts) + ".", _advice(cause, data))
@@ -136,7 +136,7 @@ def whom(cause: Cause, data: ReportData) -> str:
     if kind in ("visit", "run"):
         serial, run, *visit = names[0].rsplit("/", 2 if kind == "visit" else 1)
         one = f"unit {serial}, run {run}" + (f", stop {visit[0]}" if visit else "")
-        return one if len(names) == 1 else f"{_many(len(names), _noun(kind))} (first: {one})"
+        return one if len(names) == 1 else f"{many(len(names), _noun(kind))} (first: {one})"
     return f"{kind} {names[0]}" if len(names) == 1 else f"{len(names)} {kind}s ({', '.join(names[:3])}{_more(names)})"
 
 
@@ -187,8 +187,9 @@ def next_step(data: ReportData) -> str:
     return "".join(parts) + "."
 
 
-def _many(count: int, one: str, many: str = "") -> str:
-    return f"{count} {one if count == 1 else many or one + 's'}"
+def many(count: int, one: str, several: str = "") -> str:
+    """A count with its noun, in the singular where there is one."""
+    return f"{count} {one if count == 1 else several or one + 's'}"
 
 
 def _noun(kind: str) -> str:

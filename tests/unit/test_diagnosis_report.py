@@ -1,0 +1,314 @@
+"""The report: right words for every verdict, figures of whatever was recorded, small and safe."""
+
+import re
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from station import plugins
+from station.cli._diagnosis_page import html
+from station.diagnosis.report.across import across, best_axis
+from station.diagnosis.report.data import Dwell, ReportData, Signature, Verdicts
+from station.diagnosis.report.page import Page, Section, page_of
+from station.diagnosis.report.remedies import DO, SHOW, makes_testable
+from station.diagnosis.report.smallest import length_needed
+from station.diagnosis.report.units import number, size, with_std
+from station.domain.types import Labels
+from station.model.model_file import EFFECTS
+
+PLACES = ("z-up", "x-up", "y-up", "z-down")
+
+
+def a_cause(effect: str, of: tuple[str, ...] = ("common",), **more: Any) -> dict[str, Any]:
+    rows = [
+        {"name": "coefficient", "axis": a, "of": o, "value": 3e-4 * (i + 1), "std": 1e-5, "unit": "g/degC"}
+        for o in of
+        for i, a in enumerate("xyz")
+    ]
+    gain = {
+        "held_out_by": "visit", "rms_before": 2.1e-4, "rms_after": 8e-5, "explained": 0.97, "log_score": 412.0,
+        "std_error": 21.0, "accepted": True,
+    }  # fmt: skip
+    base = {"effect": effect, "probability": 0.998, "indistinguishable_from": [], "level": "unit", "parameters": rows}
+    return {**base, "gain": gain, **more}
+
+
+def a_document(verdict: str, causes: list[dict[str, Any]], units: int, **more: Any) -> dict[str, Any]:
+    return {
+        "schema": "station.diagnosis/1",
+        "data": {"units": units, "runs": units, "visits": 8 * units, "samples": 800 * units},
+        "verdict": verdict,
+        "baseline": {"residual_rms": 2.1e-4, "floor_rms": 7e-5, "unit": "g"},
+        "alarm": {"family_wise_level": 0.01, "statistic": 31.2, "threshold": 3.6},
+        "causes": causes,
+        "unknown": {"depends_on": []},
+        "not_testable": ["warm-up", "cross-quadratic"],
+        "considered": [{"effect": "cubic", "log_evidence": -1.2, "probability": 0.0}],
+        "next_run": None,
+        **more,
+    }
+
+
+def some_data(
+    verdict: str, causes: list[dict[str, Any]] | None = None, units: int = 2, names: tuple[str, ...] = (), **more: Any
+) -> ReportData:
+    """Units that went twice round four positions; the causes add 1 mg at the last position."""
+    causes = causes or []
+    rng = np.random.default_rng(1)
+    stops = 8 * units
+    place = np.tile(np.arange(4), 2 * units)
+    visit = np.tile(np.arange(8), units)
+    sign = np.where(place == 3, 1e-3, 0.0)[:, None] * np.array([1.0, 0.5, 0.0])
+    after = rng.normal(0, 7e-5, (stops, 3))
+    serials = names or tuple(f"SN{i:04d}" for i in range(units))
+    document = {k: more.pop(k) for k in ("unknown", "next_run", "calibration_shift", "considered") if k in more}
+    fields: dict[str, Any] = {
+        "document": a_document(verdict, causes, units, **document),
+        "recipe": "tilt",
+        "axes": ("x", "y", "z"),
+        "unit": Labels(serials, np.repeat(np.arange(units, dtype=np.int32), 8)),
+        "position": Labels(PLACES, place.astype(np.int32)),
+        "run": np.zeros(stops, np.int32),
+        "visit": visit.astype(np.int32),
+        "previous": np.where(visit > 0, np.arange(stops) - 1, -1),
+        "values": {"time_s": visit * 2.5, "temperature_degC": 23 + 0.1 * visit},
+        "measured": rng.normal(size=(stops, 3)),
+        "before": after + (sign if causes else 0.0),
+        "after": after,
+        "signatures": tuple(Signature(c["effect"], sign) for c in causes),
+    }
+    return ReportData(**{**fields, **more})
+
+
+def section(page: Page, name: str) -> Section:
+    return next(s for s in page.sections if s.name == name)
+
+
+def drawn(page: Page) -> dict[str, ET.Element]:
+    """Every figure, parsed: it must be well-formed and hold no number that is none."""
+    found = page.pictures()
+    assert not [name for name, svg in found.items() if "nan" in svg.lower().replace("nano", "") or "inf" in svg]
+    return {name: ET.fromstring(svg) for name, svg in found.items()}
+
+
+def test_the_sentence_says_what_how_big_on_whom_and_what_it_gains() -> None:
+    page = page_of(some_data("named", [a_cause("offset-temperature", ("unit:SN0000", "unit:SN0001"))]))
+    assert page.sentence == (
+        "The offset follows the temperature, by up to 900 µg/°C on 2 of 2 units, each its own; knowing it brings the "
+        "error on stops not fitted from 210 to 80 µg rms."
+    )
+    assert "thermometer" in page.do
+    assert (page.symbol, page.badge) == ("▲", "cause found")
+    assert page.hero is not None
+
+
+def test_the_first_picture_shows_the_signature_over_what_the_cause_needs() -> None:
+    hero = page_of(some_data("named", [a_cause("offset-temperature")])).hero
+    assert hero is not None
+    words = [t.text for t in ET.fromstring(hero.svg).iter("{http://www.w3.org/2000/svg}text")]
+    assert {"temperature, °C", "what the cause predicts", "measured − simulated"} <= set(words)
+
+
+def test_a_signature_is_drawn_over_the_axis_that_orders_it() -> None:
+    data = some_data("named", [a_cause("index-error", ("position:z-down",))])
+    signature, rows = data.signatures[0].values, np.ones(16, bool)
+    found = best_axis(data, signature, rows, ())
+    assert found is not None
+    assert found.name == "position"
+    noise = np.random.default_rng(2).normal(size=(16, 3))
+    stops = best_axis(data, noise, rows, ())
+    assert stops is not None
+    assert (stops.name, stops.single) == ("stops", True)
+
+
+def test_none_says_how_small_an_effect_would_have_been_seen() -> None:
+    page = page_of(some_data("none", smallest={"cubic": 6.6e-5, "nest-tilt": 1.4e-5}))
+    assert page.sentence.startswith("Nothing is wrong that these data could show")
+    (table,) = [t for t in section(page, "limits").tables if "4 of 5" in t.caption]
+    assert [row[:2] for row in table.rows] == [("cubic", "66 ppm/g²"), ("nest-tilt", "14 µrad")]
+    assert not table.folded
+    assert page.symbol == "✔"
+    assert "gain" not in {s.name for s in page.sections}
+    drawn(page)
+
+
+def test_unknown_says_on_what_it_depends_and_shows_it() -> None:
+    page = page_of(some_data("unknown", unknown={"depends_on": ["temperature", "order"]}))
+    assert "depends on the temperature and the order of the stops" in page.sentence
+    assert page.hero is not None
+    assert "temperature, °C" in page.hero.svg
+    assert "no cause of the library explains it" in section(page, "not-told-apart").text[0]
+
+
+def test_incomplete_names_the_cause_and_what_is_left() -> None:
+    page = page_of(some_data("incomplete", [a_cause("warm-up")], unknown={"depends_on": ["time"]}))
+    assert page.sentence.endswith("What is left depends on the time within the run.")
+    assert page.badge == "cause found, but not all of it"
+
+
+def test_what_cannot_be_told_apart_is_never_named_as_if_certain() -> None:
+    run = {"recipe_change": "one run 10 degC warmer", "separates": ["warm-up", "clamp-creep"], "minutes": 3.1}
+    cause = a_cause("warm-up", indistinguishable_from=["clamp-creep"])
+    page = page_of(some_data("named", [cause], next_run=run))
+    assert page.sentence.startswith("warm-up or clamp-creep: these data cannot tell which")
+    assert page.do.startswith("To be sure, measure again with one run 10 degC warmer (3.1 minutes)")
+    assert "d·√κ < 3.3" in section(page, "not-told-apart").text[0]
+    assert section(page, "next-run").text == (page.do,)
+    alone = page_of(some_data("named", [cause]))
+    assert "If it is warm-up: " in alone.do
+    assert "; if it is clamp-creep: " in alone.do
+
+
+def test_of_several_causes_the_largest_leads_and_each_has_its_section() -> None:
+    small = a_cause("cubic")
+    small["gain"] = {**small["gain"], "rms_before": 9e-5}
+    page = page_of(some_data("named", [small, a_cause("nest-tilt", ("nest:N1",))]))
+    assert page.sentence.startswith("The nest holds every part turned")
+    assert "on nest N1" in page.sentence
+    assert page.sentence.endswith("1 more cause was found: cubic.")
+    assert {"cause-1", "cause-2"} <= {s.name for s in page.sections}
+
+
+@pytest.mark.parametrize(
+    ("of", "said"),
+    [
+        (("visit:SN/7/2/5",), "unit SN/7, run 2, stop 5"),
+        (("run:SN1/0", "run:SN2/0"), "2 runs (first: unit SN1, run 0)"),
+        (("position:a", "position:b", "position:c", "position:d"), "4 positions (a, b, c …)"),
+        (("operator:Ann",), "operator Ann"),
+        (("common",), "every unit alike"),
+    ],
+)
+def test_whom_it_concerns(of: tuple[str, ...], said: str) -> None:
+    assert f" on {said};" in page_of(some_data("named", [a_cause("step", of)])).sentence
+
+
+def test_a_gross_fault_shows_what_was_read_against_what_should_be() -> None:
+    mapping = {"name": "mapping", "axis": None, "of": "unit:SN0000", "value": "-y,x,z", "std": None, "unit": "text"}
+    cause = a_cause("axis-permutation", parameters=[mapping])
+    expected = np.eye(3)[np.arange(16) % 3]
+    page = page_of(some_data("named", [cause], signatures=(), read=expected[:, [1, 0, 2]], expected=expected))
+    assert "(-y,x,z on unit SN0000)" in page.sentence
+    assert page.hero is not None
+    assert "as it should be" in page.hero.svg
+
+
+def test_a_cause_within_the_dwell_is_shown_within_the_dwell() -> None:
+    course = Dwell(("0–6 %", "6–100 %"), np.array([1e-3, 0.0]), np.array([9e-4, 0.0]))
+    page = page_of(some_data("named", [a_cause("settling")], dwell=course))
+    assert page.hero is not None
+    assert "settling within the dwell" in page.hero.svg
+
+
+def test_the_gain_is_told_in_the_words_of_the_line() -> None:
+    shift = {"SN0000": {"offset": [4e-4, 0.0, 0.0], "gain": [1e-5, 0.0, 0.0]}}
+    data = some_data("named", [a_cause("cubic")], calibration_shift=shift, verdicts=Verdicts(2, 0, 2))
+    page = page_of(data)
+    assert "it moves the calibrated offset of SN0000 by 400 µg" in page.sentence
+    assert "without it 2 of 2 units would pass instead of 0" in page.sentence
+    gain = section(page, "gain")
+    assert "from 210 to 80 µg rms, which explains 97 %" in gain.text[0]
+    assert gain.tables[0].rows == (("SN0000", "400", "0", "0", "10", "0", "0"),)
+
+
+def test_pose_unknown_has_one_number_a_stop() -> None:
+    many = some_data("named", [a_cause("cross-axis")])
+    one = {k: getattr(many, k)[:, :1] for k in ("measured", "before", "after")}
+    signs = (Signature("cross-axis", many.signatures[0].values[:, :1]),)
+    page = page_of(some_data("named", [a_cause("cross-axis")], axes=("along the stimulus",), signatures=signs, **one))
+    assert {"first", "heat-map-along-the-stimulus", "residual-time"} <= set(drawn(page))
+
+
+def test_one_unit_and_nothing_recorded_but_time() -> None:
+    data = some_data("named", [a_cause("cubic")], units=1, values={"time_s": np.arange(8.0)})
+    page = page_of(data)
+    assert "residual-temperature" not in drawn(page)
+    assert "it was not recorded or never changes: temperature" in section(page, "residuals").text[1]
+    assert across(data, "unit") is None
+
+
+def test_one_stop_only_still_makes_a_page() -> None:
+    data = some_data("none", units=1)
+    one = {k: getattr(data, k)[:1] for k in ("unit", "position", "run", "visit", "previous", "measured", "before")}
+    page = page_of(some_data("none", units=1, values={"time_s": np.zeros(1)}, after=data.after[:1], **one))
+    assert page.hero is None
+    assert "Nothing needs doing" in html(page)
+
+
+def test_a_thousand_units_make_a_small_page_with_the_worst_of_them() -> None:
+    units = tuple(f"unit:SN{i:04d}" for i in range(1000))
+    data = some_data("named", [a_cause("offset-temperature", units)], units=1000)
+    spike = data.before.copy()
+    spike[8 * 777 + 3] = 0.05
+    page = page_of(some_data("named", [a_cause("offset-temperature", units)], units=1000, before=spike))
+    assert len(html(page).encode()) < 500_000
+    figures = page.pictures()
+    assert "SN0777" in figures["heat-map-x"]
+    assert "40 of 1000 units" in figures["heat-map-x"]
+    assert section(page, "cause-1").tables[0].caption.endswith("the 30 largest of 3000, the JSON document has all")
+    # The one wild stop is not thinned away: the axis reaches up to it.
+    assert re.search(r">50<|>40<", figures["residual-position"])
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=30))
+def test_no_serial_number_becomes_a_part_of_the_page(serial: str) -> None:
+    hostile = f"<script>alert(1)</script>{serial}"
+    shift = {hostile: {"offset": [4e-4, 0.0, 0.0], "gain": [0.0, 0.0, 0.0]}}
+    cause = a_cause("offset-temperature", (f"unit:{hostile}", f"unit:{hostile}2"))
+    data = some_data("named", [cause], names=(hostile, hostile + "2"), calibration_shift=shift)
+    page = page_of(data)
+    drawn(page)
+    assert "<script" not in html(page)
+    assert "&lt;script&gt;" in html(page)
+
+
+def test_the_page_needs_nothing_from_elsewhere() -> None:
+    text = html(page_of(some_data("named", [a_cause("cubic")])))
+    outside = set(re.findall(r'(?:src|href)="([^"]*)"|url\(', text))
+    assert not outside
+    assert set(re.findall(r"https?://[^\"' <]+", text)) == {"http://www.w3.org/2000/svg"}
+    assert text.count("<svg ") == text.count("</svg>") >= 10
+
+
+def test_every_cause_has_advice_and_every_advice_a_cause() -> None:
+    known = set(plugins.names(EFFECTS))
+    assert set(DO) == known
+    assert set(SHOW) <= known
+
+
+@pytest.mark.parametrize(
+    ("effect", "recorded", "said"),
+    [
+        ("warm-up", (), "record `since_power_s` in the samples"),
+        ("warm-up", ("since_power_s",), "powered long before"),
+        ("temperature-rate", (), "record `temperature_degC` in the samples"),
+        ("motor-tone", ("motor",), "record `started_s` in the samples"),
+        ("cross-quadratic", (), "edges and corners"),
+        ("gold-drift", (), "read a gold reference"),
+    ],
+)
+def test_what_would_make_a_cause_testable(effect: str, recorded: tuple[str, ...], said: str) -> None:
+    assert said in makes_testable(effect, recorded)
+
+
+def test_lengths_needed_are_those_of_the_published_table() -> None:
+    # Noncentral χ², 80 % power at 1 %: for 1, 3, 6, 12 and 36 free coefficients.
+    assert [round(length_needed(k), 2) for k in (1, 3, 6, 12, 36)] == [3.42, 3.93, 4.34, 4.85, 5.92]
+
+
+def test_numbers_are_said_as_on_the_line() -> None:
+    assert size(0.0021, "rad") == "2.1 mrad"
+    assert size(3.1e-4, "g/degC") == "310 µg/°C"
+    assert size(0.02, "1") == "2 %"
+    assert size(3e-4, "1/g") == "300 ppm/g"
+    assert size(-45.2, "uT") == "−45.2 µT"
+    assert size(0.02, "deg/s") == "20 mdeg/s"
+    assert size(40.0, "s") == "40 s"
+    assert with_std(-3.1e-4, 1e-5, "g") == "−310 ± 20 µg"
+    assert number(1e5) == "100000"
+    assert number(float("nan")) == "–"
