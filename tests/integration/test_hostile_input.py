@@ -1,0 +1,67 @@
+"""Whatever people, scanners, devices and files hand in: taken, or refused in one sentence, within seconds."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from benchmarks import torture_input
+from benchmarks.torture_input import TOKENS, Target
+from station.config.recipes import load_recipe
+from station.domain import serial
+from station.errors import UsageError
+
+FILES = ("recipe", "config", "product", "model", "dbc", "eds")
+NAMES = (*FILES, "samples.csv", "samples.parquet", "candump", "blf", "asc")
+
+
+@pytest.fixture(scope="module")
+def reading(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Target]:
+    return torture_input.targets(tmp_path_factory.mktemp("good"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("bad")
+
+
+def test_good_input_is_taken(reading: Mapping[str, Target], folder: Path) -> None:
+    assert {name: torture_input.attempt(t, t.good, folder) for name, t in reading.items()} == dict.fromkeys(
+        reading, "taken"
+    )
+    assert set(NAMES) < set(reading)
+
+
+@pytest.mark.parametrize("name", [*NAMES, "frames", "serials", "fault"])
+@settings(max_examples=12, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_whatever_is_handed_in_is_taken_or_refused_in_one_sentence(
+    reading: Mapping[str, Target], folder: Path, name: str, seed: int
+) -> None:
+    target = reading[name]
+    data = torture_input.mutate(target.good, np.random.default_rng(seed))
+    assert torture_input.attempt(target, data, folder) in ("taken", "refused")
+
+
+@pytest.mark.parametrize("name", NAMES)
+@settings(max_examples=6, deadline=None)
+@given(data=st.one_of(st.binary(max_size=400), st.text(max_size=200).map(lambda t: t.encode("utf-8", "replace"))))
+def test_noise_is_refused_in_one_sentence(reading: Mapping[str, Target], folder: Path, name: str, data: bytes) -> None:
+    assert torture_input.attempt(reading[name], data, folder) in ("taken", "refused")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_ten_megabytes_of_one_line_take_no_minutes(reading: Mapping[str, Target], folder: Path, name: str) -> None:
+    assert torture_input.attempt(reading[name], b"a: [" + b"x, " * ((10 << 20) // 3), folder) in ("taken", "refused")
+
+
+@pytest.mark.parametrize("token", TOKENS)
+def test_no_scanned_text_reaches_a_file_or_a_query(token: bytes) -> None:
+    text = "SN0001" + token.decode("utf-8", "surrogateescape")
+    try:
+        assert serial.check(text, load_recipe(torture_input.RECIPE)).isalnum()
+    except UsageError as refused:
+        assert refused.sentence.isprintable()
