@@ -1,12 +1,15 @@
 """Calibrations as tables for people."""
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from math import isnan
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from station.cli import _budget_table, _face
+from station.domain import judge
 from station.domain.larger_model import Larger
 from station.domain.pipeline import Result
 from station.domain.recipe import Recipe
@@ -21,36 +24,61 @@ SHOWN = 20
 PIPE_WIDTH = 130
 
 
-def show(recipe: Recipe, results: Sequence[Result], *, with_budget: bool) -> None:
-    """Prints the table, then for each unit every reason and note, and its budget."""
+@dataclass(slots=True)
+class Told:
+    """What is kept of the units for people: the first few whole, the rest as counts.
+
+    refused: sentences of units that could not be calibrated, as many as a person reads.
+    """
+
+    first: list[Result] = field(default_factory=list)
+    larger: list[Sequence[Larger]] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+    outcomes: Counter[Outcome] = field(default_factory=Counter)
+    calibrated: int = 0
+    worst_false_accept: float = 0.0
+
+    def add(self, result: Result, larger: Sequence[Larger]) -> None:
+        """Counts one unit."""
+        verdict = result.verdict
+        self.outcomes[verdict.outcome] += 1
+        self.calibrated += result.calibration is not None
+        if len(self.first) < SHOWN:
+            # Samples of the units shown may go; nobody prints them.
+            self.first.append(replace(result, visits=None))
+            self.larger.append(larger)
+        if verdict.outcome is Outcome.PASS:
+            self.worst_false_accept = max(self.worst_false_accept, verdict.false_accept)
+        if verdict.outcome is Outcome.ERROR and len(self.refused) < SHOWN:
+            self.refused.append(verdict.reasons[0].sentence)
+
+
+def show(recipe: Recipe, told: Told, *, with_budget: bool) -> None:
+    """Prints the table, then for each unit every reason and note, its budget, and whether larger models pay."""
     console = _face.console()
     width = None if console.is_terminal else PIPE_WIDTH
-    console.print(_table(recipe, results[:SHOWN]), width=width)
-    if len(results) > SHOWN:
-        console.print(f"… and {len(results) - SHOWN} more units; --json FILE holds them all")
-    for r in results[:SHOWN]:
-        for line in (*(reason.sentence for reason in r.verdict.reasons), *_notes(r)):
+    console.print(_table(recipe, told.first), width=width)
+    rest = told.outcomes.total() - len(told.first)
+    if rest:
+        console.print(f"… and {rest} more units; --json FILE holds them all")
+    for r, larger in zip(told.first, told.larger, strict=True):
+        for line in (*(reason.sentence for reason in r.verdict.reasons), *_notes(r), *_larger(recipe, larger)):
             console.print(f"{r.serial}: {line}", markup=False)
         if with_budget and r.budget is not None:
             title = f"{r.serial}: standard uncertainty by cause"
-            console.print(
-                _budget_table.table(r.budget, recipe.unit, title), width=None if console.is_terminal else PIPE_WIDTH
-            )
-    console.print(_summary(recipe, results), markup=False)
+            console.print(_budget_table.table(r.budget, recipe.unit, title), width=width)
+    console.print(_summary(recipe, told), markup=False)
 
 
-def show_larger(recipe: Recipe, larger: Mapping[str, Sequence[Larger]]) -> None:
-    """Prints whether quadratic and cubic terms pay, unit by unit."""
-    for serial, models in larger.items():
-        for m in models:
-            if isnan(m.p):
-                _face.say(f"{serial}: {m.terms} terms: these positions cannot tell them")
-                continue
-            verdict = "pay" if m.pays else "do not pay"
-            _face.say(
-                f"{serial}: {m.terms} terms {verdict}: F test p = {m.p:.2g}; residual leaving one pose out "
-                f"{m.rms_left_out:.3g} -> {m.larger_rms_left_out:.3g} {recipe.unit}"
-            )
+def _larger(recipe: Recipe, models: Sequence[Larger]) -> Iterator[str]:
+    for m in models:
+        if isnan(m.p):
+            yield f"{m.terms} terms: these positions cannot tell them"
+            continue
+        yield (
+            f"{m.terms} terms {'pay' if m.pays else 'do not pay'}: F test p = {m.p:.2g}; residual leaving one pose out "
+            f"{m.rms_left_out:.3g} -> {m.larger_rms_left_out:.3g} {recipe.unit}"
+        )
 
 
 def _table(recipe: Recipe, results: Sequence[Result]) -> "Table":
@@ -87,14 +115,13 @@ def _notes(r: Result) -> tuple[str, ...]:
     return () if r.calibration is None else r.calibration.notes
 
 
-def _summary(recipe: Recipe, results: Sequence[Result]) -> str:
-    passed = [r.verdict for r in results if r.verdict.outcome is Outcome.PASS]
-    told = f"{len(passed)} of {len(results)} units pass"
-    limits = recipe.limits
+def _summary(recipe: Recipe, told: Told) -> str:
+    limits, passed = recipe.limits, told.outcomes[Outcome.PASS]
+    text = f"{passed} of {told.outcomes.total()} units pass"
     if all(v is None for v in (limits.offset, limits.gain, limits.cross_axis)):
-        return f"{told}; the recipe has no limits for coefficients"
+        return f"{text}; the recipe has no limits for coefficients"
     if passed:
-        worst = max(v.false_accept for v in passed)
+        worst = told.worst_false_accept
         chance = "below 1e-6" if worst < 1e-6 else f"at most {worst:.2g}"
-        told += f"; probability of a false accept {chance}; rule {passed[0].rule}"
-    return told
+        text += f"; probability of a false accept {chance}; rule {judge.rule_of(limits)}"
+    return text

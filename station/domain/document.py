@@ -1,6 +1,5 @@
 """Results as plain documents: `station.calibration/1` (contracts, section 4), with what else is known beside it."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,15 +14,14 @@ SCHEMA = "station.calibration/1"
 ABSENT = ("offset", "matrix", "covariance", "residual_rms", "positions", "false_accept", "false_reject", "budget")
 
 
-def calibration(recipe: Recipe, results: Sequence[Result]) -> dict[str, Any]:
-    """All units of a table."""
+def head(recipe: Recipe) -> dict[str, Any]:
+    """What stands above the units."""
     return {
         "schema": SCHEMA,
         "recipe": {"name": recipe.name, "version": recipe.version},
         "method": recipe.method,
         "unit": recipe.unit,
         "rule": judge.rule_of(recipe.limits),
-        "units": [unit(r) for r in results],
     }
 
 

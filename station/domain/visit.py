@@ -14,7 +14,7 @@ from station.domain.types import Array, Floats, Labels, SampleTable, Stops
 from station.errors import SamplesError
 
 #: Units are worked through in portions of about this many samples.
-PORTION = 1_000_000
+PORTION = 200_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)

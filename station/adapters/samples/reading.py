@@ -34,7 +34,7 @@ def read_samples(path: Path) -> SampleTable:
     return join(list(pieces(path)))
 
 
-def by_units(path: Path, rows: int = 2_000_000) -> Iterator[SampleTable]:
+def by_units(path: Path, rows: int = 400_000) -> Iterator[SampleTable]:
     """The table in portions of whole units, about `rows` rows each, where the file keeps each unit's rows together;
     else in one. Memory then follows the portion and not the file. Errors: SamplesError."""
     if not _together(path):
