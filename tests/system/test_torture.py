@@ -17,4 +17,16 @@ def test_killed_at_points_and_instants_nothing_is_lost_contradicted_or_overlooke
     told = json.loads(done.stdout)
     assert told["deaths"] == {"points": 9, "instants": 3}
     assert told["of_points"] > 250
+    assert {"old", "new"} <= set(told["flash_held"]), "deaths before and after the save"
     assert (told["lost"], told["contradicting"], told["unrecognised"]) == (0, 0, 0), told["said"]
+
+
+def test_units_after_the_first_leave_nothing_behind() -> None:
+    command = [sys.executable, "benchmarks/torture_lasting.py", "--units", "8", "--after", "4", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=110, check=False)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["units"] == told["passed"] == 8
+    assert (told["threads_growth"], told["files_growth"]) == (0, 0)
+    assert told["memory_growth"] < 0.05
+    assert told["wal_mib"] < 64
