@@ -151,14 +151,22 @@ def test_incomplete_names_the_cause_and_what_is_left() -> None:
 
 
 def test_what_cannot_be_told_apart_is_never_named_as_if_certain() -> None:
-    run = {"recipe_change": "one run 10 degC warmer", "separates": ["warm-up", "clamp-creep"], "minutes": 3.1}
+    run: dict[str, Any] = {
+        "recipe_change": "one run 10 degC warmer",
+        "separates": ["warm-up", "clamp-creep"],
+        "minutes": 3.1,
+    }
+    run["certainty"] = 0.999
     cause = a_cause("warm-up", indistinguishable_from=["clamp-creep"])
     page = page_of(some_data("named", [cause], next_run=run))
     assert page.sentence.startswith("warm-up or clamp-creep: these data cannot tell which")
     assert page.do.startswith("To be sure, measure again with one run 10 degC warmer (3.1 minutes)")
+    assert page.do.endswith("which tells warm-up from clamp-creep, right in 99 of 100 cases as predicted.")
     assert "d·√κ < 3.3" in section(page, "not-told-apart").text[0]
     assert section(page, "next-run").text == (page.do,)
-    alone = page_of(some_data("named", [cause]))
+    lost = {"recipe_change": "a level on the rig", "separates": [], "minutes": 0.0, "certainty": 0.5}
+    alone = page_of(some_data("named", [cause], next_run=lost))
+    assert section(alone, "next-run").text[0].endswith("would not help. What would: a level on the rig.")
     assert "If it is warm-up: " in alone.do
     assert "; if it is clamp-creep: " in alone.do
 

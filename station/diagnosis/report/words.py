@@ -1,5 +1,6 @@
 """The finding in words: one sentence a person on the line can act on."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -81,7 +82,7 @@ def _found(data: ReportData) -> First:
 def _advice(cause: Cause, data: ReportData) -> str:
     """What to do about a cause; about each that it may be, where the data cannot tell and no next run would."""
     members = [cause["effect"], *cause["indistinguishable_from"]]
-    if len(members) > 1 and next_step(data):
+    if len(members) > 1 and (data.document.get("next_run") or {}).get("separates"):
         return next_step(data)
     told = [(name, do) for name in members[:3] if (do := named(name).do)]
     text = "; ".join(f"if it is {name}: {do}" for name, do in told) if len(members) > 1 else "".join(d for _, d in told)
@@ -175,16 +176,21 @@ def depends_on(data: ReportData) -> str:
 
 
 def next_step(data: ReportData) -> str:
-    """The next run as one sentence, empty where none is proposed."""
+    """The next run as a sentence, empty where none is proposed."""
     run = data.document.get("next_run")
     if not run:
         return ""
-    parts = [f"To be sure, measure again with {run['recipe_change']}"]
-    if run.get("minutes") is not None:
-        parts.append(f" ({number(run['minutes'], 2)} minutes)")
     separates = run.get("separates") or []
-    parts.append(f", which tells {' from '.join(separates)} apart" if len(separates) > 1 else "")
-    return "".join(parts) + "."
+    if not separates and run["recipe_change"].startswith("no run"):
+        return "No change of this recipe that the station knows of would tell them apart."
+    if not separates:
+        return f"Another run of this kind would not help. What would: {run['recipe_change']}."
+    certainty = run.get("certainty")
+    sure = "" if certainty is None else f", right in {math.floor(100 * certainty)} of 100 cases as predicted"
+    return (
+        f"To be sure, measure again with {run['recipe_change']} ({number(run['minutes'], 2)} minutes), which tells "
+        f"{' from '.join(separates)}{' apart' if len(separates) == 1 else ''}{sure}."
+    )
 
 
 def many(count: int, one: str, several: str = "") -> str:
