@@ -18,6 +18,8 @@ from station.diagnosis.alarm import Null
 from station.diagnosis.diagnose import Diagnosis, diagnose
 from station.diagnosis.document import document
 from station.diagnosis.extend import extended
+from station.diagnosis.next_run import next_run
+from station.diagnosis.plan import Proposal
 from station.diagnosis.search import NullOf
 from station.domain.recipe import Recipe
 from station.domain.types import SampleTable
@@ -47,8 +49,11 @@ def diagnose_to(
             raise UsageError(f"{option} {path}: there is no folder {path.parent}; make it first")
     table = _whole_columns(_table(samples, db, since, recipe))
     found = diagnose(recipe, table, simulation, _kept(seed))
-    told = document(found)
+    proposed, proposal = next_run(found)
+    told = document(found, proposed)
     _write(wanted, told, found, simulation)
+    if wanted.next_run is not None:
+        _propose(wanted.next_run, proposal)
     if str(wanted.json) != "-":
         _show(told)
     return 0 if found.verdict == "none" else 1
@@ -141,6 +146,21 @@ def _write(wanted: Wanted, told: Mapping[str, Any], found: Diagnosis, model: Mod
         _text(wanted.extend, "--extend", lines)
 
 
+def _propose(path: Path, proposal: Proposal | None) -> None:
+    """Writes the recipe of the next run; nothing where no run would help."""
+    if proposal is None:
+        _face.remark(
+            f"station: --next-run {path}: nothing is tied that another run would tell apart; nothing is written"
+        )
+        return
+    import yaml
+
+    recipe = proposal.recipe.model_copy(update={"version": proposal.recipe.version + 1})
+    told = recipe.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    text = yaml.safe_dump({"schema": "station.recipe/1", **told}, sort_keys=False, allow_unicode=True, width=120)
+    _text(path, "--next-run", f"# {recipe.name} with {proposal.change}\n{text}")
+
+
 def _text(path: Path, option: str, text: str) -> None:
     part = path.with_name(f"{path.name}.part")
     try:
@@ -174,5 +194,13 @@ def _show(told: Mapping[str, Any]) -> None:
             _face.say(f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}")
         if len(cause["parameters"]) > 12:
             _face.say(f"    and {len(cause['parameters']) - 12} more; --json has all")
+    if told["next_run"]:
+        run = told["next_run"]
+        _face.say(
+            f"next: {run['recipe_change']}, {run['minutes']} minutes, would name the right one of two with "
+            f"{run['certainty']:.0%}"
+            if run["separates"]
+            else f"next: {run['recipe_change']}"
+        )
     if told["not_testable"]:
         _face.say(f"not testable with these data: {', '.join(told['not_testable'])}")

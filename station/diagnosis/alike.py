@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.diagnosis.bank import OWN, Candidate
+from station.diagnosis.bank import Candidate
 from station.diagnosis.evidence import spectrum
 from station.diagnosis.known import accept, columns_of
 from station.diagnosis.space import Space
@@ -21,54 +21,71 @@ APART_95, APART_99 = 3.29, 4.65
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Signal:
-    """What a found cause leaves: data (U, M), the unit axes (U, M, K) it is made of, and its length d.
+class Axes:
+    """Orthogonal axes (U, M, K) along which a cause moves white readings by one coefficient of size 1, and their
+    squared lengths m (U, K), or (1, K) where one set reaches over all units (not own)."""
 
-    own: whether each unit has axes of its own, or one set reaches over all units.
-    """
+    vectors: Floats
+    m: Floats
+    own: bool
+
+    @property
+    def length(self) -> float:
+        """d of coefficients of rms 1."""
+        return float(np.sqrt(self.m.sum()))
+
+    @property
+    def inverse(self) -> Floats:
+        """1/m, 0 where nothing is seen."""
+        return np.where(self.m > 0, 1 / np.where(self.m > 0, self.m, 1.0), 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signal:
+    """What a found cause leaves: data (U, M), the axes it is made of, and its length d."""
 
     data: Floats
-    axes: Floats
-    own: bool
+    axes: Axes
     d: float
 
 
-def signal(candidate: Candidate, view: View, space: Space, hit: Floats) -> Signal:
-    """The estimated signal of a candidate. hit (groups): 1 where a group acts."""
-    axes, m = _axes(candidate, view, space, hit)
-    own = candidate.of in OWN
-    u = np.einsum("umk,um->uk", axes, space.residual)
-    inverse = np.where(m > 0, 1 / np.where(m > 0, m, 1.0), 0.0)
-    data = np.einsum("umk,uk->um", axes, inverse * (u if own else u.sum(0)))
-    d2 = float(np.sum(data**2)) - float(np.count_nonzero(m))
-    return Signal(data, axes * np.sqrt(inverse)[:, None, :], own, float(np.sqrt(max(d2, 0.0))))
-
-
-def _axes(candidate: Candidate, view: View, space: Space, hit: Floats) -> tuple[Floats, Floats]:
-    """Orthogonal axes (U, M, K) that a candidate can move along, and their squared lengths (U or 1, K)."""
+def axes_of(candidate: Candidate, view: View, space: Space, hit: Floats) -> Axes:
+    """What a candidate can move. hit (groups): 1 where a group acts."""
     rows, place = columns_of(accept(candidate, hit > 0, 1.0), view)
-    found, axes = spectrum(space, space.see(rows), 1, "own" if place.own else "shared")
-    return axes, found.m if place.own else found.m[None]
+    found, vectors = spectrum(space, space.see(rows), 1, "own" if place.own else "shared")
+    return Axes(vectors, found.m if place.own else found.m[None], place.own)
 
 
-def distance(found: Signal, other: Candidate, view: View, space: Space, hit: Floats) -> float:
+def signal(candidate: Candidate, view: View, space: Space, hit: Floats) -> Signal:
+    """The estimated signal of a candidate."""
+    axes = axes_of(candidate, view, space, hit)
+    u = np.einsum("umk,um->uk", axes.vectors, space.residual)
+    data = np.einsum("umk,uk->um", axes.vectors, axes.inverse * (u if axes.own else u.sum(0)))
+    d2 = float(np.sum(data**2)) - float(np.count_nonzero(axes.m))
+    return Signal(data, axes, float(np.sqrt(max(d2, 0.0))))
+
+
+def distance(found: Signal, other: Axes) -> float:
     """d·√κ of a found signal against another cause, freed of what noise adds to it."""
-    axes, m = _axes(other, view, space, hit)
-    own = other.of in OWN
-    apart = _outside(found.data[..., None], axes, m, each=False, own=own)
-    noise = _outside(found.axes, axes, m, each=found.own, own=own)
-    return float(np.sqrt(max(apart - noise, 0.0)))
+    unit = found.axes.vectors * np.sqrt(found.axes.inverse)[:, None, :]
+    apart = _outside(found.data[..., None], other, each=False)
+    return float(np.sqrt(max(apart - _outside(unit, other, each=found.axes.own), 0.0)))
 
 
-def _outside(vectors: Floats, axes: Floats, m: Floats, *, each: bool, own: bool) -> float:
-    """Sum of squares of vectors (U, M, k) outside the axes. each: every unit's part is a vector of its own; own:
-    every unit has axes of its own."""
-    inverse = np.where(m > 0, 1 / np.where(m > 0, m, 1.0), 0.0)
-    along = axes.transpose(0, 2, 1) @ vectors
-    inside = along**2 if own or each else along.sum(0, keepdims=True) ** 2
-    return float(np.sum(vectors**2) - np.sum(inverse[..., None] * inside))
+def share_outside(found: Axes, other: Axes) -> float:
+    """κ: which share of a cause another cannot imitate, over all directions of its coefficients."""
+    total = float(found.m.sum())
+    return max(_outside(found.vectors, other, each=found.own), 0.0) / total if total > 0 else 1.0
+
+
+def _outside(vectors: Floats, other: Axes, *, each: bool) -> float:
+    """Sum of squares of vectors (U, M, k) outside the axes of another cause. each: every unit's part is a vector of
+    its own."""
+    along = other.vectors.transpose(0, 2, 1) @ vectors
+    inside = along**2 if other.own or each else along.sum(0, keepdims=True) ** 2
+    return float(np.sum(vectors**2) - np.sum(other.inverse[..., None] * inside))
 
 
 def alike(found: Signal, others: Sequence[tuple[Candidate, Floats]], view: View, space: Space) -> dict[str, float]:
     """d·√κ against each of the other causes, by name."""
-    return {c.name: distance(found, c, view, space, hit) for c, hit in others}
+    return {c.name: distance(found, axes_of(c, view, space, hit)) for c, hit in others}

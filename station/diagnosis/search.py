@@ -8,14 +8,15 @@ import numpy as np
 from station.diagnosis import kernels as generic
 from station.diagnosis.alarm import Null, statistic
 from station.diagnosis.alike import APART_95, alike, signal
-from station.diagnosis.bank import Bank, bank_of, candidates, library, smooth, testable, visible
+from station.diagnosis.bank import Bank, Candidate, bank_of, candidates, library, smooth, testable, visible
 from station.diagnosis.evidence import log_mean
-from station.diagnosis.floor import Fitted
+from station.diagnosis.floor import Fitted, Floor
 from station.diagnosis.known import Accepted
 from station.diagnosis.panel import Panel, beside
 from station.diagnosis.problem import refined
 from station.diagnosis.rank import Rank, rank
 from station.diagnosis.shape import between, evidence_of, jumps, may_ring, rung, tunable, tuned
+from station.diagnosis.space import Space
 from station.diagnosis.stage import Problem, Stage, stage
 from station.diagnosis.view import View
 
@@ -138,14 +139,23 @@ def _sharpened(problem: Problem, ranks: dict[str, Rank]) -> dict[str, Rank]:
         if r.best is None or r.best.effect is None or r.evidence < 0.25 * top:
             continue
         space = problem.space(r.at.floor, moving=r.best.dwell is not None)
-        best = rung(r.best, problem.view, space) if leads and may_ring(r.best.effect) else r.best
-        best = between(best, problem.view, space) if jumps(best.effect) else best
-        best = tuned(best, problem.view, space)[0] if tunable(best.effect) else best
+        best = _shaped(r.best, problem.view, space)
+        if leads and may_ring(r.best.effect):
+            ringing = _shaped(rung(r.best, problem.view, space), problem.view, space)
+            quiet, loud = (evidence_of(c, problem.view, space) for c in (best, ringing))
+            # A frequency is one more thing to choose: it must pay for itself.
+            best = ringing if loud > quiet + UNKNOWN_NATS else best
         if best is not r.best:
             gain = evidence_of(best, problem.view, space) - evidence_of(r.best, problem.view, space)
             bank = bank_of([best], problem.view, moving=best.dwell is not None)
             ranks[name] = Rank(name, r.evidence + max(gain, 0.0), best, stage(problem, [bank], r.at.floor))
     return ranks
+
+
+def _shaped(candidate: Candidate, view: View, space: Space) -> Candidate:
+    """The candidate with its form at its best."""
+    best = between(candidate, view, space) if jumps(candidate.effect) else candidate
+    return tuned(best, view, space)[0] if tunable(best.effect) else best
 
 
 def _chosen(problem: Problem, ranks: Mapping[str, Rank], surprise: float) -> Finding:
@@ -157,14 +167,23 @@ def _chosen(problem: Problem, ranks: Mapping[str, Rank], surprise: float) -> Fin
     kernel = max(words, key=lambda r: r.evidence, default=None)
     if kernel is not None and kernel.evidence > cause.evidence + UNKNOWN_NATS:
         near = sorted((r for r in words if r.evidence > kernel.evidence - UNKNOWN_NATS), key=lambda r: -r.evidence)
-        accepted = kernel.at.accept(kernel.best, problem.view) if kernel.best else None
-        return Finding(kernel.name, accepted, evidence, {}, (), 0.0, surprise, tuple(r.name for r in near))
+        return Finding(kernel.name, None, evidence, {}, (), 0.0, surprise, tuple(r.name for r in near))
     probability = _posterior({r.name: r.evidence for r in causes})
     likely = _credible(probability)
-    accepted = cause.at.accept(cause.best, problem.view) if cause.best is not None else None
-    near_by, d = _alike(problem, cause, causes, accepted)
+    accepted, floor = _accepted(problem, cause)
+    near_by, d = _alike(problem, causes, accepted, floor)
     members = [n for n in dict.fromkeys((*likely, *near_by)) if n != cause.name]
     return Finding(cause.name, accepted, evidence, probability, tuple(members), d, surprise)
+
+
+def _accepted(problem: Problem, cause: Rank) -> tuple[Accepted | None, Floor]:
+    """The cause with its amplitude under the floor that fits best with it, and that floor."""
+    if cause.best is None:
+        return None, cause.at.floor
+    rough = cause.at.accept(cause.best, problem.view)
+    floor = problem.beside((*problem.accepted, rough)).fit(cause.at.floor).floor
+    own = stage(problem, [bank_of([cause.best], problem.view, moving=cause.best.dwell is not None)], floor)
+    return own.accept(cause.best, problem.view), floor
 
 
 def _posterior(evidence: Mapping[str, float]) -> dict[str, float]:
@@ -183,14 +202,16 @@ def _credible(probability: Mapping[str, float], level: float = 0.95) -> list[str
     return chosen
 
 
-def _alike(problem: Problem, cause: Rank, causes: Sequence[Rank], accepted: Accepted | None) -> tuple[list[str], float]:
-    """Causes closer than 3.3 to the found one, and its strength d."""
-    if cause.best is None or accepted is None:
+def _alike(
+    problem: Problem, causes: Sequence[Rank], accepted: Accepted | None, floor: Floor
+) -> tuple[list[str], float]:
+    """Causes closer than 3.3 to the accepted one, and its strength d."""
+    if accepted is None:
         return [], 0.0
-    others = [r for r in causes if r.best is not None and r.name != cause.name]
-    moving = cause.best.dwell is not None or any(r.best is not None and r.best.dwell is not None for r in others)
-    space = problem.space(cause.at.floor, moving=moving)
-    found = signal(cause.best, problem.view, space, accepted.hit.astype(float))
-    hits = [(r.best, r.at.hit(r.best, problem.view, alone=True).astype(float)) for r in others if r.best is not None]
+    others = [(r.best, r.at) for r in causes if r.best is not None and r.name != accepted.candidate.name]
+    moving = any(c.dwell is not None for c in (accepted.candidate, *(c for c, _ in others)))
+    space = problem.space(floor, moving=moving)
+    found = signal(accepted.candidate, problem.view, space, accepted.hit.astype(float))
+    hits = [(c, at.hit(c, problem.view, alone=True).astype(float)) for c, at in others]
     apart = alike(found, hits, problem.view, space)
     return sorted((n for n, x in apart.items() if x < APART_95), key=lambda n: apart[n]), found.d

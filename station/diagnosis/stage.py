@@ -89,27 +89,33 @@ class Stage:
 
     def accept(self, candidate: Candidate, view: View) -> Accepted:
         """The candidate with its likeliest amplitude, and the groups that it likely hits."""
-        spectrum, likelihood = self._likelihood(candidate)
+        spectrum, likelihood, rest = self._likelihood(candidate)
         hit = self.hit(candidate, view)
+        taken = spectrum.logdet
         if spectrum.pattern == "scan":
             unit, place = candidate.where(view)
-            likelihood = likelihood[unit[hit], place[hit]].sum(0)
-        rho = spectrum.ratios[int(likelihood.argmax())] / spectrum.mean
-        return accept(candidate, hit, min(float(np.sqrt(rho)), candidate.most))
+            likelihood, taken = (x[unit[hit], place[hit]] for x in (likelihood, taken))
+        likelihood, taken = (x.reshape(-1, x.shape[-1]).sum(0) for x in (likelihood, taken))
+        i, dof = int(likelihood.argmax()), spectrum.space.dof
+        # The scale of the floor that goes with the amplitude: L = −½ n·log(scale · n / rest) − ½ log|1 + ρ m|.
+        scale = rest / dof * float(np.exp(-2 * (likelihood[i] + 0.5 * taken[i]) / dof))
+        spread = float(np.sqrt(spectrum.ratios[i] / spectrum.mean * scale))
+        return accept(candidate, hit, min(spread, candidate.most))
 
     def hit(self, candidate: Candidate, view: View, alone: bool = False) -> NDArray[np.bool_]:
         """The groups that a candidate likely hits, or the likeliest one `alone`; all where it is not a scan."""
-        spectrum, likelihood = self._likelihood(candidate)
+        spectrum, likelihood, _ = self._likelihood(candidate)
         if spectrum.pattern != "scan":
             return np.ones(len(candidate.names), bool)
         odds = log_mean(likelihood)[candidate.where(view)]
         return np.asarray((odds == odds.max()) | (not alone) & (odds > np.log(len(odds))))
 
-    def _likelihood(self, candidate: Candidate) -> tuple[Spectrum, Floats]:
-        """What a candidate can show, and its L over the amplitudes."""
+    def _likelihood(self, candidate: Candidate) -> tuple[Spectrum, Floats, float]:
+        """What a candidate can show, its L over the amplitudes, and the sum of squares without it."""
         seen, i = next((s, i) for s in self.seen for i, c in enumerate(s.bank.candidates) if c is candidate)
         sets = Sets.of(seen.space, seen.space.data[None])
-        return seen.spectra[i], seen.spectra[i].likelihood(seen.components(sets)[i], sets)[0]
+        spectrum, u = seen.spectra[i], seen.components(sets)[i]
+        return spectrum, spectrum.likelihood(u, sets)[0], float(sets.rest[0])
 
 
 def stage(problem: Problem, banks: Sequence[Bank], at: Floor) -> Stage:
