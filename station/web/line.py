@@ -3,19 +3,19 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from typing import Any
 
 from station.adapters.store import life
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt, Query
-from station.adapters.store.yields import Yield
+from station.adapters.store.yields import CELL, SEPARATOR, Yield
 from station.domain import coefficients
 from station.domain.recipe import Limits, Recipe
 
 #: What the yields are split by.
-SPLITS = ("station", "nest", "recipe", "day")
+SPLITS = CELL
 #: Parts of a cycle, in their order.
 PARTS = ("identify", "measure", "compute and write", "verify", "close")
 #: Values that a control chart can follow.
@@ -54,7 +54,7 @@ def gather(log: LogReader, query: Query, most: int) -> Line:
     return Line(
         recipe=recipe,
         attempts=tuple(_measured(kept) for kept in lives),
-        yields={by: log.yields(query, by) for by in SPLITS},
+        yields=_yields(log.yields(query, "cell")),
         reasons=dict(reasons.most_common(12)),
     )
 
@@ -78,6 +78,23 @@ def limits_of(name: str, limits: Limits) -> tuple[float | None, float | None]:
     half = {"offset": limits.offset, "gain": limits.gain, "cross-axis": limits.cross_axis}.get(kind)
     nominal = 1.0 if kind == "gain" else 0.0
     return (None, None) if half is None else (nominal - half, nominal + half)
+
+
+def _yields(cells: Sequence[Yield]) -> dict[str, list[Yield]]:
+    """Yields by each split: a unit is first or last wherever it is counted, so the cells' counts only add up."""
+    found: dict[str, list[Yield]] = {}
+    for place, by in enumerate(SPLITS):
+        groups: dict[str, list[Yield]] = {}
+        for cell in cells:
+            groups.setdefault(cell.group.split(SEPARATOR)[place], []).append(cell)
+        found[by] = [_sum(name, group) for name, group in sorted(groups.items())]
+    return found
+
+
+def _sum(name: str, cells: Sequence[Yield]) -> Yield:
+    counts = {f.name: sum(getattr(c, f.name) for c in cells) for f in fields(Yield)[1:-1]}
+    lasted_s = sum(c.attempts * c.mean_duration_s for c in cells)
+    return Yield(group=name, **counts, mean_duration_s=lasted_s / counts["attempts"])
 
 
 def _checks(kept: dict[str, Any]) -> list[str]:

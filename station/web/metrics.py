@@ -21,8 +21,9 @@ from station.wiring.golden import standings
 STOPS, UNITS = 200, 50
 
 _OUTCOMES = "SELECT outcome, count(*) FROM finish GROUP BY outcome"
+# The + keeps the walk on the newest records; by the index of outcomes every PASS there is would be sorted.
 _CYCLE = """SELECT avg(f.ended_ns - a.started_ns) / 1e9, max(f.ended_ns) / 1e9
-    FROM (SELECT attempt, ended_ns FROM finish WHERE outcome = 'PASS' ORDER BY seq DESC LIMIT ?) f
+    FROM (SELECT attempt, ended_ns FROM finish WHERE +outcome = 'PASS' ORDER BY seq DESC LIMIT ?) f
     JOIN attempt a ON a.seq = f.attempt"""
 _STREAM = """SELECT sum(json_extract(statistics, '$.kernel_drops')), sum(json_extract(statistics, '$.lost')),
     sum(json_extract(statistics, '$.crc_errors')), sum(kind = 'rejected'), count(*)

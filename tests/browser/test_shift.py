@@ -107,14 +107,14 @@ def test_two_screens_and_a_lost_connection_show_the_same_truth(serve: Serve, log
 
 
 def test_a_panel_that_dies_hurts_no_run_and_finds_it_again(serve: Serve, log_in: LogIn) -> None:
-    site = serve("--pace", "3")
+    site = serve("--pace", "0.5")
     page = log_in(site)
     scan(page, "SN0001")
     page.click("#start")
     page.wait("document.querySelector('#count').textContent.startsWith('1 /')", 30)
     site.process.kill()
     page.wait("document.body.dataset.lost === 'true'", 5)
-    again = log_in(serve("--pace", "3"))
+    again = log_in(serve("--pace", "0.5"))
     again.wait("document.body.dataset.running === 'true' && Number(document.querySelector('#bar').value) >= 1", 2)
     again.click("#stop")
     again.wait(f"{verdict('A')} === 'ABORTED' && document.body.dataset.running === 'false'", 20)

@@ -37,6 +37,16 @@ def test_a_unit_that_fails_first_and_passes_then_is_no_first_pass(line: Line) ->
     assert [m.outcome for m in line.attempts].count("PASS") == 8
 
 
+def test_every_split_is_what_the_log_says_by_itself(database: Path, line: Line) -> None:
+    with LogReader(database) as log:
+        for by, found in line.yields.items():
+            alone = log.yields(Query(), by)
+            assert [(y.group, y.attempts, y.units, y.first_pass, y.final_pass) for y in found] == [
+                (y.group, y.attempts, y.units, y.first_pass, y.final_pass) for y in alone
+            ]
+            assert [y.mean_duration_s for y in found] == pytest.approx([y.mean_duration_s for y in alone])
+
+
 def test_parts_of_the_cycle_make_the_cycle(line: Line) -> None:
     for m in line.attempts:
         assert set(m.parts) == set(PARTS)

@@ -43,7 +43,7 @@ def test_a_paced_run_waits_for_real_time_and_a_stop_ends_the_wait() -> None:
     virtual[0] = 5.0
     began = time.monotonic()
     pace.keep()
-    assert time.monotonic() - began == pytest.approx(0.05, abs=0.045)
+    assert 0.045 < time.monotonic() - began < 5
     virtual[0] = 1e6
     stop.request()
     pace.keep()

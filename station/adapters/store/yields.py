@@ -16,6 +16,9 @@ GROUPS = {
     "operator": "a.operator",
     "day": "date(a.started_ns / 1000000000, 'unixepoch')",
 }
+#: Several groupings in one walk through the log: their names, parted by SEPARATOR, in the order of CELL.
+CELL, SEPARATOR = ("station", "nest", "recipe", "day"), "\x1f"
+GROUPS["cell"] = f" || '{SEPARATOR}' || ".join(GROUPS[name] for name in CELL)
 
 
 @dataclass(frozen=True, slots=True)
