@@ -100,11 +100,20 @@ def _causes(searched: Searched, last: Problem, floor: Fitted, sized: tuple[Estim
         if finding.words:
             continue
         if finding.accepted is None:
-            out.append(Cause(finding, None, _floor_gain(finding, residual_rms(last))))
+            if _still_grown(finding, searched, floor):
+                out.append(Cause(finding, None, _floor_gain(finding, residual_rms(last))))
             continue
         out.append(Cause(finding, sized[taken], gain_of(last, before + taken, floor.floor)))
         taken += 1
-    return tuple(out)
+    # Beside a cause that pays, one that does not is a shadow of it.
+    paying = tuple(cause for cause in out if cause.gain.accepted)
+    return paying or tuple(out)
+
+
+def _still_grown(finding: Finding, searched: Searched, floor: Fitted) -> bool:
+    """Whether a part of the floor stays beyond what a healthy rig may have, now that every cause is known."""
+    part = 1 if finding.name == "repeatability" else 2
+    return bool(floor.floor.variances[part] > searched.first.upper[part])
 
 
 def _floor_gain(finding: Finding, rms: float) -> Gain:
