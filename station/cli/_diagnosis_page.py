@@ -1,12 +1,13 @@
 """The report of `station diagnose`: one self-contained HTML file, and its figures as SVG files."""
 
+import re
 from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from station.diagnosis.diagnose import Diagnosis
 from station.diagnosis.report.gather import report_data
@@ -25,8 +26,13 @@ def page_of_diagnosis(found: Diagnosis, told: Mapping[str, Any]) -> Page:
 def html(page: Page) -> str:
     """The page as HTML; every text is escaped, only the figures, whose makers escape, go in as they are."""
     made = Environment(loader=FileSystemLoader(_FOLDER), autoescape=True, undefined=StrictUndefined)
-    made.filters["drawing"] = Markup
+    made.filters |= {"drawing": Markup, "words": _words}
     return made.get_template("diagnosis.html").render(page=page)
+
+
+def _words(text: str) -> Markup:
+    """A text, escaped; what stands between backticks is a name of a column or key."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def write_figures(folder: Path, page: Page) -> None:

@@ -283,6 +283,12 @@ def test_the_page_needs_nothing_from_elsewhere() -> None:
     assert text.count("<svg ") == text.count("</svg>") >= 10
 
 
+def test_names_of_columns_are_marked_and_nothing_else_is_let_through() -> None:
+    text = html(page_of(some_data("none", names=("`<b>x</b>`", "SN2"))))
+    assert "record <code>since_power_s</code> in the samples" in text
+    assert "<b>" not in text
+
+
 def test_every_cause_has_advice_and_every_advice_a_cause() -> None:
     known = set(plugins.names(EFFECTS))
     assert set(DO) == known
