@@ -148,7 +148,9 @@ def die(folder: Path, trial: Trial) -> list[str]:
             time.sleep(trial.after_s)
             os.kill(child, signal.SIGKILL)
         told = b"".join(iter(lambda: os.read(pipe, 65536), b""))
-        os.waitpid(child, 0)
+        _, status = os.waitpid(child, 0)
+    if os.WIFEXITED(status) and os.WEXITSTATUS(status):
+        raise RuntimeError(f"{trial} broke off by itself with status {os.WEXITSTATUS(status)}")
     return told.decode().splitlines()
 
 
@@ -251,8 +253,7 @@ def torture(wanted: int, instants: int, seed: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         base = Path(name) / "base"
         base.mkdir()
-        with forked(lambda _: run(base, 1)) as (child, _):
-            os.waitpid(child, 0)
+        run(base, 1)  # here, so that every fork has everything loaded
         points, lasts_s = measured(Path(name), base)
         wrong: Counter[str] = Counter()
         kinds: Counter[str] = Counter()
