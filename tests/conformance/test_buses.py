@@ -8,6 +8,7 @@ import pytest
 from station import plugins
 from station.adapters.bus import write_log
 from station.adapters.bus._messages import to_message
+from station.adapters.bus._python_can import mf4
 from station.adapters.bus.replay import Replay
 from station.adapters.bus.simulated import Simulated
 from station.adapters.clock import VirtualClock
@@ -64,6 +65,7 @@ class _ReplayRig(Rig):
         """The frames are in the log already."""
 
     def _write_by_python_can(self, frames: Frames) -> None:
+        mf4()
         with can.Logger(self._path) as logger:
             for row, (can_id, data) in enumerate(rows_of(frames)):
                 logger(to_message(can_id, data, frames.time_ns[row] / 1e9, int(frames.length[row])))

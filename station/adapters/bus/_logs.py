@@ -72,12 +72,12 @@ def _by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
 
 def _reader(suffix: str) -> tuple[Any, str, tuple[type[Exception], ...]]:
     """python-can's reader for an ending, how to open its file, and what it raises on a broken one."""
-    from station.adapters.bus._python_can import can, mf4_reader  # heavy, and only needed where such a log is read
+    from station.adapters.bus._python_can import can, mf4  # heavy, and only needed where such a log is read
 
     if suffix == ".mf4":
         from asammdf.blocks.utils import MdfException
 
-        return mf4_reader(), "rb", (*_CORRUPT, MdfException)
+        return mf4().MF4Reader, "rb", (*_CORRUPT, MdfException)
     if suffix == ".blf":
         return can.BLFReader, "rb", (*_CORRUPT, can.io.blf.BLFParseError)
     return can.ASCReader, "r", _CORRUPT

@@ -9,12 +9,10 @@ with without("asammdf"):
     import can
     from can.interfaces.virtual import VirtualBus
 
-__all__ = ["VirtualBus", "can", "mf4_reader"]
+__all__ = ["VirtualBus", "can", "mf4"]
 
 
-def mf4_reader() -> Any:
-    """python-can's reader of MF4 files, with asammdf: its module is loaded anew where it was loaded without."""
-    mf4 = importlib.import_module("can.io.mf4")
-    if mf4.asammdf is None:
-        mf4 = importlib.reload(mf4)
-    return mf4.MF4Reader
+def mf4() -> Any:
+    """python-can's module for MF4 files, with asammdf: it is loaded anew where it was loaded without."""
+    module = importlib.import_module("can.io.mf4")
+    return importlib.reload(module) if module.asammdf is None else module
