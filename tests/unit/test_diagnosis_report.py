@@ -291,7 +291,8 @@ def test_names_of_columns_are_marked_and_nothing_else_is_let_through() -> None:
 
 def test_every_cause_has_advice_and_every_advice_a_cause() -> None:
     known = set(plugins.names(EFFECTS))
-    assert set(DO) == known
+    # A new cause is one new file: without a line here, its level's advice stands.
+    assert set(DO) <= known
     assert set(SHOW) <= known
 
 
