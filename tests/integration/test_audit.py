@@ -198,9 +198,7 @@ def test_exports_that_cannot_be_end_in_one_sentence(
     assert list(tmp_path.iterdir()) == [], "nothing half-written is left"
 
 
-def test_a_station_with_a_key_signs_every_record(
-    tmp_path: Path, capsys: Out, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_station_with_a_key_signs_every_record(tmp_path: Path, capsys: Out, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     key, other = Path("station.key"), Path("other.key")
     pem = (serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())

@@ -24,13 +24,13 @@ def clipped(table: SampleTable, stop: NDArray[np.intp]) -> tuple[dict[int, float
             continue
         reading, where = table.reading[rows], stop[rows] - stop[rows[0]]
         limit = float(np.abs(reading).max())
-        at = np.asarray(np.abs(reading) >= limit * (1 - 1e-9))
+        at = np.abs(reading) >= limit * (1 - 1e-9)
         count = np.bincount(where)
         share = np.stack([np.bincount(where, a) for a in at.T], 1) / np.maximum(count, 1)[:, None]
-        hit = np.asarray((share > CLIPPED) & (share * count[:, None] >= FEWEST))
+        hit = (share > CLIPPED) & (share * count[:, None] >= FEWEST)
         if hit.any() and _ordinary(reading, where, ~hit) < COMMON:
             limits[u] = limit
-            bad[rows] = hit.any(axis=1)[where]
+            bad[rows] = np.asarray(hit.any(axis=1))[where]
     return limits, bad
 
 
