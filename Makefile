@@ -36,5 +36,8 @@ lock: ## renew the lock files from pyproject.toml
 	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group build -o requirements.lock
 	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group dev -o requirements-dev.lock
 
+blind: $(VENV)/.dev  ## hide new causes (make blind SEED=7) and see whether the diagnosis finds them
+	SEED=$(SEED) $(BIN)/python -m pytest tests/blind
+
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

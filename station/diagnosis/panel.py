@@ -91,8 +91,10 @@ def panel(problem: Problem, banks: Sequence[Bank], at: Floor) -> Panel:
 def beside(problem: Problem, best: Stage) -> Panel:
     """A stage with the walks beside it."""
     most = float(np.sqrt(problem.upper[2]))
+    if not 0.0 < most < np.inf:
+        return Panel(best, (), ())
     chosen = [_slow(problem, i, best, most) for i in range(len(best.seen))]
-    if not np.isfinite(most) or most == 0.0 or not any(len(c) for c in chosen):
+    if not any(len(c) for c in chosen):
         return Panel(best, (), ())
     banks = [s.bank.only(c) for s, c in zip(best.seen, chosen, strict=True)]
     start = np.cumsum([0, *(len(s.spectra) for s in best.seen)])

@@ -5,7 +5,7 @@ judged under the floor that fits best with that cause: a profile of the likeliho
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,13 +42,13 @@ def rank(problem: Problem, banks: Sequence[Bank], first: Panel, words: Sequence[
     now: Panel | None = first
     while now is not None and len(visited) < 6:
         visited.append(now.best.floor)
-        _merge(best, now, zero)
+        merge(best, now, zero)
         now = _next(problem, banks, best, visited, words)
     best.update(_floor_causes(problem, first.best))
     return best
 
 
-def _merge(best: dict[str, Rank], now: Panel, zero: Floats) -> None:
+def merge(best: dict[str, Rank], now: Panel, zero: Floats) -> None:
     """Takes over what is more evident under the floor of `now`."""
     candidates, total = now.candidates, now.totals() - zero
     for name, value in by_cause(candidates, total[None]).items():
@@ -79,6 +79,13 @@ def _differ(a: Floor, b: Floor) -> bool:
 
 #: How much a variance counts beside white noise: a turn of 1 rad moves 1 g, a step of the walk adds up over a run.
 _WEIGHT = np.array([1.0, 1.0, 10.0])
+
+
+def grown_with(problem: Problem, name: str) -> Problem:
+    """The problem with one variance of the floor let free beyond what is allowed."""
+    upper = problem.upper.copy()
+    upper[VARIANCES[name]] = np.inf
+    return replace(problem, upper=upper)
 
 
 def _floor_causes(problem: Problem, first: Stage) -> dict[str, Rank]:

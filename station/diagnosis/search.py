@@ -12,9 +12,9 @@ from station.diagnosis.bank import Bank, Candidate, bank_of, candidates, library
 from station.diagnosis.evidence import log_mean
 from station.diagnosis.floor import Fitted, Floor
 from station.diagnosis.known import Accepted
-from station.diagnosis.panel import Panel, beside
+from station.diagnosis.panel import Panel, beside, panel
 from station.diagnosis.problem import refined
-from station.diagnosis.rank import Rank, rank
+from station.diagnosis.rank import Rank, grown_with, merge, rank
 from station.diagnosis.shape import between, evidence_of, jumps, may_ring, rung, tunable, tuned
 from station.diagnosis.space import Space
 from station.diagnosis.stage import Problem, Stage, stage
@@ -24,6 +24,8 @@ NullOf = Callable[[Problem, Fitted, Panel], Null]
 
 #: A kernel must beat every cause of the library by this many nats to be "something unknown".
 UNKNOWN_NATS = 3.0
+#: A cause beside a grown floor must gain so many nats to come before it.
+EVIDENT_NATS = 6.0
 #: Causes and kernels looked for at most.
 ROUNDS = 6
 
@@ -114,7 +116,8 @@ def search(problem: Problem, null_of: NullOf) -> Searched:
         statistics.append(statistic(null, evidence))
         if statistics[-1] <= null.threshold or len(findings) == ROUNDS:
             return Searched(first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind, evidence)
-        ranks = _sharpened(problem, rank(problem, banks, around, generic.WORDS))
+        ranks = rank(problem, banks, around, generic.WORDS)
+        ranks = _sharpened(problem, _before_the_floor(problem, banks, ranks))
         finding = _chosen(problem, ranks, statistics[-1])
         findings.append(finding)
         if finding.words:
@@ -125,10 +128,23 @@ def search(problem: Problem, null_of: NullOf) -> Searched:
 def _with(problem: Problem, finding: Finding) -> Problem:
     """The problem with what was found accepted and everything known at its best."""
     if finding.accepted is None:
-        upper = problem.upper.copy()
-        upper[1 if finding.name == "repeatability" else 2] = np.inf
-        return replace(problem, upper=upper)
+        return grown_with(problem, finding.name)
     return refined(problem.beside((*problem.accepted, finding.accepted)))
+
+
+def _before_the_floor(problem: Problem, banks: Sequence[Bank], ranks: dict[str, Rank]) -> dict[str, Rank]:
+    """A grown floor explains anything a little: where it leads, but a cause is evident beside it, that cause leads."""
+    leader = max(ranks.values(), key=lambda r: r.evidence)
+    if leader.best is not None or leader.name in generic.WORDS:
+        return ranks
+    grown = grown_with(problem, leader.name)
+    now = panel(grown, banks, grown.fit(leader.at.floor).floor)
+    beside_it: dict[str, Rank] = {}
+    merge(beside_it, now, now.without())
+    cause = max((r for name, r in beside_it.items() if name not in generic.WORDS), key=lambda r: r.evidence)
+    if cause.evidence < EVIDENT_NATS:
+        return ranks
+    return {**ranks, cause.name: replace(cause, evidence=leader.evidence + cause.evidence)}
 
 
 def _sharpened(problem: Problem, ranks: dict[str, Rank]) -> dict[str, Rank]:

@@ -173,6 +173,9 @@ WRONG_FORM: dict[str, tuple[str, Hidden]] = {
     "ringing": ("settling", common(3e-3, _ringing)),
     "play": ("hysteresis", per_unit(1e-4, _play)),
     "a times its size": ("cubic", per_unit(2e-4, lambda w, rng: w.a * np.abs(w.a))),
+    # At tilts of 45° an axis feels 0, .71 or 1: every odd curve through them is a gain and a cube.
+    "third harmonic of the input": ("cubic", per_unit(3e-4, lambda w, rng: np.sin(3 * np.pi * w.a))),
+    "fifth power": ("cubic", per_unit(3e-4, lambda w, rng: w.a**5 - w.a**3)),
     "sine nonlinearity": ("cubic", per_unit(2e-4, lambda w, rng: np.sin(2.2 * w.a))),
     "eccentric divided head": ("index-error", turns("nest", by_position, 5e-4, axes=1)),
 }
@@ -196,8 +199,7 @@ def _late(w: World, rng: Scaled) -> Array:
 #: What no cause of the library explains, with the words that may stand in `depends_on`.
 UNKNOWN: dict[str, tuple[set[str], Hidden]] = {
     "periodic in time": ({"time", "order"}, per_unit(3e-4, _wave)),
-    "third harmonic of the input": ({"input", "position"}, per_unit(3e-4, lambda w, rng: np.sin(3 * np.pi * w.a))),
-    "fifth power": ({"input", "position"}, per_unit(3e-4, lambda w, rng: w.a**5 - w.a**3)),
+    "square of the next axis": ({"input"}, per_unit(3e-4, lambda w, rng: np.roll(w.a, 1, axis=1) ** 2)),
     "temperature bump": (
         {"temperature", "time"},
         per_unit(3e-4, lambda w, rng: np.exp(-((w.T - w.T.mean()) ** 2) / 2)),

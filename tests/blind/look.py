@@ -1,0 +1,25 @@
+"""Diagnoses a hidden thing; null distributions are drawn once for each kind of campaign."""
+
+from typing import Any
+
+from station.diagnosis import alarm
+from station.diagnosis.alarm import Null
+from station.diagnosis.diagnose import Diagnosis, diagnose
+from station.domain.recipe import Recipe
+from station.domain.types import SampleTable
+from station.model.model_file import Model
+
+_NULLS: dict[str, Null] = {}
+
+
+def null_of(problem: Any, fitted: Any, now: Any) -> Null:
+    """The null distribution of a kind of campaign."""
+    key = alarm.key(problem, fitted, now, 1)
+    if key not in _NULLS:
+        _NULLS[key] = alarm.bootstrap(problem, fitted, now, 1)
+    return _NULLS[key]
+
+
+def look(recipe: Recipe, table: SampleTable, model: Model | None = None) -> Diagnosis:
+    """The diagnosis of a table."""
+    return diagnose(recipe, table, model or Model(), null_of)

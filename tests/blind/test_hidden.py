@@ -1,0 +1,103 @@
+"""Something is hidden by a bench that knows nothing of the bank; the diagnosis must find it, or stay silent.
+
+`make blind SEED=n` hides new ones. Seeds are used for nothing but these tests: no threshold was set by them.
+"""
+
+import os
+
+import numpy as np
+import pytest
+
+from station.diagnosis.document import document
+from station.diagnosis.extend import extended
+from station.model.model_file import Model
+from tests.blind.bench import FULL, WHITE, hide
+from tests.blind.hidden import KNOWN, UNKNOWN, WRONG_FORM
+from tests.blind.look import look
+from tests.blind.recipes import recipe
+
+SEED = int(os.environ.get("SEED", "1"))
+#: At their usual sizes these are weaker than d = 12 in four units; they are hidden at that strength.
+FAINT = {"cubic", "cross-quadratic", "bias-drift"}
+
+
+@pytest.mark.parametrize("name", sorted(KNOWN))
+def test_a_known_cause_is_named_sized_paid_for_and_then_silent(name: str) -> None:
+    table, truth = hide(recipe(), KNOWN[name], 1000 + SEED, floor=FULL, d=16.0 if name in FAINT else None)
+    found = look(recipe(), table)
+    assert found.causes, (found.verdict, truth)
+    first = found.causes[0].finding
+    assert name == first.name or name in first.alike
+    assert first.name == name or first.alike
+    assert found.causes[0].gain.log_score > 0
+    model = extended(Model(), found)
+    assert [e.effect for e in model.effects][:1] == [first.name]
+    if found.verdict == "named":
+        assert look(recipe(), table, model).verdict == "none"
+
+
+@pytest.mark.parametrize("name", sorted(WRONG_FORM))
+def test_a_cause_of_another_form_is_named_all_the_same(name: str) -> None:
+    right, hidden = WRONG_FORM[name]
+    table, _ = hide(recipe(), hidden, 2000 + SEED, floor=WHITE, d=16.0)
+    found = look(recipe(), table)
+    assert found.causes
+    first = found.causes[0].finding
+    assert right == first.name or right in first.alike
+
+
+@pytest.mark.parametrize("name", sorted(UNKNOWN))
+def test_what_nobody_knows_is_called_unknown_and_says_on_what_it_depends(name: str) -> None:
+    words, hidden = UNKNOWN[name]
+    table, _ = hide(recipe(), hidden, 3000 + SEED, floor=WHITE, d=24.0)
+    found = look(recipe(), table)
+    assert found.verdict in ("unknown", "incomplete")
+    assert words & set(found.depends_on)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_hidden_is_nothing_found(seed: int) -> None:
+    table, _ = hide(recipe(), None, 4000 + 10 * SEED + seed, floor=FULL if seed % 2 else WHITE)
+    found = look(recipe(), table)
+    assert found.searched.statistics[0] < found.searched.threshold + 1.0
+    assert found.verdict == "none" or found.searched.statistics[0] > found.searched.threshold
+
+
+def test_in_one_seat_a_nest_tilt_cannot_be_told_from_turned_packages() -> None:
+    table, _ = hide(recipe(1), KNOWN["nest-tilt"], 5000 + SEED)
+    told = document(look(recipe(1), table))["causes"][0]
+    assert {"nest-tilt", "package-rotation"} <= {told["effect"], *told["indistinguishable_from"]}
+
+
+def test_two_causes_are_found_one_after_another() -> None:
+    def both(w, rng):  # type: ignore[no-untyped-def]
+        felt, _ = KNOWN["nest-tilt"](w, rng)
+        return felt, KNOWN["offset-temperature"](w, rng)[1]
+
+    table, _ = hide(recipe(), both, 6000 + SEED, floor=FULL)
+    found = look(recipe(), table)
+    assert {c.finding.name for c in found.causes} == {"nest-tilt", "offset-temperature"}
+
+
+def test_a_cause_whose_covariate_was_not_recorded_is_not_testable() -> None:
+    table, _ = hide(recipe(), None, 7000 + SEED, without=("temperature_degC", "motor", "since_clamp_s"))
+    missing = {"offset-temperature", "gain-temperature", "temperature-rate", "vibration-rectification", "clamp-creep"}
+    assert missing <= set(look(recipe(), table).not_testable)
+
+
+def test_sizes_lie_within_their_intervals() -> None:
+    inside = []
+    for seed in range(3):
+        rng_truth: list[np.ndarray] = []
+
+        def hidden(w, rng, kept=rng_truth):  # type: ignore[no-untyped-def]
+            c = 3e-4 * rng.standard_normal((int(w.unit.max()) + 1, 3))
+            kept[:] = [c]
+            return w.a, c[w.unit] * w.a**2
+
+        table, _ = hide(recipe(), hidden, 8000 + 10 * SEED + seed)
+        estimate = look(recipe(), table).causes[0].estimate
+        assert estimate is not None
+        inside += [np.abs(estimate.value - rng_truth[0]) < 1.96 * estimate.std]
+    # 36 intervals of 95 %: fewer than 30 right happen once in ten thousand campaigns.
+    assert np.concatenate(inside).sum() >= 30
