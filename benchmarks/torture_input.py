@@ -85,14 +85,14 @@ def targets(folder: Path) -> Mapping[str, Target]:
         "samples.parquet": Target(_written(folder, "s.parquet"), "s.parquet", read_samples),
         "candump": Target(_logged(folder, "f.log", frames), "f.log", read_log),
         "blf": Target(_logged(folder, "f.blf", frames), "f.blf", read_log),
-        "asc": Target(_ASC, "f.asc", read_log),
+        "asc": Target(ASC, "f.asc", read_log),
         "frames": Target(_packed(frames), "frames", partial(_decode, layout)),
         "serials": Target(b"SN0001\nSN0002\nSN123456789012", "serials", scanned),
         "fault": Target(b"refuse:index=0x2101,sub=1,code=0x06090030", "fault", _fault),
     }
 
 
-_ASC = b"""date Thu Jan 1 00:00:00.000 am 2026
+ASC = b"""date Thu Jan 1 00:00:00.000 am 2026
 base hex  timestamps absolute
 internal events logged
 Begin Triggerblock Thu Jan 1 00:00:00.000 am 2026

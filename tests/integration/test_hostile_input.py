@@ -58,6 +58,19 @@ def test_ten_megabytes_of_one_line_take_no_minutes(reading: Mapping[str, Target]
     assert torture_input.attempt(reading[name], b"a: [" + b"x, " * ((10 << 20) // 3), folder) in ("taken", "refused")
 
 
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("candump", b"(9767225600.010000) can0 185#00\n"),
+        ("asc", torture_input.ASC.replace(b"1  191 ", b"1  1942A1FBC3F21 ", 1)),
+    ],
+)
+def test_times_and_identifiers_beyond_any_frame(
+    reading: Mapping[str, Target], folder: Path, name: str, data: bytes
+) -> None:
+    assert torture_input.attempt(reading[name], data, folder) == "refused"
+
+
 @pytest.mark.parametrize("token", TOKENS)
 def test_no_scanned_text_reaches_a_file_or_a_query(token: bytes) -> None:
     text = "SN0001" + token.decode("utf-8", "surrogateescape")

@@ -34,6 +34,10 @@ def read_blocks(path: Path, channel: str | None = None) -> Iterator[Frames]:
         yield from blocks
     except OSError as error:
         raise LogError(f"{path} cannot be read ({error.strerror}); check the file") from None
+    except OverflowError:
+        raise LogError(
+            f"{path} holds a time or an identifier that no CAN frame can have; record or convert it again"
+        ) from None
 
 
 def read_log(path: Path, channel: str | None = None) -> Frames:
