@@ -6,6 +6,8 @@ Row 11. The log holds that many units with all that a backtest reads: reduced st
 """
 
 import argparse
+import os
+import resource
 import tempfile
 import time
 from pathlib import Path
@@ -46,11 +48,12 @@ def main() -> None:
         size = path.stat().st_size / 1e9
         print(f"{options.units} units of recipe {recipe.name}, {visits} stops each; {size:.1f} GB")
         with LogReader(path) as log:
-            begun = time.perf_counter()
+            begun, used = time.perf_counter(), _cpu_s()
             found = run(log, log.attempts(Query()), tighter, processes=options.processes)
-            took = time.perf_counter() - begun
+            took, used = time.perf_counter() - begun, _cpu_s() - used
     each = took / options.units
     print(f"row 11: {options.units} units on {options.processes} processes: {took:.0f} s, {each * 1e3:.2f} ms a unit")
+    print(f"  processor time {used:.0f} s, {used / options.units * 1e3:.2f} ms a unit; load {os.getloadavg()[0]:.1f}")
     print(f"  goal < {GOAL_S} s for 100000: {'reached' if each * 100_000 < GOAL_S else 'NOT reached'}")
     print(f"  one unit at a time by audit --recompute: {peer_s * 1e3:.0f} ms a unit, {peer_s / each:.0f} times as long")
     print(f"  {len(found.changes)} verdicts would change")
@@ -64,6 +67,12 @@ def once_round(folder: Path) -> str:
     path = folder / "tilt-24-once.yaml"
     path.write_text(yaml.safe_dump(said), encoding="utf-8")
     return str(path)
+
+
+def _cpu_s() -> float:
+    """Processor time of this process and of those it has waited for."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(u.ru_utime + u.ru_stime for u in used)
 
 
 def single(path: Path) -> float:

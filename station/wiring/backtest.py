@@ -5,6 +5,7 @@ import multiprocessing
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from station.domain.backtest import Before, Compared
 from station.domain.pipeline import Result
 from station.domain.recipe import Recipe
 from station.domain.types import Floats
+from station.errors import StationFault
 from station.wiring.recompute import judged_ns, kept_visits, known, refit
 
 #: Attempts of one task: enough to be solved together, few enough to show progress.
@@ -46,7 +48,7 @@ def run(
 ) -> Compared:
     """Compares all attempts; from_frames: from raw frames, not from the reduced stops. progress: attempts done.
 
-    Errors: RecipeError when the recipe cannot be computed at all, LogError.
+    Errors: RecipeError when the recipe cannot be computed at all, LogError, StationFault.
     """
     design.check(recipe)
     portion = _PORTION_OF_FRAMES if from_frames else _PORTION
@@ -57,9 +59,15 @@ def run(
     workers = min(processes or os.cpu_count() or 1, len(tasks))
     if workers <= 1:
         return Compared.join([_told(work(task), task, progress) for task in tasks])
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-        done = zip(pool.map(work, tasks), tasks, strict=True)
-        return Compared.join([_told(part, task, progress) for part, task in done])
+    try:
+        with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+            done = zip(pool.map(work, tasks), tasks, strict=True)
+            return Compared.join([_told(part, task, progress) for part, task in done])
+    except BrokenProcessPool as exc:
+        raise StationFault(
+            "a process of the backtest was ended from outside, by a person or for want of memory; "
+            "run it again, with fewer --processes if memory is short"
+        ) from exc
 
 
 def work(task: Task) -> Compared:
