@@ -17,6 +17,7 @@ from station.diagnosis.search import Finding, NullOf, Searched, search
 from station.diagnosis.stage import Problem
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, SampleTable
+from station.errors import SamplesError
 from station.model.model_file import Model
 
 Word = Literal["none", "named", "incomplete", "unknown"]
@@ -69,7 +70,9 @@ class Diagnosis:
 
 
 def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullOf) -> Diagnosis:
-    """Diagnoses a table. Errors: SamplesError when a position or seating is not in the recipe."""
+    """Diagnoses a table. Errors: SamplesError when a position or seating is not in the recipe, or hardly anything is
+    in the table."""
+    _enough(table)
     inspected = inspect(recipe, table)
     told = {effect.effect for effect in model.effects}
     news = tuple(f for f in inspected.faults if f.effect not in told)
@@ -90,6 +93,19 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullOf) 
         depends_on=searched.words,
         not_testable=tuple(sorted({*inspected.blind, *searched.blind} - {f.effect for f in inspected.faults})),
     )
+
+
+def _enough(table: SampleTable) -> None:
+    """Refuses what no calibration and no cause can be told from."""
+    where = np.stack([table.unit.code, table.run, table.visit])
+    stops = 1 + np.count_nonzero(np.any(np.diff(where, axis=1), axis=0))
+    if stops < 2:
+        raise SamplesError(
+            f"the {len(table)} rows of the samples are of one stop; nothing can be told from one stop, so measure at "
+            "least two positions"
+        )
+    if not np.ptp(table.reading, axis=0).any():
+        raise SamplesError("the readings are the same in every row; the sensor is stuck or these are no raw samples")
 
 
 def _causes(searched: Searched, last: Problem, floor: Fitted, sized: tuple[Estimate, ...]) -> tuple[Cause, ...]:
