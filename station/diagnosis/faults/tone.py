@@ -26,14 +26,40 @@ ENOUGH_STOPS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Filter:
+    """What is taken off the samples of a stop: a cubic in time, and what each unit's dwells have in common, plainly
+    and in proportion to the last move.
+
+    curve (v, s, 4) powers of time, zero where there is no sample; step (v, 3) previous stop's mean less this one's;
+    units: the stops of each unit that has enough of them.
+    """
+
+    curve: Floats
+    step: Floats
+    units: tuple[NDArray[np.intp], ...]
+
+    def __call__(self, samples: Floats) -> Floats:
+        """Samples (v, s, 3) without it. A wave goes through the same filter before it is compared with them."""
+        across = self.curve.transpose(0, 2, 1)
+        normal = across @ self.curve + 1e-9 * np.eye(4)
+        out = samples - self.curve @ np.linalg.solve(normal, across @ samples)
+        for stops in self.units:
+            for axis in range(3):
+                basis = np.linalg.qr(np.stack([np.ones(len(stops)), self.step[stops, axis]], 1))[0]
+                out[stops, :, axis] -= basis @ (basis.T @ out[stops, :, axis])
+        return np.asarray(out * (self.curve[:, :, :1] != 0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Dwells:
-    """White samples (v, s, 3) of the stops, zero where there is none; time (v, s) on the campaign's clock, its middle
-    (v); motor (v); rate in Hz."""
+    """White, filtered samples (v, s, 3) of the stops, zero where there is none; time (v, s) on the campaign's clock;
+    motor (v); rate in Hz; the filter."""
 
     white: Floats
     time_s: Floats
     motor: Floats
     rate_hz: float
+    filter: Filter
 
     @property
     def middle_s(self) -> Floats:
@@ -45,42 +71,29 @@ def dwells_of(table: SampleTable, stop: NDArray[np.intp], rate_hz: float) -> tup
     """The stops' samples without their slow course, and their noise."""
     first = np.flatnonzero(np.diff(stop, prepend=-1))
     length = np.diff(np.append(first, len(stop)))
-    place = np.arange(len(stop)) - np.repeat(first, length)
+    at = np.repeat(np.arange(len(first)), length), np.arange(len(stop)) - np.repeat(first, length)
     shape = (len(first), int(length.max()))
-    white, time = np.zeros((*shape, 3)), np.zeros(shape)
-    share = (place + 0.5) / np.repeat(length, length) * 2 - 1
-    curve = np.stack([share**k for k in range(4)], 1)
-    flat = table.reading - _smooth(table.reading, curve, first, length)
-    sigma = float(np.median(np.abs(flat))) / 0.6745
-    white[np.repeat(np.arange(len(first)), length), place] = flat / max(sigma, 1e-300)
-    white = _without_arrivals(white, table, first, length)
-    started = table.values["started_s"]
-    time[np.repeat(np.arange(len(first)), length), place] = table.time_s + started
-    return Dwells(white, time, np.add.reduceat(table.values["motor"], first) / length, rate_hz), sigma
+    reading, time, curve = np.zeros((*shape, 3)), np.zeros(shape), np.zeros((*shape, 4))
+    reading[at], time[at] = table.reading, table.time_s + table.values["started_s"]
+    share = (at[1] + 0.5) / np.repeat(length, length) * 2 - 1
+    curve[at] = np.stack([share**k for k in range(4)], 1)
+    clean = Filter(curve, *_moves(table, first, length))
+    flat = clean(reading)
+    sigma = float(np.median(np.abs(flat[at]))) / 0.6745
+    motor = np.add.reduceat(table.values["motor"], first) / length
+    return Dwells(flat / max(sigma, 1e-300), time, motor, rate_hz, clean), sigma
 
 
-def _smooth(reading: Floats, curve: Floats, first: NDArray[np.intp], length: NDArray[np.intp]) -> Floats:
-    """A cubic in time through each stop's samples (n, 3)."""
-    normal = np.add.reduceat(curve[:, :, None] * curve[:, None, :], first) + 1e-9 * np.eye(4)
-    said = np.add.reduceat(curve[:, :, None] * reading[:, None, :], first)
-    return np.asarray(np.einsum("nk,nki->ni", curve, np.repeat(np.linalg.solve(normal, said), length, axis=0)))
-
-
-def _without_arrivals(white: Floats, table: SampleTable, first: NDArray[np.intp], length: NDArray[np.intp]) -> Floats:
-    """The samples (v, s, 3) less what each unit's dwells have in common, plainly and in proportion to the last move."""
+def _moves(
+    table: SampleTable, first: NDArray[np.intp], length: NDArray[np.intp]
+) -> tuple[Floats, tuple[NDArray[np.intp], ...]]:
+    """The last move before each stop (v, 3), and the stops of each unit that has enough of them."""
     mean = np.add.reduceat(table.reading, first) / length[:, None]
     unit, run = table.unit.code[first], table.run[first]
     same = np.append(False, (unit[1:] == unit[:-1]) & (run[1:] == run[:-1]))[:, None]
     step = np.where(same, np.roll(mean, 1, axis=0) - mean, 0.0)
-    out = white.copy()
-    for code in np.unique(unit):
-        stops = np.flatnonzero((unit == code) & (length == length.max()))
-        if len(stops) < ENOUGH_STOPS:
-            continue
-        for axis in range(3):
-            basis = np.linalg.qr(np.stack([np.ones(len(stops)), step[stops, axis]], 1))[0]
-            out[stops, :, axis] -= basis @ (basis.T @ white[stops, :, axis])
-    return out
+    stops = (np.flatnonzero((unit == code) & (length == length.max())) for code in np.unique(unit))
+    return step, tuple(s for s in stops if len(s) >= ENOUGH_STOPS)
 
 
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[Fault]:
@@ -154,21 +167,18 @@ def _followed(d: Dwells, frequency_hz: float) -> float:
 
 def _fault(d: Dwells, frequency_hz: float, sigma: float, nats: float, recipe: Recipe) -> Fault:
     """Amplitude of each axis, frequency and phase by least squares on all samples."""
-    live = d.white[:, :, 0] != 0
-    t, motor = d.time_s[live], np.repeat(d.motor[:, None], d.white.shape[1], 1)[live]
-    y = d.white[live]
     for _ in range(4):
-        angle = 2 * np.pi * frequency_hz * t
-        waves = motor[:, None] * np.stack([np.sin(angle), np.cos(angle)], 1)
-        c = np.linalg.lstsq(waves, y, rcond=None)[0]
-        slope = 2 * np.pi * (t - t.mean())[:, None] * motor[:, None]
-        bend = slope * (np.cos(angle)[:, None] * c[0] - np.sin(angle)[:, None] * c[1])
-        step = float(np.sum(bend * (y - waves @ c)) / max(float(np.sum(bend**2)), 1e-300))
-        frequency_hz += step
+        angle = 2 * np.pi * frequency_hz * d.time_s
+        waves = np.stack([_filtered(d, np.sin(angle)), _filtered(d, np.cos(angle))])
+        c = _amplitude(waves, d.white)
+        late = 2 * np.pi * (d.time_s - d.time_s.mean())
+        bend = _filtered(d, late * np.cos(angle)) * c[0] - _filtered(d, late * np.sin(angle)) * c[1]
+        left = d.white - np.einsum("kvsi,ki->vsi", waves, c)
+        frequency_hz += float(np.sum(bend * left) / max(float(np.sum(bend**2)), 1e-300))
     strong = int(np.argmax(np.hypot(*c)))
     phase = float(np.arctan2(c[1, strong], c[0, strong]) % (2 * np.pi))
     along = c[0] * np.cos(phase) + c[1] * np.sin(phase)
-    std = sigma / np.sqrt(max(float(np.sum(waves[:, 0] ** 2)), 1e-300))
+    std = sigma / np.sqrt(max(float(np.sum(waves[0] ** 2)) / 3, 1e-300))
     numbers = [
         Number("amplitude", axis, "common", float(a * sigma), float(std), recipe.unit)
         for axis, a in zip("xyz", along, strict=True)
@@ -178,3 +188,15 @@ def _fault(d: Dwells, frequency_hz: float, sigma: float, nats: float, recipe: Re
     numbers.append(Number("phase", None, "common", phase, float(std / (sigma * np.hypot(*c)[strong])), "rad"))
     told = f"a tone of {frequency_hz:.3f} Hz follows the motors"
     return Fault("motor-tone", "common", tuple(numbers), told, nats)
+
+
+def _filtered(d: Dwells, wave: Floats) -> Floats:
+    """A wave (v, s) at motor 1 as the filtered samples (v, s, 3) would hold it."""
+    return d.filter(np.repeat((d.motor[:, None] * wave)[..., None], 3, axis=2))
+
+
+def _amplitude(waves: Floats, white: Floats) -> Floats:
+    """Least-squares coefficients (2, 3) of two waves (2, v, s, 3) on each axis."""
+    normal = np.einsum("kvsi,lvsi->ikl", waves, waves)
+    said = np.einsum("kvsi,vsi->ik", waves, white)
+    return np.asarray(np.linalg.solve(normal, said[..., None])[..., 0].T)

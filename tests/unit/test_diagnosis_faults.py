@@ -1,0 +1,128 @@
+"""Gross faults: each made by hand in a small table, found with the right number, and not found where it is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from station.diagnosis.faults import Fault, inspect
+from station.domain.recipe import Recipe
+from station.domain.types import SampleTable
+from tests.blind.bench import hide
+from tests.blind.recipes import recipe
+
+RECIPE = recipe(1).model_copy(
+    update={"device": recipe(1).device.model_copy(update={"lsb": 1e-5, "full_scale": 2.0, "counter_bits": 8})}
+)
+
+
+def table(seed: int = 1) -> SampleTable:
+    """One run of two units on a grid of 10 µg, with a counter that runs on while moving."""
+    made, _ = hide(RECIPE, None, seed, units=2)
+    counter = np.floor(made.time_s * RECIPE.device.rate_hz + 0.25).astype(np.int64) % 256
+    grid = np.round(made.reading / 1e-5) * 1e-5
+    return replace(made, reading=grid, values={**made.values, "counter": counter.astype(float)})
+
+
+def found(made: SampleTable, recipe_: Recipe = RECIPE) -> dict[str, Fault]:
+    """Faults by effect."""
+    return {f.effect: f for f in inspect(recipe_, made).faults}
+
+
+def test_a_good_table_has_no_fault() -> None:
+    assert not found(table())
+
+
+@pytest.mark.parametrize(
+    ("change", "effect"), [("lose", "lost-frames"), ("repeat", "duplicated-frames"), ("swap", "reordered-frames")]
+)
+def test_the_counter_tells_lost_repeated_and_reordered_frames(change: str, effect: str) -> None:
+    made = table()
+    rows = np.arange(len(made))
+    hit = np.arange(7, len(made), 50)
+    if change == "lose":
+        rows = np.delete(rows, hit)
+    elif change == "repeat":
+        rows = np.sort(np.concatenate([rows, hit]))
+    else:
+        hit = hit[np.diff(made.visit, append=-1)[hit] == 0]
+        rows[hit], rows[hit + 1] = hit + 1, hit
+    times = made.time_s
+    seen = replace(
+        made[rows], time_s=np.sort(times)[np.argsort(np.argsort(times))][rows] if change != "swap" else times
+    )
+    faults = found(seen)
+    assert list(faults) == [effect]
+    shares = [n.value for n in faults[effect].numbers]
+    assert np.mean(shares) == pytest.approx(len(hit) / len(made), rel=0.05)
+
+
+def test_a_clock_that_is_off_is_told_from_one_within_its_tolerance() -> None:
+    for error, expected in ((1e-4, False), (1e-2, True), (-1e-2, True)):
+        made = table()
+        faults = found(replace(made, time_s=made.time_s / (1 + error)))
+        assert ("clock-error" in faults) == expected
+        if expected:
+            n = faults["clock-error"].numbers[0]
+            assert abs(float(n.value) - error) < 3 * (n.std or 0.0)
+
+
+def test_a_coarse_grid_is_measured() -> None:
+    made = table()
+    faults = found(replace(made, reading=np.round(made.reading / 4e-4) * 4e-4))
+    assert list(faults) == ["quantization"]
+    assert [float(n.value) for n in faults["quantization"].numbers] == pytest.approx([4e-4, 4e-4], rel=1e-3)
+
+
+def test_a_saturated_unit_is_found_and_its_stops_are_left_out() -> None:
+    made = table()
+    reading = made.reading.copy()
+    mine = made.unit.code == 1
+    reading[mine] = np.clip(reading[mine], -0.9, 0.9)
+    looked = inspect(RECIPE, replace(made, reading=reading))
+    assert [(f.effect, f.numbers[0].of, f.numbers[0].value) for f in looked.faults] == [
+        ("clipping", "unit:SN0002", 0.9)
+    ]
+    assert np.abs(looked.table.reading[looked.table.unit.code == 1]).max() < 0.9
+    assert len(looked.table) < len(made)
+
+
+@pytest.mark.parametrize(("mapping", "alike"), [("-y,x,z", True), ("x,-y,z", False), ("z,y,x", False)])
+def test_swapped_axes_are_named_and_put_right(mapping: str, alike: bool) -> None:
+    made = table()
+    order = ["xyz".index(part[-1]) for part in mapping.split(",")]
+    signs = np.array([-1.0 if part.startswith("-") else 1.0 for part in mapping.split(",")])
+    looked = inspect(RECIPE, replace(made, reading=made.reading[:, order] * signs))
+    fault = looked.faults[0]
+    assert [n.value for n in fault.numbers] == [mapping, mapping]
+    # A proper rotation may as well be the mounting; a mirror image cannot.
+    assert bool(fault.alike) == alike
+    assert looked.table.reading == pytest.approx(made.reading)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0, 9.80665, 1000.0])
+def test_a_whole_factor_is_named_and_put_right(factor: float) -> None:
+    made = table()
+    looked = inspect(RECIPE, replace(made, reading=made.reading * factor))
+    assert [f.effect for f in looked.faults][:1] == ["wrong-scale"]
+    assert looked.faults[0].numbers[0].value == pytest.approx(factor)
+    assert looked.table.reading == pytest.approx(made.reading)
+
+
+def test_a_gain_of_eight_per_cent_is_no_wrong_scale() -> None:
+    made = table()
+    assert not found(replace(made, reading=made.reading * 1.08))
+
+
+def test_a_tone_that_follows_the_motors_is_found_with_frequency_and_amplitude() -> None:
+    made = table()
+    angle = 2 * np.pi * 7.3 * (made.time_s + made.values["started_s"]) + 0.5
+    tone = made.values["motor"] * np.sin(angle)
+    faults = found(replace(made, reading=made.reading + tone[:, None] * np.array([0.0, 5e-4, -1e-3])))
+    numbers = {(n.name, n.axis): n for n in faults["motor-tone"].numbers}
+    assert float(numbers["frequency", None].value) == pytest.approx(7.3, abs=1e-3)
+    for axis, size in (("x", 0.0), ("y", 5e-4), ("z", 1e-3)):
+        n = numbers["amplitude", axis]
+        assert abs(abs(float(n.value)) - size) < 4 * (n.std or 0.0) + 0.03 * size
+    steady = replace(made, reading=made.reading + 1e-3 * np.sin(angle)[:, None] * (made.values["motor"] == 0)[:, None])
+    assert "motor-tone" not in found(steady)

@@ -1,0 +1,95 @@
+"""The floor: variances come back as they were put in, the bounds hold, and known columns cost what they must."""
+
+import numpy as np
+import pytest
+
+from station.diagnosis import floor as floors
+from station.diagnosis.grid import Grid
+from station.diagnosis.space import Known, Rows, space
+
+UNITS, RUNS, STOPS, K = 4, 3, 24, 3
+
+
+def structure(rng: np.random.Generator) -> tuple[Grid, floors.Structure, np.ndarray]:
+    """A campaign of random directions, the same in every unit."""
+    slot = np.arange(UNITS * RUNS * STOPS).reshape(UNITS, RUNS, STOPS)
+    a = rng.standard_normal((RUNS * STOPS, 3))
+    a /= np.linalg.norm(a, axis=1, keepdims=True)
+    turn = np.zeros((RUNS * STOPS, 3, 3))
+    turn[:, 0, 1], turn[:, 0, 2], turn[:, 1, 2] = -a[:, 2], a[:, 1], -a[:, 0]
+    turn = np.tile(turn - turn.transpose(0, 2, 1), (UNITS, 1, 1))
+    n = slot.size
+    steps = np.tile(np.arange(1.0, STOPS + 1), UNITS * RUNS)
+    grid = Grid(slot, K)
+    made = floors.structure(grid, np.ones(n), turn, steps, np.tile(np.eye(3), (n, 1, 1)))
+    return grid, made, np.tile(a, (UNITS, 1))
+
+
+def offsets(grid: Grid) -> Known:
+    """One offset a unit and axis."""
+    columns = grid.spread(np.tile(np.eye(3), (grid.slot.size, 1, 1)))
+    none = Rows(columns[..., :0])
+    return Known(Rows(columns), np.zeros((UNITS, 3)), np.zeros((UNITS, 3)), none, np.zeros(0), np.zeros(0))
+
+
+def drawn(grid: Grid, made: floors.Structure, variances: np.ndarray, rng: np.random.Generator) -> Rows:
+    """Readings with exactly this floor."""
+    root = np.linalg.inv(made.covariance(variances).inverse)
+    white = rng.standard_normal((UNITS, RUNS, STOPS * K, 1))
+    return Rows(root[made.member] @ white)
+
+
+@pytest.mark.parametrize("variances", [(4.0, 0.0, 0.0), (1.0, 4.0, 0.0), (1.0, 0.0, 0.5), (1.0, 2.0, 0.3)])
+def test_the_estimate_is_unbiased_and_its_deviation_covers(variances: tuple[float, ...]) -> None:
+    rng = np.random.default_rng(5)
+    grid, made, _ = structure(rng)
+    known, true, upper = offsets(grid), np.array(variances), np.full(3, np.inf)
+    found, std = [], []
+    for _ in range(12):
+        fitted = floors.fit(made, known, drawn(grid, made, true, rng), grid.data, upper)
+        found.append(fitted.floor.variances)
+        std.append(np.sqrt(np.diag(fitted.covariance)))
+    error = np.mean(found, axis=0) - true
+    # Twelve campaigns; at the border 0 an estimate can only be too large.
+    allowed = 4 * np.mean(std, axis=0) / np.sqrt(12) + 0.6 * np.mean(std, axis=0) * (true == 0)
+    assert np.all(np.abs(error) < allowed)
+
+
+def test_no_variance_leaves_its_bounds() -> None:
+    rng = np.random.default_rng(6)
+    grid, made, _ = structure(rng)
+    rows = drawn(grid, made, np.array([1.0, 9.0, 1.0]), rng)
+    fitted = floors.fit(made, offsets(grid), rows, grid.data, np.array([np.inf, 4.0, 0.1]))
+    assert fitted.floor.turn <= 2.0 + 1e-12
+    assert fitted.floor.walk**2 <= 0.1 + 1e-12
+
+
+def test_a_fitted_floor_leaves_as_much_as_there_are_numbers() -> None:
+    rng = np.random.default_rng(7)
+    grid, made, _ = structure(rng)
+    fitted = floors.fit(
+        made, offsets(grid), drawn(grid, made, np.array([3.0, 1.0, 0.2]), rng), grid.data, np.full(3, np.inf)
+    )
+    assert fitted.space.dof == UNITS * RUNS * STOPS * K - UNITS * 3
+    assert fitted.space.rest == pytest.approx(fitted.space.dof, rel=1e-3)
+
+
+def test_known_columns_leave_nothing_of_themselves() -> None:
+    rng = np.random.default_rng(8)
+    grid, made, _ = structure(rng)
+    known = offsets(grid)
+    seen = space(made.covariance(np.array([1.0, 0.5, 0.1])), known, drawn(grid, made, np.ones(3), rng), grid.data)
+    assert np.abs(seen.see(known.own)).max() < 1e-9
+
+
+def test_a_prior_lies_between_knowing_and_not_knowing() -> None:
+    rng = np.random.default_rng(9)
+    grid, made, _ = structure(rng)
+    rows = Rows(drawn(grid, made, np.array([1.0, 0.0, 0.0]), rng).stop + 5.0)
+    covariance = made.covariance(np.array([1.0, 0.0, 0.0]))
+    free = offsets(grid)
+    rests = []
+    for precision in (0.0, 1.0, 1e9):
+        known = Known(free.own, np.full((UNITS, 3), precision), free.own_target, free.shared, np.zeros(0), np.zeros(0))
+        rests.append(space(covariance, known, rows, grid.data).rest)
+    assert rests[0] < rests[1] < rests[2]
