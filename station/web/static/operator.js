@@ -86,7 +86,11 @@
     source.addEventListener("out", () => { location.href = "/login"; });
   }
 
-  async function command(action, serial) {
+  // One after the other: a fast scanner's second answer must not stand under its first.
+  let before = Promise.resolve();
+  const command = (action, serial) => (before = before.then(() => send(action, serial)));
+
+  async function send(action, serial) {
     const body = new URLSearchParams({ action, serial: serial || "", csrf: form.dataset.csrf });
     let answer;
     try {
