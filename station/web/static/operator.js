@@ -86,9 +86,10 @@
     source.addEventListener("out", () => { location.href = "/login"; });
   }
 
-  // One after the other: a fast scanner's second answer must not stand under its first.
+  // One after the other: a fast scanner's second answer must not stand under its first. A stop waits for nobody.
   let before = Promise.resolve();
-  const command = (action, serial) => (before = before.then(() => send(action, serial)));
+  const command = (action, serial) =>
+    action === "stop" ? send(action) : (before = before.then(() => send(action, serial)));
 
   async function send(action, serial) {
     const body = new URLSearchParams({ action, serial: serial || "", csrf: form.dataset.csrf });
