@@ -15,9 +15,9 @@ def command(
 ) -> int:
     """Look at bus, rights, clock, disk, DBC, device map, key and golden units; say what to do about each.
 
-        station doctor
+    station doctor
 
-        station doctor --simulate --recipe tilt-24
+    station doctor --simulate --recipe tilt-24
     """
     from station.cli._doctor import Question, examine
 
