@@ -15,9 +15,13 @@ def command(
 ) -> int:
     """Look at bus, rights, clock, disk, DBC, device map, key and golden units; say what to do about each.
 
-    station doctor
+    Before the first shift, and whenever something is odd:
 
-    station doctor --simulate --recipe tilt-24
+        station doctor
+
+    On a desk without a bus:
+
+        station doctor --simulate --recipe tilt-24
     """
     from station.cli._doctor import Question, examine
 
