@@ -153,5 +153,14 @@ def _proposal(count: int) -> Callable[[Asked], Section]:
     return propose
 
 
+def _causes(asked: Asked) -> Section | None:
+    """Which causes of trouble the recipe shows and tells apart; nothing where nobody knows the pose."""
+    if not asked.recipe.pose_known:
+        return None
+    from station.cli._apart import told_apart
+
+    return Section("causes", *told_apart(asked.recipe))
+
+
 #: What a check tells, in order. A section returns None where it does not apply.
-SECTIONS: tuple[Callable[[Asked], Section | None], ...] = (_head, _cycle_time, _observability, _uncertainty)
+SECTIONS: tuple[Callable[[Asked], Section | None], ...] = (_head, _cycle_time, _observability, _uncertainty, _causes)

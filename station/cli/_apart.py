@@ -1,0 +1,41 @@
+"""What a recipe can and cannot tell apart, as a part of `station check`."""
+
+from typing import Any
+
+from station.diagnosis.plan import Apart, tell_apart
+from station.domain.recipe import Recipe
+
+#: Units that are thought of.
+UNITS = 4
+
+
+def told_apart(recipe: Recipe) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The table for programs, and its lines for people."""
+    found = tell_apart(recipe, UNITS)
+    rows = [
+        {
+            "effect": s.effect,
+            "typical": s.typical,
+            "unit": s.unit,
+            "d": s.d,
+            "smallest_found": s.smallest,
+            "cannot_tell_from": list(s.tied),
+        }
+        for s in found.shown
+    ]
+    return {"units": found.units, "causes": rows, "not_testable": list(found.hidden)}, _lines(found)
+
+
+def _lines(found: Apart) -> tuple[str, ...]:
+    width = max((len(s.effect) for s in found.shown), default=0)
+    lines = [
+        f"causes that {found.units} units through this recipe show (white noise of the data sheet; smallest size found "
+        "in 8 of 10 campaigns):"
+    ]
+    for s in sorted(found.shown, key=lambda s: (bool(s.tied), s.effect)):
+        tied = f"; cannot be told from {', '.join(s.tied)}" if s.tied else ""
+        weak = "" if s.d > 3.3 else "; its usual size is too small for this recipe"
+        lines.append(f"  {s.effect:<{width}}  {s.smallest:.2g} {s.unit}{tied}{weak}")
+    if found.hidden:
+        lines.append(f"  not to be seen at all: {', '.join(found.hidden)}")
+    return tuple(lines)
