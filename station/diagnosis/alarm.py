@@ -20,7 +20,7 @@ from station.diagnosis.stage import Problem
 from station.domain.types import Array, Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-VERSION = 2
+VERSION = 3
 #: Chance of any alarm in data without a cause.
 LEVEL = 0.01
 #: Null data sets, in how many floors drawn from the estimate's uncertainty, and in how large parts.

@@ -20,8 +20,10 @@ from station.domain.types import Floats
 
 #: Walks tried, as parts of the largest allowed.
 WALKS = (0.0, 0.25, 0.5, 1.0)
-#: A candidate is slow when the largest walk would add this share to the noise along it.
+#: A candidate is slow when the largest walk adds this share to the noise along it.
 SLOW = 0.3
+#: Kernels with slow and fast directions: on the average they are not slow, yet they can follow a walk.
+FLEXIBLE = ("time", "temperature", "unit")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,4 +115,5 @@ def _slow(problem: Problem, i: int, best: Stage, most: float) -> list[int]:
     added = most**2 * np.einsum("urmk,urmk->k", axes, walk @ axes)
     length = np.maximum(np.einsum("umk,umk->k", seen.axes, seen.axes), 1e-300)
     share = [float(added[at].sum() / length[at].sum()) for at in seen.place]
-    return [j for j, s in enumerate(share) if s > SLOW]
+    names = [c.name for c in seen.bank.candidates]
+    return [j for j, (s, name) in enumerate(zip(share, names, strict=True)) if s > SLOW or name in FLEXIBLE]
