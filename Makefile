@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 SEED   ?= 1
+# Many small matrices: a second thread of the linear algebra only waits for the first.
+export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: run test check lock blind torture bench clean
 

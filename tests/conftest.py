@@ -3,6 +3,9 @@
 import os
 import pathlib
 
+# Many small matrices: a second thread of the linear algebra only waits for the first. Read when numpy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import numpy as np
 import pytest
 
