@@ -72,8 +72,7 @@ class SqliteStore:
             recipe = self._document("recipe", begin.recipe_json)
             product = self._document("product", begin.product_json)
             known = plain.columns(begin, attempt, recipe, product)
-            self._append("attempt", *(known[name] for name in COLUMNS["attempt"]))
-            number = self._number
+            number = self._append("attempt", *(known[name] for name in COLUMNS["attempt"]))
             self._note_head()
         self._open[attempt] = number
         return attempt
@@ -89,9 +88,8 @@ class SqliteStore:
         kept = [raw.to_bytes(v.frames) for v in visits]
         rows = [plain.visit(v, raw.digest(frames)) for v, frames in zip(visits, kept, strict=True)]
         with self._transaction("written"):
-            for attempt, row, frames in zip(attempts, rows, kept, strict=True):
-                self._append("visit", self._running(attempt), *row)
-                self._db.execute("INSERT INTO frames VALUES (?, ?)", (self._number, frames))
+            numbers = [self._append("visit", self._running(a), *row) for a, row in zip(attempts, rows, strict=True)]
+            self._db.executemany("INSERT INTO frames VALUES (?, ?)", zip(numbers, kept, strict=True))
 
     def write(self, attempt: str, write: WriteRecord) -> None:
         """Keeps one stage of an object write: the intent before, the fact after."""
@@ -167,12 +165,13 @@ class SqliteStore:
         """Once an attempt, inside its transaction: the log's own note of how far it has come."""
         self._db.execute("UPDATE head SET number = ?, hash = ?", (self._number, self._hash))
 
-    def _append(self, table: str, *values: Value) -> None:
-        """One sealed record inside the open transaction."""
+    def _append(self, table: str, *values: Value) -> int:
+        """One sealed record inside the open transaction; its number."""
         previous, self._number = self._hash, self._number + 1
         self._hash = chain.link(previous, chain.canonical(table, COLUMNS[table], values))
         signature = self._signer.sign(self._hash) if self._signer else None
         self._db.execute(_INSERT[table], (self._number, previous, self._hash, signature, *values))
+        return self._number
 
     def _document(self, kind: str, text: str) -> int | None:
         """The record that holds this text, made when it is the first time."""
@@ -182,8 +181,7 @@ class SqliteStore:
         row = self._db.execute("SELECT seq FROM document WHERE sha256 = ?", (key,)).fetchone()
         if row is not None:
             return int(row[0])
-        self._append("document", key, kind, text)
-        return self._number
+        return self._append("document", key, kind, text)
 
     def _check_end(self, log_id: str) -> None:
         """A log whose end was cut off or replaced since it was last closed is not gone on with: that would hide it."""

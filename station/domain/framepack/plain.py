@@ -15,8 +15,8 @@ _KINDS = ("<i8", "<u4", "u1", "u1")
 def to_bytes(frames: Frames) -> bytes:
     """One line with number and width of the payloads, then time, identifier, length and payload, little-endian."""
     columns = (frames.time_ns, frames.can_id, frames.length, frames.data)
-    parts = [np.ascontiguousarray(column, kind).tobytes() for column, kind in zip(columns, _KINDS, strict=True)]
-    return b"frames/1 %d %d\n" % (len(frames), frames.data.shape[1]) + b"".join(parts)
+    parts = [np.ascontiguousarray(column, kind).data for column, kind in zip(columns, _KINDS, strict=True)]
+    return b"".join([b"frames/1 %d %d\n" % (len(frames), frames.data.shape[1]), *parts])  # every byte copied once
 
 
 def from_bytes(data: bytes) -> Frames:
