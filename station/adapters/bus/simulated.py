@@ -11,6 +11,9 @@ from station.domain.types import Frames
 from station.errors import BusFault
 from station.ports.clock import EventClock
 
+#: Actors look at their channels at every instant, and mostly nothing is there.
+_NOTHING = Frames.empty()
+
 
 class Simulated:
     """One virtual bus of one simulated rig; the channel is unique, so two rigs never hear each other.
@@ -120,8 +123,11 @@ class _Channel:
             self._bus.shutdown()
 
     def _drain(self) -> Frames:
+        singles_wait = not self._bus.queue.empty()
+        if not self._blocks and not singles_wait:
+            return _NOTHING
         blocks, self._blocks = self._blocks, []
-        if not self._bus.queue.empty():
+        if singles_wait:
             singles = self._singles()
             blocks.insert(0, singles[wanted(singles, self._can_ids, errors=self._errors)])
         frames = blocks[0] if len(blocks) == 1 else Frames.join(blocks)

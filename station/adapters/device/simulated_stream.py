@@ -17,6 +17,7 @@ Correction = tuple[Floats, Floats] | None
 
 #: Bits of the status nibble, as the DBC describes them.
 CLIPPED, COMPENSATED, UNSETTLED = 2, 4, 8
+_NO_INSTANTS = np.zeros(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,7 @@ class Timer:
     def due(self, until_s: float) -> Floats:
         """Instants (n) up to `until_s`, in order, that have not been given yet."""
         if until_s < self.next_s:
-            return np.zeros(0)
+            return _NO_INSTANTS
         count = int((until_s - self.next_s) / self._period_s + 1e-6) + 1
         times_s = self.next_s + self._period_s * np.arange(count)
         self.next_s = float(times_s[-1]) + self._period_s
