@@ -3,11 +3,13 @@ asks the log, the device's flash and the next start whether they agree.
 
     python benchmarks/torture_kill.py [--points N] [--instants N] [--seed S] [--json]
 
---points: so many of all points, spread evenly (0: every one). Each trial is a process of its own, forked from one
-that has loaded everything. Every second trial has a device that loses power half-way through its save, so that there
-are mixtures to be recognised. What a trial must never show:
+A point lies before and after each call of the store, each SDO frame that is sent, each SDO transfer and NMT command,
+and each save of the device's flash. --points: so many of all points, spread evenly (0: every one). Each trial is a
+process of its own, forked from one that has loaded everything, and counts only if SIGKILL ended it. The points from the
+save on are tried twice: the second time the device loses power half-way through its save, so that there are mixtures to
+be recognised; so does every second one of the instants. What a trial must never show:
 
-* lost: an attempt or a stop whose store call had returned, or a PASS that had been shown, is not in the log;
+* lost: a record whose store call had returned, or a PASS that had been shown, is not in the log;
 * contradicting: the log says PASS, or says what the device holds, and the flash says otherwise;
 * unrecognised: the flash holds a mixture, and the next station to see the unit does not refuse it as one.
 """
@@ -34,6 +36,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from station.adapters.device.canopen_device import CanopenDevice
 from station.adapters.device.memory import NonVolatile
+from station.adapters.device.network import ServiceNetwork
 from station.adapters.store.life import result
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
@@ -51,19 +54,35 @@ SERIAL = "SN0001"
 CALLS: Sequence[tuple[type, tuple[str, ...]]] = (
     (SqliteStore, ("begin", "event", "visit", "write", "result", "finish")),
     (CanopenDevice, ("upload", "download", "nmt", "wait_boot_up")),
+    (ServiceNetwork, ("send",)),
     (NonVolatile, ("store",)),
 )
-_KEPT = ("begin", "visit")
+#: Store call → where `life` tells what it kept.
+_KEPT = {"visit": "visits", "write": "writes", "result": "results"}
+#: Random instants that fell after the run's end are drawn again, so many times at most.
+_DRAWS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One death: at the n-th point, or after so many seconds (point 0). torn: the device's save is torn as well."""
+    """One death: at the n-th point, or after so many seconds (point 0). torn: the device's save is torn as well.
 
-    number: int
+    seed: of the run; points are tried with one and the same, so that every run passes the same points.
+    """
+
+    seed: int
     torn: bool
     point: int = 0
     after_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """A run that nobody kills: how many points it has, the one at which the flash is first written, and its time."""
+
+    points: int
+    saving: int
+    lasts_s: float
 
 
 class Death:
@@ -87,8 +106,10 @@ class Death:
 
         def deadly(*args: Any, **kwargs: Any) -> Any:
             self.pass_by()
+            if name == "store":
+                self.tell(f"saving {self.points}")
             returned = call(*args, **kwargs)
-            if name in _KEPT:
+            if name == "begin" or name in _KEPT:
                 self.tell(name)
             self.pass_by()
             return returned
@@ -137,12 +158,12 @@ def doomed(folder: Path, trial: Trial, pipe: int) -> None:
     for kind, names in CALLS:
         for name in names:
             setattr(kind, name, death.around(name, getattr(kind, name)))
-    run(folder, trial.number + 2, torn=trial.torn, death=death)
+    run(folder, trial.seed, torn=trial.torn, death=death)
     death.tell(f"points {death.points}")
 
 
-def die(folder: Path, trial: Trial) -> list[str]:
-    """Runs the trial; what had been seen before the death."""
+def die(folder: Path, trial: Trial) -> tuple[list[str], bool]:
+    """Runs the trial; what had been seen before its end, and whether that was its death."""
     with forked(lambda pipe: doomed(folder, trial, pipe)) as (child, pipe):
         if trial.after_s:
             time.sleep(trial.after_s)
@@ -151,7 +172,7 @@ def die(folder: Path, trial: Trial) -> list[str]:
         _, status = os.waitpid(child, 0)
     if os.WIFEXITED(status) and os.WEXITSTATUS(status):
         raise RuntimeError(f"{trial} broke off by itself with status {os.WEXITSTATUS(status)}")
-    return told.decode().splitlines()
+    return told.decode().splitlines(), os.WIFSIGNALED(status)
 
 
 def come_again(folder: Path, number: int) -> None:
@@ -184,9 +205,11 @@ def raw(value: float | str, size: int) -> str:
     return (struct.pack("<f", value) if isinstance(value, float) else value.to_bytes(size, "little")).hex()
 
 
-def judge(folder: Path, trial: Trial, base: Path) -> tuple[list[str], str]:
-    """Everything that is wrong after this trial, as `kind: what`, and what the flash holds."""
-    seen = die(folder, trial)
+def judge(folder: Path, trial: Trial, base: Path) -> tuple[list[str], str] | None:
+    """Everything that is wrong after this trial, as `kind: what`, and what the flash holds; None: it did not die."""
+    seen, died = die(folder, trial)
+    if not died:
+        return None
     before = lives(folder)
     attempt = before[1] if len(before) > 1 else None
     wrong = [f"lost: {what}" for what in lost(seen, attempt)]
@@ -195,7 +218,7 @@ def judge(folder: Path, trial: Trial, base: Path) -> tuple[list[str], str]:
     planned = (result(attempt, "write-plan") or {}).get("objects", {})
     truth = classify(flash(base, planned), planned, flash(folder, planned)) if planned else "old"
     wrong += [f"contradicting: {what}" for what in contradicting(attempt, truth)]
-    come_again(folder, trial.number)
+    come_again(folder, trial.seed + 1)
     wrong += [f"unrecognised: {what}" for what in unrecognised(lives(folder), truth)]
     return wrong, truth
 
@@ -206,8 +229,9 @@ def lost(seen: Sequence[str], attempt: dict[str, Any] | None) -> Iterator[str]:
     if counts["begin"] and attempt is None:
         yield "the attempt"
     elif attempt is not None:
-        if counts["visit"] > len(attempt["visits"]):
-            yield f"{counts['visit'] - len(attempt['visits'])} stops"
+        for call, kept in _KEPT.items():
+            if counts[call] > len(attempt[kept]):
+                yield f"{counts[call] - len(attempt[kept])} of the {counts[call]} {kept}"
         shown = [line.removeprefix("shown ") for line in seen if line.startswith("shown ")]
         if shown and attempt["outcome"] != shown[0]:
             yield f"{shown[0]} was shown, the log says {attempt['outcome']}"
@@ -236,15 +260,45 @@ def unrecognised(found: Sequence[dict[str, Any]], truth: str) -> Iterator[str]:
         yield f"a mixture was taken on with outcome {again['outcome']}"
 
 
-def trials(points: int, wanted: int, instants: int, lasts_s: float, seed: int) -> Iterator[Trial]:
-    """Every point (or `wanted` of them), then the random instants; every second one with a torn save."""
-    chosen = range(1, points + 1) if not wanted else np.unique(np.linspace(1, points, wanted).astype(int)).tolist()
-    number = 0
-    for number, point in enumerate(chosen, 1):
-        yield Trial(number, number % 2 == 0, point=point)
+def at_points(wanted: int, seed: int, whole: Whole, torn: Whole) -> Iterator[Trial]:
+    """Every point (or `wanted` of them), then those that a torn save changes: from the save to that run's end."""
+    every = [*((False, p) for p in range(1, whole.points + 1)), *((True, p) for p in range(torn.saving, torn.points))]
+    chosen = range(len(every)) if not wanted else np.unique(np.linspace(0, len(every) - 1, wanted).astype(int))
+    for save_torn, point in (every[i] for i in chosen):
+        yield Trial(seed, save_torn, point=point)
+
+
+def at_instants(instants: int, lasts_s: float, seed: int) -> Iterator[Trial]:
+    """Random instants without end: whoever takes them stops when enough have killed."""
     rng = np.random.default_rng(seed)
-    for i, after_s in enumerate(rng.uniform(0.0, lasts_s, instants).tolist(), number + 1):
-        yield Trial(i, i % 2 == 0, after_s=after_s)
+    for number in range(_DRAWS * instants):
+        yield Trial(seed + number, number % 2 == 1, after_s=float(rng.uniform(0.0, lasts_s)))
+
+
+class Count:
+    """What the trials came to."""
+
+    def __init__(self, folder: Path, base: Path) -> None:
+        self._folder, self._base = folder, base
+        self.deaths: Counter[str] = Counter()
+        self.survived: list[str] = []
+        self.wrong: Counter[str] = Counter()
+        self.held: Counter[str] = Counter()
+        self.said: list[str] = []
+
+    def add(self, trial: Trial) -> None:
+        """Tries it in a folder of its own."""
+        folder = Path(shutil.copytree(self._base, self._folder / "trial"))
+        judged = judge(folder, trial, self._base)
+        shutil.rmtree(folder)
+        if judged is None:
+            self.survived.append(str(trial))
+            return
+        found, truth = judged
+        self.wrong.update(line.split(":")[0] for line in found)
+        self.said += [f"{trial}: {line}" for line in found]
+        self.held[truth] += 1
+        self.deaths["points" if trial.point else "instants"] += 1
 
 
 def torture(wanted: int, instants: int, seed: int) -> dict[str, Any]:
@@ -253,63 +307,71 @@ def torture(wanted: int, instants: int, seed: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         base = Path(name) / "base"
         base.mkdir()
-        run(base, 1)  # here, so that every fork has everything loaded
-        points, lasts_s = measured(Path(name), base)
-        wrong: Counter[str] = Counter()
-        kinds: Counter[str] = Counter()
-        held: Counter[str] = Counter()
-        said: list[str] = []
-        for trial in trials(points, wanted, instants, lasts_s, seed):
-            folder = Path(shutil.copytree(base, Path(name) / "trial"))
-            found, truth = judge(folder, trial, base)
-            wrong.update(line.split(":")[0] for line in found)
-            said += [f"{trial}: {line}" for line in found]
-            held[truth] += 1
-            kinds["points" if trial.point else "instants"] += 1
-            shutil.rmtree(folder)
+        run(base, seed)  # here, so that every fork has everything loaded
+        seed += 1
+        whole, torn = (measured(Path(name), base, Trial(seed, torn)) for torn in (False, True))
+        count = Count(Path(name), base)
+        planned = list(at_points(wanted, seed, whole, torn))
+        for trial in planned:
+            count.add(trial)
+        not_reached = len(count.survived)
+        for trial in at_instants(instants, whole.lasts_s, seed):
+            if count.deaths["instants"] == instants:
+                break
+            count.add(trial)
     return {
-        "deaths": dict(kinds),
-        "of_points": points,
-        "lost": wrong["lost"],
-        "contradicting": wrong["contradicting"],
-        "unrecognised": wrong["unrecognised"],
-        "flash_held": dict(held),
-        "seed": seed,
+        "deaths": dict(count.deaths),
+        "points": whole.points,
+        "torn_points": torn.points - torn.saving,
+        "planned": len(planned),
+        "not_reached": not_reached,
+        "lost": count.wrong["lost"],
+        "contradicting": count.wrong["contradicting"],
+        "unrecognised": count.wrong["unrecognised"],
+        "flash_held": dict(count.held),
+        "seed": seed - 1,
         "lasted_s": round(time.monotonic() - begun_s, 1),
-        "said": said,
+        "said": count.said,
     }
 
 
-def measured(folder: Path, base: Path) -> tuple[int, float]:
-    """How many points a run has, and how long it takes, s."""
-    whole = Path(shutil.copytree(base, folder / "whole"))
+def measured(folder: Path, base: Path, trial: Trial) -> Whole:
+    """How many points the run has, and how long it takes."""
+    copy = Path(shutil.copytree(base, folder / "whole"))
     begun_s = time.monotonic()
-    told = die(whole, Trial(0, torn=False))
-    return int(told[-1].removeprefix("points ")), time.monotonic() - begun_s
+    told, _ = die(copy, trial)
+    lasts_s = time.monotonic() - begun_s
+    shutil.rmtree(copy)
+    said = dict(line.rsplit(" ", 1) for line in reversed(told) if line.startswith(("points ", "saving ")))
+    return Whole(int(said["points"]), int(said["saving"]), lasts_s)
 
 
-def main() -> None:
-    """Prints the counts."""
-    ask = argparse.ArgumentParser()
+def main() -> int:
+    """Prints the counts; 1 when one of them is not as it must be."""
+    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ask.add_argument("--points", type=int, default=0)
     ask.add_argument("--instants", type=int, default=1000)
     ask.add_argument("--seed", type=int, default=1)
     ask.add_argument("--json", action="store_true")
     given = ask.parse_args()
     told = torture(given.points, given.instants, given.seed)
+    good = not (told["lost"] or told["contradicting"] or told["unrecognised"] or told["not_reached"])
     if given.json:
         print(json.dumps(told))
-        return
+        return int(not good)
     deaths = told["deaths"]
+    wrong = f"{told['lost']} / {told['contradicting']} / {told['unrecognised']}"
     print(
-        f"SIGKILL at {deaths.get('points', 0)} of {told['of_points']} points and {deaths.get('instants', 0)} random "
-        f"instants: attempts lost / logs contradicting the device / half-written devices not recognised = "
-        f"{told['lost']} / {told['contradicting']} / {told['unrecognised']}   goal: 0 / 0 / 0   seed {told['seed']}"
+        f"SIGKILL at {deaths.get('points', 0)} of {told['points']} points + {told['torn_points']} of a torn save, and "
+        f"at {deaths.get('instants', 0)} random instants: records lost / logs contradicting the device / half-written "
+        f"devices not recognised = {wrong}   goal: 0 / 0 / 0   seed {told['seed']}"
     )
     print(f"  {told['lasted_s']:.0f} s; the flash held {told['flash_held']} values")
+    print(f"  points not reached: {told['not_reached']} of {told['planned']}   goal: 0")
     for line in told["said"][:20]:
         print(f"  {line}")
+    return int(not good)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
