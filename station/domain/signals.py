@@ -91,7 +91,9 @@ def raw(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
     if signal.is_float:
         kinds = {16: ("<u2", "<f2"), 32: ("<u4", "<f4"), 64: ("<u8", "<f8")}
         integer, real = kinds[signal.length]
-        return np.asarray(bits.astype(integer).view(real).astype(np.float64))
+        # A signalling NaN off the bus is data: it becomes a quiet one without a word.
+        with np.errstate(invalid="ignore"):
+            return np.asarray(bits.astype(integer).view(real).astype(np.float64))
     return bits
 
 
@@ -104,7 +106,8 @@ def physical(values: Array, signal: SignalLayout) -> Array:
     if scale == 1 and offset == 0:
         return values
     if signal.is_float:
-        return np.asarray(values * float(scale) + float(offset))
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.asarray(values * float(scale) + float(offset))
     if float(scale).is_integer() and float(offset).is_integer():
         scale, offset = int(scale), int(offset)
     if isinstance(scale, float):

@@ -51,9 +51,10 @@ def messages(draw: st.DrawFn, multiplexed: bool = False, longest: int = 8) -> Te
         _fill(draw, text, first=0, prefix="S")
         return text
     text.signals.append(f' SG_ M M : {at(0, 8, False)}+ (1,0) [0|0] "" A')
-    for value in draw(st.sets(st.integers(0, 255), min_size=1, max_size=3)):
-        _fill(draw, text, first=2, prefix=f"P{value}_", mux=f"m{value} ")
     inner = draw(st.sampled_from([7, 200]))
+    # What hangs on the inner selector lies in the same bytes: no other signal may be there with it.
+    for value in draw(st.sets(st.integers(0, 255).filter(lambda v: v != inner), min_size=1, max_size=3)):
+        _fill(draw, text, first=2, prefix=f"P{value}_", mux=f"m{value} ")
     text.signals.append(f' SG_ N m{inner}M : {at(8, 4, True)}+ (1,0) [0|0] "" A')
     text.muxes.append(f"SG_MUL_VAL_ {text.frame_id} N M {inner}-{inner};")
     _fill(draw, text, first=2, prefix="Q", mux="m3 ")

@@ -88,6 +88,15 @@ def test_half_precision_floats_agree_with_numpy() -> None:
         np.testing.assert_array_equal(raw(data, signal), values.astype(float))
 
 
+@pytest.mark.parametrize("scale", [1, 3e300])
+def test_a_signalling_nan_and_an_overflow_decode_without_a_warning(scale: float) -> None:
+    payloads = [bytes.fromhex("0000a07f"), bytes.fromhex("ffff7f7f")]
+    signal = SignalLayout("S", 0, 32, False, False, True, scale, 0, None, None, "", None)
+    values = physical(raw(_frames(1, payloads).data, signal), signal)
+    assert np.isnan(values[0])
+    assert values[1] == (np.inf if scale > 1 else np.float64(np.finfo(np.float32).max))
+
+
 def test_integers_too_large_for_a_word_are_rounded_once() -> None:
     signal = SignalLayout("L", 0, 64, scale=3, offset=1)
     value = np.array([2**64 - 1], np.uint64)
