@@ -117,11 +117,29 @@ def _counter(
         return {}
     out = []
     for run in dict.fromkeys(run for run, _, _ in told):
-        counter = np.concatenate([c for r, c, _ in told if r == run])
-        time_ns = np.concatenate([t for r, _, t in told if r == run])
-        ahead = steps(counter, time_ns, values) if len(counter) else np.zeros(0, np.int64)
-        out.append((int(counter[0]) + np.concatenate([[0], np.cumsum(ahead)])) % modulus if len(counter) else ahead)
+        stops = [(c, t) for r, c, t in told if r == run]
+        out.append(_counted_on([s for s in stops if len(s[0])], values) % modulus)
     return {"counter": np.concatenate(out).astype(np.float64)}
+
+
+def _counted_on(stops: list[tuple[NDArray[np.uint64], Times]], values: int) -> NDArray[np.int64]:
+    """Counters and times of a run's stops, one after the other, as one count: the moves in between are some frames of
+    the stops' own rate long, of which the counter knows the number modulo `values`."""
+    within = [steps(counter, time_ns, values) for counter, time_ns in stops]
+    frames = sum(int(w.sum()) for w in within)
+    elapsed_ns = sum(int(t[-1] - t[0]) for _, t in stops)
+    numbers: list[NDArray[np.int64]] = []
+    for (counter, time_ns), ahead in zip(stops, within, strict=True):
+        first = int(counter[0])
+        if numbers:
+            before, last_ns = stops[len(numbers) - 1][0], stops[len(numbers) - 1][1][-1]
+            gap = (first - int(before[-1])) % values
+            if elapsed_ns > 0:
+                expected = int(time_ns[0] - last_ns) * frames / elapsed_ns
+                gap += values * max(round((expected - gap) / values), 0)
+            first = int(numbers[-1][-1]) + gap
+        numbers.append(first + np.concatenate([[0], np.cumsum(ahead)]))
+    return np.concatenate(numbers) if numbers else np.zeros(0, np.int64)
 
 
 def _temperature(visits: Sequence[KeptVisit], at: Times, layout: SensorLayout, node: int) -> dict[str, Floats]:

@@ -81,3 +81,12 @@ def test_the_counter_counts_on_modulo_what_the_recipe_says(layout: SensorLayout)
     # Two dwells of 100 frames, 100 frames of moving between them: the count goes on as if nobody had looked away.
     wanted = np.concatenate([np.arange(100), np.arange(200, 300)]) % 256
     assert table.values["counter"].tolist() == wanted.tolist()
+
+
+def test_moves_longer_than_the_stops_do_not_bend_the_count(layout: SensorLayout) -> None:
+    """The counter of the end-to-end profile goes round ten times while the fixture moves."""
+    frames = frames_at(layout, 0.0, (0, 0, 1), 3000)
+    starts = [START + i * 2_510_000_000 for i in range(10)]
+    kept = [KeptVisit(0, i, f"p{i}", "home", t, t, t + 10**9, frames) for i, t in enumerate(starts)]
+    table = table_of("SN1", NODE, kept, layout, counter_bits=16)
+    assert table.values["counter"].tolist() == np.concatenate([i * 251 + np.arange(100) for i in range(10)]).tolist()
