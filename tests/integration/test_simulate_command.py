@@ -11,6 +11,7 @@ from station.adapters.bus import read_log
 from station.adapters.marks import read_marks
 from station.adapters.samples import read_samples
 from station.cli import app
+from station.config.recipes import recipe_path
 from station.model.effects.axis_permutation import MAPPINGS
 
 
@@ -112,7 +113,6 @@ def test_a_model_file_is_simulated(tmp_path: Path, capsys: pytest.CaptureFixture
         (["--out", "s"], "none is none of .parquet"),
         (["--out", "nowhere/s.csv"], "there is no folder nowhere"),
         (["--out", "s.csv", "--model", "none.yaml"], "none.yaml cannot be read"),
-        (["--out", "s.log", "--recipe", "tilt-24"], "names no product, so its frames are unknown; add --product"),
         (["--out", "s.csv", "--units", "none"], "--units"),
         (["--out", "s.csv", "--seed", "-1"], "--seed"),
         ([], "--out"),
@@ -126,6 +126,14 @@ def test_mistakes_are_one_sentence(
     told = capsys.readouterr()
     assert said in told.err and told.err.count("\n") == 1 and not told.out
     assert not list(tmp_path.iterdir())
+
+
+def test_a_recipe_of_no_product_has_no_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recipe = tmp_path / "nobodys.yaml"
+    said = recipe_path("tilt-24").read_text(encoding="utf-8")
+    recipe.write_text(said.replace("product: accelerometer\n", ""), encoding="utf-8")
+    assert station("simulate", "--out", str(tmp_path / "s.log"), "--recipe", str(recipe)) == 2
+    assert "names no product, so its frames are unknown; add --product" in capsys.readouterr().err
 
 
 def test_a_folder_in_the_way_is_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
