@@ -73,7 +73,12 @@ def _held_out_by(problem: Problem, item: Accepted) -> str:
     of = item.candidate.of
     if of == "visit":
         return "sample"
-    return "unit" if of not in OWN and problem.view.grid.units >= UNITS else "visit"
+    if of in OWN or problem.view.grid.units < UNITS:
+        return "visit"
+    # A group of one unit could not be predicted from the others.
+    unit = problem.view.scene.visits.unit.code
+    shared = all(len(np.unique(unit[item.candidate.code == g])) > 1 for g in np.flatnonzero(item.hit))
+    return "unit" if shared else "visit"
 
 
 def _folds(problem: Problem, by: str) -> Iterator[Floats]:
