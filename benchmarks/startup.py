@@ -2,8 +2,8 @@
 
     python benchmarks/startup.py [--times 7] [--profile]
 
-Help: `station --help` less `python -c pass`; goal 0.15 s. First frames: from the start of the process until the
-readings of the first dwell are decoded, by the steps of `station run --simulate --units 4` (files read and checked,
+Row 12. Help: `station --help` less `python -c pass`; goal 0.15 s. First frames: from the start of the process until
+`station run --simulate --units 4` has decoded and shown the first readings of its first dwell (files read and checked,
 log opened, devices identified and made ready, one settling in simulated time); goal 1 s. Wall time, and beside it
 the processor's time of the same runs, which a busy machine does not stretch as much. --profile: where imports go.
 """
@@ -17,30 +17,33 @@ import sys
 import tempfile
 import time
 
+#: The command itself; it says when its first event with readings is shown, and ends.
 FIRST_FRAMES = """
 import os, sys, time
-from pathlib import Path
-import station.cli.app, station.cli.run, station.cli._run
+import station.cli._live as live
+from station.cli.app import main
 from station.domain.progress import Reading
-from station.service.runner import Runner
-from station.wiring import Order, open_bench
-with open_bench(Order(simulate=True, database=Path("station.db"))) as bench:
-    (seats,) = bench.loads(["SN0001", "SN0002", "SN0003", "SN0004"])
-    bench.fixture.place(seats)
-    for event in Runner(bench.station, bench.job).run(seats):
-        if isinstance(event, Reading):
-            break
-    heavy = sorted({"asammdf", "pandas", "pyarrow", "matplotlib"} & set(sys.modules))
-    print(time.time(), *heavy, flush=True)
-    os._exit(0)
+shown = live.Live.event
+def event(self, happened):
+    shown(self, happened)
+    if isinstance(happened, Reading):
+        heavy = sorted({"asammdf", "pandas", "pyarrow", "matplotlib"} & set(sys.modules))
+        print(time.time(), *heavy, flush=True)
+        os._exit(0)
+live.Live.event = event
+main(["run", "--simulate", "--units", "4"])
 """
+#: As a user's Python is: compiled modules are kept.
+SURROUNDINGS = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
 
 
 def lasts(command: list[str]) -> tuple[float, float, list[str]]:
     """Wall and processor time, s, of a command; it may print when it was ready and what it should not have loaded."""
     with tempfile.TemporaryDirectory() as folder:
         before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.time()
-        said = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True).stdout.split()
+        said = subprocess.run(
+            command, cwd=folder, env=SURROUNDINGS, check=True, capture_output=True, text=True
+        ).stdout.split()
         end, after = time.time(), resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     timed = bool(said) and said[0].replace(".", "").isdigit()
@@ -56,6 +59,7 @@ def main() -> None:
     if given.profile:
         _profile()
         return
+    lasts([sys.executable, "-c", FIRST_FRAMES])  # compiles what has changed since
     bare, helps, firsts = [], [], []
     for _ in range(given.times):
         bare.append(lasts([sys.executable, "-c", "pass"]))
@@ -79,7 +83,7 @@ def _tell(what: str, found: list[tuple[float, float]], goal_s: float) -> None:
 def _profile() -> None:
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-X", "importtime", "-c", FIRST_FRAMES]
-        told = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True).stderr
+        told = subprocess.run(command, cwd=folder, env=SURROUNDINGS, check=True, capture_output=True, text=True).stderr
     rows = [line.removeprefix("import time:").split("|") for line in told.splitlines()[1:] if line.count("|") == 2]
     for own, whole, name in sorted(rows, key=lambda row: -int(row[1]))[:40]:
         print(f"{int(whole) / 1000:8.1f} ms, itself {int(own) / 1000:7.1f} ms  {name.strip()}")

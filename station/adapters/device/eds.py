@@ -4,6 +4,8 @@ import configparser
 import io
 import math
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 from canopen.objectdictionary import ODVariable
@@ -25,16 +27,25 @@ def load(path: Path, node: int) -> Dictionary:
     """
     text = _text(path)
     try:
-        sections = _Sections(text)
-        sections.check()
-        found = [_entry(variable, sections, text) for variable in _variables(text, node)]
+        found = _entries(text)
     except ProductError as exc:
         raise ProductError(f"{path}: {exc.sentence}") from None
     except (configparser.Error, ValueError, KeyError, AttributeError, TypeError) as exc:
         raise ProductError(f"{path} is no EDS that can be used: {' '.join(str(exc).split())[:200]}") from exc
     if not found:
         raise ProductError(f"{path} describes no objects; check `eds` in the product file")
-    return Dictionary(node, {(entry.index, entry.sub): entry for entry in found})
+    own = [replace(e, default=e.default + node) if isinstance(e.default, int) and counts else e for e, counts in found]
+    return Dictionary(node, {(entry.index, entry.sub): entry for entry in own})
+
+
+@lru_cache(maxsize=8)
+def _entries(text: str) -> tuple[tuple[Entry, bool], ...]:
+    """Every object for node 0, and whether its default counts from $NODEID: a fixture's nests share one parse."""
+    sections = _Sections(text)
+    sections.check()
+    return tuple(
+        (_entry(variable, sections, text), sections.counts_from_node(variable)) for variable in _variables(text)
+    )
 
 
 def _text(path: Path) -> str:
@@ -46,8 +57,8 @@ def _text(path: Path) -> str:
         raise ProductError(f"{path} cannot be read ({exc.strerror}); check `eds` in the product file") from exc
 
 
-def _variables(text: str, node: int) -> Iterator[ODVariable]:
-    for item in import_eds(io.StringIO(text), node).values():  # type: ignore[no-untyped-call]
+def _variables(text: str) -> Iterator[ODVariable]:
+    for item in import_eds(io.StringIO(text), 0).values():  # type: ignore[no-untyped-call]
         if isinstance(item, ODVariable):
             yield item
         else:
@@ -66,6 +77,10 @@ class _Sections:
         """Refuses what is no EDS at all."""
         if "deviceinfo" not in self._names:
             raise ProductError("has no [DeviceInfo], so it is no EDS; check `eds` in the product file")
+
+    def counts_from_node(self, variable: ODVariable) -> bool:
+        """Whether the default is the node id, or that and more."""
+        return "$NODEID" in self.word(variable, "DefaultValue").upper()
 
     def word(self, variable: ODVariable, option: str) -> str:
         """What the file says; '' when it says nothing."""
