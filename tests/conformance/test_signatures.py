@@ -18,7 +18,7 @@ HIDDEN = {"local-gravity", "gold-drift"}
 #: At its usual size weaker than d = 12 with four units of this noise: simulated three times as large.
 FAINT = {"cubic", "cross-quadratic", "bias-drift", "warm-up"}
 #: Measured against a data sheet's promise that the blind recipe leaves out.
-SHEET = {"quantization", "clock-error"}
+SHEET = {"quantization", "stuck-bit", "clock-error"}
 EFFECTS = plugins.names("station.model.effects")
 
 

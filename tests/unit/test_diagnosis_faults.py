@@ -67,11 +67,44 @@ def test_a_clock_that_is_off_is_told_from_one_within_its_tolerance() -> None:
             assert abs(float(n.value) - error) < 3 * (n.std or 0.0)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_tone_out_of_step_from_stop_to_stop_keeps_its_amplitude(seed: int) -> None:
+    made = table(seed)
+    stops = np.cumsum(np.diff(made.visit, prepend=-1) != 0)
+    phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, stops[-1] + 1)[stops]
+    tone = made.values["motor"] * np.sin(2 * np.pi * 7.3 * made.time_s + phase)
+    faults = found(replace(made, reading=made.reading + tone[:, None] * np.array([0.0, 5e-4, -1e-3])))
+    numbers = {(n.name, n.axis): n for n in faults["motor-tone"].numbers}
+    assert float(numbers["frequency", None].value) == pytest.approx(7.3, abs=0.1)
+    for axis, size in (("y", 5e-4), ("z", 1e-3)):
+        n = numbers["amplitude", axis]
+        # The frequency is known to a tenth of 1/dwell, which costs the amplitude up to 2 %.
+        assert abs(float(n.value) - size) < 4 * (n.std or 0.0) + 0.02 * size
+
+
 def test_a_coarse_grid_is_measured() -> None:
     made = table()
     faults = found(replace(made, reading=np.round(made.reading / 4e-4) * 4e-4))
     assert list(faults) == ["quantization"]
     assert [float(n.value) for n in faults["quantization"].numbers] == pytest.approx([4e-4, 4e-4], rel=1e-3)
+
+
+@pytest.mark.parametrize("high", [False, True])
+def test_a_bit_that_never_changes_is_named_by_its_weight(high: bool) -> None:
+    made = table()
+    code = np.round(made.reading / 1e-5).astype(np.int64)
+    held = code | 64 if high else code & ~64
+    mine = (made.unit.code == 1)[:, None]
+    faults = found(replace(made, reading=np.where(mine, held, code) * 1e-5))
+    assert list(faults) == ["stuck-bit"]
+    numbers = [(n.of, float(n.value)) for n in faults["stuck-bit"].numbers]
+    assert numbers == [(f"unit:{made.unit.names[1]}", pytest.approx(-64e-5 if high else 64e-5))]
+
+
+def test_few_levels_say_nothing_about_bits() -> None:
+    made = table()
+    steady = np.round(made.reading / 2**-4) * 2**-4 + 1e-5 * (np.arange(len(made)) % 2)[:, None]
+    assert "stuck-bit" not in found(replace(made, reading=np.round(steady / 1e-5) * 1e-5))
 
 
 def test_a_saturated_unit_is_found_and_its_stops_are_left_out() -> None:
@@ -124,5 +157,6 @@ def test_a_tone_that_follows_the_motors_is_found_with_frequency_and_amplitude() 
     for axis, size in (("x", 0.0), ("y", 5e-4), ("z", 1e-3)):
         n = numbers["amplitude", axis]
         assert abs(abs(float(n.value)) - size) < 4 * (n.std or 0.0) + 0.03 * size
+    assert ("phase", None) in numbers
     steady = replace(made, reading=made.reading + 1e-3 * np.sin(angle)[:, None] * (made.values["motor"] == 0)[:, None])
     assert "motor-tone" not in found(steady)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.faults import clipping, clock, counters, grid_step, mapping, tone
+from station.diagnosis.faults import clipping, clock, counters, grid_step, mapping, stuck_bits, tone
 from station.diagnosis.faults.fault import Fault, Number
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, SampleTable
@@ -32,7 +32,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspected:
     found = mapping.faults(recipe, table, scene, read)
     found = [_measured(f, scene, table, mapping.repaired(table, read), stop) for f in found]
     table = replace(table, reading=mapping.repaired(table, read)) if read else table
-    for part in (clipping, grid_step, counters, clock):
+    for part in (clipping, grid_step, stuck_bits, counters, clock):
         found += part.faults(recipe, table, stop)
     _, bad = clipping.clipped(table, stop)
     whole = ~np.isin(stop, np.unique(stop[bad]))
@@ -71,7 +71,7 @@ def _blind(recipe: Recipe, table: SampleTable, scene: Scene) -> tuple[str, ...]:
     if len(table) < 3 * len(scene.visits):
         blind.append("clock-error")
     if recipe.device.lsb <= 0:
-        blind.append("quantization")
+        blind += ["quantization", "stuck-bit"]
     if not {"motor", "started_s"} <= set(table.values) or float(np.ptp(table.values["motor"])) == 0.0:
         blind.append("motor-tone")
     if not recipe.pose_known:

@@ -3,15 +3,17 @@
 Each stop's samples are turned into one complex amplitude per frequency up to half the sample rate. Powers add up over
 stops without regard to phase; where a narrow line stands out of the spectrum around it in proportion to motor², the
 phases are followed over the whole campaign, which fixes frequency, amplitude and phase. A tone above half the rate
-shows at its alias. What dies away after each arrival is taken off first: it keeps step with the moves, a tone does not.
+shows at its alias. Where the phases do not hold from stop to stop, amplitudes come from the powers alone
+(`tone_power.py`). What dies away after each arrival is taken off first: it keeps step with the moves, a tone does not.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.faults.fault import Fault, Number
+from station.diagnosis.faults.tone_power import each_stop
 from station.domain.recipe import Recipe
 from station.domain.types import Array, Floats, SampleTable
 
@@ -52,10 +54,11 @@ class Filter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dwells:
-    """White, filtered samples (v, s, 3) of the stops, zero where there is none; time (v, s) on the campaign's clock;
-    motor (v); rate in Hz; the filter."""
+    """White, filtered samples (v, s, 3) of the stops, zero where there is none; the readings (v, s, 3) as they came;
+    time (v, s) on the campaign's clock; motor (v); rate in Hz; the filter."""
 
     white: Floats
+    reading: Floats
     time_s: Floats
     motor: Floats
     rate_hz: float
@@ -81,7 +84,7 @@ def dwells_of(table: SampleTable, stop: NDArray[np.intp], rate_hz: float) -> tup
     flat = clean(reading)
     sigma = float(np.median(np.abs(flat[at]))) / 0.6745
     motor = np.add.reduceat(table.values["motor"], first) / length
-    return Dwells(flat / max(sigma, 1e-300), time, motor, rate_hz, clean), sigma
+    return Dwells(flat / max(sigma, 1e-300), reading, time, motor, rate_hz, clean), sigma
 
 
 def _moves(
@@ -175,6 +178,9 @@ def _fault(d: Dwells, frequency_hz: float, sigma: float, nats: float, recipe: Re
         bend = _filtered(d, late * np.cos(angle)) * c[0] - _filtered(d, late * np.sin(angle)) * c[1]
         left = d.white - np.einsum("kvsi,ki->vsi", waves, c)
         frequency_hz += float(np.sum(bend * left) / max(float(np.sum(bend**2)), 1e-300))
+    power = each_stop(waves, d.white)
+    if power.beyond(c):
+        return _loose(d, frequency_hz, sigma, nats, recipe)
     strong = int(np.argmax(np.hypot(*c)))
     phase = float(np.arctan2(c[1, strong], c[0, strong]) % (2 * np.pi))
     along = c[0] * np.cos(phase) + c[1] * np.sin(phase)
@@ -188,6 +194,24 @@ def _fault(d: Dwells, frequency_hz: float, sigma: float, nats: float, recipe: Re
     numbers.append(Number("phase", None, "common", phase, float(std / (sigma * np.hypot(*c)[strong])), "rad"))
     told = f"a tone of {frequency_hz:.3f} Hz follows the motors"
     return Fault("motor-tone", "common", tuple(numbers), told, nats)
+
+
+def _loose(d: Dwells, frequency_hz: float, sigma: float, nats: float, recipe: Recipe) -> Fault:
+    """Amplitude of each axis and frequency where every stop has a phase of its own: the motors are not in step."""
+    # What a unit's stops have in common mixes their phases: each stop stands for itself here.
+    alone = replace(d.filter, units=())
+    d = replace(d, white=alone(d.reading) / max(sigma, 1e-300), filter=alone)
+    resolution = d.rate_hz / (FINE * d.white.shape[1])
+    tried = frequency_hz + resolution * np.linspace(-1, 1, 41)
+    frequency_hz = float(tried[np.argmax([_power(d, f).sum() for f in tried])])
+    angle = 2 * np.pi * frequency_hz * d.time_s
+    found = each_stop(np.stack([_filtered(d, np.sin(angle)), _filtered(d, np.cos(angle))]), d.white)
+    numbers = [
+        Number("amplitude", axis, "common", float(a * sigma), float(std * sigma), recipe.unit)
+        for axis, a, std in zip("xyz", found.amplitude, found.amplitude_std, strict=True)
+    ]
+    numbers.append(Number("frequency", None, "common", frequency_hz, resolution / 10, "Hz"))
+    return Fault("motor-tone", "common", tuple(numbers), f"a tone near {frequency_hz:.2f} Hz follows the motors", nats)
 
 
 def _filtered(d: Dwells, wave: Floats) -> Floats:
