@@ -6,7 +6,7 @@ SEED   ?= 1
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: run test check lock blind torture bench clean
+.PHONY: run test check lock blind torture bench pictures clean
 
 $(VENV)/.run: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -40,6 +40,9 @@ lock: ## renew the lock files from pyproject.toml
 
 blind: $(VENV)/.dev  ## hide new causes (make blind SEED=7) and see whether the diagnosis finds them
 	SEED=$(SEED) $(BIN)/python -m pytest tests/blind
+
+pictures: $(VENV)/.dev  ## renew the guide's pictures of the page, as the tests see it
+	STATION_PICTURES=docs/pictures $(BIN)/python -m pytest tests/browser
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -123,7 +123,7 @@ def show(live: Path, number: int) -> None:
              for i, n in enumerate("ABCD")]  # fmt: skip
     state = {"nests": nests, "done": number, "total": 10**6, "sentences": [], "over": True, "fault": ""}
     beside = live.with_suffix(".tmp")
-    beside.write_text(json.dumps({"pid": 1, "unit": "g", "recipe": "r/1", "poses": {}, "state": state}))
+    beside.write_text(json.dumps({"pid": 1, "unit": "g", "recipe": "r/1", "poses": [], "state": state}))
     beside.replace(live)
 
 

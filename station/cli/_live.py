@@ -2,14 +2,15 @@
 
 import json
 import os
+import secrets
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 from station.cli import _face
-from station.domain.progress import Event
+from station.domain.progress import Event, Reading
 from station.domain.recipe import Recipe
 from station.domain.run_state import RunState
 from station.service.itinerary import tumble, verification
@@ -18,6 +19,8 @@ from station.service.stop import Stop
 SCHEMA = "station.live/1"
 #: A paced run looks this often whether it was stopped, s.
 _LOOK_S = 0.02
+#: Readings within a dwell come to the page no more often, s: each write costs a rename on the disk.
+_READING_S = 0.2
 
 
 class Live:
@@ -30,22 +33,39 @@ class Live:
         self._path = database.with_name(database.name + ".live.json")
         stops = [*(s for run in range(len(recipe.runs)) for s in tumble(recipe, run)), *verification(recipe)]
         self._failed = False
+        self._written_s = 0.0
         self._state = RunState(stops=tuple(s.position for s in stops))
         self._head = {
             "schema": SCHEMA,
             "pid": os.getpid(),
             "recipe": f"{recipe.name}/{recipe.version}",
             "unit": recipe.unit,
-            "poses": {s.position: (s.nest @ s.seat).tolist() for s in stops},
+            "poses": [(s.nest @ s.seat).tolist() for s in stops],
             **told,
         }
 
     def event(self, event: Event) -> None:
         """Takes one event in and shows the state after it."""
-        now_s = time.time()
-        self._state = self._state.after(event, now_s)
+        self._state = self._state.after(event, time.time())
+        if not isinstance(event, Reading) or time.monotonic() - self._written_s > _READING_S:
+            self._write()
+
+    def ask(self, sentence: str) -> str:
+        """Shows what a person must do and confirm; the mark that the answer must bear."""
+        mark = secrets.token_hex(8)
+        self._state = replace(self._state, confirm=sentence, question=mark)
+        self._write()
+        return mark
+
+    def answered(self, waited_s: float) -> None:
+        """Nothing is asked any more; the time that it took is no part of the estimate."""
+        self._state = replace(self._state, confirm="", question="", began_s=self._state.began_s + waited_s)
+        self._write()
+
+    def _write(self) -> None:
+        self._written_s = time.monotonic()
         try:
-            write(self._path, {**self._head, "at_s": now_s, "state": asdict(self._state)})
+            write(self._path, {**self._head, "at_s": time.time(), "state": self._state})
         except OSError as exc:
             if not self._failed:
                 _face.remark(f"{self._path} cannot be written ({exc.strerror}); the page does not follow this run")
@@ -55,8 +75,13 @@ class Live:
 def write(path: Path, document: Mapping[str, Any]) -> None:
     """The document in one piece or not at all; a page must never read half of it. Errors: OSError."""
     beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_text(json.dumps(document, allow_nan=False), encoding="utf-8")
+    beside.write_text(json.dumps(document, allow_nan=False, default=_plain), encoding="utf-8")
     beside.replace(path)
+
+
+def _plain(value: Any) -> dict[str, Any]:
+    """A frozen value by its fields; asdict would copy every number in it."""
+    return {f.name: getattr(value, f.name) for f in fields(value)}
 
 
 class Pace:
@@ -65,6 +90,10 @@ class Pace:
     def __init__(self, factor: float | None, virtual_s: Callable[[], float], stop: Stop) -> None:
         self._factor, self._virtual_s, self._stop = factor, virtual_s, stop
         self._began = (virtual_s(), time.monotonic())
+
+    def skip(self, waited_s: float) -> None:
+        """Real time that passed while virtual time stood still, because a person did something, is not made up for."""
+        self._began = (self._began[0], self._began[1] + waited_s)
 
     def keep(self) -> None:
         """Waits until real time has caught up; a stop ends the wait."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 
 from station.cli import _face
-from station.cli._run import wait_for_person
+from station.cli._confirm import wait_for_person
 from station.domain.progress import LoadDone, Seat
 from station.service.runner import Runner
 from station.service.stop import Stop

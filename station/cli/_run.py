@@ -4,12 +4,14 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 from station.cli import _face
+from station.cli._confirm import AtPage, wait_for_person
 from station.cli._live import Live, Pace
 from station.cli._results import row, run_document, table
-from station.cli._serials import ask_serials
+from station.cli._serials import ask_serials, seats_of
 from station.domain import serial as serials_of
 from station.domain.progress import (
     Event,
@@ -42,9 +44,18 @@ PHASES = {
 }
 
 
-def run_units(
-    order: Order, given: Sequence[str], units: int | None, *, as_json: bool, pace: float | None = None
-) -> int:
+@dataclass(frozen=True, slots=True)
+class Face:
+    """How a run meets people. pace: of virtual time, None as fast as it goes; nests: one for each serial, or none said;
+    at_page: somebody at the page confirms what a person has to do."""
+
+    as_json: bool = False
+    pace: float | None = None
+    nests: tuple[str, ...] = ()
+    at_page: bool = False
+
+
+def run_units(order: Order, given: Sequence[str], units: int | None, face: Face) -> int:
     """Opens the station, takes every unit through it, and says how it went; the exit code."""
     with open_bench(order) as bench:
         serials = ask_serials(bench, given, units)
@@ -52,10 +63,10 @@ def run_units(
         refuse_unless_checked(bench.station.settings, bench.database, serials)
         for sentence in bench.told:
             _face.remark(sentence)
-        results, fault = _run(bench, serials, pace)
+        results, fault = _run(bench, serials, face)
         place = {serial: i for i, serial in enumerate(serials)}
         results.sort(key=lambda r: place[r.seat.serial])
-        if as_json:
+        if face.as_json:
             _face.say_json(run_document(results, bench.job.recipe))
         else:
             table([row(r) for r in results], bench.job.recipe)
@@ -76,21 +87,26 @@ def exit_code(results: Sequence[UnitResult], fault: StationError | None) -> int:
     return 0
 
 
-def _run(bench: Bench, serials: Sequence[str], pace: float | None) -> tuple[list[UnitResult], StationError | None]:
+def _run(bench: Bench, serials: Sequence[str], face: Face) -> tuple[list[UnitResult], StationError | None]:
     stop = Stop()
     settings = bench.station.settings
     told = {"station": settings.station, "operator": settings.operator, "simulated": bench.simulated}
     live = Live(bench.database, bench.job.recipe, told)
-    held = Pace(pace, bench.station.clock.monotonic_s, stop)
+    held = Pace(face.pace, bench.station.clock.monotonic_s, stop)
     results: list[UnitResult] = []
-    loads = bench.loads(serials)
-    _check_person(bench, len(loads))
+    loads = seats_of(bench, serials, face.nests)
+    confirm: Callable[[str], None]
+    if face.at_page:
+        confirm = AtPage(bench.database, live, held, stop)
+    else:
+        _check_person(bench, len(loads))
+        confirm = (lambda _: None) if bench.simulated else wait_for_person
     with _face.progress() as bar, _stops(stop):
         for number, seats in enumerate(loads):
-            if number and not bench.simulated:
-                wait_for_person("put in " + ", ".join(f"{s.serial} ({s.nest})" for s in seats))
+            if number:
+                confirm("put in " + ", ".join(f"{s.serial} ({s.nest})" for s in seats))
             bench.fixture.place(seats)
-            runner = Runner(bench.station, bench.job, stop, _confirm(bench))
+            runner = Runner(bench.station, bench.job, stop, confirm)
             show = _Show(bar, f"load {number + 1} of {len(loads)}" if len(loads) > 1 else "run")
             with closing(runner.run(seats)) as events:
                 for event in events:
@@ -172,15 +188,3 @@ def _check_person(bench: Bench, loads: int) -> None:
         )
     if any(run.seating != "home" for run in bench.job.recipe.runs):
         raise UsageError("this recipe needs somebody who turns the units in their nests; run it from a terminal")
-
-
-def _confirm(bench: Bench) -> Callable[[str], None]:
-    return (lambda _: None) if bench.simulated else wait_for_person
-
-
-def wait_for_person(sentence: str) -> None:
-    """Asks somebody at the terminal to do something and waits. Errors: UsageError when nobody is there."""
-    if not sys.stdin.isatty():
-        raise UsageError(f"somebody must {sentence}, but nobody is at a terminal; run this from one")
-    print(f"{sentence}, then press Enter: ", end="", file=sys.stderr, flush=True)
-    sys.stdin.readline()

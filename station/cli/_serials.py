@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator, Sequence
 
 from station.domain import serial
+from station.domain.progress import Seat
 from station.errors import UsageError
 from station.wiring import Bench
 
@@ -23,6 +24,19 @@ def ask_serials(bench: Bench, given: Sequence[str], units: int | None) -> tuple[
     if not found:
         raise UsageError("no serial came; give --serial, or scan one line a unit on standard input")
     return found
+
+
+def seats_of(bench: Bench, serials: Sequence[str], nests: Sequence[str]) -> list[tuple[Seat, ...]]:
+    """The loads: each serial in the nest said for it, or nest by nest where none is. Errors: UsageError."""
+    if not nests:
+        return bench.loads(serials)
+    nodes = {n.name: n.node for n in bench.station.settings.nests}
+    unknown = [n for n in nests if n not in nodes]
+    if unknown:
+        raise UsageError(f"there is no nest {unknown[0][:40]!r}; config.yaml names {', '.join(nodes)}")
+    if len(nests) != len(serials) or len(set(nests)) != len(nests):
+        raise UsageError(f"{len(serials)} times --serial need as many different --nest; or leave --nest out")
+    return [tuple(Seat(s, n, nodes[n]) for s, n in zip(serials, nests, strict=True))]
 
 
 def _scanned(bench: Bench, units: int | None) -> Iterator[str]:

@@ -12,13 +12,17 @@ def command(
     simulate: Annotated[bool, Option("--simulate", help="Virtual bus, simulated rig and devices.")] = False,
     units: Annotated[int | None, Option(min=1, max=100_000, help="How many units.")] = None,
     serial: Annotated[list[str] | None, Option(help="Serial of a unit; repeatable, one per nest.")] = None,
+    nest: Annotated[list[str] | None, Option(help="Nest of each --serial, in its order; left out: one by one.")] = None,
     db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
     effect: Annotated[list[str] | None, Option(help="With --simulate: switch on a cause, ID or ID=SIZE.")] = None,
     fault: Annotated[
         list[str] | None, Option(help="With --simulate: what is wrong with a device, KIND[:key=value,...].")
     ] = None,
     seed: Annotated[int, Option(help="With --simulate: seed of everything random.")] = 1,
-    model: Annotated[Path | None, Option(help="With --simulate: a model file.")] = None,
+    model: Annotated[
+        Path | None,
+        Option(help="Model of `diagnose --extend`: the calibration takes in what is the device's own; simulated too."),
+    ] = None,
     device_state: Annotated[
         Path | None, Option(help="With --simulate: folder of the devices' non-volatile memory.")
     ] = None,
@@ -29,6 +33,9 @@ def command(
     channel: Annotated[str | None, Option(help="Bus channel, in place of config.yaml's.")] = None,
     operator: Annotated[str | None, Option(help="Who runs it, for the record.")] = None,
     lot: Annotated[str | None, Option(help="Lot of the units, for the record.")] = None,
+    ask_at_page: Annotated[
+        bool, Option("--ask-at-page", help="What a person has to do is confirmed at `station panel`, not here.")
+    ] = False,
     json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
 ) -> int:
     """Take units through the recipe: calibrate, judge, write back, verify, log.
@@ -41,7 +48,7 @@ def command(
 
         station run --recipe six-point --serial SN0042 --serial SN0043
     """
-    from station.cli._run import run_units
+    from station.cli._run import Face, run_units
     from station.errors import UsageError
     from station.wiring import Order
 
@@ -62,4 +69,5 @@ def command(
     )
     if pace is not None and not simulate:
         raise UsageError("--pace holds virtual time back; add --simulate or leave it out")
-    return run_units(order, tuple(serial or ()), units, as_json=json, pace=pace)
+    face = Face(as_json=json, pace=pace, nests=tuple(nest or ()), at_page=ask_at_page)
+    return run_units(order, tuple(serial or ()), units, face)

@@ -42,7 +42,9 @@ class NestState:
 class RunState:
     """The whole fixture. began_s and estimate_s: when this load began (epoch) and how long it should take.
 
-    stops: every position of the load in its order, those of the verification last; done: how many are over.
+    stops: every position of the load in its order, those of the verification last; at: number among them of the stop
+    where the fixture is or goes to, -1 before the first; done: how many are over.
+    confirm: what a person must do and then confirm, or ''; question: the mark that the confirmation bears.
     fault: the sentence of what ended the load for everybody, or ''.
     """
 
@@ -50,7 +52,10 @@ class RunState:
     phase: str = "begin"
     position: str = ""
     following: str = ""
+    at: int = -1
     asked: str = ""
+    confirm: str = ""
+    question: str = ""
     writing: str = ""
     done: int = 0
     total: int = 0
@@ -78,7 +83,8 @@ class RunState:
 
     def _of_stop(self, event: "StopStarted | StopDone | Reading") -> "RunState":
         if isinstance(event, StopStarted):
-            return replace(self, position=event.position, following=self._stop(self.done + 1), asked=event.sentence)
+            following = self._stop(self.done + 1)
+            return replace(self, position=event.position, at=self.done, following=following, asked=event.sentence)
         state = self
         for serial, vector in event.means.items():
             state = state._nest(serial, vector=tuple(vector))

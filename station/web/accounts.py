@@ -30,6 +30,7 @@ RIGHTS = {
     "run": frozenset({Role.OPERATOR, Role.ENGINEER}),
     "audit": frozenset({Role.AUDITOR, Role.ENGINEER}),
     "charts": frozenset({Role.AUDITOR, Role.ENGINEER}),
+    "again": frozenset({Role.ENGINEER}),
     "diagnose": frozenset({Role.ENGINEER}),
 }
 

@@ -13,6 +13,8 @@ _HALF = np.array([1.0, 0.75, 0.4])
 #: The viewer stands a little to the right and above.
 _VIEW = rotation.about(np.array([1.0, 0, 0]), 18.0) @ rotation.about(np.array([0, 0, 1.0]), -22.0)
 _SIZE, _SCALE = 220.0, 62.0
+#: A face narrower than this bears no name.
+_NARROW = 20.0
 _FILL = {"x": "#cfe3f5", "y": "#fbe3c0", "z": "#d3ecd9"}
 
 
@@ -46,7 +48,14 @@ def _face(pose: Floats, axis: int, sign: int) -> str:
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
     name = f"{'+' if sign > 0 else '−'}{'xyz'[axis]}"
     block = f'<polygon points="{points}" fill="{_FILL["xyz"[axis]]}" stroke="#222" stroke-width="2"/>'
-    return block + _text(centre[0], centre[1] + 6, name, 18)
+    return block + (_text(centre[0], centre[1] + 6, name, 18) if _wide(corners) else "")
+
+
+def _wide(corners: Sequence[Floats]) -> bool:
+    """Whether a name fits on the face; on one that is seen almost from its edge it would lie on its neighbours."""
+    a, b = corners[1] - corners[0], corners[3] - corners[0]
+    area = abs(float(a[0] * b[1] - a[1] * b[0]))
+    return area > _NARROW * max(float(np.linalg.norm(a)), float(np.linalg.norm(b)))
 
 
 def _paper(point: Floats) -> Floats:

@@ -3,15 +3,18 @@
 import asyncio
 import json
 import time
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator
+from dataclasses import fields
 
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from station.domain import serial as serials_of
 from station.errors import StationError, UsageError
 from station.web import render
+from station.web.accounts import Account
+from station.web.deeds import DEEDS, PassedAlready, Said
 from station.web.guard import form_of, person
 from station.web.panel import Panel
 from station.web.sessions import Session
@@ -56,84 +59,29 @@ async def _stream(panel: Panel, session: Session) -> AsyncIterator[str]:
 
 @person("run")
 async def command(request: Request, session: Session) -> Response:
-    """One deed of a person: scan, clear, resume, start, stop. It is in the journal before it is done."""
+    """One deed of a person; it is in the journal before it is done. A stop waits for no other deed."""
     form = await form_of(request, session)
     panel: Panel = request.app.state.panel
-    action, serial = str(form.get("action", "")), str(form.get("serial", "")).strip()
+    said = Said(*(str(form.get(f.name, "")).strip() for f in fields(Said)))
+    action = str(form.get("action", ""))
     try:
-        if action not in ACTIONS:
-            raise UsageError(f"there is no action {action[:20]!r}; use one of {', '.join(ACTIONS)}")
-        told = ACTIONS[action](panel, session.account.name, serial)
+        if action not in DEEDS:
+            raise UsageError(f"there is no action {action[:20]!r}; use one of {', '.join(DEEDS)}")
+        told = await run_in_threadpool(_do, panel, action, session.account, said)
+    except PassedAlready as exc:
+        may = session.account.may("again")
+        return JSONResponse({"error": exc.sentence, "again": said.serial if may else ""}, 409)
     except StationError as exc:
         return JSONResponse({"error": exc.sentence}, 409)
     return JSONResponse({"told": told})
 
 
-def _scan(panel: Panel, name: str, serial: str) -> str:
-    """The serial goes to the first free nest."""
-    _idle(panel)
-    scans = panel.screen.scans
-    serials_of.check_all([*scans.values(), serial], panel.recipe)
-    free = next((n.name for n in panel.settings.nests if n.name not in scans), None)
-    if free is None:
-        raise UsageError(f"all {len(scans)} nests are taken; start, or clear the list")
-    panel.journal.add(name, "scan", serial=serial, nest=free)
-    scans[free] = serial
-    return f"{serial}: {free}"
+def _do(panel: Panel, action: str, who: Account, said: Said) -> str:
+    if action == "stop":
+        return DEEDS[action](panel, who, said)
+    with panel.turn:
+        return DEEDS[action](panel, who, said)
 
-
-def _clear(panel: Panel, name: str, _serial: str) -> str:
-    _idle(panel)
-    panel.journal.add(name, "clear", serials=list(panel.screen.scans.values()))
-    panel.screen.scans.clear()
-    return ""
-
-
-def _resume(panel: Panel, name: str, _serial: str) -> str:
-    """The units of the last load that came to no verdict are taken up again, each in its nest."""
-    _idle(panel)
-    left = panel.screen.unfinished()
-    if not left:
-        raise UsageError("every unit of the last load has its verdict; scan new ones")
-    serials_of.check_all(list(left.values()), panel.recipe)
-    panel.journal.add(name, "resume", serials=list(left.values()))
-    panel.screen.scans = dict(left)
-    return ", ".join(left.values())
-
-
-def _start(panel: Panel, name: str, _serial: str) -> str:
-    scans = panel.screen.scans
-    nests = [n.name for n in panel.settings.nests]
-    if not scans:
-        raise UsageError("no unit is scanned; scan one, then start")
-    serials = [scans[n] for n in nests if n in scans]
-    serials_of.check_all(serials, panel.recipe)
-    _idle(panel)
-    panel.journal.add(name, "start", serials=serials, recipe=panel.order.recipe)
-    panel.runs.start(serials, name)
-    scans.clear()
-    return ", ".join(serials)
-
-
-def _stop(panel: Panel, name: str, _serial: str) -> str:
-    pid = panel.runs.stop()
-    panel.screen.stopping = True
-    panel.journal.add(name, "stop", pid=pid)
-    return ""
-
-
-def _idle(panel: Panel) -> None:
-    if panel.runs.pid() is not None:
-        raise UsageError("a run is under way; wait for its end or stop it")
-
-
-ACTIONS: Mapping[str, Callable[[Panel, str, str], str]] = {
-    "scan": _scan,
-    "clear": _clear,
-    "resume": _resume,
-    "start": _start,
-    "stop": _stop,
-}
 
 ROUTES = [
     Route("/", show, methods=["GET"]),

@@ -5,12 +5,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Lock
 
 from station.adapters.store.reader import LogReader
 from station.config.settings import Settings
 from station.domain.recipe import Recipe
 from station.errors import LogError
 from station.web.journal import Journal
+from station.web.queue import Queue
 from station.web.runs import Order, Runs, beside
 from station.web.screen import Screen
 from station.web.sessions import Guesses, Sessions
@@ -21,7 +23,8 @@ class Panel:
     """Settings and recipe of the station; the people's file; how runs are started; open sessions.
 
     secure: the page is reached by https only, so cookies are too. over: the server ends, and so do its streams.
-    monotonic_s: the clock of sessions and guesses. children: diagnoses under way, by name.
+    monotonic_s: the clock of sessions and guesses. children: diagnoses under way, by name. turn: one deed after the
+    other; a stop waits for none.
     """
 
     settings: Settings
@@ -35,7 +38,9 @@ class Panel:
     guesses: Guesses = field(init=False)
     journal: Journal = field(init=False)
     runs: Runs = field(init=False)
+    queue: Queue = field(init=False)
     screen: Screen = field(init=False)
+    turn: Lock = field(default_factory=Lock)
     children: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -43,7 +48,8 @@ class Panel:
         self.guesses = Guesses(self.monotonic_s)
         self.journal = Journal(beside(self.order.database, ".panel.jsonl"))
         self.runs = Runs(self.order)
-        self.screen = Screen(self.settings, self.runs)
+        self.queue = Queue(beside(self.order.database, ".queue.json"))
+        self.screen = Screen(self.settings, self.runs, self.queue)
 
     def log(self) -> LogReader:
         """The log, opened for one question. Errors: LogError; nothing was ever run where there is no file."""

@@ -3,6 +3,7 @@
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
@@ -43,7 +44,8 @@ def page(request: Request, name: str, session: Session | None, status: int = 200
         .render(
             t=texts,
             language=code,
-            languages=list(language.all_texts()),
+            languages={known: texts["language_name"] for known, texts in language.all_texts().items()},
+            query=urlencode([(k, v) for k, v in request.query_params.multi_items() if k != "language"]),
             station=request.app.state.panel.settings.station,
             path=request.url.path,
             person=account.name if account else "",

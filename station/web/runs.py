@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,15 +23,16 @@ class Order:
     pace: float | None = None
     more: tuple[str, ...] = ()
 
-    def words(self, serials: Sequence[str], operator: str) -> list[str]:
-        """The arguments of `station run`."""
-        words = ["run", "--db", str(self.database), "--recipe", self.recipe, f"--operator={operator}"]
+    def words(self, units: Mapping[str, str], operator: str) -> list[str]:
+        """The arguments of `station run` for units, nest → serial; what it asks of a person comes to the page."""
+        words = ["run", "--db", str(self.database), "--recipe", self.recipe, f"--operator={operator}", "--ask-at-page"]
         if self.config is not None:
             words += ["--config", str(self.config)]
         if self.simulate:
             words += ["--simulate", "--device-state", f"{self.database}.devices"]
             words += ["--pace", f"{self.pace:g}"] if self.pace is not None else []
-        return [*words, *self.more, *(f"--serial={serial}" for serial in serials)]
+        seats = (word for nest, serial in units.items() for word in (f"--nest={nest}", f"--serial={serial}"))
+        return [*words, *self.more, *seats]
 
 
 def beside(database: Path, ending: str) -> Path:
@@ -76,11 +77,11 @@ class Runs:
         self._child = None
         return owner(self.order.database)
 
-    def start(self, serials: Sequence[str], operator: str) -> int:
-        """Starts a run that outlives this process; its pid. UsageError when one is under way."""
+    def start(self, units: Mapping[str, str], operator: str) -> int:
+        """Starts a run of nest → serial that outlives this process; its pid. UsageError when one is under way."""
         if self.pid() is not None:
             raise UsageError("a run is under way on this station; wait for its end or stop it")
-        words = [sys.executable, "-m", "station", *self.order.words(serials, operator)]
+        words = [sys.executable, "-m", "station", *self.order.words(units, operator)]
         with self._said().open("wb") as said:
             self._child = subprocess.Popen(
                 words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said, start_new_session=True

@@ -2,12 +2,13 @@
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from station.config.settings import Settings
 from station.errors import StationError
 from station.web import fixture
+from station.web.queue import Queue
 from station.web.runs import Runs, beside
 from station.wiring.golden import standings
 
@@ -18,18 +19,17 @@ GOLDEN_S = 5.0
 
 
 class Screen:
-    """Folds the run's live file, the lock and the scanned serials together. Every look is at most FRESH_S old."""
+    """Folds the run's live file, the lock and the queue together. Every look is at most FRESH_S old."""
 
-    def __init__(self, settings: Settings, runs: Runs) -> None:
+    def __init__(self, settings: Settings, runs: Runs, queue: Queue) -> None:
         self._golden: tuple[float, str] = (-GOLDEN_S, "")
-        self._settings, self._runs = settings, runs
+        self._settings, self._runs, self._queue = settings, runs, queue
         self._path = beside(runs.order.database, ".live.json")
         self._stamp: tuple[int, int] | None = None
         self._live: dict[str, Any] = {}
         self._shown: dict[str, Any] = {}
         self._looked_s = 0.0
         self._pictures: dict[str, str] = {}
-        self.scans: dict[str, str] = {}
         self.stopping = False
 
     def shown(self) -> Mapping[str, Any]:
@@ -46,6 +46,21 @@ class Screen:
         self._look()
         found: dict[str, Any] = self._live.get("state", {})
         return found
+
+    def question(self) -> tuple[str, str]:
+        """What the run wants a person to do and confirm, and the mark that the answer must bear; '' where nothing."""
+        state = self.state() if self._live.get("pid") == self._runs.pid() else {}
+        return state.get("confirm", ""), state.get("question", "")
+
+    def load_in_nests(self) -> int:
+        """Pid of the run whose units are in the nests at this moment, 0 when none is under way."""
+        return self._runs.pid() or 0
+
+    def in_work(self) -> dict[str, str]:
+        """Serial → nest of what a run was given and has not ended."""
+        state = self.state() if self._live.get("pid") == self._runs.pid() else {}
+        measured = {n["serial"]: n["nest"] for n in state.get("nests", ()) if not n["outcome"]}
+        return measured | {w.serial: nest for nest, w in self._queue.handed.items()}
 
     def unfinished(self) -> dict[str, str]:
         """Nest → serial of the units of the last load that neither passed nor failed."""
@@ -68,9 +83,10 @@ class Screen:
         pid = self._runs.pid()
         running = pid is not None
         state: dict[str, Any] = self._live.get("state", {})
+        self._queue.settle(begun=self._live.get("pid"), running=pid)
         mine = running and self._live.get("pid") == pid
         self.stopping = self.stopping and running
-        poses = self._live.get("poses", {})
+        poses, at = self._live.get("poses", ()), state.get("at", -1)
         now, following = (state.get(k, "") if mine else "" for k in ("position", "following"))
         return {
             "running": running,
@@ -78,9 +94,11 @@ class Screen:
             "phase": state.get("phase", "") if mine else "begin" if running else "",
             "position": now,
             "following": following,
-            "now_svg": self._picture(poses, now),
-            "next_svg": self._picture(poses, following),
+            "now_svg": self._picture(poses, at, now),
+            "next_svg": self._picture(poses, at + 1, following),
             "asked": state.get("asked", "") if mine else "",
+            "confirm": {k: state.get(k, "") for k in ("confirm", "question")} if mine else {},
+            "waiting": {nest: w.serial for nest, w in self._queue.waiting.items()},
             "writing": state.get("writing", "") if mine else "",
             "done": state.get("done", 0) if mine or not running else 0,
             "total": state.get("total", 0) if mine or not running else 0,
@@ -91,15 +109,21 @@ class Screen:
             "sentences": state.get("sentences", []) if mine or not running else [],
             "fault": self._fault(state, running=running),
             "golden": self._due(),
-            **{f"nest {n.name}": self._nest(n.name, state, stale=running and not mine) for n in self._settings.nests},
+            **{f"nest {n.name}": self._nest(n.name, state, running=running, mine=mine) for n in self._settings.nests},
         }
 
-    def _nest(self, name: str, state: Mapping[str, Any], *, stale: bool) -> dict[str, Any]:
-        scanned = self.scans.get(name, "")
-        kept = None if stale else next((n for n in state.get("nests", ()) if n["nest"] == name), None)
-        if kept is None or (scanned and scanned != kept["serial"]):
-            return {"serial": scanned, "scanned": bool(scanned)}
-        return {**kept, "scanned": bool(scanned)}
+    def _nest(self, name: str, state: Mapping[str, Any], *, running: bool, mine: bool) -> dict[str, Any]:
+        """What is in a nest, and what comes next. A verdict stays until the unit that was scanned after it takes over;
+        one that was scanned during the run waits beside the verdict, because the other unit is still in the nest."""
+        waits, handed = self._queue.waiting.get(name), self._queue.handed.get(name)
+        kept = next((n for n in state.get("nests", ()) if n["nest"] == name), None)
+        if running and not mine:
+            there = {"serial": handed.serial if handed else "", "scanned": handed is not None}
+        elif not running and waits is not None and waits.beside != self._live.get("pid"):
+            return {"serial": waits.serial, "scanned": True, "next": ""}
+        else:
+            there = {**(kept or {"serial": ""}), "scanned": False}
+        return {**there, "next": waits.serial if waits else ""}
 
     def _fault(self, state: Mapping[str, Any], *, running: bool) -> str:
         """Why there is no run, where it did not end by itself."""
@@ -123,10 +147,11 @@ class Screen:
             self._golden = (time.monotonic(), told)
         return told
 
-    def _picture(self, poses: Mapping[str, Any], name: str) -> str:
+    def _picture(self, poses: Sequence[Any], number: int, name: str) -> str:
+        """The block at the stop of that number; the same position in another seating is another picture."""
         if not name:
             return ""
-        pose = poses.get(name)
+        pose = poses[number] if 0 <= number < len(poses) else None
         key = f"{name} {pose}"
         if key not in self._pictures:
             self._pictures = dict(list(self._pictures.items())[-200:])

@@ -32,12 +32,13 @@ class Browser:
     """One window of its own profile. Errors: AssertionError with what the driver said."""
 
     def __init__(self, driver: str, binary: str, size: tuple[int, int] = (1280, 800), language: str = "en") -> None:
-        self._http = httpx.Client(timeout=60)
+        self._http = httpx.Client(timeout=240)
         width, height = size
         options = [*_OPTIONS, f"--window-size={width},{height}", f"--accept-lang={language}"]
         wanted = {"browserName": "chrome", "goog:chromeOptions": {"binary": binary, "args": options}}
         made = self._call("POST", f"{driver}/session", {"capabilities": {"alwaysMatch": wanted}})
         self._url = f"{driver}/session/{made['sessionId']}"
+        self._call("POST", f"{self._url}/timeouts", {"script": 200_000})
 
     def close(self) -> None:
         """Ends the session."""

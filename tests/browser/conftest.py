@@ -110,6 +110,13 @@ def serve(people: dict[str, Account], tmp_path: Path) -> Iterator[Callable[..., 
 
 
 @pytest.fixture(scope="session")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the tests leave what they saw: the guide's pictures are replaced only by `make pictures`."""
+    named = os.environ.get("STATION_PICTURES")
+    return Path(named).resolve() if named else tmp_path_factory.mktemp("pictures")
+
+
+@pytest.fixture(scope="session")
 def axe() -> str:
     """axe-core's script, fetched once by npm as the lock file pins it."""
     lock = (_PEERS / "package-lock.json").read_bytes()

@@ -9,7 +9,6 @@ from tests.browser.chrome import Browser
 from tests.browser.conftest import Site
 from tests.fakes import fixture_run
 
-PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 TOUCH, PHONE = (1280, 800), (390, 844)
 PAGES = ("/", "/audit", "/audit/unit?serial=SN0001", "/journal", "/charts?size=2", "/nowhere")
 pytestmark = pytest.mark.timeout(240)
@@ -70,7 +69,7 @@ def test_the_log_in_is_accessible(serve: Callable[..., Site], open_browser: Call
 
 
 def test_the_languages_of_the_page(
-    serve: Callable[..., Site], open_browser: Callable[..., Browser], axe: str, folder: Path
+    serve: Callable[..., Site], open_browser: Callable[..., Browser], axe: str, folder: Path, pictures: Path
 ) -> None:
     site = serve(folder=folder)
     page = open_browser(language="de")
@@ -81,7 +80,7 @@ def test_the_languages_of_the_page(
     page.wait("document.querySelector('header form')")
     page.wait("document.querySelector('#phase').textContent === 'Bereit'")
     page.device(*PHONE)
-    page.picture(PICTURES / "phone.png")
+    page.picture(pictures / "phone.png")
     page.go(f"{site.url}/?language=zh")
     page.wait("document.querySelector('#phase').textContent === '就绪'")
     assert page.script("return document.documentElement.lang") == "zh"
@@ -89,7 +88,7 @@ def test_the_languages_of_the_page(
 
 
 def test_an_auditor_finds_a_unit_and_computes_it_again(
-    serve: Callable[..., Site], log_in: Callable[..., Browser], folder: Path
+    serve: Callable[..., Site], log_in: Callable[..., Browser], folder: Path, pictures: Path
 ) -> None:
     site = serve(folder=folder)
     page = log_in(site, "ada")
@@ -97,15 +96,15 @@ def test_an_auditor_finds_a_unit_and_computes_it_again(
     page.type("#serial", "SN000*")
     page.type("#nest", "A\n")
     page.wait("document.querySelectorAll('tbody tr').length === 2 && location.search.includes('nest=A')")
-    page.picture(PICTURES / "audit.png")
+    page.picture(pictures / "audit.png")
     page.go(f"{site.url}/audit/unit?serial=SN0001")
     assert page.text("main").count("PASS") == 2
-    page.picture(PICTURES / "unit.png")
+    page.picture(pictures / "unit.png")
     page.click("form[action='/audit/recompute'] button")
     page.wait("document.querySelector('main [role=status]').textContent.includes('bit for bit')")
     page.go(f"{site.url}/audit/unit?serial=SN0001")
     page.click("a[href^='/audit/certificate']")
     page.wait("document.querySelector('h1').textContent.includes('certificate SN0001')")
-    page.picture(PICTURES / "certificate.png")
+    page.picture(pictures / "certificate.png")
     page.go(f"{site.url}/charts?size=1&value=gain+z")
-    page.picture(PICTURES / "charts.png")
+    page.picture(pictures / "charts.png")

@@ -15,7 +15,6 @@ from tests.browser.conftest import Site
 
 Serve, LogIn = Callable[..., Site], Callable[..., Browser]
 pytestmark = pytest.mark.timeout(240)
-PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 
 
 def verdict(nest: str) -> str:
@@ -30,7 +29,7 @@ def scan(page: Browser, *serials: str) -> None:
         page.wait(f"[...document.querySelectorAll('[data-part=serial]')].some(n => n.textContent === '{serial}')")
 
 
-def test_a_shift(serve: Serve, log_in: LogIn) -> None:
+def test_a_shift(serve: Serve, log_in: LogIn, pictures: Path) -> None:
     site = serve("--pace", "8", "--fault", "SN0002/stuck-axis:value=2")
     page = log_in(site)
     page.wait("document.activeElement.id === 'scan'")
@@ -46,7 +45,7 @@ def test_a_shift(serve: Serve, log_in: LogIn) -> None:
     assert "✘ FAIL" in page.text("[data-nest=B] .verdict")
     assert len(page.text("[data-nest=B] ul")) > 10
     page.wait("document.querySelector('[data-nest=A] [data-part=vector]').textContent.includes(' g')", 20)
-    page.picture(PICTURES / "operator.png")
+    page.picture(pictures / "operator.png")
     # Reload in the middle: within a second the page knows as much as before.
     page.go(site.url)
     page.wait(f"{verdict('B')} === 'FAIL' && document.body.dataset.running === 'true'", 1.0)
@@ -62,7 +61,7 @@ def test_a_shift(serve: Serve, log_in: LogIn) -> None:
     page.click("#start")
     page.wait("document.body.dataset.running === 'true'", 20)
     page.wait("document.querySelectorAll('[data-outcome=PASS]').length === 3", 90)
-    page.picture(PICTURES / "done.png")
+    page.picture(pictures / "done.png")
     with LogReader(site.database) as log:
         attempts = log.attempts(Query())
     assert {a.operator for a in attempts} == {"olga"}
@@ -126,7 +125,7 @@ def test_a_thousand_updates_leave_nothing_behind(serve: Serve, log_in: LogIn, tm
     nests = [
         {"serial": f"SN{i:04d}", "nest": n, "node": 17 + i, "outcome": "", "reasons": []} for i, n in enumerate("ABCD")
     ]
-    document = {"schema": "station.live/1", "pid": 1, "recipe": "r/1", "unit": "g", "poses": {}}
+    document = {"schema": "station.live/1", "pid": 1, "recipe": "r/1", "unit": "g", "poses": []}
 
     def show(number: int) -> None:
         outcome = ("", "PASS", "FAIL")[number % 3]

@@ -13,6 +13,7 @@ from station.cli.app import main
 from station.config.settings import load_settings
 from station.web.app import create_app
 from station.web.panel import Panel
+from station.web.queue import Waiting
 from station.web.runs import Order
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
@@ -95,7 +96,7 @@ def test_figures_of_an_empty_and_of_a_working_station(folder: Path, panel: Panel
     fixture_run.run(folder, ["SN0001", "SN0002"], faults=("SN0002/stuck-axis:value=2",))
     with pytest.raises(SystemExit):
         main(["golden", "register", "SN0001"])
-    panel.screen.scans["A"] = "SN0009"
+    panel.queue.put({"A": Waiting("SN0009")})
     found = figures(client)
     assert found["station_attempts PASS"] == found["station_attempts FAIL"] == 1
     assert 20 < found["station_cycle_seconds"] < 60

@@ -134,7 +134,7 @@ def test_a_forged_or_missing_token_changes_nothing(house: House, token: str | No
     assert client.post("/logout", data=data).status_code == 403
     other = house.of("operator")
     assert client.post("/command", data=data | {"csrf": house.csrf(other)}).status_code == 403, "another session's"
-    assert house.panel.screen.scans == {}
+    assert house.panel.queue.waiting == {}
 
 
 def test_a_form_from_another_site_is_refused(house: House) -> None:
@@ -159,7 +159,7 @@ def test_a_script_in_a_serial_stays_text(house: House) -> None:
     answer = client.post("/command", data=data)
     assert answer.status_code == 409
     assert answer.headers["content-type"] == "application/json"
-    assert house.panel.screen.scans == {}
+    assert house.panel.queue.waiting == {}
     page = client.post("/login", data={"name": script, "password": "x"}, headers={"accept": "text/html"})
     assert script not in page.text
 

@@ -22,7 +22,8 @@ def test_the_live_file_holds_the_state_after_every_event(tmp_path: Path) -> None
     told = json.loads((tmp_path / "s.db.live.json").read_text())
     assert (told["schema"], told["operator"], told["unit"]) == ("station.live/1", "anna", "g")
     assert (told["state"]["position"], told["state"]["following"]) == ("z-up", "z-down")
-    assert set(told["state"]["stops"]) == set(told["poses"])
+    assert len(told["state"]["stops"]) == len(told["poses"]) == 8
+    assert told["state"]["at"] == 0
     assert [p.name for p in tmp_path.iterdir()] == ["s.db.live.json"], "nothing half written is left"
 
 
@@ -48,3 +49,40 @@ def test_a_paced_run_waits_for_real_time_and_a_stop_ends_the_wait() -> None:
     stop.request()
     pace.keep()
     assert time.monotonic() - began < 5
+
+
+def test_a_seating_turns_the_picture_of_the_same_position(tmp_path: Path) -> None:
+    job, _ = load_job("tilt-24")
+    live = Live(tmp_path / "s.db", job.recipe, {})
+    live.event(BEGUN)
+    told = json.loads((tmp_path / "s.db.live.json").read_text())
+    stops = told["state"]["stops"]
+    first, again = (i for i, name in enumerate(stops) if name == "x-045" and i < 48)
+    assert told["poses"][first] != told["poses"][again], "turned in its nest, the unit shows another face"
+
+
+def test_a_question_bears_a_mark_and_the_time_it_takes_is_no_progress(tmp_path: Path) -> None:
+    job, _ = load_job("six-point")
+    live = Live(tmp_path / "s.db", job.recipe, {})
+    live.event(BEGUN)
+
+    def state() -> dict[str, object]:
+        return dict(json.loads((tmp_path / "s.db.live.json").read_text())["state"])
+
+    began_s = state()["began_s"]
+    mark = live.ask("turn it")
+    assert (state()["confirm"], state()["question"]) == ("turn it", mark)
+    assert live.ask("turn it") != mark, "an old answer does not fit a new question"
+    live.answered(40.0)
+    assert (state()["confirm"], state()["question"], state()["began_s"]) == ("", "", began_s + 40.0)
+
+
+def test_time_that_a_person_takes_is_not_made_up_for() -> None:
+    virtual = [0.0]
+    pace = Pace(100.0, lambda: virtual[0], Stop())
+    pace.skip(-3600.0)  # as if the start lay an hour back
+    virtual[0] = 5.0
+    pace.skip(3600.0)
+    began = time.monotonic()
+    pace.keep()
+    assert time.monotonic() - began > 0.03

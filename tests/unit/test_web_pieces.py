@@ -56,6 +56,6 @@ def test_a_pid_counts_only_while_it_has_the_lock_open(tmp_path: Path) -> None:
 
 
 def test_words_of_a_run_cannot_be_taken_for_options(tmp_path: Path) -> None:
-    words = Order(tmp_path / "s.db", "six-point", simulate=True, pace=2.0).words(["--version"], "anna")
-    assert words[-1] == "--serial=--version"
+    words = Order(tmp_path / "s.db", "six-point", simulate=True, pace=2.0).words({"B": "--version"}, "anna")
+    assert words[-2:] == ["--nest=B", "--serial=--version"]
     assert "--operator=anna" in words

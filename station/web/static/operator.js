@@ -26,10 +26,11 @@
       : nest.scanned ? `◌ ${texts.scanned}` : nest.serial && state.running ? `… ${texts.measuring}` : "–";
     say(part("verdict"), words);
     part("verdict").dataset.outcome = outcome;
+    say(part("next"), nest.next ? `${texts.next_unit} ${nest.next}` : "");
     say(part("device"), nest.device || "");
-    const vector = nest.vector && nest.vector.length ? nest.vector.map(figure).join("  ") : "";
+    const vector = !outcome && nest.vector && nest.vector.length ? nest.vector.map(figure).join("  ") : "";
     say(part("vector"), vector && `${vector} ${state.unit}`);
-    say(part("noise"), nest.noise == null ? "" : `${texts.noise} ${nest.noise.toExponential(1)} ${state.unit}`);
+    say(part("noise"), outcome || nest.noise == null ? "" : `${texts.noise} ${nest.noise.toExponential(1)} ${state.unit}`);
     list(part("reasons"), outcome ? nest.reasons || [] : []);
   }
 
@@ -42,6 +43,8 @@
     say(byId("next"), state.following || "–");
     say(byId("recipe"), state.recipe);
     say(byId("asked"), state.asked);
+    say(byId("bus"), state.bus ? `· ${state.bus}` : "");
+    people();
     say(byId("phase"), state.stopping ? texts.stopping : state.running ? texts[`phase_${state.phase}`] || state.phase : texts.idle);
     byId("bar").max = state.total || 1;
     byId("bar").value = state.done;
@@ -52,25 +55,42 @@
     say(byId("golden"), state.golden ? `⚠ ${state.golden}` : "");
     list(byId("sentences"), state.sentences);
     document.body.dataset.running = String(state.running);
+    document.body.dataset.hand = String(Boolean(state.asked || (state.confirm || {}).question));
     if (form) buttons();
+  }
+
+  // What a person must do: confirm what the run asks, or change the units for the next load.
+  let asked_ms = 0;
+  function people() {
+    const { confirm, question } = state.confirm || {};
+    if (question !== byId("todo").dataset.question) asked_ms = performance.now();
+    byId("todo").dataset.question = question || "";
+    byId("todo").hidden = !question;
+    say(byId("confirm"), confirm || "");
+    const next = Object.entries(state.waiting || {}).filter(([nest]) => (state[`nest ${nest}`] || {}).next);
+    const change = !state.running && next.length > 0;
+    byId("coming").hidden = !change;
+    say(byId("coming"), change ? `${texts.change_units} ${next.map(([nest, serial]) => `${nest}: ${serial}`).join(" · ")}` : "");
   }
 
   function buttons() {
     const nests = Object.entries(state).filter(([k]) => k.startsWith("nest ")).map(([, v]) => v);
     const open = nests.some((n) => n.serial && !n.scanned && !["PASS", "FAIL"].includes(n.outcome));
-    byId("resume").hidden = state.running || !open;
-    byId("start").disabled = state.running || !nests.some((n) => n.scanned);
-    byId("clear").disabled = state.running || !nests.some((n) => n.scanned);
+    const waits = Object.keys(state.waiting || {}).length > 0;
+    byId("resume").hidden = state.running || !open || waits;
+    byId("start").disabled = state.running || !waits;
+    byId("clear").disabled = !waits;
     byId("stop").disabled = !state.running;
   }
 
+  const clock = (s) => `${Math.floor(s / 60)}:${String(s % 60).padStart(2, "0")}`;
   function time() {
     const lost = performance.now() - beat > 1500;
     byId("lost").hidden = !lost;
     document.body.dataset.lost = String(lost);
     if (lost && source.readyState === EventSource.CLOSED) connect();
     const left = state.began_s + state.estimate_s - (Date.now() / 1000 + behind);
-    say(byId("left"), state.running && state.estimate_s ? `${Math.max(0, Math.ceil(left))} s` : "–");
+    say(byId("left"), state.running && state.estimate_s ? clock(Math.max(0, Math.ceil(left))) : "–");
   }
 
   function connect() {
@@ -88,11 +108,11 @@
 
   // One after the other: a fast scanner's second answer must not stand under its first. A stop waits for nobody.
   let before = Promise.resolve();
-  const command = (action, serial) =>
-    action === "stop" ? send(action) : (before = before.then(() => send(action, serial)));
+  const command = (action, more) =>
+    action === "stop" ? send(action) : (before = before.then(() => send(action, more)));
 
-  async function send(action, serial) {
-    const body = new URLSearchParams({ action, serial: serial || "", csrf: form.dataset.csrf });
+  async function send(action, more) {
+    const body = new URLSearchParams({ action, csrf: form.dataset.csrf, ...more });
     let answer;
     try {
       const response = await fetch("/command", { method: "POST", body, headers: { Accept: "application/json" } });
@@ -102,8 +122,24 @@
     const told = byId("told");
     told.classList.toggle("problem", Boolean(answer.error));
     say(told, answer.error ? `⚠ ${answer.error}` : answer.told ? `✔ ${answer.told}` : "");
-    scan.focus();
+    onPurpose(answer.again || "");
     return !answer.error;
+  }
+
+  // A unit that has passed already is taken again only by somebody who may, and who says why.
+  const again = byId("again");
+  function onPurpose(serial) {
+    if (again) {
+      again.hidden = !serial;
+      again.dataset.serial = serial;
+      byId("reason").value = "";
+    }
+    (serial ? byId("reason") : scan).focus();
+  }
+
+  function confirmed() {
+    const question = byId("todo").dataset.question;
+    if (question && performance.now() - asked_ms > 500) command("confirm", { question });
   }
 
   if (form) {
@@ -111,15 +147,24 @@
       e.preventDefault();
       const serial = scan.value.trim();
       scan.value = "";
-      if (serial) command("scan", serial);
+      if (serial) command("scan", { serial });
     });
     for (const action of ["start", "stop", "resume", "clear"]) byId(action).addEventListener("click", () => command(action));
+    byId("confirmed").addEventListener("click", confirmed);
+    if (again) {
+      again.addEventListener("submit", (e) => {
+        e.preventDefault();
+        command("again", { serial: again.dataset.serial, reason: byId("reason").value.trim() });
+      });
+      byId("leave").addEventListener("click", () => { say(byId("told"), ""); onPurpose(""); });
+    }
     // A scanner types wherever the focus is: its characters belong to the scan field, whatever was touched last.
     document.addEventListener("keydown", (e) => {
-      const elsewhere = document.activeElement !== scan && !e.ctrlKey && !e.altKey && !e.metaKey;
+      if (e.key === "F2" && !e.repeat) { e.preventDefault(); confirmed(); }
+      const elsewhere = document.activeElement.tagName !== "INPUT" && !e.ctrlKey && !e.altKey && !e.metaKey;
       if (elsewhere && e.key.length === 1 && e.key !== " ") scan.focus();
     });
-    document.addEventListener("click", (e) => { if (!e.target.closest("a, button, input, summary")) scan.focus(); });
+    document.addEventListener("click", (e) => { if (!e.target.closest("a, button, input, label, summary")) scan.focus(); });
     scan.focus();
   }
   connect();

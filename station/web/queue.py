@@ -1,0 +1,104 @@
+"""Units scanned and not yet in work, nest by nest; kept in a file, so that a page started again forgets none."""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from threading import Lock
+
+from station.errors import StoreFault
+
+SCHEMA = "station.queue/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """A unit that waits for the start. beside: pid of the run whose load was in the nests when it was scanned, or 0."""
+
+    serial: str
+    beside: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Lists:
+    """waiting: nest → unit of the next load. handed: what was handed to the run `pid`, which has not begun it yet."""
+
+    waiting: Mapping[str, Waiting]
+    handed: Mapping[str, Waiting]
+    pid: int = 0
+
+
+class Queue:
+    """The units of the next load, safe to call from several threads. Errors of what changes it: StoreFault, and then nothing is changed."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._now = _read(path)
+        self._turn = Lock()
+
+    @property
+    def waiting(self) -> dict[str, Waiting]:
+        """Nest → unit that waits for the start."""
+        return dict(self._now.waiting)
+
+    @property
+    def handed(self) -> dict[str, Waiting]:
+        """Nest → unit with which a run was started that has not begun yet."""
+        return dict(self._now.handed)
+
+    def serials(self) -> list[str]:
+        """Every serial that waits."""
+        return [w.serial for w in self._now.waiting.values()]
+
+    def put(self, units: Mapping[str, Waiting]) -> None:
+        """Adds units, each in a nest that is free."""
+        with self._turn:
+            self._keep(replace(self._now, waiting={**self._now.waiting, **units}))
+
+    def clear(self) -> None:
+        """Nothing waits any more."""
+        with self._turn:
+            self._keep(replace(self._now, waiting={}))
+
+    def hand(self, pid: int) -> None:
+        """All that waits was handed to the run `pid`."""
+        with self._turn:
+            self._keep(Lists({}, self._now.waiting, pid))
+
+    def settle(self, begun: int | None, running: int | None) -> None:
+        """Lets go of what a run has begun, and takes back what it ended without beginning.
+
+        begun: pid of the run whose load was begun last; running: pid of the run under way.
+        """
+        if not self._now.handed:
+            return
+        with self._turn:
+            now = self._now
+            if begun == now.pid:
+                self._keep(Lists(now.waiting, {}))
+            elif running != now.pid:
+                self._keep(Lists({**now.handed, **now.waiting}, {}))
+
+    def _keep(self, lists: Lists) -> None:
+        """Writes the file whole or not at all, then takes the change over."""
+        beside = self._path.with_name(f".{self._path.name}.{os.getpid()}")
+        try:
+            with beside.open("w", encoding="utf-8") as file:
+                json.dump({"schema": SCHEMA, **asdict(lists)}, file)
+                file.flush()
+                os.fsync(file.fileno())
+            beside.replace(self._path)
+        except OSError as exc:
+            raise StoreFault(f"{self._path} cannot be written ({exc.strerror}); free the disk, then try again") from exc
+        self._now = lists
+
+
+def _read(path: Path) -> Lists:
+    """What the file holds; nothing where there is none, or one that nobody can read: units can be scanned again."""
+    try:
+        kept = json.loads(path.read_bytes())
+        waiting, handed = ({str(n): Waiting(**w) for n, w in kept[k].items()} for k in ("waiting", "handed"))
+        return Lists(waiting, handed, int(kept["pid"]))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return Lists({}, {})

@@ -1,0 +1,58 @@
+"""The units of the next load: kept over a restart, handed to a run, taken back from one that never began."""
+
+from pathlib import Path
+
+import pytest
+
+from station.errors import StoreFault
+from station.web.queue import Queue, Waiting
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "s.db.queue.json"
+
+
+def test_a_restart_forgets_nothing(path: Path) -> None:
+    Queue(path).put({"A": Waiting("SN1"), "C": Waiting("SN3", 77)})
+    again = Queue(path)
+    assert again.waiting == {"A": Waiting("SN1"), "C": Waiting("SN3", 77)}
+    again.hand(41)
+    again.put({"A": Waiting("SN5", 41)})
+    once_more = Queue(path)
+    assert (once_more.handed, once_more.serials()) == ({"A": Waiting("SN1"), "C": Waiting("SN3", 77)}, ["SN5"])
+
+
+def test_what_the_run_has_begun_is_let_go_of(path: Path) -> None:
+    queue = Queue(path)
+    queue.put({"A": Waiting("SN1")})
+    queue.hand(41)
+    queue.settle(begun=40, running=41)
+    assert queue.handed, "the run of before is no sign"
+    queue.settle(begun=41, running=41)
+    assert (queue.handed, queue.waiting) == ({}, {})
+
+
+def test_what_a_run_ended_without_beginning_comes_back(path: Path) -> None:
+    queue = Queue(path)
+    queue.put({"A": Waiting("SN1"), "B": Waiting("SN2")})
+    queue.hand(41)
+    queue.put({"B": Waiting("SN9")})
+    queue.settle(begun=None, running=None)
+    assert queue.waiting == {"A": Waiting("SN1"), "B": Waiting("SN9")}
+    assert Queue(path).handed == {}
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", '{"waiting": 1}', '{"waiting": {"A": {"x": 1}}, "handed": {}, "pid": 0}']
+)
+def test_a_file_that_nobody_can_read_is_an_empty_queue(path: Path, text: str) -> None:
+    path.write_text(text)
+    assert Queue(path).waiting == {}
+
+
+def test_what_cannot_be_kept_is_not_taken(tmp_path: Path) -> None:
+    queue = Queue(tmp_path / "none" / "q.json")
+    with pytest.raises(StoreFault, match="free the disk"):
+        queue.put({"A": Waiting("SN1")})
+    assert queue.waiting == {}
