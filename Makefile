@@ -18,6 +18,11 @@ $(VENV)/.dev: requirements-dev.lock $(VENV)/.run
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
 	touch $@
 
+# What only benchmarks compare with.
+$(VENV)/.bench: requirements-bench.lock $(VENV)/.dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-bench.lock
+	touch $@
+
 run: $(VENV)/.run  ## four simulated units through the recipe on a virtual bus
 	$(BIN)/station run --simulate --units 4
 
@@ -33,10 +38,14 @@ check: $(VENV)/.dev  ## import contracts, types, lint: the same on a desk and in
 torture: $(VENV)/.dev  ## kills, edits, hostile input and 10,000 units, with counts; an hour or more
 	$(BIN)/python benchmarks/torture.py --seed $(SEED)
 
+bench: $(VENV)/.bench  ## how good the diagnosis is, beside other ways to choose a cause; a quarter of an hour
+	PYTHONPATH=. $(BIN)/python benchmarks/diagnosis.py --seed $(SEED)
+
 lock: ## renew the lock files from pyproject.toml
 	$(PYTHON) -m pip install --quiet uv
 	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group build -o requirements.lock
 	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group dev -o requirements-dev.lock
+	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group bench --group build -c requirements-dev.lock -o requirements-bench.lock
 
 blind: $(VENV)/.dev  ## hide new causes (make blind SEED=7) and see whether the diagnosis finds them
 	SEED=$(SEED) $(BIN)/python -m pytest tests/blind

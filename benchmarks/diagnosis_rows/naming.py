@@ -1,0 +1,134 @@
+"""Rows 3, 4, 7 and 10: the right name, beside the peers; what the name gains; and the size of the set."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from benchmarks.diagnosis_rows import oracle, peers
+from benchmarks.diagnosis_rows.figures import Figure, Judge, at_least, at_most, bootstrapped, share
+from benchmarks.diagnosis_rows.trials import Ask, Trial, named_ids, tell_misses, trial, tried
+from station.diagnosis.diagnose import Diagnosis
+from station.diagnosis.reduce import reduce
+from station.diagnosis.view import View
+from tests.blind.bench import WHITE, Floor, hide
+from tests.blind.recipes import recipe
+
+#: Goals by strength, by size and by strength.
+NAMING = {8.0: 0.95, 11.0: 0.98, 16.0: 0.99}
+SIZES = {1.0: 0.98, 0.5: 0.97, 0.25: 0.92}
+GAIN = {8.0: 0.97, 11.0: 0.99}
+
+
+@dataclass(frozen=True)
+class Surveyed:
+    """A trial, what the peers named, whether the omnibus test fired, and the found and the true model's gain."""
+
+    trial: Trial
+    peers: Mapping[str, str]
+    omnibus: bool
+    gain: float
+    true_gain: float
+
+
+@cache
+def survey(seed: int, sets: int, d: float) -> tuple[Surveyed, ...]:
+    """Every cause, and every one of another form, so many times at one strength in a white floor."""
+    found = []
+    for i, name in enumerate(named_ids()):
+        for n in range(sets):
+            ask = Ask(name, "white", seed * 10**6 + 400_000 + 1000 * round(d) + 40 * n + i, d=d)
+            made, diagnosis = tried(ask)
+            found.append(
+                Surveyed(
+                    made, peers.named(diagnosis), peers.omnibus(diagnosis), gained(made, diagnosis),
+                    oracle.form(name).gain(made.strength),
+                )
+            )  # fmt: skip
+    return tuple(found)
+
+
+def gained(made: Trial, found: Diagnosis) -> float:
+    """How much nearer to the noise-free truth the simulation comes by what was found: twice the nats that it gains
+    in expectation on the same campaign measured afresh."""
+    ask, of = made.ask, recipe(made.ask.runs)
+    quiet, _ = hide(of, ask.hidden, ask.seed, units=ask.units, floor=Floor(density=1e-12), size=made.size)
+    truth = reduce(of, quiet)
+    sigma = WHITE.density * np.sqrt(of.device.rate_hz / 2)
+
+    def off(view: View) -> float:
+        mean, contrast = view.simulated()
+        far = np.sum(truth.count.sum(1)[:, None] * (truth.mean - mean) ** 2)
+        return float(far + np.sum((truth.contrast - contrast) ** 2)) / sigma**2
+
+    return off(found.searched.first.view) - off(found.last.view)
+
+
+def naming(seed: int, sets: int) -> list[Figure]:
+    """Row 3."""
+    figures = []
+    for d, goal in NAMING.items():
+        all_of = survey(seed, sets, d)
+        seen = [s for s in all_of if s.trial.alarmed]
+        figures += _of([s.trial for s in all_of], f"d = {d:g}", lambda p, goal=goal: at_least(p, goal))
+        for peer in all_of[0].peers:
+            right = [s.peers[peer] == s.trial.ask.right for s in seen]
+            figures.append(share(f"  {peer} names first", right))
+        figures.append(share("  omnibus χ² fires", [s.omnibus for s in all_of]))
+    return figures
+
+
+def _of(trials: list[Trial], where: str, judge: Judge) -> list[Figure]:
+    """Detection and naming of trials."""
+    seen = [t for t in trials if t.alarmed]
+    tell_misses(trials, [t.leads for t in trials])
+    return [
+        share(f"{where}: named, given detection", [t.among for t in seen], judge, "leads or in its set"),
+        share("  leads alone or with its set", [t.leads for t in seen]),
+        share("  detected", [t.alarmed for t in trials]),
+    ]
+
+
+def sizes(seed: int, sets: int) -> list[Figure]:
+    """Row 4."""
+    figures = []
+    for j, (size, goal) in enumerate(SIZES.items()):
+        asks = [
+            Ask(name, "full", seed * 10**6 + 500_000 + 10_000 * j + 40 * n + i, size=size)
+            for i, name in enumerate(named_ids())
+            for n in range(sets)
+        ]
+        figures += _of([trial(a) for a in asks], f"usual size × {size:g}", lambda p, goal=goal: at_least(p, goal))
+    return figures
+
+
+def gain(seed: int, sets: int) -> list[Figure]:
+    """Row 7."""
+    figures = []
+    for d, goal in GAIN.items():
+        rows = np.array([(s.gain, s.true_gain) for s in survey(seed, sets, d) if s.trial.alarmed])
+        figures.append(
+            bootstrapped(
+                f"gain on fresh data ÷ that of the true model, d = {d:g}",
+                lambda at, rows=rows: float(rows[at, 0].sum() / rows[at, 1].sum()),
+                len(rows),
+                lambda r, goal=goal: at_least(r, goal),
+            )
+        )
+    return figures
+
+
+def set_size(seed: int, sets: int) -> list[Figure]:
+    """Row 10."""
+    seen = [s.trial for s in survey(seed, sets, 8.0) if s.trial.alarmed]
+    size, told = (np.array([len(x) for x in of], float) for of in ([t.likely for t in seen], [t.first for t in seen]))
+    return [
+        bootstrapped("causes in the 95 % set at d = 8", lambda at: float(size[at].mean()), len(size), _at_most_22),
+        share("  it holds the right one", [t.ask.right in t.likely for t in seen], lambda p: at_least(p, 0.95)),
+        bootstrapped("  causes reported as not separable", lambda at: float(told[at].mean()), len(told)),
+    ]
+
+
+def _at_most_22(x: float) -> tuple[str, bool]:
+    return at_most(x, 2.2)

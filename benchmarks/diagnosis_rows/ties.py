@@ -1,0 +1,175 @@
+"""Rows 5 and 11: what no data of a recipe can tell apart is given as a set, and the next run it proposes parts it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.diagnosis_rows.figures import Array, Figure, at_least, at_most, share
+from benchmarks.diagnosis_rows.trials import Ask, Trial, told
+from station.config.recipes import load_recipe
+from station.diagnosis.diagnose import Diagnosis
+from station.diagnosis.next_run import next_run
+from station.domain.recipe import Recipe
+from tests.blind.bench import Hidden, World, hide
+from tests.blind.hidden import KNOWN, adds
+from tests.blind.look import look
+from tests.blind.recipes import RATE_HZ, recipe
+
+
+def _six() -> Recipe:
+    whole = load_recipe("six-point")
+    return whole.model_copy(update={"device": whole.device.model_copy(update={"rate_hz": RATE_HZ, "lsb": 0.0})})
+
+
+def _once() -> Recipe:
+    return recipe(1)
+
+
+def _gravity(w: World, rng: Any) -> Array:
+    return rng.amplitude(7e-4, (1, 1)) * w.a
+
+
+def _offset(w: World, rng: Any) -> Array:
+    return rng.amplitude(1e-3, (2, 3))[w.nest]
+
+
+def _remapped(w: World, _rng: Any) -> tuple[Array, Array]:
+    return w.feel(device=np.array([0.0, 0.0, np.pi / 2])), np.zeros_like(w.a)
+
+
+@dataclass(frozen=True)
+class Tie:
+    """What is hidden, where; the causes that then look exactly alike, none where it looks like a calibration."""
+
+    what: str
+    hidden: Hidden
+    recipe: Callable[[], Recipe]
+    members: frozenset[str]
+    units: int = 4
+    d: float | None = 16.0
+
+
+def _tie(what: str, where: Callable[[], Recipe], *members: str, units: int = 4) -> Tie:
+    return Tie(f"{what}, {units} units", KNOWN[what], where, frozenset(members), units)
+
+
+#: A gain or an offset common to all leaves nothing (d = 0): it is hidden at its usual size.
+EXACT = (
+    _tie("nest-tilt", _once, "nest-tilt", "package-rotation"),
+    _tie("nest-tilt", _once, "nest-tilt", "package-rotation", units=1),
+    _tie("package-rotation", _once, "nest-tilt", "package-rotation", units=1),
+    _tie("base-tilt", _once, "base-tilt", "index-error"),
+    _tie("base-tilt", recipe, "base-tilt", "index-error"),
+    _tie("index-error", _once, "index-error", "repeatability", units=1),
+    _tie("settling", recipe, "settling", "filter-lag", units=1),
+    _tie("filter-lag", recipe, "settling", "filter-lag", units=1),
+    _tie("quadratic", _six, "quadratic", "asymmetry"),
+    _tie("asymmetry", _six, "quadratic", "asymmetry"),
+    Tie("axes remapped", _remapped, _once, frozenset({"axis-permutation", "package-rotation"}), d=None),
+    Tie("local gravity", adds(_gravity), recipe, frozenset(), d=None),
+    Tie("offset of a nest that no unit leaves", adds(_offset), _once, frozenset(), d=None),
+    Tie("cubic at six faces", KNOWN["cubic"], _six, frozenset(), d=None),
+    Tie("cross-quadratic at six faces", KNOWN["cross-quadratic"], _six, frozenset(), d=None),
+)  # fmt: skip
+
+
+def degenerate(seed: int, sets: int) -> list[Figure]:
+    """Row 5."""
+    right, wrong = [], []
+    for i, tie in enumerate(EXACT):
+        for n in range(2 * sets):
+            ask = Ask(tie.what, "white", seed * 10**6 + 900_000 + 100 * i + n, d=tie.d)
+            table, truth = hide(tie.recipe(), tie.hidden, ask.seed, units=tie.units, d=tie.d)
+            t = told(ask, look(tie.recipe(), table), truth)
+            if tie.members and not t.alarmed:
+                continue
+            right.append(_as_it_is(tie, t))
+            wrong.append(t.verdict == "named" and not _possible(tie, t))
+            if not right[-1]:
+                print(f"    {t.miss()}", flush=True)
+    return [
+        share(f"exact degeneracies given as what they are, {len(EXACT)} kinds", right, lambda p: at_least(p, 0.99)),
+        share("  a cause named that it cannot be", wrong, lambda p: at_most(p, 0.005)),
+    ]
+
+
+def _as_it_is(tie: Tie, t: Trial) -> bool:
+    return tie.members <= set(t.first) if tie.members else t.verdict == "none"
+
+
+def _possible(tie: Tie, t: Trial) -> bool:
+    """Whether one of those it could be is named first or beside the first."""
+    return bool(tie.members & set(t.first))
+
+
+#: Hidden in one run of the tilt recipe, where each looks like another.
+TIED_ONCE = ("nest-tilt", "bias-drift", "offset-temperature", "warm-up", "clamp-creep")
+
+
+@dataclass
+class Taped:
+    """Random numbers that are kept; a second pass gets the same ones again."""
+
+    of: Any
+    tape: list[Any]
+    again: bool = False
+
+    def _next(self, value: Any) -> Any:
+        if self.again:
+            return self.tape.pop(0)
+        self.tape.append(value)
+        return value
+
+    def amplitude(self, typical: float, shape: tuple[int, ...]) -> Array:
+        """Coefficients."""
+        return self._next(None if self.again else self.of.amplitude(typical, shape))
+
+    def uniform(self, low: float, high: float) -> float:
+        """A shape."""
+        return float(self._next(None if self.again else self.of.uniform(low, high)))
+
+
+def parted(name: str, seed: int, d: float = 12.0) -> tuple[bool, bool] | None:
+    """Whether a run was proposed for what is tied, and whether the cause is then named alone; None where the first
+    run does not leave the right cause tied with another."""
+    tape: list[Any] = []
+
+    def first(w: World, rng: Any) -> tuple[Array, Array]:
+        tape.clear()
+        return KNOWN[name](w, Taped(rng, tape))  # type: ignore[arg-type]
+
+    table, _ = hide(recipe(1), first, seed, d=d)
+    found = look(recipe(1), table)
+    before = _set_of(name, found)
+    if len(before) < 2:
+        return None
+    _, proposal = next_run(found)
+    if proposal is None:
+        print(f"    {name} seed {seed}: {'/'.join(before)}: no run proposed", flush=True)
+        return False, False
+    table, _ = hide(proposal.recipe, lambda w, rng: KNOWN[name](w, Taped(rng, [*tape], again=True)), seed + 500)  # type: ignore[arg-type]
+    after = _set_of(name, look(proposal.recipe, table))
+    resolved = after[:1] == (name,) and not set(after) & (set(before) - {name})
+    if not resolved:
+        print(f"    {name} seed {seed}: {'/'.join(before)} → {proposal.change} → {'/'.join(after)}", flush=True)
+    return True, resolved
+
+
+def _set_of(name: str, found: Diagnosis) -> tuple[str, ...]:
+    sets = [(c.finding.name, *c.finding.alike) for c in found.causes]
+    return next((s for s in sets if name in s), ())
+
+
+def resolved(seed: int, sets: int) -> list[Figure]:
+    """Row 11."""
+    tried = [
+        parted(name, seed * 10**6 + 950_000 + 1000 * i + n) for i, name in enumerate(TIED_ONCE) for n in range(2 * sets)
+    ]
+    tied = [t for t in tried if t is not None]
+    return [
+        share("next run names the right one of those tied, d = 12", [r for _, r in tied], lambda p: at_least(p, 0.90)),
+        share("  a run was proposed", [p for p, _ in tied]),
+        share("  tied after one run", [t is not None for t in tried]),
+    ]

@@ -1,0 +1,152 @@
+"""One trial: something is hidden by the blind tests' bench, and what the diagnosis made of it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from station.diagnosis.alarm import Null
+from station.diagnosis.diagnose import Diagnosis, diagnose
+from station.domain.recipe import Recipe
+from station.domain.types import SampleTable
+from station.model.model_file import Model
+from tests.blind.bench import FULL, HEAVY, WHITE, Floor, Hidden, hide
+from tests.blind.hidden import KNOWN, UNKNOWN, WRONG_FORM
+from tests.blind.look import look, null_of
+from tests.blind.recipes import recipe as tilts
+
+FLOORS: dict[str, Floor] = {"white": WHITE, "full": FULL, "t5": HEAVY}
+
+
+@dataclass(frozen=True)
+class Ask:
+    """What is hidden, by its name in the blind tests ("" for nothing), in which floor, how strongly: at strength d,
+    or at `size` times its usual one."""
+
+    name: str
+    floor: str
+    seed: int
+    d: float | None = None
+    size: float = 1.0
+    runs: int = 3
+    units: int = 4
+
+    @property
+    def right(self) -> str:
+        """The id that must be named; "" where none may be."""
+        return WRONG_FORM[self.name][0] if self.name in WRONG_FORM else self.name if self.name in KNOWN else ""
+
+    @property
+    def hidden(self) -> Hidden | None:
+        """What is done to the samples."""
+        if not self.name:
+            return None
+        return (KNOWN | {k: h for k, (_, h) in (WRONG_FORM | UNKNOWN).items()})[self.name]
+
+    def __str__(self) -> str:
+        much = f"d={self.d:g}" if self.d is not None else f"size×{self.size:g}"
+        return f"{self.name or 'nothing'} {much} {self.floor} seed {self.seed}"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of it.
+
+    sets: the members of each named set, its leader first; words: of what is left unexplained; likely: the 95 % set of
+    the first cause; strength and size: of what was hidden.
+    """
+
+    ask: Ask
+    alarmed: bool
+    verdict: str
+    sets: tuple[tuple[str, ...], ...]
+    words: tuple[str, ...]
+    likely: tuple[str, ...]
+    strength: float
+    size: float
+
+    @property
+    def first(self) -> tuple[str, ...]:
+        """The first set; empty where nothing was named."""
+        return self.sets[0] if self.sets else ()
+
+    @property
+    def leads(self) -> bool:
+        """Whether the right cause is named first."""
+        return self.first[:1] == (self.ask.right,)
+
+    @property
+    def among(self) -> bool:
+        """Whether the right cause is named first, or is one that the first cannot be told from."""
+        return self.ask.right in self.first
+
+    def miss(self) -> str:
+        """What was said instead, for a person."""
+        told = "; ".join("/".join(s) for s in self.sets)
+        return f"{self.ask}: {self.verdict} [{told}] {' '.join(self.words)}".rstrip()
+
+
+def table_of(ask: Ask) -> tuple[Recipe, SampleTable, Mapping[str, float]]:
+    """Recipe, samples, and what is true of them."""
+    recipe = tilts(ask.runs)
+    table, truth = hide(recipe, ask.hidden, ask.seed, units=ask.units, floor=FLOORS[ask.floor], d=ask.d, size=ask.size)
+    return recipe, table, truth
+
+
+def told(ask: Ask, found: Diagnosis, truth: Mapping[str, float]) -> Trial:
+    """A diagnosis as a trial."""
+    searched = found.searched
+    sets = [(f.effect, *f.alike) for f in found.faults]
+    sets += [(c.finding.name, *c.finding.alike) for c in found.causes]
+    alarmed = bool(found.faults) or searched.statistics[0] > searched.threshold
+    probability = searched.findings[0].probability if searched.findings else {}
+    likely = credible(probability)
+    return Trial(ask, alarmed, found.verdict, tuple(sets), found.depends_on, likely, truth["d"], truth.get("size", 0.0))
+
+
+def credible(probability: Mapping[str, float], level: float = 0.95) -> tuple[str, ...]:
+    """The likeliest causes that together hold `level`."""
+    order = sorted(probability, key=lambda n: -probability[n])
+    total = np.cumsum([probability[n] for n in order])
+    return tuple(order[: int(np.searchsorted(total, level)) + 1])
+
+
+@cache
+def trial(ask: Ask) -> Trial:
+    """Hides and diagnoses."""
+    return tried(ask)[0]
+
+
+def tried(ask: Ask) -> tuple[Trial, Diagnosis]:
+    """The same, with the whole diagnosis."""
+    recipe, table, truth = table_of(ask)
+    found = look(recipe, table)
+    return told(ask, found, truth), found
+
+
+def alarms(ask: Ask) -> bool:
+    """Whether the first look at the samples alarms; the search that would follow is left out."""
+    threshold = [np.inf]
+
+    def never(problem: Any, fitted: Any, now: Any) -> Null:
+        null = null_of(problem, fitted, now)
+        threshold[0] = null.threshold
+        return replace(null, threshold=np.inf)
+
+    recipe, table, _ = table_of(ask)
+    found = diagnose(recipe, table, Model(), never)
+    return bool(found.faults) or found.searched.statistics[0] > threshold[0]
+
+
+def named_ids() -> list[str]:
+    """All that the diagnosis must name: causes of the library, and causes of another form."""
+    return sorted(KNOWN) + sorted(WRONG_FORM)
+
+
+def tell_misses(trials: Sequence[Trial], right: Sequence[bool]) -> None:
+    """Prints what was said where it was not right."""
+    for t, good in zip(trials, right, strict=True):
+        if not good:
+            print(f"    {t.miss()}", flush=True)
