@@ -1,6 +1,6 @@
 """How units ended: a table for people, one document for programs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +34,7 @@ class Row:
     fit: Result | None
     noise: float | None
     duration_s: float
+    verification: Mapping[str, Any] | None = None
 
     @property
     def calibration(self) -> Calibration | None:
@@ -43,7 +44,7 @@ class Row:
 
 def row(r: UnitResult) -> Row:
     """The row of a run's unit."""
-    return Row(r.seat.serial, r.seat.nest, r.outcome, r.reasons, r.fit, r.noise, r.duration_s)
+    return Row(r.seat.serial, r.seat.nest, r.outcome, r.reasons, r.fit, r.noise, r.duration_s, r.verification)
 
 
 def table(rows: Sequence[Row], recipe: Recipe) -> None:
@@ -75,6 +76,29 @@ def table(rows: Sequence[Row], recipe: Recipe) -> None:
         if r.outcome is not Outcome.PASS:
             for reason in r.reasons:
                 console.print(f"{r.serial}: {reason.sentence}", markup=False)
+    for r in rows:
+        if told := _gained(r):
+            console.print(f"{r.serial}: {told}", markup=False)
+
+
+def _gained(r: Row) -> str:
+    """What a model's causes in the calibration gain at the verify positions; nothing where there is nothing to say."""
+    if r.verification is None or not r.verification.get("takes_in"):
+        return ""
+    positions, unit = r.verification["positions"], r.verification["unit"]
+    before = [p["error_before"] for p in positions if "error_before" in p]
+    if not before:
+        return ""
+    now = [p["error"] for p in positions]
+    names = " and ".join(r.verification["takes_in"])
+    return (
+        f"with {names} in the calibration the device's own output is off by {_rms(now):.2g} {unit} rms at "
+        f"{len(now)} verify positions; it would be {_rms(before):.2g} {unit} without"
+    )
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def unit_document(r: Row) -> dict[str, Any]:
@@ -98,6 +122,7 @@ def run_document(results: Sequence[UnitResult], recipe: Recipe) -> dict[str, Any
                 "written": r.written,
                 "verified": r.verified,
                 "noise": r.noise,
+                "verification": r.verification,
                 "duration_s": r.duration_s,
             }
             for r in results

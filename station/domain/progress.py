@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from station.domain.pipeline import Result
 from station.domain.types import Outcome, Reason
@@ -66,7 +67,8 @@ class Seat:
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitResult:
     """How one attempt ended. fit: calibration, budget and verdict, None where it did not come so far; noise: largest
-    standard deviation of a sample of any axis and stop, recipe's unit."""
+    standard deviation of a sample of any axis and stop, recipe's unit; verification: the record's, where it came so
+    far."""
 
     seat: Seat
     attempt: str
@@ -77,6 +79,7 @@ class UnitResult:
     verified: bool
     noise: float | None
     duration_s: float
+    verification: Mapping[str, Any] | None = None
 
 
 class Event:

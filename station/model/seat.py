@@ -90,7 +90,7 @@ class Seat:
         return acting
 
     def _told(self, scene: Scene) -> list[Acting]:
-        return [a for told in self._job.model.effects for a in told.acting(scene, self._job.seed)]
+        return [a for told in self._job.learnt for a in told.acting(scene, self._job.seed)]
 
     def _coefficients(self, i: int, effect: Effect, name: str) -> Floats:
         """Coefficients (axes) of one group; those of the planned stops are drawn together, as a campaign draws them."""

@@ -15,7 +15,7 @@ from station.model.campaign import campaign_of
 from station.model.effect import ClockEffect, Effect, GoldEffect, stream, strength
 from station.model.forward import Acting, Active, Base, convert, feel, read
 from station.model.line import Line
-from station.model.model_file import EFFECTS, Model
+from station.model.model_file import EFFECTS, Model, ModelEffect
 from station.model.noise import Noise
 from station.model.scene import Scene, Signal
 from station.model.timeline import Batch, density_of
@@ -28,7 +28,10 @@ FLICKER = 0.035
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What to simulate. units: serials; gold: whether to write the gold's columns though the recipe asks for none."""
+    """What to simulate. units: serials; gold: whether to write the gold's columns though the recipe asks for none.
+
+    A cause among `effects` takes the place of the model's of the same id: it is there once, with its whole size.
+    """
 
     recipe: Recipe
     units: tuple[str, ...]
@@ -41,7 +44,13 @@ class Job:
     @property
     def causes(self) -> tuple[Effect, ...]:
         """The causes of the model, and those asked for."""
-        return (*(told.build() for told in self.model.effects), *self.effects)
+        return (*(told.build() for told in self.learnt), *self.effects)
+
+    @property
+    def learnt(self) -> tuple[ModelEffect, ...]:
+        """The causes of the model that are not asked for by name."""
+        asked = {effect.id for effect in self.effects}
+        return tuple(told for told in self.model.effects if told.effect not in asked)
 
     @property
     def wants_gold(self) -> bool:
@@ -67,7 +76,7 @@ class Job:
 
     def active(self, scene: Scene, kind: type[Effect] = Effect) -> dict[str, Acting]:
         """The causes of a kind at work in a scene: those of the model, and those asked for."""
-        told = [a for told in self.model.effects for a in told.acting(scene, self.seed)]
+        told = [a for told in self.learnt for a in told.acting(scene, self.seed)]
         acting = [a for a in told if isinstance(a.effect, kind)]
         for effect in self.effects:
             if isinstance(effect, kind):

@@ -1,6 +1,7 @@
 """What a unit's kept stops come to: calibration, verdict, and the proof through its own output."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -58,15 +59,33 @@ def refit(table: SampleTable, recipe: Recipe, product: Product, measured_ns: int
 
 
 def verify(unit: Unit, job: Job, stops: Sequence[Stop]) -> tuple[tuple[Reason, ...], dict[str, Any]]:
-    """Reasons against the unit's own corrected output, and the document for the record."""
+    """Reasons against the unit's own corrected output, and the document for the record, which the unit keeps too."""
     strength = job.recipe.reference.strength()
     found = tuple(
         _verified(kept, _true(kept, planned, job), strength, unit, job)
         for kept, planned in zip(unit.verify_visits, stops, strict=True)
     )
     positions = [_document(v) for v in found]
-    limit = job.recipe.verify.limit
-    return verification.check(found, job.recipe), {"limit": limit, "unit": job.recipe.unit, "positions": positions}
+    if job.plain is not None:
+        for position, before in zip(positions, _without_model(unit, job, job.plain, found), strict=True):
+            position["error_before"] = before.error
+    shown: dict[str, Any] = {"limit": job.recipe.verify.limit, "unit": job.recipe.unit, "positions": positions}
+    if job.takes_in:
+        shown["takes_in"] = list(job.takes_in)
+    unit.verification = shown
+    return verification.check(found, job.recipe), shown
+
+
+def _without_model(
+    unit: Unit, job: Job, plain: Recipe, found: Sequence[verification.Verified]
+) -> list[verification.Verified]:
+    """What the same dwells would have come to, had the calibration not been told of the model's causes."""
+    table = samples_of(unit.seat, unit.visits, plain, job.layout, {})
+    now, before = unit.fit, refit(table, plain, job.product, unit.visits[0].arrived_ns)
+    if now is None or now.calibration is None or before.calibration is None:
+        return list(found)
+    raw = [now.calibration.matrix @ v.mean + now.calibration.offset for v in found]
+    return [replace(v, mean=before.calibration.correct(r), cov=None) for v, r in zip(found, raw, strict=True)]
 
 
 def _true(kept: KeptVisit, planned: Stop, job: Job) -> Floats:

@@ -18,7 +18,8 @@ from station.ports.store import Store
 class Job:
     """What is to be done: the recipe and the product, with the text and hash that the record keeps of them.
 
-    layout: the product's frames, found in its DBC.
+    layout: the product's frames, found in its DBC; takes_in: causes that a model has told the calibration of; plain:
+    the recipe as it would be without them, where that is another one.
     """
 
     recipe: Recipe
@@ -27,6 +28,8 @@ class Job:
     product: Product
     product_json: str
     layout: SensorLayout
+    takes_in: tuple[str, ...] = ()
+    plain: Recipe | None = None
 
     @property
     def gold_node(self) -> int | None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from station.domain.assemble import KeptVisit
 from station.domain.pipeline import Result
@@ -44,6 +45,7 @@ class Unit:
     visits: list[KeptVisit] = field(default_factory=list)
     verify_visits: list[KeptVisit] = field(default_factory=list)
     fit: Result | None = None
+    verification: Mapping[str, Any] | None = None
     reasons: list[Reason] = field(default_factory=list)
     result: UnitResult | None = None
 
@@ -70,6 +72,7 @@ class Unit:
                 verified=self.verified,
                 noise=self.noise,
                 duration_s=duration_s,
+                verification=self.verification,
             )
         return self.result
 

@@ -32,6 +32,7 @@ from station.service.recovery import close_unfinished
 from station.service.station import Job, Station
 from station.wiring.bus_owner import own_bus
 from station.wiring.jobs import Source, load_job
+from station.wiring.learnt import with_model
 from station.wiring.order import Order
 from station.wiring.positioners import positioner
 from station.wiring.simulated import SimulatedFixture
@@ -93,6 +94,7 @@ def open_bench(order: Order) -> Bench:
     settings = _overridden(settings, order)
     job, source = load_job(order.recipe or settings.recipe)
     _check_simulation_options(order)
+    job, learnt = with_model(job, order.model)
     _check_gold(job, settings)
     with ExitStack() as opened:
         if order.simulate:
@@ -113,7 +115,7 @@ def open_bench(order: Order) -> Bench:
         store = _store(database, settings, clock, opened)
         device = _devices(bus, clock, settings, job)
         station = Station(settings, content_hash(settings), bus, turned_by, store, clock, device)
-        told = close_unfinished(station)
+        told = (*learnt, *close_unfinished(station))
         return Bench(station, job, source, fixture, database, order.simulate, told, opened.pop_all())
     raise AssertionError("unreachable: ExitStack swallows nothing")
 
@@ -133,7 +135,6 @@ def _check_simulation_options(order: Order) -> None:
     given = {
         "--effect": order.effects,
         "--fault": order.faults,
-        "--model": order.model,
         "--device-state": order.device_state,
     }
     for option, value in given.items():

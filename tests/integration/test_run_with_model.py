@@ -1,0 +1,77 @@
+"""What a diagnosis has learnt of the devices goes into their calibration, and the verification error falls."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from station.cli import app
+
+pytestmark = pytest.mark.timeout(300)
+
+
+def station(*args: str) -> int:
+    with pytest.raises(SystemExit) as done:
+        app.main(args)
+    return int(done.value.code or 0)
+
+
+def ran(folder: Path, capsys: pytest.CaptureFixture[str], *more: str) -> tuple[dict[str, Any], str]:
+    """A run of two units with crooked axes: document, and what was said beside it."""
+    asked = ("--recipe", "offset-gain", "--simulate", "--units", "2", "--effect", "cross-axis=0.003")
+    assert station("run", *asked, "--db", str(folder / "station.db"), "--json", *more) == 0
+    told = capsys.readouterr()
+    return json.loads(told.out), told.err
+
+
+def errors(document: dict[str, Any], name: str) -> list[float]:
+    return [p[name] for unit in document["units"] for p in unit["verification"]["positions"]]
+
+
+@pytest.fixture
+def learnt(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> tuple[Path, Any]:
+    """The model that a diagnosis of a first run wrote, and that run."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    first, _ = ran(tmp_path, capsys)
+    model, db = tmp_path / "model.yaml", str(tmp_path / "station.db")
+    assert station("diagnose", "--db", db, "--recipe", "offset-gain", "--extend", str(model), "--json", "-") == 1
+    found = json.loads(capsys.readouterr().out)
+    assert (found["verdict"], [c["effect"] for c in found["causes"]]) == ("named", ["cross-axis"])
+    return model, first
+
+
+def test_the_verification_error_falls(
+    learnt: tuple[Path, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, first = learnt
+    second, said = ran(tmp_path, capsys, "--model", str(model))
+    assert "cross-axis, the device's own, goes into the calibration: offset and the whole matrix" in said
+    assert {tuple(u["verification"]["takes_in"]) for u in second["units"]} == {("cross-axis",)}
+    # As the first run would have had it on the same dwells, to the noise of a dwell; and far below it now.
+    assert errors(second, "error_before") == pytest.approx(errors(first, "error"), abs=4e-4)
+    assert min(errors(first, "error")) > 2e-3
+    assert max(errors(second, "error")) < 4e-4
+    assert all(abs(u["matrix"][0][1]) > 5e-4 for u in second["units"])
+
+
+def test_the_log_says_so_and_computes_it_again(
+    learnt: tuple[Path, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, _ = learnt
+    ran(tmp_path, capsys, "--model", str(model))
+    assert station("audit", "SN0001", "--db", str(tmp_path / "station.db"), "--recompute", "--json") == 0
+    kept = json.loads(capsys.readouterr().out)
+    said = json.dumps(kept)
+    assert '"takes_in": ["cross-axis"]' in said
+    assert '"error_before"' in said
+
+
+def test_what_the_device_cannot_hold_is_said_and_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = tmp_path / "model.yaml"
+    model.write_text("schema: station.model/1\neffects: [{effect: quadratic}, {effect: nest-tilt}]\n", encoding="utf-8")
+    document, said = ran(tmp_path, capsys, "--model", str(model))
+    assert "quadratic is no part of offset and matrix" in said
+    assert "nest-tilt is of the rig and not of the device" in said
+    assert all("takes_in" not in u["verification"] for u in document["units"])
+    assert all(u["matrix"][0][1] == 0 for u in document["units"])
