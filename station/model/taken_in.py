@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.domain import coefficients, design, method, rotation
+from station.domain import coefficients, design, method
 from station.domain.forecast import forecast
 from station.domain.recipe import Position, Recipe, Run
 from station.domain.types import Floats
@@ -29,7 +29,7 @@ POSES = 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TakenIn:
-    """recipe: as it is to be run; causes: ids that its calibration holds; left: why each other cause stays, in words."""
+    """recipe: as it is to be run; causes: ids that its calibration holds; left: why each other cause stays."""
 
     recipe: Recipe
     causes: tuple[str, ...]
