@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from station.domain.counters import steps
 from station.domain.frames import SensorLayout
-from station.domain.stream import Samples, samples
+from station.domain.stream import Samples, samples, temperatures
 from station.domain.types import Floats, Frames, Labels, SampleTable
 
 Rows = NDArray[np.intp]
@@ -144,11 +144,11 @@ def _counted_on(stops: list[tuple[NDArray[np.uint64], Times]], values: int) -> N
 
 def _temperature(visits: Sequence[KeptVisit], at: Times, layout: SensorLayout, node: int) -> dict[str, Floats]:
     """The device's own thermometer at the times `at` (n): it speaks rarely, so whole stops are looked through."""
-    told = [samples(v.frames, layout, node) for v in visits] if layout.temperature is not None else []
-    time_ns = np.concatenate([t.temperature_time_ns for t in told] or [np.zeros(0, np.int64)])
+    told = [temperatures(v.frames, layout, node) for v in visits]
+    time_ns = np.concatenate([t for t, _ in told] or [np.zeros(0, np.int64)])
     if not len(time_ns):
         return {}
-    degC = np.concatenate([t.temperature_degC for t in told])
+    degC = np.concatenate([d for _, d in told])
     order = np.argsort(time_ns, kind="stable")
     zero = time_ns[order[0]]
     return {"temperature_degC": np.interp((at - zero) / 1e9, (time_ns[order] - zero) / 1e9, degC[order])}

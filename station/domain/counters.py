@@ -42,10 +42,11 @@ def steps(counter: NDArray[np.uint64], time_ns: NDArray[np.int64], values: int) 
     hands over all that it held back.
     """
     signed = counter.astype(np.int64)
-    step: NDArray[np.int64] = (signed[1:] - signed[:-1]) % values
+    apart: NDArray[np.int64] = signed[1:] - signed[:-1]
     elapsed_ns = time_ns[1:] - time_ns[:-1]
-    if (step == 1).all() and elapsed_ns.max(initial=0) * len(step) <= values // 2 * elapsed_ns.sum():
-        return step  # no pause is long enough to hide a turn
+    if ((apart == 1) | (apart == 1 - values)).all() and _no_pause(elapsed_ns, values):
+        return np.ones(len(apart), np.int64)
+    step: NDArray[np.int64] = apart % values
     period_ns = _period(step, time_ns)
     if period_ns <= 0:
         return step
@@ -53,6 +54,11 @@ def steps(counter: NDArray[np.uint64], time_ns: NDArray[np.int64], values: int) 
         step[(step >= values - LATE_AT_MOST) & (elapsed_ns < period_ns * step / 2)] -= values
     _add_turns(step, elapsed_ns / period_ns, values)
     return step
+
+
+def _no_pause(elapsed_ns: NDArray[np.int64], values: int) -> bool:
+    """Whether no pause is long enough to hide a turn."""
+    return bool(elapsed_ns.max(initial=0) * len(elapsed_ns) <= values // 2 * elapsed_ns.sum())
 
 
 def count(step: NDArray[np.int64], bad_between: NDArray[np.int64]) -> Count:

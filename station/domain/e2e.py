@@ -26,10 +26,10 @@ def table(polynomial: int) -> Bytes:
 
 def crc8(columns: Iterable[Bytes], polynomial: int, start: int) -> Bytes:
     """CRC-8 (n) of messages given byte by byte: each column holds one byte of every message (n), or of all (1)."""
-    step = table(polynomial)
+    step = table(polynomial).tobytes()
     crc = np.array([start], np.uint8)
-    for column in columns:
-        crc = np.take(step, crc ^ column)
+    for column in columns:  # bytes are looked up in half the time that numpy takes to index
+        crc = np.frombuffer((crc ^ column).tobytes().translate(step), np.uint8)
     return crc
 
 

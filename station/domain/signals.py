@@ -119,6 +119,11 @@ def physical(values: Array, signal: SignalLayout) -> Array:
 
 def _bits(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
     """The signal's bits as integers (n), extended by sign: shifted up against the word's end, then down again."""
+    kind = np.int64 if signal.signed and not signal.is_float else np.uint64
+    if data.shape[1] == 8 and signal.length in (8, 16, 32, 64) and signal.first_bit % signal.length == 0:
+        size, order = signal.length // 8, ">" if signal.big_endian else "<"
+        whole = _window(data, 0).view(f"{order}{'i' if kind is np.int64 else 'u'}{size}")
+        return whole[:, signal.first_bit // signal.length].astype(kind)
     first, skip = (0, signal.first_bit) if data.shape[1] == 8 else divmod(signal.first_bit, 8)
     window = _window(data, first)
     rest = skip + signal.length - 64
@@ -134,8 +139,9 @@ def _bits(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
             word |= _byte(data, first + 8) << np.uint64(64 - skip)
             skip = 0
         word <<= np.uint64(64 - skip - signal.length)
-    kind = np.int64 if signal.signed and not signal.is_float else np.uint64
-    return word.view(kind) >> kind(64 - signal.length)
+    bits = word.view(kind)
+    bits >>= kind(64 - signal.length)
+    return bits
 
 
 def _window(data: NDArray[np.uint8], first: int) -> NDArray[np.uint8]:

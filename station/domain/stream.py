@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from station.domain import e2e
 from station.domain.counters import Count, count, steps
 from station.domain.frames import SensorLayout
-from station.domain.signals import FrameLayout, physical, raw
-from station.domain.types import ERROR, EXTENDED, REMOTE, Array, Floats, Frames
+from station.domain.signals import FrameLayout, SignalLayout, physical, raw
+from station.domain.types import REMOTE, Array, Floats, Frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,18 +75,19 @@ class Samples:
 def samples(frames: Frames, layout: SensorLayout, node: int) -> Samples:
     """Everything that `node` said about itself in `frames`; frames of others are left out."""
     whole, trouble = _whole(frames, layout.sample, layout.id_of(layout.sample, node))
-    readings = [raw(whole.data, axis) for axis in layout.axes]
-    xyz = np.stack([physical(r, axis) for r, axis in zip(readings, layout.axes, strict=True)], axis=1)
+    columns = [raw(whole.data, axis) for axis in layout.axes]
+    readings = np.stack(columns, axis=1)
+    xyz = _physical(columns, readings, layout.axes)
     counter = None if layout.counter is None else raw(whole.data, layout.counter)
     crc_ok = _crc_ok(whole.data, counter, layout, node)
     finite = _finite(xyz, layout)
     usable, counted = _counted(whole.time_ns, counter, crc_ok, layout.counter_values)
     roles = layout.map.sample
-    temperature = _temperature(frames, layout, node)
+    temperature = temperatures(frames, layout, node)
     return Samples(
         time_ns=whole.time_ns,
-        xyz=xyz.astype(np.float64),
-        raw=np.stack(readings, axis=1),
+        xyz=xyz,
+        raw=readings,
         counter=counter,
         status=None if roles.status is None else raw(whole.data, layout.sample.signal(roles.status)),
         crc_ok=crc_ok,
@@ -104,15 +105,22 @@ def samples(frames: Frames, layout: SensorLayout, node: int) -> Samples:
     )
 
 
+def _physical(columns: list[Array], together: Array, axes: tuple[SignalLayout, ...]) -> Floats:
+    """Physical values (n, 3) of raw columns; from all together (n, 3) where the axes' signals mean the same."""
+    if len({(a.scale, a.offset, a.length, a.signed, a.is_float) for a in axes}) == 1:
+        return np.asarray(physical(together, axes[0]), np.float64)
+    each = [physical(column, axis) for column, axis in zip(columns, axes, strict=True)]
+    return np.asarray(np.stack(each, axis=1), np.float64)
+
+
 def _whole(frames: Frames, layout: FrameLayout, can_id: int) -> tuple[Frames, Trouble]:
     """The node's frames that can be decoded, and how many cannot."""
-    named = (frames.can_id & np.uint32(EXTENDED | ERROR | 0x1FFF_FFFF)) == np.uint32(can_id)
-    mine = frames if named.all() else frames[named]
-    remote = (mine.can_id & np.uint32(REMOTE)) != 0
-    right = (mine.length == layout.length) & ~remote
-    wrong = int(np.count_nonzero(~right & ~remote))
-    trouble = Trouble(frames=len(mine), wrong_length=wrong, remote=int(np.count_nonzero(remote)))
-    return (mine if right.all() else mine[right]), trouble
+    named = frames.can_id == np.uint32(can_id)
+    right = named & (frames.length == layout.length)
+    mine, good = int(np.count_nonzero(named)), int(np.count_nonzero(right))
+    asked = 0 if mine == len(frames) else int(np.count_nonzero(frames.can_id == np.uint32(can_id | REMOTE)))
+    trouble = Trouble(frames=mine + asked, wrong_length=mine - good, remote=asked)
+    return (frames if good == len(frames) else frames[right]), trouble
 
 
 def _finite(xyz: Floats, layout: SensorLayout) -> NDArray[np.bool_]:
@@ -133,16 +141,19 @@ def _counted(
     time_ns: NDArray[np.int64], counter: Array | None, crc_ok: NDArray[np.bool_], values: int
 ) -> tuple[NDArray[np.bool_], Count]:
     """Which frames say something new, and the counter's tale over those with a right CRC."""
-    trusted = np.flatnonzero(crc_ok)
-    if counter is None or len(trusted) < 2:
+    if counter is None or np.count_nonzero(crc_ok) < 2:
         return crc_ok, Count()
+    if crc_ok.all() and (step := steps(counter, time_ns, values)).min() == step.max() == 1:
+        return crc_ok, Count()
+    trusted = np.flatnonzero(crc_ok)
     step = steps(counter[trusted], time_ns[trusted], values)
     fresh = crc_ok.copy()
     fresh[trusted[1:]] = step != 0
     return fresh, count(step, np.diff(trusted) - 1)
 
 
-def _temperature(frames: Frames, layout: SensorLayout, node: int) -> tuple[NDArray[np.int64], Floats]:
+def temperatures(frames: Frames, layout: SensorLayout, node: int) -> tuple[NDArray[np.int64], Floats]:
+    """What the node's own thermometer said in `frames`: times (t), ns, and degC (t)."""
     roles = layout.map.temperature
     if layout.temperature is None or roles is None:
         return np.zeros(0, np.int64), np.zeros(0)
