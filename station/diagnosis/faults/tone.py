@@ -139,7 +139,8 @@ def _gains(power: Floats, d: Dwells) -> Floats:
     """Log-likelihood (f) that a line of powers (f, 3) gains over the median of the spectrum around it.
 
     The background is the data's own, so neither the tails nor the colour of the noise can pass for a line. Powers
-    are exponential: their mean over stops is normal with a relative spread of 1/√(effective number of stops).
+    are exponential: a mean of N of them that is r times what it should be is e^(−N(r − 1 − ln r)) likely (Chernoff's
+    bound). N counts the stops by their weight, and less where the background itself is known from few frequencies.
     """
     weight = _weight(d)
     stops = float(np.sum(weight)) ** 2 / max(float(np.sum(weight**2)), 1e-300)
@@ -147,9 +148,9 @@ def _gains(power: Floats, d: Dwells) -> Floats:
     far = np.abs(place[:, None] - place)
     around = (far > REACH) & (far <= AROUND)
     background = np.array([np.median(power[near], axis=0) if near.any() else np.full(3, np.inf) for near in around])
-    spread = np.sqrt((1 + np.pi / 2 * FINE / np.maximum(around.sum(1), 1)) / stops)[:, None]
-    z = (power / np.maximum(background, 1e-300) - 1) / spread
-    return np.asarray(np.sum(np.maximum(z, 0.0) ** 2, axis=1) / 2)
+    known = stops / (1 + np.pi / 2 * FINE / np.maximum(around.sum(1), 1))
+    ratio = np.maximum(power / np.maximum(background, 1e-300), 1.0)
+    return np.asarray(known * np.sum(ratio - 1 - np.log(ratio), axis=1))
 
 
 def _followed(d: Dwells, frequency_hz: float) -> float:
