@@ -367,6 +367,18 @@ def test_two_devices_with_one_node_id_are_noticed(start: Start) -> None:
         sdo.upload(0x2000, 0)
 
 
+def test_a_second_device_that_is_three_requests_behind_is_noticed(start: Start) -> None:
+    def read(sub: int, *late: int) -> Line:
+        told = [f"4f 00 20 {s:02x} 07 00 00 00" for s in (*late, sub)]
+        return f"40 00 20 {sub:02x} 00 00 00 00", told
+
+    sdo = start(read(1), read(2), read(3), read(4, 1), read(5, 2))
+    for sub in range(1, 5):
+        assert sdo.upload(0x2000, sub) == b"\7"
+    with pytest.raises(BusFault, match="two devices share this node id"):
+        sdo.upload(0x2000, 5)
+
+
 def test_one_repeated_frame_is_forgiven(start: Start) -> None:
     request, answer = "40 00 20 00 00 00 00 00", "4f 00 20 00 07 00 00 00"
     sdo = start(

@@ -45,8 +45,15 @@ def late(rig: DeviceRig) -> None:
 
 
 def stale(rig: DeviceRig) -> None:
+    assert rig.station.upload(0x1000, 0)  # nothing to repeat yet
+    assert rig.station.upload(0x1018, 1)
+    with pytest.raises(BusFault, match="two devices share this node id"):
+        rig.station.upload(0x1018, 2)
+
+
+def stale_once(rig: DeviceRig) -> None:
     assert rig.station.identify().serial == 42
-    assert rig.station.sdo.dropped > 0
+    assert rig.station.sdo.dropped == 1
 
 
 def wrong_object(rig: DeviceRig) -> None:
@@ -234,6 +241,7 @@ CASES: dict[str, Check] = {
     "silent:index=0x2101,access=write": silent,
     "late:index=0x2101,sub=1,seconds=0.85": late,
     "stale": stale,
+    "stale:at=5,times=1": stale_once,
     "wrong-object:index=0x2106,value=0x9999": wrong_object,
     "refuse:index=0x2106,access=write,code=0x08000022": refuse,
     "wrong-toggle": wrong_toggle,

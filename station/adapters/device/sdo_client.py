@@ -26,6 +26,8 @@ BLOCK_FROM = 400
 _MOST_WAITING = 4096
 #: An abort in the middle of saving may do harm, so these time-outs are silent.
 _STORES = (0x1010, 0x1011)
+#: A second device may be so many requests behind the first; so many exchanges running it must have answered too.
+_REMEMBERED, _RUNNING = 32, 2
 #: Mandatory objects that any device answers for: they tell when it has caught up.
 _FENCES = ((0x1000, 0), (0x1001, 0))
 
@@ -37,6 +39,9 @@ class SdoClient:
     After a time-out the node is in quarantine: the next call waits `answer_s`, drops what comes, and reads a
     mandatory object. The device answers in order, so that answer proves that no older one can follow it. An
     object whose write timed out must be read before it may be written again.
+
+    Answers that repeat those to earlier requests are counted by the exchange in which they come. One may be the bus's
+    doing (a frame received twice, CAN 2.0 part A, 4.2); in two exchanges running they come of a second device.
     """
 
     def __init__(
@@ -53,8 +58,9 @@ class SdoClient:
         self._network = network
         self._lock = threading.RLock()
         self._inbox: deque[bytes] = deque(maxlen=_MOST_WAITING)
-        self._last_fits: Callable[[bytes], bool] = lambda _: False
-        self._answered_twice = 0
+        self._answered: deque[Callable[[bytes], bool]] = deque(maxlen=_REMEMBERED)
+        self._repeated = False
+        self._repeated_running = 0
         self._quarantined_by: Address | None = None
         self._doubtful: set[Address] = set()
         self._has_blocks = True
@@ -126,13 +132,15 @@ class SdoClient:
     def _drive(self, transfer: Generator[Exchange, bytes, Result], index: int, sub: int, timeout_s: float) -> Result:
         try:
             exchange = next(transfer)
-            self._look_for_second_device()
-            self._last_fits = exchange.fits or self._last_fits
             while True:
-                answer = self._exchange(exchange, index, sub, timeout_s)
-                exchange = transfer.throw(NoAnswer()) if answer is None else transfer.send(answer)
                 if exchange.send:
                     self._drain()
+                    self._refuse_second_device()
+                answer = self._exchange(exchange, index, sub, timeout_s)
+                if answer is not None and exchange.send:
+                    self._remember(exchange)
+                    self._refuse_second_device()
+                exchange = transfer.throw(NoAnswer()) if answer is None else transfer.send(answer)
         except StopIteration as done:
             result: Result = done.value
             return result
@@ -151,21 +159,28 @@ class SdoClient:
                     raise Refused(int.from_bytes(answer[4:8], "little"))
             elif len(answer) == 8 and exchange.fits(answer):
                 return answer
-            self.dropped += 1
+            self._drop(answer)
         return None
 
-    def _drain(self) -> list[bytes]:
-        """Drops what has come and belongs to no request; returns it."""
+    def _drain(self) -> None:
+        """Drops what has come and belongs to no request."""
         self._network.catch_up()
-        left = [self._inbox.popleft() for _ in range(len(self._inbox))]
-        self.dropped += len(left)
-        return left
+        for _ in range(len(self._inbox)):
+            self._drop(self._inbox.popleft())
 
-    def _look_for_second_device(self) -> None:
-        """One repeated answer may be the bus's doing (a frame received twice); two running are two devices."""
-        again = any(len(answer) == 8 and self._last_fits(answer) for answer in self._drain())
-        self._answered_twice = self._answered_twice + 1 if again else 0
-        if self._answered_twice > 1:
+    def _drop(self, answer: bytes) -> None:
+        self.dropped += 1
+        self._repeated = self._repeated or (len(answer) == 8 and any(fits(answer) for fits in self._answered))
+
+    def _remember(self, exchange: Exchange) -> None:
+        """The exchange was answered: its answer may come once more, and so did that to an earlier one or not."""
+        self._repeated_running = self._repeated_running + 1 if self._repeated else 0
+        self._repeated = False
+        if exchange.fits is not None:
+            self._answered.append(exchange.fits)
+
+    def _refuse_second_device(self) -> None:
+        if self._repeated_running + self._repeated >= _RUNNING:
             raise BusFault(f"node {self.node} answers every request twice: two devices share this node id; change one")
 
     def _time_out(self, deed: str, index: int, sub: int, timeout_s: float, dropped: int) -> str:
@@ -189,7 +204,7 @@ class SdoClient:
         culprit, self._quarantined_by = self._quarantined_by, None
         clock = self._network.clock
         self._network.wait(lambda: False, clock.monotonic_s() + self.answer_s)
-        self._last_fits = lambda _: False
+        self._answered.clear()
         index, sub = _FENCES[culprit == _FENCES[0]]
         self._run("read", index, sub, None, lambda: sdo_transfer.upload(index, sub))
 
