@@ -35,6 +35,8 @@ from station.wiring.positioners import options_of
 ERROR_DEG = 0.001
 #: Readings of this long leave a simulated device together, s, while nobody looks (during a move).
 BLOCK_S = 0.5
+#: In place of a serial in `--fault`: the bus itself; the gold reference.
+BUS, GOLD = "BUS/", "GOLD"
 
 
 class SimulatedFixture:
@@ -50,7 +52,10 @@ class SimulatedFixture:
         self.positioner = SimulatedPositioner(self._positioner_settings(document), self.clock, self._go)
         effects = tuple(_effect(text, job) for text in order.effects)
         self._rig = Rig(Campaign(job.recipe, (), order.seed, effects, load_model(order.model)), self.positioner.plate)
-        self._faults = [_split(text) for text in order.faults]
+        for text in order.faults:
+            if text.startswith(BUS):
+                self.bus.break_wire(text.removeprefix(BUS))
+        self._faults = [_split(text) for text in order.faults if not text.startswith(BUS)]
         self._devices: list[tuple[SimulatedDevice, _Delivered]] = []
         self._dictionary = cache(partial(eds.load, source.eds))  # a long batch places many units
 
@@ -92,12 +97,12 @@ class SimulatedFixture:
             temperature=lambda time_s: float(self._rig.temperature_degC(nest, np.array([time_s]))[0]),
             rate_hz=self._job.recipe.device.rate_hz,
         )
-        return self._made(nest, node, sensor, 0, NonVolatile(), [f for s, f in self._faults if s == "GOLD"])
+        return self._made(nest, node, sensor, 0, NonVolatile(), [f for s, f in self._faults if s == GOLD])
 
     def _made(
         self, nest: str, node: int, sensor: Sensor, serial: int | str, memory: NonVolatile, faults: list[fault.Fault]
     ) -> "tuple[SimulatedDevice, _Delivered]":
-        channel = _Delivered(self.bus.service(listens_to(node)), self._rig, nest)
+        channel = _Delivered(self.bus.endpoint(listens_to(node)), self._rig, nest)
         device = SimulatedDevice(
             channel,
             self.clock,

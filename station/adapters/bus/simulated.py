@@ -1,12 +1,15 @@
 """A CAN bus inside this process: python-can's virtual interface, on simulated time."""
 
+import errno
 import uuid
 
 import numpy as np
 
+from station.adapters.bus._errors import SEND_DEADLINE_S, told
 from station.adapters.bus._filter import wanted
 from station.adapters.bus._messages import to_frames, to_message
 from station.adapters.bus._python_can import VirtualBus
+from station.adapters.bus._wire import QUEUE, Wire, parse
 from station.domain.types import Frames
 from station.errors import BusFault
 from station.ports.clock import EventClock
@@ -22,13 +25,16 @@ class Simulated:
     (`send_many`) are handed from endpoint to endpoint as arrays beside it: same filters, same receivers, and
     merged by time with the single ones when they are received. That order is global as long as every actor,
     when it acts, sends all that was due until then.
+
+    `break_wire` puts faults between the station's channels and the devices' endpoints, which never see an error.
     """
 
     def __init__(self, clock: EventClock, name: str = "simulated") -> None:
         self._clock = clock
         self._name = name
-        self._wire = f"{name}-{uuid.uuid4()}"
+        self._channel_name = f"{name}-{uuid.uuid4()}"
         self._channels: list[_Channel] = []
+        self._wire = Wire()
 
     @classmethod
     def open(cls, channel: str, clock: EventClock, _receive_buffer_bytes: int | None) -> "Simulated":
@@ -45,22 +51,29 @@ class Simulated:
         return self._open(can_ids, errors=True)
 
     def service(self, can_ids: tuple[int, ...]) -> "_Channel":
-        """A channel that receives these ids, or all when none is given, and no error frames.
-
-        Devices take theirs from here too."""
+        """A channel that receives these ids, or all when none is given, and no error frames."""
         return self._open(can_ids, errors=False)
 
+    def endpoint(self, can_ids: tuple[int, ...]) -> "_Channel":
+        """A device's side of the bus."""
+        return self._open(can_ids, errors=False, of_station=False)
+
+    def break_wire(self, fault: str) -> None:
+        """One more fault, as `KIND` or `KIND:after_s=6,seconds=2`. Errors: UsageError."""
+        self._wire.add(parse(fault))
+
     def state(self) -> str:
-        """Always active: the virtual interface has no controller that could be anything else."""
-        return "active"
+        """Active, unless something is wrong with the wire."""
+        return self._wire.state(self._clock.monotonic_s())
 
     def close(self) -> None:
         """Closes every channel opened here."""
         for channel in list(self._channels):
             channel.close()
 
-    def _open(self, can_ids: tuple[int, ...], *, errors: bool) -> "_Channel":
-        channel = _Channel(self._clock, self._wire, self._channels, can_ids, errors=errors)
+    def _open(self, can_ids: tuple[int, ...], *, errors: bool, of_station: bool = True) -> "_Channel":
+        wire = self._wire if of_station else None
+        channel = _Channel(self._clock, self._channel_name, self._name, self._channels, can_ids, wire, errors=errors)
         self._channels.append(channel)
         return channel
 
@@ -69,22 +82,35 @@ class _Channel:
     """One endpoint of the virtual bus. receive(0.0) never moves time, so actors may call it."""
 
     def __init__(
-        self, clock: EventClock, wire: str, peers: "list[_Channel]", can_ids: tuple[int, ...], *, errors: bool
+        self,
+        clock: EventClock,
+        channel: str,
+        name: str,
+        peers: "list[_Channel]",
+        can_ids: tuple[int, ...],
+        wire: Wire | None,
+        *,
+        errors: bool,
     ) -> None:
         self._clock = clock
+        self._name = name
+        self._wire = wire
+        self._held: list[tuple[int, bytes]] = []
+        self._looked_s = clock.monotonic_s()
         self._peers = peers
         self._can_ids = can_ids
         self._errors = errors
         self._blocks: list[Frames] = []
-        self._bus = VirtualBus(wire, preserve_timestamps=True)  # by its class: no .canrc can redirect it
+        self._bus = VirtualBus(channel, preserve_timestamps=True)  # by its class: no .canrc can redirect it
 
     def send(self, can_id: int, data: bytes) -> None:
         """Sends one frame now."""
         self._check_open()
         if len(data) > 8:
             raise ValueError(f"a classic frame holds 8 bytes, not {len(data)}")
-        # Seconds since the clock's start: small enough for a float to hold them to the nanosecond.
-        self._bus.send(to_message(can_id, data, self._clock.monotonic_s()))
+        if self._wire is None or self._gets_out(self._wire, can_id, data):
+            # Seconds since the clock's start: small enough for a float to hold them to the nanosecond.
+            self._bus.send(to_message(can_id, data, self._clock.monotonic_s()))
 
     def send_many(self, frames: Frames) -> None:
         """Sends a block; the frames keep their time_ns, which may not lie in the future."""
@@ -102,6 +128,8 @@ class _Channel:
     def receive(self, timeout_s: float) -> Frames:
         """All frames waiting, in order of time; lets simulated time pass up to `timeout_s` until there are some."""
         self._check_open()
+        if self._wire is not None:
+            self._look(self._wire)
         until_s = self._clock.monotonic_s() + timeout_s
         frames = self._drain()
         if not len(frames) and timeout_s > 0:
@@ -133,7 +161,37 @@ class _Channel:
         frames = blocks[0] if len(blocks) == 1 else Frames.join(blocks)
         if (np.diff(frames.time_ns) < 0).any():
             frames = frames[np.argsort(frames.time_ns, kind="stable")]
-        return frames
+        if self._wire is None:
+            return frames
+        return self._wire.arriving(frames, self._clock.monotonic_s(), self._clock.epoch_ns())
+
+    def _gets_out(self, wire: Wire, can_id: int, data: bytes) -> bool:
+        """Whether a frame of the station reaches the bus now; else it fails, or waits in the interface's queue."""
+        if wire.fails(self._clock.monotonic_s()) == errno.ENOBUFS or len(self._held) >= QUEUE:
+            self._clock.sleep(SEND_DEADLINE_S)
+        now_s = self._clock.monotonic_s()
+        number = wire.fails(now_s)
+        if number or (wire.holds(now_s) and len(self._held) >= QUEUE):
+            raise BusFault(told(self._name, number or errno.ENOBUFS))
+        if wire.holds(now_s):
+            self._held.append((can_id, data))
+            return False
+        self._send_held()
+        return True
+
+    def _look(self, wire: Wire) -> None:
+        """Tells once that the link went down; sends what waited, when it can."""
+        now_s, before_s = self._clock.monotonic_s(), self._looked_s
+        self._looked_s = now_s
+        if wire.went_down(before_s, now_s):
+            raise BusFault(told(self._name, errno.ENETDOWN))
+        if self._held and not wire.holds(now_s):
+            self._send_held()
+
+    def _send_held(self) -> None:
+        held, self._held = self._held, []
+        for can_id, data in held:
+            self._bus.send(to_message(can_id, data, self._clock.monotonic_s()))
 
     def _singles(self) -> Frames:
         messages = []

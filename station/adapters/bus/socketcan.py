@@ -7,7 +7,8 @@ import struct
 import time
 from typing import Final
 
-from station.adapters.bus import _netlink
+from station.adapters.bus import _errors, _netlink
+from station.adapters.bus._errors import SEND_DEADLINE_S
 from station.adapters.bus._recvmmsg import SO_MEMINFO, SO_RCVBUFFORCE, Receiver
 from station.domain.types import EXTENDED, Frames
 from station.errors import BusFault, ConfigError
@@ -16,8 +17,6 @@ from station.ports.clock import Clock
 #: 16 MiB hold about 43,000 frames, nearly 5 s of a full 1 Mbit/s bus; the default holds 31 ms.
 STREAM_BUFFER_BYTES: Final = 16 << 20
 SERVICE_BUFFER_BYTES: Final = 1 << 20
-#: How long the kernel's transmit queue may stay full before that is a fault.
-SEND_DEADLINE_S: Final = 1.0
 #: A flood must not keep one call for ever.
 MOST_BATCHES: Final = 32
 _CAN_RAW_ERR_FILTER, _ALL_ERRORS = 2, 0x1FFF_FFFF
@@ -101,7 +100,7 @@ class _Channel:
                 self._sock.send(frame)
             except OSError as error:
                 if error.errno not in (errno.ENOBUFS, errno.EAGAIN) or time.monotonic() > deadline_s:
-                    raise BusFault(_told(self._name, error)) from None
+                    raise BusFault(_errors.told(self._name, error.errno or 0)) from None
                 time.sleep(0.001)  # poll() calls the socket writable although the queue behind it is full
             else:
                 return
@@ -122,7 +121,7 @@ class _Channel:
             while len(parts[-1]) == self._receiver.batch and len(parts) < MOST_BATCHES:
                 parts.append(self._receiver.take())
         except OSError as error:
-            raise BusFault(_told(self._name, error)) from None
+            raise BusFault(_errors.told(self._name, error.errno or 0)) from None
         return frames if len(parts) == 1 else Frames.join(parts)
 
     def drops(self) -> int:
@@ -178,17 +177,3 @@ def _enlarge(sock: socket.socket, size: int) -> None:
         sock.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, size)
     except PermissionError:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
-
-
-def _told(name: str, error: OSError) -> str:
-    """A socket's error as a sentence with a remedy."""
-    if error.errno == errno.ENETDOWN:
-        return f"{name} went down; bring it up with `ip link set {name} up`"
-    if error.errno in (errno.ENODEV, errno.ENXIO):
-        return f"{name} is gone; plug the adapter in again and start anew"
-    if error.errno in (errno.ENOBUFS, errno.EAGAIN):
-        return (
-            f"{name} could not send for {SEND_DEADLINE_S:g} s, its queue is full: check that a node acknowledges "
-            f"(wiring, termination, bit rate), or enlarge it with `ip link set {name} txqueuelen 1000`"
-        )
-    return f"{name} failed: {error.strerror}"
