@@ -12,7 +12,7 @@ from station.domain.stream import Samples
 from station.domain.types import Floats, Reason
 
 #: Checks that say something about the station or the handling, not about the unit.
-STATION_CHECKS = frozenset({"silent", "kernel-drops", "not-still", "wrong-face", "temperature"})
+STATION_CHECKS = frozenset({"silent", "kernel-drops", "not-still", "wrong-face", "temperature", "gold-silent"})
 #: A unit's own reading may lie this far from the face that is up before it counts as another face.
 FACE_DEG = 25.0
 #: Of the frames that the rate promises, so many must come: clocks and the dwell's ends cost a few.

@@ -5,8 +5,12 @@ from station.domain.types import Frames
 from station.errors import BusFault, DeviceSilent, StationError
 from station.ports.bus import Bus
 
-#: States in which a device's silence is the bus's doing.
-_TELLING = frozenset({"down", "bus-off", "passive"})
+#: States in which a device's silence is the bus's doing, with what to look at.
+_TELLING = {
+    "down": "is down: bring it up",
+    "bus-off": "is bus-off: look at bit rate, wiring and termination first",
+    "passive": "is passive, nobody acknowledges its frames: look at cable, termination and bit rate first",
+}
 
 
 def refuse_bus_off(frames: Frames, bus: Bus) -> Frames:
@@ -19,5 +23,5 @@ def refuse_bus_off(frames: Frames, bus: Bus) -> Frames:
 def blamed(fault: StationError, bus: Bus) -> StationError:
     """A device's silence with the state of the bus, where that tells why."""
     if isinstance(fault, DeviceSilent) and (state := bus.state()) in _TELLING:
-        return DeviceSilent(f"{fault.sentence}; {bus.name} is {state}")
+        return DeviceSilent(f"{fault.sentence}; {bus.name} {_TELLING[state]}")
     return fault

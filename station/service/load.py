@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from station.domain import document, stops_document, writeback
+from station.domain import document, stops_document, thermometer, writeback
 from station.domain.progress import (
     Event,
     Identified,
@@ -19,7 +19,17 @@ from station.domain.progress import (
     follow,
 )
 from station.domain.types import Outcome
-from station.errors import Aborted, DeviceSilent, PositionerFault, StationError, StoreFault, UnitFault, WrongUnit
+from station.errors import (
+    Aborted,
+    DeviceRefused,
+    DeviceSilent,
+    PositionerFault,
+    StationError,
+    StationFault,
+    StoreFault,
+    UnitFault,
+    WrongUnit,
+)
 from station.service import compute, record
 from station.service.bus_errors import blamed
 from station.service.capture import Capture
@@ -158,10 +168,18 @@ class Load:
         if self._job.gold_node is None:
             return
         device = self._station.device(self._job.gold_node)
-        device.nmt("start")
         switch = writeback.output(self._job.product.map, raw=True)
-        if switch is not None:
-            device.download(*switch.address, switch.raw)
+        try:
+            device.nmt("start")
+            if switch is not None:
+                device.download(*switch.address, switch.raw)
+        except (DeviceSilent, DeviceRefused) as fault:
+            gold = self._job.recipe.reference.gold
+            name = gold.serial if gold is not None else ""
+            raise StationFault(
+                f"the gold reference {name} cannot be started, so there is no truth to measure against: "
+                f"{fault.sentence}"
+            ) from fault
 
     def _reseat(self, seating: str) -> Iterator[Event]:
         sentence = f"turn every unit in its nest to seating {seating!r}, then go on"
@@ -187,6 +205,9 @@ class Load:
         yield from self._each(self._judge_one)
 
     def _judge_one(self, unit: Unit) -> Iterator[Event]:
+        if stands := thermometer.frozen(unit.visits, unit.seat.node, self._job.layout):
+            self._station.store.event(unit.attempt, "thermometer-frozen", {"sentence": stands})
+            yield Told(f"{unit.name}: {stands}", unit.seat.serial)
         fit = compute.calibrate(unit, self._job, self._station)
         unit.fit = replace(fit, visits=None)  # the log keeps the stops; a long batch must not keep them in memory too
         if fit.stops is not None:  # what `station backtest` computes from: raw frames of a whole fleet take hours

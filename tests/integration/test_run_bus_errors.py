@@ -60,10 +60,12 @@ class Bus:
         return self._state
 
 
-@pytest.mark.parametrize("state", ["bus-off", "passive", "down"])
-def test_a_silence_that_is_the_bus_s_doing_says_so(state: str) -> None:
+@pytest.mark.parametrize(
+    ("state", "remedy"), [("bus-off", ": look at bit rate"), ("passive", ", nobody ack"), ("down", ": bring it up")]
+)
+def test_a_silence_that_is_the_bus_s_doing_says_so(state: str, remedy: str) -> None:
     told = blamed(DeviceSilent("node 5 did not answer"), Bus(state))  # type: ignore[arg-type]
-    assert told.sentence == f"node 5 did not answer; can0 is {state}"
+    assert told.sentence.startswith(f"node 5 did not answer; can0 is {state}{remedy}")
 
 
 def test_any_other_fault_and_any_good_bus_leave_the_sentence_alone() -> None:
