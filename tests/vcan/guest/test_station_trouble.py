@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from vcan_harness import fixture, programs
+from vcan_harness.command import run
 from vcan_harness.interface import Interface, Link, create_vcan
 from vcan_harness.programs import Candump, Logged, cansend
 from vcan_harness.waiting import until
@@ -177,3 +178,27 @@ def test_a_link_that_goes_down_ends_the_run_truthfully_and_the_next_one_passes(
     assert [e["kind"] for e in first["events"]].count("not-left-as-found") == 1
     assert {v["position"] for v in first["visits"]} == {"z-up"}
     assert first["writes"] == []
+
+
+def test_a_queue_that_empties_no_more_ends_the_run_and_leaves_the_old_values(
+    shaped_vcan: Callable[[int], Link], tmp_path: Path
+) -> None:
+    """ENOBUFS in the middle of a run: from the fourth stop on nothing that the station sends leaves its queue."""
+    link = shaped_vcan(1_000_000)
+    stuck = ("root", "tbf", "rate", "8bit", "burst", "16", "limit", "16")
+
+    def jam() -> None:
+        run("tc", "qdisc", "replace", "dev", link.near.name, *stuck)
+
+    with (
+        fixture.Served(link.far, (NODE,), (SERIAL,), memory=tmp_path, flash_s=0.05) as served,
+        fixture.opened(tmp_path, link.near, (NODE,), positioner=fixture.DRIVEN) as bench,
+    ):
+        ran = fixture.run(bench, [SERIAL], served.turn, During(x_down=jam))
+    r = ran.results[SERIAL]
+    assert isinstance(ran.fault, BusFault)
+    assert f"{link.near.name} could not send for 1 s, its queue is full" in ran.fault.sentence
+    assert (r.outcome, r.written, r.verified) == (Outcome.ERROR, False, False)
+    (attempt,) = fixture.life(tmp_path, SERIAL)
+    assert (attempt["outcome"], len(attempt["visits"])) == ("ERROR", 6), "readings still came"
+    assert not (tmp_path / f"{SERIAL}.json").exists()
