@@ -44,6 +44,7 @@ def make(path: Path, signer: Signer | None = None, attempts: int = 4) -> None:
             store.result(attempt, "calibration", {"offset": rng.normal(size=3), "outcome": "PASS"})
             if number < attempts - 1:
                 store.finish(attempt, "PASS", 2_000_000_000 + number)
+                store.tidy()
 
 
 def begin(serial: str) -> Begin:

@@ -126,6 +126,9 @@ class Store(Protocol):
     def finish(self, attempt: str, outcome: str, ended_ns: int) -> None:
         """Closes the attempt with its outcome; what follows can only be another attempt."""
 
+    def tidy(self) -> None:
+        """What keeping evidence small takes, for a moment in which nobody waits. No record is lost by leaving it out."""
+
     def unfinished(self) -> Sequence[Unfinished]:
         """Attempts without an end, oldest first, with every stage of their object writes in order."""
 

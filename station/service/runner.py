@@ -26,3 +26,4 @@ class Runner:
             yield from load.run(seats)
         finally:
             load.leave()
+            self._station.store.tidy()  # the operator is changing the units meanwhile

@@ -66,6 +66,7 @@ def unit(store: SqliteStore, serial: str = "SN1", outcome: str = "PASS", **chang
     store.write(attempt, replace(write, read_back=write.written, stage="verified"))
     store.result(attempt, "verdict", {"outcome": outcome, "reasons": []})
     store.finish(attempt, outcome, told.started_ns + 28_000_000_000)
+    store.tidy()
     return attempt
 
 

@@ -93,6 +93,7 @@ def test_a_running_attempt_has_its_frames_and_a_finished_one_the_same_packed(pat
         (row,) = log.attempts(Query())
         before = log.frames(row)
         store.finish(attempt, "PASS", 1)
+        store.tidy()
         after = log.frames(row)
         (plain_left,) = log.db.execute("SELECT count(*) FROM frames").fetchone()
     assert [plain.to_bytes(f) for f in before] == [plain.to_bytes(f) for f in after] == [plain.to_bytes(made.frames)]
@@ -106,6 +107,7 @@ def test_frames_that_a_crash_left_plain_are_packed_at_the_next_opening(path: Pat
     with SqliteStore(path) as store:
         assert [u.visits for u in store.unfinished()] == [1]
         store.finish(attempt, "INTERRUPTED", 1)
+    SqliteStore(path).close()
     with LogReader(path) as log:
         left = [log.db.execute(f"SELECT count(*) FROM {table}").fetchone()[0] for table in ("frames", "archive")]
     assert left == [0, 1]

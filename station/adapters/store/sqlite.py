@@ -59,9 +59,7 @@ class SqliteStore:
             self._check_end(log_id)
         self._keep_head(durable=True)
         self._name_key()
-        for left in archive.left(self._db):
-            with suppress(StationError):
-                self._archive(left)
+        self.tidy()
 
     def begin(self, begin: Begin) -> str:
         """Creates the attempt before the device is touched; returns its UUIDv7."""
@@ -110,10 +108,16 @@ class SqliteStore:
         with self._transaction("written"):
             self._append("finish", self._running(attempt), str(outcome), ended_ns)
             self._note_head()
-        number = self._open.pop(attempt)
+        del self._open[attempt]
         self._keep_head(durable=True)
-        with suppress(StationError):  # the plain frames stay, and the next opening of the log tries again
-            self._archive(number)
+
+    def tidy(self) -> None:
+        """Packs the raw frames of finished attempts. What fails stays plain, and the next call tries again."""
+        with self._turn, told(StoreFault, self.path, "read"):
+            waiting = archive.left(self._db)
+        for attempt in waiting:
+            with suppress(StationError):
+                self._archive(attempt)
 
     def unfinished(self) -> tuple[Unfinished, ...]:
         """Attempts without an end, oldest first; they may be written to and finished like any other."""
