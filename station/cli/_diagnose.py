@@ -3,8 +3,9 @@
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 from station.cli import _face
 from station.config.models import load_model
 from station.config.recipes import load_recipe
-from station.diagnosis import alarm
+from station.diagnosis import alarm, line
 from station.diagnosis.alarm import Null
 from station.diagnosis.diagnose import Diagnosis, diagnose
 from station.diagnosis.document import document
@@ -50,7 +51,8 @@ def diagnose_to(
     table = _whole_columns(_table(samples, db, since, recipe))
     found = diagnose(recipe, table, simulation, _kept(seed))
     proposed, proposal = next_run(found)
-    told = document(found, proposed)
+    today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
+    told = document(found, proposed, line.document(line.line_of(found, today), recipe.unit))
     _write(wanted, told, found, simulation)
     if wanted.next_run is not None:
         _propose(wanted.next_run, proposal)
@@ -172,6 +174,21 @@ def _text(path: Path, option: str, text: str) -> None:
         ) from exc
 
 
+def _in_words_of_the_line(told: Mapping[str, Any]) -> Iterator[str]:
+    """What the causes do to calibrations and verdicts."""
+    found = told["line"]
+    if found is None:
+        return
+    worst = max(found["units"], key=lambda u: u["moves"])
+    told_of = f"{worst['moves']:.3g} {found['unit']} rms ({worst['serial']})"
+    yield f"on the line: calibrated readings move by up to {told_of}"
+    if found["passed_before"] is not None:
+        yield (
+            f"  {found['verdicts_changed']} of {len(found['units'])} verdicts would change; "
+            f"yield {found['yield_before']:.0%} as measured, {found['yield_after']:.0%} without what was found"
+        )
+
+
 def _show(told: Mapping[str, Any]) -> None:
     """The finding for a person."""
     data, unit = told["data"], told["baseline"]["unit"]
@@ -194,6 +211,8 @@ def _show(told: Mapping[str, Any]) -> None:
             _face.say(f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}")
         if len(cause["parameters"]) > 12:
             _face.say(f"    and {len(cause['parameters']) - 12} more; --json has all")
+    for sentence in _in_words_of_the_line(told):
+        _face.say(sentence)
     if told["next_run"]:
         run = told["next_run"]
         _face.say(

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping
-from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +18,7 @@ _FOLDER = Path(__file__).parent / "templates"
 
 def page_of_diagnosis(found: Diagnosis, told: Mapping[str, Any]) -> Page:
     """The report of a diagnosis and its document."""
-    today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
-    return page_of(report_data(found, told, today))
+    return page_of(report_data(found, told))
 
 
 def html(page: Page) -> str:

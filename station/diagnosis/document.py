@@ -12,8 +12,10 @@ from station.diagnosis.kernels import WORDS
 SCHEMA = "station.diagnosis/1"
 
 
-def document(d: Diagnosis, next_run: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """The document; numbers finite, in the recipe's unit."""
+def document(
+    d: Diagnosis, next_run: Mapping[str, Any] | None = None, line: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The document; numbers finite, in the recipe's unit. line: see `station.diagnosis.line.document`."""
     visits = d.searched.first.view.scene.visits
     floor = d.floor.floor
     return {
@@ -45,6 +47,7 @@ def document(d: Diagnosis, next_run: Mapping[str, Any] | None = None) -> dict[st
             unit: {"offset": [float(x) for x in row[:3]], "gain": [float(x) for x in row[3:]]}
             for unit, row in shift_of_calibration(d.last, d.searched.first).items()
         },
+        "line": line,
         "next_run": next_run,
     }
 

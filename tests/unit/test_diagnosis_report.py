@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from station import plugins
 from station.cli._diagnosis_page import html
 from station.diagnosis.report.across import across, best_axis
-from station.diagnosis.report.data import Dwell, ReportData, Signature, Verdicts
+from station.diagnosis.report.data import Dwell, ReportData, Signature
 from station.diagnosis.report.page import Page, Section, page_of
 from station.diagnosis.report.remedies import DO, SHOW, makes_testable
 from station.diagnosis.report.smallest import length_needed
@@ -65,7 +65,7 @@ def some_data(
     sign = np.where(place == 3, 1e-3, 0.0)[:, None] * np.array([1.0, 0.5, 0.0])
     after = rng.normal(0, 7e-5, (stops, 3))
     serials = names or tuple(f"SN{i:04d}" for i in range(units))
-    document = {k: more.pop(k) for k in ("unknown", "next_run", "calibration_shift", "considered") if k in more}
+    document = {k: more.pop(k) for k in ("unknown", "next_run", "line", "considered") if k in more}
     fields: dict[str, Any] = {
         "document": a_document(verdict, causes, units, **document),
         "recipe": "tilt",
@@ -212,15 +212,26 @@ def test_a_cause_within_the_dwell_is_shown_within_the_dwell() -> None:
     assert "settling within the dwell" in page.hero.svg
 
 
+def a_line(*serials: str) -> dict[str, Any]:
+    """Two units that a cause makes fail, the first by more."""
+    first, second = serials or ("SN0000", "SN0001")
+    matrix = [[1e-5, 0.0, 0.0], [0.0, 0.0, 2e-5], [0.0, -1e-5, 0.0]]
+    unit = {"serial": first, "offset": [0.4, 0.0, 0.0], "matrix": matrix, "before": "FAIL", "after": "PASS"}
+    told = {"unit": "mg", "units": [{**unit, "moves": 0.24}, {**unit, "serial": second, "moves": 0.1}]}
+    counts = {"verdicts_changed": 2, "passed_before": 0, "passed_after": 2, "yield_before": 0.0, "yield_after": 1.0}
+    return {**told, **counts}
+
+
 def test_the_gain_is_told_in_the_words_of_the_line() -> None:
-    shift = {"SN0000": {"offset": [4e-4, 0.0, 0.0], "gain": [1e-5, 0.0, 0.0]}}
-    data = some_data("named", [a_cause("cubic")], calibration_shift=shift, verdicts=Verdicts(2, 0, 2))
+    data = some_data("named", [a_cause("cubic")], line=a_line())
     page = page_of(data)
-    assert "it moves the calibrated offset of SN0000 by 400 µg" in page.sentence
+    assert "it moves the calibration of SN0000 by 240 µg rms" in page.sentence
     assert "without it 2 of 2 units would pass instead of 0" in page.sentence
     gain = section(page, "gain")
     assert "from 210 to 80 µg rms, which explains 97 %" in gain.text[0]
-    assert gain.tables[0].rows == (("SN0000", "400", "0", "0", "10", "0", "0"),)
+    assert "0 of 2 units pass as measured, and 2 with the causes taken off their readings; 2 verdicts" in gain.text[1]
+    wanted = ("SN0000", "0.24", "0.4", "0", "0", "10", "0", "0", "0", "0", "20", "FAIL → PASS")
+    assert gain.tables[0].rows[0] == wanted
 
 
 def test_pose_unknown_has_one_number_a_stop() -> None:
@@ -266,9 +277,8 @@ def test_a_thousand_units_make_a_small_page_with_the_worst_of_them() -> None:
 @given(st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=30))
 def test_no_serial_number_becomes_a_part_of_the_page(serial: str) -> None:
     hostile = f"<script>alert(1)</script>{serial}"
-    shift = {hostile: {"offset": [4e-4, 0.0, 0.0], "gain": [0.0, 0.0, 0.0]}}
     cause = a_cause("offset-temperature", (f"unit:{hostile}", f"unit:{hostile}2"))
-    data = some_data("named", [cause], names=(hostile, hostile + "2"), calibration_shift=shift)
+    data = some_data("named", [cause], names=(hostile, hostile + "2"), line=a_line(hostile, hostile + "2"))
     page = page_of(data)
     drawn(page)
     assert "<script" not in html(page)

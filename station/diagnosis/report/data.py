@@ -28,15 +28,6 @@ class Dwell:
     signature: Floats
 
 
-@dataclass(frozen=True, slots=True)
-class Verdicts:
-    """Units that pass the recipe's limits as measured, and with the found causes taken off their readings."""
-
-    units: int
-    passed_before: int
-    passed_after: int
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class ReportData:
     """Everything a report shows.
@@ -67,7 +58,17 @@ class ReportData:
     expected: Floats | None = None
     smallest: Mapping[str, float] = field(default_factory=dict)
     recorded: frozenset[str] = frozenset()
-    verdicts: Verdicts | None = None
+
+    @property
+    def line(self) -> Mapping[str, Any] | None:
+        """What the causes mean for the line, as the document has it; None where it says nothing."""
+        told: Mapping[str, Any] | None = self.document.get("line")
+        return told
+
+    @property
+    def judged(self) -> Mapping[str, Any] | None:
+        """The same where the recipe has limits to judge by."""
+        return self.line if self.line is not None and self.line["passed_before"] is not None else None
 
     @property
     def causes(self) -> list[Mapping[str, Any]]:

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from station.diagnosis.diagnose import Diagnosis
+from station.diagnosis.line import added, new
 from station.diagnosis.reduce import EDGES, Reduced, split
 from station.diagnosis.report.data import Dwell, ReportData, Signature
-from station.diagnosis.report.line import verdicts
 from station.diagnosis.report.smallest import smallest
 from station.diagnosis.stage import Problem
 from station.diagnosis.view import View
@@ -21,14 +21,12 @@ SHOWN = ("temperature_degC", "temperature_rate", "since_power_s", "since_clamp_s
 LABELS = ("station", "nest", "lot", "operator", "gold")
 
 
-def report_data(d: Diagnosis, document: Mapping[str, Any], today: str) -> ReportData:
-    """The diagnosis as the report has it. today: ISO 8601, for what is due in the recipe. Errors: InputError."""
+def report_data(d: Diagnosis, document: Mapping[str, Any]) -> ReportData:
+    """The diagnosis as the report has it."""
     view, first = d.last.view, d.searched.first.view
     scene, visits, known = view.scene, view.scene.visits, d.recipe.pose_known
-    new = range(len(d.searched.first.accepted), len(d.last.accepted))
-    effects = [_effect(d.last, i) for i in new]
+    effects = [added(d.last, i) for i in new(d)]
     read, expected = _read(d) if d.inspected.faults and known else (None, None)
-    whole = sum((mean for mean, _ in effects), np.zeros_like(view.reduced.mean))
     return ReportData(
         document=document,
         recipe=d.recipe.name,
@@ -44,21 +42,14 @@ def report_data(d: Diagnosis, document: Mapping[str, Any], today: str) -> Report
         after=_kept(view, view.reduced.mean - view.simulated()[0]),
         signatures=tuple(
             Signature(d.last.accepted[i].candidate.name, _freed(d.last, mean))
-            for i, (mean, _) in zip(new, effects, strict=True)
+            for i, (mean, _) in zip(new(d), effects, strict=True)
         ),
         dwell=_dwell(d.last, effects) if known and any(np.any(c) for _, c in effects) else None,
         read=read,
         expected=expected,
         smallest=smallest(d.searched.stage),
         recorded=frozenset(name for name in (*COVARIATES, *LABELS) if scene.knows(name)),
-        verdicts=verdicts(d.recipe, d.inspected.table, whole, today) if effects and known else None,
     )
-
-
-def _effect(problem: Problem, i: int) -> tuple[Floats, Floats]:
-    """What an accepted cause adds to the means (v, 3) and to the contrasts (v, B−1, 3)."""
-    with_it, without = problem.view.simulated(), problem.without(i).view.simulated()
-    return with_it[0] - without[0], with_it[1] - without[1]
 
 
 def _kept(view: View, readings: Floats) -> Floats:

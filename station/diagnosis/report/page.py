@@ -87,9 +87,8 @@ def _cards(data: ReportData) -> Iterator[tuple[str, str]]:
     yield "alarm", f"{number(alarm['statistic'])} (threshold {number(alarm['threshold'])})"
     if data.causes:
         yield "probability", tables.percent(data.causes[0]["probability"])
-    if data.verdicts is not None:
-        v = data.verdicts
-        yield "yield as measured → without it", f"{v.passed_before} → {v.passed_after} of {v.units} units"
+    if (v := data.judged) is not None:
+        yield "yield as measured → without it", f"{v['passed_before']} → {v['passed_after']} of {len(v['units'])} units"
 
 
 def _sections(data: ReportData) -> Iterator[Section]:
@@ -147,16 +146,17 @@ def _gain(data: ReportData) -> Section:
         return Section("gain", "")
     bars = Picture("before-after", tables.before_after(data), "The shorter the second bar, the more it explains.")
     text = [tables.gain_words(cause, data.unit_of_readings) for cause in data.causes]
-    if data.verdicts is not None:
-        v = data.verdicts
+    if (v := data.judged) is not None:
         text.append(
-            f"Under the recipe's limits {v.passed_before} of {v.units} units pass as measured, and {v.passed_after} "
-            "with the causes taken off their readings."
+            f"Under the recipe's limits {v['passed_before']} of {len(v['units'])} units pass as measured, and "
+            f"{v['passed_after']} with the causes taken off their readings; "
+            f"{many(v['verdicts_changed'], 'verdict')} would change."
         )
     found = [bars]
     moved = tables.shifts_bars(data)
     if moved:
-        found.append(Picture("calibration-shift", moved, "How far the cause moves each unit's calibrated offset."))
+        said = "How far the causes move what a calibrated unit reads, by the recipe's own method."
+        found.append(Picture("calibration-shift", moved, said))
     shifts = tables.shifts(data)
     return Section("gain", "What knowing it gains", tuple(text), tuple(found), (shifts,) if shifts else ())
 

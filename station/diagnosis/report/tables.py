@@ -13,6 +13,8 @@ from station.diagnosis.report.words import main_parameters
 from station.drawing import tables as drawing
 from station.drawing.figure import Figure, Series, svg
 
+#: Pairs of axes.
+_PAIRS = ((0, 1), (0, 2), (1, 2))
 #: Rows that a table or a bar chart of units shows, the largest first.
 MOST = 30
 
@@ -89,31 +91,40 @@ def gain_words(cause: Mapping[str, Any], unit: str) -> str:
 
 
 def shifts(data: ReportData) -> Table | None:
-    """What the causes do to each unit's calibration."""
-    found = data.document.get("calibration_shift") or {}
-    if not found or not data.causes:
+    """What the causes do to each unit's calibration, and to its verdict."""
+    if data.line is None:
         return None
-    order = sorted(found, key=lambda unit: -max(map(abs, found[unit]["offset"])))
-    offset, word = shown_as([x for u in order for x in found[u]["offset"]], data.unit_of_readings)
-    gain, part = shown_as([x for u in order for x in found[u]["gain"]], "1")
+    units = sorted(data.line["units"], key=lambda u: -u["moves"])
+    shown, word = units[:MOST], data.line["unit"]
+    matrix, part = shown_as([x for u in shown for row in u["matrix"] for x in row], "1")
+    judged = data.judged is not None
     rows = tuple(
-        (u, *(number(x * offset) for x in found[u]["offset"]), *(number(x * gain) for x in found[u]["gain"]))
-        for u in order[:MOST]
+        (
+            u["serial"],
+            number(u["moves"]),
+            *(number(x) for x in u["offset"]),
+            *(number(u["matrix"][i][i] * matrix) for i in range(3)),
+            *(number(max(abs(u["matrix"][i][j]), abs(u["matrix"][j][i])) * matrix) for i, j in _PAIRS),
+            *((f"{u['before']} → {u['after']}" if u["before"] != u["after"] else u["before"],) if judged else ()),
+        )
+        for u in shown
     )
-    left = f"; the {MOST} largest of {len(order)}" if len(order) > MOST else ""
-    head = ("unit", *(f"offset {a}, {word}" for a in "xyz"), *(f"gain {a}, {part}" for a in "xyz"))
-    return Table(f"By how much the causes move each unit's calibration{left}", head, rows)
+    left = f"; the {MOST} largest of {len(units)}" if len(units) > MOST else ""
+    coefficients = [f"offset {a}, {word}" for a in "xyz"] + [f"gain {a}, {part}" for a in "xyz"]
+    coefficients += [f"cross {'xyz'[i]}{'xyz'[j]}, {part}" for i, j in _PAIRS]
+    head = ("unit", f"a reading by, {word}", *coefficients, *(("verdict",) if judged else ()))
+    return Table(f"By how much each unit's calibration moves once the causes are off{left}", head, rows)
 
 
 def shifts_bars(data: ReportData) -> str | None:
-    """The largest move of the offset of each unit, as bars."""
-    found = data.document.get("calibration_shift") or {}
-    rows = sorted(((u, max(map(abs, s["offset"]))) for u, s in found.items()), key=lambda r: -r[1])[:12]
-    if not rows or rows[0][1] <= 0:
+    """By how much the causes move a calibrated reading of each unit, as bars."""
+    units = sorted(data.line["units"], key=lambda u: -u["moves"])[:12] if data.line else []
+    if data.line is None or not units or units[0]["moves"] <= 0:
         return None
-    factor, unit = shown_as([rows[0][1]], data.unit_of_readings)
-    title = "Move of the calibrated offset, largest axis" + (", the 12 largest" if len(found) > 12 else "")
-    return drawing.bars(title, [(u[:24], v * factor) for u, v in rows], unit, width=760)
+    factor, word = shown_as([units[0]["moves"] / 1e3], data.unit_of_readings)
+    title = "Move of a calibrated reading, rms over all directions"
+    title += ", the 12 largest" if len(data.line["units"]) > 12 else ""
+    return drawing.bars(title, [(u["serial"][:24], u["moves"] / 1e3 * factor) for u in units], word, width=760)
 
 
 def evidence(rows: Sequence[Mapping[str, Any]]) -> str | None:

@@ -153,21 +153,19 @@ def cost(cause: Cause, data: ReportData) -> str:
         parts.append(f"it leaves {before} {words} rms that no correction takes away")
     moved = largest_shift(data)
     if moved is not None and moved[1] > 0.2 * gain["rms_before"]:
-        parts.append(f"it moves the calibrated offset of {moved[0]} by {size(moved[1], unit)}")
-    if data.verdicts is not None and data.verdicts.passed_after != data.verdicts.passed_before:
-        v = data.verdicts
-        parts.append(f"without it {v.passed_after} of {v.units} units would pass instead of {v.passed_before}")
+        parts.append(f"it moves the calibration of {moved[0]} by {size(moved[1], unit)} rms")
+    if (v := data.judged) is not None and v["passed_after"] != v["passed_before"]:
+        total, before, after = len(v["units"]), v["passed_before"], v["passed_after"]
+        parts.append(f"without it {after} of {total} units would pass instead of {before}")
     return ", and ".join(parts)
 
 
 def largest_shift(data: ReportData) -> tuple[str, float] | None:
-    """The unit whose offset the causes move most, and by how much, recipe's unit; None where not known."""
-    shifts = data.document.get("calibration_shift") or {}
-    sizes = {unit: max(map(abs, row["offset"])) for unit, row in shifts.items()}
-    if not sizes:
+    """The unit whose calibrated readings the causes move most, and by how much, recipe's unit; None where not known."""
+    if data.line is None:
         return None
-    worst = max(sizes, key=lambda unit: sizes[unit])
-    return worst, sizes[worst]
+    worst = max(data.line["units"], key=lambda u: u["moves"])
+    return worst["serial"], worst["moves"] / 1e3
 
 
 def depends_on(data: ReportData) -> str:

@@ -1,0 +1,101 @@
+"""What a cause means for the line, in the JSON: calibrations moved, verdicts changed, yield; against known truth."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from station.adapters.samples import read_samples
+from station.cli import app
+from station.config.recipes import load_recipe, recipe_path
+from station.domain import pipeline
+from station.domain.types import Floats
+
+pytestmark = pytest.mark.timeout(300)
+
+
+def station(*args: str) -> int:
+    with pytest.raises(SystemExit) as done:
+        app.main(args)
+    return int(done.value.code or 0)
+
+
+def recipe_with(folder: Path, **limits: object) -> str:
+    """offset-gain with two seatings, so that a nest's tilt can be told from the parts' own."""
+    said = yaml.safe_load(recipe_path("offset-gain").read_text(encoding="utf-8"))
+    said |= {"seatings": {"turned": {"axis": [0, 0, 1], "angle_deg": 180}}, "limits": limits, "verify": {}}
+    said["runs"] = [{"seating": "home"}, {"seating": "turned", "order": "reversed"}]
+    path = folder / "recipe.yaml"
+    path.write_text(yaml.safe_dump(said), encoding="utf-8")
+    return str(path)
+
+
+def found(folder: Path, recipe: str, *effect: str) -> tuple[dict[str, Any], Path]:
+    """The diagnosis of four units, and their samples."""
+    samples, told = folder / "s.parquet", folder / "d.json"
+    asked = ["--recipe", recipe, "--units", "4", "--seed", "5", *effect, "--out", str(samples)]
+    assert station("simulate", *asked) == 0
+    station("diagnose", "--recipe", recipe, "--samples", str(samples), "--json", str(told))
+    return json.loads(told.read_text(encoding="utf-8")), samples
+
+
+def offsets(recipe: str, samples: Path) -> dict[str, Floats]:
+    """Calibrated offset of each unit."""
+    results = pipeline.calibrate(load_recipe(recipe), read_samples(samples), "2026-11-21")
+    return {r.serial: r.calibration.offset for r in results if r.calibration is not None}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The null distributions stay cached as long as the tests of this file run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def test_calibrations_move_as_if_the_cause_had_never_been(tmp_path: Path) -> None:
+    """Of one seed the samples with and without the cause differ by the cause alone: what it does is known exactly."""
+    recipe = recipe_with(tmp_path, offset=0.2)
+    told, samples = found(tmp_path, recipe, "--effect", "quadratic=0.004")
+    line = told["line"]
+    assert (told["causes"][0]["effect"], line["unit"]) == ("quadratic", "mg")
+    bent = offsets(recipe, samples)
+    (tmp_path / "plain").mkdir()
+    straight = offsets(recipe, found(tmp_path / "plain", recipe)[1])
+    for unit in line["units"]:
+        wanted = straight[unit["serial"]] - bent[unit["serial"]]
+        assert np.linalg.norm(wanted) > 5e-4
+        # The coefficient's own 44 µg/g² move the offset of an axis by half as much; four standard deviations.
+        assert unit["offset"] == pytest.approx(1e3 * wanted, abs=0.09)
+        b, A = np.array(unit["offset"]), 1e3 * np.array(unit["matrix"])
+        # Rms over a million directions of what offset and matrix make of an axis.
+        a = np.random.default_rng(0).standard_normal((100_000, 3))
+        a /= np.linalg.norm(a, axis=1, keepdims=True)
+        assert unit["moves"] == pytest.approx(np.sqrt(np.mean((b + a @ A.T) ** 2)), rel=0.01)
+
+
+def test_verdicts_that_the_cause_made_are_counted(tmp_path: Path) -> None:
+    """The residual that a tilted nest leaves fails every unit; without it all pass."""
+    recipe = recipe_with(tmp_path, offset=0.2, residual=0.001)
+    told, _ = found(tmp_path, recipe, "--effect", "nest-tilt=0.004")
+    line = told["line"]
+    assert told["causes"][0]["effect"] == "nest-tilt"
+    assert {(u["before"], u["after"]) for u in line["units"]} == {("FAIL", "PASS")}
+    assert (line["verdicts_changed"], line["passed_before"], line["passed_after"]) == (4, 0, 4)
+    assert (line["yield_before"], line["yield_after"]) == (0.0, 1.0)
+
+
+def test_a_recipe_without_limits_judges_nothing(tmp_path: Path) -> None:
+    recipe = recipe_with(tmp_path)
+    line = found(tmp_path, recipe, "--effect", "nest-tilt=0.004")[0]["line"]
+    assert (line["verdicts_changed"], line["yield_before"], line["units"][0]["before"]) == (None, None, None)
+    assert len(line["units"]) == 4
+
+
+def test_where_nothing_is_found_nothing_moves(tmp_path: Path) -> None:
+    told, _ = found(tmp_path, recipe_with(tmp_path, offset=0.2))
+    assert (told["verdict"], told["line"]) == ("none", None)
