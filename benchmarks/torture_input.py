@@ -1,18 +1,23 @@
 """Hands broken input to everything that reads any, and counts what is neither taken nor refused in one sentence.
 
-    python benchmarks/torture_input.py [INPUTS] [SEED]
+    python benchmarks/torture_input.py [--inputs 100000] [--seed 1] [--json]
 
 Every input is a good one (a shipped recipe, DBC, EDS, config, a written table or log) with a few mutations: bytes
 changed, cut, doubled or swapped, lines repeated, and tokens put in that have broken parsers before. Faulty is an error
-of any other type than the project's own, a sentence of several lines, more than 5 s, or more than 1 GiB.
+of any other type than the project's own, a sentence of several lines, a library that prints beside it, more than 5 s,
+or more than 1 GiB.
 """
 
+import argparse
+import io
+import json
 import resource
 import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -86,6 +91,7 @@ def targets(folder: Path) -> Mapping[str, Target]:
         "candump": Target(_logged(folder, "f.log", frames), "f.log", read_log),
         "blf": Target(_logged(folder, "f.blf", frames), "f.blf", read_log),
         "asc": Target(ASC, "f.asc", read_log),
+        "mf4": Target(_mf4(folder, frames), "f.mf4", read_log),
         "frames": Target(_packed(frames), "frames", partial(_decode, layout)),
         "serials": Target(b"SN0001\nSN0002\nSN123456789012", "serials", scanned),
         "fault": Target(b"refuse:index=0x2101,sub=1,code=0x06090030", "fault", _fault),
@@ -147,6 +153,18 @@ def _logged(folder: Path, name: str, frames: Frames) -> bytes:
     return path.read_bytes()
 
 
+def _mf4(folder: Path, frames: Frames) -> bytes:
+    """As asammdf writes it: the station reads such recordings and writes none."""
+    from station.adapters.bus._messages import to_message
+    from station.adapters.bus._python_can import mf4
+
+    writer = mf4().MF4Writer(folder / "f.mf4")
+    for time_ns, can_id, data in zip(frames.time_ns.tolist(), frames.can_id.tolist(), frames.data, strict=True):
+        writer.on_message_received(to_message(can_id, data.tobytes(), time_ns / 1e9))
+    writer.stop()
+    return (folder / "f.mf4").read_bytes()
+
+
 def mutate(good: bytes, rng: np.random.Generator) -> bytes:
     """The input with one to eight mutations."""
     data = bytearray(good)
@@ -206,9 +224,10 @@ def attempt(target: Target, data: bytes, folder: Path) -> str:
     """'taken', 'refused', or what is wrong with how it ended; seconds are the processor's."""
     path = folder / target.name
     path.write_bytes(data)
-    begun_s = time.process_time()
+    begun_s, heard = time.process_time(), io.StringIO()
     try:
-        target.read(path)
+        with redirect_stdout(heard), redirect_stderr(heard):
+            target.read(path)
     except StationError as refused:
         told = "refused" if "\n" not in refused.sentence and refused.sentence else f"sentence {refused.sentence!r}"
     except Exception as crash:  # noqa: BLE001 - any other type is what this looks for
@@ -216,6 +235,8 @@ def attempt(target: Target, data: bytes, folder: Path) -> str:
     else:
         told = "taken"
     lasted_s = time.process_time() - begun_s
+    if heard.getvalue():
+        return f"a library printed {heard.getvalue()[:200]!r}"
     return told if lasted_s < MOST_S else f"took {lasted_s:.1f} s"
 
 
@@ -245,19 +266,28 @@ def torture(inputs: int, seed: int, folder: Path) -> tuple[Counter[str], dict[st
     return counts, faulty
 
 
-def main() -> None:
-    """Prints the counts."""
-    inputs = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
-    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
+def main() -> int:
+    """Prints the counts; 1 when an input was faulty."""
+    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ask.add_argument("--inputs", type=int, default=100_000)
+    ask.add_argument("--seed", type=int, default=1)
+    ask.add_argument("--json", action="store_true")
+    given = ask.parse_args()
     begun_s = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        counts, faulty = torture(inputs, seed, Path(folder))
+        counts, faulty = torture(given.inputs, given.seed, Path(folder))
     bad = sum(n for what, n in counts.items() if what.endswith("FAULTY"))
-    print(f"hostile inputs with a traceback, over 5 s or over 1 GiB: {bad} of {inputs}   goal: 0   seed {seed}")
+    told = [f"{what}   input {data[:60]!r}" for what, data in list(faulty.items())[:40]]
+    if given.json:
+        print(json.dumps({"inputs": given.inputs, "faulty": bad, "seed": given.seed, "said": told}))
+        return int(bool(faulty))
+    what = "hostile inputs with a traceback, over 5 s or over 1 GiB"
+    print(f"{what}: {bad} of {given.inputs}   goal: 0   seed {given.seed}")
     print(f"  {time.perf_counter() - begun_s:.0f} s; " + ", ".join(f"{k} {v}" for k, v in sorted(counts.items())))
-    for what, data in list(faulty.items())[:40]:
-        print(f"  {what}   input {data[:60]!r}")
+    for line in told:
+        print(f"  {line}")
+    return int(bool(faulty))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,5 +1,6 @@
 """Whatever people, scanners, devices and files hand in: taken, or refused in one sentence, within seconds."""
 
+import gc
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,12 +11,13 @@ from hypothesis import strategies as st
 
 from benchmarks import torture_input
 from benchmarks.torture_input import TOKENS, Target
+from station.adapters.bus import read_log
 from station.config.recipes import load_recipe
 from station.domain import serial
-from station.errors import UsageError
+from station.errors import LogError, UsageError
 
 FILES = ("recipe", "config", "product", "model", "dbc", "eds")
-NAMES = (*FILES, "samples.csv", "samples.parquet", "candump", "blf", "asc")
+NAMES = (*FILES, "samples.csv", "samples.parquet", "candump", "blf", "asc", "mf4")
 
 
 @pytest.fixture(scope="module")
@@ -78,3 +80,18 @@ def test_no_scanned_text_reaches_a_file_or_a_query(token: bytes) -> None:
         assert serial.check(text, load_recipe(torture_input.RECIPE)).isalnum()
     except UsageError as refused:
         assert refused.sentence.isprintable()
+
+
+@pytest.mark.parametrize("zeroed", [0, 64, 0x368, 0xF10])
+def test_a_damaged_recording_is_one_sentence_and_its_reader_says_nothing_beside_it(
+    reading: Mapping[str, Target], folder: Path, zeroed: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    data = bytearray(reading["mf4"].good)
+    data[zeroed : zeroed + 8] = bytes(8)
+    (folder / "d.mf4").write_bytes(data)
+    with pytest.raises(LogError) as refused:
+        read_log(folder / "d.mf4")
+    gc.collect()
+    assert capfd.readouterr() == ("", "")
+    assert "BytesIO" not in refused.value.sentence
+    assert "object at 0x" not in refused.value.sentence

@@ -1,5 +1,6 @@
 """CAN logs of any kind → Frames, block by block, and back."""
 
+import re
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -17,6 +18,9 @@ BLOCK = 65_536
 READ_BY_PYTHON_CAN = (".blf", ".asc", ".mf4")
 #: What its readers raise on a file that is none of theirs, cut off or corrupt, beside errors of their own.
 _CORRUPT = (ValueError, KeyError, IndexError, EOFError, AttributeError, TypeError, struct.error, zlib.error)
+
+#: How readers name what they were handed: an open file.
+_OPENED_FILE = re.compile(r'"?<_io\.[^>]*>"?')
 
 
 def read_blocks(path: Path, channel: str | None = None) -> Iterator[Frames]:
@@ -71,7 +75,8 @@ def _by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
                 while block := list(islice(messages, BLOCK)):
                     yield to_frames(block, [round(m.timestamp * 1e9) for m in block])
         except errors as error:
-            raise LogError(f"{path} is no readable {path.suffix} log ({error}); record or convert it again") from None
+            said = _OPENED_FILE.sub("it", " ".join(str(error).split()))
+            raise LogError(f"{path} is no readable {path.suffix} log ({said}); record or convert it again") from None
 
 
 def _reader(suffix: str) -> tuple[Any, str, tuple[type[Exception], ...]]:

@@ -2,6 +2,7 @@
 
 import configparser
 import io
+import logging
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,6 +15,8 @@ from canopen.objectdictionary.eds import import_eds
 from station.domain.dictionary import TYPES, Dictionary, Entry, Value
 from station.domain.sdo_codes import address
 from station.errors import ProductError
+
+logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 _MOST_BYTES = 4_000_000
 _EMPTY: dict[str, Value] = {"STRING": "", "OCTETS": b"", "DOMAIN": b"", "REAL32": 0.0, "REAL64": 0.0}

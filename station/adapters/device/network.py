@@ -1,5 +1,6 @@
 """CANopen's service traffic of all nodes of one bus: one channel, one router, pumped by whoever waits."""
 
+import logging
 import threading
 from collections.abc import Callable
 from typing import cast
@@ -10,6 +11,9 @@ import canopen
 from station.domain.types import ERROR, REMOTE
 from station.ports.bus import Channel
 from station.ports.clock import Clock
+
+#: It would write to standard error; what matters is said in our own errors.
+logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 Listener = Callable[[int, bytearray, float], None]
 
