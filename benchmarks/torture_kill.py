@@ -52,7 +52,7 @@ from station.wiring import Order, open_bench
 SERIAL = "SN0001"
 #: What is a point: before and after each of these calls.
 CALLS: Sequence[tuple[type, tuple[str, ...]]] = (
-    (SqliteStore, ("begin", "event", "visit", "write", "result", "finish")),
+    (SqliteStore, ("begin", "event", "visit", "write", "result", "finish", "tidy")),
     (CanopenDevice, ("upload", "download", "nmt", "wait_boot_up")),
     (ServiceNetwork, ("send",)),
     (NonVolatile, ("store",)),
@@ -110,7 +110,8 @@ class Death:
                 self.tell(f"saving {self.points}")
             returned = call(*args, **kwargs)
             if name == "begin" or name in _KEPT:
-                self.tell(name)
+                for _ in args[2:] if name == "write" else args[:1]:  # every stage of a write is a record of its own
+                    self.tell(name)
             self.pass_by()
             return returned
 

@@ -116,8 +116,8 @@ class Store(Protocol):
     def visit(self, attempts: Sequence[str], visits: Sequence[VisitRecord]) -> None:
         """Keeps one stop of every nest, in one transaction."""
 
-    def write(self, attempt: str, write: WriteRecord) -> None:
-        """Keeps one stage of an object write: the intent before, the fact after."""
+    def write(self, attempt: str, *stages: WriteRecord) -> None:
+        """Keeps stages of object writes: the intent before, the fact after, and with it the intent of the next."""
 
     def result(self, attempt: str, name: str, document: Mapping[str, Any]) -> None:
         """Keeps a named result: identity, old-calibration, stops, calibration, write-plan, device-state,
@@ -127,7 +127,7 @@ class Store(Protocol):
         """Closes the attempt with its outcome; what follows can only be another attempt."""
 
     def tidy(self) -> None:
-        """What keeping evidence small takes, for a moment in which nobody waits. No record is lost by leaving it out."""
+        """Makes evidence smaller, in a moment when nobody waits; nothing is lost where it is left out."""
 
     def unfinished(self) -> Sequence[Unfinished]:
         """Attempts without an end, oldest first, with every stage of their object writes in order."""

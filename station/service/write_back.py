@@ -13,6 +13,9 @@ from station.service.identify import as_text, set_compensated
 from station.service.station import Job, Station
 from station.service.unit import Address, Unit, check_not_rebooted, check_same_unit
 
+#: A write, how far it has come, and what was read back.
+Stage = tuple[ObjectWrite, str, bytes | None]
+
 
 class WriteBack:
     """Writes one unit. plan() refuses what does not fit before anything is touched.
@@ -44,8 +47,9 @@ class WriteBack:
         self._station.store.result(unit.attempt, "write-plan", {"objects": as_text(self._wanted())})
         done = False
         try:
+            self._keep(*((first, "intent", None) for first in self._writes[:1]))
             for number, write in enumerate(self._writes, 1):
-                self._write_one(write)
+                self._write_one(write, self._writes[number : number + 1])
                 yield ObjectWritten(unit.seat.serial, write.name, number, len(self._writes))
             self._check_checksum()
             set_compensated(unit, self._job)
@@ -62,20 +66,20 @@ class WriteBack:
         except UnitFault:
             self.put_back()
             raise
-        self._keep(command, "intent", None)
+        self._keep((command, "intent", None))
         try:
             unit.device.download(*command.address, command.raw, command.timeout_s)
         except DeviceRefused:
-            self._keep(command, "refused", None)
+            self._keep((command, "refused", None))
             self._look_after_reset()
             raise
         except DeviceSilent as exc:
-            self._keep(command, "unknown", None)
+            self._keep((command, "unknown", None))
             self._station.store.event(unit.attempt, "save-unanswered", {"sentence": exc.sentence})
             # It may still be writing its flash: a reset now would break that off.
             self._station.clock.sleep(self._station.settings.timeouts.save_s)
         else:
-            self._keep(command, "written", None)
+            self._keep((command, "written", None))
 
     def restart(self) -> None:
         """Resets the device and waits until it is back. Errors: DeviceSilent."""
@@ -102,28 +106,29 @@ class WriteBack:
         self._check_checksum()
         unit.touched, unit.written = False, True
 
-    def _write_one(self, write: ObjectWrite) -> None:
-        unit = self._unit
-        self._keep(write, "intent", None)
+    def _write_one(self, write: ObjectWrite, after: Sequence[ObjectWrite]) -> None:
+        """Writes what the log already intends, and reads it back; the fact is kept together with the next intent."""
+        unit, following = self._unit, [(w, "intent", None) for w in after]
         unit.touched = True
         try:
             unit.device.download(*write.address, write.raw, write.timeout_s)
         except DeviceRefused:
-            self._keep(write, "refused", None)
+            self._keep((write, "refused", None))
             raise
         except DeviceSilent:
-            self._keep(write, "unknown", None)
+            self._keep((write, "unknown", None))
             raise
         if not write.read_back:
-            self._keep(write, "written", None)
+            self._keep((write, "written", None), *following)
             return
         read = unit.device.upload(*write.address)
-        self._keep(write, "verified" if read == write.raw else "written", read)
         if read != write.raw:
+            self._keep((write, "written", read))
             where = f"0x{write.index:04X}:{write.sub:02X}"
             raise ReadBackDiffers(
                 f"{unit.name}: {write.name} at {where} reads back {read.hex()} after {write.raw.hex()} was written"
             )
+        self._keep((write, "verified", read), *following)
 
     def put_back(self) -> None:
         """Old values into the device again, so that no mixture is left; the record says how that went."""
@@ -170,18 +175,22 @@ class WriteBack:
     def _state(self, state: str) -> None:
         self._station.store.result(self._unit.attempt, "device-state", {"state": state})
 
-    def _keep(self, write: ObjectWrite, stage: str, read_back: bytes | None) -> None:
+    def _keep(self, *stages: Stage) -> None:
+        """Stages of writes, in one commit."""
         self._station.store.write(
             self._unit.attempt,
-            WriteRecord(
-                index=write.index,
-                sub=write.sub,
-                name=write.name,
-                old=self._unit.old.get(write.address),
-                written=write.raw,
-                read_back=read_back,
-                value=write.value,
-                stage=stage,
+            *(
+                WriteRecord(
+                    index=write.index,
+                    sub=write.sub,
+                    name=write.name,
+                    old=self._unit.old.get(write.address),
+                    written=write.raw,
+                    read_back=read_back,
+                    value=write.value,
+                    stage=stage,
+                )
+                for write, stage, read_back in stages
             ),
         )
 

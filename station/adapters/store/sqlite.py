@@ -89,14 +89,15 @@ class SqliteStore:
             numbers = [self._append("visit", self._running(a), *row) for a, row in zip(attempts, rows, strict=True)]
             self._db.executemany("INSERT INTO frames VALUES (?, ?)", zip(numbers, kept, strict=True))
 
-    def write(self, attempt: str, write: WriteRecord) -> None:
-        """Keeps one stage of an object write: the intent before, the fact after."""
+    def write(self, attempt: str, *stages: WriteRecord) -> None:
+        """Keeps stages of object writes: the intent before, the fact after, and with it the intent of the next."""
         with self._transaction("written"):
-            self._append(
-                "write",
-                *(self._running(attempt), self._epoch_ns(), write.index, write.sub, plain.text(write.name)),
-                *(write.stage, plain.number(write.value), write.old, write.written, write.read_back),
-            )
+            for one in stages:
+                self._append(
+                    "write",
+                    *(self._running(attempt), self._epoch_ns(), one.index, one.sub, plain.text(one.name)),
+                    *(one.stage, plain.number(one.value), one.old, one.written, one.read_back),
+                )
 
     def result(self, attempt: str, name: str, document: Mapping[str, Any]) -> None:
         """Keeps a named result."""
