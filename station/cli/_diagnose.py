@@ -27,6 +27,9 @@ from station.domain.types import SampleTable
 from station.errors import LogError, UsageError
 from station.model.model_file import Model
 
+#: Endings of recorded CAN logs, as `station replay` reads them.
+CAN_LOGS = (".log", ".blf", ".asc", ".mf4")
+
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
@@ -48,7 +51,7 @@ def diagnose_to(
     for option, path in (("--report", wanted.report), ("--extend", wanted.extend), ("--next-run", wanted.next_run)):
         if path is not None and not path.parent.is_dir():
             raise UsageError(f"{option} {path}: there is no folder {path.parent}; make it first")
-    table = _whole_columns(_table(samples, db, since, recipe))
+    table = _whole_columns(_table(samples, db, since, recipe_name, recipe))
     found = diagnose(recipe, table, simulation, _kept(seed))
     proposed, proposal = next_run(found)
     today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
@@ -61,15 +64,29 @@ def diagnose_to(
     return 0 if found.verdict == "none" else 1
 
 
-def _table(samples: Path | None, db: Path | None, since: str | None, recipe: Recipe) -> SampleTable:
-    """The samples of a file or of the station's log."""
+def _table(samples: Path | None, db: Path | None, since: str | None, recipe_name: str, recipe: Recipe) -> SampleTable:
+    """The samples of a table, of a recorded CAN log, or of the station's log."""
     if (samples is None) == (db is None):
         raise UsageError("say where the samples are: either --samples FILE or --db FILE")
-    if samples is not None:
-        from station.adapters.samples import read_samples
+    if since is not None and db is None:
+        raise UsageError("--since chooses from the station's log; add --db FILE or leave it out")
+    if samples is None:
+        return _logged(db, since, recipe)
+    if samples.suffix.lower() in CAN_LOGS:
+        return _recorded(samples, recipe_name)
+    from station.adapters.samples import read_samples
 
-        return read_samples(samples)
-    return _logged(db, since, recipe)
+    return read_samples(samples)
+
+
+def _recorded(log: Path, recipe_name: str) -> SampleTable:
+    """All samples of a recorded CAN log, by the marks beside it."""
+    from station.adapters.samples import join
+    from station.cli._replay import opened
+    from station.service.replay import tables
+
+    job, frames, marks = opened(log, recipe_name, None)
+    return join(list(tables(frames, marks, job)))
 
 
 def _logged(db: Path | None, since: str | None, recipe: Recipe) -> SampleTable:

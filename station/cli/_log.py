@@ -1,5 +1,6 @@
 """What the commands that read a log share: which log, what time is meant, which attempts."""
 
+import math
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +10,8 @@ from station.errors import UsageError
 if TYPE_CHECKING:
     from station.adapters.store.reader import LogReader
 
+#: Nanoseconds in 64 bits reach so far from 1970.
+BEYOND_S = 9.2e9
 _AGO = {"m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
 
 
@@ -36,7 +39,13 @@ def time_ns(text: str | None, option: str) -> int | None:
             raise UsageError(
                 f"{option} {text[:40]!r} is no time; write 2026-11-21, 2026-11-21T13:00 or 7d (ago)"
             ) from exc
-    return int(moment.astimezone().timestamp() * 1e9)
+    try:
+        since_1970_s = moment.astimezone().timestamp()
+    except (OverflowError, ValueError):
+        since_1970_s = math.inf
+    if not abs(since_1970_s) < BEYOND_S:
+        raise UsageError(f"{option} {text[:40]!r} is beyond every clock of the log; give a year from 1700 to 2260")
+    return int(since_1970_s * 1e9)
 
 
 def known_head(text: str | None) -> dict[int, bytes]:

@@ -25,13 +25,7 @@ from station.wiring import load_job
 
 def replay_log(log: Path, recipe: str | None, marks: Path | None, *, as_json: bool) -> int:
     """Calibrates every unit of a log; the exit code."""
-    given = marks or beside(log)
-    told = read_marks(given) if given is not None else None
-    name = recipe or (told.recipe if told is not None else None) or load_settings().recipe
-    job, _ = load_job(name)
-    frames = read_log(log)
-    if told is None:
-        told = _recognised(log, frames, job)
+    job, frames, told = opened(log, recipe, marks)
     units = list(replay(frames, told, job))
     if as_json:
         _face.say_json(_document(units, job))
@@ -40,6 +34,16 @@ def replay_log(log: Path, recipe: str | None, marks: Path | None, *, as_json: bo
         _face.say(f"{len(frames)} frames of {log}; nothing was written to a device")
     outcomes = {u.outcome for u in units}
     return 3 if Outcome.ERROR in outcomes else 1 if Outcome.FAIL in outcomes else 0
+
+
+def opened(log: Path, recipe: str | None, marks: Path | None) -> tuple[Job, Frames, Marks]:
+    """A log with its recipe and its marks: those given, those beside it, or those found in the frames themselves."""
+    given = marks or beside(log)
+    told = read_marks(given) if given is not None else None
+    name = recipe or (told.recipe if told is not None else None) or load_settings().recipe
+    job, _ = load_job(name)
+    frames = read_log(log)
+    return job, frames, _recognised(log, frames, job) if told is None else told
 
 
 def decode_log(log: Path, dbc: Path, out: Path | None, *, as_json: bool) -> int:

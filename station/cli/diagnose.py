@@ -9,7 +9,9 @@ from typer import Option
 
 def command(
     recipe: Annotated[str, Option(help="Recipe: a file, or its name in recipes/.")],
-    samples: Annotated[Path | None, Option(help="Samples table: .csv or .parquet.")] = None,
+    samples: Annotated[
+        Path | None, Option(help="Samples: .csv or .parquet; or a CAN log with marks, as `replay` reads it.")
+    ] = None,
     db: Annotated[Path | None, Option(help="The station's log instead of a samples table.")] = None,
     since: Annotated[
         str | None, Option(help="With --db: from this day or time on, 2026-03-01 or 2026-03-01T06:00.")

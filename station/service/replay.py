@@ -10,7 +10,7 @@ from station.domain.pipeline import Result
 from station.domain.progress import Seat
 from station.domain.stop_check import Dwelled, check
 from station.domain.stream import samples
-from station.domain.types import Frames, Outcome, Reason, Verdict
+from station.domain.types import Frames, Outcome, Reason, SampleTable, Verdict
 from station.errors import LogError
 from station.service.compute import refit, samples_of
 from station.service.station import Job
@@ -30,18 +30,30 @@ class Replayed:
 
 def replay(frames: Frames, marks: Marks, job: Job) -> Iterator[Replayed]:
     """Every unit of a log, one after the other. Errors: LogError when a mark lies outside the log or the recipe."""
+    for seat, visits, table in _units(frames, marks, job):
+        bad = tuple(reason for visit in visits for reason in _check(visit, seat, job))
+        result = refit(table, job.recipe, job.product, int(frames.time_ns[0]))
+        yield _told(seat, result, bad, visits)
+
+
+def tables(frames: Frames, marks: Marks, job: Job) -> Iterator[SampleTable]:
+    """The uncalibrated samples of every unit of a log; `nest` says at which node it answered. Errors: as `replay`."""
+    return (table for _, _, table in _units(frames, marks, job))
+
+
+def _units(frames: Frames, marks: Marks, job: Job) -> Iterator[tuple[Seat, list[KeptVisit], SampleTable]]:
+    """Every unit with its marked visits, and the samples of those that it is calibrated by."""
     for serial, own in marks.units().items():
         seat = Seat(serial, "", own[0].node)
         _check_marks(own, frames, job)
-        visits = kept_visits(own, frames)
-        bad = tuple(reason for visit in visits for reason in _check(visit, seat, job))
-        table = samples_of(seat, [v for v in visits if _tumble(v, job)], job.recipe, job.layout, {})
+        visits = list(kept_visits(own, frames))
+        labels = {"nest": f"node-{seat.node}"}
+        table = samples_of(seat, [v for v in visits if _tumble(v, job)], job.recipe, job.layout, labels)
         if not len(table):
             raise LogError(
                 f"no readings of unit {serial} (node {seat.node}) lie within its marks; check node and times"
             )
-        result = refit(table, job.recipe, job.product, int(frames.time_ns[0]))
-        yield _told(seat, result, bad, visits)
+        yield seat, visits, table
 
 
 def _check_marks(marks: Sequence[Mark], frames: Frames, job: Job) -> None:
