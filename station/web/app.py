@@ -11,9 +11,10 @@ from starlette.routing import Mount
 from starlette.staticfiles import StaticFiles
 
 from station.errors import InputError, StationError
-from station.web import audit, diagnosis, line_page, login, metrics, operator, render
+from station.web import audit, diagnosis, language, line_page, login, metrics, operator, render
 from station.web.guard import Closed, session_of
 from station.web.panel import Panel
+from station.web.sentences import translate
 
 
 def create_app(panel: Panel) -> Starlette:
@@ -46,7 +47,8 @@ async def _sentence(request: Request, exc: Exception) -> Response:
 
 
 def _told(request: Request, sentence: str, status: int) -> Response:
-    """One sentence: a page for a browser, JSON for a script."""
+    """One sentence in the reader's language: a page for a browser, JSON for a script."""
+    sentence = translate(sentence, language.of_request(request))
     if "text/html" in request.headers.get("accept", ""):
         return render.page(request, "sentence.html", session_of(request), status, sentence=sentence)
     return JSONResponse({"error": sentence}, status)

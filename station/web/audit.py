@@ -15,7 +15,7 @@ from station.adapters.store.search import Attempt, Query
 from station.domain import coefficients
 from station.drawing.figure import Figure, Series, svg
 from station.errors import LogError
-from station.web import certificate, render
+from station.web import certificate, language, render
 from station.web.certificate_pdf import pdf
 from station.web.guard import form_of, person
 from station.web.panel import Panel
@@ -72,10 +72,11 @@ async def unit(request: Request, session: Session) -> Response:
 async def show_certificate(request: Request, session: Session) -> Response:
     """The certificate of one attempt, as a page or, at `.pdf`, as a document."""
     panel: Panel = request.app.state.panel
-    made = await run_in_threadpool(_certificate, panel, *_which(dict(request.query_params)))
+    code = language.of_request(request)
+    made = await run_in_threadpool(_certificate, panel, *_which(dict(request.query_params)), code)
     panel.journal.add(session.account.name, "certificate", **dict(request.query_params))
     if not request.url.path.endswith(".pdf"):
-        return render.page(request, "certificate.html", session, made=made, query=request.url.query)
+        return render.page(request, "certificate.html", session, made=made)
     paper = await run_in_threadpool(pdf, made)
     name = "".join(c if c.isalnum() or c in "-_" else "_" for c in made.serial)
     return Response(paper, media_type="application/pdf", headers={
@@ -132,9 +133,9 @@ def _which(asked: dict[str, str]) -> tuple[str, str]:
     return asked.get("serial", ""), asked.get("attempt", "")
 
 
-def _certificate(panel: Panel, serial: str, attempt: str) -> certificate.Certificate:
+def _certificate(panel: Panel, serial: str, attempt: str, code: str) -> certificate.Certificate:
     with panel.log() as log:
-        return certificate.build(log, _attempt(log, serial, attempt))
+        return certificate.build(log, _attempt(log, serial, attempt), code)
 
 
 def _recomputed(panel: Panel, serial: str, attempt: str) -> dict[str, Any]:

@@ -9,7 +9,11 @@ from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt
 from station.domain.recipe import Recipe
 from station.errors import LogError
-from station.web.render import number
+from station.web import language
+from station.web.render import moment, number, quoted
+from station.web.sentences import translate
+
+Rows = tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,20 +22,28 @@ class Section:
 
     title: str
     columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    rows: Rows
 
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """Everything that stands on a certificate."""
+    """Everything that stands on a certificate, in one language. texts: that language's; outcome: PASS or FAIL."""
 
     serial: str
+    attempt: str
     outcome: str
+    language: str
+    texts: Mapping[str, str]
     sections: tuple[Section, ...]
 
+    @property
+    def title(self) -> str:
+        """What it is and of which unit."""
+        return f"{self.texts['cert_title']} {self.serial}"
 
-def build(log: LogReader, attempt: Attempt) -> Certificate:
-    """The certificate of one ended attempt. Errors: LogError where it came to no calibration."""
+
+def build(log: LogReader, attempt: Attempt, code: str = "en") -> Certificate:
+    """The certificate of one ended attempt in that language. Errors: LogError where it came to no calibration."""
     kept = log.attempt(attempt)
     fit, verdict = life.result(kept, "calibration"), life.result(kept, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
@@ -39,69 +51,94 @@ def build(log: LogReader, attempt: Attempt) -> Certificate:
             f"the attempt {attempt.attempt} of {attempt.serial} came to no calibration; it has no certificate"
         )
     recipe = Recipe.model_validate_json(log.recipe_and_product(attempt)[0])
+    w = _Writer(code)
+    stops = ("cert_position", "cert_tilt", "cert_tilt_u", "cert_residual")
     sections = (
-        Section("Unit", ("", ""), _unit(kept)),
-        Section("Result", ("", ""), _result(kept, fit, verdict)),
-        Section("Calibration: measured = matrix · true + offset", _VALUES, _values(fit)),
-        Section("Stops", ("position", "tilt, degrees", "u, degrees", f"residual x y z, {recipe.unit}"), _stops(fit)),
-        Section("Verification through the device's own output", ("position", "error", "limit"), _verification(kept)),
-        Section("Reference", ("", ""), _reference(recipe)),
-        Section("Where this comes from", ("", ""), _provenance(kept, asdict(log.head()))),
+        w.section("cert_unit", (), _unit(w, kept)),
+        w.section("cert_result", (), _result(w, kept, fit, verdict)),
+        w.section("cert_calibration", ("cert_coefficient", "cert_value", "", "", "cert_unit_of"), _values(w, fit)),
+        w.section("cert_stops", stops, _stops(fit), f" {recipe.unit}"),
+        w.section("cert_verification", ("cert_position", "cert_error", "cert_limit"), _verification(kept)),
+        w.section("cert_reference", (), _reference(w, recipe)),
+        w.section("cert_provenance", (), _provenance(w, kept, asdict(log.head()))),
     )
-    return Certificate(attempt.serial, str(verdict["outcome"]), tuple(s for s in sections if s.rows))
+    filled = tuple(s for s in sections if s.rows)
+    return Certificate(attempt.serial, attempt.attempt, str(verdict["outcome"]), code, w.texts, filled)
 
 
-_VALUES = ("coefficient", "value", "u (k = 1)", "U (k = 2)", "unit")
+class _Writer:
+    """Words of one language."""
+
+    def __init__(self, code: str) -> None:
+        self.code, self.texts = code, language.all_texts()[code]
+
+    def __call__(self, key: str, *values: str) -> str:
+        """The text `cert_KEY`, with its values."""
+        return self.texts[f"cert_{key}"].format(*values)
+
+    def say(self, sentence: str) -> str:
+        """A sentence of the station."""
+        return translate(sentence, self.code)
+
+    def section(self, title: str, columns: Sequence[str], rows: Rows, more: str = "") -> Section:
+        """A table with its heads; more: goes behind the last one."""
+        heads = [
+            self.texts[c] if c else u for c, u in zip(columns, ("", "", "u (k = 1)", "U (k = 2)", ""), strict=False)
+        ]
+        return Section(self.texts[title], tuple(h + more * (i == len(heads) - 1) for i, h in enumerate(heads)), rows)
 
 
-def _unit(kept: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+def _unit(w: _Writer, kept: Mapping[str, Any]) -> Rows:
     identity = life.result(dict(kept), "identity") or {}
     device = " ".join(str(identity[k]) for k in ("name", "hardware", "software") if identity.get(k))
     return (
-        ("serial number", str(kept["serial"])),
-        ("device", device or "–"),
-        ("measured", f"{kept['started']} to {kept['ended'] or '–'}"),
-        ("station / nest", f"{kept['station']} / {kept['nest']} (node {kept['node']})"),
-        ("operator", str(kept["operator"]) or "–"),
-        ("lot", str(kept["lot"]) or "–"),
+        (w("serial"), str(kept["serial"])),
+        (w("device"), device or "–"),
+        (w("measured"), f"{moment(kept['started'])} – {moment(kept['ended']) if kept['ended'] else '…'}"),
+        (w("place"), f"{kept['station']} / {kept['nest']} ({w('node')} {kept['node']})"),
+        (w("operator"), str(kept["operator"]) or "–"),
+        (w("lot"), str(kept["lot"]) or "–"),
     )
 
 
-def _result(kept: Mapping[str, Any], fit: Mapping[str, Any], verdict: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    risks = [("probability of false accept", "false_accept"), ("probability of false reject", "false_reject")]
+def _result(w: _Writer, kept: Mapping[str, Any], fit: Mapping[str, Any], verdict: Mapping[str, Any]) -> Rows:
+    outcome = w.texts[kept["outcome"]] if kept["outcome"] else w("running")
     return (
-        ("outcome", str(kept["outcome"] or "still running")),
-        *(("reason", str(r["sentence"])) for r in verdict["reasons"]),
-        ("decision rule", str(verdict["rule"] or "–")),
-        *((name, number(verdict.get(key), 3)) for name, key in risks),
-        ("residual, root mean square", number(fit["residual_rms"], 3)),
-        ("temperature", f"{number(fit.get('temperature_degC'), 4)} °C"),
-        ("written to the device, read back bit for bit", "yes" if verdict["written"] else "no"),
-        ("verified after restart", "yes" if verdict["verified"] else "no"),
-        *(("note", str(note)) for note in fit.get("notes", ())),
+        (w("outcome"), outcome),
+        *((w("reason"), w.say(str(r["sentence"]))) for r in verdict["reasons"]),
+        (w("rule"), w.say(str(verdict["rule"] or "–"))),
+        *((w(key), number(verdict.get(key), 3)) for key in ("false_accept", "false_reject")),
+        (w("residual_rms"), f"{number(fit['residual_rms'], 3)} {fit['budget'][0]['unit']}"),
+        (w("temperature"), f"{number(fit.get('temperature_degC'), 4)} °C"),
+        (w("written"), w("yes") if verdict["written"] else w("no")),
+        (w("verified"), w("yes") if verdict["verified"] else w("no")),
+        *((w("note"), w.say(str(note))) for note in fit.get("notes", ())),
     )
 
 
-def _values(fit: Mapping[str, Any]) -> tuple[tuple[str, ...], ...]:
+def _values(w: _Writer, fit: Mapping[str, Any]) -> Rows:
     theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
     rows = zip(fit["budget"], theta, strict=True)
     return tuple(
-        (str(b["coefficient"]), number(v, 7), number(b["std"], 2), number(b["expanded"], 2), str(b["unit"]))
+        (
+            *(w.say(str(b["coefficient"])), quoted(v, b["expanded"])),
+            *(quoted(b["std"], b["std"]), quoted(b["expanded"], b["expanded"]), str(b["unit"])),
+        )
         for b, v in rows
     )
 
 
-def _stops(fit: Mapping[str, Any]) -> tuple[tuple[str, ...], ...]:
-    def residual(values: Sequence[float]) -> str:
-        return "  ".join(number(v, 2) for v in values)
-
+def _stops(fit: Mapping[str, Any]) -> Rows:
     return tuple(
-        (str(p["name"]), number(p["tilt_deg"], 3), number(p["tilt_std_deg"], 2), residual(p["residual"]))
+        (
+            *(str(p["name"]), quoted(p["tilt_deg"], p["tilt_std_deg"]), quoted(p["tilt_std_deg"], p["tilt_std_deg"])),
+            "   ".join(quoted(v, fit["residual_rms"]) for v in p["residual"]),
+        )
         for p in fit["positions"]
     )
 
 
-def _verification(kept: Mapping[str, Any]) -> tuple[tuple[str, ...], ...]:
+def _verification(kept: Mapping[str, Any]) -> Rows:
     found = life.result(dict(kept), "verification")
     if not found:
         return ()
@@ -109,30 +146,31 @@ def _verification(kept: Mapping[str, Any]) -> tuple[tuple[str, ...], ...]:
     return tuple((str(p["name"]), number(p.get("error"), 3), limit) for p in found.get("positions", ()))
 
 
-def _reference(recipe: Recipe) -> tuple[tuple[str, str], ...]:
+def _reference(w: _Writer, recipe: Recipe) -> Rows:
     reference = recipe.reference
-    rows = [("source", reference.source), ("magnitude", f"{number(reference.strength(), 8)} {recipe.unit}")]
-    rows.append(("relative standard uncertainty", number(reference.relative_std(), 2)))
-    rows.append(("direction of each position, standard uncertainty", f"{number(reference.pose_std_deg, 3)} degrees"))
+    rows = [(w("source"), w.texts[f"source_{reference.source}"])]
+    rows.append((w("magnitude"), f"{number(reference.strength(), 8)} {recipe.unit}"))
+    rows.append((w("relative"), number(reference.relative_std(), 2)))
+    rows.append((w("direction"), f"{number(reference.pose_std_deg, 3)} {w('degrees')}"))
     if reference.site is not None:
         site = reference.site
-        rows.append(("site", f"latitude {site.latitude_deg:g} degrees, altitude {site.altitude_m:g} m"))
+        rows.append((w("site"), w("at", f"{site.latitude_deg:g}", f"{site.altitude_m:g}")))
     if reference.gold is not None:
-        rows += [("gold reference", reference.gold.serial), ("due for calibration", reference.gold.due)]
+        rows += [(w("gold"), reference.gold.serial), (w("due"), reference.gold.due)]
     else:
-        rows.append(("due for calibration", "a natural constant; nothing falls due"))
+        rows.append((w("due"), w("constant") if reference.source == "gravity" else w("not_stated")))
     return tuple(rows)
 
 
-def _provenance(kept: Mapping[str, Any], head: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+def _provenance(w: _Writer, kept: Mapping[str, Any], head: Mapping[str, Any]) -> Rows:
     seal = kept["seal"]
     return (
-        ("attempt", str(kept["attempt"])),
-        ("software", f"station {kept['software']}"),
-        ("recipe", f"{kept['recipe_name']} version {kept['recipe_version']}"),
-        ("recipe SHA-256", str(kept["recipe_hash"])),
-        ("configuration SHA-256", str(kept["config_hash"])),
-        ("seal of this attempt", f"{seal['number']}:{seal['hash']}" if seal else "–"),
-        ("head of the log", f"{head['number']}:{head['hash']}"),
-        ("to check", "station audit --verify --head (head of the log)"),
+        (w("attempt"), str(kept["attempt"])),
+        (w("software"), f"station {kept['software']}"),
+        (w("recipe"), f"{kept['recipe_name']} {w('version')} {kept['recipe_version']}"),
+        (w("recipe_hash"), str(kept["recipe_hash"])),
+        (w("config_hash"), str(kept["config_hash"])),
+        (w("seal"), f"{seal['number']}:{seal['hash']}" if seal else "–"),
+        (w("head"), f"{head['number']}:{head['hash']}"),
+        (w("check"), f"station audit --verify --head {head['number']}:{head['hash']}"),
     )

@@ -1,48 +1,121 @@
-"""The certificate as PDF: the same sections, laid out by reportlab."""
+"""The certificate as PDF: the same sections, laid out by reportlab; every page names its unit and its number."""
 
+from functools import lru_cache
 from html import escape
 from io import BytesIO
+from itertools import groupby
+from typing import Any
 
 from station.web.certificate import Certificate, Section
 
-_WIDTH = 482.0
+_WIDTH = 511.0
+#: Widths of a table's columns, by how many it has.
+_SHARES = {2: (0.33, 0.67), 4: (0.24, 0.16, 0.16, 0.44), 5: (0.36, 0.2, 0.17, 0.17, 0.1)}
+#: Bitstream Vera stands in the file itself; what it has no glyph for is shown by the reader's Chinese font.
+_LATIN, _BOLD, _CHINESE = "Vera", "VeraBd", "STSong-Light"
+_COLOURS = {"PASS": "#0a6132", "FAIL": "#a8001c"}
 
 
 def pdf(certificate: Certificate) -> bytes:
     """One document, A4."""
     from reportlab.lib.pagesizes import A4
-    from reportlab.lib.styles import getSampleStyleSheet
-    from reportlab.platypus import Paragraph, SimpleDocTemplate, Spacer
+    from reportlab.platypus import KeepTogether, Paragraph, SimpleDocTemplate, Spacer
 
-    styles = getSampleStyleSheet()
-    parts = [Paragraph(_text(f"Calibration certificate {certificate.serial}: {certificate.outcome}"), styles["Title"])]
+    fonts, wrap = _fonts(), "CJK" if certificate.language == "zh" else "LTR"
+    title, head, cell = (_style(size, bold, wrap) for size, bold in ((17, True), (10.5, True), (8, False)))
+    outcome = certificate.texts[certificate.outcome]
+    colour = _COLOURS.get(certificate.outcome, "#000000")
+    verdict = f'<font color="{colour}">{_text(outcome, fonts, _BOLD)}</font>'
+    parts: list[Any] = [Paragraph(f"{_text(certificate.title, fonts, _BOLD)}: {verdict}", title), Spacer(1, 8)]
     for section in certificate.sections:
-        parts += [Paragraph(_text(section.title), styles["Heading3"]), _table(section), Spacer(1, 6)]
+        heading = Paragraph(_text(section.title, fonts, _BOLD), head)
+        table = _table(section, fonts, cell)
+        parts += [KeepTogether([heading, table]) if len(section.rows) < 16 else heading]
+        parts += [Spacer(1, 7)] if len(section.rows) < 16 else [table, Spacer(1, 7)]
     paper = BytesIO()
-    title = _plain(f"Calibration certificate {certificate.serial}")
-    SimpleDocTemplate(paper, pagesize=A4, margins=36, title=title, topMargin=40, bottomMargin=40).build(parts)
+    SimpleDocTemplate(
+        paper, pagesize=A4, leftMargin=42, rightMargin=42, topMargin=40, bottomMargin=46,
+        title=certificate.title, lang=certificate.language, invariant=True,
+    ).build(parts, canvasmaker=_numbered(certificate))  # fmt: skip
     return paper.getvalue()
 
 
-def _table(section: Section) -> object:
+def _table(section: Section, fonts: frozenset[int], cell: Any) -> Any:
     from reportlab.lib import colors
-    from reportlab.lib.styles import getSampleStyleSheet
     from reportlab.platypus import Paragraph, Table
 
-    small = getSampleStyleSheet()["BodyText"].clone("small", fontSize=8, leading=10, splitLongWords=True)
     rows = [section.columns, *section.rows] if any(section.columns) else list(section.rows)
-    count = len(section.columns)
-    widths = [150.0, _WIDTH - 150.0] if count == 2 else [_WIDTH / count] * count
-    cells = [[Paragraph(_text(cell), small) for cell in row] for row in rows]
-    grid = [("GRID", (0, 0), (-1, -1), 0.4, colors.grey), ("VALIGN", (0, 0), (-1, -1), "TOP")]
-    return Table(cells, colWidths=widths, style=grid)
+    count = len(rows[0])
+    widths = [_WIDTH * share for share in _SHARES.get(count, (1 / count,) * count)]
+    cells = [[Paragraph(_text(words, fonts, _LATIN), cell) for words in row] for row in rows]
+    style: list[Any] = [("GRID", (0, 0), (-1, -1), 0.4, colors.grey), ("VALIGN", (0, 0), (-1, -1), "TOP")]
+    style += [("TOPPADDING", (0, 0), (-1, -1), 2), ("BOTTOMPADDING", (0, 0), (-1, -1), 2.5)]
+    shaded = ((0, 0), (-1, 0)) if any(section.columns) else ((0, 0), (0, -1))
+    style += [("BACKGROUND", *shaded, colors.HexColor("#e6e9ee"))]
+    return Table(cells, colWidths=widths, style=style, repeatRows=int(any(section.columns)))
 
 
-def _text(words: str) -> str:
-    return escape(_plain(words))
+def _style(size: float, bold: bool, wrap: str) -> Any:
+    from reportlab.lib.styles import ParagraphStyle
+
+    font = _BOLD if bold else _LATIN
+    return ParagraphStyle(
+        f"s{size}", fontName=font, fontSize=size, leading=size * 1.3, spaceAfter=3, wordWrap=wrap, splitLongWords=1
+    )
 
 
-def _plain(words: str) -> str:
-    """What the PDF's built-in fonts can show."""
-    known = words.translate({0x2212: "-", 0x2013: "-", 0x00B7: "·"})
-    return known.encode("cp1252", "replace").decode("cp1252")
+def _text(words: str, latin: frozenset[int], font: str) -> str:
+    """Words as reportlab's markup: each stretch in a font that has its characters."""
+    shown = "".join(c if c.isprintable() else " " for c in words)
+    runs = ((known, escape("".join(run))) for known, run in groupby(shown, lambda c: ord(c) in latin))
+    return "".join(f'<font name="{font if known else _CHINESE}">{run}</font>' for known, run in runs)
+
+
+@lru_cache(maxsize=1)
+def _fonts() -> frozenset[int]:
+    """Registers the fonts; the characters that the Latin one has."""
+    from reportlab.pdfbase import pdfmetrics
+    from reportlab.pdfbase.cidfonts import UnicodeCIDFont
+    from reportlab.pdfbase.ttfonts import TTFont
+
+    latin = TTFont(_LATIN, "Vera.ttf")
+    for font in (latin, TTFont(_BOLD, "VeraBd.ttf"), UnicodeCIDFont(_CHINESE)):
+        pdfmetrics.registerFont(font)
+    return frozenset(latin.face.charToGlyph)
+
+
+def _numbered(certificate: Certificate) -> type[Any]:
+    """A canvas that writes at the foot of every page whose certificate it is and which page of how many."""
+    from reportlab.pdfgen.canvas import Canvas
+
+    fonts = _fonts()
+
+    class Numbered(Canvas):  # type: ignore[misc]
+        """Holds the pages back until their number is known."""
+
+        def __init__(self, *args: Any, **options: Any) -> None:
+            super().__init__(*args, **options)
+            self._pages: list[dict[str, Any]] = []
+
+        def showPage(self) -> None:
+            """Keeps the page."""
+            self._pages.append(dict(self.__dict__))
+            self._startPage()
+
+        def save(self) -> None:
+            """Writes every page with its foot."""
+            for number, page in enumerate(self._pages, 1):
+                self.__dict__.update(page)
+                place = certificate.texts["cert_page"].format(number, len(self._pages))
+                self._foot(f"{certificate.serial} · {certificate.attempt} · {place}")
+                super().showPage()
+            super().save()
+
+        def _foot(self, words: str) -> None:
+            line = self.beginText(42, 26)
+            for known, run in groupby(words, lambda c: ord(c) in fonts):
+                line.setFont(_LATIN if known else _CHINESE, 7)
+                line.textOut("".join(run))
+            self.drawText(line)
+
+    return Numbered

@@ -1,6 +1,6 @@
 """Figures and tables of the line, for the page and for `station report`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 
@@ -12,17 +12,20 @@ from station.domain.types import Floats
 from station.drawing.figure import Figure, Series, svg
 from station.drawing.tables import bars
 from station.errors import UsageError
+from station.web import language
 from station.web.line import PARTS, SPLITS, VALUES, Line, limits_of
 from station.web.render import number
+from station.web.sentences import translate
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A titled table of text."""
+    """A titled table of text. words: its cells are words of the station, not names."""
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    words: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,21 +37,35 @@ class Charts:
     problem: str = ""
 
 
-def draw(line: Line, value: str, size: int) -> Charts:
-    """All figures; value: what the control chart follows, in subgroups of `size` successive attempts."""
-    control, capability, problem = _control(line, value, size)
-    figures = [_yield(line), _pareto(line), _cycle(line), *control, *_tilts(line)]
+#: English words → those of the reader's language.
+Say = Callable[[str], str]
+
+
+def draw(line: Line, value: str, size: int, code: str = "en") -> Charts:
+    """All figures. value: what the control chart follows, in subgroups of `size` attempts; code: the language."""
+
+    def say(words: str) -> str:
+        return translate(words, code)
+
+    control, capability, problem = _control(line, value, size, say)
+    figures = [_yield(line, say), _pareto(line, code), _cycle(line, say), *control, *_tilts(line, say)]
     tables = [*(_yields(by, line) for by in SPLITS), *capability, _tilt_table(line)]
-    return Charts(tuple(f for f in figures if f), tuple(tables), problem)
+    return Charts(tuple(f for f in figures if f), tuple(_told(table, say) for table in tables), say(problem))
 
 
-def _yield(line: Line) -> str:
+def _told(table: Table, say: Say) -> Table:
+    """The table in the reader's language; names of stations, recipes and positions are nobody's words to translate."""
+    rows = tuple(tuple(say(cell) for cell in row) for row in table.rows) if table.words else table.rows
+    return Table(say(table.title), tuple(say(c) for c in table.columns), rows, table.words)
+
+
+def _yield(line: Line, say: Say) -> str:
     days = list(line.yields["day"])[-31:]
     x = [float(i) for i in range(len(days))]
-    first = _shares(x, [d.first_pass_yield for d in days], "first pass", 0)
-    final = _shares(x, [d.final_yield for d in days], "final", 1)
+    first = _shares(x, [d.first_pass_yield for d in days], say("first pass"), 0)
+    final = _shares(x, [d.final_yield for d in days], say("final"), 1)
     names = tuple(d.group for d in days)
-    return svg(Figure("Yield by day", "", "yield, %", (first, final), names, ((100.0, ""),))) if days else ""
+    return svg(Figure(say("Yield by day"), "", say("yield, %"), (first, final), names, ((100.0, ""),))) if days else ""
 
 
 def _shares(x: Sequence[float], shares: Sequence[float], name: str, colour: int) -> Series:
@@ -57,18 +74,21 @@ def _shares(x: Sequence[float], shares: Sequence[float], name: str, colour: int)
     return Series([a for a, _ in kept], [b for _, b in kept], name, "dots", colour=colour)
 
 
-def _pareto(line: Line) -> str:
-    rows = [(name, float(count)) for name, count in line.reasons.items()]
-    return bars("Reasons of attempts that did not pass", rows, "attempts") if rows else ""
+def _pareto(line: Line, code: str) -> str:
+    """Reasons by their names in the reader's language; one that it has no name for, by its code."""
+    names = language.all_texts()[code]
+    rows = [(names.get(f"check_{check}", check), float(count)) for check, count in line.reasons.items()]
+    title = translate("Reasons of attempts that did not pass", code)
+    return bars(title, rows, names["attempts"].lower()) if rows else ""
 
 
-def _cycle(line: Line) -> str:
+def _cycle(line: Line, say: Say) -> str:
     passed = [m for m in line.attempts if m.outcome == "PASS"]
-    rows = [(part, fmean(m.parts[part] for m in passed)) for part in PARTS] if passed else []
-    return bars("Cycle time of a unit that passes, mean", rows, "s") if rows else ""
+    rows = [(say(part), fmean(m.parts[part] for m in passed)) for part in PARTS] if passed else []
+    return bars(say("Cycle time of a unit that passes, mean"), rows, "s") if rows else ""
 
 
-def _control(line: Line, value: str, size: int) -> tuple[list[str], list[Table], str]:
+def _control(line: Line, value: str, size: int, say: Say) -> tuple[list[str], list[Table], str]:
     if value not in VALUES:
         raise UsageError(f"there is no value {value[:40]!r}; use one of {', '.join(VALUES)}")
     if not 1 <= size <= 25:
@@ -83,28 +103,29 @@ def _control(line: Line, value: str, size: int) -> tuple[list[str], list[Table],
     groups = np.array([v for _, v in used]).reshape(count, size)
     unit = line.recipe.unit if line.recipe and value.split(maxsplit=1)[0] in ("offset", "residual", "noise") else ""
     unit = "s" if value == "cycle time" else unit
-    drawn = [_chart(chart, value, unit, size) for chart in spc.charts(groups)]
+    drawn = [_chart(chart, value, unit, size, say) for chart in spc.charts(groups)]
     alarms = [(chart.name, utc(used[i * size][0]), rule) for chart in spc.charts(groups) for i, rule in chart.alarms]
-    tables = [Table(f"Out of control: {value}", ("chart", "from", "rule"), tuple(alarms))] if alarms else []
+    tables = [Table(f"Out of control: {value}", ("chart", "from", "rule"), tuple(alarms), words=True)] if alarms else []
     capability, problem = _capability(line, value, groups)
     return drawn, [*tables, *capability], problem
 
 
-def _chart(chart: spc.Chart, value: str, unit: str, size: int) -> str:
+def _chart(chart: spc.Chart, value: str, unit: str, size: int, say: Say) -> str:
     x = [float(i + 1) for i in range(len(chart.points))]
     out = sorted({i for i, _ in chart.alarms})
     series = (
         Series(x, chart.points.tolist(), "", "line"),
         Series(x, chart.points.tolist(), "", "dots"),
-        Series([x[i] for i in out], [float(chart.points[i]) for i in out], "out of control", "dots", colour=1),
+        Series([x[i] for i in out], [float(chart.points[i]) for i in out], say("out of control"), "dots", colour=1),
     )
     levels = (
         (chart.upper, f"UCL {number(chart.upper, 4)}"),
         (chart.centre, ""),
         (chart.lower, f"LCL {number(chart.lower, 4)}"),
     )
-    title = f"{value}: {chart.name} of {size}" if size > 1 else f"{value}: {chart.name}"
-    return svg(Figure(title, "subgroup", f"{value} {unit}".strip(), series, levels=levels, zero=False))
+    named = say(f"{chart.name} of {size}") if size > 1 else say(chart.name)
+    title = f"{say(value)}: {named}"
+    return svg(Figure(title, say("subgroup"), f"{say(value)} {unit}".strip(), series, levels=levels, zero=False))
 
 
 def _capability(line: Line, value: str, groups: Floats) -> tuple[list[Table], str]:
@@ -119,17 +140,17 @@ def _capability(line: Line, value: str, groups: Floats) -> tuple[list[Table], st
     rows += [("σ within", number(c.sigma_within, 4)), ("σ overall", number(c.sigma_overall, 4))]
     for name, index in (("Cp", c.cp), ("Cpk", c.cpk), ("Pp", c.pp), ("Ppk", c.ppk)):
         rows.append((name, "–" if index is None else "{} ({} … {}, 95 %)".format(*(number(v, 4) for v in index))))
-    return [Table(f"Capability: {value}", ("", "value"), tuple(rows))], ""
+    return [Table(f"Capability: {value}", ("quantity", "value"), tuple(rows), words=True)], ""
 
 
-def _tilts(line: Line) -> list[str]:
+def _tilts(line: Line, say: Say) -> list[str]:
     """One figure: the tilt found at each position, attempt by attempt; a fixture that wears shows here."""
     names = sorted({name for m in line.attempts for name in m.tilts})
     if len(line.attempts) < 2 or not names:
         return []
     shown = names[:: max(1, -(-len(names) // 6))]
     series = [_tilt_of(line, name, i) for i, name in enumerate(shown)]
-    return [svg(Figure("Tilt of each position over time", "attempt", "tilt, degrees", tuple(series)))]
+    return [svg(Figure(say("Tilt of each position over time"), say("attempt"), say("tilt, degrees"), tuple(series)))]
 
 
 def _tilt_of(line: Line, name: str, colour: int) -> Series:

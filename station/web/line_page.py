@@ -8,7 +8,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from station.errors import UsageError
-from station.web import charts, render
+from station.web import charts, language, render
 from station.web.guard import person
 from station.web.line import VALUES, Line, gather
 from station.web.panel import Panel
@@ -29,7 +29,7 @@ async def show(request: Request, session: Session) -> Response:
         raise UsageError("the size of a subgroup is a number from 1 to 25")
     panel: Panel = request.app.state.panel
     line = await run_in_threadpool(_line, panel, asked)
-    drawn = await run_in_threadpool(charts.draw, line, value, int(size))
+    drawn = await run_in_threadpool(charts.draw, line, value, int(size), language.of_request(request))
     return render.page(
         *(request, "charts.html", session),
         asked=asked, value=value, size=size, values=VALUES, charts=drawn, count=len(line.attempts), days=DAYS,

@@ -5,6 +5,7 @@ import json
 import time
 from collections.abc import AsyncIterator
 from dataclasses import fields
+from typing import Any
 
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
@@ -12,11 +13,12 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from station.errors import StationError, UsageError
-from station.web import render
+from station.web import language, render
 from station.web.accounts import Account
 from station.web.deeds import DEEDS, PassedAlready, Said
 from station.web.guard import form_of, person
 from station.web.panel import Panel
+from station.web.sentences import translate
 from station.web.sessions import Session
 
 #: How often the state is looked at, and how often an unchanged one is confirmed, s.
@@ -36,10 +38,11 @@ async def show(request: Request, session: Session) -> Response:
 async def events(request: Request, session: Session) -> Response:
     """Server-sent events: first everything, then only what changed; a beat every half second."""
     headers = {"X-Accel-Buffering": "no"}
-    return StreamingResponse(_stream(request.app.state.panel, session), media_type="text/event-stream", headers=headers)
+    told = _stream(request.app.state.panel, session, language.of_request(request))
+    return StreamingResponse(told, media_type="text/event-stream", headers=headers)
 
 
-async def _stream(panel: Panel, session: Session) -> AsyncIterator[str]:
+async def _stream(panel: Panel, session: Session, code: str) -> AsyncIterator[str]:
     sent: dict[str, object] = {}
     said_s = 0.0
     yield "retry: 300\n\n"
@@ -48,13 +51,27 @@ async def _stream(panel: Panel, session: Session) -> AsyncIterator[str]:
         changed = {k: v for k, v in shown.items() if sent.get(k, _ABSENT) != v}
         if changed:
             sent.update(changed)
-            yield f"event: change\ndata: {json.dumps({**changed, 'now_s': time.time()})}\n\n"
+            said = {k: _said(k, v, code) for k, v in changed.items()}
+            yield f"event: change\ndata: {json.dumps({**said, 'now_s': time.time()})}\n\n"
         if changed or time.monotonic() - said_s > BEAT_S:
             said_s = time.monotonic()
             yield f"event: beat\ndata: {time.time():.3f}\n\n"
         await asyncio.sleep(LOOK_S)
     if not panel.over:
         yield "event: out\ndata: 0\n\n"
+
+
+def _said(key: str, value: Any, code: str) -> Any:
+    """What a screen shows, its sentences in the reader's language."""
+    if key in ("fault", "golden", "asked"):
+        return translate(value, code)
+    if key == "sentences":
+        return [translate(sentence, code) for sentence in value]
+    if key == "confirm" and value:
+        return {**value, "confirm": translate(value["confirm"], code)}
+    if key.startswith("nest ") and "reasons" in value:
+        return {**value, "reasons": [translate(sentence, code) for sentence in value["reasons"]]}
+    return value
 
 
 @person("run")
@@ -68,11 +85,11 @@ async def command(request: Request, session: Session) -> Response:
         if action not in DEEDS:
             raise UsageError(f"there is no action {action[:20]!r}; use one of {', '.join(DEEDS)}")
         told = await run_in_threadpool(_do, panel, action, session.account, said)
-    except PassedAlready as exc:
-        may = session.account.may("again")
-        return JSONResponse({"error": exc.sentence, "again": said.serial if may else ""}, 409)
     except StationError as exc:
-        return JSONResponse({"error": exc.sentence}, 409)
+        answer = {"error": translate(exc.sentence, language.of_request(request))}
+        if isinstance(exc, PassedAlready):
+            answer["again"] = said.serial if session.account.may("again") else ""
+        return JSONResponse(answer, 409)
     return JSONResponse({"told": told})
 
 

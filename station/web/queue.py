@@ -30,7 +30,7 @@ class Lists:
 
 
 class Queue:
-    """The units of the next load, safe to call from several threads. Errors of what changes it: StoreFault, and then nothing is changed."""
+    """The units of the next load; safe to call from several threads. Errors: StoreFault, and then nothing changed."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -1,11 +1,13 @@
 """Templates → answers: HTML with everything escaped, in the person's language, with their rights and their token."""
 
+import math
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, pass_context
+from jinja2.runtime import Context
 from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import HTMLResponse
@@ -13,6 +15,7 @@ from starlette.responses import HTMLResponse
 from station.adapters.store.life import utc
 from station.web import language
 from station.web.accounts import RIGHTS
+from station.web.sentences import translate
 from station.web.sessions import Session
 
 _FOLDER = Path(__file__).parent / "templates"
@@ -23,14 +26,33 @@ SYMBOLS = {"PASS": "✔", "FAIL": "✘", "ERROR": "⚠", "ABORTED": "■", "INTE
 def environment() -> Environment:
     """The templates; a name that is not there is an error, not an empty place."""
     made = Environment(loader=FileSystemLoader(_FOLDER), autoescape=True, undefined=StrictUndefined)
-    made.filters |= {"utc": utc, "number": number, "drawing": Markup}
+    made.filters |= {"utc": utc, "number": number, "drawing": Markup, "said": _said, "quoted": quoted, "moment": moment}
     made.globals["symbols"] = SYMBOLS
     return made
+
+
+@pass_context
+def _said(context: Context, sentence: str) -> str:
+    """A sentence of the station in the page's language."""
+    return translate(sentence, str(context["language"]))
 
 
 def number(value: Any, digits: int = 6) -> str:
     """A figure for a person: short, with a real minus; '–' where there is none."""
     return "–" if value is None else f"{value:.{digits}g}".replace("-", "−")
+
+
+def quoted(value: Any, spread: float | None) -> str:
+    """A figure to the decimal place of the second digit of its uncertainty (GUM 7.2.6), as a person reads it."""
+    if value is None or not spread or not 1e-9 < spread < 1e3:
+        return number(value, 7)
+    places = max(0, 1 - math.floor(math.log10(spread)))
+    return f"{value:.{places}f}".replace("-", "−")
+
+
+def moment(stamp: str) -> str:
+    """An ISO time stamp in UTC as a person reads it, to the second."""
+    return stamp[:19].replace("T", " ") + " UTC"
 
 
 def page(request: Request, name: str, session: Session | None, status: int = 200, **values: Any) -> HTMLResponse:

@@ -1,6 +1,7 @@
 """The auditor's pages over a real log: found, certified, computed again; scripts in stored text stay text."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from station.config.settings import load_settings
 from station.web import accounts, certificate
 from station.web.accounts import Account, Role
 from station.web.app import create_app
+from station.web.certificate_pdf import pdf
 from station.web.panel import Panel
 from station.web.questions import query_of
 from station.web.runs import Order
@@ -81,6 +83,55 @@ def test_a_certificate_holds_what_an_auditor_asks_for(client: TestClient, folder
     assert paper.headers["content-type"] == "application/pdf"
     assert paper.content.startswith(b"%PDF-")
     assert len(paper.content) > 3000
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("de", ("Kalibrierzertifikat", "Entscheidungsregel", "Schutzband", "Querempfindlichkeit x von y", "GUT")),
+        ("zh", ("校准证书", "判定规则", "保护带", "横轴 x 来自 y", "合格")),
+    ],
+)
+def test_a_certificate_in_the_readers_language(
+    client: TestClient, folder: Path, tmp_path: Path, code: str, words: tuple[str, ...]
+) -> None:
+    with LogReader(folder / "station.db") as log:
+        attempt = log.attempts(Query(serial="SN0001"))[0]
+        english, other = certificate.build(log, attempt), certificate.build(log, attempt, code)
+    asked = {"serial": "SN0001", "attempt": attempt.attempt, "language": code}
+    page = client.get("/audit/certificate", params=asked, headers=HTML).text
+    client.cookies.delete("station_language")
+    assert all(word in page for word in words)
+    figures = [[row[1:4] for row in s.rows] for made in (english, other) for s in made.sections if len(s.columns) == 5]
+    assert figures[0] == figures[1], "the figures are the same in every language"
+    words_only = [cell for s in other.sections for cell in (s.title, *s.columns, *(row[0] for row in s.rows))]
+    assert not [w for w in words_only if w in {c for s in english.sections for c in (s.title, *s.columns)} - _SAME]
+    paper = client.get("/audit/certificate.pdf", params=asked)
+    client.cookies.delete("station_language")
+    assert paper.content.startswith(b"%PDF-")
+    assert code != "zh" or b"STSong-Light" in paper.content
+    assert b"BitstreamVera" in paper.content, "the Latin font stands in the file itself"
+
+
+#: Heads that every language writes alike.
+_SAME = {"", "u (k = 1)", "U (k = 2)", "Software"}
+
+
+def test_a_name_in_chinese_stands_on_a_german_certificate(folder: Path) -> None:
+    with LogReader(folder / "station.db") as log:
+        made = certificate.build(log, log.attempts(Query(serial="SN0001"))[0], "de")
+    section = certificate.Section("Gerät", ("", ""), (("Bediener", "王 <b>小</b>\x07"),))
+    plain, named = pdf(replace(made, sections=())), pdf(replace(made, sections=(section,)))
+    assert len(named) > len(plain)
+
+
+def test_reasons_and_refusals_come_in_the_readers_language(client: TestClient) -> None:
+    page = client.get("/audit/unit", params={"serial": "SN0002", "language": "de"}, headers=HTML).text
+    client.cookies.delete("station_language")
+    assert "keinerlei Rauschen" in page
+    assert "no noise at all" not in page
+    refused = client.get("/audit/unit", params={"serial": "SN9999"}, headers={"accept-language": "zh-CN,zh"})
+    assert refused.json()["error"] == "日志中没有单元 'SN9999';请查询"
 
 
 def test_no_calibration_no_certificate(client: TestClient, folder: Path) -> None:
