@@ -6,25 +6,22 @@ set is the largest −log₁₀ p over the bank, and the threshold its 99 % quan
 family of causes raises a false alarm in one of a hundred campaigns.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from station.diagnosis.bank import Seen
-from station.diagnosis.evidence import Sets
+from station.diagnosis import chance
 from station.diagnosis.floor import Fitted
 from station.diagnosis.panel import Panel
-from station.diagnosis.space import Space
+from station.diagnosis.seen import Seen
 from station.diagnosis.stage import Problem
-from station.domain.types import Array, Floats
+from station.domain.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-VERSION = 3
+VERSION = 4
 #: Chance of any alarm in data without a cause.
 LEVEL = 0.01
-#: Null data sets, in how many floors drawn from the estimate's uncertainty, and in how large parts.
-SETS, FLOORS, PART = 2048, 16, 64
 #: Probabilities below the tail at which a cause's null scores are kept, and where its exponential tail begins.
 GRID = np.linspace(0.0, 1.0, 33)
 TAIL = 0.975
@@ -77,12 +74,8 @@ class Null:
 
 def bootstrap(problem: Problem, fitted: Fitted, now: Panel, seed: int) -> Null:
     """The null distribution for a bank under the floor fitted without any new cause."""
-    light = Panel(now.best.light(), tuple(s.light() for s in now.sides), now.slow)
-    scores: dict[str, list[Floats]] = {}
-    for sets in _drawn(problem, fitted, light, seed):
-        for name, score in light.scores(sets).items():
-            scores.setdefault(name, []).append(score)
-    return null_of({name: np.concatenate(parts).astype(float) for name, parts in scores.items()})
+    parts = list(chance.scores(problem, fitted, now, seed))
+    return null_of({name: np.concatenate([p[name] for p in parts]).astype(float) for name in parts[0]})
 
 
 def null_of(scores: Mapping[str, Floats]) -> Null:
@@ -96,36 +89,6 @@ def null_of(scores: Mapping[str, Floats]) -> Null:
     null = Null(quantiles, start, scale, 0.0)
     largest = np.max([null.surprise(name, s) for name, s in scores.items()], axis=0)
     return Null(quantiles, start, scale, float(np.quantile(largest, 1 - LEVEL)))
-
-
-def _drawn(problem: Problem, fitted: Fitted, now: Panel, seed: int) -> Iterator[list[list[Sets]]]:
-    """Null data sets, a part at a time, as each space of each stage sees them."""
-    rng = np.random.default_rng(seed)
-    mean, spread = fitted.floor.variances, fitted.covariance
-    root = np.linalg.cholesky(spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
-    spaces = [seen.space for s in now.stages for seen in s.seen]
-    widest = max(spaces, key=lambda space: space.live.shape[1])
-    for _ in range(FLOORS):
-        variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
-        true = np.linalg.inv(problem.structure.covariance(variances).inverse).astype(np.float32)
-        for _ in range(SETS // FLOORS // PART):
-            shape = (PART, *widest.live.shape)
-            noise = rng.standard_normal(shape, dtype=np.float32) * widest.live
-            yield [[_as_seen(seen.space, noise, true) for seen in s.seen] for s in now.stages]
-
-
-def _as_seen(space: Space, noise: Array, true: Array) -> Sets:
-    """White noise (n, U, ·) of a true floor, whose Cholesky factors are given, as a space whitens it."""
-    member = space.covariance.member
-    mixed = (space.covariance.inverse.astype(np.float32) @ true)[member]
-    (U, R), m, n = member.shape, mixed.shape[-1], len(noise)
-    stops = noise[:, :, : R * m].reshape(n, U, R, m).transpose(1, 2, 0, 3) @ mixed.transpose(0, 1, 3, 2)
-    inside = noise[:, :, R * m : R * m + space.dwell]
-    priors = noise[:, :, noise.shape[2] - (space.live.shape[1] - R * m - space.dwell) :]
-    rows = np.concatenate([stops.transpose(2, 0, 1, 3).reshape(n, U, R * m), inside, priors], axis=2)
-    basis = space.basis.astype(np.float32)
-    taken = (rows.transpose(1, 0, 2) @ basis) @ basis.transpose(0, 2, 1)
-    return Sets.of(space, rows - taken.transpose(1, 0, 2))
 
 
 def statistic(null: Null, evidence: Mapping[str, float]) -> float:

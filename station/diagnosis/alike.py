@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from station.diagnosis.bank import Candidate
-from station.diagnosis.evidence import spectrum
+from station.diagnosis.evidence import seen_of
 from station.diagnosis.known import accept, columns_of
 from station.diagnosis.space import Space
 from station.diagnosis.view import View
@@ -52,8 +52,14 @@ class Signal:
 def axes_of(candidate: Candidate, view: View, space: Space, hit: Floats) -> Axes:
     """What a candidate can move. hit (groups): 1 where a group acts."""
     rows, place = columns_of(accept(candidate, hit > 0, 1.0), view)
-    found, vectors = spectrum(space, space.see(rows), 1, "own" if place.own else "shared")
-    return Axes(vectors, found.m if place.own else found.m[None], place.own)
+    columns = space.see(rows)
+    normal = columns.transpose(0, 2, 1) @ columns
+    if not place.own:
+        cross = np.einsum("umk,umc->kc", columns, space.border)
+        normal = normal.sum(0, keepdims=True) - cross @ cross.T
+    m, E = np.linalg.eigh(normal)
+    seen = seen_of(m)
+    return Axes(columns @ (E * seen[:, None, :]), np.where(seen, m, 0.0), place.own)
 
 
 def signal(candidate: Candidate, view: View, space: Space, hit: Floats) -> Signal:

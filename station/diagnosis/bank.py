@@ -7,14 +7,16 @@ own rows, so one derivative serves all groups and all levels.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import pairwise, product
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station import plugins
-from station.diagnosis.evidence import Pattern, Sets, Spectrum, spectrum
-from station.diagnosis.space import Rows, Space
+from station.diagnosis.evidence import Pattern
+from station.diagnosis.grid import Layout
+from station.diagnosis.space import Rows
 from station.diagnosis.view import View
 from station.domain.recipe import Recipe
 from station.domain.types import Floats
@@ -60,27 +62,32 @@ class Candidate:
         """Coefficients a group."""
         return int(self.stop.shape[-1])
 
-    def local(self, view: View) -> tuple[NDArray[np.int32], int]:
+    def local(self, layout: Layout) -> tuple[NDArray[np.int32], int]:
         """Group codes (v) counted within a unit where groups belong to one, and how many there are."""
         if self.of not in OWN:
             return self.code, len(self.names)
-        first = np.full(view.grid.units, len(self.names))
-        np.minimum.at(first, view.scene.visits.unit.code, self.code)
-        code = (self.code - first[view.scene.visits.unit.code]).astype(np.int32)
+        first = np.full(layout.grid.units, len(self.names))
+        np.minimum.at(first, layout.unit, self.code)
+        code = (self.code - first[layout.unit]).astype(np.int32)
         return code, int(code.max()) + 1
 
-    def where(self, view: View) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def where(self, layout: Layout) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Unit of each group, and its place among the unit's; (groups) each. For groups that belong to one unit."""
         unit, place = np.zeros(len(self.names), np.intp), np.zeros(len(self.names), np.intp)
-        unit[self.code], place[self.code] = view.scene.visits.unit.code, self.local(view)[0]
+        unit[self.code], place[self.code] = layout.unit, self.local(layout)[0]
         return unit, place
 
-    def rows(self, view: View) -> Rows:
+    def rows(self, layout: Layout) -> Rows:
         """Columns laid out by unit, one set a group."""
-        code, groups = self.local(view)
-        return view.rows(
+        code, groups = self.local(layout)
+        return layout.rows(
             _by_group(self.stop, code, groups), None if self.dwell is None else _by_group(self.dwell, code, groups)
         )
+
+    def of_stops(self, chosen: NDArray[np.bool_]) -> "Candidate":
+        """The same at some of the stops."""
+        dwell = None if self.dwell is None else self.dwell[chosen]
+        return replace(self, code=self.code[chosen], stop=self.stop[chosen], dwell=dwell)
 
 
 def _by_group(columns: Floats, code: NDArray[np.int32], groups: int) -> Floats:
@@ -179,97 +186,76 @@ def _candidate(effect: Effect, of: str, pattern: Pattern, view: View, stop: Floa
     return Candidate(effect.id, effect, of, pattern, code, names, stop, dwell, scale)
 
 
+class Made(NamedTuple):
+    """Columns of the bank: of which candidate, the group (v) of each stop within its unit, and where they stand."""
+
+    candidate: Candidate
+    code: NDArray[np.int32]
+    at: slice
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Bank:
-    """Candidates with their columns side by side, and the slice of each. Levels that group alike within a unit share
-    their columns. moving: whether the candidates change within a stop."""
+    """Candidates and their columns. Levels that group alike within a unit share their columns.
+
+    moving: whether the candidates change within a stop; groups of each within a unit; place of each among the columns.
+    """
 
     moving: bool
     candidates: tuple[Candidate, ...]
     groups: tuple[int, ...]
-    rows: Rows
     place: tuple[slice, ...]
+    made: tuple[Made, ...]
 
     def only(self, chosen: Sequence[int]) -> "Bank":
         """The same with some of the candidates."""
-        candidates, groups, place = (tuple(x[i] for i in chosen) for x in (self.candidates, self.groups, self.place))
-        return Bank(self.moving, candidates, groups, self.rows, place)  # type: ignore[arg-type]
+        codes = {made.at.start: made.code for made in self.made}
+        picked = [(self.candidates[i], codes[self.place[i].start], self.groups[i]) for i in chosen]
+        return _laid_out(picked, moving=self.moving)
+
+    def rows(self, layout: Layout, units: slice) -> Rows:
+        """The columns of some units."""
+        stops = layout.grid.part(units)[1]
+        parts = [m.candidate.stop[stops] for m in self.made]
+        stop = self._spread(layout.keep[stops] @ np.concatenate(parts, axis=2), stops)
+        if not self.moving:
+            return layout.laid(stop, None, units)
+        inside = np.concatenate([m.candidate.dwell[stops] for m in self.made if m.candidate.dwell is not None], axis=3)
+        dwell = layout.within(inside, stops) / layout.sigma
+        return layout.laid(stop, self._spread(dwell.reshape(len(dwell), -1, dwell.shape[-1]), stops), units)
+
+    def _spread(self, columns: Floats, stops: slice) -> Floats:
+        """Columns (s, n, a) of each candidate as (s, n, C), those of each stop in the place of its group."""
+        out = np.zeros((*columns.shape[:2], self.made[-1].at.stop))
+        row, end = np.arange(len(columns))[:, None], 0
+        for made in self.made:
+            start, end = end, end + made.candidate.axes
+            at = made.at.start + made.code[stops, None] * made.candidate.axes + np.arange(made.candidate.axes)
+            out.transpose(0, 2, 1)[row, at] = columns[..., start:end].transpose(0, 2, 1)
+        return out
 
 
-def bank_of(items: Sequence[Candidate], view: View, *, moving: bool) -> Bank:
+def bank_of(items: Sequence[Candidate], layout: Layout, *, moving: bool) -> Bank:
     """The candidates that move within a stop, or those that do not."""
     chosen = [c for c in items if (c.dwell is not None) == moving]
-    parts: list[Rows] = [Rows(np.zeros((*view.grid.slot.shape[:2], view.grid.slot.shape[2] * view.grid.k, 0)))]
+    local = {(c.of, id(c.code)): c.local(layout) for c in chosen}
+    return _laid_out([(c, *local[c.of, id(c.code)]) for c in chosen], moving=moving)
+
+
+def _laid_out(items: Sequence[tuple[Candidate, NDArray[np.int32], int]], *, moving: bool) -> Bank:
+    """The bank of candidates, with the group of each stop within its unit and how many groups there are."""
+    made: dict[tuple[int, bytes], Made] = {}
     end = 0
-    place: dict[tuple[int, bytes], slice] = {}
-    at, groups = [], []
-    for c in chosen:
-        code, count = c.local(view)
+    place = []
+    for c, code, groups in items:
         key = (id(c.stop), code.tobytes())
-        if key not in place:
-            parts.append(c.rows(view))
-            start, end = end, end + parts[-1].stop.shape[-1]
-            place[key] = slice(start, end)
-        at.append(place[key])
-        groups.append(count)
-    return Bank(moving, tuple(chosen), tuple(groups), Rows.beside(parts), tuple(at))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Seen:
-    """A bank as a space sees it: what each candidate can show, and the axes (U, M, C) along which it shows it."""
-
-    bank: Bank
-    space: Space
-    spectra: tuple[Spectrum, ...]
-    axes: Floats
-    place: tuple[slice, ...]
-
-    def light(self) -> "Seen":
-        """The same in single precision."""
-        spectra = tuple(s.light() for s in self.spectra)
-        return Seen(self.bank, self.space, spectra, self.axes.astype(np.float32), self.place)
-
-    def components(self, sets: Sets) -> list[Floats]:
-        """u of every candidate for the data sets."""
-        products = (sets.data.transpose(1, 0, 2) @ self.axes).transpose(1, 0, 2)
-        return [s.components(products[..., at], sets) for s, at in zip(self.spectra, self.place, strict=True)]
-
-    def only(self, kept: Sequence[bool]) -> "Seen":
-        """The same with some of the candidates; the columns of the others stay behind unused."""
-        chosen = [i for i, k in enumerate(kept) if k]
-        columns = np.concatenate(
-            [np.arange(self.place[i].start, self.place[i].stop) for i in chosen] or [np.zeros(0, int)]
-        )
-        ends = np.cumsum([0, *(self.place[i].stop - self.place[i].start for i in chosen)])
-        place = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
-        spectra = tuple(self.spectra[i] for i in chosen)
-        return Seen(self.bank.only(chosen), self.space, spectra, self.axes[:, :, columns], place)
-
-    def evidence(self, sets: Sets) -> Floats:
-        """Log evidence (n, candidates)."""
-        found = [s.evidence(u, sets) for s, u in zip(self.spectra, self.components(sets), strict=True)]
-        return np.stack(found, axis=1) if found else np.zeros((len(sets.rest), 0))
-
-
-def see(bank: Bank, space: Space) -> Seen:
-    """The bank in a space."""
-    columns = space.see(bank.rows)
-    each = zip(bank.candidates, bank.groups, bank.place, strict=True)
-    found = [spectrum(space, columns[..., at], groups, c.pattern, c.most) for c, groups, at in each]
-    ends = np.cumsum([0, *(turned.shape[2] for _, turned in found)])
-    place = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
-    axes = np.concatenate([columns[..., :0], *(turned for _, turned in found)], axis=2)
-    return Seen(bank, space, tuple(s for s, _ in found), axes, place)
-
-
-def visible(seen: Seen, swollen: float) -> tuple[bool, ...]:
-    """Of each candidate, whether the largest amplitude met in practice would leave more than noise (d > 1).
-
-    swollen: how many times the noise is larger than the samples' own, perhaps by what is yet to be found.
-    """
-    pairs = zip(seen.bank.candidates, seen.spectra, strict=True)
-    return tuple(swollen * c.most / THINKABLE * float(np.sqrt(s.m.sum())) > 1.0 for c, s in pairs)
+        if key not in made:
+            start, end = end, end + groups * c.axes
+            made[key] = Made(c, code, slice(start, end))
+        place.append(made[key].at)
+    return Bank(
+        moving, tuple(c for c, _, _ in items), tuple(g for _, _, g in items), tuple(place), tuple(made.values())
+    )
 
 
 def form(effect: Effect) -> dict[str, float]:

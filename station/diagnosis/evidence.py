@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station.diagnosis.space import RANK, Space
 from station.domain.types import Array, Floats
@@ -33,22 +34,39 @@ Pattern = Literal["own", "shared", "scan"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sets:
-    """Any number (n) of data sets in one space: data (n, U, M); shared (n, c) their products with the border;
-    rest (n) sums of squares without anything known."""
+    """Any number (n) of data sets in one space: squares (n) their sums of squares without the own known columns;
+    shared (n, c) their products with the border."""
 
-    data: Floats
+    space: Space
+    squares: Floats
     shared: Floats
-    rest: Floats
 
     @staticmethod
     def of(space: Space, data: Floats) -> "Sets":
         """Data sets (n, U, M) that are free of the own known columns."""
-        rest = np.einsum("num,num->n", data, data)
         shared = np.zeros((len(data), 0), data.dtype)
         if space.border.shape[2]:
             shared = (data.transpose(1, 0, 2) @ space.border.astype(data.dtype)).sum(0)
-            rest = rest - np.einsum("nc,cd,nd->n", shared, space.inner, shared)
-        return Sets(data, shared, rest)
+        return Sets(space, np.einsum("num,num->n", data, data), shared)
+
+    def dealt(self, orders: Array | None) -> "Sets":
+        """The sets of several copies of the units, each copy in its own order (copies, n)."""
+        if orders is None:
+            return self
+        squares, shared = (np.asarray(sum(x[order] for order in orders)) for x in (self.squares, self.shared))
+        return Sets(self.space, squares, shared)
+
+    @property
+    def rest(self) -> Floats:
+        """Sums of squares (n) without anything known."""
+        if not self.shared.shape[1]:
+            return self.squares
+        return np.asarray(self.squares - np.sum(self.shared**2, axis=1))
+
+    @property
+    def fits(self) -> Floats:
+        """Log-likelihood (n) without any candidate, the floor's scale at its best."""
+        return np.asarray(-0.5 * (self.space.logdet + self.space.dof * np.log(self.rest)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +75,8 @@ class Spectrum:
 
     own: one set of coefficients a unit; shared: one for all; scan: few of many groups are hit, nobody knows which.
     m (…, K) eigenvalues of the normal matrix, … being units or groups or nothing; cross (…, K, c) EᵀZᵀC; space: where
-    it was seen; mean eigenvalue of the directions that can be seen; weight (…, K, ρ) w; logdet (…, ρ) Σ log(1 + ρ m).
+    it was seen; mean eigenvalue of the directions that can be seen; rho the amplitudes tried; logdet (…, ρ)
+    Σ log(1 + ρ m), over all units where … are units.
     """
 
     pattern: Pattern
@@ -65,7 +84,7 @@ class Spectrum:
     m: Floats
     cross: Floats
     mean: float
-    weight: Floats
+    rho: Floats
     logdet: Floats
 
     @property
@@ -73,94 +92,115 @@ class Spectrum:
         """The grid of q."""
         return COARSE if self.pattern == "scan" else RATIOS
 
+    @property
+    def weight(self) -> Floats:
+        """w (…, K, ρ)."""
+        return np.asarray(self.rho / (1 + self.m[..., None] * self.rho))
+
     def light(self) -> "Spectrum":
         """The same in single precision."""
-        f = np.float32
-        return replace(self, weight=self.weight.astype(f), logdet=self.logdet.astype(f), cross=self.cross.astype(f))
+        single: list[Array] = [x.astype(np.float32) for x in (self.m, self.cross, self.rho, self.logdet)]
+        return replace(self, m=single[0], cross=single[1], rho=single[2], logdet=single[3])
+
+    def bare(self) -> "Spectrum":
+        """The same without what only the evidence of new data sets needs."""
+        return replace(self, cross=self.cross[..., :0])
 
     def components(self, products: Floats, sets: Sets) -> Floats:
-        """u (n, …, K) of the products EᵀZᵀr (n, U, C)."""
-        if self.pattern == "shared":
-            products = products.sum(1)
-        elif self.pattern == "scan":
-            products = products.reshape(*products.shape[:2], *self.m.shape[1:])
-        if self.pattern != "own" and self.cross.shape[-1]:
-            products = products - np.einsum("...kc,cd,nd->n...k", self.cross, self.space.inner, sets.shared)
-        return products
+        """u (n, …, K) of the products EᵀZᵀr: (n, K) of a shared cause, (n, U, …) of the others."""
+        products = products.reshape(len(products), *self.m.shape)
+        if self.pattern == "own" or not self.cross.shape[-1]:
+            return products
+        return np.asarray(products - np.moveaxis(self.cross @ sets.shared.T, -1, 0))
 
     def evidence(self, u: Floats, sets: Sets) -> Floats:
         """Log evidence (n)."""
-        if self.pattern != "scan":
-            return log_mean(self.likelihood(u, sets))
-        odds = self.odds(u, sets).reshape(len(u), -1)
+        return self.judged(self.terms(u, sets), sets)
+
+    def terms(self, u: Floats, sets: Sets) -> Floats:
+        """What adds up over units (n, …), and all that the evidence needs of u."""
+        if self.pattern == "shared":
+            return u
+        if self.pattern == "own":
+            flat, weight = u.reshape(len(u), -1), self._flat(self.weight)
+            drop = flat**2 @ weight
+            if not self.cross.shape[-1]:
+                return np.asarray(drop[..., None])
+            bent = (flat[:, None, :] * weight.T) @ self._flat(self.cross)
+            return np.concatenate([drop[..., None], bent], axis=-1)
+        return self.spread(self.likelihoods(u, sets))
+
+    @staticmethod
+    def spread(likelihoods: Floats) -> Floats:
+        """Log-likelihood (n, shares) of a scan, whose groups' L (n, …, ρ) are given, if such a share of them is hit."""
+        odds = log_mean(likelihoods).reshape(len(likelihoods), -1)
         share = np.array(SHARES)[:, None, None]
-        total = np.logaddexp(np.log1p(-share), np.log(share) + odds).sum(axis=2)
-        return log_mean(total.T)
+        return np.asarray(np.logaddexp(np.log1p(-share), np.log(share) + odds).sum(axis=2).T)
 
-    def odds(self, u: Floats, sets: Sets) -> Floats:
-        """Log evidence (n, …) of each group of a scan."""
-        return log_mean(self.likelihood(u, sets))
+    def judged(self, terms: Floats, sets: Sets) -> Floats:
+        """Log evidence (n) of the terms."""
+        return log_mean(terms if self.pattern == "scan" else self.likelihood(terms, sets))
 
-    def likelihood(self, u: Floats, sets: Sets) -> Floats:
-        """L (n, …, ρ); … are the groups of a scan."""
-        if self.pattern == "scan":
-            drop = np.moveaxis(np.moveaxis(u**2, 0, -2) @ self.weight, -2, 0)
-            return np.asarray(self._ratio(drop, sets.rest.reshape(-1, *[1] * (drop.ndim - 1))) - 0.5 * self.logdet)
-        K = self.m.size
-        drop = (u**2).reshape(len(u), K) @ self.weight.reshape(K, -1)
-        total = self.logdet.reshape(-1, drop.shape[1]).sum(0)
-        if self.pattern == "own" and self.cross.shape[-1]:
-            more, bent = self._bordered(u, sets)
+    def likelihood(self, terms: Floats, sets: Sets) -> Floats:
+        """L (n, ρ) of the terms; not of a scan."""
+        if self.pattern == "shared":
+            return np.asarray(self._ratio(terms**2 @ self.weight, sets.rest[:, None]) - 0.5 * self.logdet)
+        drop, total = terms[..., 0], self.logdet
+        if self.cross.shape[-1]:
+            more, bent = self._bordered(terms[..., 1:], sets)
             drop, total = drop + more, total + bent
         return np.asarray(self._ratio(drop, sets.rest[:, None]) - 0.5 * total)
+
+    def likelihoods(self, u: Floats, sets: Sets) -> Floats:
+        """L (n, …, ρ) of each group of a scan. A copy of the units has its share of the sum of squares."""
+        drop = np.moveaxis(np.moveaxis(u**2, 0, -2) @ self.weight, -2, 0)
+        rest = (self.space.copies * sets.rest).reshape(-1, *[1] * (drop.ndim - 1))
+        return np.asarray(self._ratio(drop, rest) - 0.5 * self.logdet)
+
+    def _flat(self, values: Floats) -> Floats:
+        """Units and axes (…, K, x) in one row (…·K, x)."""
+        return values.reshape(self.m.size, -1)
 
     def _ratio(self, drop: Floats, rest: Floats) -> Floats:
         """−½ n·log(1 − drop / rest)."""
         return np.asarray(-0.5 * self.space.dof * np.log1p(-np.minimum(drop / rest, MOST)))
 
-    def _bordered(self, u: Floats, sets: Sets) -> tuple[Floats, Floats]:
+    def _bordered(self, bent: Floats, sets: Sets) -> tuple[Floats, Floats]:
         """What the known shared columns change for each ρ: the drop of the sum of squares (n, ρ) and the
-        log-determinant (ρ)."""
-        h = self.cross.reshape(-1, self.cross.shape[-1])
-        w = self.weight.reshape(len(h), -1)
-        inner = self.space.inner
-        before = np.einsum("nc,cd,nd->n", sets.shared, inner, sets.shared)
-        # In the basis that makes the normal matrix one, what is not estimable drops out by itself.
-        values, vectors = np.linalg.eigh(inner)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
-        h, d = h @ root, sets.shared @ root
-        A = np.eye(len(inner)) - np.einsum("kr,kc,kd->rcd", w, h, h)
-        b = d[:, None, :] - np.einsum("nk,kr,kc->nrc", u.reshape(len(u), -1), w, h)
-        solved = np.linalg.solve(A, b.transpose(1, 2, 0)).transpose(2, 0, 1)
-        after = np.einsum("nrc,nrc->nr", b, solved)
-        return after - before[:, None], np.linalg.slogdet(A)[1]
+        log-determinant (ρ). bent (n, ρ, c): Σ w u h over the units.
+
+        bᵀA⁻¹b and log|A|, A = I − Σ w h hᵀ, the latter on whichever side is the smaller (Woodbury).
+        """
+        h, root = self._flat(self.cross), np.sqrt(self.space.copies * self._flat(self.weight).T)
+        b = (sets.shared[:, None, :] - bent).transpose(1, 2, 0)
+        wide = root[..., None] * h
+        if len(h) < h.shape[1]:
+            A = np.eye(len(h)) - root[..., None] * (h @ h.T) * root[:, None, :]
+            c = wide @ b
+            after = np.sum(b**2, axis=1) + np.sum(c * np.linalg.solve(A, c), axis=1)
+        else:
+            A = np.eye(h.shape[1]) - wide.transpose(0, 2, 1) @ wide
+            after = np.sum(b * np.linalg.solve(A, b), axis=1)
+        return after.T - np.sum(sets.shared**2, axis=1)[:, None], np.linalg.slogdet(A)[1]
 
 
-def spectrum(
-    space: Space, columns: Floats, groups: int, pattern: Pattern, most: float = np.inf
-) -> tuple[Spectrum, Floats]:
-    """The spectrum of columns (U, M, groups · axes) as `space.see` gives them, and the columns turned to ZE.
+def spectrum(space: Space, m: Floats, cross: Floats, pattern: Pattern, most: float = np.inf) -> Spectrum:
+    """The spectrum of eigenvalues m (…, K), with EᵀZᵀC (…, K, c).
 
     most: amplitudes beyond it are impossible, so what needs them cannot be this cause.
     """
-    U, M, K = columns.shape
-    # One set of axes a unit, one for all, or one a group.
-    split = columns.reshape(U, M, groups, -1).transpose(0, 2, 3, 1) if pattern == "scan" else columns.transpose(0, 2, 1)
-    normal, cross = split @ np.swapaxes(split, -1, -2), (columns.transpose(0, 2, 1) @ space.border)
-    cross = cross.reshape(*normal.shape[:-1], -1)
-    if pattern == "shared":
-        normal, cross = normal.sum(0), cross.sum(0)
-    if pattern != "own" and cross.shape[-1]:
-        normal = normal - cross @ space.inner @ np.swapaxes(cross, -1, -2)
-    m, E = np.linalg.eigh(normal)
-    seen = m > RANK * m.max(initial=0.0)
-    m, E = np.where(seen, m, 0.0), E * seen[..., None, :]
+    seen = m > 0
     mean = float(m[seen].mean()) if seen.any() else 0.0
     rho = np.minimum((COARSE if pattern == "scan" else RATIOS) / (mean or 1.0), most**2)
-    grown = 1 + m[..., None] * rho
-    found = Spectrum(pattern, space, m, np.swapaxes(E, -1, -2) @ cross, mean, rho / grown, np.log(grown).sum(-2))
-    turned = (np.swapaxes(E, -1, -2) @ split).reshape(U, K, M).transpose(0, 2, 1)
-    return found, np.ascontiguousarray(turned)
+    logdet = np.log1p(m[..., None] * rho).sum(-2)
+    if pattern == "own":
+        logdet = space.copies * logdet.sum(0)
+    return Spectrum(pattern, space, m, cross, mean, rho, logdet)
+
+
+def seen_of(m: Floats) -> NDArray[np.bool_]:
+    """Which eigenvalues (…, K) are of directions that can be seen: not of those that are lost in what is known."""
+    return np.asarray(m > RANK * m.max(initial=0.0))
 
 
 def log_mean(values: Array) -> Floats:

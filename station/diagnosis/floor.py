@@ -82,18 +82,26 @@ class Fitted:
 
 
 def fit(
-    parts: Structure, known: Known, readings: Rows, count: int, upper: Floats, start: Floor | None = None
+    parts: Structure,
+    known: Known,
+    readings: Rows,
+    count: int,
+    upper: Floats,
+    start: Floor | None = None,
+    least: float = 0.0,
 ) -> Fitted:
-    """The floor of `count` readings. upper (3): bounds of the variances, 0 for a part left out."""
+    """The floor of `count` readings. upper (3): bounds of the variances, 0 for a part left out; least: the lower bound
+    of the white one."""
     upper = np.where(np.abs(parts.parts).max(axis=(0, 2, 3)) > 0, upper, 0.0)
     free = upper > 0
-    var = np.minimum(_first(parts, known, readings, count) if start is None else start.variances, upper)
+    lower = np.array([least, 0.0, 0.0])
+    var = np.clip(_first(parts, known, readings, count) if start is None else start.variances, lower, upper)
     now = space(parts.covariance(var), known, readings, count)
     for _ in range(30):
         slope, information = _newton(parts, now)
-        held = ~free | ((var <= 0) & (slope < 0)) | ((var >= upper) & (slope > 0))
+        held = ~free | ((var <= lower) & (slope < 0)) | ((var >= upper) & (slope > 0))
         step = _step(slope, information, held)
-        last, (var, now) = now, _climb(parts, known, readings, count, upper, var, now, step)
+        last, (var, now) = now, _climb(parts, known, readings, count, (lower, upper), var, now, step)
         if now.loglik - last.loglik < 1e-4:
             break
     _, information = _newton(parts, now)
@@ -123,8 +131,8 @@ def _newton(parts: Structure, now: Space) -> tuple[Floats, Floats]:
     residual = now.residual[..., None]
     moved = np.stack([act(i, residual)[..., 0] for i in range(3)], axis=-1)
     free = now.free(moved)
-    to_shared = np.einsum("umc,umi->ci", now.border, free)
-    information = 0.5 * (np.einsum("umi,umj->ij", moved, free) - to_shared.T @ now.inner @ to_shared)
+    to_shared = now.border.reshape(residual.size, -1).T @ free.reshape(-1, 3)
+    information = 0.5 * (moved.reshape(-1, 3).T @ free.reshape(-1, 3) - to_shared.T @ to_shared)
     trace = [float(np.einsum("cii->c", relative[:, i])[member].sum()) - _taken(now, act, i) for i in range(3)]
     return -0.5 * (np.array(trace) - np.einsum("umi,um->i", moved, residual[..., 0])), information
 
@@ -132,9 +140,7 @@ def _newton(parts: Structure, now: Space) -> tuple[Floats, Floats]:
 def _taken(now: Space, act: Callable[[int, Floats], Floats], i: int) -> float:
     """The part of a trace that the known columns take up."""
     own = float(np.sum(now.basis * act(i, now.basis)))
-    if not now.border.shape[2]:
-        return own
-    return own + float(np.sum(now.inner * np.einsum("umc,umd->cd", now.border, act(i, now.border))))
+    return own + float(np.sum(now.border * act(i, now.border)))
 
 
 def _step(slope: Floats, information: Floats, held: NDArray[np.bool_]) -> Floats:
@@ -149,11 +155,18 @@ def _step(slope: Floats, information: Floats, held: NDArray[np.bool_]) -> Floats
 
 
 def _climb(
-    parts: Structure, known: Known, readings: Rows, count: int, upper: Floats, var: Floats, now: Space, step: Floats
+    parts: Structure,
+    known: Known,
+    readings: Rows,
+    count: int,
+    bounds: tuple[Floats, Floats],
+    var: Floats,
+    now: Space,
+    step: Floats,
 ) -> tuple[Floats, Space]:
     """The best point along the step, halved until the likelihood rises."""
     for half in range(12):
-        trial = np.clip(var + step * 0.5**half, 0.0, upper)
+        trial = np.clip(var + step * 0.5**half, *bounds)
         trial[0] = max(trial[0], 0.01 * var[0])
         there = space(parts.covariance(trial), known, readings, count)
         if there.loglik > now.loglik:

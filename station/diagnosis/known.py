@@ -100,7 +100,7 @@ def columns_of(item: Accepted, view: View) -> tuple[Rows, Place]:
     """Columns of the groups that act, and their places counted from 0."""
     c = item.candidate
     axes = np.arange(c.axes)
-    rows = c.rows(view)
+    rows = c.rows(view.layout)
     if c.of not in OWN:
         chosen = np.flatnonzero(item.hit)
         number = np.full(len(c.names), -1)
@@ -109,7 +109,7 @@ def columns_of(item: Accepted, view: View) -> tuple[Rows, Place]:
         return _picked(rows, (chosen[:, None] * c.axes + axes).ravel()), Place(
             own=False, unit=np.zeros_like(column), column=column
         )
-    unit, first = c.where(view)
+    unit, first = c.where(view.layout)
     used = np.unique(first[item.hit])
     number = np.full(int(first.max()) + 1, -1)
     number[used] = np.arange(len(used))

@@ -6,17 +6,18 @@ walk, each size weighted by how well it explains the data with and without the c
 notice, and are seen under the best floor only.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from station.diagnosis.bank import Bank, Candidate
-from station.diagnosis.evidence import Sets, log_mean
+from station.diagnosis.bank import Bank, Candidate, bank_of
+from station.diagnosis.evidence import log_mean
 from station.diagnosis.floor import Floor
-from station.diagnosis.stage import Problem, Stage, by_cause, stage
-from station.domain.types import Floats
+from station.diagnosis.seen import Seen, columns_of
+from station.diagnosis.stage import Problem, Scores, Stage, by_cause, stage, stage_in
+from station.domain.types import Array, Floats
 
 #: Walks tried, as parts of the largest allowed.
 WALKS = (0.0, 0.25, 0.5, 1.0)
@@ -45,44 +46,35 @@ class Panel:
         """All stages, the best one first."""
         return (self.best, *self.sides)
 
-    def readings(self) -> list[list[Sets]]:
-        """The readings as the data set of each space of each stage."""
-        return [s.readings() for s in self.stages]
+    def evidence(self) -> dict[str, float]:
+        """Log evidence of each cause for the readings."""
+        return {name: float(e[0]) for name, e in self.scores([s.readings() for s in self.stages]).items()}
 
-    def scores(self, sets: Sequence[Sequence[Sets]]) -> dict[str, Floats]:
-        """Log evidence (n) of each cause, for data sets of each space of each stage."""
-        evidence = self.best.evidence(sets[0])
+    def scores(self, scores: Sequence[Scores]) -> dict[str, Floats]:
+        """Log evidence (n) of each cause, from the scores of each stage."""
+        evidence = scores[0].evidence.copy()
         if self.slow:
-            with_it, without = self._averaged(sets[1:])
-            evidence[:, list(self.slow)] = with_it - without[:, self._spaces(self.sides[0])]
+            with_it, without = self._averaged(scores[1:])
+            evidence[:, list(self.slow)] = with_it - without[:, self.sides[0].spaces]
         return by_cause(self.candidates, evidence)
 
     def totals(self) -> Floats:
         """Log-likelihood of the readings with each candidate (candidates), averaged over amplitudes and walks."""
-        sets = self.readings()
-        total = self.best.evidence(sets[0])[0] + self.without()
+        total = self.best.readings().evidence[0] + self.without()
         if self.slow:
-            total[list(self.slow)] = self._averaged(sets[1:])[0][0]
+            total[list(self.slow)] = self._averaged([s.readings() for s in self.sides])[0][0]
         return np.asarray(total)
 
     def without(self) -> Floats:
         """The same without any candidate, in the space of each candidate (candidates)."""
-        if not self.sides:
-            return np.asarray(self.best.fits(self.best.readings())[0][self._spaces(self.best)])
-        sets = [s.readings() for s in self.sides]
-        fits = np.stack([s.fits(d)[0] for s, d in zip(self.sides, sets, strict=True)], axis=-1)
-        return np.asarray(log_mean(fits)[self._spaces(self.best)])
+        fits = np.stack([s.readings().fits[0] for s in self.sides or (self.best,)], axis=-1)
+        return np.asarray(log_mean(fits)[self.best.spaces])
 
-    def _averaged(self, sets: Sequence[Sequence[Sets]]) -> tuple[Floats, Floats]:
+    def _averaged(self, scores: Sequence[Scores]) -> tuple[Floats, Floats]:
         """Log-likelihood averaged over the walks: with each slow candidate (n, slow), without in each space (n, 2)."""
-        fits = np.stack([s.fits(d) for s, d in zip(self.sides, sets, strict=True)], axis=-1)
-        found = np.stack([s.evidence(d) for s, d in zip(self.sides, sets, strict=True)], axis=-1)
-        return np.asarray(log_mean(fits[:, self._spaces(self.sides[0])] + found)), np.asarray(log_mean(fits))
-
-    @staticmethod
-    def _spaces(of: Stage) -> NDArray[np.intp]:
-        """Which space each candidate of a stage is seen in."""
-        return np.repeat(np.arange(len(of.seen)), [len(s.spectra) for s in of.seen])
+        fits = np.stack([s.fits for s in scores], axis=-1)
+        found = np.stack([s.evidence for s in scores], axis=-1)
+        return np.asarray(log_mean(fits[:, self.sides[0].spaces] + found)), np.asarray(log_mean(fits))
 
 
 def panel(problem: Problem, banks: Sequence[Bank], at: Floor) -> Panel:
@@ -95,25 +87,47 @@ def beside(problem: Problem, best: Stage) -> Panel:
     most = float(np.sqrt(problem.upper[2]))
     if not 0.0 < most < np.inf:
         return Panel(best, (), ())
-    chosen = [_slow(problem, i, best, most) for i in range(len(best.seen))]
-    if not any(len(c) for c in chosen):
-        return Panel(best, (), ())
-    banks = [s.bank.only(c) for s, c in zip(best.seen, chosen, strict=True)]
-    start = np.cumsum([0, *(len(s.spectra) for s in best.seen)])
+    chosen = [_slow(problem, s, most) for s in best.seen]
+    start = np.cumsum([0, *(len(s.found) for s in best.seen)])
     slow = tuple(int(a + i) for a, c in zip(start[:-1], chosen, strict=True) for i in c)
-    sides = tuple(stage(problem, banks, replace(best.floor, walk=part * most)) for part in WALKS)
-    return Panel(best, sides, slow)
+    return _with_walks(partial(stage, problem), best, slow, most)
 
 
-def _slow(problem: Problem, i: int, best: Stage, most: float) -> list[int]:
-    """Places of the slow candidates in one of the banks of a stage."""
-    seen = best.seen[i]
+def crowd(problem: Problem, like: Panel, chosen: Array, copies: int) -> Panel:
+    """A panel of the chosen units alone, as if there were so many times as many of them, with the axes."""
+    setting, stops = problem.setting.of_units(chosen)
+    items = [c.of_stops(stops) for c in like.candidates]
+    banks = [bank_of(items, setting.layout, moving=s.bank.moving) for s in like.best.seen]
+
+    def at(some: Sequence[Bank], floor: Floor) -> Stage:
+        return stage_in(setting, some, floor, copies=copies, axes=True)
+
+    return _with_walks(at, at(banks, like.best.floor), like.slow, float(np.sqrt(problem.upper[2])))
+
+
+def _with_walks(at: Callable[[Sequence[Bank], Floor], Stage], best: Stage, slow: tuple[int, ...], most: float) -> Panel:
+    """The slow candidates under each walk beside the best floor."""
+    if not slow:
+        return Panel(best, (), ())
+    place = np.array(slow)
+    start = np.cumsum([0, *(len(s.found) for s in best.seen)])
+    banks = [
+        s.bank.only([int(i) for i in place[(place >= a) & (place < a + len(s.found))] - a])
+        for a, s in zip(start[:-1], best.seen, strict=True)
+    ]
+    return Panel(best, tuple(at(banks, replace(best.floor, walk=part * most)) for part in WALKS), slow)
+
+
+def _slow(problem: Problem, seen: Seen, most: float) -> list[int]:
+    """Places of the slow candidates in a bank, as its first units show them."""
     covariance = seen.space.covariance
-    walk = problem.structure.relative(covariance.inverse)[covariance.member, 2]
-    U, R, m, _ = walk.shape
-    axes = seen.axes[:, : R * m].reshape(U, R, m, -1)
-    added = most**2 * np.einsum("urmk,urmk->k", axes, walk @ axes)
-    length = np.maximum(np.einsum("umk,umk->k", seen.axes, seen.axes), 1e-300)
-    share = [float(added[at].sum() / length[at].sum()) for at in seen.place]
-    names = [c.name for c in seen.bank.candidates]
-    return [j for j, (s, name) in enumerate(zip(share, names, strict=True)) if s > SLOW or name in FLEXIBLE]
+    walk = problem.structure.relative(covariance.inverse)[:, 2]
+    for units, columns in columns_of(seen.bank, problem.view.layout, seen.space):
+        U, R = covariance.member[units].shape
+        stops = columns[:, : R * walk.shape[-1]].reshape(U, R, walk.shape[-1], -1)
+        added = most**2 * np.einsum("urmk,urmk->k", stops, walk[covariance.member[units]] @ stops)
+        length = np.maximum(np.einsum("umk,umk->k", columns, columns), 1e-300)
+        share = [float(added[at].sum() / length[at].sum()) for at in seen.bank.place]
+        names = [c.name for c in seen.bank.candidates]
+        return [j for j, (s, name) in enumerate(zip(share, names, strict=True)) if s > SLOW or name in FLEXIBLE]
+    return []

@@ -26,6 +26,8 @@ from station.model.timeline import density_of, dwell_of, round_of
 
 #: Samples a second that are enough to plan by: the noise of a mean follows from the density.
 RATE_HZ = 20.0
+#: Levels at which a cause acts only where it usually does.
+RARE = ("run", "visit")
 #: d from which a cause is found in 8 of 10 campaigns, 3 coefficients at 1 % (method notes, section 1).
 FOUND = 3.93
 
@@ -126,7 +128,9 @@ def _bank(plan: Planned, names: Sequence[str] | None = None) -> dict[str, list[A
     found: dict[str, list[Axes]] = {}
     for effect in library(view.scene.recipe):
         if testable(effect, view) and (names is None or effect.id in names):
-            found[effect.id] = [plan.axes(c) for c in candidates(effect, view)]
+            # A coefficient of each run's own imitates any slow cause; that parsimony forbids it, no column shows.
+            usual = [c for c in candidates(effect, view) if c.of not in RARE or c.of == effect.of[0]]
+            found[effect.id] = [plan.axes(c) for c in usual]
     return {name: axes for name, axes in found.items() if axes}
 
 

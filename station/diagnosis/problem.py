@@ -10,7 +10,7 @@ from station.diagnosis.floor import Fitted, structure
 from station.diagnosis.known import Accepted, known_of
 from station.diagnosis.reduce import Reduced
 from station.diagnosis.solve import solve, whitened
-from station.diagnosis.stage import Problem
+from station.diagnosis.stage import Problem, Setting
 from station.diagnosis.view import View, moved, quieted, settled, view_of
 from station.domain.recipe import Recipe
 from station.domain.types import Floats
@@ -102,7 +102,8 @@ def assembled(view: View, accepted: tuple[Accepted, ...], matrix: bool, upper: F
     project = view.keep if view.grid.k == 1 else np.broadcast_to(np.eye(3), view.keep.shape)
     parts = structure(view.grid, weight / weight.mean(), turn, np.round(steps), project)
     known, places = known_of(view, accepted, matrix)
-    return Problem(view, parts, accepted, known, places, matrix, upper)
+    setting = Setting(view.layout, parts, known, view.readings())
+    return Problem(view, setting, accepted, places, matrix, upper)
 
 
 def refined(problem: Problem, rounds: int = 4) -> Problem:

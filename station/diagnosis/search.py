@@ -8,13 +8,14 @@ import numpy as np
 from station.diagnosis import kernels as generic
 from station.diagnosis.alarm import Null, statistic
 from station.diagnosis.alike import APART_95, alike, signal
-from station.diagnosis.bank import Bank, Candidate, bank_of, candidates, library, smooth, testable, visible
+from station.diagnosis.bank import Bank, Candidate, bank_of, candidates, library, smooth, testable
 from station.diagnosis.evidence import log_mean
 from station.diagnosis.floor import Fitted, Floor
 from station.diagnosis.known import Accepted
 from station.diagnosis.panel import Panel, beside, panel
 from station.diagnosis.problem import refined
 from station.diagnosis.rank import Rank, grown_with, merge, rank
+from station.diagnosis.seen import visible
 from station.diagnosis.shape import between, evidence_of, jumps, may_ring, rung, tunable, tuned
 from station.diagnosis.space import Space
 from station.diagnosis.stage import Problem, Stage, stage
@@ -83,7 +84,7 @@ def banks_of(view: View, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:
     """The still and the moving candidates, without the causes that are hidden from these data."""
     effects = [e for e in library(view.scene.recipe) if e.id not in hidden and testable(e, view)]
     items = [c for e in effects for c in candidates(e, view)] + generic.kernels(view)
-    return bank_of(items, view, moving=False), bank_of(items, view, moving=True)
+    return bank_of(items, view.layout, moving=False), bank_of(items, view.layout, moving=True)
 
 
 def _shown(problem: Problem, now: Stage) -> tuple[Stage, tuple[str, ...]]:
@@ -112,7 +113,7 @@ def search(problem: Problem, null_of: NullOf) -> Searched:
         banks = tuple(s.bank for s in now.seen)
         around = beside(problem, now)
         null = null or null_of(problem, fitted, around)
-        evidence = {name: float(e[0]) for name, e in around.scores(around.readings()).items()}
+        evidence = around.evidence()
         statistics.append(statistic(null, evidence))
         if statistics[-1] <= null.threshold or len(findings) == ROUNDS:
             return Searched(first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind, evidence)
@@ -163,7 +164,7 @@ def _sharpened(problem: Problem, ranks: dict[str, Rank]) -> dict[str, Rank]:
             best = ringing if loud > quiet + UNKNOWN_NATS else best
         if best is not r.best:
             gain = evidence_of(best, problem.view, space) - evidence_of(r.best, problem.view, space)
-            bank = bank_of([best], problem.view, moving=best.dwell is not None)
+            bank = bank_of([best], problem.view.layout, moving=best.dwell is not None)
             ranks[name] = Rank(name, r.evidence + max(gain, 0.0), best, stage(problem, [bank], r.at.floor))
     return ranks
 
@@ -198,7 +199,7 @@ def _accepted(problem: Problem, cause: Rank) -> tuple[Accepted | None, Floor]:
         return None, cause.at.floor
     rough = cause.at.accept(cause.best, problem.view)
     floor = problem.beside((*problem.accepted, rough)).fit(cause.at.floor).floor
-    own = stage(problem, [bank_of([cause.best], problem.view, moving=cause.best.dwell is not None)], floor)
+    own = stage(problem, [bank_of([cause.best], problem.view.layout, moving=cause.best.dwell is not None)], floor)
     return own.accept(cause.best, problem.view), floor
 
 

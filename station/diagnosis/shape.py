@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.diagnosis.bank import Candidate, bank_of, gaps_of, see
-from station.diagnosis.evidence import Sets
+from station.diagnosis.bank import Candidate, bank_of, gaps_of
+from station.diagnosis.seen import see
 from station.diagnosis.space import Space
 from station.diagnosis.view import View
 from station.model.effect import Effect, Parameter
@@ -55,8 +55,8 @@ def rung(candidate: Candidate, view: View, space: Space) -> Candidate:
 
 def evidence_of(candidate: Candidate, view: View, space: Space) -> float:
     """Log evidence of one candidate."""
-    seen = see(bank_of([candidate], view, moving=candidate.dwell is not None), space)
-    return float(seen.evidence(Sets.of(space, space.data[None]))[0, 0])
+    bank = bank_of([candidate], view.layout, moving=candidate.dwell is not None)
+    return float(see(bank, view.layout, space).evidence[0])
 
 
 def reshaped(candidate: Candidate, field: str, value: float, view: View) -> Candidate:

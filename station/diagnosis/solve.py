@@ -70,8 +70,9 @@ def solve(white: White, used: Floats | None = None) -> Solved:
     to_shared = inverse @ (own.transpose(0, 2, 1) @ shared)
     to_data = np.einsum("upq,uq->up", inverse, np.einsum("ump,um->up", own, data))
     left = shared - own @ to_shared
-    shared_cov = _inverse(np.einsum("umc,umd->cd", left, left))
-    found = shared_cov @ np.einsum("umc,um->c", left, data)
+    flat = left.reshape(data.size, -1)
+    shared_cov = _inverse(flat.T @ flat)
+    found = shared_cov @ (flat.T @ data.ravel())
     own_cov = inverse + to_shared @ shared_cov @ to_shared.transpose(0, 2, 1)
     return Solved(to_data - to_shared @ found, own_cov, found, shared_cov)
 

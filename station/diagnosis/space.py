@@ -6,13 +6,13 @@ no calibration can take up. A known parameter may carry a prior: a row saying "0
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain.types import Floats
+from station.domain.types import Array, Floats
 
 
 class Rows(NamedTuple):
@@ -33,7 +33,13 @@ class Rows(NamedTuple):
         dwell = [np.zeros((*still, p.stop.shape[-1])) if p.dwell is None else p.dwell for p in parts]
         return Rows(stop, np.concatenate(dwell, axis=-1))
 
+    def of_units(self, chosen: Array) -> "Rows":
+        """The same of some units."""
+        return Rows(self.stop[chosen], None if self.dwell is None else self.dwell[chosen])
 
+
+#: All units.
+EVERY = slice(None)
 #: A column that keeps less than this share of its length is taken for a combination of the others.
 RANK = 1e-7
 
@@ -54,6 +60,17 @@ class Known:
         """Whether anything known changes within a stop."""
         return self.own.dwell is not None or self.shared.dwell is not None
 
+    def of_units(self, chosen: Array) -> "Known":
+        """The same of some units."""
+        return Known(
+            self.own.of_units(chosen),
+            self.own_precision[chosen],
+            self.own_target[chosen],
+            self.shared.of_units(chosen),
+            self.shared_precision,
+            self.shared_target,
+        )
+
     @property
     def priors(self) -> int:
         """How many coefficients have a prior."""
@@ -70,14 +87,15 @@ class Covariance:
     live: NDArray[np.bool_]
     logdet: float
 
-    def whiten(self, rows: Rows, dwell: int) -> Floats:
-        """Rows of unit variance (U, R·m + dwell, c); `dwell` is how many contrasts a unit shall keep."""
+    def whiten(self, rows: Rows, dwell: int, more: int = 0, units: slice = EVERY) -> Floats:
+        """Rows of unit variance (U, R·m + dwell + more, c) of some units; `dwell` is how many contrasts a unit shall
+        keep, `more` how many rows of zeros come after."""
         U, R, m, c = rows.stop.shape
-        stop = (self.inverse[self.member] @ rows.stop).reshape(U, R * m, c)
-        if not dwell:
-            return np.asarray(stop)
-        moving = np.zeros((U, dwell, c)) if rows.dwell is None else rows.dwell
-        return np.concatenate([stop, moving], axis=1)
+        white = np.zeros((U, R * m + dwell + more, c))
+        np.matmul(self.inverse[self.member[units]], rows.stop, out=white[:, : R * m].reshape(U, R, m, c))
+        if dwell and rows.dwell is not None:
+            white[:, R * m : R * m + dwell] = rows.dwell
+        return white
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,9 +103,9 @@ class Space:
     """White rows of each unit (stops, contrasts, priors), free of the unit's own known columns.
 
     dwell: contrasts kept, 0 where only the stops' means are looked at; basis (U, M, p) spans the own columns;
-    border (U, M, c) is what is left of the shared ones; inner (c, c) the inverse of their normal matrix; logdet of
-    V and of both normal matrices together; dof: numbers left; data (U, M) the readings; live (U, M) rows that hold
-    anything.
+    border (U, M, c) is an orthonormal basis of what is left of the shared ones; common: log-determinant of their
+    normal matrix, logdet: of V and of both normal matrices together; dof: numbers left; data (U, M) the readings;
+    live (U, M) rows that hold anything; copies: for how many sets of such units the few here stand.
     """
 
     covariance: Covariance
@@ -95,28 +113,46 @@ class Space:
     live: NDArray[np.bool_]
     basis: Floats
     border: Floats
-    inner: Floats
+    common: float
     logdet: float
     dof: int
     data: Floats
+    copies: int = 1
 
     @property
     def rest(self) -> float:
         """Sum of squares of the readings without anything known."""
         return float(np.sum(self.residual**2))
 
-    def see(self, rows: Rows) -> Floats:
-        """Columns as this space sees them (U, M, c), shared known ones not yet taken off."""
-        return self.free(_padded(self.covariance.whiten(rows, self.dwell), self.basis.shape[1]))
+    def see(self, rows: Rows, units: slice = EVERY) -> Floats:
+        """Columns of some units as this space sees them (U, M, c), shared known ones not yet taken off."""
+        _, R, m, _ = rows.stop.shape
+        more = self.basis.shape[1] - R * m - self.dwell
+        white, basis = self.covariance.whiten(rows, self.dwell, more, units), self.basis[units]
+        white -= basis @ (basis.transpose(0, 2, 1) @ white)
+        return white
 
     def free(self, white: Floats) -> Floats:
         """White rows (U, M, c) without what the own known columns take up."""
         return np.asarray(white - self.basis @ (self.basis.transpose(0, 2, 1) @ white))
 
+    def times(self, copies: int) -> "Space":
+        """The space of so many times as many units of the same kind."""
+        if copies == 1:
+            return self
+        shared = self.border.shape[2]
+        # The shared columns stay as many: their normal matrix grows, all else adds up.
+        common = self.common + shared * float(np.log(copies))
+        logdet = copies * (self.logdet - self.common) + common
+        dof = copies * (self.dof + shared) - shared
+        border = self.border / np.sqrt(copies)
+        return replace(self, border=border, common=common, logdet=logdet, dof=dof, copies=copies)
+
     @property
     def residual(self) -> Floats:
         """The readings (U, M) without anything known."""
-        return np.asarray(self.data - self.border @ (self.inner @ np.einsum("umc,um->c", self.border, self.data)))
+        flat = self.border.reshape(self.data.size, -1)
+        return np.asarray(self.data - (flat @ (flat.T @ self.data.ravel())).reshape(self.data.shape))
 
     @property
     def loglik(self) -> float:
@@ -139,12 +175,12 @@ def space(covariance: Covariance, known: Known, readings: Rows, count: int) -> S
     )
     basis, rank, logdet_own = _basis(own)
     free = shared - basis @ (basis.transpose(0, 2, 1) @ shared)
-    inner, shared_rank, logdet_shared = _inverse(np.einsum("umc,umd->cd", free, free))
+    border, common = _orthonormal(free)
     left = (data - basis @ (basis.transpose(0, 2, 1) @ data))[..., 0]
-    logdet = covariance.logdet + logdet_own + logdet_shared
+    logdet = covariance.logdet + logdet_own + common
     live = np.concatenate([_live(covariance, readings, dwell), (own_rows != 0).any(2) | (shared_rows != 0).any(2)], 1)
-    dof = count + known.priors - rank - shared_rank
-    return Space(covariance, dwell, live, basis, free, inner, logdet, dof, left)
+    dof = count + known.priors - rank - border.shape[2]
+    return Space(covariance, dwell, live, basis, border, common, logdet, dof, left)
 
 
 def _live(covariance: Covariance, readings: Rows, dwell: int) -> NDArray[np.bool_]:
@@ -170,11 +206,6 @@ def priors(known: Known) -> tuple[Floats, Floats, Floats]:
     return own, shared, said
 
 
-def _padded(white: Floats, rows: int) -> Floats:
-    """White columns (U, ·, c) with rows of zeros added."""
-    return np.pad(white, ((0, 0), (0, rows - white.shape[1]), (0, 0)))
-
-
 def _basis(columns: Floats) -> tuple[Floats, int, float]:
     """Orthonormal basis (U, M, p) of columns (U, M, p), zeros for what is lost; rank; log det of the normal matrix."""
     length = np.linalg.norm(columns, axis=1, keepdims=True)
@@ -185,9 +216,10 @@ def _basis(columns: Floats) -> tuple[Floats, int, float]:
     return left * kept[:, None, :], int(np.count_nonzero(kept)), logdet
 
 
-def _inverse(normal: Floats) -> tuple[Floats, int, float]:
-    """Pseudo-inverse, rank and log-determinant of a normal matrix (c, c)."""
-    values, vectors = np.linalg.eigh(normal)
+def _orthonormal(columns: Floats) -> tuple[Floats, float]:
+    """Orthonormal basis (U, M, rank) of columns (U, M, c) over all units; log det of their normal matrix."""
+    flat = columns.reshape(columns.shape[0] * columns.shape[1], -1)
+    values, vectors = np.linalg.eigh(flat.T @ flat)
     kept = values > RANK * values.max(initial=0.0)
-    V = vectors[:, kept]
-    return V / values[kept] @ V.T, int(np.count_nonzero(kept)), float(np.sum(np.log(values[kept])))
+    basis = flat @ (vectors[:, kept] / np.sqrt(values[kept]))
+    return basis.reshape(*columns.shape[:2], -1), float(np.sum(np.log(values[kept])))

@@ -12,13 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from station.diagnosis import magnitudes
-from station.diagnosis.grid import Grid, grid_of
+from station.diagnosis.grid import Grid, Layout, grid_of
 from station.diagnosis.reduce import MAD, Reduced
 from station.diagnosis.space import Rows
 from station.domain.types import Floats
 from station.model.effect import Effect
 from station.model.forward import NOTHING, Active, Base, forward, resting, signature
 from station.model.scene import Scene
+
+#: Noise of a stop's mean beside that of its samples over √n, at the least: blue noise averages better than white.
+BLUE = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +41,12 @@ class View:
         """One row a stop."""
         return self.reduced.scene
 
+    @property
+    def least(self) -> float:
+        """The least variance of the white noise of a stop's mean: a few stops may be fitted as closely as one likes."""
+        longest = float(np.mean(np.sum(self.keep**2, axis=2)))
+        return longest * (BLUE * self.reduced.sigma) ** 2 / float(self.reduced.count.sum(1).mean())
+
     def simulated(self) -> tuple[Floats, Floats]:
         """Means (v, 3) and contrasts (v, B−1, 3) as the simulation has them."""
         if any(_moves(acting.effect) for acting in self.active.values()):
@@ -49,22 +58,14 @@ class View:
         mean, contrast = self.simulated()
         return self.rows((self.reduced.mean - mean)[..., None], (self.reduced.contrast - contrast)[..., None])
 
+    @property
+    def layout(self) -> Layout:
+        """How numbers of the stops become rows."""
+        return Layout(self.grid, self.keep, self.sigma, self.scene.visits.unit.code)
+
     def rows(self, stop: Floats, dwell: Floats | None) -> Rows:
         """Columns of readings (v, 3, c) and contrasts (v, B−1, 3, c) laid out by unit."""
-        kept = self.grid.spread(np.einsum("vki,vic->vkc", self.keep, stop))
-        if dwell is None:
-            return Rows(kept)
-        dwell = self.within(dwell)
-        wide = Grid(self.grid.slot, dwell.shape[1] * dwell.shape[2])
-        laid = wide.spread(dwell.reshape(len(dwell), -1, dwell.shape[-1]) / self.sigma)
-        return Rows(kept, laid.reshape(self.grid.units, -1, dwell.shape[-1]))
-
-    def within(self, dwell: Floats) -> Floats:
-        """Contrasts (v, B−1, 3, …) as they are, or along the stimulus alone (v, B−1, 1, …) where a hand may turn."""
-        if self.grid.k == 3:
-            return dwell
-        along = self.keep[:, 0] / np.linalg.norm(self.keep[:, 0], axis=1, keepdims=True)
-        return np.asarray(np.einsum("vi,vbi...->vb...", along, dwell)[:, :, None])
+        return self.layout.rows(stop, dwell)
 
     def signature(self, effect: Effect, of: str = "") -> tuple[Floats, Floats | None]:
         """Derivatives by each axis' coefficient: of the stops' means (v, 3, axes) and of their contrasts
@@ -107,7 +108,7 @@ def view_of(reduced: Reduced, matrix: bool = False) -> View:
 def quieted(view: View) -> View:
     """The view with the noise of a contrast as it now is: that from one sample to the next, or more where slower
     noise adds to the quietest contrast."""
-    contrast = np.moveaxis(view.within(view.reduced.contrast - view.simulated()[1]), 1, 0)
+    contrast = np.moveaxis(view.layout.within(view.reduced.contrast - view.simulated()[1]), 1, 0)
     there = [np.abs(c[c != 0]) for c in contrast]
     slow = min((float(np.median(c)) / MAD for c in there if c.size), default=0.0)
     return replace(view, sigma=max(view.reduced.sigma, slow) or 1.0)
@@ -119,8 +120,9 @@ def fitted(view: View, matrix: bool) -> View:
     columns = np.einsum("vki,vip->vkp", view.keep, view.calibration(matrix))
     residual = np.einsum("vki,vi->vk", view.keep, view.reduced.mean - view.simulated()[0])
     found = np.zeros((len(view.base.offset), columns.shape[2]))
+    ends = np.searchsorted(unit, np.arange(len(found) + 1))
     for u in range(len(found)):
-        rows = unit == u
+        rows = slice(ends[u], ends[u + 1])
         A = columns[rows].reshape(-1, columns.shape[2])
         found[u] = np.linalg.lstsq(A, residual[rows].ravel(), rcond=1e-9)[0]
     return settled(view, moved(view.base, found))

@@ -1,21 +1,37 @@
 """Evidence against plain linear algebra on dense matrices."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from station.diagnosis.evidence import RATIOS, Sets, spectrum
+from station.diagnosis.evidence import RATIOS, Pattern, Sets, Spectrum, spectrum
 from station.diagnosis.space import Covariance, Known, Rows, Space, space
 from station.domain.types import Floats
 
 U, M = 3, 20
 
 
+def a_covariance(units: int) -> Covariance:
+    """White rows."""
+    return Covariance(np.eye(M)[None], np.zeros((units, 1), np.intp), np.ones((units, M), bool), 0.0)
+
+
+def a_known(rng: np.random.Generator, shared: int) -> Known:
+    """One known column of each unit's own, and some in common."""
+    own, common = rng.standard_normal((U, 1, M, 1)), rng.standard_normal((U, 1, M, shared))
+    return Known(Rows(own), np.zeros((U, 1)), np.zeros((U, 1)), Rows(common), np.zeros(shared), np.zeros(shared))
+
+
+def tiled(known: Known, times: int) -> Known:
+    """The same of so many times the units."""
+    return known.of_units(np.tile(np.arange(U), times))
+
+
 def a_space(rng: np.random.Generator, shared: int) -> Space:
     """White rows of three units with one known column each, and some known ones in common."""
-    covariance = Covariance(np.eye(M)[None], np.zeros((U, 1), np.intp), np.ones((U, M), bool), 0.0)
-    own, common = rng.standard_normal((U, 1, M, 1)), rng.standard_normal((U, 1, M, shared))
-    known = Known(Rows(own), np.zeros((U, 1)), np.zeros((U, 1)), Rows(common), np.zeros(shared), np.zeros(shared))
-    return space(covariance, known, Rows(rng.standard_normal((U, 1, M, 1))), U * M)
+    known = a_known(rng, shared)
+    return space(a_covariance(U), known, Rows(rng.standard_normal((U, 1, M, 1))), U * M)
 
 
 def random_columns(seen: Space, rng: np.random.Generator, count: int) -> Floats:
@@ -40,7 +56,7 @@ def dense(seen: Space, Z: Floats) -> Floats:
         left = y - X @ np.linalg.solve(normal, X.T @ inverse @ y)
         rest = float(left @ inverse @ left)
         found.append(-0.5 * (np.linalg.slogdet(V)[1] + np.linalg.slogdet(normal)[1] + seen.dof * np.log(rest)))
-    return np.array(found[1:]) - found[0]
+    return np.asarray(np.array(found[1:]) - found[0], float)
 
 
 def spectrum_mean(seen: Space, Z: Floats) -> float:
@@ -48,25 +64,68 @@ def spectrum_mean(seen: Space, Z: Floats) -> float:
     if Z.shape[1] == 2:
         P = seen.border.reshape(len(Z), -1)
         Z = Z - P @ np.linalg.lstsq(P, Z, rcond=None)[0] if P.shape[1] else Z
-    return float(np.linalg.eigvalsh(Z.T @ Z).mean())
+    return float(np.mean(np.linalg.eigvalsh(Z.T @ Z)))
+
+
+def found(seen: Space, columns: Floats, pattern: Pattern, most: float = np.inf) -> tuple[Spectrum, Floats, Sets]:
+    """The spectrum of columns (U, M, K), the components of the space's own readings, and these."""
+    cross, data = columns.transpose(0, 2, 1) @ seen.border, columns.transpose(0, 2, 1) @ seen.data[..., None]
+    normal = columns.transpose(0, 2, 1) @ columns
+    if pattern == "shared":
+        normal = normal.sum(0) - cross.sum(0) @ cross.sum(0).T
+        cross, data = cross.sum(0), data.sum(0)
+    m, E = np.linalg.eigh(normal)
+    sets = Sets.of(seen, seen.data[None])
+    can = spectrum(seen, m, E.swapaxes(-1, -2) @ cross, pattern, most)
+    return can, can.components((E.swapaxes(-1, -2) @ data)[..., 0][None], sets), sets
 
 
 @pytest.mark.parametrize("shared", [0, 2])
 @pytest.mark.parametrize("pattern", ["own", "shared"])
-def test_the_likelihood_is_that_of_dense_matrices(pattern: str, shared: int) -> None:
+def test_the_likelihood_is_that_of_dense_matrices(pattern: Pattern, shared: int) -> None:
     rng = np.random.default_rng(shared + 10)
     seen = a_space(rng, shared)
     columns = random_columns(seen, rng, 2)
-    found, turned = spectrum(seen, columns, 1, pattern)  # type: ignore[arg-type]
-    sets = Sets.of(seen, seen.data[None])
-    u = found.components(np.einsum("umk,num->nuk", turned, sets.data), sets)
+    can, u, sets = found(seen, columns, pattern)
     Z = columns.reshape(-1, 2)
     if pattern == "own":
         rows = columns.shape[1]
         Z = np.zeros((U * rows, 2 * U))
         for k in range(U):
             Z[k * rows : (k + 1) * rows, 2 * k : 2 * k + 2] = columns[k]
-    assert found.likelihood(u, sets)[0] == pytest.approx(dense(seen, Z), abs=1e-6)
+    assert can.likelihood(can.terms(u, sets), sets)[0] == pytest.approx(dense(seen, Z), abs=1e-6)
+
+
+@pytest.mark.parametrize("shared", [0, 2])
+@pytest.mark.parametrize("pattern", ["own", "shared"])
+def test_copies_of_the_units_are_as_good_as_the_units(pattern: Pattern, shared: int) -> None:
+    """Three times the same units with the same readings: once written out, once as copies that are added up."""
+    rng = np.random.default_rng(shared + 20)
+    known, readings, columns = (
+        a_known(rng, shared),
+        rng.standard_normal((U, 1, M, 1)),
+        rng.standard_normal((U, 1, M, 2)),
+    )
+    few, many = (
+        space(a_covariance(n * U), tiled(known, n), Rows(np.tile(readings, (n, 1, 1, 1))), n * U * M) for n in (1, 3)
+    )
+    whole, u, sets = found(many, many.see(Rows(np.tile(columns, (3, 1, 1, 1)))), pattern)
+    part = few.times(3)
+    assert part.dof == many.dof
+    assert part.logdet == pytest.approx(many.logdet)
+    Z = part.see(Rows(columns))
+    normal, cross, data = (Z.transpose(0, 2, 1) @ x for x in (Z, part.border, part.data[..., None]))
+    if pattern == "shared":
+        normal, cross, data = 3 * normal.sum(0), 3 * cross.sum(0), data.sum(0)
+        normal = normal - cross @ cross.T
+    m, E = np.linalg.eigh(normal)
+    can = spectrum(part, m, E.swapaxes(-1, -2) @ cross, pattern)
+    one = Sets.of(part, part.data[None])
+    terms = can.terms(can.components((E.swapaxes(-1, -2) @ data)[..., 0][None], one), one)
+    orders = np.zeros((3, 1), int)
+    added = np.asarray(sum(terms[order] for order in orders))
+    assert can.judged(added, one.dealt(orders)) == pytest.approx(whole.evidence(u, sets), abs=1e-6)
+    assert one.dealt(orders).fits == pytest.approx(sets.fits)
 
 
 def test_evidence_favours_the_true_cause_and_not_noise() -> None:
@@ -74,13 +133,7 @@ def test_evidence_favours_the_true_cause_and_not_noise() -> None:
     seen = a_space(rng, 0)
     right, wrong = (random_columns(seen, rng, 1) for _ in range(2))
     data = seen.data + 8 * (right / np.linalg.norm(right, axis=1, keepdims=True))[..., 0]
-    sets = Sets.of(seen, data[None])
-    scores = []
-    for columns in (right, wrong):
-        found, turned = spectrum(seen, columns, 1, "own")
-        scores.append(
-            float(found.evidence(found.components(np.einsum("umk,num->nuk", turned, sets.data), sets), sets)[0])
-        )
+    scores = [score(replace(seen, data=data), columns) for columns in (right, wrong)]
     assert scores[0] > 8
     assert scores[1] < 2
 
@@ -89,9 +142,12 @@ def test_an_amplitude_beyond_what_is_thinkable_is_no_evidence() -> None:
     rng = np.random.default_rng(4)
     seen = a_space(rng, 0)
     faint = 1e-6 * random_columns(seen, rng, 1)
-    data = seen.data + 2e6 * faint[..., 0]
-    sets = Sets.of(seen, data[None])
+    there = replace(seen, data=seen.data + 2e6 * faint[..., 0])
     for most, low, high in ((np.inf, 5.0, np.inf), (1.0, -1.0, 0.1)):
-        found, turned = spectrum(seen, faint, 1, "own", most)
-        score = float(found.evidence(found.components(np.einsum("umk,num->nuk", turned, sets.data), sets), sets)[0])
-        assert low < score < high
+        assert low < score(there, faint, most) < high
+
+
+def score(seen: Space, columns: Floats, most: float = np.inf) -> float:
+    """Log evidence of a cause of each unit's own."""
+    can, u, sets = found(seen, columns, "own", most)
+    return float(can.evidence(u, sets)[0])

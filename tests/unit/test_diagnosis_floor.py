@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
+from station.config.recipes import load_recipe
 from station.diagnosis import floor as floors
 from station.diagnosis.grid import Grid
 from station.diagnosis.space import Known, Rows, space
+from station.model.simulate import Job, effects_of, simulate
+from station.model.timeline import density_of, dwell_of
+from tests.blind.look import look
 
 UNITS, RUNS, STOPS, K = 4, 3, 24, 3
 
@@ -93,3 +97,17 @@ def test_a_prior_lies_between_knowing_and_not_knowing() -> None:
         known = Known(free.own, np.full((UNITS, 3), precision), free.own_target, free.shared, np.zeros(0), np.zeros(0))
         rests.append(space(covariance, known, rows, grid.data).rest)
     assert rests[0] < rests[1] < rests[2]
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_six_stops_a_unit_are_not_fitted_more_closely_than_their_samples_scatter(seed: int) -> None:
+    """Six faces and one run leave σ and repeatability apart only by luck; a floor near 0 judged every gain by chance."""
+    six = load_recipe("six-point")
+    table = simulate(Job(six, ("A", "B", "C", "D"), seed, effects_of(("cross-axis",), six))).table
+    found = look(six, table)
+    white = float(density_of(six) / np.sqrt(2 * dwell_of(six)))
+    assert white / 2.5 < found.floor.floor.noise < 3 * white
+    (cause,) = found.causes
+    assert cause.finding.name == "cross-axis"
+    assert cause.gain.accepted
+    assert cause.gain.rms_after < 1e-3

@@ -26,8 +26,10 @@ class Inspected:
 def inspect(recipe: Recipe, table: SampleTable) -> Inspected:
     """Looks a table over. Its rows come back sorted by unit, run and stop, in the order of arrival."""
     scene = scene_of_table(recipe, table)
-    order = np.argsort(scene.visit, kind="stable")
-    table, stop = table[order], scene.visit[order]
+    stop = scene.visit
+    if np.any(np.diff(stop) < 0):
+        order = np.argsort(stop, kind="stable")
+        table, stop = table[order], stop[order]
     read = mapping.decoded(scene, _means(table.reading, stop))
     found = mapping.faults(recipe, table, scene, read)
     found = [_measured(f, scene, table, mapping.repaired(table, read), stop) for f in found]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.faults.fault import Fault, Number, of_unit
+from station.diagnosis.faults.fault import Fault, Number, of_unit, rows_of_units
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, SampleTable
 
@@ -18,11 +18,10 @@ def clipped(table: SampleTable, stop: NDArray[np.intp]) -> tuple[dict[int, float
     """Limit of each clipped unit, and which samples (n) belong to a clipped stop."""
     limits: dict[int, float] = {}
     bad = np.zeros(len(table), bool)
-    for u in range(len(table.unit.names)):
-        rows = np.flatnonzero(table.unit.code == u)
-        if len(rows) < 2 * FEWEST:
+    for u, rows in enumerate(rows_of_units(table.unit)):
+        if rows.stop - rows.start < 2 * FEWEST:
             continue
-        reading, where = table.reading[rows], stop[rows] - stop[rows[0]]
+        reading, where = table.reading[rows], stop[rows] - stop[rows.start]
         limit = float(np.abs(reading).max())
         at = np.abs(reading) >= limit * (1 - 1e-9)
         count = np.bincount(where)

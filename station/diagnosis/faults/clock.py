@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.faults.counters import unwrapped
-from station.diagnosis.faults.fault import Fault, Number, of_unit
+from station.diagnosis.faults.fault import Fault, Number, of_unit, rows_of_units
 from station.domain.recipe import Recipe
 from station.domain.types import Array, Floats, SampleTable
 
@@ -51,8 +51,8 @@ def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> tuple[F
     number = unwrapped(table.values["counter"], stop, bits) if has else _placed(table.time_s, stop, first, nominal)
     error = np.full(len(table.unit.names), np.nan)
     std = np.full(len(table.unit.names), np.nan)
-    for u in range(len(error)):
-        rows = np.flatnonzero(table.unit.code == u)
+    for u, of in enumerate(rows_of_units(table.unit)):
+        rows = np.arange(of.start, of.stop)
         if len(rows) < 3:
             continue
         group = stop[rows]

@@ -1,6 +1,9 @@
 """A gross fault: found by looking, before any statistics."""
 
 from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
 
 from station.domain.types import Labels
 
@@ -33,6 +36,12 @@ class Fault:
     alike: tuple[str, ...] = ()
     rms_before: float | None = None
     rms_after: float | None = None
+
+
+def rows_of_units(units: Labels) -> list[slice]:
+    """The rows of each unit in a column that is sorted by unit."""
+    ends = np.searchsorted(units.code, np.arange(len(units.names) + 1))
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 def of_unit(units: Labels, code: int) -> str:

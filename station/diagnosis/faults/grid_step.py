@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.faults.fault import Fault, Number, of_unit
+from station.diagnosis.faults.fault import Fault, Number, of_unit, rows_of_units
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, SampleTable
 
@@ -38,8 +38,8 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[F
     if promised <= 0:
         return []
     found = {}
-    for u in range(len(table.unit.names)):
-        rows = table.reading[table.unit.code == u]
+    for u, of in enumerate(rows_of_units(table.unit)):
+        rows = table.reading[of]
         steps = [step_of(rows[:, i]) for i in range(3)] if len(rows) else [0.0]
         if min(steps) > COARSER * promised:
             found[u] = float(np.median(steps)), len(rows)

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from station.diagnosis.faults.fault import Fault, Number, of_unit
+from station.diagnosis.faults.fault import Fault, Number, of_unit, rows_of_units
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, SampleTable
 from station.model.effects.axis_permutation import MAPPINGS, MATRICES
@@ -31,15 +30,14 @@ class Read:
 def decoded(scene: Scene, mean: Floats) -> dict[int, Read]:
     """What stands on the axes of each unit that is decoded wrongly; mean (v, 3) of the stops."""
     found = {}
-    for u in range(len(scene.visits.unit.names)):
-        rows = scene.visits.unit.code == u
+    for u, rows in enumerate(rows_of_units(scene.visits.unit)):
         read = _by_pose(scene, mean, rows) if scene.recipe.pose_known else _by_magnitude(scene, mean[rows])
         if read is not None and (read.mapping or read.factor != 1.0):
             found[u] = read
     return found
 
 
-def _by_pose(scene: Scene, mean: Floats, rows: NDArray[np.bool_]) -> Read | None:
+def _by_pose(scene: Scene, mean: Floats, rows: slice) -> Read | None:
     """From the matrix between nominal vectors and readings."""
     visits = scene.visits
     R = np.einsum("vij,vjk->vik", visits.nest_R[rows], visits.seat_R[rows])
@@ -113,7 +111,8 @@ def _alike(scene: Scene, turned: dict[int, Read], units: int) -> tuple[str, ...]
 def repaired(table: SampleTable, found: dict[int, Read]) -> Floats:
     """Readings (n, 3) as they would have been decoded rightly."""
     reading = table.reading.copy()
+    units = rows_of_units(table.unit)
     for u, r in found.items():
-        rows = table.unit.code == u
+        rows = units[u]
         reading[rows] = reading[rows] @ MATRICES[r.mapping] / r.factor
     return reading

@@ -7,11 +7,12 @@ coarser grid, which `grid_step` finds.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.faults.fault import Fault, Number, of_unit
+from station.diagnosis.faults.fault import Fault, Number, of_unit, rows_of_units
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, SampleTable
 
@@ -29,11 +30,12 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[F
     lsb = recipe.device.lsb
     if lsb <= 0:
         return []
-    units = [u for u in range(len(table.unit.names)) if np.any(table.unit.code == u)]
-    codes = [_codes(table.reading[table.unit.code == u], lsb) for u in units]
-    everywhere = _stuck([np.unique(np.concatenate(axis)) for axis in zip(*codes, strict=True)])
+    units = [(u, rows) for u, rows in enumerate(rows_of_units(table.unit)) if rows.stop > rows.start]
+    codes = [_codes(table.reading[rows], lsb) for _, rows in units]
+    everywhere = _stuck([_said(np.unique(np.concatenate(axis))) for axis in zip(*codes, strict=True)])
     numbers = []
-    for u, axes in zip(units, codes, strict=True):
+    for (u, _), of in zip(units, codes, strict=True):
+        axes = [_said(axis) for axis in of]
         found = everywhere | _stuck(axes) | set().union(*(_stuck([axis]) for axis in axes))
         numbers += [_number(of_unit(table.unit, u), bit, high, recipe) for bit, high in sorted(found)]
     if not numbers:
@@ -51,18 +53,41 @@ def _codes(readings: Floats, lsb: float) -> list[Codes]:
     return [np.unique(axis).astype(np.int64) if on_grid else np.zeros(0, np.int64) for axis in code.T]
 
 
-def _stuck(axes: Sequence[Codes]) -> set[tuple[int, bool]]:
+class Said(NamedTuple):
+    """levels (BITS): values that the bits above each bit take; one, any: the bits that are 1 in all and in any code."""
+
+    levels: Codes
+    one: int
+    any: int
+
+
+def _said(codes: Codes) -> Said:
+    """Of codes (n) in rising order, each once. Between neighbours the highest bit that differs tells which of the
+    numbers made of the higher bits are new."""
+    if not len(codes):
+        return Said(np.zeros(BITS, np.int64), -1, 0)
+    differ = (codes[1:] ^ codes[:-1]).astype(float)
+    # A change of sign is a change of the highest bit of all.
+    highest = np.where(differ < 0, 63, np.frexp(np.maximum(differ, 0))[1] - 1)
+    above = np.bincount(np.minimum(highest, BITS), minlength=BITS + 1)[::-1].cumsum()[::-1][1:]
+    return Said(1 + above, int(np.bitwise_and.reduce(codes)), int(np.bitwise_or.reduce(codes)))
+
+
+def _stuck(axes: Sequence[Said]) -> set[tuple[int, bool]]:
     """Bits (place, what it reads) that never change on any of the axes, which together take values enough above."""
-    found = set()
-    low = True
+    levels = np.sum([axis.levels for axis in axes], axis=0)
+    one, some = int(np.bitwise_and.reduce([axis.one for axis in axes])), 0
+    for axis in axes:
+        some |= axis.any
+    found, low = set(), True
     for bit in range(BITS):
-        seen = sum(len(np.unique(axis >> (bit + 1))) for axis in axes)
-        if seen < LEVELS:
+        if levels[bit] < LEVELS:
             break
-        read = {int(x) for axis in axes for x in np.unique((axis >> bit) & 1)}
-        low = low and len(read) == 1
-        if len(read) == 1 and not low:
-            found.add((bit, bool(read.pop())))
+        high = bool(one >> bit & 1)
+        still = high or not some >> bit & 1
+        low = low and still
+        if still and not low:
+            found.add((bit, high))
     return found
 
 

@@ -8,6 +8,8 @@ shows at its alias. Where the phases do not hold from stop to stop, amplitudes c
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,8 @@ FINE = 2
 AROUND, REACH = 12, 2
 #: A unit needs so many stops before its arrivals can be told from its tones.
 ENOUGH_STOPS = 8
+#: Samples whose spectrum is taken at once.
+PORTION = 50_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,17 +108,38 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[F
     needed = {"motor", "started_s"} <= set(table.values)
     if not needed or float(np.ptp(table.values["motor"])) == 0.0 or len(table) < 64:
         return []
-    rate = recipe.device.rate_hz
-    d, sigma = dwells_of(table, stop, rate)
-    samples = d.white.shape[1]
+    rate, samples = recipe.device.rate_hz, int(np.bincount(stop).max())
     if samples < 16:
         return []
     tried = np.arange(3, FINE * samples // 2) * rate / (FINE * samples)
-    gains = _gains(np.array([_power(d, f) for f in tried]), d)
+    seen = _spectrum(table, stop, rate, tried)
+    gains = _gains(seen)
     best = int(gains.argmax())
     if gains[best] < SURE + np.log(len(tried)):
         return []
+    d, sigma = dwells_of(table, stop, rate)
     return [_fault(d, _followed(d, float(tried[best])), sigma, float(gains[best]), recipe)]
+
+
+class Spectrum(NamedTuple):
+    """power (f, 3): mean of the stops, each weighted as a tone in proportion to motor would show in it; stops: how
+    many count, by their weight."""
+
+    power: Floats
+    stops: float
+
+
+def _spectrum(table: SampleTable, stop: NDArray[np.intp], rate_hz: float, tried: Floats) -> Spectrum:
+    """The spectrum of all stops at frequencies tried in equal steps, some units after others."""
+    power, weight, squares = np.zeros((len(tried), 3)), 0.0, 0.0
+    starts = np.flatnonzero(np.diff(table.unit.code, prepend=-1))
+    part = np.append(starts[np.diff(starts // PORTION, prepend=-1) > 0], len(stop))
+    for first, last in pairwise(part):
+        d, _ = dwells_of(table[first:last], stop[first:last] - stop[first], rate_hz)
+        power += _power(d, tried)
+        weight += float(np.sum(_weight(d)))
+        squares += float(np.sum(_weight(d) ** 2))
+    return Spectrum(power / max(weight, 1e-300), weight**2 / max(squares, 1e-300))
 
 
 def _amplitudes(d: Dwells, frequency_hz: float) -> Array:
@@ -123,32 +148,44 @@ def _amplitudes(d: Dwells, frequency_hz: float) -> Array:
     return np.asarray(np.einsum("vs,vsi->vi", wave, d.white))
 
 
-def _power(d: Dwells, frequency_hz: float) -> Floats:
-    """Mean power (3) at a frequency, each stop weighted as a tone in proportion to motor would show in it."""
-    count = np.count_nonzero(d.white[:, :, 0], axis=1)[:, None]
-    power = np.abs(_amplitudes(d, frequency_hz)) ** 2 / np.maximum(count, 1)
-    weight = _weight(d)[:, None]
-    return np.asarray(np.sum(weight * power, axis=0) / max(float(np.sum(weight)), 1e-300))
+def _power(d: Dwells, tried: Floats) -> Floats:
+    """Sum over the stops of their power (f, 3) at frequencies in equal steps, times their weight.
+
+    Each wave is the one before, turned on by the step: sines are dearer than products.
+    """
+    late = 2 * np.pi * (d.time_s - d.middle_s[:, None])
+    step = late * (tried[1] - tried[0] if len(tried) > 1 else 0.0)
+    c, s, cos, sin = (f(x).astype(np.float32) for x in (late * tried[0], step) for f in (np.cos, np.sin))
+    white = d.white.astype(np.float32)
+    weight = (_weight(d) / np.maximum(_count(d), 1))[:, None]
+    power = np.zeros((len(tried), 3))
+    for i in range(len(tried)):
+        both = np.stack([c, s], axis=1) @ white
+        power[i] = np.sum(weight * np.sum(both.astype(float) ** 2, axis=1), axis=0)
+        c, s = c * cos - s * sin, s * cos + c * sin
+    return power
+
+
+def _count(d: Dwells) -> Floats:
+    return np.asarray(np.count_nonzero(d.white[:, :, 0], axis=1), float)
 
 
 def _weight(d: Dwells) -> Floats:
-    return np.asarray(d.motor**2 * np.count_nonzero(d.white[:, :, 0], axis=1))
+    return np.asarray(d.motor**2 * _count(d))
 
 
-def _gains(power: Floats, d: Dwells) -> Floats:
+def _gains(seen: Spectrum) -> Floats:
     """Log-likelihood (f) that a line of powers (f, 3) gains over the median of the spectrum around it.
 
     The background is the data's own, so neither the tails nor the colour of the noise can pass for a line. Powers
     are exponential: a mean of N of them that is r times what it should be is e^(−N(r − 1 − ln r)) likely (Chernoff's
     bound). N counts the stops by their weight, and less where the background itself is known from few frequencies.
     """
-    weight = _weight(d)
-    stops = float(np.sum(weight)) ** 2 / max(float(np.sum(weight**2)), 1e-300)
-    place = np.arange(len(power))
+    power, place = seen.power, np.arange(len(seen.power))
     far = np.abs(place[:, None] - place)
     around = (far > REACH) & (far <= AROUND)
     background = np.array([np.median(power[near], axis=0) if near.any() else np.full(3, np.inf) for near in around])
-    known = stops / (1 + np.pi / 2 * FINE / np.maximum(around.sum(1), 1))
+    known = seen.stops / (1 + np.pi / 2 * FINE / np.maximum(around.sum(1), 1))
     ratio = np.maximum(power / np.maximum(background, 1e-300), 1.0)
     return np.asarray(known * np.sum(ratio - 1 - np.log(ratio), axis=1))
 
@@ -204,7 +241,7 @@ def _loose(d: Dwells, frequency_hz: float, sigma: float, nats: float, recipe: Re
     d = replace(d, white=alone(d.reading) / max(sigma, 1e-300), filter=alone)
     resolution = d.rate_hz / (FINE * d.white.shape[1])
     tried = frequency_hz + resolution * np.linspace(-1, 1, 41)
-    frequency_hz = float(tried[np.argmax([_power(d, f).sum() for f in tried])])
+    frequency_hz = float(tried[np.argmax(_power(d, tried).sum(1))])
     angle = 2 * np.pi * frequency_hz * d.time_s
     found = each_stop(np.stack([_filtered(d, np.sin(angle)), _filtered(d, np.cos(angle))]), d.white)
     numbers = [
