@@ -56,7 +56,7 @@ def table_of(
     parts = [samples(dwell_frames(v), layout, node) for v in visits]
     rows = [np.flatnonzero(p.crc_ok if everything else p.usable) for p in parts]
     each = np.array([len(r) for r in rows], np.int64)
-    starts = _starts(visits)
+    starts = starts_ns(visits)
     begun = np.array([starts[v.run] for v in visits], np.int64)
     time_ns = np.concatenate([p.time_ns[r] for p, r in zip(parts, rows, strict=True)] or [np.zeros(0, np.int64)])
     texts = {"seating": Labels.of([v.seating for v in visits])[np.repeat(np.arange(len(visits)), each)]}
@@ -79,7 +79,7 @@ def table_of(
     )
 
 
-def _starts(visits: Sequence[KeptVisit]) -> dict[int, int]:
+def starts_ns(visits: Sequence[KeptVisit]) -> dict[int, int]:
     """First arrival of each run, ns."""
     starts: dict[int, int] = {}
     for v in visits:

@@ -53,9 +53,10 @@ class Campaign:
         """Samples (n) at stops; since_arrival_s (n) is negative on the way there."""
         time_s = self.arrival_s()[visit] + since_arrival_s
         run = self.visits.run[visit]
-        prewarm = np.array([r.prewarm_s for r in self.rounds])[run]
+        powered = np.array([r.prewarm_s for r in self.rounds])[run] + self.line.power_lead_s
+        clamped = np.full(len(visit), self.line.clamp_lead_s)
         offset = np.array([r.offset_degC for r in self.rounds])[run]
-        known = climate(time_s, self.started_s()[visit], prewarm, offset, line=self.line, seed=self.seed)
+        known = climate(time_s, self.started_s()[visit], powered, clamped, offset, line=self.line, seed=self.seed)
         since = np.maximum(since_arrival_s, 0.0)
         return Scene(self.recipe, self.visits, visit, time_s, since, motor=self._motor()[visit], **known)
 

@@ -23,19 +23,27 @@ class Climate(TypedDict):
 
 
 def climate(
-    time_s: Floats, started_s: Floats, prewarm_s: Array, offset_degC: Array, *, line: Line, seed: int
+    time_s: Floats,
+    started_s: Floats,
+    powered_s: Array,
+    clamped_s: Array,
+    offset_degC: Array,
+    *,
+    line: Line,
+    seed: int,
 ) -> Climate:
     """What holds for samples (n) at time_s from the start of a run that started at started_s (n).
 
-    prewarm_s, offset_degC (n): how long before the run the unit was powered, and how much warmer it is kept.
+    powered_s, clamped_s, offset_degC (n): how long before the run's start the unit was powered and clamped, and how
+    much warmer it is kept.
     """
-    powered = time_s + prewarm_s + line.power_lead_s
+    powered = time_s + powered_s
     room_degC, drift = room(time_s + started_s, line, seed)
     left = line.heating_degC * np.exp(-powered / line.heating_tau_s)
     return Climate(
         started_s=started_s,
         since_power_s=powered,
-        since_clamp_s=time_s + line.clamp_lead_s,
+        since_clamp_s=time_s + clamped_s,
         temperature_degC=room_degC + offset_degC + line.heating_degC - left,
         temperature_rate=drift + left / line.heating_tau_s,
     )

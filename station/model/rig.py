@@ -35,19 +35,24 @@ class Rig:
         self._plate = plate
         self._seats: dict[str, Seat] = {}
         self._loads = -1
+        self._powered_s = self._clamped_s = 0.0
         self._begin(0.0)
 
     def load(self, units: Mapping[str, str], now_s: float, labels: Mapping[str, str] | None = None) -> None:
         """Clamps and powers a unit in each nest (nest → serial). labels: station, lot and operator, where known."""
         self._loads += 1
+        self._powered_s = self._clamped_s = now_s
         self._seats = {nest: Seat(self._job, unit, {"nest": nest, **(labels or {})}) for nest, unit in units.items()}
         self._begin(now_s)
 
     def go(self, stop: Stop, departs_s: float, arrives_s: float) -> None:
-        """The fixture moves to a stop. A stop of another run starts that run: seated and powered anew."""
+        """The fixture moves to a stop. A stop of another run starts that run; another seating is clamped before the
+        warming up that the run asks for, and the power stays on."""
         if self._went and self._went[-1].arrives_s == np.inf:
             self._went.clear()
         if self._went and stop.run != self._went[-1].stop.run:
+            if stop.seating != self._went[-1].stop.seating:
+                self._clamped_s = departs_s - plan.of_run(self._job.recipe, stop.run).prewarm_s
             self._begin(departs_s)
         on = plan.of_run(self._job.recipe, stop.run).motors == "on"
         level = drive(self._job.seed, self._loads, stop.run, stop.visit) if on else 0.0
@@ -142,13 +147,15 @@ class Rig:
         """The scene at instants (n), with what thermometer, clock and motors would tell."""
         job, one = self._job, np.ones(len(time_s))
         how = plan.of_run(job.recipe, int(bare.visits.run[0]))
-        since = np.maximum(time_s - self._started_s, 0.0)
-        prewarm, offset = how.prewarm_s * one, how.temperature_offset_degC * one
+        started = self._started_s * one
+        since = np.maximum(time_s - started, 0.0)
+        powered, clamped = started - self._powered_s, started - self._clamped_s
+        offset = how.temperature_offset_degC * one
         return replace(
             bare,
             visit=visit,
             time_s=since,
             since_arrival_s=np.maximum(time_s - self._arrivals()[visit], 0.0),
             motor=np.array([w.motor for w in self._went])[visit],
-            **climate(since, self._started_s * one, prewarm, offset, line=job.line, seed=job.seed),
+            **climate(since, started, powered, clamped, offset, line=job.line, seed=job.seed),
         )

@@ -117,6 +117,7 @@ class Load:
         for seat in seats:
             attempt = self._station.store.begin(record.begin(seat, self._station, self._job))
             self._units.append(Unit(seat, attempt, self._station.device(seat.node), self._station.clock.monotonic_s()))
+        self._seated(0, "home", powered=True)
         recipe = self._job.recipe
         stops = sum(len(tumble(recipe, run)) for run in range(len(recipe.runs))) + len(verification(recipe))
         yield LoadBegun(tuple(seats), stops, estimate_s(recipe, self._station.positioner))
@@ -153,7 +154,7 @@ class Load:
         for number, run in enumerate(recipe.runs):
             if run.seating != seating:
                 seating = run.seating
-                yield from self._reseat(seating)
+                yield from self._reseat(number, seating)
             yield from self._conditions(number)
             for planned in tumble(recipe, number):
                 if not self._alive:
@@ -181,11 +182,18 @@ class Load:
                 f"{fault.sentence}"
             ) from fault
 
-    def _reseat(self, seating: str) -> Iterator[Event]:
+    def _seated(self, run: int, seating: str, *, powered: bool) -> None:
+        """The clocks that creep and warm-up run on, for the record: since when a unit is clamped, and has power."""
+        for unit in self._alive:
+            detail = {"run": run, "seating": seating, "powered": powered or unit.device.boot_ups() != unit.boot_ups}
+            self._station.store.event(unit.attempt, "seated", detail)
+
+    def _reseat(self, number: int, seating: str) -> Iterator[Event]:
         sentence = f"turn every unit in its nest to seating {seating!r}, then go on"
         yield Told(sentence)
         self._confirm(sentence)
         self._stop.check()
+        self._seated(number, seating, powered=False)
         for unit in self._alive:  # turned units may have been unplugged for it
             if unit.device.boot_ups() != unit.boot_ups:
                 make_ready(unit, self._job)

@@ -11,12 +11,15 @@ from station.adapters.store import life
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt
 from station.domain import coefficients
-from station.domain.assemble import KeptVisit, table_of
+from station.domain.assemble import KeptVisit, starts_ns, table_of
 from station.domain.marks import Mark, Marks, marks_of
 from station.domain.progress import Seat
 from station.domain.types import Floats, Frames, Labels, SampleTable
 from station.errors import UsageError
 from station.wiring.recompute import kept_visits, known
+
+#: Columns that a log of this software can always fill.
+ALWAYS = ("started_s", "since_clamp_s", "since_power_s")
 
 
 def samples(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[SampleTable]:
@@ -29,12 +32,14 @@ def samples(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[SampleTable
     runs: dict[str, int] = {}
     for attempt in attempts:
         recipe, _, layout = known(*log.recipe_and_product(attempt))
-        visits = kept_visits(log.attempt(attempt)["visits"], log.frames(attempt))
+        kept = log.attempt(attempt)
+        visits = kept_visits(kept["visits"], log.frames(attempt))
         if not visits:
             continue
         labels = {"station": attempt.station, "nest": attempt.nest, "lot": attempt.lot, "operator": attempt.operator}
         bits = recipe.device.counter_bits
         table = table_of(attempt.serial, attempt.node, visits, layout, counter_bits=bits, everything=True)
+        table = replace(table, values={**table.values, **_clocks(table, visits, kept["events"])})
         before = runs.get(attempt.serial, 0)
         runs[attempt.serial] = before + len(recipe.runs)
         yield _complete(table, labels, wanted, before, (visits[0].arrived_ns - zero_ns) / 1e9)
@@ -67,7 +72,24 @@ def _columns(log: LogReader, attempts: Sequence[Attempt]) -> tuple[str, ...]:
     layouts = [known(*texts)[2] for texts in {log.recipe_and_product(a) for a in attempts}]
     counter = any(layout.counter is not None for layout in layouts)
     temperature = any(layout.temperature is not None for layout in layouts)
-    return ("started_s", *["counter"] * counter, *["temperature_degC"] * temperature)
+    return (*ALWAYS, *["counter"] * counter, *["temperature_degC"] * temperature)
+
+
+def _clocks(table: SampleTable, visits: Sequence[KeptVisit], events: Sequence[dict[str, Any]]) -> dict[str, Floats]:
+    """Seconds since each row's unit was clamped, and since it was powered; NaN where the log does not say so."""
+    starts = starts_ns(visits)
+    zero = min(starts.values())
+    at = table.time_s + np.array([(starts.get(run, zero) - zero) / 1e9 for run in range(max(starts) + 1)])[table.run]
+    seated = [e for e in events if e["kind"] == "seated"]
+    clamped = [(e["at_ns"] - zero) / 1e9 for e in seated]
+    powered = [(e["at_ns"] - zero) / 1e9 for e in seated if e["detail"]["powered"]]
+    return {"since_clamp_s": _since(at, clamped), "since_power_s": _since(at, powered)}
+
+
+def _since(at_s: Floats, begun_s: Sequence[float]) -> Floats:
+    """Seconds (n) from the last beginning before each instant (n)."""
+    edges = np.array([np.nan, *begun_s])
+    return np.asarray(at_s - edges[np.searchsorted(edges[1:], at_s, side="right")])
 
 
 def _complete(

@@ -130,20 +130,35 @@ def test_repeated_and_added_stops_keep_their_own_chance() -> None:
     assert 1e-6 < np.abs(again[0] - results[0][0, 3, 0]).max() < 1e-3
 
 
-def test_a_new_run_starts_its_own_time() -> None:
+def test_power_stays_on_from_run_to_run() -> None:
     recipe = tilt(runs=THREE_RUNS)
     rig, plate = rig_of(recipe, "warm-up")
     rig.load({"N1": "A"}, 0.0)
     first = tumble(rig, plate, recipe, ["N1"], 0)
-    warm = tumble(rig, plate, recipe, ["N1"], 2, now_s=100.0)
-    # Pre-warmed for ten minutes, nothing of e^(−t/40 s) is left: the offset that is gone shows at the first stop.
+    warm = tumble(rig, plate, recipe, ["N1"], 2, now_s=700.0)
+    # After ten minutes nothing of e^(−t/40 s) is left: the offset that is gone shows at the first stop.
     effect = effect_of("warm-up", recipe)
     amplitude = effect.coefficients(("unit:A",), 2)[0]
     base = Job(recipe, (), 2).base(("A",))
     plain = base.matrix[0] @ plan.stops(recipe, 0)[0].true + base.offset[0]
-    np.testing.assert_allclose(first[0, 0, 0] - plain, amplitude * np.exp(-(2.0 + MOVE_S) / 40), atol=1e-9)
+    np.testing.assert_allclose(first[0, 0, 0] - plain, amplitude * np.exp(-MOVE_S / 40), atol=1e-9)
     stop = plan.stops(recipe, 2)[0]
     np.testing.assert_allclose(warm[0, 0, 0], base.matrix[0] @ stop.true + base.offset[0], atol=1e-6)
+
+
+@pytest.mark.parametrize(("run", "fresh"), [(1, True), (0, False)])
+def test_another_seating_is_another_clamping(run: int, fresh: bool) -> None:
+    """Turned before ten minutes of warming up, the creep of log(1 + t/t₀) starts again; left as it is, it goes on."""
+    recipe = tilt(runs=[THREE_RUNS[0], {**THREE_RUNS[0], **({"seating": "turned", "prewarm_s": 600} if run else {})}])
+    rig, plate = rig_of(recipe, "clamp-creep")
+    rig.load({"N1": "A"}, 0.0)
+    tumble(rig, plate, recipe, ["N1"], 0)
+    later = tumble(rig, plate, recipe, ["N1"], 1, now_s=5000.0)[0, 0, 0]
+    effect = effect_of("clamp-creep", recipe)
+    base, stop = Job(recipe, (), 2).base(("A",)), plan.stops(recipe, 1)[0]
+    crept = (later - base.matrix[0] @ stop.true - base.offset[0]) / effect.coefficients(("unit:A",), 2)[0]
+    since = MOVE_S + (600.0 if fresh else 5000.0)
+    np.testing.assert_allclose(crept, np.log1p(since / effect.time_constant_s), rtol=1e-6)
 
 
 def test_temperature_follows_room_and_self_heating() -> None:
