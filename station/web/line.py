@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import pairwise
-from typing import Any
+from typing import Any, Protocol
 
 from station.adapters.store import life
 from station.adapters.store.reader import LogReader
@@ -45,18 +45,34 @@ class Line:
     reasons: Mapping[str, int] = field(default_factory=dict)
 
 
-def gather(log: LogReader, query: Query, most: int) -> Line:
-    """The newest `most` finished attempts that the query names. Errors: LogError."""
+class Known(Protocol):
+    """What may be remembered of a log between two looks."""
+
+    def measured(self, log: LogReader, attempt: Attempt) -> tuple[Measured, tuple[str, ...]]:
+        """A finished attempt's values, and the checks that speak against it."""
+
+    def yields(self, log: LogReader, query: Query) -> list[Yield]:
+        """Cells of the attempts that the query names."""
+
+
+def gather(log: LogReader, query: Query, most: int, known: Known | None = None) -> Line:
+    """The newest `most` finished attempts that the query names. known: what is remembered of the log, where the query
+    spans whole days up to now. Errors: LogError."""
     found = _finished(log, query, most)
-    lives = [log.attempt(a) for a in reversed(found)]
-    reasons = Counter(check for kept in lives for check in _checks(kept))
+    lives = [known.measured(log, a) if known else measure(log.attempt(a)) for a in reversed(found)]
+    reasons = Counter(check for _, checks in lives for check in checks)
     recipe = Recipe.model_validate_json(log.recipe_and_product(found[0])[0]) if found else None
     return Line(
         recipe=recipe,
-        attempts=tuple(_measured(kept) for kept in lives),
-        yields=_yields(log.yields(query, "cell")),
+        attempts=tuple(m for m, _ in lives),
+        yields=_yields(known.yields(log, query) if known else log.yields(query, "cell")),
         reasons=dict(reasons.most_common(12)),
     )
+
+
+def measure(kept: dict[str, Any]) -> tuple[Measured, tuple[str, ...]]:
+    """One finished attempt's values, and the checks that speak against it."""
+    return _measured(kept), tuple(_checks(kept))
 
 
 def measured(log: LogReader, query: Query, most: int) -> list[Measured]:

@@ -11,6 +11,7 @@ from station.errors import UsageError
 from station.web import charts, language, render
 from station.web.guard import person
 from station.web.line import VALUES, Line, gather
+from station.web.memory import DAY_NS
 from station.web.panel import Panel
 from station.web.questions import query_of
 from station.web.sessions import Session
@@ -39,10 +40,11 @@ async def show(request: Request, session: Session) -> Response:
 def _line(panel: Panel, asked: dict[str, str]) -> Line:
     query = query_of(asked)
     with panel.log() as log:
-        if query.since_ns is None:
-            newest = log.attempts(query, 1)
-            query = replace(query, since_ns=newest[0].started_ns - DAYS * 86400 * 10**9 if newest else None)
-        return gather(log, query, MOST)
+        newest = log.attempts(query, 1)
+        if not newest or query.since_ns is not None or query.until_ns is not None:
+            return gather(log, query, MOST)
+        first_day = newest[0].started_ns // DAY_NS - DAYS + 1
+        return gather(log, replace(query, since_ns=first_day * DAY_NS), MOST, panel.memory)
 
 
 ROUTES = [Route("/charts", show, methods=["GET"])]

@@ -12,6 +12,7 @@ from station.config.settings import Settings
 from station.domain.recipe import Recipe
 from station.errors import LogError
 from station.web.journal import Journal
+from station.web.memory import Memory
 from station.web.queue import Queue
 from station.web.runs import Order, Runs, beside
 from station.web.screen import Screen
@@ -23,8 +24,8 @@ class Panel:
     """Settings and recipe of the station; the people's file; how runs are started; open sessions.
 
     secure: the page is reached by https only, so cookies are too. over: the server ends, and so do its streams.
-    monotonic_s: the clock of sessions and guesses. children: diagnoses under way, by name. turn: one deed after the
-    other; a stop waits for none.
+    monotonic_s: the clock of sessions and guesses. children: diagnoses under way, by name. memory: what the charts
+    remember. turn: one deed after the other; a stop waits for none.
     """
 
     settings: Settings
@@ -39,6 +40,7 @@ class Panel:
     journal: Journal = field(init=False)
     runs: Runs = field(init=False)
     queue: Queue = field(init=False)
+    memory: Memory = field(default_factory=Memory)
     screen: Screen = field(init=False)
     turn: Lock = field(default_factory=Lock)
     children: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)

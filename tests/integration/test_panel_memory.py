@@ -1,0 +1,97 @@
+"""What the charts remember is what counting anew comes to: units that come again, late ends, several questions."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Query
+from station.adapters.store.sqlite import SqliteStore
+from station.ports.store import Begin
+from station.web.line import gather
+from station.web.memory import DAY_NS, Memory
+
+FIRST_DAY = 20_400
+BEGIN = Begin(
+    serial="", station="bench-1", nest="A", node=17, recipe_name="six-point", recipe_version=1, recipe_hash="r",
+    recipe_json='{"schema": "station.recipe/1"}', config_hash="c", software="1", operator="", started_ns=0,
+)  # fmt: skip
+
+
+def day(number: int, second: int) -> int:
+    return (FIRST_DAY + number) * DAY_NS + second * 10**9
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_remembered_yields_are_those_counted_anew(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    memory, late = Memory(), list[str]()
+    whole = Query(since_ns=day(0, 0))
+    with SqliteStore(tmp_path / "s.db") as store:
+        for step in range(120):
+            number = step // 20
+            began = day(number, step)
+            serial, nest = f"SN{rng.integers(40):02d}", "AB"[rng.integers(2)]
+            attempt = store.begin(replace(BEGIN, serial=serial, nest=nest, started_ns=began))
+            if rng.random() < 0.2:
+                late.append(attempt)
+            else:
+                store.finish(attempt, str(rng.choice(["PASS", "PASS", "FAIL", "ERROR"])), began + 5)
+            if late and rng.random() < 0.3:
+                store.finish(late.pop(0), "INTERRUPTED", day(number, step + 1))
+            if rng.random() < 0.4:
+                with LogReader(tmp_path / "s.db") as log:
+                    for asked in (whole, replace(whole, nest="A"), Query(since_ns=day(max(0, number - 2), 0))):
+                        assert _table(memory.yields(log, asked)) == _table(log.yields(asked, "cell")), (step, asked)
+    assert len(memory._days) == 2, "questions that differ in their span only share their days"
+
+
+def _table(cells: list[object]) -> list[str]:
+    return sorted(map(repr, cells))
+
+
+def test_a_day_that_is_over_is_not_counted_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    memory, counted = Memory(), list[Query]()
+    real = LogReader.yields
+
+    def spy(self: LogReader, query: Query, by: str = "all") -> list[object]:
+        counted.append(query)
+        return real(self, query, by)  # type: ignore[return-value]
+
+    monkeypatch.setattr(LogReader, "yields", spy)
+    with SqliteStore(tmp_path / "s.db") as store, LogReader(tmp_path / "s.db") as log:
+
+        def run(serial: str, number: int) -> None:
+            attempt = store.begin(replace(BEGIN, serial=serial, started_ns=day(number, 1)))
+            store.finish(attempt, "PASS", day(number, 2))
+
+        def days() -> list[int]:
+            counted.clear()
+            memory.yields(log, Query(since_ns=day(0, 0)))
+            return [(q.since_ns or 0) // DAY_NS - FIRST_DAY for q in counted]
+
+        for number in range(4):
+            run(f"SN{number}", number)
+        assert days() == [0, 1, 2, 3]
+        assert days() == []
+        run("SN9", 3)
+        assert days() == [3]
+        run("SN1", 3)
+        assert days() == [1, 3], "SN1 came again: its first attempt is its last no more"
+
+
+def test_finished_attempts_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tests.fakes import fixture_run
+
+    fixture_run.run(tmp_path, ["SN0001", "SN0002"])
+    memory, read = Memory(), list[str]()
+    real = LogReader.attempt
+    monkeypatch.setattr(LogReader, "attempt", lambda self, a: read.append(a.serial) or real(self, a))
+    with LogReader(tmp_path / "station.db") as log:
+        since = log.attempts(Query())[-1].started_ns // DAY_NS * DAY_NS
+        first = gather(log, Query(since_ns=since), 50, memory)
+        assert sorted(read) == ["SN0001", "SN0002"]
+        assert gather(log, Query(since_ns=since), 50, memory) == first == gather(log, Query(since_ns=since), 50)
+    assert len(read) == 4, "twice for the counting without memory, twice for the first look"
