@@ -29,7 +29,9 @@ _NODES = range(1, 128)
 
 @dataclass(frozen=True, slots=True)
 class Population:
-    """Which devices are wanted, one serial per node. memory: folder of what they save; faults: in their text form."""
+    """Which devices are wanted, one serial per node. memory: folder of what they save; faults: in their text form;
+    block_s: readings leave in blocks of about this length, 0: each at its instant.
+    """
 
     product: str
     channel: str
@@ -40,6 +42,7 @@ class Population:
     memory: Path | None = None
     faults: tuple[str, ...] = ()
     flash_s: float = Timing().flash_s
+    block_s: float = 0.0
 
 
 class World:
@@ -125,7 +128,7 @@ class LiveDevices:
             Sensor(self._layout, sense, lambda _: self.world.temperature_degC, wanted.rate_hz),
             serial=kept_serial(self._map.serial, serial),
             memory=None if wanted.memory is None else NonVolatile.of_serial(wanted.memory, serial),
-            timing=Timing(turnaround_s=0.0, flash_s=wanted.flash_s, block_s=0.0),
+            timing=Timing(turnaround_s=0.0, flash_s=wanted.flash_s, block_s=wanted.block_s),
             faults=[fault.parse(text) for text in wanted.faults],
         )
 

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from tests.conftest import SEED
 
@@ -30,3 +31,25 @@ def test_units_after_the_first_leave_nothing_behind() -> None:
     assert (told["threads_growth"], told["files_growth"]) == (0, 0)
     assert told["memory_growth"] < 0.05
     assert told["wal_mib"] < 64
+
+
+def full_bus(*options: str) -> dict[str, Any]:
+    command = [sys.executable, "benchmarks/full_bus.py", "--seconds", "1", "--idle", "--json", *options]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=110, check=False)
+    assert done.returncode == 0, done.stderr
+    told: dict[str, Any] = json.loads(done.stdout)
+    return told
+
+
+def test_at_a_full_bus_no_visit_that_was_kept_has_lost_a_frame() -> None:
+    told = full_bus()
+    assert told["lost_in_kept"] == 0
+    assert told["frames"] > 10_000
+    assert told["kept"] + told["rejected"] >= 4
+
+
+def test_frames_that_a_small_buffer_loses_are_counted_and_their_visits_rejected() -> None:
+    told = full_bus("--buffer", "65536")
+    assert (told["kept"], told["lost_in_kept"]) == (0, 0)
+    assert told["lost_in_rejected"] > 1000
+    assert any("the kernel dropped" in reason for reason in told["reasons"])
