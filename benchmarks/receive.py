@@ -16,6 +16,7 @@ from pathlib import Path
 
 import can
 import cantools
+import figures
 import numpy as np
 import wires
 from can.interfaces.socketcan.socketcan import SocketcanBus
@@ -124,6 +125,10 @@ def row_2(layout: SensorLayout, seconds: float) -> None:
     _print(
         "2  sixteen full buses, decoded and stored", f"{factor:.2f} × real time on one core", factor >= 1 and not lost
     )
+    what = f"sixteen full buses decoded and stored on one core, over {wires.medium().split(' (')[0]}"
+    lost_told = f"{lost} of {total} lost"
+    good = factor >= 1 and not lost
+    figures.keep(2, what, f"{factor:.2f} × real time, {lost_told}; 1 run", "real time", ">= 1.0 ×, no loss", good)
     print(f"   goal ≥ 1.0 and no loss; {total} frames, {lost} lost or wrong, {dropped} dropped by the kernel")
     print(f"   {used_s / total * 1e6:.2f} µs of CPU a frame, with CRC, counter, hash chain, commits and packing; 1 run")
 
@@ -232,15 +237,25 @@ def _print_row_1(pace: str, cost_us: dict[str, list[float]]) -> None:
     good = statistics.median(over_floor) <= 1.5 and statistics.median(under_peer) >= 20
     _print(f"1  receive + decode, {pace}", f"{_median(cost_us['station'])} µs of CPU a frame", good)
     print(f"   {_median(under_peer)} × less than the peer, goal ≥ 20; {_median(over_floor)} × the floor, goal ≤ 1.5")
+    over = f"over {wires.medium().split(' (')[0]}"
+    figures.keep(
+        *(1, f"receive + decode, CPU a frame {over}, {pace}"),
+        f"{_median(under_peer)} × less than the peer; {_median(over_floor)} × the floor; {len(over_floor)} runs",
+        f"{_peer_versions()} {_median(cost_us['peer'])} µs; bare recvmmsg {_median(cost_us['floor'])} µs",
+        *(">= 20 × less; <= 1.5 × the floor", good),
+    )
     limit = statistics.median(cost_us["peer"]) / statistics.median(cost_us["floor"])
     print(
         f"   peer {_median(cost_us['peer'])} µs, floor {_median(cost_us['floor'])} µs, {limit:.3g} × less than the peer"
     )
 
 
+def _peer_versions() -> str:
+    return ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("python-can", "cantools"))
+
+
 def _print_peer(runs: int) -> None:
-    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("python-can", "cantools"))
-    print(f"   peer: {versions}: Notifier + decode_message, which check neither counter nor CRC")
+    print(f"   peer: {_peer_versions()}: Notifier + decode_message, which check neither counter nor CRC")
     print(
         f"   floor: recvmmsg alone, kernel times kept; {runs} runs by turns, median [quartiles]; numpy {np.__version__}"
     )

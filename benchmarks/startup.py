@@ -17,6 +17,8 @@ import sys
 import tempfile
 import time
 
+import figures
+
 #: The command itself; it says when its first event with readings is shown, and ends.
 FIRST_FRAMES = """
 import os, sys, time
@@ -76,6 +78,8 @@ def main() -> None:
 def _tell(what: str, found: list[tuple[float, float]], goal_s: float) -> None:
     walls, used = sorted(wall for wall, _ in found), statistics.median(u for _, u in found)
     middle = statistics.median(walls)
+    reached = middle <= goal_s
+    figures.keep(12, what, figures.spread(walls, " s"), f"processor {used:.2f} s", f"<= {goal_s:g} s", reached)
     spread = f"{walls[0]:.3f} to {walls[-1]:.3f} s in {len(walls)} runs; processor {used:.3f} s"
     print(f"{what}: {middle:.3f} s ({spread}), goal {goal_s:g} s: {'met' if middle <= goal_s else 'MISSED'}")
 

@@ -20,6 +20,7 @@ import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 
+import figures
 import wires
 
 from station.adapters.bus.socketcan import _Channel
@@ -114,6 +115,12 @@ def report(own: socket.socket, runs: int, told: Connection) -> None:
     )
     print(
         f"   floor: a bare client {spread(ratios['bare'])} ×; the station takes {spread(over_bare)} × as long as that"
+    )
+    figures.keep(
+        *(5, f"write-back of 12 REAL32 + read-back, over {wires.medium().split(' (')[0]}"),
+        f"{spread(ratios['station'])} ×, {runs} runs; least disturbed {min(ratios['station']):.3f} ×",
+        f"wire {wire:.1f} ms + device {turnaround:.1f} ms; a bare client {spread(ratios['bare'])} ×",
+        *(f"<= {GOAL} ×", good),
     )
     if not wires.is_guest():
         print(
