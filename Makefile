@@ -6,7 +6,7 @@ SEED   ?= 1
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: run test check lock blind torture bench pictures clean
+.PHONY: run test check lock blind torture bench bench-diagnosis pictures clean
 
 $(VENV)/.run: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -38,7 +38,10 @@ check: $(VENV)/.dev  ## import contracts, types, lint: the same on a desk and in
 torture: $(VENV)/.dev  ## kills, edits, hostile input and 10,000 units, with counts; an hour or more
 	$(BIN)/python benchmarks/torture.py --seed $(SEED)
 
-bench: $(VENV)/.bench  ## how good the diagnosis is, beside other ways to choose a cause; a quarter of an hour
+bench: $(VENV)/.dev  ## every goal of speed in one table, on this machine; 20 minutes, QUICK=1: a few
+	PYTHONPATH=. $(BIN)/python benchmarks/table.py $(if $(QUICK),--quick)
+
+bench-diagnosis: $(VENV)/.bench  ## how good the diagnosis is, beside other ways to choose a cause; a quarter of an hour
 	PYTHONPATH=. $(BIN)/python benchmarks/diagnosis.py --seed $(SEED)
 
 lock: ## renew the lock files from pyproject.toml

@@ -78,7 +78,7 @@ PATHS = (
         _tables("samples"),
     ),
     Way("calibrate", "units", (4, 40, 400, 4000), growth_inputs.units, _tables("units"), streams=True),
-    Way("calibrate", "positions", (6, 60, 600, 6000), growth_inputs.positions, _tables("positions")),
+    Way("calibrate", "stops", (6, 60, 600, 6000), growth_inputs.stops, _tables("stops")),
     Way("simulate", "units", (1, 10, 100, 1000), growth_inputs.nothing, _simulate, streams=True),
     Way(
         *("simulate", "effects", (1, 3, 9, 36), growth_inputs.nothing),

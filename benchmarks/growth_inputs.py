@@ -32,13 +32,9 @@ def units(folder: Path, size: int) -> None:
     _table(folder / f"units-{size}", size, directions.SOLIDS[24], 100)
 
 
-def positions(folder: Path, size: int) -> None:
-    """One unit, so many positions of ten samples each, all over the sphere."""
-    rng = np.random.default_rng(1)
-    ups = rng.normal(size=(size, 3))
-    if size == 6:
-        ups = np.concatenate([np.eye(3), -np.eye(3)])
-    _table(folder / f"positions-{size}", 1, ups, 10)
+def stops(folder: Path, size: int) -> None:
+    """One unit that goes through six faces as often as makes so many stops, of ten samples each."""
+    _table(folder / f"stops-{size}", 1, np.concatenate([np.eye(3), -np.eye(3)]), 10, size // 6)
 
 
 def config(folder: Path, size: int) -> None:
@@ -87,29 +83,29 @@ def station(*words: str) -> None:
         main(list(words))
 
 
-def _table(path: Path, count: int, ups: Floats, each: int) -> None:
-    """A recipe PATH.yaml and a table PATH.parquet of what `count` units read in its positions."""
+def _table(path: Path, count: int, ups: Floats, each: int, runs: int = 1) -> None:
+    """A recipe PATH.yaml and a table PATH.parquet of what `count` units read in its positions, run after run."""
     from station.adapters.samples import write_parts
 
-    names = {f"p{i:04d}": up for i, up in enumerate(ups)}
-    recipe = tumble.recipe("n-point", ups=names)
+    names = {f"p{i:02d}": up for i, up in enumerate(ups)}
+    recipe = tumble.recipe("n-point", ups=names, runs=[{"seating": "home"}] * runs)
     said = recipe.model_dump(mode="json", by_alias=True, exclude_unset=True)
     path.with_suffix(".yaml").write_text(yaml.safe_dump(said), encoding="utf-8")
     rng = np.random.default_rng(1)
-    true = tumble.truths(recipe)
-    readings = tumble.readings(tumble.units(rng, count), true)
+    readings = tumble.readings(tumble.units(rng, count), tumble.truths(recipe))
     write_parts((_one(u, readings[u], tuple(names), each, rng) for u in range(count)), path.with_suffix(".parquet"))
 
 
 def _one(unit: int, readings: Floats, names: tuple[str, ...], each: int, rng: np.random.Generator) -> SampleTable:
-    """One unit's samples: each position's reading (v, 3) with noise, so many times."""
-    n = len(names) * each
-    visit = np.repeat(np.arange(len(names), dtype=np.int32), each)
+    """One unit's samples: each stop's reading (v, 3) with noise, so many times."""
+    n = len(readings) * each
+    stop = np.repeat(np.arange(len(readings), dtype=np.int32), each)
+    run = stop // len(names)
     return SampleTable(
         unit=Labels((f"SN{unit:06d}",), np.zeros(n, np.int32)),
-        run=np.zeros(n, np.int32),
-        visit=visit,
-        position=Labels(names, visit),
-        time_s=np.arange(n) * 0.01,
+        run=run.astype(np.int32),
+        visit=(stop % len(names)).astype(np.int32),
+        position=Labels(names, (stop % len(names)).astype(np.int32)),
+        time_s=(np.arange(n) - run * len(names) * each) * 0.01,
         reading=np.repeat(readings, each, axis=0) + NOISE * rng.standard_normal((n, 3)),
     )
