@@ -13,6 +13,7 @@ from station.cli import _face
 from station.domain.progress import Event, Reading
 from station.domain.recipe import Recipe
 from station.domain.run_state import RunState
+from station.ports.bus import Bus
 from station.service.itinerary import tumble, verification
 from station.service.stop import Stop
 
@@ -29,10 +30,11 @@ class Live:
     The log is the record and this only a view of it: a view that cannot be written is said once and stops nothing.
     """
 
-    def __init__(self, database: Path, recipe: Recipe, told: Mapping[str, Any]) -> None:
+    def __init__(self, database: Path, recipe: Recipe, told: Mapping[str, Any], bus: Bus | None = None) -> None:
         self._path = database.with_name(database.name + ".live.json")
         stops = [*(s for run in range(len(recipe.runs)) for s in tumble(recipe, run)), *verification(recipe)]
         self._failed = False
+        self._bus = bus
         self._written_s = 0.0
         self._state = RunState(stops=tuple(s.position for s in stops))
         self._head = {
@@ -65,11 +67,17 @@ class Live:
     def _write(self) -> None:
         self._written_s = time.monotonic()
         try:
-            write(self._path, {**self._head, "at_s": time.time(), "state": self._state})
+            write(self._path, {**self._head, "at_s": time.time(), "bus": self._of_bus(), "state": self._state})
         except OSError as exc:
             if not self._failed:
                 _face.remark(f"{self._path} cannot be written ({exc.strerror}); the page does not follow this run")
             self._failed = True
+
+    def _of_bus(self) -> dict[str, Any] | None:
+        """State and error counters of the bus right now."""
+        if self._bus is None:
+            return None
+        return {"name": self._bus.name, "state": self._bus.state(), "counters": self._bus.counters()}
 
 
 def write(path: Path, document: Mapping[str, Any]) -> None:

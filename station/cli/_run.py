@@ -91,7 +91,7 @@ def _run(bench: Bench, serials: Sequence[str], face: Face) -> tuple[list[UnitRes
     stop = Stop()
     settings = bench.station.settings
     told = {"station": settings.station, "operator": settings.operator, "simulated": bench.simulated}
-    live = Live(bench.database, bench.job.recipe, told)
+    live = Live(bench.database, bench.job.recipe, told, bench.station.bus)
     held = Pace(face.pace, bench.station.clock.monotonic_s, stop)
     results: list[UnitResult] = []
     loads = seats_of(bench, serials, face.nests)

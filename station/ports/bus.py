@@ -1,8 +1,17 @@
 """The CAN bus as the station sees it: a stream of frames, and a service channel for CANopen."""
 
+from dataclasses import dataclass
 from typing import Protocol
 
 from station.domain.types import Frames
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorCounters:
+    """Error counters of the controller (ISO 11898-1): above 127 it is passive, above 255 while sending bus-off."""
+
+    sending: int
+    receiving: int
 
 
 class Channel(Protocol):
@@ -51,6 +60,9 @@ class Bus(Protocol):
 
     def state(self) -> str:
         """Controller state: active, warning, passive, bus-off, down, or unknown where nobody can tell."""
+
+    def counters(self) -> ErrorCounters | None:
+        """Error counters of the controller; None where the adapter does not tell them."""
 
     def close(self) -> None:
         """Closes every channel opened here."""

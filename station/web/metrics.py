@@ -1,6 +1,7 @@
 """For machines: figures for Prometheus, and whether the page and its log are well."""
 
 import time
+from collections.abc import Mapping
 from typing import Any
 
 from prometheus_client import CollectorRegistry, Gauge
@@ -17,6 +18,8 @@ from station.web.guard import session_of
 from station.web.panel import Panel
 from station.wiring.golden import standings
 
+#: States of a controller, as station.ports.bus names them.
+STATES = ("active", "warning", "passive", "bus-off", "down", "unknown")
 #: Stops and units that the figures of the present look back over.
 STOPS, UNITS = 200, 50
 
@@ -26,7 +29,8 @@ _CYCLE = """SELECT avg(f.ended_ns - a.started_ns) / 1e9, max(f.ended_ns) / 1e9
     FROM (SELECT attempt, ended_ns FROM finish WHERE +outcome = 'PASS' ORDER BY seq DESC LIMIT ?) f
     JOIN attempt a ON a.seq = f.attempt"""
 _STREAM = """SELECT sum(json_extract(statistics, '$.kernel_drops')), sum(json_extract(statistics, '$.lost')),
-    sum(json_extract(statistics, '$.crc_errors')), sum(kind = 'rejected'), count(*)
+    sum(json_extract(statistics, '$.crc_errors')), sum(kind = 'rejected'), count(*),
+    sum(json_array_length(statistics, '$.bus_errors') > 0)
     FROM (SELECT kind, statistics FROM visit ORDER BY seq DESC LIMIT ?)"""
 
 
@@ -59,6 +63,7 @@ def gather(panel: Panel) -> CollectorRegistry:
     _gauge(registry, "station_units_in_work", "units of the present load without a verdict").set(
         sum(1 for k, v in shown.items() if shown["running"] and k.startswith("nest ") and not v.get("outcome", "-"))
     )
+    _bus(registry, shown["bus"])
     _golden(registry, panel)
     if panel.order.database.exists():
         with panel.log() as log:
@@ -76,13 +81,27 @@ def _of_log(registry: CollectorRegistry, log: LogReader) -> None:
     if cycle is not None:
         _gauge(registry, "station_cycle_seconds", f"mean cycle time of the newest {UNITS} units that passed").set(cycle)
         _gauge(registry, "station_last_pass_timestamp_seconds", "when a unit passed last").set(last)
-    drops, lost, crc, rejected, stops = log.db.execute(_STREAM, [STOPS]).fetchone()
+    drops, lost, crc, rejected, stops, bus = log.db.execute(_STREAM, [STOPS]).fetchone()
     recent = f"in the newest {STOPS} stops"
     _gauge(registry, "station_recent_stops", "stops that the recent figures look at").set(stops)
     _gauge(registry, "station_recent_kernel_drops", f"frames that the kernel dropped {recent}").set(drops or 0)
     _gauge(registry, "station_recent_frames_lost", f"frames missing by their counters {recent}").set(lost or 0)
     _gauge(registry, "station_recent_crc_errors", f"frames with a wrong CRC {recent}").set(crc or 0)
+    _gauge(registry, "station_recent_bus_error_stops", f"stops with error frames of the bus {recent}").set(bus or 0)
     _gauge(registry, "station_recent_rejected_stops", f"stops measured again or given up {recent}").set(rejected or 0)
+
+
+def _bus(registry: CollectorRegistry, bus: Mapping[str, Any]) -> None:
+    """State and error counters of the controller, as far as the adapter tells them."""
+    if not bus:
+        return
+    state = Gauge("station_bus_state", "1 for the state the controller is in", ["bus", "state"], registry=registry)
+    for known in STATES:
+        state.labels(bus["name"], known).set(bus["state"] == known)
+    if bus["counters"]:
+        counters = Gauge("station_bus_errors", "error counters of the controller", ["bus", "way"], registry=registry)
+        for way, count in bus["counters"].items():
+            counters.labels(bus["name"], way).set(count)
 
 
 def _golden(registry: CollectorRegistry, panel: Panel) -> None:

@@ -3,8 +3,10 @@
 import json
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
+from station.adapters.bus.socketcan import state_of
 from station.config.settings import Settings
 from station.errors import StationError
 from station.web import fixture
@@ -14,6 +16,8 @@ from station.wiring.golden import standings
 
 #: A value older than this is looked up again, s: the rate at which all screens together look.
 FRESH_S = 0.03
+#: So often the kernel is asked for the state of the bus between runs, s.
+BUS_S = 0.5
 #: And so often whether the golden units are due, s.
 GOLDEN_S = 5.0
 
@@ -24,6 +28,7 @@ class Screen:
     def __init__(self, settings: Settings, runs: Runs, queue: Queue) -> None:
         self._golden: tuple[float, str] = (-GOLDEN_S, "")
         self._settings, self._runs, self._queue = settings, runs, queue
+        self._between: tuple[float, dict[str, Any]] = (-BUS_S, {})
         self._path = beside(runs.order.database, ".live.json")
         self._stamp: tuple[int, int] | None = None
         self._live: dict[str, Any] = {}
@@ -104,6 +109,7 @@ class Screen:
             "total": state.get("total", 0) if mine or not running else 0,
             "began_s": state.get("began_s", 0.0) if mine else 0.0,
             "estimate_s": state.get("estimate_s", 0.0) if mine else 0.0,
+            "bus": self._bus(mine=mine),
             "unit": self._live.get("unit", ""),
             "recipe": self._live.get("recipe", self._runs.order.recipe),
             "sentences": state.get("sentences", []) if mine or not running else [],
@@ -146,6 +152,19 @@ class Screen:
                 told = exc.sentence
             self._golden = (time.monotonic(), told)
         return told
+
+    def _bus(self, *, mine: bool) -> dict[str, Any]:
+        """State and error counters: as the run tells them, and between runs as the kernel does for its interface."""
+        if mine:
+            return dict(self._live.get("bus") or {})
+        if self._runs.order.simulate or self._settings.bus.interface != "socketcan":
+            return {}
+        if time.monotonic() - self._between[0] > BUS_S:
+            name = self._settings.bus.channel
+            state, counters = state_of(name)
+            told = {"name": name, "state": state, "counters": asdict(counters) if counters else None}
+            self._between = (time.monotonic(), told)
+        return self._between[1]
 
     def _picture(self, poses: Sequence[Any], number: int, name: str) -> str:
         """The block at the stop of that number; the same position in another seating is another picture."""

@@ -10,6 +10,7 @@ from station.adapters.bus.simulated import Simulated
 from station.adapters.clock import VirtualClock
 from station.domain.types import Frames
 from station.errors import BusFault, UsageError
+from station.ports.bus import ErrorCounters
 
 
 @pytest.fixture
@@ -92,3 +93,20 @@ def test_a_wire_fault_that_cannot_be_is_refused(bus: Simulated, text: str, says:
     with pytest.raises(UsageError) as refused:
         bus.break_wire(text)
     assert says in refused.value.sentence
+
+
+@pytest.mark.parametrize(
+    ("fault", "state", "counters"),
+    [
+        ("cable-out", "passive", ErrorCounters(sending=128, receiving=0)),
+        ("wrong-bit-rate", "bus-off", ErrorCounters(sending=256, receiving=0)),
+        ("jammed", "active", ErrorCounters(sending=0, receiving=0)),
+    ],
+)
+def test_the_error_counters_stand_where_the_state_says(
+    bus: Simulated, clock: VirtualClock, fault: str, state: str, counters: ErrorCounters
+) -> None:
+    bus.break_wire(f"{fault}:after_s=1")
+    assert bus.counters() == ErrorCounters(0, 0)
+    clock.sleep(2.0)
+    assert (bus.state(), bus.counters()) == (state, counters)

@@ -1,6 +1,7 @@
 """`station doctor` and the figures for Prometheus: right about a healthy station, and about each fault."""
 
 import json
+import os
 import shutil
 from collections import namedtuple
 from pathlib import Path
@@ -105,6 +106,31 @@ def test_figures_of_an_empty_and_of_a_working_station(folder: Path, panel: Panel
     assert found["station_queue_units"] == 1
     assert 0 <= found["station_golden_age_seconds golden SN0001"] < 600
     assert found["station_golden_problem golden SN0001"] == 0
+
+
+def test_the_bus_of_a_run_stands_in_the_figures_and_on_the_page(folder: Path, panel: Panel) -> None:
+    told = {"name": "can0", "state": "passive", "counters": {"sending": 130, "receiving": 7}}
+    with (folder / "station.db.lock").open("w") as lock:
+        lock.write(json.dumps({"pid": os.getpid()}))
+        lock.flush()
+        (folder / "station.db.live.json").write_text(json.dumps({"pid": os.getpid(), "bus": told, "state": {}}))
+        found = figures(TestClient(create_app(panel), client=("127.0.0.1", 1)))
+        assert panel.screen.shown()["bus"] == told
+    assert found["station_bus_errors can0 sending"] == 130
+    assert found["station_bus_errors can0 receiving"] == 7
+    assert found["station_bus_state can0 passive"] == 1
+    assert found["station_bus_state can0 active"] == 0
+
+
+def test_between_runs_the_kernel_is_asked_for_its_interface(folder: Path) -> None:
+    job, _ = load_job("six-point")
+    bus = {"interface": "socketcan", "channel": "lo", "bitrate": 500000}
+    settings = load_settings(fixture_run.config(folder, bus=bus))
+    real = Panel(settings, job.recipe, Order(folder / "station.db", "six-point"), folder / "a.json")
+    assert real.screen.shown()["bus"] == {"name": "lo", "state": "unknown", "counters": None}
+    found = figures(TestClient(create_app(real), client=("127.0.0.1", 1)))
+    assert found["station_bus_state lo unknown"] == 1
+    assert not [name for name in found if name.startswith("station_bus_errors")]
 
 
 def test_figures_are_for_this_machine(panel: Panel) -> None:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from station.adapters.bus.simulated import Simulated
+from station.adapters.clock import VirtualClock
 from station.cli._live import Live, Pace
 from station.domain.progress import LoadBegun, Seat, StopStarted
 from station.service.stop import Stop
@@ -25,6 +27,16 @@ def test_the_live_file_holds_the_state_after_every_event(tmp_path: Path) -> None
     assert len(told["state"]["stops"]) == len(told["poses"]) == 8
     assert told["state"]["at"] == 0
     assert [p.name for p in tmp_path.iterdir()] == ["s.db.live.json"], "nothing half written is left"
+
+
+def test_the_live_file_tells_the_state_of_the_bus(tmp_path: Path) -> None:
+    job, _ = load_job("six-point")
+    bus = Simulated(VirtualClock(), "sim0")
+    bus.break_wire("cable-out")
+    Live(tmp_path / "s.db", job.recipe, {}, bus).event(BEGUN)
+    told = json.loads((tmp_path / "s.db.live.json").read_text())["bus"]
+    assert told == {"name": "sim0", "state": "passive", "counters": {"sending": 128, "receiving": 0}}
+    bus.close()
 
 
 def test_a_view_that_cannot_be_written_is_said_once_and_stops_nothing(

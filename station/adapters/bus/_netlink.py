@@ -6,8 +6,10 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from station.ports.bus import ErrorCounters
+
 _RTM_NEWLINK, _RTM_GETLINK, _NLMSG_ERROR, _NLM_F_REQUEST = 16, 18, 2, 1
-_IFLA_LINKINFO, _IFLA_INFO_KIND, _IFLA_INFO_DATA, _IFLA_CAN_STATE = 18, 1, 2, 4
+_IFLA_LINKINFO, _IFLA_INFO_KIND, _IFLA_INFO_DATA, _IFLA_CAN_STATE, _IFLA_CAN_BERR_COUNTER = 18, 1, 2, 4, 8
 _IFF_UP = 1
 #: enum can_state of <linux/can/netlink.h>.
 STATES = ("active", "warning", "passive", "bus-off", "stopped", "sleeping")
@@ -15,11 +17,12 @@ STATES = ("active", "warning", "passive", "bus-off", "stopped", "sleeping")
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A network interface: whether it is set up, its kind (can, vcan, …), its CAN state or None."""
+    """A network interface: whether it is set up, its kind (can, vcan, …), its CAN state and error counters or None."""
 
     up: bool
     kind: str
     can_state: str | None
+    counters: ErrorCounters | None = None
 
 
 def ask(name: str) -> Link:
@@ -41,12 +44,15 @@ def parse(answer: bytes) -> Link:
     size = struct.unpack_from("=I", answer)[0]
     flags = struct.unpack_from("=I", answer, 24)[0]
     info = dict(_attributes(dict(_attributes(answer[32:size])).get(_IFLA_LINKINFO, b"")))
-    state = dict(_attributes(info.get(_IFLA_INFO_DATA, b""))).get(_IFLA_CAN_STATE)
+    data = dict(_attributes(info.get(_IFLA_INFO_DATA, b"")))
+    state, counted = data.get(_IFLA_CAN_STATE), data.get(_IFLA_CAN_BERR_COUNTER)
     code = None if state is None else struct.unpack("=I", state[:4])[0]
     return Link(
         up=bool(flags & _IFF_UP),
         kind=info.get(_IFLA_INFO_KIND, b"").rstrip(b"\0").decode(),
         can_state=None if code is None else STATES[code] if code < len(STATES) else "unknown",
+        # struct can_berr_counter: txerr, rxerr.
+        counters=None if counted is None else ErrorCounters(*struct.unpack("=HH", counted[:4])),
     )
 
 

@@ -84,6 +84,11 @@ class Wire:
         """State of the station's controller."""
         return next((_KINDS[t.kind].state for t in self._troubles if t.covers(now_s)), "active")
 
+    def counters(self, now_s: float) -> tuple[int, int]:
+        """Error counters of the station's controller, sending and receiving (ISO 11898-1): nobody's acknowledge stops
+        the one for sending where it turns passive; a wrong bit rate takes it beyond 255."""
+        return {"passive": (128, 0), "bus-off": (256, 0)}.get(self.state(now_s), (0, 0))
+
     def fails(self, now_s: float) -> int:
         """The error number with which the station's sends fail; 0: they do not."""
         return next((_KINDS[t.kind].fails for t in self._troubles if t.covers(now_s)), 0)

@@ -45,6 +45,10 @@ class Replay:
         """Unknown: a log does not keep the controller's state; its error frames tell."""
         return "unknown"
 
+    def counters(self) -> None:
+        """None: a log does not keep them."""
+        return
+
     def close(self) -> None:
         """Closes every channel opened here."""
         for channel in self._channels:

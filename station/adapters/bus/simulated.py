@@ -12,6 +12,7 @@ from station.adapters.bus._python_can import VirtualBus
 from station.adapters.bus._wire import QUEUE, Wire, parse
 from station.domain.types import Frames
 from station.errors import BusFault
+from station.ports.bus import ErrorCounters
 from station.ports.clock import EventClock
 
 #: Actors look at their channels at every instant, and mostly nothing is there.
@@ -65,6 +66,10 @@ class Simulated:
     def state(self) -> str:
         """Active, unless something is wrong with the wire."""
         return self._wire.state(self._clock.monotonic_s())
+
+    def counters(self) -> ErrorCounters:
+        """Where a controller's counters stand in such a state."""
+        return ErrorCounters(*self._wire.counters(self._clock.monotonic_s()))
 
     def close(self) -> None:
         """Closes every channel opened here."""

@@ -12,6 +12,7 @@ from station.adapters.bus._errors import SEND_DEADLINE_S
 from station.adapters.bus._recvmmsg import SO_MEMINFO, SO_RCVBUFFORCE, Receiver
 from station.domain.types import EXTENDED, Frames
 from station.errors import BusFault, ConfigError
+from station.ports.bus import ErrorCounters
 from station.ports.clock import Clock
 
 #: 16 MiB hold about 43,000 frames, nearly 5 s of a full 1 Mbit/s bus; the default holds 31 ms.
@@ -21,6 +22,18 @@ SERVICE_BUFFER_BYTES: Final = 1 << 20
 MOST_BATCHES: Final = 32
 _CAN_RAW_ERR_FILTER, _ALL_ERRORS = 2, 0x1FFF_FFFF
 _FRAME = struct.Struct("=IB3x8s")
+
+
+def state_of(name: str) -> tuple[str, ErrorCounters | None]:
+    """Controller state and error counters of an interface as the kernel knows them, opened by anybody or nobody."""
+    try:
+        link = _netlink.ask(name)
+    except OSError:
+        return "unknown", None
+    if not link.up or link.can_state in ("stopped", "sleeping"):
+        return "down", link.counters
+    virtual = "active" if link.kind in ("vcan", "vxcan") else "unknown"
+    return link.can_state or virtual, link.counters
 
 
 class SocketCan:
@@ -55,16 +68,11 @@ class SocketCan:
 
     def state(self) -> str:
         """The controller's state as the kernel knows it; a vcan has none that could be anything but active."""
-        try:
-            link = _netlink.ask(self._name)
-        except OSError:
-            return "unknown"
-        if not link.up:
-            return "down"
-        if link.can_state in ("stopped", "sleeping"):
-            return "down"
-        virtual = "active" if link.kind in ("vcan", "vxcan") else "unknown"
-        return link.can_state or virtual
+        return state_of(self._name)[0]
+
+    def counters(self) -> ErrorCounters | None:
+        """Error counters as the driver tells them; a vcan has none."""
+        return state_of(self._name)[1]
 
     def close(self) -> None:
         """Closes every channel opened here."""

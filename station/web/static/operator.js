@@ -43,7 +43,7 @@
     say(byId("next"), state.following || "–");
     say(byId("recipe"), state.recipe);
     say(byId("asked"), state.asked);
-    say(byId("bus"), state.bus ? `· ${state.bus}` : "");
+    bus(state.bus || {});
     people();
     say(byId("phase"), state.stopping ? texts.stopping : state.running ? texts[`phase_${state.phase}`] || state.phase : texts.idle);
     byId("bar").max = state.total || 1;
@@ -57,6 +57,12 @@
     document.body.dataset.running = String(state.running);
     document.body.dataset.hand = String(Boolean(state.asked || (state.confirm || {}).question));
     if (form) buttons();
+  }
+
+  function bus({ name, state: controller, counters }) {
+    const errors = counters ? ` (${texts.bus_sending} ${counters.sending}, ${texts.bus_receiving} ${counters.receiving})` : "";
+    say(byId("bus"), name ? `${name}: ${texts[`bus_${controller}`] || controller}${errors}` : "");
+    byId("bus").classList.toggle("problem", Boolean(name) && !["active", "unknown"].includes(controller));
   }
 
   // What a person must do: confirm what the run asks, or change the units for the next load.
