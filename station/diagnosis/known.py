@@ -5,6 +5,7 @@ mean 0, variance `spread`². The data left to the next cause are then the innova
 accepted one taken off, the weak ones shrunk. A cause of a model file has each coefficient's own mean and deviation.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,8 +93,24 @@ def known_of(view: View, accepted: tuple[Accepted, ...], matrix: bool) -> tuple[
             common_precision = np.concatenate([common_precision, weight[chosen]])
             common_target = np.concatenate([common_target, about[chosen]])
             shared.append(rows)
+    for rows in _blurs(view, accepted):
+        own.append(rows)
+        width = rows.stop.shape[-1]
+        precision, target = (
+            np.pad(x, ((0, 0), (0, width)), constant_values=c) for x, c in ((precision, 1), (target, 0))
+        )
     known = Known(Rows.beside(own), precision, target, Rows.beside(shared), common_precision, common_target)
     return known, tuple(places)
+
+
+def _blurs(view: View, accepted: tuple[Accepted, ...]) -> Iterator[Rows]:
+    """What the accepted causes may be off by because their covariates are, for each run of a unit on its own."""
+    code, names = view.scene.group("run")
+    for item in accepted:
+        acting = item.acting()
+        stop = None if acting is None else view.blurred(acting)
+        if stop is not None:
+            yield Candidate("blur", None, "run", "own", code, names, stop).rows(view.layout)
 
 
 def columns_of(item: Accepted, view: View) -> tuple[Rows, Place]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, SampleTable
-from station.model.scene import COVARIATES, Scene, scene_of_table
+from station.model.scene import COVARIATES, Scene, scene_of_table, slopes_of
 
 #: Ends of the sub-blocks as shares of the dwell.
 EDGES = np.array([0.06, 0.15, 0.40, 1.0])
@@ -32,7 +32,8 @@ class Reduced:
 
     scene: one row a stop, at its mean time; fine: rows (v · B · nodes) inside the blocks, for causes that move
     during a dwell; mean (v, 3); contrast (v, B−1, 3), scaled so that it has the noise of a single sample;
-    count (v, B) samples in each block; sigma: noise of a sample, from one to the next.
+    count (v, B) samples in each block; sigma: noise of a sample, from one to the next; rate_error (v, modes): by what
+    the rate of temperature may be wrong, degC/s, each mode times a standard normal number a run.
     """
 
     scene: Scene
@@ -41,6 +42,7 @@ class Reduced:
     contrast: Floats
     count: Floats
     sigma: float
+    rate_error: Floats | None = None
 
     def of_fine(self, rows: Floats) -> tuple[Floats, Floats]:
         """Mean (v, 3) and contrasts (v, B−1, 3) of values on the rows of `fine` (v · B · nodes, 3)."""
@@ -68,7 +70,15 @@ def reduce(recipe: Recipe, table: SampleTable) -> Reduced:
     count = count.reshape(stops, -1)
     mean, contrast = split(means.reshape(*count.shape, 3), count)
     scene = _rows_of(full, stops)
-    return Reduced(scene, _fine(full, scene, cell), mean, contrast, count, float(np.sqrt(np.mean(sigma**2))))
+    noise = float(np.sqrt(np.mean(sigma**2)))
+    return Reduced(scene, _fine(full, scene, cell), mean, contrast, count, noise, _rate_error(scene))
+
+
+def _rate_error(scene: Scene) -> Floats | None:
+    """What is not known of the rate of temperature at the stops (v, modes)."""
+    if scene.temperature_degC is None:
+        return None
+    return np.concatenate([s.modes for s in slopes_of(scene.time_s, scene.temperature_degC, scene.visits)])
 
 
 def huber_means(values: Floats, time_s: Floats, cell: NDArray[np.intp], count: Floats, scale: Floats) -> Floats:

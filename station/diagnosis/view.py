@@ -17,7 +17,7 @@ from station.diagnosis.reduce import MAD, Reduced
 from station.diagnosis.space import Rows
 from station.domain.types import Floats
 from station.model.effect import Effect
-from station.model.forward import NOTHING, Active, Base, forward, resting, signature
+from station.model.forward import NOTHING, Acting, Active, Base, forward, resting, signature
 from station.model.scene import Scene
 
 #: Noise of a stop's mean beside that of its samples over √n, at the least: blue noise averages better than white.
@@ -76,13 +76,30 @@ class View:
         parts = [r.of_fine(d) for d in signature(r.fine, self.base, effect, of, self.active)]
         return np.stack([p[0] for p in parts], axis=-1), np.stack([p[1] for p in parts], axis=-1)
 
+    def blurred(self, acting: Acting) -> Floats | None:
+        """How a cause at work may be off because its covariate is (v, 3, modes): each mode times a standard normal
+        number a run. None where the covariate is as good as exact."""
+        modes, scene = self.reduced.rate_error, self.scene
+        if modes is None or "temperature_rate" not in acting.effect.needs or not acting.coefficients.any():
+            return None
+
+        def off_by(error: Floats) -> Floats:
+            rate = scene.need("temperature_rate") + error
+            return forward(replace(scene, temperature_rate=rate), self.base, {acting.effect.id: acting})
+
+        return np.stack([(off_by(mode) - off_by(-mode)) / 2 for mode in modes.T], axis=-1)
+
     def calibration(self, matrix: bool) -> Floats:
         """Signature (v, 3, p) of each unit's offset and gain, or offset and whole matrix."""
         a = resting(self.scene, self.active)
         offset = np.broadcast_to(np.eye(3), (len(a), 3, 3))
         if not matrix:
             return np.concatenate([offset, np.eye(3) * a[:, None, :]], axis=2)
-        return np.concatenate([offset, np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9)], axis=2)
+        gains = np.einsum("ij,vk->vijk", np.eye(3), a)
+        if self.grid.k == 1:
+            # A length does not tell how the sensor is turned: only the symmetric part of the matrix is anybody's.
+            gains = (gains + gains.swapaxes(2, 3)) / 2
+        return np.concatenate([offset, gains.reshape(len(a), 3, 9)], axis=2)
 
 
 def _moves(effect: Effect) -> bool:
@@ -140,11 +157,12 @@ def settled(view: View, base: Base) -> View:
     view = replace(view, base=base)
     if view.grid.k == 3:
         return replace(view, keep=inverse)
-    for _ in range(20):
+    for rounds in range(20):
         residual = view.reduced.mean - view.simulated()[0]
         along, step = magnitudes.next_direction(view.scene, residual, base, view.active)
         scene, fine = (magnitudes.pointed(s, along) for s in (view.scene, view.reduced.fine))
         view = replace(view, reduced=replace(view.reduced, scene=scene, fine=fine))
-        if step < magnitudes.STILL:
+        # Before the first round nobody knows any direction, so that it has nothing to be still against.
+        if rounds and step < magnitudes.STILL:
             break
     return replace(view, keep=np.einsum("vi,vij->vj", along, inverse)[:, None, :])

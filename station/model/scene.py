@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from station.domain.recipe import Recipe
 from station.domain.types import Array, Floats, Labels, SampleTable
 from station.errors import SamplesError
+from station.model.slope import Slope, slopes
 from station.model.visits import Visits, visits_of
 
 #: Covariates of a sample, None in a scene where nobody recorded them.
@@ -25,8 +26,6 @@ COVARIATES = (
     "motor",
     "started_s",
 )
-#: Half width of the window in which the rate of temperature is a straight line, s.
-RATE_WINDOW_S = 30.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,13 +139,11 @@ def _means(values: Floats, visit: NDArray[Any], visits: int) -> Floats:
 
 
 def rate_of(temperature_degC: Floats, time_s: Floats, visit: NDArray[Any], visits: Visits) -> Floats:
-    """dT/dt (n) in degC/s: slope of a straight line through the visits' mean temperatures within ±30 s."""
+    """dT/dt (n) in degC/s: the slope of a smooth course through the visits' mean temperatures."""
     mean = _means(np.stack([time_s, temperature_degC], 1), visit, len(visits))
-    rate = np.zeros(len(visits))
-    for rows in visits.passes():
-        t, T = mean[rows].T
-        near = np.abs(t[:, None] - t) <= max(RATE_WINDOW_S, 1.01 * float(np.diff(t).max(initial=0.0)))
-        dt = np.where(near, t - (near @ t / near.sum(1))[:, None], 0.0)
-        spread = (dt**2).sum(1)
-        rate[rows] = np.divide(dt @ T, spread, out=np.zeros(len(t)), where=spread > 0)
-    return np.asarray(rate[visit])
+    return np.asarray(np.concatenate([s.slope for s in slopes_of(mean[:, 0], mean[:, 1], visits)])[visit])
+
+
+def slopes_of(time_s: Floats, temperature_degC: Floats, visits: Visits) -> list[Slope]:
+    """The temperature's slope in each run, from times and means (v) of the stops."""
+    return slopes([(time_s[rows], temperature_degC[rows]) for rows in visits.passes()])

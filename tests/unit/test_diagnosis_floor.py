@@ -8,7 +8,7 @@ from station.diagnosis import floor as floors
 from station.diagnosis.grid import Grid
 from station.diagnosis.space import Known, Rows, space
 from station.model.simulate import Job, effects_of, simulate
-from station.model.timeline import density_of, dwell_of
+from station.model.timeline import density_of
 from tests.blind.look import look
 
 UNITS, RUNS, STOPS, K = 4, 3, 24, 3
@@ -101,11 +101,11 @@ def test_a_prior_lies_between_knowing_and_not_knowing() -> None:
 
 @pytest.mark.parametrize("seed", [1, 5])
 def test_six_stops_a_unit_are_not_fitted_more_closely_than_their_samples_scatter(seed: int) -> None:
-    """Six faces and one run leave σ and repeatability apart only by luck; a floor near 0 judged every gain by chance."""
+    """Six faces and one run part σ and repeatability only by luck; a floor near 0 judged every gain by chance."""
     six = load_recipe("six-point")
     table = simulate(Job(six, ("A", "B", "C", "D"), seed, effects_of(("cross-axis",), six))).table
     found = look(six, table)
-    white = float(density_of(six) / np.sqrt(2 * dwell_of(six)))
+    white = float(density_of(six) / np.sqrt(2 * six.dwell.longest_s))
     assert white / 2.5 < found.floor.floor.noise < 3 * white
     (cause,) = found.causes
     assert cause.finding.name == "cross-axis"
