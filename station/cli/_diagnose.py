@@ -212,9 +212,9 @@ def _show(told: Mapping[str, Any]) -> None:
     _face.say(f"{data['units']} units, {data['runs']} runs, {data['visits']} stops, {data['samples']} samples")
     _face.say(f"verdict: {told['verdict']}. {told['sentence']}")
     base = told["baseline"]
-    _face.say(
-        f"residual {base['residual_rms']:.3g} {unit} rms; the noise floor alone makes {base['floor_rms']:.3g} {unit}"
-    )
+    left = f", {told['extended']['residual_rms']:.3g} {unit} with what was found" if told["causes"] else ""
+    floor = f"the noise floor alone makes {base['floor_rms']:.3g} {unit}"
+    _face.say(f"residual {base['residual_rms']:.3g} {unit} rms{left}; {floor}")
     for cause in told["causes"]:
         gain = cause["gain"]
         also = cause["indistinguishable_from"]

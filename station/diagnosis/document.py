@@ -8,6 +8,7 @@ from station.diagnosis.estimate import Estimate
 from station.diagnosis.faults import Fault
 from station.diagnosis.gain import Gain
 from station.diagnosis.kernels import WORDS
+from station.diagnosis.left import left_rms
 
 SCHEMA = "station.diagnosis/1"
 
@@ -33,6 +34,7 @@ def document(
             "floor_rms": floor_rms(d.last, d.floor),
             "unit": d.recipe.unit,
         },
+        "extended": {"residual_rms": left_rms(d.last), "unit": d.recipe.unit},
         "floor": {"noise": floor.noise, "repeatability_rad": floor.turn, "bias_walk": floor.walk},
         "alarm": {
             "family_wise_level": d.level,
