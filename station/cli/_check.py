@@ -118,9 +118,24 @@ def _uncertainty(asked: Asked) -> Section | None:
     if recipe.device.noise_density is None:
         noise += ", assumed: device.noise_density is not given"
     title = f"predicted standard deviations ({noise})"
-    document = {"noise": found.noise, "coefficients": predicted, "decisions": [_decision(d) for d in found.decisions]}
+    document = {
+        "noise": found.noise,
+        "dwell_s": found.dwell_s.tolist(),
+        "coefficients": predicted,
+        "decisions": [_decision(d) for d in found.decisions],
+    }
     words = tuple(_told(d, recipe.unit) for d in found.decisions) or ("limits: none in the recipe",)
-    return Section("predicted", document, (_budget_table.table(found.budget, recipe.unit, title), *words))
+    return Section(
+        "predicted", document, (_dwell(found), _budget_table.table(found.budget, recipe.unit, title), *words)
+    )
+
+
+def _dwell(found: Any) -> str:
+    """How long the stops last by the sheet's noise, and whether that is enough."""
+    least, most = float(found.dwell_s.min()), float(found.dwell_s.max())
+    each = f"{least:.2g} s a stop" if most - least < 0.005 else f"{least:.2g} to {most:.2g} s a stop"
+    told = f"dwell: {each}, {found.dwell_s.sum():.3g} s in all"
+    return f"{told}; {found.missed}" if found.missed else told
 
 
 def _decision(d: Any) -> dict[str, Any]:

@@ -64,8 +64,8 @@ def measure(reading: Floats, start: Ints, count: Ints, unit: Ints) -> Dwells:
     groups = []
     for rows, n, cut in _alike(count, units):
         x = np.ascontiguousarray(reading[start[rows][:, None] + np.arange(n)].transpose(0, 2, 1))
-        groups.append(Group(rows, n, cut, _block_means(_basics(x, columns, rows), cut)))
-    odd = _odd(columns, count, units)
+        groups.append(Group(rows, n, cut, block_means(_basics(x, columns, rows), cut)))
+    odd = odd_ones(columns["square"], columns["neighbours"], count, units)
     errors = standard_errors(groups, odd, units)
     return Dwells(
         count=count,
@@ -104,21 +104,12 @@ def _alike(count: Ints, units: Units) -> Iterator[tuple[Ints, int, noise.Cut]]:
 def _basics(x: Floats, columns: Columns, rows: Ints) -> Floats:
     """Fills the columns of dwells x (d, 3, n); returns deviations from the mean, 0 where rejected."""
     n = x.shape[2]
-    off = np.abs(x - np.median(x, axis=2, keepdims=True))
-    scale = 1.4826 * np.median(off, axis=2, keepdims=True)
-    apart = np.abs(np.diff(x, axis=2))
-    least = np.where(apart > 0, apart, np.inf).min(axis=2, initial=np.inf)
-    # Coarse readings may have no median deviation at all; two steps are never far.
-    bound = FAR * (1 + 8 / n) * scale + 2 * np.where(np.isfinite(least), least, 0.0)[..., None]
-    keep = (off <= bound).all(axis=1, keepdims=True)
-    kept = keep.sum(axis=2, keepdims=True)
-    mean = np.where(keep, x, 0.0).sum(axis=2, keepdims=True) / kept
-    deviation = np.where(keep, x - mean, 0.0)
+    least = least_step(x)
+    mean, deviation, kept = deviations(x, least)
     half = max(n // 2, 1)
-    columns["rejected"][rows] = n - kept[:, 0, 0]
-    columns["mean"][rows] = mean[..., 0]
-    columns["square"][rows] = (deviation**2).sum(axis=2)
-    columns["neighbours"][rows] = (deviation[..., 1:] * deviation[..., :-1]).sum(axis=2)
+    columns["rejected"][rows] = n - kept
+    columns["mean"][rows] = mean
+    columns["square"][rows], columns["neighbours"][rows] = squares(deviation)
     columns["cross"][rows] = deviation @ deviation.transpose(0, 2, 1)
     columns["drift"][rows] = deviation[..., :half].mean(axis=2) - deviation[..., n - half :].mean(axis=2)
     columns["low"][rows], columns["high"][rows] = x.min(axis=2), x.max(axis=2)
@@ -126,7 +117,32 @@ def _basics(x: Floats, columns: Columns, rows: Ints) -> Floats:
     return deviation
 
 
-def _block_means(deviation: Floats, cut: noise.Cut) -> Floats:
+def least_step(x: Floats) -> Floats:
+    """Least difference (d, 3) of neighbours of dwells x (d, 3, n) that differ; infinite when all are alike."""
+    apart = np.abs(np.diff(x, axis=2))
+    return np.asarray(np.where(apart > 0, apart, np.inf).min(axis=2, initial=np.inf))
+
+
+def deviations(x: Floats, least: Floats) -> tuple[Floats, Floats, Ints]:
+    """Means (d, 3) of dwells x (d, 3, n) without what is far off, deviations (d, 3, n) from them, 0 where left out,
+    and how many readings (d) were kept. least (d, 3): see least_step."""
+    n = x.shape[2]
+    off = np.abs(x - np.median(x, axis=2, keepdims=True))
+    scale = 1.4826 * np.median(off, axis=2, keepdims=True)
+    # Coarse readings may have no median deviation at all; two steps are never far.
+    bound = FAR * (1 + 8 / n) * scale + 2 * np.where(np.isfinite(least), least, 0.0)[..., None]
+    keep = (off <= bound).all(axis=1, keepdims=True)
+    kept = keep.sum(axis=2, keepdims=True)
+    mean = np.where(keep, x, 0.0).sum(axis=2, keepdims=True) / kept
+    return mean[..., 0], np.where(keep, x - mean, 0.0), kept[:, 0, 0]
+
+
+def squares(deviation: Floats) -> tuple[Floats, Floats]:
+    """Sums (d, 3) of squares of deviations (d, 3, n), and of products of neighbours."""
+    return (deviation**2).sum(axis=2), (deviation[..., 1:] * deviation[..., :-1]).sum(axis=2)
+
+
+def block_means(deviation: Floats, cut: noise.Cut) -> Floats:
     """Means (d, 3, blocks) of the blocks of a cut; a dwell shorter than one block is one block."""
     if cut.samples == 1:
         return deviation
@@ -134,15 +150,16 @@ def _block_means(deviation: Floats, cut: noise.Cut) -> Floats:
     return np.asarray(used.reshape(*used.shape[:2], cut.blocks, -1).mean(axis=3))
 
 
-def _odd(columns: Columns, count: Ints, units: Units) -> Floats:
-    """Variance of a sample over that of the unit's usual dwell (d, 3); 1 where the two agree.
+def odd_ones(square: Floats, neighbours: Floats, count: Ints, units: Units) -> Floats:
+    """Variance of a sample over that of the unit's usual dwell (d, 3); 1 where the two agree. square, neighbours
+    (d, 3): see squares.
 
     Agreement is a normal deviate below ODD (Wilson & Hilferty 1931), with degrees of freedom for first-order
     noise, (n − 1)(1 − φ²)/(1 + φ²).
     """
-    variance = columns["square"] / np.maximum(count - 1, 1)[:, None]
+    variance = square / np.maximum(count - 1, 1)[:, None]
     usual = _medians(variance, units)[units.of]
-    phi = np.clip(columns["neighbours"] / np.maximum(columns["square"], 1e-300), 0.0, 0.97)
+    phi = np.clip(neighbours / np.maximum(square, 1e-300), 0.0, 0.97)
     phi = _medians(phi, units)[units.of]
     dof = np.maximum((count - 1)[:, None] * (1 - phi**2) / (1 + phi**2), 1.0)
     ratio = np.where(usual > 0, variance / np.where(usual > 0, usual, 1.0), 1.0)

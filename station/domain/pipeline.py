@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.domain import design, method, quality, rank, references, scatter, tilt, uncertainty
+from station.domain import adaptive_dwell, design, method, quality, rank, references, scatter, tilt, uncertainty
 from station.domain.coefficients import matrix_of, offset_of
 from station.domain.judge import judge
 from station.domain.method import Fit
@@ -105,6 +105,8 @@ def _result(recipe: Recipe, unit: Unit, found: Calibration, budget: Budget, brok
     if measured is not None:
         found = replace(found, notes=(*found.notes, *quality.notes(recipe, measured)))
         unsound = quality.reasons(recipe, measured, stops)
+    if missed := adaptive_dwell.missed(recipe, recipe.unit, budget.std("noise")):
+        found = replace(found, notes=(*found.notes, missed))
     verdict = judge(recipe, found, budget, stops, (*_broken(found, broken), *unsound))
     return Result(serial, verdict, stops, found, budget, measured)
 

@@ -8,6 +8,9 @@ import numpy as np
 from station.domain.recipe import Position, Recipe, Run
 from station.domain.types import Floats
 
+#: Stops of a run whose recipe lists no positions, because a person holds the part in any pose.
+STOPS_BY_HAND = 24
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stop:
@@ -34,6 +37,16 @@ def order_of(recipe: Recipe, run: int) -> tuple[Position, ...]:
         order = np.random.default_rng(int.from_bytes(key[:8], "big")).permutation(len(listed))
         return tuple(listed[i] for i in order)
     return listed
+
+
+def names(recipe: Recipe, run: int) -> tuple[str, ...]:
+    """Names of the stops of one run in order; of a hand-held run without positions, so many numbered ones."""
+    return tuple(p.name for p in order_of(recipe, run)) or tuple(f"hand-{i + 1}" for i in range(STOPS_BY_HAND))
+
+
+def place(recipe: Recipe, run: int, visit: int) -> int:
+    """Place of a stop of one run among the stops of all runs."""
+    return sum(len(names(recipe, before)) for before in range(run)) + visit
 
 
 def stops(recipe: Recipe, run: int) -> tuple[Stop, ...]:

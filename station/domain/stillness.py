@@ -68,15 +68,3 @@ def face(reading: Floats) -> str:
     """The axis that a mean reading (3) points along, as a person says it: +x, -z."""
     axis = int(np.argmax(np.abs(reading)))
     return f"{'+' if reading[axis] >= 0 else '-'}{'xyz'[axis]}"
-
-
-def mean_std(reading: Floats, batches: int = 8) -> float:
-    """Largest standard deviation over the axes of the mean of readings (n, 3), from batch means; inf below 2 a batch.
-
-    Batch means see correlation up to a batch's length (Schmeiser 1982, Oper. Res. 30), which σ/√n does not.
-    """
-    length = len(reading) // batches
-    if length < 2:
-        return float("inf")
-    means = reading[: length * batches].reshape(batches, length, 3).mean(axis=1)
-    return float((means.std(axis=0, ddof=1) / np.sqrt(batches)).max())

@@ -42,12 +42,14 @@ class Campaign:
         prewarm = np.array([r.prewarm_s for r in self.rounds])[run]
         return np.asarray(self.line.changeover_s + self._load() * begun[-1] + begun[run] + prewarm)
 
+    def dwell_s(self) -> Floats:
+        """How long each stop (v) is measured, s."""
+        return np.tile(np.concatenate([done.dwell_s for done in self.rounds]), len(self.batch.units))
+
     def dwells(self, rate_hz: Floats) -> Scene:
         """The samples of the dwells; rate_hz (U): true sample rates."""
-        stops = [len(done.position) for done in self.rounds] * len(rate_hz)
-        since = [self._grid(done, rate) for rate in rate_hz for done in self.rounds]
-        visit = np.repeat(np.arange(len(self.visits)), np.repeat([len(s) for s in since], stops))
-        return self.scene(visit, np.concatenate([np.tile(s, n) for s, n in zip(since, stops, strict=True)]))
+        since = [self._grid(float(stay_s), rate) for rate in rate_hz for done in self.rounds for stay_s in done.dwell_s]
+        return self.scene(np.repeat(np.arange(len(self.visits)), [len(s) for s in since]), np.concatenate(since))
 
     def scene(self, visit: Rows, since_arrival_s: Floats) -> Scene:
         """Samples (n) at stops; since_arrival_s (n) is negative on the way there."""
@@ -60,9 +62,9 @@ class Campaign:
         since = np.maximum(since_arrival_s, 0.0)
         return Scene(self.recipe, self.visits, visit, time_s, since, motor=self._motor()[visit], **known)
 
-    def _grid(self, done: Round, rate_hz: float) -> Floats:
+    def _grid(self, dwell_s: float, rate_hz: float) -> Floats:
         """Sample times of one dwell, s since arrival."""
-        return self.recipe.settle.time_s + np.arange(max(1, round(done.dwell_s * rate_hz))) / rate_hz
+        return self.recipe.settle.time_s + np.arange(max(1, round(dwell_s * rate_hz))) / rate_hz
 
     def _load(self) -> Array:
         """Which load of the fixture each stop (v) belongs to."""

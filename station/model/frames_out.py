@@ -76,7 +76,7 @@ def _plate(campaign: Campaign, scene: Scene, moving: NDArray[np.bool_]) -> Float
     previous, arrival = visits.previous, campaign.arrival_s()
     known = previous >= 0
     origin = np.where(known[:, None, None], visits.nest_R[previous], np.eye(3))
-    stay = campaign.recipe.settle.time_s + np.array([r.dwell_s for r in campaign.rounds])[visits.run]
+    stay = campaign.recipe.settle.time_s + campaign.dwell_s()
     departs = np.where(known, arrival[previous] + stay, 0.0)
     turn = rotation.to_vector(visits.nest_R @ np.swapaxes(origin, 1, 2))
     share = (scene.time_s[moving] - departs[row]) / (arrival - departs)[row]
@@ -106,7 +106,7 @@ def _marks(campaign: Campaign, frames: Frames) -> Marks:
     visits = campaign.visits
     zero_s = (int(frames.time_ns[0]) - EPOCH_NS) / 1e9
     begins = campaign.started_s() + campaign.arrival_s() + campaign.recipe.settle.time_s - zero_s
-    dwell = np.array([r.dwell_s for r in campaign.rounds])[visits.run]
+    dwell = campaign.dwell_s()
     texts = zip(visits.unit.text(), visits.position.text(), visits.seating.text(), strict=True)
     marks = (
         Mark(

@@ -5,25 +5,24 @@ from itertools import pairwise
 
 import numpy as np
 
-from station.domain import plan, rotation
+from station.domain import adaptive_dwell, plan, rotation
 from station.domain.recipe import Recipe
 from station.domain.types import Array, Floats
 from station.model.effect import strength
 from station.model.line import Line
 
-#: Stops of a run whose recipe lists no positions, because a person holds the part in any pose.
-STOPS_BY_HAND = 24
 #: White noise of a device whose data sheet gives none, of the stimulus per √Hz: 100 µg/√Hz.
 DENSITY = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Round:
-    """One run of the recipe as every unit lives it: names and arrivals (s from the run's start) of its stops."""
+    """One run of the recipe as every unit lives it: names, arrivals (s from the run's start) and dwells of its stops
+    (v)."""
 
     position: tuple[str, ...]
     arrival_s: Floats
-    dwell_s: float
+    dwell_s: Floats
     duration_s: float
     seating: str
     prewarm_s: float
@@ -31,13 +30,9 @@ class Round:
     motors: bool
 
 
-def dwell_of(recipe: Recipe) -> float:
-    """How long a stop is measured, s; `until_std` is reached when white noise has averaged down to it."""
-    dwell = recipe.dwell
-    if dwell.time_s is not None:
-        return dwell.time_s
-    wanted = 0.5 * (density_of(recipe) / (dwell.until_std or np.inf)) ** 2
-    return float(np.clip(wanted, dwell.min_s, dwell.max_s))
+def dwells_of(recipe: Recipe) -> Floats:
+    """How long each stop of all runs is measured, s; with `until_std` as long as the sheet's white noise needs."""
+    return adaptive_dwell.planned_s(recipe, density_of(recipe) ** 2 / 2)
 
 
 def density_of(recipe: Recipe) -> float:
@@ -50,21 +45,20 @@ def round_of(recipe: Recipe, run: int, line: Line | None = None) -> Round:
     """The timeline of a pass; a repeated pass goes round again."""
     line = line or Line()
     how = plan.of_run(recipe, run)
-    stops = plan.stops(recipe, run % len(recipe.runs)) if recipe.pose_known else ()
-    names = tuple(s.position for s in stops) or tuple(p.name for p in recipe.positions)
-    names = names or tuple(f"hand-{i + 1}" for i in range(STOPS_BY_HAND))
+    run %= len(recipe.runs)
+    stops = plan.stops(recipe, run) if recipe.pose_known else ()
+    names, first = plan.names(recipe, run), plan.place(recipe, run, 0)
     turns = [90.0] * len(names)
     for i, (a, b) in enumerate(pairwise(stops)):
         if recipe.reference.source != "rate":
             turns[i + 1] = float(np.rad2deg(np.linalg.norm(rotation.to_vector(a.nest.T @ b.nest))))
-    stay = recipe.settle.time_s + dwell_of(recipe)
-    moves = np.array([line.move_s(angle) for angle in turns])
-    arrival = np.cumsum(moves) + stay * np.arange(len(names))
+    dwell_s = dwells_of(recipe)[first : first + len(names)]
+    leaves = np.cumsum([line.move_s(angle) for angle in turns]) + np.cumsum(recipe.settle.time_s + dwell_s)
     return Round(
         names,
-        arrival,
-        dwell_of(recipe),
-        float(arrival[-1] + stay),
+        leaves - recipe.settle.time_s - dwell_s,
+        dwell_s,
+        float(leaves[-1]),
         how.seating,
         how.prewarm_s,
         how.temperature_offset_degC,

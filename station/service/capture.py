@@ -2,17 +2,20 @@
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from station.domain.plan import Stop as Planned
 from station.domain.progress import Event, Reading, Told
-from station.domain.stillness import angle_deg, at_rest, expected_noise, face, has_direction, mean_std
+from station.domain.stillness import angle_deg, at_rest, expected_noise, face, has_direction
 from station.domain.stop_check import FACE_DEG
 from station.domain.stream import samples
 from station.domain.types import ERROR, Floats, Frames
 from station.errors import PositionerFault
+from station.service import pace
 from station.service.bus_errors import refuse_bus_off
+from station.service.pace import GOLD, Readings
 from station.service.station import Job, Station
 from station.service.stop import Stop
 from station.service.unit import Unit
@@ -50,8 +53,10 @@ class Capture:
 
     def __init__(self, station: Station, job: Job, stop: Stop, units: Sequence[Unit]) -> None:
         self._station, self._job, self._stop = station, job, stop
+        self._errors: list[Frames] = []
         self._channel = station.bus.stream(tuple({i for u in units for i in job.ids(u.seat.node)}))
         self._noise = expected_noise(job.recipe)
+        self.pace = pace.of(job.recipe)
         self._lsb = max(abs(axis.scale) for axis in job.layout.axes)
 
     def close(self) -> None:
@@ -62,28 +67,39 @@ class Capture:
         """Lets time pass, with the stream emptied and the operator's stop seen."""
         until_s = self._station.clock.monotonic_s() + duration_s
         while (left_s := until_s - self._station.clock.monotonic_s()) > 0:
-            self._look(min(DWELL_LOOK_S, left_s))
+            self._pass_over(self._look(min(DWELL_LOOK_S, left_s)))
 
     def drain(self) -> None:
-        """Drops what is waiting: frames from before the arrival belong to no stop."""
-        while len(self._receive()):
+        """Drops what is waiting: frames from before the arrival belong to no stop, error frames to the next one."""
+        while len(frames := self._receive()):
+            self._pass_over(frames)
             self._stop.check()
 
-    def take(self, units: Sequence[Unit]) -> Generator[Event, None, Taken]:
+    def _pass_over(self, frames: Frames) -> None:
+        """Of frames that belong to no stop the error frames are kept for the record of the next one."""
+        errors = frames[(frames.can_id & np.uint32(ERROR)) != 0]
+        if len(errors):
+            self._errors.append(errors)
+
+    def take(self, units: Sequence[Unit], stop: int | None) -> Generator[Event, None, Taken]:
         """Settles and dwells; the fixture has just arrived. Yields what is read meanwhile. Errors: BusFault,
-        Aborted."""
-        clock, dwell = self._station.clock, self._job.recipe.dwell
+        Aborted. stop: its place in the plan of all runs, None for a verification."""
+        clock = self._station.clock
         arrived_ns = clock.epoch_ns()
-        parts = self._settle(units)
+        before, self._errors = self._errors, []
+        parts = [*before, *self._settle(units)]
         drops, began_s, from_ns = self._channel.drops(), clock.monotonic_s(), clock.epoch_ns()
-        until_s = began_s + dwell.longest_s
+        ask_s, lasted_s = self.pace.first_s(stop), 0.0
         inside: list[Frames] = []
-        while (left_s := until_s - clock.monotonic_s()) > 1e-9:
-            inside.append(self._look(min(DWELL_LOOK_S, left_s)))
+        read = partial(self._readings, inside, units)
+        while ask_s - lasted_s > 1e-9:
+            inside.append(self._look(min(DWELL_LOOK_S, ask_s - lasted_s)))
             yield self._reading(inside[-1], units)
-            if self._good_enough(units, inside, clock.monotonic_s() - began_s):
-                break
-        to_ns, lasted_s = clock.epoch_ns(), clock.monotonic_s() - began_s
+            lasted_s = clock.monotonic_s() - began_s
+            if ask_s - lasted_s <= 1e-9:
+                ask_s = self.pace.until_s(stop, lasted_s, read)
+        to_ns = clock.epoch_ns()
+        self.pace.ended(stop, lasted_s, read)
         inside.append(self._receive())
         frames = Frames.join([*parts, *inside])
         return Taken(frames, arrived_ns, from_ns, to_ns, lasted_s, self._channel.drops() - drops)
@@ -95,7 +111,9 @@ class Capture:
         said: set[str] = set()
         frames, turned = Frames.empty(), False
         while clock.monotonic_s() < deadline_s:
-            frames = Frames.join([frames, self._look(DWELL_LOOK_S)])
+            newest = self._look(DWELL_LOOK_S)
+            self._pass_over(newest)
+            frames = Frames.join([frames, newest])
             frames = frames[frames.time_ns > clock.epoch_ns() - round(2 * HOLD_BY_HAND_S * 1e9)]
             windows = [self._window(frames, unit, HOLD_BY_HAND_S) for unit in units]
             if not all(at_rest(w, self._noise, self._lsb) for w in windows):
@@ -115,18 +133,18 @@ class Capture:
 
     def _reading(self, newest: Frames, units: Sequence[Unit]) -> Reading:
         """The newest frames as a page may show them; a unit that sent fewer than two readings is left out."""
-        read = {u.seat.serial: xyz for u in units if len(xyz := self._usable(newest, u)) > 1}
+        read = {u.seat.serial: xyz for u in units if len(xyz := self._usable(newest, u.seat.node)) > 1}
         return Reading(
             {serial: tuple(float(v) for v in xyz.mean(axis=0)) for serial, xyz in read.items()},
             {serial: float(xyz.std(axis=0, ddof=1).max()) for serial, xyz in read.items()},
         )
 
-    def _good_enough(self, units: Sequence[Unit], inside: list[Frames], lasted_s: float) -> bool:
-        dwell = self._job.recipe.dwell
-        if dwell.until_std is None or lasted_s < dwell.min_s:
-            return False
+    def _readings(self, inside: list[Frames], units: Sequence[Unit]) -> Readings:
+        """What the units have said in this dwell, and the gold reference beside them."""
         block = Frames.join(inside)
-        return all(mean_std(self._usable(block, unit)) <= dwell.until_std for unit in units)
+        said = {u.seat.serial: self._usable(block, u.seat.node) for u in units}
+        gold = self._job.gold_node
+        return said if gold is None else said | {GOLD: self._usable(block, gold)}
 
     def _settle(self, units: Sequence[Unit]) -> list[Frames]:
         """The recipe's settling time, then until every unit is still; a unit that never is, the stop's check names.
@@ -158,11 +176,11 @@ class Capture:
     def _window(self, frames: Frames, unit: Unit, hold_s: float) -> Floats:
         """The newest readings of a unit (n, 3), long enough to tell rest from movement; none when they are too few."""
         count = max(HOLD_READINGS, round(hold_s * self._job.recipe.device.rate_hz))
-        readings = self._usable(frames, unit)
+        readings = self._usable(frames, unit.seat.node)
         return readings[-count:] if len(readings) >= count else readings[:0]
 
-    def _usable(self, frames: Frames, unit: Unit) -> Floats:
-        told = samples(frames, self._job.layout, unit.seat.node)
+    def _usable(self, frames: Frames, node: int) -> Floats:
+        told = samples(frames, self._job.layout, node)
         return told.xyz[told.usable]
 
     def _wrong_face(self, unit: Unit, window: Floats, planned: Planned) -> str:

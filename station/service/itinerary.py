@@ -5,13 +5,10 @@ from itertools import pairwise
 import numpy as np
 
 from station.domain import plan, rotation
-from station.domain.plan import Stop
+from station.domain.plan import STOPS_BY_HAND, Stop
 from station.domain.recipe import Recipe
 from station.domain.types import Floats
 from station.ports.positioner import Positioner
-
-#: Stops of a run whose recipe lists no positions, because a person holds the part in any pose.
-STOPS_BY_HAND = 24
 
 
 def tumble(recipe: Recipe, run: int) -> tuple[Stop, ...]:
@@ -19,7 +16,7 @@ def tumble(recipe: Recipe, run: int) -> tuple[Stop, ...]:
     if recipe.pose_known or recipe.positions:
         return plan.stops(recipe, run)
     unknown = np.full(3, np.nan)
-    names = [f"hand-{i + 1}" for i in range(STOPS_BY_HAND)]
+    names = plan.names(recipe, run)
     up = np.array([0.0, 0.0, 1.0])
     return tuple(
         Stop(run, i, name, "home", rotation.shortest(_spread(i), up), np.eye(3), unknown, names[i - 1] if i else None)

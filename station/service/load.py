@@ -221,6 +221,8 @@ class Load:
         if fit.stops is not None:  # what `station backtest` computes from: raw frames of a whole fleet take hours
             self._station.store.result(unit.attempt, "stops", stops_document.to_document(fit.stops))
         self._station.store.result(unit.attempt, "calibration", document.unit(fit))
+        if self._capture is not None and (dwell := self._capture.pace.told(unit.seat.serial)):
+            self._station.store.result(unit.attempt, "dwell", dwell)
         yield Judged(unit.seat, fit)
         if fit.calibration is None or fit.verdict.outcome is not Outcome.PASS:
             unit.reasons.extend(fit.verdict.reasons)

@@ -166,21 +166,45 @@ def test_several_runs_and_seatings_ask_for_reseating_once(tmp_path: Path) -> Non
     assert [(v["run"], v["seating"]) for v in visits] == [(0, "home")] * 6 + [(1, "turned")] * 6
 
 
-def test_a_dwell_until_good_enough_ends_when_it_is(tmp_path: Path) -> None:
-    short = fixture_run.run(
-        tmp_path, recipe=fixture_run.recipe(tmp_path, dwell={"until_std": 0.0005, "min_s": 0.2, "max_s": 5})
-    )
-    (tmp_path / "long").mkdir()
-    long = fixture_run.run(
-        tmp_path / "long", recipe=fixture_run.recipe(tmp_path, dwell={"until_std": 0.00008, "min_s": 0.2, "max_s": 5})
-    )
+def test_dwells_end_when_the_coefficients_are_good_enough(tmp_path: Path) -> None:
+    """Gains of six faces: noise of 100 ug/rtHz needs (1e-4)^2 / 2 / (2 * std^2) s a stop, more while it is learnt."""
+    seen = {}
+    for name, until_std in (("short", 5e-4), ("long", 5e-5)):
+        (tmp_path / name).mkdir()
+        recipe = fixture_run.recipe(tmp_path, dwell={"until_std": until_std, "min_s": 0.2, "max_s": 5})
+        seen[name] = fixture_run.run(tmp_path / name, recipe=recipe)
+    assert dwelt_s(seen["short"], "tumble") == pytest.approx([0.2] * 6, abs=0.02)
+    long_s = dwelt_s(seen["long"], "tumble")
+    assert 0.8 < np.mean(long_s) < 2.0 and max(long_s) < 4
+    assert dwelt_s(seen["long"], "verify") == pytest.approx([np.mean(long_s)] * 2, abs=0.02)
+    fit = seen["long"].results["SN0001"].fit
+    assert fit is not None and fit.budget is not None and fit.calibration is not None
+    assert fit.budget.std("noise").max() < 5e-5 * 1.05
+    assert not any("until_std" in note for note in fit.calibration.notes)
 
-    def dwelt_s(ran: Ran) -> float:
-        seen = [v["statistics"] for v in ran.life("SN0001")["visits"] if v["kind"] == "tumble"]
-        return float(np.mean([s["to_ns"] - s["from_ns"] for s in seen])) / 1e9
 
-    assert 0.2 <= dwelt_s(short) < 0.5
-    assert 0.7 < dwelt_s(long) <= 5.0
+def test_an_uncertainty_out_of_reach_is_told(tmp_path: Path) -> None:
+    recipe = fixture_run.recipe(tmp_path, dwell={"until_std": 1e-5, "min_s": 0.2, "max_s": 0.5})
+    ran = fixture_run.run(tmp_path, recipe=recipe)
+    # The last tenth of the variance would cost the longest dwell at every stop.
+    assert all(0.4 < s < 0.52 for s in dwelt_s(ran, "tumble"))
+    notes = ran.kept("SN0001", "calibration")["notes"]
+    assert any("times what dwell.until_std 1e-05 g asks for; raise dwell.max_s (0.5 s)" in note for note in notes)
+
+
+def test_all_nests_dwell_together_and_each_is_told_what_it_alone_would_need(tmp_path: Path) -> None:
+    recipe = fixture_run.recipe(tmp_path, dwell={"until_std": 5e-5, "min_s": 0.2, "max_s": 5})
+    ran = fixture_run.run(tmp_path, units=2, recipe=recipe)
+    one, two = (ran.kept(serial, "dwell") for serial in ("SN0001", "SN0002"))
+    assert one["dwell_s"] == two["dwell_s"] == pytest.approx(dwelt_s(ran, "tumble"), abs=0.02)
+    assert one["alone_s"] != two["alone_s"]
+    assert max(sum(d["alone_s"]) for d in (one, two)) < sum(one["dwell_s"]) * 1.1
+
+
+def dwelt_s(ran: Ran, kind: str) -> list[float]:
+    """How long each stop of that kind lasted, s."""
+    seen = [v["statistics"] for v in ran.life("SN0001")["visits"] if v["kind"] == kind]
+    return [(s["to_ns"] - s["from_ns"]) / 1e9 for s in seen]
 
 
 def test_recipe_and_product_in_the_log_are_enough_to_refit(four: Ran) -> None:

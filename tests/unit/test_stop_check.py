@@ -13,7 +13,7 @@ from station.config.recipes import load_recipe
 from station.domain import encode
 from station.domain.frames import SensorLayout, resolve
 from station.domain.recipe import Recipe
-from station.domain.stillness import angle_deg, at_rest, expected_noise, face, has_direction, mean_std
+from station.domain.stillness import angle_deg, at_rest, expected_noise, face, has_direction
 from station.domain.stop_check import STATION_CHECKS, Dwelled, check, statistics
 from station.domain.stream import samples
 from station.domain.types import Floats, Frames
@@ -164,20 +164,3 @@ def test_which_stimulus_points_somewhere(recipe: Recipe) -> None:
 
 def test_expected_noise_is_the_sheets_white_noise_and_rounding(recipe: Recipe) -> None:
     assert expected_noise(recipe) == pytest.approx(np.hypot(1e-4 * np.sqrt(50), 6.25e-5 / np.sqrt(12)))
-
-
-def test_batch_means_know_the_error_of_correlated_readings() -> None:
-    rng = np.random.default_rng(SEED)
-    n, phi, runs = 800, 0.8, 300
-    told, means = [], []
-    for _ in range(runs):
-        x = rng.standard_normal((n, 3))
-        for i in range(1, n):
-            x[i] = phi * x[i - 1] + np.sqrt(1 - phi**2) * x[i]
-        told.append(mean_std(x))
-        means.append(x.mean(axis=0))
-    true = float(np.std(means))
-    # The largest of three axes, each from 8 batches (7 degrees of freedom): its mean is about 1.25 times the truth;
-    # sigma / sqrt(n) would be a third of it (sqrt((1 + phi) / (1 - phi)) = 3).
-    assert 1.0 * true < np.mean(told) < 1.5 * true
-    assert mean_std(np.zeros((15, 3))) == np.inf

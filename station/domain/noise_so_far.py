@@ -1,0 +1,132 @@
+"""What the dwells of a unit have told of its noise so far: sums, added to dwell by dwell (station.domain.noise).
+
+Means enter nowhere: of Gaussian noise they are independent of everything here, so a dwell that ends by it leaves its
+mean unbiased and as variable as the same dwell of fixed length (Helmert 1876; Stein 1945, Ann. Math. Stat. 16).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain import dwell, noise
+from station.domain.standard_error import Units
+from station.domain.types import Floats
+
+#: Readings below which a dwell says nothing of noise.
+FEWEST = 4
+#: Points of the curve of noise against the length of a dwell.
+POINTS = 9
+
+
+def reach_of(count: int) -> int:
+    """The readings that noise is told by where the longest dwell so far has `count`: the next power of two.
+
+    Dwells told together share it; it changes seldom, so little is told again.
+    """
+    return 1 << max(int(count - 1).bit_length(), 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dwelt:
+    """One dwell of units (u), as long in each. count (u) readings; square, neighbours (u, 3): see dwell.squares;
+    misfit (u, 3, s), log_det (u, s), dof (u): a dwell's share in those of noise.posterior."""
+
+    count: Floats
+    square: Floats
+    neighbours: Floats
+    misfit: Floats
+    log_det: Floats
+    dof: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """Noise density of units (u): the variance of the mean of n readings times n, `by_count` (u, 3, p), at `count` (p)
+    readings; dof (u, 3, p) of it; odd (u, v, 3): the variance of each dwell over that of the unit's usual one."""
+
+    count: Floats
+    by_count: Floats
+    dof: Floats
+    odd: Floats
+
+    def at(self, count: Floats) -> tuple[Floats, Floats]:
+        """n · variance (u, v, 3) of dwells of n = count (u, v) readings and its dof, straight between logarithms."""
+        if len(self.count) == 1:
+            one, dof = (np.broadcast_to(c[:, None, :, 0], (*count.shape, 3)) for c in (self.by_count, self.dof))
+            return one, dof
+        place = np.interp(np.log(np.maximum(count, 1.0)), np.log(self.count), np.arange(len(self.count)))
+        before = np.minimum(place.astype(int), len(self.count) - 2)
+        share = (place - before)[..., None]
+        return _between(self.by_count, before, share), _between(self.dof, before, share)
+
+
+def _between(curve: Floats, before: NDArray[np.intp], share: Floats) -> Floats:
+    """Curves (u, 3, p) at places (u, v) on the way from one point to the next."""
+    points = curve.transpose(0, 2, 1)
+    low, high = (np.take_along_axis(points, at[..., None], axis=1) for at in (before, before + 1))
+    return np.asarray(low * (1 - share) + high * share)
+
+
+def dwelt(reading: Floats, longest: int) -> Dwelt:
+    """What dwells (u, n, 3) of at least FEWEST readings tell; longest: see reach_of."""
+    x = np.ascontiguousarray(reading.transpose(0, 2, 1))
+    units, _, n = x.shape
+    _, deviation, _ = dwell.deviations(x, dwell.least_step(x))
+    square, neighbours = dwell.squares(deviation)
+    cut = noise.cut(n, noise.step_of(longest))
+    family = noise.family(cut.blocks, cut.width, noise.reach_of(longest))
+    coefficient = dwell.block_means(deviation, cut) @ family.transform.T
+    return Dwelt(
+        count=np.full(units, float(n)),
+        square=square,
+        neighbours=neighbours,
+        misfit=coefficient**2 @ family.inverse,
+        log_det=np.tile(family.log_det, (units, 1)),
+        dof=np.full(units, float(cut.blocks - 1)),
+    )
+
+
+def curve(dwells: Sequence[Dwelt], longest: int) -> Curve:
+    """What all dwells of units, told with the same `longest`, say together; longer ones are taken to go on as white.
+
+    A dwell that is odd in one axis was disturbed or moved: it says nothing of the usual noise.
+    """
+    odd = _odd(dwells)
+    usual = (odd == 1).all(axis=2).astype(float)
+    # Of two dwells that differ nobody knows which is the odd one.
+    usual = np.where(usual.any(axis=1, keepdims=True), usual, 1.0)
+    misfit = np.stack([d.misfit for d in dwells], axis=1)
+    dof = np.maximum((usual * np.stack([d.dof for d in dwells], axis=1)).sum(axis=1), 1.0)
+    log_det = (usual[..., None] * np.stack([d.log_det for d in dwells], axis=1)).sum(axis=1)
+    weight, variance = noise.posterior((usual[..., None, None] * misfit).sum(axis=1), dof, log_det, _log_prior(longest))
+    count = np.unique(np.rint(np.geomspace(2, longest, POINTS)).astype(int))
+    found = [noise.averaged(weight, variance * _mean_variance(int(n), longest), dof) for n in count]
+    return Curve(
+        count=count.astype(float),
+        by_count=np.stack([n * v for n, (v, _) in zip(count, found, strict=True)], axis=2),
+        dof=np.stack([nu for _, nu in found], axis=2),
+        odd=odd,
+    )
+
+
+def _odd(dwells: Sequence[Dwelt]) -> Floats:
+    square, neighbours = (np.stack([getattr(d, name) for d in dwells], axis=1) for name in ("square", "neighbours"))
+    count = np.stack([d.count for d in dwells], axis=1).astype(np.int64)
+    u, v, _ = square.shape
+    none = np.zeros(u, np.int64)
+    units = Units(first=np.arange(u) * v, of=np.repeat(np.arange(u), v), step=none, reach=none)
+    found = dwell.odd_ones(square.reshape(-1, 3), neighbours.reshape(-1, 3), count.ravel(), units)
+    return found.reshape(u, v, 3)
+
+
+def _log_prior(longest: int) -> Floats:
+    return noise.family(2, 1, noise.reach_of(longest)).log_prior
+
+
+def _mean_variance(count: int, longest: int) -> Floats:
+    """Variance (s) of the mean of so many readings under each shape, for readings of unit variance."""
+    cut = noise.cut(count, noise.step_of(longest))
+    family = noise.family(cut.blocks, cut.width, noise.reach_of(longest))
+    return np.asarray(family.mean_variance * (cut.blocks * cut.samples / count))

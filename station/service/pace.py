@@ -1,0 +1,131 @@
+"""How long to stay at a stop, asked while it goes on: a fixed time, or until the coefficients are good enough."""
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import numpy as np
+
+from station.domain import adaptive_dwell
+from station.domain.adaptive_dwell import SoFar
+from station.domain.noise_so_far import FEWEST, Curve, Dwelt, curve, dwelt, reach_of
+from station.domain.recipe import Recipe
+from station.domain.stillness import expected_noise
+from station.domain.types import Floats
+
+#: Under this serial stand the gold reference's readings, whose noise comes on top of every unit's.
+GOLD = ""
+#: Readings (n, 3) of the dwell so far by serial, and how to have them decoded.
+Readings = Mapping[str, Floats]
+Read = Callable[[], Readings]
+
+
+class Pace(Protocol):
+    """How long stops last. A stop is its place in the recipe's plan, None where it is measured for verification."""
+
+    def first_s(self, stop: int | None, /) -> float:
+        """When to ask for the first time."""
+
+    def until_s(self, stop: int | None, lasted_s: float, read: Read, /) -> float:
+        """When to ask again; the stop is over when that is not later than `lasted_s`."""
+
+    def ended(self, stop: int | None, lasted_s: float, read: Read, /) -> None:
+        """The stop is over."""
+
+    def told(self, serial: str, /) -> Mapping[str, object]:
+        """What the record keeps of the dwells of a unit; nothing where they were as long as the recipe says."""
+
+
+class Fixed:
+    """Every stop lasts as long; nothing is decoded for it."""
+
+    def __init__(self, time_s: float) -> None:
+        self._time_s = time_s
+
+    def first_s(self, _stop: int | None, /) -> float:
+        """The fixed time."""
+        return self._time_s
+
+    def until_s(self, _stop: int | None, _lasted_s: float, _read: Read, /) -> float:
+        """The fixed time."""
+        return self._time_s
+
+    def ended(self, _stop: int | None, _lasted_s: float, _read: Read, /) -> None:
+        """Nothing is learnt."""
+
+    def told(self, _serial: str, /) -> Mapping[str, object]:
+        """Nothing."""
+        return {}
+
+
+class UntilStd:
+    """Stops as long as the coefficients of the noisiest unit need; stops of verification last as the others did."""
+
+    def __init__(self, recipe: Recipe) -> None:
+        self.aim = adaptive_dwell.aim(recipe)
+        self._plan_s = adaptive_dwell.start_s(self.aim, expected_noise(recipe) ** 2 / recipe.device.rate_hz)
+        self._done_s = np.zeros(len(self.aim))
+        self._read: dict[str, dict[int, Floats]] = {}
+        self._told: dict[tuple[str, int], tuple[tuple[int, int], Dwelt]] = {}
+
+    def first_s(self, stop: int | None, /) -> float:
+        """The shortest dwell; of a verification the usual one."""
+        done = self._done_s[self._done_s > 0]
+        return self.aim.shortest_s if stop is not None or not len(done) else float(done.mean())
+
+    def until_s(self, stop: int | None, lasted_s: float, read: Read, /) -> float:
+        """What the plan says now, or a moment before it at which to look again."""
+        if stop is None or lasted_s >= self.aim.longest_s:
+            return lasted_s
+        telling = self._keep(stop, read())
+        if not set(telling) - {GOLD}:
+            # Of a unit that says too little the stop's own check will tell; it must not hold the others up.
+            return min(FEWEST / self.aim.rate_hz, self.aim.longest_s)
+        self._done_s[stop] = 0.0
+        self._plan_s = self._planned(telling, self._done_s, lasted_s)
+        return float(adaptive_dwell.ask_again_s(self._plan_s[[stop]], np.array([lasted_s]))[0])
+
+    def ended(self, stop: int | None, lasted_s: float, read: Read, /) -> None:
+        """Keeps what the whole dwell told; a stop that is measured again counts as it was the last time."""
+        if stop is not None:
+            self._keep(stop, read())
+            self._done_s[stop] = lasted_s
+
+    def told(self, serial: str, /) -> Mapping[str, object]:
+        """Dwells (v), s, as they were, and as the unit would have needed them alone, its noise known from the start."""
+        if not self._read.get(serial):
+            return {}
+        gold = (GOLD,) if GOLD in self._read else ()
+        alone_s = self._planned((serial, *gold), np.zeros_like(self._done_s), 0.0)
+        return {"dwell_s": self._done_s.tolist(), "alone_s": np.round(alone_s, 3).tolist()}
+
+    def _keep(self, stop: int, readings: Readings) -> tuple[str, ...]:
+        """Keeps what was read at a stop so far; returns who said enough to be told by."""
+        telling = tuple(serial for serial, x in readings.items() if len(x) >= FEWEST)
+        for serial in telling:
+            self._read.setdefault(serial, {})[stop] = readings[serial]
+        return telling
+
+    def _planned(self, serials: tuple[str, ...], done_s: Floats, lasted_s: float) -> Floats:
+        seen = sorted(set.intersection(*(set(self._read[s]) for s in serials)))
+        found = {s: self._curve(s, seen) for s in serials}
+        gold = found.pop(GOLD, None)
+        seen_s = np.array([self._done_s[seen].sum() + lasted_s])
+        so_far = SoFar(adaptive_dwell.fixture(list(found.values()), gold), done_s[None], np.array(seen), seen_s)
+        return np.asarray(adaptive_dwell.plan(self.aim, so_far, self._plan_s[None]).dwell_s[0])
+
+    def _curve(self, serial: str, seen: list[int]) -> Curve:
+        reach = reach_of(max(len(x) for read in self._read.values() for x in read.values()))
+        return curve([self._dwelt(serial, stop, reach) for stop in seen], reach)
+
+    def _dwelt(self, serial: str, stop: int, reach: int) -> Dwelt:
+        reading = self._read[serial][stop]
+        key, told = self._told.get((serial, stop), ((0, 0), None))
+        if told is None or key != (len(reading), reach):
+            key, told = (len(reading), reach), dwelt(reading[None], reach)
+            self._told[serial, stop] = key, told
+        return told
+
+
+def of(recipe: Recipe) -> Pace:
+    """The pace that the recipe asks for."""
+    return UntilStd(recipe) if recipe.dwell.time_s is None else Fixed(recipe.dwell.time_s)
