@@ -22,7 +22,7 @@ from station.errors import RecipeError
 from station.model.effect import Effect
 from station.model.line import Line
 from station.model.simulate import Job, simulate
-from station.model.timeline import density_of, dwell_of, round_of
+from station.model.timeline import density_of, dwells_of, round_of
 
 #: Samples a second that are enough to plan by: the noise of a mean follows from the density.
 RATE_HZ = 20.0
@@ -96,7 +96,7 @@ def planned(recipe: Recipe, units: int, seed: int = 1) -> Planned:
     job = Job(recipe.model_copy(update={"device": slow}), tuple(f"unit-{i + 1}" for i in range(units)), seed)
     table = simulate(job).table
     problem = problem_of(reduce(job.recipe, table), Allowance.of(recipe, job.model))
-    return Planned(problem, Floor(density / float(np.sqrt(2 * dwell_of(recipe))), 0.0, 0.0))
+    return Planned(problem, Floor(density / float(np.sqrt(2 * dwells_of(recipe).mean())), 0.0, 0.0))
 
 
 def tell_apart(recipe: Recipe, units: int = 4) -> Apart:
