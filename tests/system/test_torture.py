@@ -53,3 +53,22 @@ def test_frames_that_a_small_buffer_loses_are_counted_and_their_visits_rejected(
     assert (told["kept"], told["lost_in_kept"]) == (0, 0)
     assert told["lost_in_rejected"] > 1000
     assert any("the kernel dropped" in reason for reason in told["reasons"])
+
+
+def power_cut(*options: str) -> tuple[int, dict[str, Any]]:
+    command = [sys.executable, "benchmarks/torture_power.py", "--every", "5", "--seed", str(SEED), "--json", *options]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=110, check=False)
+    return done.returncode, json.loads(done.stdout)
+
+
+def test_a_power_cut_at_any_fsync_leaves_every_record_whose_call_had_returned() -> None:
+    code, told = power_cut()
+    assert (code, told["faulty"]) == (0, 0), told["said"]
+    assert told["fsyncs"] > 60
+    assert min(told["tried"].values()) > 10
+
+
+def test_a_log_that_commits_without_an_fsync_is_caught() -> None:
+    code, told = power_cut("--careless")
+    assert code == 1
+    assert all("records are missing" in said for said in told["said"])
