@@ -59,9 +59,9 @@ def main() -> int:
         for figure in told[name]:
             print(figure.line())
         print(f"  ({time.process_time() - begun:.0f} s of processor)\n", flush=True)
-    if asked.json:
-        figures = {name: [f.document() for f in row] for name, row in told.items()}
-        asked.json.write_text(json.dumps({"seed": asked.seed, "sets": asked.sets, "rows": figures}, indent=1))
+        if asked.json:
+            figures = {name: [f.document() for f in row] for name, row in told.items()}
+            asked.json.write_text(json.dumps({"seed": asked.seed, "sets": asked.sets, "rows": figures}, indent=1))
     return int(any(f.met is False for row in told.values() for f in row))
 
 

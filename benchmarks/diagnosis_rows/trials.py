@@ -126,8 +126,22 @@ def tried(ask: Ask) -> tuple[Trial, Diagnosis]:
     return told(ask, found, truth), found
 
 
-def alarms(ask: Ask) -> bool:
-    """Whether the first look at the samples alarms; the search that would follow is left out."""
+@dataclass(frozen=True)
+class First:
+    """What the first look says: the alarm's statistic, −log₁₀ p, its threshold, and whether a gross fault was seen."""
+
+    statistic: float
+    threshold: float
+    fault: bool
+
+    @property
+    def alarms(self) -> bool:
+        """Whether anything is said to be wrong."""
+        return self.fault or self.statistic > self.threshold
+
+
+def first_look(ask: Ask) -> First:
+    """The first look at the samples; the search that would follow an alarm is left out."""
     threshold = [np.inf]
 
     def never(problem: Any, fitted: Any, now: Any) -> Null:
@@ -137,7 +151,7 @@ def alarms(ask: Ask) -> bool:
 
     recipe, table, _ = table_of(ask)
     found = diagnose(recipe, table, Model(), never)
-    return bool(found.faults) or found.searched.statistics[0] > threshold[0]
+    return First(found.searched.statistics[0], threshold[0], bool(found.faults))
 
 
 def named_ids() -> list[str]:
