@@ -1,12 +1,14 @@
 """Edits a log at random behind the station's back, and counts the edits that `station audit --verify` finds.
 
-    python benchmarks/torture_edits.py [EDITS] [SEED]
+    python benchmarks/torture_edits.py [--edits 10000] [--seed 1] [--json]
 
 Every edit is made in SQL with the guards off, as somebody with the file in hands would: any value of any record
 changed, records deleted, inserted, copied, swapped, moved, the end cut off with the log's own note of it brought into
 line, raw frames and notes altered. Then the log is checked, and the edit undone.
 """
 
+import argparse
+import json
 import sqlite3
 import sys
 import tempfile
@@ -244,25 +246,43 @@ def torture(path: Path, edits: int, seed: int) -> tuple[Counter[str], list[str]]
     return made, missed
 
 
-def main() -> None:
-    """Prints the count."""
-    edits = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
-    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
+def both_kinds(edits: int, seed: int) -> list[tuple[str, int, list[str], Counter[str]]]:
+    """(kind of log, edits, what was missed, edits by kind): four fifths on a plain log, the rest on a signed one."""
     key = Ed25519PrivateKey.generate()
-    for kind, signer, share in (
-        ("a plain log", None, edits - edits // 5),
-        ("a signed log", Signer(key.sign, key.public_key().public_bytes_raw()), edits // 5),
-    ):
+    signer = Signer(key.sign, key.public_key().public_bytes_raw())
+    told = []
+    for kind, used, share in (("plain", None, edits - edits // 5), ("signed", signer, edits // 5)):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "station.db"
-            make(path, signer)
-            begun = time.perf_counter()
+            make(path, used)
             made, missed = torture(path, share, seed)
-        print(f"edits of {kind} found by --verify: {share - len(missed)} of {share}   goal: all   seed {seed}")
-        print(f"  {time.perf_counter() - begun:.0f} s; " + ", ".join(f"{k} {v}" for k, v in sorted(made.items())))
-        for line in missed[:20]:
-            print(f"  missed: {line}")
+        told.append((kind, share, missed, made))
+    return told
+
+
+def main() -> int:
+    """Prints the count; 1 when an edit was missed."""
+    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ask.add_argument("--edits", type=int, default=10_000)
+    ask.add_argument("--seed", type=int, default=1)
+    ask.add_argument("--json", action="store_true")
+    given = ask.parse_args()
+    begun_s = time.perf_counter()
+    told = both_kinds(given.edits, given.seed)
+    missed = [f"{kind} log: {line}" for kind, _, lines, _ in told for line in lines]
+    if given.json:
+        print(json.dumps({"edits": given.edits, "missed": len(missed), "seed": given.seed, "said": missed}))
+        return int(bool(missed))
+    found = given.edits - len(missed)
+    print(f"random edits of the log found by --verify: {found} of {given.edits}   goal: all   seed {given.seed}")
+    for kind, share, lines, made in told:
+        kinds = ", ".join(f"{k} {v}" for k, v in sorted(made.items()))
+        print(f"  {kind} log: {share - len(lines)} of {share}; {kinds}")
+    print(f"  {time.perf_counter() - begun_s:.0f} s")
+    for line in missed[:20]:
+        print(f"  missed: {line}")
+    return int(bool(missed))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

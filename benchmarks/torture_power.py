@@ -35,6 +35,7 @@ from station.errors import StationError
 NAME, SECTOR = "station.db", 512
 #: What belongs to a disk: the index of the write-ahead log is shared memory, the lock is the process's.
 SIDES = ("", "-wal", ".head")
+MADE = ".new"
 WAYS = ("synced", "written", "torn")
 CALLS = ("begin", "event", "visit", "write", "result", "finish")
 Files = dict[str, bytes]
@@ -87,14 +88,17 @@ def watched(folder: Path, out: Path, *, careless: bool) -> list[tuple[int, int]]
 
 def states(out: Path) -> Iterator[tuple[int, Files, Files]]:
     """At each fsync: its number, every file as last synced, and every file as written by then."""
-    synced: Files = {}
+    synced, made = Files(), b""
     for note in sorted(out.glob("*.synced")):
         copy = out / note.stem
         written = {side: (copy / f"{NAME}{side}").read_bytes() for side in SIDES if (copy / f"{NAME}{side}").exists()}
         side = note.read_text().removeprefix(NAME)
+        if side == MADE:  # a new log is synced under this name; the folder's sync makes its own name durable
+            made = (copy / f"{NAME}{MADE}").read_bytes()
         if side in written:
             synced = {**synced, side: written[side]}
-        # A WAL that was cut to nothing holds nothing to sync.
+        elif not side and written and "" not in synced:
+            synced[""] = made
         yield int(note.stem), dict(synced), written
 
 

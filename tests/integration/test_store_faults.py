@@ -277,3 +277,25 @@ def test_a_torn_write_ahead_log_gives_a_shorter_log_and_the_head_file_says_so(pa
         assert findings(torn) == ["truncated"]
         told.add(records(torn))
     assert len(told) > 5
+
+
+def test_a_log_that_could_not_be_made_whole_is_not_made_at_all(path: Path) -> None:
+    with largest_file(20_000), pytest.raises(StoreFault, match=r"cannot be opened: the disk"):
+        SqliteStore(path)
+    assert not path.exists()
+    with SqliteStore(path) as store:
+        logs.unit(store)
+    assert findings(path) == []
+
+
+def test_what_a_deleted_log_left_behind_is_not_written_into_the_new_one(path: Path, tmp_path: Path) -> None:
+    with SqliteStore(path) as store:
+        logs.unit(store)
+        left = Path(f"{path}-wal").read_bytes()
+    for side in ("", ".head"):
+        Path(f"{path}{side}").unlink()
+    Path(f"{path}-wal").write_bytes(left)
+    with SqliteStore(path) as store:
+        assert store.head().number == 0
+        logs.unit(store, "SN7")
+    assert findings(path) == []

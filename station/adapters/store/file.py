@@ -2,6 +2,7 @@
 
 import os
 import sqlite3
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -19,6 +20,8 @@ _WAL_LIMIT_BYTES = 64 * 1024 * 1024
 def for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
     """The log, made or migrated as needed: WAL, synchronous FULL. Errors: StoreFault."""
     with told(StoreFault, path, "opened"):
+        if not path.exists() or not path.stat().st_size:
+            _make(path.resolve())
         connection = sqlite3.connect(path, timeout=busy_s, isolation_level=None, check_same_thread=False)
     try:
         with told(StoreFault, path, "opened"):
@@ -27,6 +30,21 @@ def for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
         connection.close()
         raise
     return connection
+
+
+def _make(path: Path) -> None:
+    """A new log takes its name when it is whole: a disk that fills up meanwhile leaves nothing that is half a log."""
+    beside = path.with_name(path.name + ".new")
+    beside.unlink(missing_ok=True)
+    try:
+        with closing(sqlite3.connect(beside, isolation_level=None)) as connection:
+            migrations.apply(Database(connection, execute_plugins=False))
+        for left in ("-wal", "-shm"):  # of a log that was deleted: SQLite would write it into this one
+            path.with_name(path.name + left).unlink(missing_ok=True)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+    _sync_folder(path)
 
 
 def _prepare(connection: sqlite3.Connection, path: Path) -> None:
@@ -38,8 +56,7 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
     check(db, tables, path, StoreFault)
     if not migrations.pending(db):
         return
-    if tables:
-        _back_up(connection, path)
+    _back_up(connection, path)
     migrations.apply(db)
     _sync_folder(path)
 
