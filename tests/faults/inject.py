@@ -1,6 +1,8 @@
 """Puts one fault into a simulated run: the text in the table's `inject` column is all that says how.
 
 device KIND[:key=value,…]     the unit SN0001 has a fault of station/adapters/device/fault.py
+wire KIND[:after_s=S,seconds=S]         the bus of station/adapters/bus/_wire.py between station and devices
+gold KIND[:…] | gold due=DATE           the truth comes from a gold reference at node 5, with that fault or due date
 bus KIND at S s               an error frame of the CAN driver after S simulated seconds
 positioner KEY=VALUE,…        the simulated positioner's options in config.yaml
 recipe KEY=JSON               a block of the recipe is another one
@@ -57,6 +59,19 @@ def injected(text: str, folder: Path) -> Injected:
 
 def _device(made: Injected, how: str, _folder: Path) -> None:
     made.order["faults"] = tuple(f"SN0001/{one}" for one in how.split(" and "))
+
+
+def _wire(made: Injected, how: str, _folder: Path) -> None:
+    made.order["faults"] = (f"BUS/{how}",)
+
+
+def _gold(made: Injected, how: str, folder: Path) -> None:
+    due = how.removeprefix("due=") if how.startswith("due=") else "2099-01-31"
+    if not how.startswith("due="):
+        made.order["faults"] = (f"GOLD/{how}",)
+    gold = {"serial": "G1", "due": due, "node": 5, "seat_std_deg": 0.01}
+    reference = {"source": "gold", "magnitude": 1.0, "gold": gold}
+    made.order["recipe"] = fixture_run.recipe(folder, reference=reference)
 
 
 def _bus(made: Injected, how: str, _folder: Path) -> None:
@@ -170,6 +185,8 @@ def _match(pattern: str, how: str) -> tuple[str, ...]:
 _STORE = {"full": _full, "read-only": _read_only, "locked": _locked}
 _WHERE: dict[str, Callable[[Injected, str, Path], None]] = {
     "device": _device,
+    "wire": _wire,
+    "gold": _gold,
     "bus": _bus,
     "positioner": _positioner,
     "recipe": _recipe,

@@ -1,6 +1,8 @@
 """The fault table: each fault, injected into a whole run, has its outcome, its sentence and its exit code."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,7 +15,7 @@ from tests.faults.inject import injected
 from tests.faults.table import ROWS, Row
 
 SERIAL = "SN0001"
-_OPENING = ("log garbage", "log newer", "log nowhere", "log in use")
+_OPENING = ("log garbage", "log newer", "log nowhere", "log in use", "gold due=2020-01-31")
 
 
 def held(ran: Ran) -> str:
@@ -44,6 +46,14 @@ def test_one_outcome_one_sentence_and_nothing_half_written(tmp_path: Path, row: 
     check_record(ran, row)
 
 
+def sentences(life: dict[str, Any]) -> Iterator[str]:
+    """Everything that the record says in words beside the verdict; '' where it says nothing."""
+    yield ""
+    yield from (e["detail"].get("sentence", "") for e in life["events"])
+    for visit in life["visits"]:
+        yield from (*visit["statistics"]["bus_errors"], *visit["statistics"]["reasons"])
+
+
 def check_record(ran: Ran, row: Row) -> None:
     """The log says the same as the page; where it could not be written any more, the attempt is left open."""
     r, life = ran.results[SERIAL], ran.life(SERIAL)
@@ -54,6 +64,7 @@ def check_record(ran: Ran, row: Row) -> None:
     kept = ran.kept(SERIAL, "verdict")
     assert [x["sentence"] for x in kept["reasons"]] == [x.sentence for x in r.reasons]
     assert r.verified is (row.outcome == "PASS")
+    assert any(row.keeps in sentence for sentence in sentences(life)), list(sentences(life))
     if row.flash == "mixed":
         assert (ran.kept(SERIAL, "device-state") or {}).get("state") != "new"
 
