@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 SEED   ?= 1
+SCALE  ?= 1
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
 
@@ -35,8 +36,9 @@ check: $(VENV)/.dev  ## import contracts, types, lint: the same on a desk and in
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-torture: $(VENV)/.dev  ## kills, edits, hostile input and 10,000 units, with counts; an hour or more
-	$(BIN)/python benchmarks/torture.py --seed $(SEED)
+torture: $(VENV)/.dev  ## the worst days in earnest, as one table: hours; with SCALE=0.01 some minutes
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --group fuzz
+	$(BIN)/python benchmarks/torture.py --seed $(SEED) --scale $(SCALE)
 
 bench: $(VENV)/.dev  ## every goal of speed in one table, on this machine; 20 minutes, QUICK=1: a few
 	PYTHONPATH=. $(BIN)/python benchmarks/table.py $(if $(QUICK),--quick)

@@ -1,32 +1,155 @@
 """Everything that is promised about the worst days, tried in earnest: `make torture`.
 
-    python benchmarks/torture.py [--seed 1] [--instants 1000] [--edits 10000] [--inputs 100000] [--units 10000]
+    python benchmarks/torture.py [--seed 1] [--scale 1] [--only kill,edits,…] [--json FILE]
 
-Minutes to hours, by the numbers asked for; each part prints its count and its goal, and can be run alone.
+Minutes to hours: --scale 0.01 tries a hundredth of everything, in about ten minutes. Prints a table of what was tried,
+how often, what came of it, the goal and the seed; each part can be run alone as well. 1 when a goal was missed.
 """
 
 import argparse
+import json
 import subprocess
 import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).parent
+Told = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One script: its options for a scale, and the rows (what, count, result, goal) that its JSON comes to."""
+
+    name: str
+    file: str
+    options: Callable[[float], Sequence[object]]
+    rows: Callable[[Told], Sequence[tuple[str, str, str, str]]]
+
+
+def most(count: int, scale: float, least: int) -> int:
+    """So many at that scale."""
+    return max(round(count * scale), least)
+
+
+def kills(told: Told) -> Sequence[tuple[str, str, str, str]]:
+    """SIGKILL."""
+    deaths = told["deaths"]
+    wrong = f"{told['lost']} / {told['contradicting']} / {told['unrecognised']}"
+    said = f"{deaths.get('points', 0)} points + {deaths.get('instants', 0)} instants"
+    what = "SIGKILL: records lost / logs contradicting the device / half-written devices not recognised"
+    reached = f"{told['planned'] - told['not_reached']} of {told['planned']}"
+    return (what, said, wrong, "0 / 0 / 0"), ("… chosen points at which the run really died", said, reached, "all")
+
+
+def faults(told: Told) -> Sequence[tuple[str, str, str, str]]:
+    """The fault table."""
+    return (("fault table: right outcome and sentence", f"{told['rows']} rows", f"{told['right']} right", "all, ≥ 60"),)
+
+
+def edits(told: Told) -> Sequence[tuple[str, str, str, str]]:
+    """Edits of the log."""
+    found = told["edits"] - told["missed"]
+    return (("random edits of the log found by --verify", str(told["edits"]), f"{found} found", "all"),)
+
+
+def inputs(told: Told) -> Sequence[tuple[str, str, str, str]]:
+    """Mutated inputs."""
+    return (("hostile inputs: traceback, hang over 5 s, over 1 GiB", str(told["inputs"]), str(told["faulty"]), "0"),)
+
+
+def fuzzed(told: Told) -> Sequence[tuple[str, str, str, str]]:
+    """Coverage-guided inputs."""
+    return (("the same, guided by coverage (atheris)", str(told["inputs"]), str(told["faulty"]), "0"),)
+
+
+def power(told: Told) -> Sequence[tuple[str, str, str, str]]:
+    """Power cuts."""
+    tried = sum(told["tried"].values())
+    what = "power cut at an fsync: logs that lost a record, broke or did not open"
+    return ((what, f"{told['fsyncs']} fsyncs, {tried} logs", str(told["faulty"]), "0"),)
+
+
+def lasting(told: Told) -> Sequence[tuple[str, str, str, str]]:
+    """Many units."""
+    grown = f"{100 * told['memory_growth']:+.1f} % / {told['threads_growth']:+d} / {told['files_growth']:+d}"
+    count = f"{told['units']} units, {told['passed']} passed"
+    return (
+        (f"memory after the first {told['after']} / threads / descriptors", count, grown, "< 5 % / 0 / 0"),
+        ("… write-ahead log at most", count, f"{told['wal_mib']:.1f} MiB", "< 64 MiB"),
+    )
+
+
+def full_bus(told: Told) -> Sequence[tuple[str, str, str, str]]:
+    """A full bus."""
+    count = f"{told['frames']} frames, {told['kept']} visits kept, {told['rejected']} rejected"
+    return (("frames lost at a full 1 Mbit/s in visits that were kept", count, str(told["lost_in_kept"]), "0"),)
+
+
+PARTS = (
+    Part("kill", "torture_kill.py",
+         lambda s: ("--points", 0 if s >= 1 else most(587, s, 8), "--instants", most(1000, s, 4)), kills),
+    Part("faults", "torture_faults.py", lambda s: ("--every", max(round(1 / s) // 10, 1)), faults),
+    Part("edits", "torture_edits.py", lambda s: ("--edits", most(10_000, s, 100)), edits),
+    Part("power", "torture_power.py", lambda s: ("--every", 1 if s >= 1 else 5), power),
+    Part("inputs", "torture_input.py", lambda s: ("--inputs", most(100_000, s, 300)), inputs),
+    Part("fuzz", "torture_fuzz.py", lambda s: ("--runs", most(5000, s, 100)), fuzzed),
+    Part("full-bus", "full_bus.py", lambda s: ("--seconds", most(60, s, 5)), full_bus),
+    Part("lasting", "torture_lasting.py",
+         lambda s: ("--units", most(10_000, s, 20), "--after", most(500, s, 10)), lasting),
+)  # fmt: skip
+
+
+def run(part: Part, scale: float, seed: int) -> tuple[int, Told | None, float]:
+    """(exit code, what it told or None when it broke off, seconds)."""
+    begun_s = time.monotonic()
+    seeded = () if part.name in ("full-bus", "faults") else ("--seed", seed)
+    command = [sys.executable, str(HERE / part.file), "--json", *map(str, (*part.options(scale), *seeded))]
+    print(f"{part.name}: {' '.join(command[1:])}", file=sys.stderr, flush=True)
+    done = subprocess.run(command, cwd=HERE.parent, stdout=subprocess.PIPE, text=True, check=False)
+    try:
+        told = json.loads(done.stdout)
+    except ValueError:
+        told = None
+    return done.returncode, told, time.monotonic() - begun_s
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """Columns under each other."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)
 
 
 def main() -> int:
-    """Runs every part; 1 when one of them broke off."""
+    """Runs every part, or those asked for."""
     ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name, most in (("seed", 1), ("instants", 1000), ("edits", 10_000), ("inputs", 100_000), ("units", 10_000)):
-        ask.add_argument(f"--{name}", type=int, default=most)
-    asked = ask.parse_args()
-    parts = (
-        ("torture_kill.py", "--instants", asked.instants, "--seed", asked.seed),
-        ("torture_edits.py", asked.edits, asked.seed),
-        ("torture_input.py", asked.inputs, asked.seed),
-        ("torture_lasting.py", "--units", asked.units, "--after", min(500, asked.units // 2)),
-    )
-    codes = [subprocess.call([sys.executable, str(HERE / file), *map(str, options)]) for file, *options in parts]
-    return int(any(codes))
+    ask.add_argument("--seed", type=int, default=1)
+    ask.add_argument("--scale", type=float, default=1.0)
+    ask.add_argument("--only", default=",".join(part.name for part in PARTS))
+    ask.add_argument("--json", type=Path)
+    given = ask.parse_args()
+    wanted = given.only.split(",")
+    if unknown := set(wanted) - {part.name for part in PARTS}:
+        ask.error(f"there is no part {', '.join(sorted(unknown))}; the parts are {', '.join(p.name for p in PARTS)}")
+    rows = [("what", "tried", "came to", "goal", "seed", "took", "")]
+    all_told: dict[str, Any] = {}
+    failed = False
+    for part in (p for p in PARTS if p.name in wanted):
+        code, told, lasted_s = run(part, given.scale, given.seed)
+        failed = failed or code != 0
+        verdict = "met" if code == 0 else "MISSED"
+        found = [(part.name, "", "broke off", "")] if told is None else part.rows(told)
+        rows += [(*row, str(given.seed), f"{lasted_s:.0f} s", verdict) for row in found]
+        all_told[part.name] = told
+        for line in (told or {}).get("said", [])[:20]:
+            print(f"  {line}", file=sys.stderr)
+    print(table(rows))
+    if given.json:
+        given.json.write_text(json.dumps(all_told, indent=1))
+    return int(failed)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +95,8 @@ def main() -> int:
     ask.add_argument("--child", default="", help=argparse.SUPPRESS)
     ask.add_argument("--folder", type=Path, default=Path(), help=argparse.SUPPRESS)
     given = ask.parse_args()
+    if find_spec("atheris") is None:
+        sys.exit("atheris is not installed here: python -m pip install --group fuzz")
     if given.child:
         child(given.child, given.runs, given.seed, given.folder)
     from benchmarks import torture_input
