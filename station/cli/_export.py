@@ -121,10 +121,15 @@ def _results(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[s
         with path.open("w", encoding="utf-8", newline="") as file:
             table = csv.DictWriter(file, list(rows[0]))
             table.writeheader()
-            table.writerows(rows)
+            table.writerows({name: _harmless(value) for name, value in row.items()} for row in rows)
     else:
         _results_parquet(rows, log, path)
     return "results", len(rows)
+
+
+def _harmless(value: Any) -> Any:
+    """A text that a spreadsheet would take for a formula, marked as text; figures are no text."""
+    return f"'{value}" if isinstance(value, str) and value[:1] in "=+-@\t\r" and value else value
 
 
 def _results_parquet(rows: Sequence[dict[str, Any]], log: LogReader, path: Path) -> None:

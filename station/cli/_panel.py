@@ -16,6 +16,9 @@ from station.web.panel import Panel
 from station.web.runs import Order
 from station.wiring.jobs import load_job
 
+#: More screens than any line has.
+MOST_CONNECTIONS = 200
+
 
 @dataclass(frozen=True, slots=True)
 class Where:
@@ -96,7 +99,12 @@ def _serve(panel: Panel, listen: Listen) -> None:
             self.should_exit = True
 
     options = uvicorn.Config(
-        create_app(panel), log_level="warning", access_log=False, server_header=False, timeout_graceful_shutdown=2
+        create_app(panel),
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=2,
+        limit_concurrency=MOST_CONNECTIONS,
     )
     Server(options).run(sockets=[door])
 

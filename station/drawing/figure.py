@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Literal
 
-from station.drawing.scale import Scale, label, span, ticks
+from station.drawing.scale import Scale, label, span, ticks, width
 
 #: Okabe & Ito: distinguishable with any colour vision, and on white at least 3 : 1 where lines are thin.
 COLOURS = ("#0072b2", "#d55e00", "#007a5a", "#a8578a", "#8a6d00", "#444444")
@@ -94,13 +94,19 @@ def _scales(figure: Figure) -> tuple[Scale, Scale]:
     across = (-0.5, len(figure.x_names) - 0.5) if figure.x_names else span(xs)
     up = span(ys, zero=figure.zero)
     bottom = figure.height - _BOTTOM - (26 if _slanted(figure) else 0)
-    return Scale(*across, _LEFT, figure.width - _RIGHT), Scale(*up, bottom, _TOP)
+    return Scale(*across, _LEFT, figure.width - _RIGHT), Scale(*up, bottom, _TOP + (20 if _crowded(figure) else 0))
 
 
 def _slanted(figure: Figure) -> bool:
     """Whether words under the axis would run into each other if they lay flat."""
     room = (figure.width - _LEFT - _RIGHT) / max(len(figure.x_names), 1)
-    return (max(map(len, figure.x_names), default=0) + 1) * 7 > room
+    return max(map(width, figure.x_names), default=0) + 7 > room
+
+
+def _crowded(figure: Figure) -> bool:
+    """Whether the legend would run into the title; then it stands under it."""
+    names = sum(width(s.name) + 22 for s in figure.series if s.name)
+    return bool(names) and 12 + width(figure.title, 15) + 8 + names > figure.width - _RIGHT
 
 
 def _frame(figure: Figure, x: Scale, y: Scale) -> list[str]:
@@ -118,11 +124,13 @@ def _frame(figure: Figure, x: Scale, y: Scale) -> list[str]:
 
 def _x_words(figure: Figure, x: Scale, y: Scale) -> list[str]:
     if not figure.x_names:
-        return [text(x(v), y.start + 16, label(v), "middle") for v in ticks(x.low, x.high, 8)]
+        whole = all(float(v).is_integer() for s in figure.series for v in s.x)
+        shown = [v for v in ticks(x.low, x.high, 8) if not whole or float(v).is_integer()]
+        return [text(x(v), y.start + 16, label(v), "middle") for v in shown]
     if _slanted(figure):
         every = max(1, round(len(figure.x_names) * 15 / (x.end - x.start)))
-        shown = list(enumerate(figure.x_names))[::every]
-        return [text(x(i) + 4, y.start + 12, name[:12], "end", turn=-40, size=11) for i, name in shown]
+        named = list(enumerate(figure.x_names))[::every]
+        return [text(x(i) + 4, y.start + 12, name[:12], "end", turn=-40, size=11) for i, name in named]
     return [text(x(i), y.start + 16, name, "middle") for i, name in enumerate(figure.x_names)]
 
 
@@ -164,11 +172,11 @@ def _spread(s: Series, x: Scale, y: Scale, colour: str) -> list[str]:
 
 
 def _legend(figure: Figure) -> list[str]:
-    parts, at = [], figure.width - _RIGHT
+    parts, at, down = [], figure.width - _RIGHT, 20.0 if _crowded(figure) else 0.0
     for s in reversed([s for s in figure.series if s.name]):
-        at -= 7 * len(s.name) + 22
-        parts.append(_rect(at, 11, 10, 10, COLOURS[s.colour % len(COLOURS)]))
-        parts.append(text(at + 14, 20, s.name))
+        at -= width(s.name) + 22
+        parts.append(_rect(at, 11 + down, 10, 10, COLOURS[s.colour % len(COLOURS)]))
+        parts.append(text(at + 14, 20 + down, s.name))
     return parts
 
 

@@ -42,6 +42,11 @@ def ticks(low: float, high: float, wanted: int = 5) -> list[float]:
     return [(first + i) * step for i in range(count)]
 
 
+def width(words: str, size: int = 12) -> float:
+    """About how wide a line of text is, px; Chinese characters fill a square."""
+    return sum(size if ord(c) > 0x2E7F else 0.6 * size for c in words)
+
+
 def label(value: float) -> str:
     """A tick's text: short, with a real minus sign."""
     return f"{value:.6g}".replace("-", "−")

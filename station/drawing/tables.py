@@ -5,11 +5,12 @@ from collections.abc import Sequence
 
 from station.drawing.figure import COLOURS, document, text
 from station.drawing.scale import label
+from station.drawing.scale import width as width_of
 
 
 def bars(title: str, rows: Sequence[tuple[str, float]], unit: str = "", width: int = 640) -> str:
     """One horizontal bar a row (name, value ≥ 0), the number at its end."""
-    height, names = 44 + 24 * len(rows), 8 + 7 * max((len(n) for n, _ in rows), default=0)
+    height, names = 44 + 24 * len(rows), 8 + max((width_of(n) for n, _ in rows), default=0.0)
     most = max((v for _, v in rows), default=0) or 1.0
     room = width - names - 110
     parts = []

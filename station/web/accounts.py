@@ -16,6 +16,9 @@ from station.errors import ConfigError, UsageError
 _N, _R, _P = 2**17, 8, 1
 
 
+LONGEST = 200
+
+
 class Role(StrEnum):
     """What a person may do; each role stands for its own rights, none contains another by magic."""
 
@@ -50,8 +53,8 @@ class Account:
 
 def hash_password(password: str) -> str:
     """`scrypt$N$r$p$salt$key`, salt and key in base64."""
-    if len(password) < 8:
-        raise UsageError("a password needs at least 8 characters; choose a longer one")
+    if not 8 <= len(password) <= LONGEST:
+        raise UsageError(f"a password has 8 to {LONGEST} characters; choose another one")
     salt = secrets.token_bytes(16)
     key = _scrypt(password, salt, _N, _R, _P)
     return f"scrypt${_N}${_R}${_P}${_b64(salt)}${_b64(key)}"

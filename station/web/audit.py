@@ -20,6 +20,7 @@ from station.web.certificate_pdf import pdf
 from station.web.guard import form_of, person
 from station.web.panel import Panel
 from station.web.questions import FIELDS, query_of
+from station.web.sentences import translate
 from station.web.sessions import Session
 
 #: Attempts on one page; the next page begins where this one ends.
@@ -32,12 +33,12 @@ async def search(request: Request, session: Session) -> Response:
     panel: Panel = request.app.state.panel
     asked = dict(request.query_params)
     query = query_of(asked)
+    said = {k: v[:200] for k, v in asked.items() if k in FIELDS and v}
     if asked.get("as") == "text":
         serials = await run_in_threadpool(_serials, panel, query)
-        panel.journal.add(session.account.name, "containment", question=asked, units=len(serials))
+        panel.journal.add(session.account.name, "containment", question=said, units=len(serials))
         return PlainTextResponse("".join(f"{s}\n" for s in serials))
     found, head = await run_in_threadpool(_found, panel, query)
-    said = {k: v for k, v in asked.items() if k in FIELDS and v}
     more = urlencode({**said, "before": found[PAGE - 1].number}) if len(found) > PAGE else ""
     shown = {k: asked.get(k, "") for k in FIELDS}
     return render.page(
@@ -50,7 +51,7 @@ async def search(request: Request, session: Session) -> Response:
 async def unit(request: Request, session: Session) -> Response:
     """Everything ever done to one serial."""
     panel: Panel = request.app.state.panel
-    serial = request.query_params.get("serial", "")
+    serial, code = request.query_params.get("serial", ""), language.of_request(request)
     lives = await run_in_threadpool(_lives, panel, serial)
     history = [(a, result(a, "calibration")) for a in lives]
     history = [(a, fit) for a, fit in history if fit and fit.get("offset") is not None]
@@ -64,7 +65,8 @@ async def unit(request: Request, session: Session) -> Response:
     ]
     return render.page(
         *(request, "unit.html", session),
-        serial=serial, lives=lives[::-1], history=[a for a, _ in history], rows=rows, chart=_chart(history),
+        serial=serial, lives=lives[::-1], history=[a for a, _ in history], rows=rows, chart=_chart(history, code),
+        certified={a["attempt"] for a, _ in history},
     )  # fmt: skip
 
 
@@ -74,13 +76,17 @@ async def show_certificate(request: Request, session: Session) -> Response:
     panel: Panel = request.app.state.panel
     code = language.of_request(request)
     made = await run_in_threadpool(_certificate, panel, *_which(dict(request.query_params)), code)
-    panel.journal.add(session.account.name, "certificate", **dict(request.query_params))
+    panel.journal.add(session.account.name, "certificate", serial=made.serial, attempt=made.attempt)
     if not request.url.path.endswith(".pdf"):
         return render.page(request, "certificate.html", session, made=made)
     paper = await run_in_threadpool(pdf, made)
-    name = "".join(c if c.isalnum() or c in "-_" else "_" for c in made.serial)
-    return Response(paper, media_type="application/pdf", headers={
-        "Content-Disposition": f'inline; filename="certificate-{name}.pdf"'})  # fmt: skip
+    told = {"Content-Disposition": f'inline; filename="{file_name(made.serial)}"'}
+    return Response(paper, media_type="application/pdf", headers=told)
+
+
+def file_name(serial: str) -> str:
+    """A certificate's file; a serial may hold what a header or a file system would take for something else."""
+    return f"certificate-{''.join(c if (c.isascii() and c.isalnum()) or c in '-_' else '_' for c in serial)}.pdf"
 
 
 @person("audit")
@@ -150,7 +156,7 @@ def _theta(fit: dict[str, Any]) -> list[float]:
     return [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
 
 
-def _chart(history: list[tuple[dict[str, Any], dict[str, Any]]]) -> str:
+def _chart(history: list[tuple[dict[str, Any], dict[str, Any]]], code: str) -> str:
     """The offsets from attempt to attempt with their expanded uncertainty; '' for a single one."""
     if len(history) < 2:
         return ""
@@ -161,9 +167,10 @@ def _chart(history: list[tuple[dict[str, Any], dict[str, Any]]]) -> str:
         y = [_theta(fit)[axis] for _, fit in history]
         u = [fit["budget"][axis]["expanded"] for _, fit in history]
         low, high = [a - b for a, b in zip(y, u, strict=True)], [a + b for a, b in zip(y, u, strict=True)]
-        series.append(Series(x, y, coefficients.NAMES[axis], "dots", low, high, axis))
+        series.append(Series(x, y, translate(coefficients.NAMES[axis], code), "dots", low, high, axis))
     unit = history[0][1]["budget"][0]["unit"]
-    return svg(Figure("Offsets of every attempt, with U (k = 2)", "", f"offset, {unit}", tuple(series), names))
+    title = translate("Offsets of every attempt, with U (k = 2)", code)
+    return svg(Figure(title, "", unit, tuple(series), names))
 
 
 ROUTES = [

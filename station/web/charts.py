@@ -79,7 +79,7 @@ def _pareto(line: Line, code: str) -> str:
     names = language.all_texts()[code]
     rows = [(names.get(f"check_{check}", check), float(count)) for check, count in line.reasons.items()]
     title = translate("Reasons of attempts that did not pass", code)
-    return bars(title, rows, names["attempts"].lower()) if rows else ""
+    return bars(title, rows, translate("attempts", code)) if rows else ""
 
 
 def _cycle(line: Line, say: Say) -> str:

@@ -22,6 +22,8 @@ from station.wiring import stored
 
 #: So many units at most in one selection.
 MOST = 200
+#: So many diagnoses at a time: each keeps a core busy, and the station works beside it.
+AT_ONCE = 1
 #: The report is one page with its style and figures in it, and no script.
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; sandbox"
 
@@ -34,6 +36,8 @@ async def begin(request: Request, session: Session) -> Response:
     serials = sorted({str(s) for s in form.getlist("serial")})
     if not 0 < len(serials) <= MOST:
         raise UsageError(f"pick 1 to {MOST} units, then diagnose them")
+    if sum(child.poll() is None for child in panel.children.values()) >= AT_ONCE:
+        raise UsageError(f"{AT_ONCE} diagnosis is under way; wait until it is done")
     name = secrets.token_hex(8)
     panel.journal.add(session.account.name, "diagnose", serials=serials, report=name)
     await run_in_threadpool(_begin, panel, serials, name)

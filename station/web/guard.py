@@ -1,5 +1,6 @@
 """What stands before every route: who is it, may they, and is the form theirs. Headers that close the page."""
 
+import re
 from collections.abc import Awaitable, Callable
 from functools import wraps
 
@@ -26,13 +27,25 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 
+_WHOLE = re.compile("[0-9]{1,18}")
 Endpoint = Callable[[Request], Awaitable[Response]]
 
 
+def whole(text: str) -> int | None:
+    """A whole number as it came over the wire; None for anything else, also for digits of other scripts."""
+    return int(text) if _WHOLE.fullmatch(text) else None
+
+
 def session_of(request: Request) -> Session | None:
-    """The live session of this request, or None."""
-    found = request.app.state.panel.sessions.find(request.cookies.get(COOKIE))
-    return found if isinstance(found, Session) else None
+    """The live session of this request, or None; who was removed or given another role has none any more."""
+    panel = request.app.state.panel
+    found = panel.sessions.find(request.cookies.get(COOKIE))
+    if not isinstance(found, Session):
+        return None
+    if panel.people.get(found.account.name) != found.account:
+        panel.sessions.end(found.token)
+        return None
+    return found
 
 
 def person(right: str) -> Callable[[Callable[[Request, Session], Awaitable[Response]]], Endpoint]:
@@ -91,12 +104,13 @@ def _refusal(method: str, headers: Headers) -> Response | None:
         return None
     if method != "POST":
         return Response("only GET and POST", 405)
-    length = headers.get("content-length", "")
-    if not length.isdigit():
+    length = whole(headers.get("content-length", ""))
+    if length is None:
         return Response("a body needs its length", 411)
-    if int(length) > MOST_BODY_BYTES:
+    if length > MOST_BODY_BYTES:
         return Response("the body is too large", 413)
-    origin = headers.get("origin")
-    if origin is not None and origin.partition("://")[2] != headers.get("host", ""):
+    origin, site = headers.get("origin"), headers.get("sec-fetch-site", "none")
+    foreign = origin is not None and origin.partition("://")[2] != headers.get("host", "")
+    if foreign or site not in ("same-origin", "none"):
         return Response("this form is from another site", 403)
     return None

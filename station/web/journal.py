@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from fcntl import LOCK_EX, flock
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from station.errors import LogError, StoreFault
 
@@ -28,6 +28,7 @@ class Journal:
         try:
             with self.path.open("a+b", buffering=0) as file:
                 flock(file, LOCK_EX)
+                _end_torn_line(file)
                 line = {
                     "schema": SCHEMA,
                     "at": self.now().isoformat(timespec="milliseconds"),
@@ -42,27 +43,48 @@ class Journal:
             raise StoreFault(f"{self.path} cannot be written ({exc.strerror}); free the disk, then try again") from exc
 
     def lines(self) -> Iterator[dict[str, Any]]:
-        """Every line, oldest first. Errors: LogError at the first that does not follow from the one before."""
+        """Every line, oldest first; what a power cut left of one comes as the deed `torn`.
+
+        Errors: LogError at the first line that does not follow from the one before.
+        """
         previous = _FIRST
         if not self.path.exists():
             return
         with self.path.open("rb") as file:
             for number, raw in enumerate(file, 1):
-                try:
-                    line: dict[str, Any] = json.loads(raw)
-                    follows = line["previous"] == previous
-                except (ValueError, KeyError, TypeError):
-                    follows = False
-                if not follows:
+                line = _read(raw, previous)
+                if line["previous"] != previous:
                     raise LogError(f"{self.path}: line {number} does not follow from the one before; it was edited")
                 previous = hashlib.sha256(raw).hexdigest()
                 yield line
 
 
+def _read(raw: bytes, previous: str) -> dict[str, Any]:
+    """A line; one that is none stands as torn, and whether it always did, the line after it tells."""
+    try:
+        line: dict[str, Any] = json.loads(raw)
+        return {"at": "", "person": "", "deed": "", "detail": {}, "previous": "", **line}
+    except (ValueError, TypeError):
+        text = raw.decode("utf-8", "replace")[:200]
+        return {"at": "", "person": "", "deed": "torn", "detail": {"text": text}, "previous": previous}
+
+
+def _end_torn_line(file: IO[bytes]) -> None:
+    """What a power cut left of a line keeps its place in the chain; the next one begins on its own."""
+    size = os.fstat(file.fileno()).st_size
+    if size and os.pread(file.fileno(), 1, size - 1) != b"\n":
+        file.write(b"\n")
+
+
 def _last(handle: int) -> str:
-    """SHA-256 of the newest line."""
+    """SHA-256 of the newest line, however long it is."""
     size = os.fstat(handle).st_size
     if size == 0:
         return _FIRST
-    tail = os.pread(handle, 65536, max(0, size - 65536))
-    return hashlib.sha256(tail.splitlines(keepends=True)[-1]).hexdigest()
+    back = 65536
+    while True:
+        tail = os.pread(handle, back, max(0, size - back))
+        begins = tail.rfind(b"\n", 0, len(tail) - 1) + 1
+        if begins or back >= size:
+            return hashlib.sha256(tail[begins:]).hexdigest()
+        back *= 4

@@ -9,7 +9,7 @@ from starlette.routing import Route
 
 from station.errors import UsageError
 from station.web import charts, language, render
-from station.web.guard import person
+from station.web.guard import person, whole
 from station.web.line import VALUES, Line, gather
 from station.web.memory import DAY_NS
 from station.web.panel import Panel
@@ -25,12 +25,12 @@ ASKED = ("since", "until", "station", "nest", "recipe_name", "lot")
 async def show(request: Request, session: Session) -> Response:
     """Charts of the attempts that the address asks for."""
     asked = {k: request.query_params.get(k, "") for k in ASKED}
-    value, size = request.query_params.get("value", VALUES[0]), request.query_params.get("size", "1")
-    if not size.isdigit():
+    value, size = request.query_params.get("value", VALUES[0]), whole(request.query_params.get("size", "1"))
+    if size is None:
         raise UsageError("the size of a subgroup is a number from 1 to 25")
     panel: Panel = request.app.state.panel
     line = await run_in_threadpool(_line, panel, asked)
-    drawn = await run_in_threadpool(charts.draw, line, value, int(size), language.of_request(request))
+    drawn = await run_in_threadpool(charts.draw, line, value, size, language.of_request(request))
     return render.page(
         *(request, "charts.html", session),
         asked=asked, value=value, size=size, values=VALUES, charts=drawn, count=len(line.attempts), days=DAYS,

@@ -2,7 +2,7 @@
 
 import math
 
-from starlette.concurrency import run_in_threadpool
+from anyio import to_thread
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
@@ -11,8 +11,6 @@ from station.web import accounts, render
 from station.web.guard import COOKIE, form_of, person, session_of
 from station.web.panel import Panel
 from station.web.sessions import Session
-
-_LONGEST = 200
 
 
 async def show(request: Request) -> Response:
@@ -26,7 +24,7 @@ async def log_in(request: Request) -> Response:
     """Checks name and password; a cookie that no script reads, or the form again with the reason."""
     panel: Panel = request.app.state.panel
     form = await form_of(request, None)
-    name, password = str(form.get("name", ""))[:_LONGEST], str(form.get("password", ""))[:_LONGEST]
+    name, password = str(form.get("name", ""))[: accounts.LONGEST], str(form.get("password", ""))[: accounts.LONGEST]
     keys = (f"name {name}", f"address {request.client.host if request.client else ''}")
     wait_s = panel.guesses.wait_s(*keys)
     if wait_s > 0:
@@ -35,14 +33,16 @@ async def log_in(request: Request) -> Response:
         return answer
     # Counted before it is known: tries that come at the same time all count.
     panel.guesses.failed(*keys)
-    account = accounts.load(panel.accounts).get(name)
-    right = await run_in_threadpool(accounts.verify, password, account.password if account else accounts.NOBODY)
+    account = panel.people.get(name)
+    kept = account.password if account else accounts.NOBODY
+    right = await to_thread.run_sync(accounts.verify, password, kept, limiter=panel.hashing)
     if account is None or not right:
         panel.journal.add(name, "log-in-refused")
         return render.page(request, "login.html", None, 401, error="wrong_password")
     panel.guesses.forget(*keys)
     panel.journal.add(name, "log-in", role=str(account.role))
     inside = RedirectResponse("/", 303)
+    panel.sessions.end(request.cookies.get(COOKIE, ""))  # whoever was logged in here before is no more
     token = panel.sessions.begin(account).token
     inside.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=panel.secure, path="/")
     return inside

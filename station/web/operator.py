@@ -55,6 +55,8 @@ async def _stream(panel: Panel, session: Session, code: str) -> AsyncIterator[st
             yield f"event: change\ndata: {json.dumps({**said, 'now_s': time.time()})}\n\n"
         if changed or time.monotonic() - said_s > BEAT_S:
             said_s = time.monotonic()
+            if panel.people.get(session.account.name) != session.account:
+                break
             yield f"event: beat\ndata: {time.time():.3f}\n\n"
         await asyncio.sleep(LOOK_S)
     if not panel.over:

@@ -2,21 +2,28 @@
 
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
+from types import MappingProxyType
+
+from anyio import CapacityLimiter
 
 from station.adapters.store.reader import LogReader
 from station.config.settings import Settings
 from station.domain.recipe import Recipe
 from station.errors import LogError
+from station.web.accounts import Account, load
 from station.web.journal import Journal
 from station.web.memory import Memory
 from station.web.queue import Queue
 from station.web.runs import Order, Runs, beside
 from station.web.screen import Screen
 from station.web.sessions import Guesses, Sessions
+
+#: Passwords checked at the same time.
+HASHES = 2
 
 
 @dataclass(slots=True)
@@ -25,7 +32,8 @@ class Panel:
 
     secure: the page is reached by https only, so cookies are too. over: the server ends, and so do its streams.
     monotonic_s: the clock of sessions and guesses. children: diagnoses under way, by name. memory: what the charts
-    remember. turn: one deed after the other; a stop waits for none.
+    remember. hashing: passwords are checked so many at a time, each takes 128 MiB. turn: one deed after the other; a
+    stop waits for none.
     """
 
     settings: Settings
@@ -40,6 +48,8 @@ class Panel:
     journal: Journal = field(init=False)
     runs: Runs = field(init=False)
     queue: Queue = field(init=False)
+    hashing: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(HASHES))
+    _people: tuple[tuple[int, int, int], Mapping[str, Account]] = ((-1, 0, 0), MappingProxyType({}))
     memory: Memory = field(default_factory=Memory)
     screen: Screen = field(init=False)
     turn: Lock = field(default_factory=Lock)
@@ -52,6 +62,18 @@ class Panel:
         self.runs = Runs(self.order)
         self.queue = Queue(beside(self.order.database, ".queue.json"))
         self.screen = Screen(self.settings, self.runs, self.queue)
+
+    @property
+    def people(self) -> Mapping[str, Account]:
+        """The accounts by name as their file says now. Errors: ConfigError."""
+        try:
+            stat = self.accounts.stat()
+            stamp = (stat.st_ino, stat.st_mtime_ns, stat.st_size)
+        except FileNotFoundError:
+            stamp = (0, 0, 0)
+        if stamp != self._people[0]:
+            self._people = (stamp, load(self.accounts))
+        return self._people[1]
 
     def log(self) -> LogReader:
         """The log, opened for one question. Errors: LogError; nothing was ever run where there is no file."""

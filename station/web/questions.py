@@ -5,6 +5,7 @@ from datetime import datetime, timedelta
 
 from station.adapters.store.search import Query
 from station.errors import UsageError
+from station.web.guard import whole
 
 #: Fields of the form that are columns of the query as they stand.
 PLAIN = ("station", "nest", "recipe_name", "recipe_hash", "firmware", "lot", "operator", "software")
@@ -16,14 +17,13 @@ def query_of(asked: Mapping[str, str]) -> Query:
     said = {k: asked[k].strip() for k in FIELDS if asked.get(k, "").strip()}
     serial = said.get("serial")
     begins = serial is not None and serial.endswith("*")
-    before = asked.get("before", "")
     return Query(
         serial=None if begins else serial,
         serial_from=serial[:-1] if serial and begins else None,
         outcome=said["outcome"].upper() if "outcome" in said else None,
         since_ns=_time_ns(said.get("since"), next_day=False),
         until_ns=_time_ns(said.get("until"), next_day=True),
-        before=int(before) if before.isdigit() else None,
+        before=whole(asked.get("before", "")),
         **{k: said[k] for k in PLAIN if k in said},
     )
 

@@ -69,7 +69,8 @@ def page(request: Request, name: str, session: Session | None, status: int = 200
             languages={known: texts["language_name"] for known, texts in language.all_texts().items()},
             query=urlencode([(k, v) for k, v in request.query_params.multi_items() if k != "language"]),
             station=request.app.state.panel.settings.station,
-            path=request.url.path,
+            # Only a path of ours: of any other the browser might make an address of somebody else's.
+            path=request.url.path if "endpoint" in request.scope else "/",
             person=account.name if account else "",
             role=str(account.role) if account else "",
             may={right: bool(account and account.may(right)) for right in RIGHTS},

@@ -12,9 +12,11 @@ from station.adapters.store.search import Query
 from station.web.journal import Journal
 from tests.browser.chrome import Browser
 from tests.browser.conftest import Site
+from tests.fakes import fixture_run
 
 Serve, LogIn = Callable[..., Site], Callable[..., Browser]
 pytestmark = pytest.mark.timeout(240)
+F2 = "\ue032"
 
 
 def verdict(nest: str) -> str:
@@ -89,6 +91,56 @@ def test_the_keyboard_alone_does_it(serve: Serve, log_in: LogIn) -> None:
     # Wherever the focus is, a scanner's characters reach the scan field.
     page.keys(tab * 3)
     scan(page, "SN0003")
+
+
+def test_an_operator_turns_the_units_by_hand_and_scans_the_next_load(
+    serve: Serve, log_in: LogIn, tmp_path: Path, pictures: Path
+) -> None:
+    turned = {"axis": [0, 0, 1], "angle_deg": 180}
+    runs = [{"seating": "home", "order": "listed"}, {"seating": "turned", "order": "reversed"}]
+    recipe = fixture_run.recipe(tmp_path, seatings={"turned": turned}, runs=runs)
+    page = log_in(serve("--pace", "40", "--recipe", recipe), language="de")
+    page.wait("document.activeElement.id === 'scan'")
+    scan(page, "SN0001", "SN0002")
+    page.click("#start")
+    page.wait("!document.querySelector('#todo').hidden", 60)
+    assert "in den Sitz 'turned' drehen" in page.text("#confirm"), "in the reader's language"
+    page.keys("SN0003\n")
+    page.wait("document.querySelector('[data-nest=A] [data-part=next]').textContent.includes('SN0003')")
+    page.keys("SN0001\n")
+    page.wait("document.querySelector('#told').textContent.includes('sitzt gerade in Nest A')")
+    page.picture(pictures / "confirm.png")
+    page.go(page.script("return location.href"))
+    page.wait("!document.querySelector('#todo').hidden && document.querySelector('#confirmed').offsetParent", 2)
+    page.wait("performance.now() > 1200")  # a key that was meant for something else confirms nothing
+    page.keys(F2)
+    page.wait("document.querySelector('#todo').hidden", 5)
+    page.wait("document.querySelectorAll('[data-outcome=PASS]').length === 2", 90)
+    page.wait("!document.querySelector('#coming').hidden", 20)
+    assert "SN0003" in page.text("#coming")
+    assert "GUT" in page.text("[data-nest=A] .verdict"), "the verdict stays until the unit is changed"
+    page.click("#start")
+    page.wait("document.querySelector('[data-nest=A] [data-part=serial]').textContent === 'SN0003'", 30)
+    page.wait("!document.querySelector('#todo').hidden", 60)
+    page.click("#confirmed")
+    page.wait(f"{verdict('A')} === 'PASS' && document.body.dataset.running === 'false'", 60)
+
+
+def test_an_engineer_takes_a_unit_again_on_purpose(serve: Serve, log_in: LogIn, tmp_path: Path) -> None:
+    fixture_run.run(tmp_path, ["SN0001"])
+    site = serve()
+    page = log_in(site, "olga")
+    page.wait("document.activeElement.id === 'scan'")
+    page.keys("SN0001\n")
+    page.wait("document.querySelector('#told').textContent.includes('passed six-point already')")
+    assert page.script("return document.querySelector('#again') === null"), "an operator may not"
+    page = log_in(site, "emil")
+    page.wait("document.activeElement.id === 'scan'")
+    page.keys("SN0001\n")
+    page.wait("document.activeElement.id === 'reason'")
+    page.keys("returned by the customer\n")
+    page.wait("document.querySelector('[data-nest=A] .verdict').textContent.includes('scanned')")
+    page.wait("document.querySelector('#again').hidden && document.activeElement.id === 'scan'")
 
 
 def test_two_screens_and_a_lost_connection_show_the_same_truth(serve: Serve, log_in: LogIn) -> None:

@@ -153,3 +153,13 @@ def test_a_long_list_of_reasons_is_translated_one_by_one() -> None:
     one = "axis x has 0.02 g of noise at 'x-{}', more than 0.01"
     told = translate("; ".join(one.format(i) for i in range(40)), "de")
     assert told.count("rauscht") == 40
+
+
+def test_every_deed_in_the_journal_has_a_name() -> None:
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in (ROOT / "web").glob("*.py")]
+    calls = [n for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Call)]
+    added = [n for n in calls if isinstance(n.func, ast.Attribute) and ast.unparse(n.func).endswith("journal.add")]
+    deeds = {n.args[1].value for n in added if isinstance(n.args[1], ast.Constant)}
+    assert {"log-in", "scan", "again", "confirm", "certificate"} <= deeds
+    for code, said in language.all_texts().items():
+        assert sorted(d for d in deeds if f"deed_{d}" not in said) == [], code

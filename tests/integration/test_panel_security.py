@@ -1,21 +1,24 @@
 """The page's doors: every route without log-in, with the wrong role, with a forged token, with too much in it."""
 
+import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
 from starlette.routing import Mount, Route
 from starlette.testclient import TestClient
 
+from station.adapters.store.search import Query
 from station.config.settings import load_settings
-from station.web import accounts
+from station.web import accounts, audit
 from station.web.accounts import RIGHTS, Account, Role
 from station.web.app import create_app
 from station.web.guard import MOST_BODY_BYTES
 from station.web.panel import Panel
 from station.web.runs import Order
 from station.wiring.jobs import load_job
+from tests.fakes import fixture_run
 
 PASSWORD = "correct horse"
 #: Routes that anybody may see; /metrics looks at the address instead.
@@ -213,3 +216,85 @@ def test_deeds_carry_the_name_of_the_person(house: House) -> None:
     client.post("/login", data={"name": "mallory", "password": "x"})
     lines = [(line["person"], line["deed"]) for line in house.panel.journal.lines()]
     assert lines == [("operator", "log-in"), ("operator", "scan"), ("mallory", "log-in-refused")]
+
+
+def test_who_was_removed_or_given_another_role_is_out_at_once(house: House, people: dict[str, Account]) -> None:
+    client, other = house.of("operator"), house.of("engineer")
+    left = {name: account for name, account in people.items() if name != "operator"}
+    accounts.save(house.panel.accounts, left)
+    assert client.get("/").status_code == 401
+    accounts.save(house.panel.accounts, left | {"engineer": replace(people["engineer"], role=Role.OPERATOR)})
+    assert other.get("/audit").status_code == 401, "a right that was taken away is gone with the session"
+
+
+def test_a_log_in_ends_the_session_that_the_browser_had(house: House) -> None:
+    client = house.of("operator")
+    first = client.cookies["station_session"]
+    assert client.post("/login", data={"name": "engineer", "password": PASSWORD}).status_code == 303
+    assert client.cookies["station_session"] != first
+    assert not house.panel.sessions.open(first)
+
+
+def test_a_cookie_that_somebody_else_chose_opens_nothing(house: House) -> None:
+    client = house.client()
+    client.cookies.set("station_session", "chosen-by-mallory")
+    client.post("/login", data={"name": "operator", "password": PASSWORD})
+    assert not house.panel.sessions.open("chosen-by-mallory")
+
+
+def test_a_form_that_the_browser_says_is_foreign_is_refused(house: House) -> None:
+    client = house.of("operator")
+    data = {"action": "scan", "serial": "SN0001", "csrf": house.csrf(client)}
+    for site in ("cross-site", "same-site"):
+        assert client.post("/command", data=data, headers={"sec-fetch-site": site}).status_code == 403
+    assert client.post("/command", data=data, headers={"sec-fetch-site": "same-origin"}).status_code == 200
+
+
+def test_a_secure_page_has_secure_cookies(tmp_path: Path, people: dict[str, Account]) -> None:
+    accounts.save(tmp_path / "accounts.json", people)
+    job, _ = load_job("six-point")
+    order = Order(tmp_path / "station.db", "six-point", simulate=True)
+    panel = Panel(load_settings(), job.recipe, order, tmp_path / "accounts.json", secure=True)
+    client = TestClient(create_app(panel), follow_redirects=False)
+    answer = client.post("/login", data={"name": "operator", "password": PASSWORD})
+    assert "secure" in answer.headers["set-cookie"].lower()
+
+
+def test_no_link_leads_to_another_site(house: House) -> None:
+    client = house.client()
+    for path in ("//evil.example/x", "/%5Cevil.example/x", "/\\evil.example", "/static//evil.example/"):
+        page = client.get(f"http://testserver{path}", headers={"accept": "text/html"})
+        links = re.findall(r"""(?:href|action|src)=["']([^"']*)""", page.text)
+        assert not [link for link in links if re.match(r"[/\\\\]{2}|[a-z]+:(?!,)", link)], path
+
+
+#: What people and programs put into addresses.
+ODD = (
+    *("size=\u00b2", "size=99999999999999999999", "size=-1", "size=", "value=%00", "since=0000-00-00", "since=9999"),
+    *("before=\u0663", "before=" + "9" * 30, "serial=%F0%9F%98%80", "nest=" + "x" * 3000, "language=../../etc"),
+)
+
+
+def test_no_question_makes_the_page_stumble(house: House) -> None:
+    fixture_run.run(house.panel.order.database.parent, ["SN0001"])
+    client = house.of("engineer")
+    for query in ODD:
+        for at in ("/charts", "/audit", "/audit/unit", "/audit/certificate"):
+            assert client.get(f"{at}?{query}").status_code in (200, 400), f"{at}?{query}"
+
+
+def test_names_in_a_question_are_no_arguments(house: House) -> None:
+    fixture_run.run(house.panel.order.database.parent, ["SN0001"])
+    client = house.of("engineer")
+    with house.panel.log() as log:
+        (attempt,) = log.attempts(Query())
+    asked = {"serial": "SN0001", "attempt": attempt.attempt, "person": "mallory", "deed": "x", "self": "y"}
+    assert client.get("/audit/certificate", params=asked).status_code == 200
+    last = list(house.panel.journal.lines())[-1]
+    assert (last["person"], last["deed"]) == ("engineer", "certificate")
+    client.get("/audit", params={"as": "text", "lot": "y" * 5000})
+    assert list(house.panel.journal.lines())[-1]["detail"]["question"]["lot"] == "y" * 200
+
+
+def test_headers_bear_no_serial_that_could_break_them() -> None:
+    assert audit.file_name('SN"; x=\r\ny/../Ünit') == "certificate-SN___x___y_____nit.pdf"

@@ -36,3 +36,22 @@ def test_an_edit_or_a_missing_line_is_seen(journal: Journal, number: int) -> Non
 def test_what_cannot_be_kept_is_said(tmp_path: Path) -> None:
     with pytest.raises(StoreFault, match="cannot be written"):
         Journal(tmp_path / "none" / "panel.jsonl").add("a", "scan")
+
+
+def test_a_line_that_a_power_cut_tore_keeps_its_place(journal: Journal) -> None:
+    with journal.path.open("ab") as file:
+        file.write(b'{"schema": "station.panel-jour')
+    assert [line["deed"] for line in journal.lines()] == ["scan"] * 3 + ["torn"]
+    journal.add("anna", "scan", serial="SN9")
+    journal.add("anna", "stop")
+    assert [line["deed"] for line in journal.lines()] == ["scan"] * 3 + ["torn", "scan", "stop"]
+    raw = journal.path.read_bytes().splitlines(keepends=True)
+    journal.path.write_bytes(b"".join([*raw[:3], b"another torn one\n", *raw[4:]]))
+    with pytest.raises(LogError, match="line 5"):
+        list(journal.lines())
+
+
+def test_a_line_longer_than_one_look_is_chained_like_any_other(journal: Journal) -> None:
+    journal.add("anna", "note", text="x" * 300_000)
+    journal.add("anna", "scan", serial="SN9")
+    assert len(list(journal.lines())) == 5

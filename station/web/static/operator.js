@@ -54,9 +54,11 @@
     byId("golden").hidden = !state.golden;
     say(byId("golden"), state.golden ? `⚠ ${state.golden}` : "");
     list(byId("sentences"), state.sentences);
+    document.querySelector(".messages").hidden = !state.sentences.length;
     document.body.dataset.running = String(state.running);
     document.body.dataset.hand = String(Boolean(state.asked || (state.confirm || {}).question));
     if (form) buttons();
+    time();
   }
 
   function bus({ name, state: controller, counters }) {
@@ -143,9 +145,9 @@
     (serial ? byId("reason") : scan).focus();
   }
 
-  function confirmed() {
+  function confirmed(waited_ms) {
     const question = byId("todo").dataset.question;
-    if (question && performance.now() - asked_ms > 500) command("confirm", { question });
+    if (question && waited_ms > 0) command("confirm", { question });
   }
 
   if (form) {
@@ -156,7 +158,7 @@
       if (serial) command("scan", { serial });
     });
     for (const action of ["start", "stop", "resume", "clear"]) byId(action).addEventListener("click", () => command(action));
-    byId("confirmed").addEventListener("click", confirmed);
+    byId("confirmed").addEventListener("click", () => confirmed(1));
     if (again) {
       again.addEventListener("submit", (e) => {
         e.preventDefault();
@@ -166,7 +168,10 @@
     }
     // A scanner types wherever the focus is: its characters belong to the scan field, whatever was touched last.
     document.addEventListener("keydown", (e) => {
-      if (e.key === "F2" && !e.repeat) { e.preventDefault(); confirmed(); }
+      if (e.key === "F2" && !e.repeat) {
+        e.preventDefault();
+        confirmed(performance.now() - asked_ms - 500);  // a key that was on its way before the question is no answer
+      }
       const elsewhere = document.activeElement.tagName !== "INPUT" && !e.ctrlKey && !e.altKey && !e.metaKey;
       if (elsewhere && e.key.length === 1 && e.key !== " ") scan.focus();
     });
