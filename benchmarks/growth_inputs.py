@@ -16,6 +16,8 @@ from station.domain.types import Floats, Labels, SampleTable
 from tests.fakes import tumble
 
 NOISE = 1e-3
+#: Units written in one go, as a file of some size is.
+TOGETHER = 100
 
 
 def nothing(folder: Path, size: int) -> None:
@@ -86,6 +88,7 @@ def station(*words: str) -> None:
 def _table(path: Path, count: int, ups: Floats, each: int, runs: int = 1) -> None:
     """A recipe PATH.yaml and a table PATH.parquet of what `count` units read in its positions, run after run."""
     from station.adapters.samples import write_parts
+    from station.adapters.samples.reading import join
 
     names = {f"p{i:02d}": up for i, up in enumerate(ups)}
     recipe = tumble.recipe("n-point", ups=names, runs=[{"seating": "home"}] * runs)
@@ -93,7 +96,11 @@ def _table(path: Path, count: int, ups: Floats, each: int, runs: int = 1) -> Non
     path.with_suffix(".yaml").write_text(yaml.safe_dump(said), encoding="utf-8")
     rng = np.random.default_rng(1)
     readings = tumble.readings(tumble.units(rng, count), tumble.truths(recipe))
-    write_parts((_one(u, readings[u], tuple(names), each, rng) for u in range(count)), path.with_suffix(".parquet"))
+    parts = (
+        join([_one(u, readings[u], tuple(names), each, rng) for u in range(a, min(a + TOGETHER, count))])
+        for a in range(0, count, TOGETHER)
+    )
+    write_parts(parts, path.with_suffix(".parquet"))
 
 
 def _one(unit: int, readings: Floats, names: tuple[str, ...], each: int, rng: np.random.Generator) -> SampleTable:

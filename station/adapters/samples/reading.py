@@ -132,7 +132,8 @@ def _parquet(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.Record
     from pyarrow import parquet
 
     try:
-        with parquet.ParquetFile(str(path)) as file:
+        # Read ahead, the whole file would stay in memory until it is closed.
+        with parquet.ParquetFile(str(path), pre_buffer=False) as file:
             names = file.schema_arrow.names
             told = (file.schema_arrow.metadata or {}).get(b"schema", SCHEMA.encode()).decode(errors="replace")
             if told != SCHEMA:
