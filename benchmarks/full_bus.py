@@ -196,7 +196,7 @@ def order(folder: Path) -> Order:
     limits = {"rule": "simple", "offset": 0.2, "residual": 0.05}
     (folder / "recipe.yaml").write_text(yaml.safe_dump({**recipe, "device": sheet, "limits": limits}))
     drive = {"kind": "simulated", "speed_deg_s": 3600, "acceleration_deg_s2": 36000}
-    bus = {"interface": "simulated", "channel": "full"}  # whose place the UDP sockets take
+    bus = {"interface": "socketcan", "channel": "full-bus"}  # whose place the UDP sockets take
     (folder / "config.yaml").write_text(yaml.safe_dump({**config, "bus": bus, "positioner": drive}))
     return Order(str(folder / "recipe.yaml"), folder / "config.yaml", folder / "station.db")
 

@@ -30,8 +30,10 @@ def read_marks(path: Path) -> Marks:
         if path.stat().st_size > MOST_BYTES:
             raise LogError(f"{path} is larger than {MOST_BYTES} bytes; these are no marks")
         text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as exc:
-        raise LogError(f"{path} cannot be read as text ({exc.__class__.__name__}); check the file") from None
+    except OSError as exc:
+        raise LogError(f"{path} cannot be read ({exc.strerror}); correct the path") from None
+    except UnicodeDecodeError as exc:
+        raise LogError(f"{path} is no text: byte {exc.start} is not UTF-8; save it as UTF-8") from None
     return _of_csv(path, text) if path.suffix.lower() == ".csv" else _of_json(path, text)
 
 
@@ -61,7 +63,8 @@ def _of_csv(path: Path, text: str) -> Marks:
     rows = csv.DictReader(text.splitlines())
     missing = [c for c in COLUMNS[:-1] if c not in (rows.fieldnames or ())]
     if missing:
-        raise LogError(f"{path} line 1: the columns {', '.join(missing)} are missing; add them")
+        what = f"column {missing[0]} is" if len(missing) == 1 else f"columns {', '.join(missing)} are"
+        raise LogError(f"{path} line 1: the {what} missing; a marks table has {', '.join(COLUMNS)}")
     marks = []
     for row in rows:
         told: dict[str, Any] = {c: row[c] for c in COLUMNS if row.get(c)}

@@ -14,6 +14,8 @@ _CODES = {"old": 0, "new": 0, "mixed": 1, "other": 1}
 
 def recover_unit(order: Order, serial: str, nest: str | None, how: str | None, *, as_json: bool) -> int:
     """Looks at the unit, and recovers it when told how; the exit code."""
+    if order.database is not None and not order.database.exists():
+        raise UsageError(f"there is no log {order.database}; name the one of the attempt that was broken off")
     with open_bench(order) as bench:
         for sentence in bench.told:
             _face.remark(sentence)

@@ -60,6 +60,7 @@ def run_units(order: Order, given: Sequence[str], units: int | None, face: Face)
     with open_bench(order) as bench:
         serials = ask_serials(bench, given, units)
         serials_of.check_all(serials, bench.job.recipe)
+        _check_faults(order, serials)
         refuse_unless_checked(bench.station.settings, bench.database, serials)
         for sentence in bench.told:
             _face.remark(sentence)
@@ -74,6 +75,14 @@ def run_units(order: Order, given: Sequence[str], units: int | None, face: Face)
     if fault is not None:
         _face.remark(f"station: {fault.sentence}")
     return exit_code(results, fault)
+
+
+def _check_faults(order: Order, serials: Sequence[str]) -> None:
+    """A fault of a unit that is not there would be tried in vain, and its run be taken for a proof."""
+    for text in order.faults:
+        whose, slash, _ = text.partition("/")
+        if slash and whose not in (*serials, "BUS", "GOLD"):
+            raise UsageError(f"--fault {text[:60]}: {whose[:40]!r} is not among the units of this run, {serials[0]} …")
 
 
 def exit_code(results: Sequence[UnitResult], fault: StationError | None) -> int:

@@ -107,6 +107,7 @@ def open_bench(order: Order) -> Bench:
             clock = SystemClock()
             turned_by = positioner(settings, document, clock)
             at = settings.bus
+            _check_interface(at.interface)
             if at.interface == "socketcan":
                 opened.callback(own_bus(at, settings.station).release)
             bus = open_bus(at.interface, at.channel, clock, receive_buffer_bytes=at.receive_buffer_bytes)
@@ -140,6 +141,12 @@ def _check_simulation_options(order: Order) -> None:
     for option, value in given.items():
         if value and not order.simulate:
             raise UsageError(f"{option} changes simulated units; add --simulate or leave it out")
+
+
+def _check_interface(interface: str) -> None:
+    """A simulated bus without simulated units is empty, and has no time of its own."""
+    if interface == "simulated":
+        raise UsageError("bus.interface is simulated, a bus without units: add --simulate, or name socketcan")
 
 
 def _check_gold(job: Job, settings: Settings) -> None:

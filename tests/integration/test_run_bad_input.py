@@ -1,5 +1,6 @@
 """What a person may hand in wrong: one clear sentence before anything moves, and no attempt in the log."""
 
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +20,7 @@ from station.errors import (
     RecipeError,
     ReferenceOverdue,
     StationError,
+    StoreFault,
     UsageError,
 )
 from station.model.simulate import Job
@@ -198,4 +200,35 @@ def test_a_gold_reference_is_the_truth_and_when_it_dies_nothing_counts(tmp_path:
     assert blind.results["SN0001"].outcome is Outcome.FAIL
     dead = fixture_run.run(tmp_path, seed=3, faults=("GOLD/stream-stops:after_s=6",), recipe=gold(tmp_path))
     assert dead.results["SN0001"].outcome is Outcome.ERROR
-    assert "the gold reference G1 (node 5) gave 0 readings at 'x-up'" in dead.results["SN0001"].reasons[0].sentence
+    assert "the gold reference G1 (node 5) gave 0 of 100 readings at 'x-up'" in dead.results["SN0001"].reasons[0].sentence
+
+
+def test_a_simulated_bus_without_simulated_units(tmp_path: Path) -> None:
+    file = fixture_run.config(tmp_path, bus={"interface": "simulated", "channel": "x"})
+    assert "add --simulate" in refused(tmp_path, UsageError, config=file, simulate=False)
+    assert not (tmp_path / "station.db").exists()
+
+
+@pytest.mark.parametrize(("where", "what"), [("", "it is a folder"), ("pipe", "it is no ordinary file")])
+def test_a_log_that_is_no_file(tmp_path: Path, where: str, what: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(StoreFault, match=what):
+        open_bench(Order(simulate=True, database=tmp_path / where))
+    assert (tmp_path / "pipe").is_fifo(), "nothing takes the place of what is there"
+
+
+def test_a_fault_of_a_unit_that_is_not_there_is_not_tried_in_vain(tmp_path: Path) -> None:
+    from station.cli._run import Face, run_units
+
+    order = Order(simulate=True, database=tmp_path / "station.db", faults=("SN9999/silent",))
+    with pytest.raises(UsageError, match="'SN9999' is not among the units of this run, SN0001"):
+        run_units(order, (), 1, Face())
+
+
+def test_a_recovery_makes_no_log(tmp_path: Path) -> None:
+    from station.cli._recover import recover_unit
+
+    order = Order(simulate=True, database=tmp_path / "station.db")
+    with pytest.raises(UsageError, match="there is no log"):
+        recover_unit(order, "SN0001", None, "restore", as_json=False)
+    assert list(tmp_path.iterdir()) == []

@@ -153,7 +153,7 @@ def _bound(name: str, can_ids: tuple[int, ...], *, errors: bool, buffer_bytes: i
     except OSError as error:
         raise ConfigError(
             f"this kernel has no CAN ({error.strerror}); "
-            "load it with `modprobe can_raw`, or set bus.interface: simulated"
+            "load it with `modprobe can_raw`, or try the station on simulated units with --simulate"
         ) from None
     try:
         sock.settimeout(0)

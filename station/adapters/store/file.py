@@ -20,6 +20,9 @@ _WAL_LIMIT_BYTES = 64 * 1024 * 1024
 def for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
     """The log, made or migrated as needed: WAL, synchronous FULL. Errors: StoreFault."""
     with told(StoreFault, path, "opened"):
+        if path.exists() and not path.is_file():
+            what = "a folder" if path.is_dir() else "no ordinary file"
+            raise StoreFault(f"the log {path} cannot be opened: it is {what}; name another file with --db FILE")
         if not path.exists() or not path.stat().st_size:
             _make(path.resolve())
         connection = sqlite3.connect(path, timeout=busy_s, isolation_level=None, check_same_thread=False)
