@@ -20,6 +20,10 @@ from station.errors import BusFault, ConfigError, ReferenceOverdue, StationError
 from station.wiring import golden
 from station.wiring.jobs import load_job
 
+#: A transmit queue shorter than this fills up in bursts; how long the bus is listened to, s.
+SHORT_QUEUE, LISTEN_S = 100, 1.0
+#: Checks that a simulated station has no use for.
+ON_A_BUS = ("bus", "traffic")
 #: Less free space than this is soon none, bytes.
 LITTLE = 2 * 1024**3
 
@@ -47,7 +51,7 @@ def examine(asked: Question, *, as_json: bool) -> int:
     """Every check, each told in a line; 0 when all are well, 3 otherwise. Errors: ConfigError."""
     settings = load_settings(asked.config)
     station = Station(settings, asked.db or Path(settings.database), asked.recipe or settings.recipe)
-    checks = {k: v for k, v in CHECKS.items() if not (asked.simulate and k == "bus")}
+    checks = {k: v for k, v in CHECKS.items() if not (k in ON_A_BUS and _simulated(asked, settings))}
     found = [_one(name, check, station) for name, check in checks.items()]
     well = all(f["well"] for f in found)
     if as_json:
@@ -56,6 +60,10 @@ def examine(asked: Question, *, as_json: bool) -> int:
         for f in found:
             _face.say(f"{'✔' if f['well'] else '✘'} {f['check']}: {f['said']}")
     return 0 if well else StationFault.exit_code
+
+
+def _simulated(asked: Question, settings: Settings) -> bool:
+    return asked.simulate or settings.bus.interface != "socketcan"
 
 
 def _one(name: str, check: Callable[[Station], str], station: Station) -> dict[str, Any]:
@@ -67,8 +75,6 @@ def _one(name: str, check: Callable[[Station], str], station: Station) -> dict[s
 
 def _bus(station: Station) -> str:
     bus = station.settings.bus
-    if bus.interface != "socketcan":
-        return f"{bus.interface}, nothing to look at"
     from station.adapters.bus._netlink import ask
 
     setup = f"ip link set {bus.channel} type can bitrate {bus.bitrate} && ip link set {bus.channel} up"
@@ -81,9 +87,42 @@ def _bus(station: Station) -> str:
         ) from None
     if not link.up:
         raise BusFault(f"{bus.channel} is down; as root: `{setup}`")
+    if link.bitrate not in (None, bus.bitrate):
+        raise BusFault(f"{bus.channel} runs at {link.bitrate} bit/s, but config.yaml says {bus.bitrate}; `{setup}`")
+    errors = f", errors sending {link.counters.sending}, receiving {link.counters.receiving}" if link.counters else ""
     if link.can_state not in (None, "active"):
-        raise BusFault(f"{bus.channel} is {link.can_state}; check wiring, termination and bit rate, then `{setup}`")
-    return f"{bus.channel} ({link.kind}) is up, state {link.can_state or 'not told'}"
+        remedy = f"check wiring, termination and bit rate, then `{setup}`"
+        raise BusFault(f"{bus.channel} is {link.can_state}{errors}; {remedy}")
+    short = link.queue is not None and link.queue < SHORT_QUEUE
+    queue = f"; its queue holds {link.queue} frames, `ip link set {bus.channel} txqueuelen 1000`" if short else ""
+    return f"{bus.channel} ({link.kind}) is up, state {link.can_state or 'not told'}{errors}{queue}"
+
+
+def _traffic(station: Station) -> str:
+    """Listens for a moment and sends nothing: another station may be at work. Error frames are somebody's trouble."""
+    from station.adapters.bus.socketcan import SocketCan
+    from station.domain.error_frames import error_frames
+    from station.domain.types import ERROR, Frames
+
+    name = station.settings.bus.channel
+    bus = SocketCan(name)
+    try:
+        channel, until_s = bus.stream(()), time.monotonic() + LISTEN_S
+        parts = [channel.receive(0.0)]
+        while (left_s := until_s - time.monotonic()) > 0:
+            parts.append(channel.receive(left_s))
+    finally:
+        bus.close()
+    frames = Frames.join(parts)
+    if told := error_frames(frames):
+        raise BusFault(f"{name} reports errors: {'; '.join(told)}")
+    plain = frames.can_id[(frames.can_id & ERROR) == 0]
+    if not len(plain):
+        return f"nothing came on {name} in {LISTEN_S:g} s; are the units powered?"
+    nodes = {int(i) & 0x7F for i in plain.tolist()} & {n.node for n in station.settings.nests}
+    names = [n.name for n in station.settings.nests if n.node in nodes]
+    heard = f"frames of nests {', '.join(names)}" if names else "none of them from a nest; are the units powered?"
+    return f"{len(plain) / LISTEN_S:.0f} frames/s on {name}, {heard}"
 
 
 def _rights(station: Station) -> str:
@@ -160,6 +199,7 @@ def _golden(station: Station) -> str:
 
 CHECKS: dict[str, Callable[[Station], str]] = {
     "bus": _bus,
+    "traffic": _traffic,
     "rights": _rights,
     "clock": _clock,
     "disk": _disk,

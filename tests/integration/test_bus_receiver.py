@@ -87,11 +87,14 @@ def _attribute(kind: int, payload: bytes) -> bytes:
 def test_the_controllers_state_is_read_from_the_kernels_answer(code: int, word: str) -> None:
     """The message of a can interface: IFLA_IFNAME, then IFLA_LINKINFO with kind, bit timing and state."""
     counted = _attribute(8, struct.pack("=HH", 96, 135))  # IFLA_CAN_BERR_COUNTER: txerr, rxerr
-    data = _attribute(1, bytes(32)) + _attribute(4, struct.pack("=I", code)) + _attribute(6, bytes(4)) + counted
+    timing = struct.pack("=I", 250_000) + bytes(28)
+    data = _attribute(1, timing) + _attribute(4, struct.pack("=I", code)) + _attribute(6, bytes(4)) + counted
     info = _attribute(18 | 0x8000, _attribute(1, b"can\0") + _attribute(2, data))
-    body = struct.pack("=BxHiII", 0, 280, 3, 1, 0) + _attribute(3, b"can0\0") + info
+    body = struct.pack("=BxHiII", 0, 280, 3, 1, 0) + _attribute(3, b"can0\0") + _attribute(13, struct.pack("=I", 10)) + info
     message = struct.pack("=IHHII", 16 + len(body), 16, 0, 1, 0) + body
-    assert _netlink.parse(message) == _netlink.Link(True, "can", word, ErrorCounters(sending=96, receiving=135))
+    assert _netlink.parse(message) == _netlink.Link(
+        up=True, kind="can", can_state=word, counters=ErrorCounters(96, 135), bitrate=250_000, queue=10
+    )
 
 
 def test_an_error_answer_is_an_oserror() -> None:

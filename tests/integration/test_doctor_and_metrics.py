@@ -4,14 +4,18 @@ import json
 import os
 import shutil
 from collections import namedtuple
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 from starlette.testclient import TestClient
 
+from station.adapters.bus import _netlink
+from station.adapters.bus._netlink import Link
 from station.cli.app import main
 from station.config.settings import load_settings
+from station.ports.bus import ErrorCounters
 from station.web.app import create_app
 from station.web.panel import Panel
 from station.web.queue import Waiting
@@ -64,6 +68,24 @@ def test_each_fault_is_named_with_what_to_do(
     assert "golden register" in found["golden units"][1]
     assert not found["recipe and DBC"][0]
     assert found["rights"][0]
+
+
+def test_a_controller_with_another_bit_rate_or_a_short_queue_is_named(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bus = {"interface": "socketcan", "channel": "can0", "bitrate": 500000}
+    fixture_run.config(folder, database="station.db", bus=bus)
+    link = Link(True, "can", "active", ErrorCounters(3, 0), bitrate=250000, queue=10)
+    monkeypatch.setattr(_netlink, "ask", lambda _: link)
+    well, said = doctor(capsys)[1]["bus"]
+    assert not well
+    assert "can0 runs at 250000 bit/s, but config.yaml says 500000" in said
+    monkeypatch.setattr(_netlink, "ask", lambda _: replace(link, bitrate=500000))
+    well, said = doctor(capsys)[1]["bus"]
+    assert well
+    assert "errors sending 3, receiving 0; its queue holds 10 frames, `ip link set can0 txqueuelen 1000`" in said
+    monkeypatch.setattr(_netlink, "ask", lambda _: replace(link, bitrate=500000, can_state="passive"))
+    assert "can0 is passive, errors sending 3" in doctor(capsys)[1]["bus"][1]
 
 
 def test_a_clock_that_was_set_back_is_seen(

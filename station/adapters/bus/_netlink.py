@@ -10,6 +10,7 @@ from station.ports.bus import ErrorCounters
 
 _RTM_NEWLINK, _RTM_GETLINK, _NLMSG_ERROR, _NLM_F_REQUEST = 16, 18, 2, 1
 _IFLA_LINKINFO, _IFLA_INFO_KIND, _IFLA_INFO_DATA, _IFLA_CAN_STATE, _IFLA_CAN_BERR_COUNTER = 18, 1, 2, 4, 8
+_IFLA_TXQLEN, _IFLA_CAN_BITTIMING = 13, 1
 _IFF_UP = 1
 #: enum can_state of <linux/can/netlink.h>.
 STATES = ("active", "warning", "passive", "bus-off", "stopped", "sleeping")
@@ -17,12 +18,15 @@ STATES = ("active", "warning", "passive", "bus-off", "stopped", "sleeping")
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A network interface: whether it is set up, its kind (can, vcan, …), its CAN state and error counters or None."""
+    """A network interface: whether it is set up, its kind (can, vcan, …), and what only a controller has: its state,
+    error counters and bit rate; frames that its transmit queue holds."""
 
     up: bool
     kind: str
     can_state: str | None
     counters: ErrorCounters | None = None
+    bitrate: int | None = None
+    queue: int | None = None
 
 
 def ask(name: str) -> Link:
@@ -43,9 +47,11 @@ def parse(answer: bytes) -> Link:
         raise OSError(number, os.strerror(number))
     size = struct.unpack_from("=I", answer)[0]
     flags = struct.unpack_from("=I", answer, 24)[0]
-    info = dict(_attributes(dict(_attributes(answer[32:size])).get(_IFLA_LINKINFO, b"")))
+    about = dict(_attributes(answer[32:size]))
+    info = dict(_attributes(about.get(_IFLA_LINKINFO, b"")))
     data = dict(_attributes(info.get(_IFLA_INFO_DATA, b"")))
     state, counted = data.get(_IFLA_CAN_STATE), data.get(_IFLA_CAN_BERR_COUNTER)
+    timing, queue = data.get(_IFLA_CAN_BITTIMING), about.get(_IFLA_TXQLEN)
     code = None if state is None else struct.unpack("=I", state[:4])[0]
     return Link(
         up=bool(flags & _IFF_UP),
@@ -53,6 +59,9 @@ def parse(answer: bytes) -> Link:
         can_state=None if code is None else STATES[code] if code < len(STATES) else "unknown",
         # struct can_berr_counter: txerr, rxerr.
         counters=None if counted is None else ErrorCounters(*struct.unpack("=HH", counted[:4])),
+        # struct can_bittiming begins with the bit rate; a controller that was never set up says 0.
+        bitrate=(struct.unpack("=I", timing[:4])[0] or None) if timing else None,
+        queue=struct.unpack("=I", queue)[0] if queue else None,
     )
 
 
