@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from station.domain.forecast import forecast
 from station.domain.pipeline import NO_ROUNDING
 from station.domain.recipe import Recipe
 from station.domain.types import Floats
+from station.errors import UsageError
 
 SCHEMA = "station.check/1"
 #: A pipe has no width; this holds a budget on one line.
@@ -38,13 +40,19 @@ class Asked:
     rounding: Floats
 
 
-def check_recipe(name: str, count: int | None, *, as_json: bool) -> int:
+def check_recipe(name: str, count: int | None, *, order: bool, config: Path | None, as_json: bool) -> int:
     """Checks and prints; 0 when the recipe stands. Errors: InputError."""
+    if count is not None and order:
+        raise UsageError("--design proposes other positions and --order sorts those there are; ask for one at a time")
+    if config is not None and not order:
+        raise UsageError("--config tells --order the positioner's own moving times; add --order")
     recipe = load_recipe(name)
     asked = Asked(recipe, recipe_path(name), _rounding(recipe, recipe_path(name)))
     if count is None:
         design.check(recipe)
     chosen = SECTIONS if count is None else (_proposal(count),)
+    if order:
+        chosen = (partial(_order, config),)
     sections = [s for s in (make(asked) for make in chosen) if s is not None]
     if as_json:
         head = {"schema": SCHEMA, "recipe": {"name": recipe.name, "version": recipe.version}}
@@ -166,6 +174,14 @@ def _proposal(count: int) -> Callable[[Asked], Section]:
         )
 
     return propose
+
+
+def _order(config: Path | None, asked: Asked) -> Section:
+    from station.cli._order import ordered
+
+    if not asked.recipe.pose_known:
+        raise UsageError(f"recipe {asked.recipe.name} is held by hand, in any order; --order needs known poses")
+    return Section("order", *ordered(asked.recipe, config))
 
 
 def _causes(asked: Asked) -> Section | None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from station.domain import moves
 from station.domain.recipe import Position, Recipe, Run
 from station.domain.types import Floats
 
@@ -27,16 +28,27 @@ class Stop:
 
 
 def order_of(recipe: Recipe, run: int) -> tuple[Position, ...]:
-    """Positions in the order of this run; `shuffled` is the same for every unit and every day."""
+    """Positions in the order of this run; `shuffled` and `fastest` are the same for every unit and every day."""
     how = recipe.runs[run].order
     listed = recipe.positions
     if how == "reversed":
         return listed[::-1]
+    if how == "fastest" and len(listed) > 1:
+        return moves.fastest(recipe, recipe.runs[run], *ends(recipe, run))
     if how == "shuffled":
         key = hashlib.sha256(f"{recipe.name}/{recipe.version}/{run}".encode()).digest()
         order = np.random.default_rng(int.from_bytes(key[:8], "big")).permutation(len(listed))
         return tuple(listed[i] for i in order)
     return listed
+
+
+def ends(recipe: Recipe, run: int) -> tuple[Floats, Floats | None]:
+    """Nest → station rotations from which a run starts and to which it goes: from where the run before ended or units
+    are loaded, to the verification or the parking place after the last run. None where the next run settles it."""
+    start = order_of(recipe, run - 1)[-1].matrix() if run else np.eye(3)
+    if run < len(recipe.runs) - 1:
+        return start, None
+    return start, recipe.verify.positions[0].matrix() if recipe.verify.positions else np.eye(3)
 
 
 def names(recipe: Recipe, run: int) -> tuple[str, ...]:

@@ -153,13 +153,24 @@ class Reference(Part):
 
 
 class Run(Part):
-    """One pass of the unit through the positions."""
+    """One pass of the unit through the positions. first, last: where the order `fastest` must begin and end."""
 
     seating: Name = "home"
-    order: Literal["listed", "reversed", "shuffled"] = "listed"
+    order: Literal["listed", "reversed", "shuffled", "fastest"] = "listed"
+    first: Name | None = None
+    last: Name | None = None
     temperature_offset_degC: Finite = 0.0
     prewarm_s: NotNegative = 0.0
     motors: Annotated[Literal["on", "off"], BeforeValidator(lambda v: {True: "on", False: "off"}.get(v, v))] = "on"
+
+    @model_validator(mode="after")
+    def _ends_can_be_kept(self) -> Self:
+        given = [key for key in ("first", "last") if getattr(self, key) is not None]
+        if given and self.order != "fastest":
+            raise ValueError(f"{given[0]} goes with order: fastest; an order that is {self.order} has its own ends")
+        if len(given) == 2 and self.first == self.last:
+            raise ValueError(f"first and last are both {self.first!r}; a run stops at a position once")
+        return self
 
 
 class DeviceSheet(Part):
@@ -360,6 +371,10 @@ def _check_names(recipe: Recipe) -> None:
         if run.seating != "home" and run.seating not in recipe.seatings:
             known = ", ".join(["home", *recipe.seatings])
             raise ValueError(f"seating {run.seating!r} is not defined; the known ones are {known}")
+        for end in (run.first, run.last):
+            if end is not None and end not in seen:
+                near = get_close_matches(end, [*seen, end], 2, 0)[-1]
+                raise ValueError(f"a run is to begin or end at {end!r}, which is no position; the nearest is {near!r}")
 
 
 def _check_poses(recipe: Recipe) -> None:

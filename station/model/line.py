@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from station.domain.moves import ACCELERATION_DEG_S2, SPEED_DEG_S, turn_s
+
 
 @dataclass(frozen=True, slots=True)
 class Line:
@@ -18,8 +20,8 @@ class Line:
     stations: int = 1
     lots: int = 2
     operators: int = 2
-    speed_deg_s: float = 90.0
-    acceleration_deg_s2: float = 180.0
+    speed_deg_s: float = SPEED_DEG_S
+    acceleration_deg_s2: float = ACCELERATION_DEG_S2
     changeover_s: float = 45.0
     power_lead_s: float = 2.0
     clamp_lead_s: float = 5.0
@@ -30,7 +32,4 @@ class Line:
 
     def move_s(self, angle_deg: float) -> float:
         """Duration of a turn: ramps up, runs, ramps down."""
-        ramp = self.speed_deg_s / self.acceleration_deg_s2
-        if angle_deg < self.speed_deg_s * ramp:
-            return 2.0 * float(np.sqrt(angle_deg / self.acceleration_deg_s2))
-        return angle_deg / self.speed_deg_s + ramp
+        return float(turn_s(np.array(angle_deg), self.speed_deg_s, self.acceleration_deg_s2))

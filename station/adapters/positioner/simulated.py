@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from station.domain import rotation
+from station.domain.moves import turn_s
 from station.domain.plan import Stop
 from station.domain.recipe import NotNegative, Part, Positive
 from station.domain.types import Floats
@@ -122,10 +123,7 @@ class Simulated:
 
     def _duration_s(self, angle_deg: float) -> float:
         """Trapezium, or triangle where full speed is never reached."""
-        speed, acceleration = self._settings.speed_deg_s, self._settings.acceleration_deg_s2
-        if angle_deg < speed * speed / acceleration:
-            return 2 * math.sqrt(angle_deg / acceleration)
-        return angle_deg / speed + speed / acceleration
+        return float(turn_s(np.array(angle_deg), self._settings.speed_deg_s, self._settings.acceleration_deg_s2))
 
 
 def _angle_deg(rotvec_rad: Floats) -> float:

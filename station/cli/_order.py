@@ -1,0 +1,83 @@
+"""`station check --order`: the positions of every run in the order of least moving time, to paste into the recipe."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from station.domain import moves, ordering, plan
+from station.domain.ordering import Moves
+from station.domain.plan import Stop
+from station.domain.recipe import Position, Recipe
+from station.domain.types import Floats
+from station.ports.positioner import Positioner
+
+#: Where the moving times come from, in words.
+USUAL = "at the speeds of an ordinary bench (90 deg/s, 180 deg/s2); give --config FILE for your positioner's own"
+
+
+def ordered(recipe: Recipe, config: Path | None) -> tuple[Any, tuple[str, ...]]:
+    """Document and lines. Errors: InputError of config.yaml."""
+    positioner = None if config is None else _positioner(config)
+    found = [_of_run(recipe, run, positioner) for run in range(len(recipe.runs))]
+    source = USUAL if config is None else f"by the positioner of {config}"
+    lines = [f"moving times {source}"]
+    for each in found:
+        lines += [_told(each), "positions:", *(f"  - {text}" for text in each["yaml"])]
+    return {"moving_times": source, "runs": found}, tuple(lines)
+
+
+def _of_run(recipe: Recipe, run: int, positioner: Positioner | None) -> dict[str, Any]:
+    start, end = plan.ends(recipe, run)
+    positions = recipe.positions
+    free = moves.usual(positions, start, end) if positioner is None else _asked(positioner, positions, start, end)
+    best = ordering.fastest(moves.allowed(free, positions, recipe.runs[run]))
+    names = [p.name for p in positions]
+    now = np.array([names.index(p.name) for p in plan.order_of(recipe, run)])
+    return {
+        "run": run,
+        "order": recipe.runs[run].order,
+        "moves_s": free.of(now),
+        "fastest_s": free.of(best),
+        "exact": len(best) <= ordering.EXACT,
+        "positions": [names[i] for i in best],
+        "yaml": [_yaml(positions[i]) for i in best],
+    }
+
+
+def _told(found: dict[str, Any]) -> str:
+    what = "the fastest order" if found["exact"] else "the fastest order found"
+    now = f"run {found['run']} ({found['order']}): moves take {found['moves_s']:.1f} s"
+    return f"{now}, {found['fastest_s']:.1f} s in {what}"
+
+
+def _positioner(config: Path) -> Positioner:
+    """The positioner of config.yaml; nothing is moved with it."""
+    from station.adapters.clock import VirtualClock
+    from station.config.settings import load_config
+    from station.wiring.positioners import positioner
+
+    settings, document = load_config(config)
+    return positioner(settings, document, VirtualClock())
+
+
+def _asked(positioner: Positioner, positions: tuple[Position, ...], start: Floats, end: Floats | None) -> Moves:
+    """Moves as the positioner itself estimates them."""
+    stops = [_stop(p.name, p.matrix()) for p in positions]
+    begin, after = _stop("start", start), None if end is None else _stop("end", end)
+    return Moves(
+        np.array([[positioner.estimate_s(a, b) for b in stops] for a in stops]),
+        np.array([positioner.estimate_s(begin, stop) for stop in stops]),
+        np.array([0.0 if after is None else positioner.estimate_s(stop, after) for stop in stops]),
+    )
+
+
+def _stop(name: str, nest: Floats) -> Stop:
+    return Stop(0, 0, name, "home", nest, np.eye(3), np.full(3, np.nan), None)
+
+
+def _yaml(position: Position) -> str:
+    """A position as a recipe says it, on one line."""
+    said = position.model_dump(mode="json", exclude_none=True)
+    return str(yaml.safe_dump(said, default_flow_style=True, sort_keys=False, width=1 << 30)).strip()
