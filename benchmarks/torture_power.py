@@ -37,7 +37,7 @@ NAME, SECTOR = "station.db", 512
 SIDES = ("", "-wal", ".head")
 MADE = ".new"
 WAYS = ("synced", "written", "torn")
-CALLS = ("begin", "event", "visit", "write", "result", "finish")
+CALLS = ("begin", "event", "visit", "write", "result", "finish", "tidy")
 Files = dict[str, bytes]
 
 
