@@ -36,7 +36,7 @@ class Candidate:
 
     name: effect id or the kernel's name; effect: at its shape, None for a kernel; of: level; code (v) and names of
     the groups; stop (v, 3, a) columns of the stops' means; dwell (v, B−1, 3, a) of the contrasts, or None; scale of
-    the effect's sizes in this recipe.
+    the effect's sizes in this recipe; plain: the same without the columns that its covariate's error adds, if any.
     """
 
     name: str
@@ -48,6 +48,7 @@ class Candidate:
     stop: Floats
     dwell: Floats | None = None
     scale: float = 1.0
+    plain: "Candidate | None" = None
 
     @property
     def most(self) -> float:
@@ -87,6 +88,7 @@ class Candidate:
     def of_stops(self, chosen: NDArray[np.bool_]) -> "Candidate":
         """The same at some of the stops."""
         dwell = None if self.dwell is None else self.dwell[chosen]
+        # The plain one is for what is accepted in the end.
         return replace(self, code=self.code[chosen], stop=self.stop[chosen], dwell=dwell)
 
 
@@ -158,7 +160,26 @@ def candidates(effect: Effect, view: View) -> list[Candidate]:
     for shaped in shapes(effect, view):
         stop, dwell = view.signature(shaped)
         found += [_candidate(shaped, of, pattern, view, stop, dwell) for of, pattern in _levels(effect, view)]
-    return found
+    return [_blurred(c, view) for c in found]
+
+
+def _blurred(c: Candidate, view: View) -> Candidate:
+    """The candidate with what its covariate's error adds: c·(x + Σ z·mode) has the columns x and mode, of one variance.
+
+    Without them a cause with a noisy covariate would lose to any that has nearly the same course and none of its noise.
+    """
+    modes = view.reduced.rate_error
+    if modes is None or c.effect is None or c.pattern != "own" or "temperature_rate" not in c.effect.needs:
+        return c
+    run = view.scene.group("run")[0]
+    first = np.full(view.grid.units, len(run))
+    np.minimum.at(first, view.layout.unit, run)
+    of_unit = run - first[view.layout.unit]
+    columns = [c.stop]
+    for mode in modes.T:
+        off = view.with_rate(mode).signature(c.effect, c.of)[0]
+        columns += [off * (of_unit == r)[:, None, None] for r in range(int(of_unit.max()) + 1)]
+    return replace(c, stop=np.concatenate(columns, axis=2), plain=c)
 
 
 def _levels(effect: Effect, view: View) -> list[tuple[str, Pattern]]:

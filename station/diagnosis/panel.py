@@ -23,6 +23,8 @@ from station.domain.types import Array, Floats
 WALKS = (0.0, 0.25, 0.5, 1.0)
 #: A candidate is slow when the largest walk adds this share to the noise along it.
 SLOW = 0.3
+#: Units that it takes to see which candidates are slow.
+FEW = 2
 #: Kernels with slow and fast directions: on the average they are not slow, yet they can follow a walk.
 FLEXIBLE = ("time", "temperature", "unit")
 
@@ -122,7 +124,7 @@ def _slow(problem: Problem, seen: Seen, most: float) -> list[int]:
     """Places of the slow candidates in a bank, as its first units show them."""
     covariance = seen.space.covariance
     walk = problem.structure.relative(covariance.inverse)[:, 2]
-    for units, columns in columns_of(seen.bank, problem.view.layout, seen.space):
+    for units, columns in columns_of(seen.bank, problem.view.layout, seen.space, FEW):
         U, R = covariance.member[units].shape
         stops = columns[:, : R * walk.shape[-1]].reshape(U, R, walk.shape[-1], -1)
         added = most**2 * np.einsum("urmk,urmk->k", stops, walk[covariance.member[units]] @ stops)

@@ -11,8 +11,8 @@ import numpy as np
 
 from station.diagnosis.bank import Bank, Candidate
 from station.diagnosis.floor import Floor
-from station.diagnosis.panel import Panel, panel
-from station.diagnosis.stage import Problem, Stage, by_cause
+from station.diagnosis.panel import Panel
+from station.diagnosis.stage import Problem, Stage, by_cause, stage
 from station.domain.types import Floats
 
 #: What a free variance costs against a bounded one, in nats: its size could have been any in a range of e³.
@@ -69,7 +69,8 @@ def _next(
         with_it = problem.beside((*problem.accepted, leader.at.accept(leader.best, problem.view)))
         found = with_it.fit(leader.at.floor).floor
         if all(_differ(found, f) for f in visited):
-            return panel(problem, banks, found)
+            # With the leader known the walk is no longer in question: one floor is enough.
+            return Panel(stage(problem, banks, found), (), ())
     return None
 
 

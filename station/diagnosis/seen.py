@@ -64,10 +64,10 @@ class Products(NamedTuple):
     readings: Floats
 
 
-def columns_of(bank: Bank, layout: Layout, space: Space) -> Iterator[tuple[slice, Floats]]:
-    """Some units after others, and the white columns (U, M, C) of the whole bank for them."""
+def columns_of(bank: Bank, layout: Layout, space: Space, count: int = PART) -> Iterator[tuple[slice, Floats]]:
+    """So many units after others, and the white columns (U, M, C) of the whole bank for them."""
     if bank.candidates:
-        for units in layout.grid.parts(PART):
+        for units in layout.grid.parts(count):
             yield units, space.see(bank.rows(layout, units), units)
 
 

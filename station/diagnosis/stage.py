@@ -137,7 +137,7 @@ class Stage:
         rest = float(seen.readings.rest[0])
         scale = rest / dof * float(np.exp(-2 * (likelihood[i] + 0.5 * taken[i]) / dof))
         spread = float(np.sqrt(found.spectrum.ratios[i] / found.spectrum.mean * scale))
-        return accept(candidate, hit, min(spread, candidate.most))
+        return accept(candidate.plain or candidate, hit, min(spread, candidate.most))
 
     def hit(self, candidate: Candidate, view: View, alone: bool = False) -> NDArray[np.bool_]:
         """The groups that a candidate likely hits, or the likeliest one `alone`; all where it is not a scan."""

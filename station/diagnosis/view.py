@@ -79,15 +79,20 @@ class View:
     def blurred(self, acting: Acting) -> Floats | None:
         """How a cause at work may be off because its covariate is (v, 3, modes): each mode times a standard normal
         number a run. None where the covariate is as good as exact."""
-        modes, scene = self.reduced.rate_error, self.scene
-        if modes is None or "temperature_rate" not in acting.effect.needs or not acting.coefficients.any():
+        modes, rate = self.reduced.rate_error, self.scene.temperature_rate
+        if modes is None or rate is None or "temperature_rate" not in acting.effect.needs:
+            return None
+        if not acting.coefficients.any():
             return None
 
         def off_by(error: Floats) -> Floats:
-            rate = scene.need("temperature_rate") + error
-            return forward(replace(scene, temperature_rate=rate), self.base, {acting.effect.id: acting})
+            return forward(self.with_rate(rate + error).scene, self.base, {acting.effect.id: acting})
 
         return np.stack([(off_by(mode) - off_by(-mode)) / 2 for mode in modes.T], axis=-1)
+
+    def with_rate(self, rate: Floats) -> "View":
+        """The view of stops whose temperature changes at another rate (v), degC/s."""
+        return replace(self, reduced=replace(self.reduced, scene=replace(self.scene, temperature_rate=rate)))
 
     def calibration(self, matrix: bool) -> Floats:
         """Signature (v, 3, p) of each unit's offset and gain, or offset and whole matrix."""

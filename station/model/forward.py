@@ -7,6 +7,7 @@ reading = M_u · a + b_u + Σ sensor effects(a)                          what it
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -143,11 +144,27 @@ def signature(scene: Scene, base: Base, effect: Effect, of: str = "", active: Ac
     of = of or effect.of[0]
     h = 0.1 * effect.parameter.typical * effect.parameter.scale(scene.recipe)
     groups = len(scene.group(of)[1])
+    if isinstance(effect, SensorEffect):
+        # It adds to the reading: all else is the same on both sides.
+        of_acting = partial(_added, feel(scene, active))
+    else:
+        of_acting = partial(_read_with, scene, base, active)
     derivatives = []
     for step in np.eye(len(effect.axes)) * h:
-        plus, minus = ({**active, "?": Acting(effect, np.tile(s * step, (groups, 1)), of)} for s in (1, -1))
-        derivatives.append((forward(scene, base, plus) - forward(scene, base, minus)) / (2 * h))
+        plus, minus = (of_acting(Acting(effect, np.tile(s * step, (groups, 1)), of)) for s in (1, -1))
+        derivatives.append((plus - minus) / (2 * h))
     return derivatives
+
+
+def _added(signal: Signal, acting: Acting) -> Floats:
+    """What a cause adds to the reading (n, 3)."""
+    assert isinstance(acting.effect, SensorEffect)
+    return acting.effect.apply(signal, acting.by_row(signal.scene))
+
+
+def _read_with(scene: Scene, base: Base, active: Active, acting: Acting) -> Floats:
+    """The reading (n, 3) with one more cause at work."""
+    return forward(scene, base, {**active, "?": acting})
 
 
 def _turned_back(scene: Scene, active: Active, frame: str, vectors: Floats) -> Floats:

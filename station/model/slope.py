@@ -5,6 +5,7 @@ stiffness is the one that restricted likelihood prefers over all runs; the slope
 and what is not known of it its conditional covariance.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ MODES = 3
 
 
 class Run(NamedTuple):
-    """Times (n) from the first one as parts of the longest run, and mean temperatures (n) of the stops of a run."""
+    """Times (…, n) from the first one as parts of the longest run, and mean temperatures (…, n) of a run's stops."""
 
     time: Floats
     value: Floats
@@ -39,36 +40,42 @@ def slopes(runs: Sequence[tuple[Floats, Floats]]) -> list[Slope]:
     """The slopes of runs, each given as times (n) in s and means (n) of its stops."""
     longest = max((float(np.ptp(t)) for t, _ in runs), default=0.0) or 1.0
     scaled = [Run((t - t.min()) / longest, T) for t, T in runs]
-    judges = [run for run in scaled if len(run.time) > 2][:: max(1, len(scaled) // JUDGES)]
-    ratio, noise = _stiffness(judges)
+    ratio, noise = _stiffness(scaled)
     return [Slope(*(x / longest for x in _slope(run, ratio, noise))) for run in scaled]
 
 
 def _stiffness(runs: Sequence[Run]) -> tuple[float, float]:
     """The ratio that restricted likelihood prefers, and the standard deviation of a stop's noise."""
-    free = sum(len(run.time) - 2 for run in runs)
+    count = Counter(len(run.time) for run in runs if len(run.time) > 2).most_common(1)
+    if not count:
+        return 1.0, 0.0
+    alike = [run for run in runs if len(run.time) == count[0][0]]
+    some = alike[:: max(1, len(alike) // JUDGES)]
+    judges = Run(np.stack([run.time for run in some]), np.stack([run.value for run in some]))
+    free = len(some) * (count[0][0] - 2)
     best = (-np.inf, 1.0, 0.0)
-    for ratio in RATIOS if free > 0 else ():
-        logdet, squares = np.sum([_likelihood(run, float(ratio)) for run in runs], axis=0)
-        variance = max(float(squares) / free, 1e-24)
-        best = max(best, (-0.5 * (float(logdet) + free * float(np.log(variance))), float(ratio), variance))
+    for ratio in RATIOS:
+        logdet, squares = _likelihood(judges, float(ratio))
+        variance = max(squares / free, 1e-24)
+        best = max(best, (-0.5 * (logdet + free * float(np.log(variance))), float(ratio), variance))
     return best[1], float(np.sqrt(best[2]))
 
 
-def _likelihood(run: Run, ratio: float) -> tuple[float, float]:
-    """log|V| + log|BᵀV⁻¹B| and the sum of squares left, noise of variance 1."""
-    V, B = _covariance(run, ratio)
-    left = np.linalg.solve(V, np.column_stack([B, run.value]))
-    normal = B.T @ left[:, :2]
-    rest = run.value - B @ np.linalg.solve(normal, B.T @ left[:, 2])
-    return float(np.linalg.slogdet(V)[1] + np.linalg.slogdet(normal)[1]), float(rest @ np.linalg.solve(V, rest))
+def _likelihood(runs: Run, ratio: float) -> tuple[float, float]:
+    """log|V| + log|BᵀV⁻¹B| and the sum of squares left of runs (r, n) together, noise of variance 1."""
+    V, B = _covariance(runs.time, ratio)
+    y = runs.value[..., None]
+    left = np.linalg.solve(V, np.concatenate([B, y], axis=-1))
+    normal = B.swapaxes(-1, -2) @ left[..., :2]
+    line = np.linalg.solve(normal, B.swapaxes(-1, -2) @ left[..., 2:])
+    squares = float(np.sum(y * left[..., 2:]) - np.sum((B.swapaxes(-1, -2) @ left[..., 2:]) * line))
+    return float(np.sum(np.linalg.slogdet(V)[1]) + np.sum(np.linalg.slogdet(normal)[1])), max(squares, 0.0)
 
 
-def _covariance(run: Run, ratio: float) -> tuple[Floats, Floats]:
-    """V = I + ratio · cov(f) at the stops, and the straight line B."""
-    t = run.time
-    low, high = np.minimum.outer(t, t), np.maximum.outer(t, t)
-    return np.eye(len(t)) + ratio * (low**2 * high / 2 - low**3 / 6), np.stack([np.ones_like(t), t], 1)
+def _covariance(t: Floats, ratio: float) -> tuple[Floats, Floats]:
+    """V = I + ratio · cov(f) at times (…, n), and the straight line B (…, n, 2)."""
+    low, high = (f(t[..., :, None], t[..., None, :]) for f in (np.minimum, np.maximum))
+    return np.eye(t.shape[-1]) + ratio * (low**2 * high / 2 - low**3 / 6), np.stack([np.ones_like(t), t], -1)
 
 
 def _slope(run: Run, ratio: float, noise: float) -> tuple[Floats, Floats]:
@@ -76,7 +83,7 @@ def _slope(run: Run, ratio: float, noise: float) -> tuple[Floats, Floats]:
     t, n = run.time, len(run.time)
     if n < 2 or not np.ptp(t) > 0:
         return np.zeros(n), np.zeros((n, MODES))
-    V, B = _covariance(run, ratio)
+    V, B = _covariance(t, ratio)
     # cov(f'(s), f(t)): ∫₀ᵗ min(s, u) du.
     low = np.minimum.outer(t, t)
     with_f = ratio * (low * t - low**2 / 2)
