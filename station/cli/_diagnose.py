@@ -20,7 +20,7 @@ from station.diagnosis.diagnose import Diagnosis, diagnose
 from station.diagnosis.document import document
 from station.diagnosis.extend import extended
 from station.diagnosis.next_run import next_run
-from station.diagnosis.plan import Proposal
+from station.diagnosis.proposal import SECOND_NEST, Proposal
 from station.diagnosis.search import NullOf
 from station.domain.recipe import Recipe
 from station.domain.types import SampleTable
@@ -177,7 +177,20 @@ def _propose(path: Path, proposal: Proposal | None) -> None:
     recipe = proposal.recipe.model_copy(update={"version": proposal.recipe.version + 1})
     told = recipe.model_dump(mode="json", by_alias=True, exclude_defaults=True)
     text = yaml.safe_dump({"schema": "station.recipe/1", **told}, sort_keys=False, allow_unicode=True, width=120)
-    _text(path, "--next-run", f"# {recipe.name} with {proposal.change}\n{text}")
+    _text(path, "--next-run", f"{_heading(recipe.name, proposal)}{text}")
+
+
+def _heading(name: str, proposal: Proposal) -> str:
+    """What the proposed recipe is for, as comments at its top."""
+    lines = [
+        f"{name} with {proposal.change}: {proposal.minutes:.1f} minutes more.",
+        f"It tells apart {', '.join(proposal.separates)}, right in {100 * proposal.certainty:.0f} of 100 cases as",
+        "predicted from the size and the noise found. The runs measured before need not be measured again: diagnose",
+        "their samples together with those of the new run, `run` counted on.",
+    ]
+    if SECOND_NEST in proposal.change:
+        lines.append("Put each unit into the next nest for the new run.")
+    return "".join(f"# {line}\n" for line in lines)
 
 
 def _text(path: Path, option: str, text: str) -> None:

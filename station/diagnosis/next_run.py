@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from station.diagnosis.diagnose import Diagnosis
-from station.diagnosis.plan import Proposal, propose
+from station.diagnosis.diagnose import Cause, Diagnosis
+from station.diagnosis.proposal import Campaign, Proposal, Suspect, Tied, propose
 from station.errors import RecipeError
 
 #: Units that a plan needs at most to know what more units would show.
@@ -21,22 +21,17 @@ REMEDIES = {
 
 def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
     """What to measure next, as the document says it, and the recipe; nothing where nothing is tied."""
-    ties = {c.finding.name: c.finding.alike for c in d.causes if c.finding.alike}
-    if not ties or not d.recipe.pose_known:
+    tied = [c for c in d.causes if c.finding.alike]
+    if not tied or not d.recipe.pose_known:
         return None, None
-    sizes = {
-        c.finding.name: float(np.sqrt(np.mean(c.estimate.value[c.estimate.item.hit] ** 2)))
-        for c in d.causes
-        if c.finding.alike and c.estimate is not None
-    }
-    ties = {name: others for name, others in ties.items() if name in sizes}
-    members = [*ties, *(other for others in ties.values() for other in others)]
+    ties = [t for c in tied if (t := _tie(c)) is not None]
     try:
-        found = propose(d.recipe, min(len(d.table.unit.names), UNITS), ties, sizes) if ties else None
+        found = propose(_campaign(d), ties) if ties else None
     except RecipeError:
         found = None
     if found is None:
-        told = [text for pair, text in REMEDIES.items() if pair <= set(members)]
+        members = {name for c in tied for name in (c.finding.name, *c.finding.alike)}
+        told = [text for pair, text in REMEDIES.items() if pair <= members]
         change = told[0] if told else "no run of the menu separates them"
         return {"recipe_change": change, "separates": [], "minutes": 0.0, "certainty": 0.5}, None
     return {
@@ -45,3 +40,19 @@ def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
         "minutes": round(found.minutes, 1),
         "certainty": found.certainty,
     }, found
+
+
+def _tie(c: Cause) -> Tied | None:
+    """A cause with those it is tied with; None of a variance of the floor."""
+    if c.estimate is None or c.estimate.item.candidate.effect is None:
+        return None
+    size = float(np.sqrt(np.mean(c.estimate.value[c.estimate.item.hit] ** 2)))
+    found = Suspect(c.estimate.item.candidate.effect, c.estimate.item.candidate.of, size)
+    return Tied(found, c.finding.alike)
+
+
+def _campaign(d: Diagnosis) -> Campaign:
+    """What was measured, as a plan sees it."""
+    visits = d.last.view.scene.visits
+    nests = len(visits.group("nest", 1)[1]) if "nest" in visits.groups else 1
+    return Campaign(d.recipe, min(len(d.table.unit.names), UNITS), nests, d.floor.floor)

@@ -27,3 +27,10 @@ def test_three_varied_runs_of_tilts_tell_them_apart(capsys: pytest.CaptureFixtur
     for effect in ("nest-tilt", "hysteresis", "offset-temperature", "warm-up", "cross-quadratic"):
         assert causes[effect]["cannot_tell_from"] == [], effect
     assert "local-gravity" in causes["hidden"]
+
+
+def test_what_is_still_seen_after_a_settling_time_is_not_called_hidden(capsys: pytest.CaptureFixture[str]) -> None:
+    """0.3 s after arrival a settling of 0.1 s is gone, one of half a second is not."""
+    causes = checked("six-point", capsys)
+    assert not {"settling", "filter-lag", "lever-arm"} & set(causes["hidden"])
+    assert causes["settling"]["cannot_tell_from"] == ["filter-lag"]

@@ -1,0 +1,112 @@
+"""What is tied is told apart by the run that the diagnosis proposes: its recipe runs, and old and new runs together
+name the cause alone."""
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+import yaml
+
+from station.cli import app
+from station.config.recipes import recipe_path
+
+pytestmark = pytest.mark.timeout(300)
+
+
+def station(*args: str) -> int:
+    with pytest.raises(SystemExit) as done:
+        app.main(args)
+    return int(done.value.code or 0)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The null distributions stay cached as long as the tests of this file run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def once(folder: Path) -> str:
+    """The 24 tilts, gone through once."""
+    said = yaml.safe_load(recipe_path("tilt-24").read_text(encoding="utf-8"))
+    said |= {"runs": [{"seating": "home"}], "seatings": {}}
+    path = folder / "once.yaml"
+    path.write_text(yaml.safe_dump(said), encoding="utf-8")
+    return str(path)
+
+
+def diagnosed(recipe: str, samples: Path, *more: str) -> dict[str, Any]:
+    told = samples.with_suffix(".json")
+    assert station("diagnose", "--recipe", recipe, "--samples", str(samples), "--json", str(told), *more) == 1
+    found: dict[str, Any] = json.loads(told.read_text(encoding="utf-8"))
+    return found
+
+
+def members(document: dict[str, Any]) -> set[str]:
+    """The cause found and those it is tied with."""
+    (cause,) = document["causes"]
+    return {cause["effect"], *cause["indistinguishable_from"]}
+
+
+@pytest.mark.parametrize(
+    ("effect", "units", "tied", "change"),
+    [
+        ("warm-up", 4, {"clamp-creep"}, "one run warmed up for ten minutes"),
+        ("offset-temperature=0.0005", 4, {"bias-drift", "warm-up", "clamp-creep"}, "10 °C warmer"),
+        ("nest-tilt", 2, {"package-rotation"}, "one run once more in the next nest"),
+    ],
+)
+def test_the_proposed_run_tells_it_apart(effect: str, units: int, tied: set[str], change: str, tmp_path: Path) -> None:
+    recipe, name = once(tmp_path), effect.partition("=")[0]
+    asked = ("--units", str(units), "--seed", "5", "--effect", effect)
+    old, new, following = (tmp_path / n for n in ("old.parquet", "new.parquet", "next.yaml"))
+    assert station("simulate", "--recipe", recipe, *asked, "--out", str(old)) == 0
+    before = diagnosed(recipe, old, "--next-run", str(following))
+    assert members(before) == {name, *tied}
+    proposed = before["next_run"]
+    assert change in proposed["recipe_change"]
+    assert set(proposed["separates"]) == {name, *tied}
+    assert proposed["certainty"] > 0.95
+
+    heading = "".join(line for line in following.read_text(encoding="utf-8").splitlines(True) if line[0] == "#")
+    assert f"{proposed['minutes']:.1f} minutes more" in heading
+    sure = re.search(r"right in (\d+) of 100 cases", heading)
+    assert sure is not None
+    assert float(sure[1]) == pytest.approx(100 * proposed["certainty"], abs=0.51)
+    assert station("check", str(following)) == 0
+
+    # Only the new run is measured; the old samples are kept.
+    assert station("simulate", "--recipe", str(following), *asked, "--out", str(new)) == 0
+    table = pd.read_parquet(new)
+    both = tmp_path / "both.parquet"
+    joined = pd.concat([pd.read_parquet(old), table[table["run"] > 0]])
+    joined.sort_values(["unit", "run"], kind="stable").to_parquet(both)
+    assert members(diagnosed(str(following), both)) == {name}
+
+
+def test_what_cannot_be_told_does_not_keep_the_rest_from_being_told(tmp_path: Path) -> None:
+    """Of one unit errors of all positions look like a tilted nest whatever is done; the part's own turn does not."""
+    recipe, old, following = once(tmp_path), tmp_path / "old.parquet", tmp_path / "next.yaml"
+    asked = ("--units", "1", "--seed", "5", "--effect", "package-rotation")
+    assert station("simulate", "--recipe", recipe, *asked, "--out", str(old)) == 0
+    before = diagnosed(recipe, old, "--next-run", str(following))
+    assert members(before) == {"nest-tilt", "package-rotation", "index-error"}
+    assert before["next_run"]["recipe_change"] == "one run turned 180° in the seat"
+    assert set(before["next_run"]["separates"]) == {"nest-tilt", "package-rotation"}
+
+
+def test_where_no_run_helps_it_says_what_would(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recipe, old, following = once(tmp_path), tmp_path / "old.parquet", tmp_path / "next.yaml"
+    asked = ("--units", "4", "--seed", "5", "--effect", "settling")
+    assert station("simulate", "--recipe", recipe, *asked, "--out", str(old)) == 0
+    before = diagnosed(recipe, old, "--next-run", str(following))
+    assert members(before) == {"settling", "filter-lag"}
+    assert before["next_run"]["separates"] == []
+    assert "another output data rate" in before["next_run"]["recipe_change"]
+    assert "nothing is written" in capsys.readouterr().err
+    assert not following.exists()
