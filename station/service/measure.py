@@ -11,7 +11,7 @@ from station.domain.plan import Stop as Planned
 from station.domain.progress import Event, StopDone, StopStarted, VisitRejected
 from station.domain.stillness import face
 from station.domain.stop_check import Dwelled, check, statistics
-from station.domain.stream import samples
+from station.domain.stream import samples, temperatures
 from station.domain.types import Reason
 from station.errors import PositionerFault
 from station.ports.store import VisitRecord
@@ -84,7 +84,7 @@ class Measure:
     def _judge(self, unit: Unit, planned: Planned, taken: Taken, gold: Reasons) -> tuple[Dwelled, Reasons]:
         mine = taken.of(unit, self._job)
         inside = (mine.time_ns >= taken.from_ns) & (mine.time_ns < taken.to_ns)
-        told = samples(mine, self._job.layout, unit.seat.node).temperature_degC
+        told = temperatures(mine, self._job.layout, unit.seat.node)[1]
         unit.temperature_degC = float(told[-1]) if len(told) else unit.temperature_degC
         dwelled = Dwelled(
             position=planned.position,
