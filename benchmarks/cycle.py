@@ -27,7 +27,10 @@ import yaml
 GOAL = 0.01
 #: Part of the station → what of it is timed, (module, owner or "", names). Functions are wrapped before they are used.
 PARTS = {
-    "simulated rig": [("station.adapters.clock", "VirtualClock", ("settle", "advance"))],
+    "simulated rig": [
+        ("station.adapters.clock", "VirtualClock", ("settle", "advance")),
+        ("station.adapters.bus.simulated", "_Channel", ("send",)),  # the wire: a copy of each frame for each endpoint
+    ],
     "log, fsyncs included": [
         ("station.adapters.store.sqlite", "SqliteStore", ("begin", "event", "visit", "write", "result", "finish"))
     ],

@@ -87,9 +87,9 @@ PATHS = (
         *("simulate", "effects", (1, 3, 9, 36), growth_inputs.nothing),
         lambda folder, size: _simulate(folder, 10, growth_inputs.effects(size)),
     ),
-    Way("run", "units", (1, 10, 100, 400), growth_inputs.nothing, _run, streams=True, own=True),
+    Way("run", "units", (1, 10, 100), growth_inputs.nothing, _run, streams=True, own=True),
     Way(
-        *("run", "nests", (1, 4, 16, 64), growth_inputs.config),
+        *("run", "nests", (1, 4, 16), growth_inputs.config),
         lambda folder, size: _run(folder, size, ("--config", str(folder / f"nests-{size}.yaml"))),
         own=True,
     ),
@@ -98,7 +98,7 @@ PATHS = (
         lambda folder, size: ["replay", str(folder / f"frames-{size}.log"), "--recipe", "six-point", "--json"],
     ),
     Way(
-        *("audit --verify", "units", (10, 100, 1000, 10_000), growth_inputs.log),
+        *("audit --verify", "units", (10, 100, 1000), growth_inputs.log),
         lambda folder, size: ["audit", "--verify", *_log(folder, size)],
         streams=True,
     ),
@@ -108,12 +108,12 @@ PATHS = (
         streams=True,
     ),
     Way(
-        *("backtest", "units", (10, 100, 1000, 10_000), growth_inputs.log),
+        *("backtest", "units", (10, 100, 1000), growth_inputs.log),
         lambda folder, size: ["backtest", "--recipe", "six-point", "--processes", "1", "--json", *_log(folder, size)],
         streams=True,
     ),
     Way(
-        *("diagnose", "units", (4, 40, 400), growth_inputs.campaign),
+        *("diagnose", "units", (4, 40), growth_inputs.campaign),
         lambda folder, size: [
             *("diagnose", "--recipe", "tilt-24", "--samples", str(folder / f"campaign-{size}.parquet")),
             *("--json", str(folder / "diagnosis.json")),
