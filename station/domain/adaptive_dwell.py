@@ -89,16 +89,20 @@ class Plan:
     std: Floats
 
 
+def wanted(recipe: Recipe, free: NDArray[np.bool_], strongest: float) -> Floats:
+    """Wanted standard deviations (12) of the coefficients that are `free` (12); strongest: magnitude of the truth."""
+    offset = recipe.dwell.until_std or np.inf
+    std = np.where(coefficients.OFFSETS, offset, offset / strongest if strongest else np.inf)
+    return np.where(free, std, np.inf)
+
+
 def aim(recipe: Recipe) -> Aim:
     """The aim of a recipe whose dwell is until_std."""
     dwell = recipe.dwell
     stops = ideal.stops(recipe, np.full(len(ideal.names(recipe)[0]), dwell.longest_s))
     problem = method.problem(recipe, [stops])
-    strongest = float(problem.magnitude.max())
-    wanted = dwell.until_std or np.inf
-    std = np.where(coefficients.OFFSETS, wanted, wanted / strongest if strongest else np.inf)
-    free = method.of(recipe).fit(problem).free
-    return Aim(recipe, np.where(free, std, np.inf), problem, dwell.min_s, dwell.max_s, recipe.device.rate_hz)
+    std = wanted(recipe, method.of(recipe).fit(problem).free, float(problem.magnitude.max()))
+    return Aim(recipe, std, problem, dwell.min_s, dwell.max_s, recipe.device.rate_hz)
 
 
 def plan(aim: Aim, so_far: SoFar, guess_s: Floats, rounds: int = WARM) -> Plan:
@@ -150,18 +154,18 @@ def planned_s(recipe: Recipe, density: float) -> Floats:
     return start_s(aim(recipe), density)
 
 
-def missed(recipe: Recipe, unit: str, std: Floats) -> str:
-    """What falls short of the recipe's until_std by the noise's standard deviations (12); '' where nothing does."""
-    if recipe.dwell.until_std is None:
-        return ""
-    ratio = std / aim(recipe).std
+def missed(recipe: Recipe, std: Floats, noise_std: Floats) -> str:
+    """What falls short of the wanted standard deviations (12) by those that noise leaves; '' where nothing does."""
+    ratio = noise_std / std
     worst = int(np.argmax(ratio))
-    if ratio[worst] <= MISSED:
+    if not ratio[worst] > MISSED:
         return ""
-    dwell, of = recipe.dwell, f" {unit}" if coefficients.OFFSETS[worst] else ""
+    dwell, unit = recipe.dwell, recipe.unit
+    of = f" {unit}" if coefficients.OFFSETS[worst] else ""
     return (
-        f"noise leaves {coefficients.NAMES[worst]} uncertain by {std[worst]:.2g}{of}, {ratio[worst]:.2f} times what "
-        f"dwell.until_std {dwell.until_std:g} {unit} asks for; raise dwell.max_s ({dwell.max_s:g} s) or add positions"
+        f"noise leaves {coefficients.NAMES[worst]} uncertain by {noise_std[worst]:.2g}{of}, {ratio[worst]:.2f} times "
+        f"what dwell.until_std {dwell.until_std:g} {unit} asks for; raise dwell.max_s ({dwell.max_s:g} s), or add "
+        "positions"
     )
 
 

@@ -105,8 +105,6 @@ def _result(recipe: Recipe, unit: Unit, found: Calibration, budget: Budget, brok
     if measured is not None:
         found = replace(found, notes=(*found.notes, *quality.notes(recipe, measured)))
         unsound = quality.reasons(recipe, measured, stops)
-    if missed := adaptive_dwell.missed(recipe, recipe.unit, budget.std("noise")):
-        found = replace(found, notes=(*found.notes, missed))
     verdict = judge(recipe, found, budget, stops, (*_broken(found, broken), *unsound))
     return Result(serial, verdict, stops, found, budget, measured)
 
@@ -131,8 +129,24 @@ def _calibration(
         tilt_std_deg=np.rad2deg(tilts[1]),
         disturbed=fit.disturbed[u],
         residual_rms=float(rms),
-        notes=(*_disturbed(stops, fit, u), *_scatter(budget, recipe.unit), *fit.notes[u]),
+        notes=(
+            *_disturbed(stops, fit, u),
+            *_scatter(budget, recipe.unit),
+            *_dwell(recipe, fit, stops, budget),
+            *fit.notes[u],
+        ),
     )
+
+
+def _dwell(recipe: Recipe, fit: Fit, stops: Stops, budget: Budget) -> Iterator[str]:
+    """What is known less well than the recipe's dwell.until_std wants."""
+    if recipe.dwell.until_std is None:
+        return
+    known = recipe.pose_known
+    strongest = np.linalg.norm(stops.true, axis=1).max() if known else recipe.reference.strength()
+    wanted = adaptive_dwell.wanted(recipe, fit.free, float(strongest))
+    if told := adaptive_dwell.missed(recipe, wanted, budget.std("noise")):
+        yield told
 
 
 def _disturbed(stops: Stops, fit: Fit, u: int) -> Iterator[str]:

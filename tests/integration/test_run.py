@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Query
 from station.domain.progress import (
     Identified,
     Judged,
@@ -20,6 +21,7 @@ from station.domain.progress import (
     UnitDone,
 )
 from station.domain.types import Outcome
+from station.wiring.recompute import recompute
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
 
@@ -181,6 +183,16 @@ def test_dwells_end_when_the_coefficients_are_good_enough(tmp_path: Path) -> Non
     assert fit is not None and fit.budget is not None and fit.calibration is not None
     assert fit.budget.std("noise").max() < 5e-5 * 1.05
     assert not any("until_std" in note for note in fit.calibration.notes)
+
+
+def test_dwells_of_different_length_are_computed_again_bit_for_bit(tmp_path: Path) -> None:
+    recipe = fixture_run.recipe(tmp_path, dwell={"until_std": 8e-5, "min_s": 0.2, "max_s": 5})
+    ran = fixture_run.run(tmp_path, units=2, recipe=recipe)
+    assert len(set(dwelt_s(ran, "tumble"))) > 1
+    with LogReader(tmp_path / "station.db") as log:
+        for attempt in log.attempts(Query()):
+            again = recompute(log, attempt)
+            assert again.identical and again.compared > 100, again.differences
 
 
 def test_an_uncertainty_out_of_reach_is_told(tmp_path: Path) -> None:

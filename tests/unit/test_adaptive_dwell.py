@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from station.config.places import shipped
+from station.config.recipes import load_recipe
 from station.domain import adaptive_dwell, ideal
 from station.domain.adaptive_dwell import ROUNDS, SoFar
 from station.domain.allocation import NEAR
 from station.domain.noise_so_far import Curve, curve, dwelt, reach_of
-from station.domain.recipe import Recipe
+from station.domain.recipe import Dwell, Recipe
 from station.domain.types import Floats
 from station.service.pace import Fixed, UntilStd, of
 from tests.fakes import tumble
@@ -179,3 +181,26 @@ def test_a_fixed_dwell_decodes_nothing() -> None:
     assert isinstance(pace, Fixed)
     assert pace.first_s(0) == pace.until_s(0, 0.7, lambda: pytest.fail("decoded")) == 0.7
     assert pace.told("SN1") == {}
+
+
+SHIPPED = sorted(path.stem for path in (shipped() / "recipes").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_shipped_recipe_can_be_planned(name: str) -> None:
+    """Within its limits, to the wanted uncertainty or as near as the longest dwells come."""
+    whole = load_recipe(name)
+    strongest = max((float(np.linalg.norm(v)) for v in ideal.truths(whole)), default=1.0)
+    dwell = Dwell(until_std=2e-5 * strongest, min_s=0.2, max_s=5)
+    asked = whole.model_copy(update={"dwell": dwell})
+    aim = adaptive_dwell.aim(asked)
+    density = (1e-4 * strongest) ** 2 / 2
+    T = adaptive_dwell.start_s(aim, density)
+    assert T.shape == (len(aim),)
+    assert ((T >= 0.2 - 1e-12) & (T <= 5 + 1e-12)).all()
+    told = adaptive_dwell.plan(aim, SoFar(known(np.full((1, 3), density)), T[None], _none(), np.ones(1)), T[None])
+    most = adaptive_dwell.plan(
+        aim, SoFar(known(np.full((1, 3), density)), np.full((1, len(aim)), 5.0), _none(), np.ones(1)), T[None]
+    )
+    wanted = np.maximum(aim.std, np.sqrt(NEAR) * most.std[0])
+    assert (told.std[0][np.isfinite(aim.std)] <= 1.02 * wanted[np.isfinite(aim.std)]).all()
