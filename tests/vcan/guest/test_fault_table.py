@@ -17,6 +17,7 @@ ON_VCAN = frozenset(
         "device deaf",
         "device silent",
         "device twice",
+        "device stale",
         "device reads:index=0x1018,sub=1,value=5",
         "device reads:index=0x1018,sub=2,value=7",
         "device reads:index=0x1018,sub=3,value=1",
