@@ -19,7 +19,7 @@ NEAR = 1.1
 #: A stop that even its shortest dwell makes matter less than this does not matter.
 ROUNDING = 1e-9
 #: Power of the multipliers' step: 2 is exact for one coefficient, and swings between several.
-POWER = 1.4
+POWER = 1.7
 
 
 def least_dwells(price: Floats, past: Floats, shortest: Floats, longest: Floats) -> Floats:

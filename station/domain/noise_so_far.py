@@ -5,7 +5,7 @@ mean unbiased and as variable as the same dwell of fixed length (Helmert 1876; S
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,11 @@ class Curve:
     dof: Floats
     odd: Floats
 
+    def apart(self) -> "list[Curve]":
+        """One of each unit."""
+        each = range(len(self.by_count))
+        return [Curve(self.count, self.by_count[[u]], self.dof[[u]], self.odd[[u]]) for u in each]
+
     def at(self, count: Floats) -> tuple[Floats, Floats]:
         """n · variance (u, v, 3) of dwells of n = count (u, v) readings and its dof, straight between logarithms."""
         if len(self.count) == 1:
@@ -86,6 +91,13 @@ def dwelt(reading: Floats, longest: int) -> Dwelt:
         log_det=np.tile(family.log_det, (units, 1)),
         dof=np.full(units, float(cut.blocks - 1)),
     )
+
+
+def joined(units: Sequence[Dwelt]) -> Dwelt:
+    """The dwells of several units at one stop as one."""
+    if len(units) == 1:
+        return units[0]
+    return Dwelt(*(np.concatenate([getattr(d, f.name) for d in units]) for f in fields(Dwelt)))
 
 
 def curve(dwells: Sequence[Dwelt], longest: int) -> Curve:

@@ -7,7 +7,7 @@ import numpy as np
 
 from station.domain import adaptive_dwell
 from station.domain.adaptive_dwell import SoFar
-from station.domain.noise_so_far import FEWEST, Curve, Dwelt, curve, dwelt, reach_of
+from station.domain.noise_so_far import FEWEST, Curve, Dwelt, curve, dwelt, joined, reach_of
 from station.domain.recipe import Recipe
 from station.domain.stillness import expected_noise
 from station.domain.types import Floats
@@ -107,15 +107,17 @@ class UntilStd:
 
     def _planned(self, serials: tuple[str, ...], done_s: Floats, lasted_s: float) -> Floats:
         seen = sorted(set.intersection(*(set(self._read[s]) for s in serials)))
-        found = {s: self._curve(s, seen) for s in serials}
+        found = dict(zip(serials, self._curves(serials, seen), strict=True))
         gold = found.pop(GOLD, None)
         seen_s = np.array([self._done_s[seen].sum() + lasted_s])
         so_far = SoFar(adaptive_dwell.fixture(list(found.values()), gold), done_s[None], np.array(seen), seen_s)
         return np.asarray(adaptive_dwell.plan(self.aim, so_far, self._plan_s[None]).dwell_s[0])
 
-    def _curve(self, serial: str, seen: list[int]) -> Curve:
+    def _curves(self, serials: tuple[str, ...], seen: list[int]) -> list[Curve]:
+        """The noise of each; learnt together, for one at a time takes as long as all."""
         reach = reach_of(max(len(x) for read in self._read.values() for x in read.values()))
-        return curve([self._dwelt(serial, stop, reach) for stop in seen], reach)
+        told = [joined([self._dwelt(serial, stop, reach) for serial in serials]) for stop in seen]
+        return curve(told, reach).apart()
 
     def _dwelt(self, serial: str, stop: int, reach: int) -> Dwelt:
         reading = self._read[serial][stop]
