@@ -91,8 +91,14 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullOf) 
         floor=floor,
         causes=_causes(searched, last, floor, sized[len(problem.accepted) :]),
         depends_on=searched.words,
-        not_testable=tuple(sorted({*inspected.blind, *searched.blind} - {f.effect for f in inspected.faults})),
+        not_testable=_not_testable(inspected, searched),
     )
+
+
+def _not_testable(inspected: Inspected, searched: Searched) -> tuple[str, ...]:
+    """Causes that nothing in these data could show."""
+    shown = {*inspected.tested, *(f.effect for f in inspected.faults)}
+    return tuple(sorted({*inspected.blind, *searched.blind} - shown))
 
 
 def _enough(table: SampleTable) -> None:

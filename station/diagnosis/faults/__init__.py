@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.faults import clipping, clock, counters, grid_step, mapping, stuck_bits, tone
+from station.diagnosis.faults import clipping, clock, counters, gold, grid_step, mapping, stuck_bits, tone
 from station.diagnosis.faults.fault import Fault, Number
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, SampleTable
@@ -16,11 +16,13 @@ __all__ = ["Fault", "Inspected", "Number", "inspect"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inspected:
-    """Faults; the table as it would be without them, clipped stops left out; and the faults that nothing could show."""
+    """Faults; the table as it would be without them, clipped stops left out; the faults that nothing could show; and
+    causes of the bank that were looked for here already."""
 
     faults: tuple[Fault, ...]
     table: SampleTable
     blind: tuple[str, ...]
+    tested: tuple[str, ...] = ()
 
 
 def inspect(recipe: Recipe, table: SampleTable) -> Inspected:
@@ -36,11 +38,13 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspected:
     table = replace(table, reading=mapping.repaired(table, read)) if read else table
     for part in (clipping, grid_step, stuck_bits, counters, clock):
         found += part.faults(recipe, table, stop)
+    by_gold = gold.faults(recipe, table, scene, stop)
+    found, table = [*found, *by_gold], gold.repaired(recipe, table, by_gold)
     _, bad = clipping.clipped(table, stop)
     whole = ~np.isin(stop, np.unique(stop[bad]))
     kept = table[whole] if bad.any() else table
     found += tone.faults(recipe, kept, stop[whole])
-    return Inspected(tuple(found), kept, _blind(recipe, table, scene))
+    return Inspected(tuple(found), kept, _blind(recipe, table, scene), gold.tested(recipe, table))
 
 
 def _means(reading: Floats, stop: NDArray[np.intp]) -> Floats:

@@ -61,7 +61,7 @@ def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> tuple[F
             joined = _joined(table, rows, number[rows], first, error[u], std[u], (nominal, bits))
             if joined is not None:
                 run = table.run[rows]
-                error[u], std[u] = _slope(table.time_s[rows], joined / nominal, run)
+                error[u], std[u] = _slope(table.time_s[rows], joined / nominal, run, stop[rows])
     return error, std
 
 
@@ -73,8 +73,11 @@ def _placed(time_s: Floats, stop: NDArray[np.intp], first: NDArray[np.intp], rat
     return np.asarray(total - np.repeat(total[first], np.diff(np.append(first, len(stop)))), np.int64)
 
 
-def _slope(time_s: Floats, device_s: Floats, group: Array) -> tuple[float, float]:
-    """Relative error of the device's time against the host's, with one offset for each group."""
+def _slope(time_s: Floats, device_s: Floats, group: Array, stop: Array | None = None) -> tuple[float, float]:
+    """Relative error of the device's time against the host's, with one offset for each group, and its deviation.
+
+    stop: where given, what the samples of a stop are off by together counts once (a start between two frames).
+    """
     _, code = np.unique(group, return_inverse=True)
     count = np.bincount(code)
     t = time_s - (np.bincount(code, time_s) / count)[code]
@@ -84,8 +87,13 @@ def _slope(time_s: Floats, device_s: Floats, group: Array) -> tuple[float, float
     if spread <= 0 or free < 1:
         return float("nan"), float("nan")
     slope = float(t @ y) / spread
-    rest = float(np.sum((y - slope * t) ** 2)) / free
-    return slope, float(np.sqrt(rest / spread)) + 1e-9
+    left = y - slope * t
+    std = float(np.sqrt(np.sum(left**2) / free / spread))
+    if stop is not None:
+        pulls = np.bincount(stop - stop.min(), left * t)
+        spare = max(len(pulls) - len(count) - 1, 1)
+        std = max(std, float(np.sqrt(np.sum(pulls**2) * len(pulls) / spare)) / spread)
+    return slope, std + 1e-9
 
 
 def _joined(

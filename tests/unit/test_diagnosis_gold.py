@@ -1,0 +1,85 @@
+"""A gold reference shows gravity and its own drift, whatever the recipe's reference is, and nothing else."""
+
+import numpy as np
+import pytest
+
+from station.config.recipes import load_recipe
+from station.diagnosis.extend import extended
+from station.diagnosis.faults import Fault, inspect
+from station.domain.recipe import Recipe
+from station.model.model_file import Model
+from station.model.simulate import Job, effects_of, simulate
+from tests.blind.look import look
+
+UNITS = ("A", "B", "C", "D")
+CERTIFICATE = {
+    "serial": "G1",
+    "due": "2030-01-01",
+    "offset": (0.002, -0.001, 0.003),
+    "matrix": ((1.001, 0.0, 0.0), (0.0, 0.999, 0.0005), (0.0, 0.0, 1.002)),
+    "offset_std": 5e-5,
+    "gain_std": 2e-5,
+}
+
+
+def by_gold() -> Recipe:
+    """Six faces, the truth taken from a gold reference."""
+    told = load_recipe("six-point").model_dump(by_alias=True)
+    return Recipe.model_validate({**told, "reference": {"source": "gold", "magnitude": 1.0, "gold": CERTIFICATE}})
+
+
+def found(recipe: Recipe, *asked: str, seed: int = 3) -> dict[str, Fault]:
+    """What a gold beside the units shows of causes."""
+    made = simulate(Job(recipe, UNITS, seed, effects_of(asked, recipe), gold=True)).table
+    return {f.effect: f for f in inspect(recipe, made).faults}
+
+
+@pytest.mark.parametrize("recipe", [load_recipe("six-point"), load_recipe("tilt-24"), by_gold()], ids=lambda r: r.name)
+def test_gravity_and_drift_are_named_and_sized_whatever_the_reference_is(recipe: Recipe) -> None:
+    gravity = found(recipe, "local-gravity=0.0012")
+    assert set(gravity) == {"local-gravity"}
+    (number,) = gravity["local-gravity"].numbers
+    assert number.std is not None
+    assert abs(float(number.value) - 0.0012) < 3 * number.std < 2e-4
+    both = found(recipe, "local-gravity=0.0012", "gold-drift=0.002")
+    assert set(both) == {"local-gravity", "gold-drift"}
+    size = np.sqrt(np.mean([float(n.value) ** 2 for n in both["gold-drift"].numbers]))
+    assert abs(size - 0.002) < 3e-4
+
+
+def test_nothing_that_turns_or_still_moves_is_taken_for_either() -> None:
+    recipe = load_recipe("six-point")
+    causes = ("base-tilt", "nest-tilt", "index-error", "settling", "lever-arm", "repeatability")
+    assert not {"local-gravity", "gold-drift"} & set(found(recipe, *causes))
+
+
+def test_positions_that_do_not_tell_them_apart_give_both() -> None:
+    told = load_recipe("six-point").model_dump(by_alias=True)
+    up = [p for p in told["positions"] if p["name"] in ("x-up", "y-up", "z-up")]
+    assert len(up) == 3
+    recipe = Recipe.model_validate({**told, "positions": up, "method": "three-point"})
+    (fault,) = [f for f in found(recipe, "local-gravity=0.002").values() if f.effect in ("local-gravity", "gold-drift")]
+    assert {fault.effect, *fault.alike} == {"local-gravity", "gold-drift"}
+
+
+def test_a_diagnosis_names_gravity_and_is_silent_with_it_in_the_model() -> None:
+    recipe = by_gold()
+    table = simulate(Job(recipe, UNITS, 5, effects_of(("local-gravity",), recipe))).table
+    first = look(recipe, table)
+    assert (first.verdict, [f.effect for f in first.faults]) == ("named", ["local-gravity"])
+    assert not {"local-gravity", "gold-drift"} & set(first.not_testable)
+    assert look(recipe, table, extended(Model(), first)).verdict == "none"
+
+
+def test_a_gold_that_moved_does_no_harm_to_what_is_found_of_the_units() -> None:
+    recipe = by_gold()
+    table = simulate(Job(recipe, UNITS, 6, effects_of(("gold-drift=0.003",), recipe))).table
+    first = look(recipe, table)
+    assert (first.verdict, [f.effect for f in first.faults], first.causes) == ("named", ["gold-drift"], ())
+    assert look(recipe, table, extended(Model(), first)).verdict == "none"
+
+
+def test_without_a_gold_neither_can_be_shown() -> None:
+    recipe = load_recipe("six-point")
+    told = look(recipe, simulate(Job(recipe, UNITS[:2], 12)).table).not_testable
+    assert {"local-gravity", "gold-drift"} <= set(told)
