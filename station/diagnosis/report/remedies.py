@@ -71,7 +71,7 @@ SHOW = {
     "repeatability": "come back to one position within a run",
     "local-gravity": "measure a gold reference",
     "group-offset": "measure the same unit at both places, and record `station`, `nest`, `lot`, `operator`",
-    "gold-drift": "read a gold reference in the nest (`gold_x`, `gold_y`, `gold_z`) and name it in the recipe",
+    "gold-drift": "read a gold reference in the nest (`gold_x`, `gold_y`, `gold_z`)",
     "settling": "set `settle.time_s` to 0, so that the dwell begins while it still moves",
     "lever-arm": "set `settle.time_s` to 0, so that the dwell begins while it still moves",
     "filter-lag": "set `settle.time_s` to 0, so that the dwell begins while it still moves",
