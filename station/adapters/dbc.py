@@ -1,6 +1,7 @@
 """A DBC file → pure layouts. cantools parses it once; rules it lacks are ours; decoding is elsewhere."""
 
 import logging
+import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -83,14 +84,23 @@ def _signal(signal: Any) -> SignalLayout:
         big_endian=signal.byte_order == "big_endian",
         signed=signal.is_signed,
         is_float=signal.conversion.is_float,
-        scale=signal.conversion.scale,
-        offset=signal.conversion.offset,
-        minimum=signal.minimum,
-        maximum=signal.maximum,
+        scale=_number(signal.conversion.scale),
+        offset=_number(signal.conversion.offset),
+        minimum=None if signal.minimum is None else _number(signal.minimum),
+        maximum=None if signal.maximum is None else _number(signal.maximum),
         unit=signal.unit or "",
         selector=signal.multiplexer_signal,
         selected_by=tuple(signal.multiplexer_ids or ()),
     )
+
+
+def _number(value: float) -> int | float:
+    """An integer beyond every float is as good as endless, and the rules refuse it."""
+    try:
+        float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+    return value
 
 
 def _told(text: str, finding: Finding) -> str:

@@ -82,6 +82,27 @@ def test_no_scanned_text_reaches_a_file_or_a_query(token: bytes) -> None:
         assert refused.sentence.isprintable()
 
 
+def with_a_wrong_checksum(recording: bytes) -> bytes:
+    """An MF4 whose first compressed block ends in another Adler-32."""
+    at = recording.index(b"##DZ")
+    end = at + int.from_bytes(recording[at + 8 : at + 16], "little")
+    data = bytearray(recording)
+    for i in range(end - 12, end):
+        data[i] ^= 0xFF
+    return bytes(data)
+
+
+def test_what_a_hundred_thousand_inputs_found(reading: Mapping[str, Target], folder: Path) -> None:
+    found = {
+        "mf4": with_a_wrong_checksum(reading["mf4"].good),
+        "samples.parquet": reading["samples.parquet"].good.replace(b"visit", b"\xf4isit"),
+        "dbc": reading["dbc"].good.replace(b"(0.01,0)", b"(0.01," + b"9" * 400 + b")"),
+    }
+    assert {name: torture_input.attempt(reading[name], data, folder) for name, data in found.items()} == dict.fromkeys(
+        found, "refused"
+    )
+
+
 @pytest.mark.parametrize("zeroed", [0, 64, 0x368, 0xF10])
 def test_a_damaged_recording_is_one_sentence_and_its_reader_says_nothing_beside_it(
     reading: Mapping[str, Target], folder: Path, zeroed: int, capfd: pytest.CaptureFixture[str]

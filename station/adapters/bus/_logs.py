@@ -85,8 +85,12 @@ def _reader(suffix: str) -> tuple[Any, str, tuple[type[Exception], ...]]:
 
     if suffix == ".mf4":
         from asammdf.blocks.utils import MdfException
+        from deflate import DeflateError
+        from isal.isal_zlib import IsalError
+        from zstd import Error as ZstdError
 
-        return mf4().MF4Reader, "rb", (*_CORRUPT, MdfException)
+        of_blocks: tuple[Any, ...] = (DeflateError, IsalError, ZstdError, RuntimeError)  # RuntimeError: lz4's
+        return mf4().MF4Reader, "rb", (*_CORRUPT, MdfException, *of_blocks)
     if suffix == ".blf":
         return can.BLFReader, "rb", (*_CORRUPT, can.io.blf.BLFParseError)
     return can.ASCReader, "r", _CORRUPT
