@@ -85,10 +85,10 @@ def _stimulus(recipe: Recipe, stops: Stops) -> Iterator[Reason]:
 def _faces(stops: Stops, wanted: Floats, size: Floats, strong: NDArray[np.bool_]) -> Iterator[Reason]:
     found = stops.mean / np.maximum(size, 1e-300)[:, None]
     nominal = stops.true / wanted[:, None]
-    cosines = found @ nominal.T
-    for v in np.flatnonzero(strong & (np.diagonal(cosines) < np.cos(np.deg2rad(FACE_DEG)))):
-        angle = float(np.degrees(np.arccos(np.clip(cosines[v, v], -1, 1))))
-        like = stops.position[int(np.argmax(cosines[v]))]
+    cosine = np.einsum("vi,vi->v", found, nominal)
+    for v in np.flatnonzero(strong & (cosine < np.cos(np.deg2rad(FACE_DEG)))):
+        angle = float(np.degrees(np.arccos(np.clip(cosine[v], -1, 1))))
+        like = stops.position[int(np.argmax(nominal @ found[v]))]
         seems = f"; it looks like {like!r}" if like != stops.position[v] else ""
         told = f"at {stops.position[v]!r} the reading points {angle:.0f} deg elsewhere than the recipe says{seems}"
         yield Reason("wrong-face", told, angle, FACE_DEG, "deg")

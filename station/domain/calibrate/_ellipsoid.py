@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from station.domain.calibrate._outliers import Hat
 from station.domain.linear_algebra import solve
 from station.domain.method import Problem
 from station.domain.types import Floats
@@ -20,7 +21,7 @@ ARRIVED = 1e-12
 @dataclass(frozen=True, slots=True, eq=False)
 class Ellipsoid:
     """b (u, 3), K (u, 3, 3), residual r (u, v) of the magnitudes, its variance (u, v) by noise and in all, derivative
-    J (u, v, 9) of r by the parameters and G (u, 9, v, 3) of those by the readings, H (u, v, v) which takes out of r
+    J (u, v, 9) of r by the parameters and G (u, 9, v, 3) of those by the readings, hat which takes out of r
     what the parameters explain, converged (u)."""
 
     b: Floats
@@ -30,7 +31,7 @@ class Ellipsoid:
     variance: Floats
     J: Floats
     G: Floats
-    H: Floats
+    hat: Hat
     converged: Floats
 
 
@@ -59,7 +60,7 @@ def fit(problem: Problem, keep: Floats) -> Ellipsoid:
         variance=variance,
         J=J,
         G=-gain[..., None] * slope[:, None],
-        H=J @ gain,
+        hat=Hat(J, gain),
         converged=done,
     )
 

@@ -24,11 +24,11 @@ MATRIX_NAMES = ("offset x, y, z", *(f"gain {a} and cross-axis from {a}" for a in
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Axis:
-    """Regression of one axis: G (u, k, v) estimate = G · reading; H (u, v, v) fitted = H · reading; r (u, v)
-    residual; b (u, k)."""
+    """Regression of one axis: G (u, k, v) estimate = G · reading; hat: fitted = hat · reading; r (u, v) residual;
+    b (u, k)."""
 
     G: Floats
-    H: Floats
+    hat: _outliers.Hat
     r: Floats
     b: Floats
 
@@ -74,8 +74,7 @@ def _at_length(problem: Problem, columns: Columns, parts: tuple[Floats, Floats],
     keep = np.ones(variance.shape[:2])
     for _ in range(max(len(problem.pose) // 4, 1)):
         axes = _regressions(problem, columns, variance, keep, weighted)
-        hat = np.stack([a.H for a in axes], axis=1)
-        worst = _outliers.worst(_residuals(axes), hat, variance, keep, _parameters(columns, problem))
+        worst = _outliers.worst(_residuals(axes), [a.hat for a in axes], variance, keep, _parameters(columns, problem))
         if not worst.any():
             break
         keep = np.where(worst, 0.0, keep)
@@ -119,7 +118,7 @@ def _regression(X: Floats, y: Floats, weight: Floats) -> _Axis:
     G = linear_algebra.solve(ZW @ Z, ZW)
     b = (G @ y[..., None])[..., 0]
     r = y - (Z @ b[..., None])[..., 0]
-    return _Axis(G / scale.transpose(0, 2, 1), Z @ G, r, b / scale[:, 0])
+    return _Axis(G / scale.transpose(0, 2, 1), _outliers.Hat(Z, G), r, b / scale[:, 0])
 
 
 def _residuals(axes: tuple[_Axis, _Axis, _Axis]) -> Floats:

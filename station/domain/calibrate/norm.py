@@ -52,7 +52,7 @@ class Norm:
         keep = np.ones(problem.mean.shape[:2])
         for _ in range(max(len(problem.pose) // 4, 1)):
             e = _ellipsoid.fit(problem, keep)
-            worst = _outliers.worst(e.r[..., None], e.H[:, None], e.variance[..., None], keep, 9)
+            worst = _outliers.worst(e.r[..., None], [e.hat], e.variance[..., None], keep, 9)
             if not worst.any():
                 break
             keep = np.where(worst, 0.0, keep)
