@@ -195,5 +195,6 @@ def _check_person(bench: Bench, loads: int) -> None:
         raise UsageError(
             f"more than {nests} units need somebody who changes them; run it from a terminal, or {nests} at a time"
         )
-    if any(run.seating != "home" for run in bench.job.recipe.runs):
-        raise UsageError("this recipe needs somebody who turns the units in their nests; run it from a terminal")
+    if any(r.seating != "home" or r.temperature_offset_degC or r.motors == "off" for r in bench.job.recipe.runs):
+        told = "this recipe needs somebody who turns the units in their nests or sees to their surroundings"
+        raise UsageError(f"{told}; run it from a terminal or from `station panel`")

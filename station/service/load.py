@@ -189,25 +189,29 @@ class Load:
             self._station.store.event(unit.attempt, "seated", detail)
 
     def _reseat(self, number: int, seating: str) -> Iterator[Event]:
-        sentence = f"turn every unit in its nest to seating {seating!r}, then go on"
-        yield Told(sentence)
-        self._confirm(sentence)
-        self._stop.check()
+        yield from self._ask(f"turn every unit in its nest to seating {seating!r}, then go on")
         self._seated(number, seating, powered=False)
         for unit in self._alive:  # turned units may have been unplugged for it
             if unit.device.boot_ups() != unit.boot_ups:
                 make_ready(unit, self._job)
 
     def _conditions(self, number: int) -> Iterator[Event]:
-        """What a run asks of its surroundings and no port can do: a person is told, and time is given."""
+        """What a run asks of its surroundings and no port can do: a person does it and says so, and time is given."""
         run = self._job.recipe.runs[number]
         if run.temperature_offset_degC:
-            yield Told(f"run {number}: bring the surroundings {run.temperature_offset_degC:+g} degC from the usual")
+            asked = f"run {number}: bring the surroundings {run.temperature_offset_degC:+g} degC from the usual"
+            yield from self._ask(asked)
         if run.motors == "off":
-            yield Told(f"run {number}: switch the line's motors off")
+            yield from self._ask(f"run {number}: switch the line's motors off")
         if run.prewarm_s and self._capture is not None:
             yield Told(f"run {number}: warming up for {run.prewarm_s:g} s")
             self._capture.wait(run.prewarm_s)
+
+    def _ask(self, sentence: str) -> Iterator[Event]:
+        """Waits until a person has done it."""
+        yield Told(sentence)
+        self._confirm(sentence)
+        self._stop.check()
 
     def _judge(self) -> Iterator[Event]:
         yield from self._each(self._judge_one)

@@ -106,7 +106,7 @@ class Runs:
             lines = self._said().read_text(encoding="utf-8", errors="replace").strip().splitlines()
         except OSError:
             return ""
-        return lines[-1][:500] if lines else ""
+        return lines[-1].removeprefix("station: ")[:500] if lines else ""
 
     def _said(self) -> Path:
         return beside(self.order.database, ".run.err")

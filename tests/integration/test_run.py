@@ -161,7 +161,8 @@ def test_several_runs_and_seatings_ask_for_reseating_once(tmp_path: Path) -> Non
     )
     ran = fixture_run.run(tmp_path, recipe=name, confirm=asked.append)
     assert ran.results["SN0001"].outcome is Outcome.PASS, ran.results["SN0001"].reasons
-    assert asked == ["turn every unit in its nest to seating 'turned', then go on"]
+    turn = "turn every unit in its nest to seating 'turned', then go on"
+    assert asked == [turn, "run 1: switch the line's motors off"], "nothing goes on before a person has done it"
     told = [e.sentence for e in ran.of(Told)]
     assert any("motors off" in t for t in told)
     visits = [v for v in ran.life("SN0001")["visits"] if v["kind"] == "tumble"]

@@ -51,7 +51,7 @@
     say(byId("count"), state.total ? `${state.done} / ${state.total}` : "");
     byId("fault").hidden = !state.fault;
     say(byId("fault"), state.fault ? `⚠ ${state.fault}` : "");
-    byId("golden").hidden = !state.golden;
+    byId("golden").hidden = !state.golden || state.golden === state.fault;
     say(byId("golden"), state.golden ? `⚠ ${state.golden}` : "");
     list(byId("sentences"), state.sentences);
     document.querySelector(".messages").hidden = !state.sentences.length;
