@@ -30,10 +30,10 @@ from tests.fakes import tumble
 Whole = NDArray[np.int64]
 #: The noise (f, nests, n, 3) of a stop, and how many (f) of its readings count.
 Stop = tuple[Floats, Whole]
-SPREAD, DENSITY, WANTED, LONGEST_S = 0.25, 1e-4, 5e-5, 10.0
+SPREAD, DENSITY, WANTED, LONGEST_S = 0.25, 1e-4, 5e-5, 8.0
 FIXED_GOAL, BOUND_GOAL, COVERED = 0.60, 1.10, (0.94, 0.96)
 #: Readings of one stop that are held at a time, for the longest dwell.
-HELD = 2_500_000
+HELD = 4_000_000
 BURN = 200
 
 

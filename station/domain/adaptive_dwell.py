@@ -21,6 +21,7 @@ from station.domain.allocation import least_dwells
 from station.domain.method import Problem
 from station.domain.noise_so_far import Curve
 from station.domain.recipe import Recipe
+from station.domain.stillness import expected_noise
 from station.domain.types import Floats
 
 #: Rounds of dwells and derivative from a cold start; a plan that goes on from its predecessor needs WARM.
@@ -145,6 +146,11 @@ def start_s(aim: Aim, density: float) -> Floats:
     guess = np.full((1, len(aim)), np.sqrt(aim.shortest_s * aim.longest_s))
     so_far = SoFar(curve, np.zeros_like(guess), np.zeros(0, np.intp), np.ones(1))
     return np.asarray(plan(aim, so_far, guess, ROUNDS).dwell_s[0])
+
+
+def by_sheet_s(recipe: Recipe) -> Floats:
+    """Dwells (v) of every planned stop of all runs, s, by the noise that the data sheet promises."""
+    return planned_s(recipe, expected_noise(recipe) ** 2 / recipe.device.rate_hz)
 
 
 def planned_s(recipe: Recipe, density: float) -> Floats:

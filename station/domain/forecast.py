@@ -47,7 +47,7 @@ class Forecast:
 def forecast(recipe: Recipe, rounding: Floats) -> Forecast:
     """The forecast of a recipe that `design.check` accepts and that lists its positions."""
     noise = expected_noise(recipe)
-    dwell_s = adaptive_dwell.planned_s(recipe, noise**2 / recipe.device.rate_hz)
+    dwell_s = adaptive_dwell.by_sheet_s(recipe)
     stops = ideal.stops(recipe, dwell_s)
     problem = method.problem(recipe, [stops])
     fit = method.of(recipe).fit(problem)

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from station.domain import plan, rotation
+from station.domain import adaptive_dwell, plan, rotation
 from station.domain.plan import STOPS_BY_HAND, Stop
 from station.domain.recipe import Recipe
 from station.domain.types import Floats
@@ -42,5 +42,7 @@ def estimate_s(recipe: Recipe, positioner: Positioner) -> float:
     runs = [tumble(recipe, run) for run in range(len(recipe.runs))]
     stops = [*(stop for run in runs for stop in run), *verification(recipe)]
     moves = sum(positioner.estimate_s(a, b) for a, b in pairwise([None, *stops]) if b is not None)
-    stay = recipe.settle.time_s + recipe.dwell.longest_s
-    return moves + len(stops) * stay + sum(run.prewarm_s for run in recipe.runs)
+    dwell_s = adaptive_dwell.by_sheet_s(recipe)
+    verified = len(stops) - len(dwell_s)
+    stay = len(stops) * recipe.settle.time_s + dwell_s.sum() + verified * dwell_s.mean()
+    return float(moves + stay + sum(run.prewarm_s for run in recipe.runs))

@@ -9,7 +9,6 @@ from station.domain import adaptive_dwell
 from station.domain.adaptive_dwell import SoFar
 from station.domain.noise_so_far import FEWEST, Curve, Dwelt, curve, dwelt, joined, reach_of
 from station.domain.recipe import Recipe
-from station.domain.stillness import expected_noise
 from station.domain.types import Floats
 
 #: Under this serial stand the gold reference's readings, whose noise comes on top of every unit's.
@@ -62,7 +61,7 @@ class UntilStd:
 
     def __init__(self, recipe: Recipe) -> None:
         self.aim = adaptive_dwell.aim(recipe)
-        self._plan_s = adaptive_dwell.start_s(self.aim, expected_noise(recipe) ** 2 / recipe.device.rate_hz)
+        self._plan_s = adaptive_dwell.by_sheet_s(recipe)
         self._done_s = np.zeros(len(self.aim))
         self._read: dict[str, dict[int, Floats]] = {}
         self._told: dict[tuple[str, int], tuple[tuple[int, int], Dwelt]] = {}
