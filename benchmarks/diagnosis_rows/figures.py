@@ -60,7 +60,8 @@ def share(what: str, hits: Sequence[bool], judge: Judge | None = None, note: str
     centre = (p + Z95**2 / (2 * n)) / (1 + Z95**2 / n) if n else float("nan")
     half = Z95 / (1 + Z95**2 / n) * np.sqrt(p * (1 - p) / n + Z95**2 / (4 * n**2)) if n else float("nan")
     goal, met = judge(p) if judge is not None else ("", None)
-    return Figure(what, p, max(0.0, float(centre - half)), min(1.0, float(centre + half)), n, goal, met, note)
+    low, high = (round(min(max(float(x), 0.0), 1.0), 6) for x in (centre - half, centre + half))
+    return Figure(what, p, low, high, n, goal, met, note)
 
 
 def bootstrapped(
