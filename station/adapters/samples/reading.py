@@ -132,8 +132,9 @@ def _parquet(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.Record
     from pyarrow import parquet
 
     try:
+        text = [n for n in parquet.read_schema(str(path)).names if n in TEXT]
         # Read ahead, the whole file would stay in memory until it is closed.
-        with parquet.ParquetFile(str(path), pre_buffer=False) as file:
+        with parquet.ParquetFile(str(path), pre_buffer=False, read_dictionary=text) as file:
             names = file.schema_arrow.names
             told = (file.schema_arrow.metadata or {}).get(b"schema", SCHEMA.encode()).decode(errors="replace")
             if told != SCHEMA:
@@ -150,8 +151,13 @@ def _cast(path: Path, batch: "pa.RecordBatch") -> "pa.RecordBatch":
 
     columns = []
     for name in batch.schema.names:
+        column, wanted = batch.column(name), type_of(name)
+        # Where nothing needs a cast, Arrow's compute functions need not be loaded.
+        if column.type == wanted or column.type == pa.dictionary(pa.int32(), wanted):
+            columns.append(column)
+            continue
         try:
-            columns.append(batch.column(name).cast(type_of(name)))
+            columns.append(column.cast(wanted))
         except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as exc:
             kind = batch.schema.field(name).type
             raise SamplesError(
@@ -179,7 +185,7 @@ def _together(path: Path) -> bool:
 
 def _table(batch: "pa.RecordBatch") -> SampleTable:
     def numbers(name: str) -> Any:
-        return batch.column(name).to_numpy(zero_copy_only=False)
+        return _numbers(batch.column(name))
 
     names = batch.schema.names
     gold = np.column_stack([numbers(n) for n in GOLD]) if GOLD[0] in names else None
@@ -196,9 +202,27 @@ def _table(batch: "pa.RecordBatch") -> SampleTable:
     )
 
 
+def _numbers(column: "pa.Array") -> Any:
+    """A column of numbers; Arrow's own conversion would load pandas."""
+    if column.null_count:
+        return column.to_numpy(zero_copy_only=False)
+    kind = np.dtype(column.type.to_pandas_dtype())
+    held = column.buffers()[1]
+    whole = np.frombuffer(held, kind) if held is not None else np.zeros(0, kind)
+    return whole[column.offset : column.offset + len(column)].copy()
+
+
 def _labels(batch: "pa.RecordBatch", name: str) -> Labels:
-    found = batch.column(name).fill_null("").dictionary_encode()
-    return Labels(tuple(found.dictionary.to_pylist()), found.indices.to_numpy(zero_copy_only=False).astype(np.int32))
+    import pyarrow as pa
+
+    found = batch.column(name)
+    if found.null_count:
+        found = found.cast(pa.string()).fill_null("")
+    # Text from Parquet comes encoded; of that from CSV this makes codes.
+    found = found.dictionary_encode()
+    names, code = found.dictionary.to_pylist(), _numbers(found.indices).astype(np.int32)
+    used = np.flatnonzero(np.bincount(code, minlength=len(names)))
+    return Labels(tuple(names[i] for i in used), np.searchsorted(used, code).astype(np.int32))
 
 
 def _join_labels(parts: list[Labels]) -> Labels:
