@@ -84,6 +84,9 @@ def _show_attempt(number: int, a: Document) -> None:
     if "identity" in results:
         _line("  identity " + ", ".join(f"{k} {v}" for k, v in results["identity"].items()))
     _show_visits(a["visits"])
+    if "dwell" in results:
+        lasted_s, alone_s = (sum(results["dwell"][key]) for key in ("dwell_s", "alone_s"))
+        _line(f"  dwells until good enough: {lasted_s:.1f} s; this unit alone needed {alone_s:.1f} s of its own noise")
     _show_calibration(results.get("calibration"))
     _show_writes(a["writes"])
     _show_verification(results.get("verification"))

@@ -8,6 +8,7 @@ import pytest
 
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
+from station.cli.app import main
 from station.domain.progress import (
     Identified,
     Judged,
@@ -186,7 +187,9 @@ def test_dwells_end_when_the_coefficients_are_good_enough(tmp_path: Path) -> Non
     assert not any("until_std" in note for note in fit.calibration.notes)
 
 
-def test_dwells_of_different_length_are_computed_again_bit_for_bit(tmp_path: Path) -> None:
+def test_dwells_of_different_length_are_computed_again_bit_for_bit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     recipe = fixture_run.recipe(tmp_path, dwell={"until_std": 8e-5, "min_s": 0.2, "max_s": 5})
     ran = fixture_run.run(tmp_path, units=2, recipe=recipe)
     assert len(set(dwelt_s(ran, "tumble"))) > 1
@@ -194,6 +197,9 @@ def test_dwells_of_different_length_are_computed_again_bit_for_bit(tmp_path: Pat
         for attempt in log.attempts(Query()):
             again = recompute(log, attempt)
             assert again.identical and again.compared > 100, again.differences
+    with pytest.raises(SystemExit):
+        main(["audit", "SN0001", "--db", str(tmp_path / "station.db")])
+    assert f"dwells until good enough: {sum(dwelt_s(ran, 'tumble')):.1f} s" in capsys.readouterr().out
 
 
 def test_an_uncertainty_out_of_reach_is_told(tmp_path: Path) -> None:
