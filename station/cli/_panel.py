@@ -64,12 +64,12 @@ def change_people(where: Where, add: str | None, remove: str | None, role: str) 
     return 0
 
 
-def serve(where: Where, listen: Listen, *, pace: float | None, more: tuple[str, ...] = ()) -> int:
-    """Serves until it is stopped. pace: of simulated runs; None: runs on the bench; more: words for `station run`."""
+def serve(where: Where, listen: Listen, *, pace: float | None, faults: tuple[str, ...] = ()) -> int:
+    """Serves until it is stopped. pace: of simulated runs; None: runs on the bench; faults: of simulated units."""
     settings = load_settings(where.config)
     recipe = where.recipe or settings.recipe
     job, _ = load_job(recipe)
-    order = Order(where.database(settings), recipe, where.config, simulate=pace is not None, pace=pace, more=more)
+    order = Order(where.database(settings), recipe, where.config, simulate=pace is not None, pace=pace, faults=faults)
     people = where.people(settings)
     if not accounts.load(people):
         if pace is None:

@@ -45,5 +45,5 @@ def command(
         return _panel.change_people(where, add, remove, role)
     if fault and not simulate:
         raise UsageError("--fault changes simulated units; add --simulate or leave it out")
-    more = tuple(f"--fault={text}" for text in fault or ())
-    return _panel.serve(where, _panel.Listen(host, port, secure=secure), pace=pace if simulate else None, more=more)
+    listen = _panel.Listen(host, port, secure=secure)
+    return _panel.serve(where, listen, pace=pace if simulate else None, faults=tuple(fault or ()))

@@ -11,10 +11,10 @@ from station.domain.types import Floats
 #: Half lengths of the block; it is flat, so that up and sideways cannot be mixed up.
 _HALF = np.array([1.0, 0.75, 0.4])
 #: The viewer stands a little to the right and above.
-_VIEW = rotation.about(np.array([1.0, 0, 0]), 18.0) @ rotation.about(np.array([0, 0, 1.0]), -22.0)
+_VIEW = rotation.about(np.array([1.0, 0, 0]), 24.0) @ rotation.about(np.array([0, 0, 1.0]), -26.0)
 _SIZE, _SCALE = 220.0, 62.0
-#: A face narrower than this bears no name.
-_NARROW = 20.0
+#: A face that is seen almost from its edge bears no name; it would lie on its neighbours.
+_SMALLEST = 9
 _FILL = {"x": "#cfe3f5", "y": "#fbe3c0", "z": "#d3ecd9"}
 
 
@@ -48,14 +48,15 @@ def _face(pose: Floats, axis: int, sign: int) -> str:
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
     name = f"{'+' if sign > 0 else '−'}{'xyz'[axis]}"
     block = f'<polygon points="{points}" fill="{_FILL["xyz"[axis]]}" stroke="#222" stroke-width="2"/>'
-    return block + (_text(centre[0], centre[1] + 6, name, 18) if _wide(corners) else "")
+    size = min(18, round(0.9 * _narrowest(corners)))
+    return block + (_text(centre[0], centre[1] + size / 3, name, size) if size >= _SMALLEST else "")
 
 
-def _wide(corners: Sequence[Floats]) -> bool:
-    """Whether a name fits on the face; on one that is seen almost from its edge it would lie on its neighbours."""
+def _narrowest(corners: Sequence[Floats]) -> float:
+    """Height of the face over its longer side, px: what room there is for its name."""
     a, b = corners[1] - corners[0], corners[3] - corners[0]
     area = abs(float(a[0] * b[1] - a[1] * b[0]))
-    return area > _NARROW * max(float(np.linalg.norm(a)), float(np.linalg.norm(b)))
+    return area / max(float(np.linalg.norm(a)), float(np.linalg.norm(b)), 1e-9)
 
 
 def _paper(point: Floats) -> Floats:

@@ -14,14 +14,14 @@ from station.errors import StationFault, UsageError
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """How runs are started from this page; what is None stays as config.yaml says."""
+    """How runs are started from this page; what is None stays as config.yaml says. faults: of simulated units."""
 
     database: Path
     recipe: str
     config: Path | None = None
     simulate: bool = False
     pace: float | None = None
-    more: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
 
     def words(self, units: Mapping[str, str], operator: str) -> list[str]:
         """The arguments of `station run` for units, nest → serial; what it asks of a person comes to the page."""
@@ -32,7 +32,12 @@ class Order:
             words += ["--simulate", "--device-state", f"{self.database}.devices"]
             words += ["--pace", f"{self.pace:g}"] if self.pace is not None else []
         seats = (word for nest, serial in units.items() for word in (f"--nest={nest}", f"--serial={serial}"))
-        return [*words, *self.more, *seats]
+        return [*words, *self._faults(set(units.values())), *seats]
+
+    def _faults(self, serials: set[str]) -> list[str]:
+        """Those of the units of this load, of every unit, of the bus and of the gold reference."""
+        whose = {fault: fault.partition("/")[0] if "/" in fault else "" for fault in self.faults}
+        return [f"--fault={f}" for f, serial in whose.items() if serial in serials | {"", "BUS", "GOLD"}]
 
 
 def beside(database: Path, ending: str) -> Path:

@@ -59,3 +59,10 @@ def test_words_of_a_run_cannot_be_taken_for_options(tmp_path: Path) -> None:
     words = Order(tmp_path / "s.db", "six-point", simulate=True, pace=2.0).words({"B": "--version"}, "anna")
     assert words[-2:] == ["--nest=B", "--serial=--version"]
     assert "--operator=anna" in words
+
+
+def test_a_load_gets_the_faults_of_its_own_units(tmp_path: Path) -> None:
+    faults = ("SN2/stuck-axis:value=2", "save-torn", "SN1/silent", "BUS/jammed")
+    words = Order(tmp_path / "s.db", "six-point", simulate=True, faults=faults).words({"A": "SN1"}, "anna")
+    given = [word.removeprefix("--fault=") for word in words if word.startswith("--fault=")]
+    assert given == ["save-torn", "SN1/silent", "BUS/jammed"]
