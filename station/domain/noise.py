@@ -73,22 +73,29 @@ def reach_of(longest: int) -> int:
     return 1 << max(3, (max(longest // step_of(longest), 1) - 1).bit_length())
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=512)
 def family(blocks: int, width: int, reach: int) -> Family:
     """The family for dwells of blocks · width steps; correlation lengths up to reach / 2 steps."""
-    autocovariance, prior = _shapes(blocks * width, reach)
-    coarse = _of_blocks(autocovariance, blocks, width)
-    C = np.asarray(scipy.fft.dct(np.eye(blocks), axis=0, norm="ortho", type=2))
+    # Dwells that end when they are good enough have all lengths: what does not depend on the length is made once.
+    longest = max(reach, blocks * width)
+    autocovariance, prior = _shapes(longest, reach)
+    coarse = _of_blocks(autocovariance[:, : blocks * width], blocks, width)
     expected = coarse @ _lag_weights(blocks).T
     inverse = np.zeros((blocks, len(prior)))
     inverse[1:] = 1 / expected[:, 1:].T
-    return Family(C, inverse, np.log(expected[:, 1:]).sum(axis=1), expected[:, 0] / blocks, np.log(prior))
+    return Family(_transform(blocks), inverse, np.log(expected[:, 1:]).sum(axis=1), expected[:, 0] / blocks, np.log(prior))
+
+
+@cache
+def _transform(n: int) -> Floats:
+    """The orthonormal cosine transform (n, n), DCT-II."""
+    return np.asarray(scipy.fft.dct(np.eye(n), axis=0, norm="ortho", type=2))
 
 
 @cache
 def _lag_weights(n: int) -> Floats:
     """Weights (n, n): expected square of coefficient j = Σ_k weight[j, k] · autocovariance[k]."""
-    C = scipy.fft.dct(np.eye(n), axis=0, norm="ortho", type=2)
+    C = _transform(n)
     W = scipy.fft.irfft(np.abs(scipy.fft.rfft(C, 2 * n, axis=1)) ** 2, 2 * n, axis=1)[:, :n]
     W[:, 1:] *= 2
     return np.asarray(W)
@@ -105,6 +112,7 @@ def _of_blocks(autocovariance: Floats, blocks: int, width: int) -> Floats:
     return np.asarray((autocovariance[:, np.where(inside, at, 0)] * (triangle * inside)).sum(axis=2))
 
 
+@lru_cache(maxsize=16)
 def _shapes(n: int, reach: int) -> tuple[Floats, Floats]:
     """Autocovariances (s, n) of unit variance, and their prior weights (s)."""
     k = np.arange(n)
