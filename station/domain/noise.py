@@ -83,7 +83,9 @@ def family(blocks: int, width: int, reach: int) -> Family:
     expected = coarse @ _lag_weights(blocks).T
     inverse = np.zeros((blocks, len(prior)))
     inverse[1:] = 1 / expected[:, 1:].T
-    return Family(_transform(blocks), inverse, np.log(expected[:, 1:]).sum(axis=1), expected[:, 0] / blocks, np.log(prior))
+    return Family(
+        _transform(blocks), inverse, np.log(expected[:, 1:]).sum(axis=1), expected[:, 0] / blocks, np.log(prior)
+    )
 
 
 @cache
