@@ -7,17 +7,13 @@ import pytest
 
 from tests.browser.chrome import Browser
 from tests.browser.conftest import Site
+from tests.browser.judge import SCREENS, judged
 from tests.fakes import fixture_run
 
-TOUCH, PHONE = (1280, 800), (390, 844)
+PHONE = SCREENS[-1]
 PAGES = ("/", "/audit", "/audit/unit?serial=SN0001", "/journal", "/charts?size=2", "/nowhere")
 pytestmark = pytest.mark.timeout(240)
 
-_JUDGE = """
-const done = arguments[0];
-axe.run(document, { runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"] })
-  .then((found) => done(found.violations.map((v) => `${v.id}: ${v.nodes.map((n) => n.html).slice(0, 3).join(" | ")}`)));
-"""
 #: What sticks out on the right of a page that must not be moved sideways; tables scroll in boxes of their own.
 _SIDEWAYS = """
 const wide = document.documentElement.clientWidth;
@@ -25,12 +21,6 @@ return [...document.querySelectorAll("body *")]
   .filter((n) => n.getBoundingClientRect().right > wide + 1 && !n.closest(".scroll, .unseen, .skip, svg"))
   .map((n) => n.outerHTML.slice(0, 120));
 """
-
-
-def judged(page: Browser, axe: str) -> list[str]:
-    """What axe-core finds wrong with the page as it stands."""
-    page.script(axe)
-    return list(page.later(_JUDGE))
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +41,7 @@ def test_pages_are_accessible_on_every_screen(
         page.go(f"{site.url}{at}")
         if at == "/":
             page.wait("document.querySelector('#recipe').textContent")
-        for width, height in (TOUCH, PHONE):
+        for width, height in SCREENS:
             page.device(width, height)
             assert judged(page, axe) == [], at
             assert page.script(_SIDEWAYS) == [], f"{at} at {width} px"

@@ -12,6 +12,7 @@ from station.adapters.store.search import Query
 from station.web.journal import Journal
 from tests.browser.chrome import Browser
 from tests.browser.conftest import Site
+from tests.browser.judge import SCREENS, judged
 from tests.fakes import fixture_run
 
 Serve, LogIn = Callable[..., Site], Callable[..., Browser]
@@ -94,7 +95,7 @@ def test_the_keyboard_alone_does_it(serve: Serve, log_in: LogIn) -> None:
 
 
 def test_an_operator_turns_the_units_by_hand_and_scans_the_next_load(
-    serve: Serve, log_in: LogIn, tmp_path: Path, pictures: Path
+    serve: Serve, log_in: LogIn, tmp_path: Path, pictures: Path, axe: str
 ) -> None:
     turned = {"axis": [0, 0, 1], "angle_deg": 180}
     runs = [{"seating": "home", "order": "listed"}, {"seating": "turned", "order": "reversed"}]
@@ -110,6 +111,9 @@ def test_an_operator_turns_the_units_by_hand_and_scans_the_next_load(
     page.keys("SN0001\n")
     page.wait("document.querySelector('#told').textContent.includes('sitzt gerade in Nest A')")
     page.picture(pictures / "confirm.png")
+    for width, height in SCREENS:
+        page.device(width, height)
+        assert judged(page, axe) == [], width
     page.go(page.script("return location.href"))
     page.wait("!document.querySelector('#todo').hidden && document.querySelector('#confirmed').offsetParent", 2)
     page.wait("performance.now() > 1200")  # a key that was meant for something else confirms nothing
