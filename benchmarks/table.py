@@ -42,7 +42,7 @@ BENCHES = (
     Bench((1,), "receive.py", ("--rows", "1", "--runs", "11"), ("--rows", "1", "--runs", "5")),
     Bench((2,), "receive.py", ("--rows", "2", "--seconds", "5"), ("--rows", "2", "--seconds", "2")),
     Bench((1, 2), VCAN, ("receive.py", "--rows", "1", "--runs", "5"), ("receive.py", "--rows", "1", "--runs", "5")),
-    Bench((3,), "dwell.py", (), ("--units", "1000")),
+    Bench((3,), "dwell.py", (), ("--units", "200"), limit_s=900.0),
     Bench((4,), "order.py"),
     Bench((5,), "writeback.py", ("--runs", "15"), ("--runs", "7")),
     Bench((5,), VCAN, ("writeback.py", "--runs", "7"), ("writeback.py", "--runs", "5")),

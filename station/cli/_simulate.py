@@ -73,18 +73,18 @@ def _write_table(out: Path, job: Job) -> dict[str, Any]:
     """Samples, some units at a time."""
     from station.adapters.samples import write_parts
 
-    made: list[Made] = []
+    known = truth.Truth(job)
 
     def tables() -> Iterator[Any]:
         with _face.progress() as bar:
             task = bar.add_task("simulating", total=len(job.units))
             for part in parts(job):
-                made.append(Made(part.units, part.base, part.active, part.scene.without_rows()))
+                known.add(Made(part.units, part.base, part.active, part.scene.without_rows()))
                 yield part.table
                 bar.advance(task, len(part.units))
 
     write_parts(tables(), out)
-    return truth.document(job, made)
+    return known.document()
 
 
 def _write_log(out: Path, job: Job, name: str, product: str | None) -> dict[str, Any]:
