@@ -1,8 +1,12 @@
 """The page's application. Nothing is made at import: `create_app(panel)` makes it."""
 
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
@@ -31,9 +35,18 @@ def create_app(panel: Panel) -> Starlette:
         ],
         middleware=[Middleware(Closed)],
         exception_handlers={HTTPException: _refused, StationError: _sentence},
+        lifespan=_lifespan,
     )
     app.state.panel = panel
     return app
+
+
+@asynccontextmanager
+async def _lifespan(app: Starlette) -> AsyncIterator[None]:
+    """While the page serves: the charts are counted once beside it, so that nobody waits for the first look."""
+    counting = asyncio.create_task(run_in_threadpool(line_page.warm, app.state.panel))
+    yield
+    await counting
 
 
 async def _refused(request: Request, exc: Exception) -> Response:

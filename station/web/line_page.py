@@ -1,5 +1,6 @@
 """The engineer's page: the line in charts."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 from starlette.concurrency import run_in_threadpool
@@ -7,7 +8,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from station.errors import UsageError
+from station.errors import StationError, UsageError
 from station.web import charts, language, render
 from station.web.guard import person, whole
 from station.web.line import VALUES, Line, gather
@@ -35,6 +36,12 @@ async def show(request: Request, session: Session) -> Response:
         *(request, "charts.html", session),
         asked=asked, value=value, size=size, values=VALUES, charts=drawn, count=len(line.attempts), days=DAYS,
     )  # fmt: skip
+
+
+def warm(panel: Panel) -> None:
+    """Counts the newest days before anybody asks: of a large log the first look costs most."""
+    with suppress(StationError):
+        _line(panel, {})
 
 
 def _line(panel: Panel, asked: dict[str, str]) -> Line:

@@ -34,8 +34,17 @@ class Queue:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._now = _read(path)
         self._turn = Lock()
+        self._stamp: tuple[int, int] | None = None
+        self._kept = Lists({}, {})
+
+    @property
+    def _now(self) -> Lists:
+        """As the file says: another page on the same log may have changed it."""
+        stamp = _stamp(self._path)
+        if stamp != self._stamp:
+            self._stamp, self._kept = stamp, _read(self._path)
+        return self._kept
 
     @property
     def waiting(self) -> dict[str, Waiting]:
@@ -91,7 +100,16 @@ class Queue:
             beside.replace(self._path)
         except OSError as exc:
             raise StoreFault(f"{self._path} cannot be written ({exc.strerror}); free the disk, then try again") from exc
-        self._now = lists
+        self._stamp, self._kept = _stamp(self._path), lists
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """What changes whenever the file is replaced; None where there is none."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return stat.st_ino, stat.st_mtime_ns
 
 
 def _read(path: Path) -> Lists:

@@ -8,7 +8,7 @@ from typing import Any
 
 from station.adapters.bus.socketcan import state_of
 from station.config.settings import Settings
-from station.errors import StationError
+from station.errors import StationError, StoreFault
 from station.web import fixture
 from station.web.queue import Queue
 from station.web.runs import Runs, beside
@@ -88,7 +88,7 @@ class Screen:
         pid = self._runs.pid()
         running = pid is not None
         state: dict[str, Any] = self._live.get("state", {})
-        self._queue.settle(begun=self._live.get("pid"), running=pid)
+        unkept = self._settled(pid)
         mine = running and self._live.get("pid") == pid
         self.stopping = self.stopping and running
         poses, at = self._live.get("poses", ()), state.get("at", -1)
@@ -113,10 +113,18 @@ class Screen:
             "unit": self._live.get("unit", ""),
             "recipe": self._live.get("recipe", self._runs.order.recipe),
             "sentences": state.get("sentences", []) if mine or not running else [],
-            "fault": self._fault(state, running=running),
+            "fault": self._fault(state, running=running) or unkept,
             "golden": self._due(),
             **{f"nest {n.name}": self._nest(n.name, state, running=running, mine=mine) for n in self._settings.nests},
         }
+
+    def _settled(self, pid: int | None) -> str:
+        """Lets go of the units that the run has begun; '' or why that could not be kept."""
+        try:
+            self._queue.settle(begun=self._live.get("pid"), running=pid)
+        except StoreFault as exc:
+            return exc.sentence
+        return ""
 
     def _nest(self, name: str, state: Mapping[str, Any], *, running: bool, mine: bool) -> dict[str, Any]:
         """What is in a nest, and what comes next. A verdict stays until the unit that was scanned after it takes over;

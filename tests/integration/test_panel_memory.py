@@ -5,13 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from starlette.testclient import TestClient
 
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.adapters.store.sqlite import SqliteStore
+from station.config.settings import load_settings
 from station.ports.store import Begin
+from station.web.app import create_app
 from station.web.line import gather
 from station.web.memory import DAY_NS, Memory
+from station.web.panel import Panel
+from station.web.runs import Order
+from station.wiring.jobs import load_job
+from tests.fakes import fixture_run
 
 FIRST_DAY = 20_400
 BEGIN = Begin(
@@ -82,9 +89,20 @@ def test_a_day_that_is_over_is_not_counted_again(tmp_path: Path, monkeypatch: py
         assert days() == [1, 3], "SN1 came again: its first attempt is its last no more"
 
 
-def test_finished_attempts_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tests.fakes import fixture_run
+def test_the_page_counts_before_anybody_asks(tmp_path: Path) -> None:
+    fixture_run.run(tmp_path, ["SN0001"])
+    job, _ = load_job("six-point")
+    order = Order(tmp_path / "station.db", "six-point", simulate=True)
+    panel = Panel(load_settings(), job.recipe, order, tmp_path / "accounts.json")
+    with TestClient(create_app(panel)):
+        pass
+    assert len(panel.memory._days) == 1
+    empty = Panel(load_settings(), job.recipe, Order(tmp_path / "none.db", "six-point"), tmp_path / "accounts.json")
+    with TestClient(create_app(empty)) as client:
+        assert client.get("/health").status_code == 200, "no log yet is no reason not to serve"
 
+
+def test_finished_attempts_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fixture_run.run(tmp_path, ["SN0001", "SN0002"])
     memory, read = Memory(), list[str]()
     real = LogReader.attempt

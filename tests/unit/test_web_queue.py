@@ -23,6 +23,16 @@ def test_a_restart_forgets_nothing(path: Path) -> None:
     assert (once_more.handed, once_more.serials()) == ({"A": Waiting("SN1"), "C": Waiting("SN3", 77)}, ["SN5"])
 
 
+def test_two_pages_on_one_log_see_the_same_list(path: Path) -> None:
+    one, two = Queue(path), Queue(path)
+    one.put({"A": Waiting("SN1")})
+    assert two.serials() == ["SN1"]
+    two.put({"B": Waiting("SN2")})
+    assert one.serials() == ["SN1", "SN2"]
+    one.clear()
+    assert two.waiting == {}
+
+
 def test_what_the_run_has_begun_is_let_go_of(path: Path) -> None:
     queue = Queue(path)
     queue.put({"A": Waiting("SN1")})
