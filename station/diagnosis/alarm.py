@@ -19,7 +19,7 @@ from station.diagnosis.stage import Problem
 from station.domain.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-VERSION = 4
+VERSION = 5
 #: Chance of any alarm in data without a cause.
 LEVEL = 0.01
 #: Probabilities below the tail at which a cause's null scores are kept, and where its exponential tail begins.
@@ -82,10 +82,11 @@ def null_of(scores: Mapping[str, Floats]) -> Null:
     """The null distribution from each cause's scores (n) in the same null data sets."""
     quantiles = {name: np.quantile(s, TAIL * GRID) for name, s in scores.items()}
     start = {name: float(q[-1]) for name, q in quantiles.items()}
-    scale = {
-        name: max(float(np.mean(s[s > start[name]] - start[name])), 0.05) if np.any(s > start[name]) else 1.0
-        for name, s in scores.items()
-    }
+    beyond = {name: s[s > start[name]] - start[name] for name, s in scores.items()}
+    scale = {name: max(float(np.mean(x)), 0.05) if len(x) else 1.0 for name, x in beyond.items()}
+    # A tail bends towards that of every log Bayes factor; a few sets beyond its start do not show yet how far it goes.
+    usual = float(np.median(list(scale.values())))
+    scale = {name: max(x, usual) for name, x in scale.items()}
     null = Null(quantiles, start, scale, 0.0)
     largest = np.max([null.surprise(name, s) for name, s in scores.items()], axis=0)
     return Null(quantiles, start, scale, float(np.quantile(largest, 1 - LEVEL)))

@@ -31,7 +31,7 @@ def scores(problem: Problem, fitted: Fitted, like: Panel, seed: int) -> Iterator
     now = crowd(problem, like, chosen, copies)
     seen = [[_Light(s) for s in stage.seen] for stage in now.stages]
     for noise, true in _noise(problem, fitted, now, rng):
-        orders = np.array([rng.permutation(len(noise)) for _ in range(copies)]) if copies > 1 else None
+        orders = dealt_orders(len(noise), copies, rng) if copies > 1 else None
         told = [[light.scores(noise, true, orders) for light in stage] for stage in seen]
         yield now.scores(
             [
@@ -39,6 +39,12 @@ def scores(problem: Problem, fitted: Fitted, like: Panel, seed: int) -> Iterator
                 for stage in told
             ]
         )
+
+
+def dealt_orders(sets: int, copies: int, rng: np.random.Generator) -> Array:
+    """The order (copies, sets) in which each copy is dealt: shifted by another step, so that no set meets itself."""
+    steps = rng.permutation(sets * -(-copies // sets))[:copies] % sets
+    return np.asarray((np.arange(sets) + steps[:, None]) % sets)
 
 
 def _noise(problem: Problem, fitted: Fitted, now: Panel, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:

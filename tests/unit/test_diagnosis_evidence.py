@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from station.diagnosis.chance import dealt_orders
 from station.diagnosis.evidence import RATIOS, Pattern, Sets, Spectrum, spectrum
 from station.diagnosis.space import Covariance, Known, Rows, Space, space
 from station.domain.types import Floats
@@ -151,3 +152,11 @@ def score(seen: Space, columns: Floats, most: float = np.inf) -> float:
     """Log evidence of a cause of each unit's own."""
     can, u, sets = found(seen, columns, "own", most)
     return float(can.evidence(u, sets)[0])
+
+
+@pytest.mark.parametrize(("copies", "sets"), [(2, 128), (31, 128), (128, 128)])
+def test_no_null_set_is_dealt_the_same_chance_twice(copies: int, sets: int) -> None:
+    """A set that met itself would have its signal doubled: what is shared by all units would get a false tail."""
+    orders = dealt_orders(sets, copies, np.random.default_rng(1))
+    assert all(len(set(column)) == copies for column in orders.T)
+    assert all(sorted(order) == list(range(sets)) for order in orders)
