@@ -110,11 +110,18 @@ def _serve(panel: Panel, listen: Listen) -> None:
 
 
 def _bound(listen: Listen) -> socket.socket:
+    """A socket that already takes connections: whoever reads the address may come at once. Errors: StationFault."""
     try:
-        family = socket.getaddrinfo(listen.host, listen.port, type=socket.SOCK_STREAM)[0][0]
-        door = socket.socket(family, socket.SOCK_STREAM)
-        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        door.bind((listen.host, listen.port))
+        family, _, _, _, address = socket.getaddrinfo(listen.host, listen.port, type=socket.SOCK_STREAM)[0]
+        # asyncio sends at once (TCP_NODELAY) only where the socket says that it is TCP; else an answer waits 40 ms.
+        door = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+        try:
+            door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            door.bind(address)
+            door.listen(128)
+        except OSError:
+            door.close()
+            raise
     except OSError as exc:
         raise StationFault(
             f"nobody can listen at {listen.host} port {listen.port} ({exc.strerror}); choose another --port"
