@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from benchmarks import torture_input
 from benchmarks.torture_input import TOKENS, Target
-from station.adapters.bus import read_log
+from station.adapters.bus import _mf4, read_log
 from station.config.recipes import load_recipe
 from station.domain import serial
 from station.errors import LogError, UsageError
 
 FILES = ("recipe", "config", "product", "model", "dbc", "eds")
-NAMES = (*FILES, "samples.csv", "samples.parquet", "candump", "blf", "asc", "mf4")
+NAMES = (*FILES, "samples.csv", "samples.parquet", "candump", "blf", "asc")
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +101,24 @@ def test_what_a_hundred_thousand_inputs_found(reading: Mapping[str, Target], fol
     assert {name: torture_input.attempt(reading[name], data, folder) for name, data in found.items()} == dict.fromkeys(
         found, "refused"
     )
+
+
+def test_a_recording_that_crashes_its_reader_is_one_sentence(
+    reading: Mapping[str, Target], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "crash.mf4").write_bytes(reading["mf4"].good)
+    monkeypatch.setattr(_mf4, "_CODE", "import os, signal, sys; sys.path[:] = {path!r}; os.kill(os.getpid(), 11)")
+    with pytest.raises(LogError, match=r"crash\.mf4 is no readable \.mf4 log \(it makes its reader break off\)"):
+        read_log(folder / "crash.mf4")
+
+
+def test_a_recording_that_promises_more_than_a_machine_holds_is_one_sentence(
+    reading: Mapping[str, Target], folder: Path
+) -> None:
+    data = bytearray(reading["mf4"].good)
+    cycles = data.index(b"##CG") + 24 + 6 * 8 + 8  # ASAM MDF 4.1, block CG: header, links, record id
+    data[cycles : cycles + 8] = (1 << 44).to_bytes(8, "little")
+    assert torture_input.attempt(reading["mf4"], bytes(data), folder) == "refused"
 
 
 @pytest.mark.parametrize("zeroed", [0, 64, 0x368, 0xF10])

@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from station.adapters.bus import _candump
+from station.adapters.bus import _candump, _mf4
 from station.domain.types import Frames
 from station.errors import LogError, UsageError
 
@@ -33,15 +33,20 @@ def read_blocks(path: Path, channel: str | None = None) -> Iterator[Frames]:
         raise LogError(f"{path}: logs end in .log (candump), .blf, .asc or .mf4; convert it or correct the name")
     if not path.is_file():
         raise LogError(f"{path} does not exist; correct the path")
-    blocks = _candump.read(path, channel, BLOCK) if suffix == ".log" else _by_python_can(path, channel)
     try:
-        yield from blocks
+        yield from _blocks(path, suffix, channel)
     except OSError as error:
         raise LogError(f"{path} cannot be read ({error.strerror}); check the file") from None
     except OverflowError:
         raise LogError(
             f"{path} holds a time or an identifier that no CAN frame can have; record or convert it again"
         ) from None
+
+
+def _blocks(path: Path, suffix: str, channel: str | None) -> Iterator[Frames]:
+    if suffix == ".log":
+        return _candump.read(path, channel, BLOCK)
+    return _mf4.read(path, channel) if suffix == ".mf4" else by_python_can(path, channel)
 
 
 def read_log(path: Path, channel: str | None = None) -> Frames:
@@ -64,7 +69,8 @@ def write_log(path: Path, frames: Frames, channel: str = "can0") -> None:
         raise UsageError(f"{path} cannot be written ({error.strerror}); choose another place") from None
 
 
-def _by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
+def by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
+    """Frames by python-can's own reader for the ending, in blocks. Errors: LogError."""
     from station.adapters.bus._messages import to_frames
 
     kind, mode, errors = _reader(path.suffix.lower())
@@ -85,12 +91,8 @@ def _reader(suffix: str) -> tuple[Any, str, tuple[type[Exception], ...]]:
 
     if suffix == ".mf4":
         from asammdf.blocks.utils import MdfException
-        from deflate import DeflateError
-        from isal.isal_zlib import IsalError
-        from zstd import Error as ZstdError
 
-        of_blocks: tuple[Any, ...] = (DeflateError, IsalError, ZstdError, RuntimeError)  # RuntimeError: lz4's
-        return mf4().MF4Reader, "rb", (*_CORRUPT, MdfException, *of_blocks)
+        return mf4().MF4Reader, "rb", (*_CORRUPT, MdfException)
     if suffix == ".blf":
         return can.BLFReader, "rb", (*_CORRUPT, can.io.blf.BLFParseError)
     return can.ASCReader, "r", _CORRUPT

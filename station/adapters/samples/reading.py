@@ -142,7 +142,7 @@ def _parquet(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.Record
             check_columns(path, names)
             for batch in file.iter_batches(PIECE, columns=[n for n in (columns or KNOWN) if n in names]):
                 yield _cast(path, batch)
-    except (pa.ArrowInvalid, UnicodeDecodeError, OSError) as exc:
+    except (pa.ArrowException, UnicodeDecodeError, OSError) as exc:
         raise SamplesError(f"{path} is no readable Parquet file; write it again") from exc
 
 
