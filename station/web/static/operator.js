@@ -26,6 +26,7 @@
       : nest.scanned ? `◌ ${texts.scanned}` : nest.serial && state.running ? `… ${texts.measuring}` : "–";
     say(part("verdict"), words);
     part("verdict").dataset.outcome = outcome;
+    part("verdict").dataset.short = String(words.length < 8);
     say(part("next"), nest.next ? `${texts.next_unit} ${nest.next}` : "");
     say(part("device"), nest.device || "");
     const vector = !outcome && nest.vector && nest.vector.length ? nest.vector.map(figure).join("  ") : "";
