@@ -2,8 +2,9 @@
 
     python benchmarks/torture.py [--seed 1] [--scale 1] [--only kill,edits,…] [--json FILE]
 
-Minutes to hours: --scale 0.01 tries a hundredth of everything, in about ten minutes. Prints a table of what was tried,
-how often, what came of it, the goal and the seed; each part can be run alone as well. 1 when a goal was missed.
+Hours; --scale 0.01 tries a hundredth of everything, in minutes. Prints a table of what was tried, how often, what came
+of it, the goal and the seed; --json keeps what each part came to, so that a run that was stopped goes on with --only.
+1 when a goal was missed.
 """
 
 import argparse
@@ -12,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -104,8 +105,25 @@ PARTS = (
 )  # fmt: skip
 
 
-def run(part: Part, scale: float, seed: int) -> tuple[int, Told | None, float]:
-    """(exit code, what it told or None when it broke off, seconds)."""
+@dataclass(frozen=True, slots=True)
+class Done:
+    """A part that has been run. told: its own JSON, None when it broke off."""
+
+    code: int
+    told: Told | None
+    took_s: float
+    seed: int
+    scale: float
+
+    def rows(self, part: Part) -> list[tuple[str, ...]]:
+        """Its lines of the table."""
+        found = [(part.name, "", "broke off", "")] if self.told is None else part.rows(self.told)
+        end = (str(self.seed), f"{self.took_s:.0f} s", "met" if self.code == 0 else "MISSED")
+        return [(*row, *end) for row in found]
+
+
+def run(part: Part, scale: float, seed: int) -> Done:
+    """Runs it in a process of its own."""
     begun_s = time.monotonic()
     seeded = () if part.name in ("full-bus", "faults") else ("--seed", seed)
     command = [sys.executable, str(HERE / part.file), "--json", *map(str, (*part.options(scale), *seeded))]
@@ -115,17 +133,22 @@ def run(part: Part, scale: float, seed: int) -> tuple[int, Told | None, float]:
         told = json.loads(done.stdout)
     except ValueError:
         told = None
-    return done.returncode, told, time.monotonic() - begun_s
+    for line in (told or {}).get("said", [])[:20]:
+        print(f"  {line}", file=sys.stderr)
+    return Done(done.returncode, told, round(time.monotonic() - begun_s, 1), seed, scale)
 
 
-def table(rows: Sequence[Sequence[str]]) -> str:
-    """Columns under each other."""
+def table(done: Mapping[str, Done]) -> str:
+    """What has been run so far, columns under each other."""
+    rows: list[tuple[str, ...]] = [("what", "tried", "came to", "goal", "seed", "took", "")]
+    for part in (p for p in PARTS if p.name in done):
+        rows += done[part.name].rows(part)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)
 
 
 def main() -> int:
-    """Runs every part, or those asked for."""
+    """Runs every part, or those asked for; Ctrl-C ends the present one, and what is done is shown."""
     ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ask.add_argument("--seed", type=int, default=1)
     ask.add_argument("--scale", type=float, default=1.0)
@@ -135,22 +158,18 @@ def main() -> int:
     wanted = given.only.split(",")
     if unknown := set(wanted) - {part.name for part in PARTS}:
         ask.error(f"there is no part {', '.join(sorted(unknown))}; the parts are {', '.join(p.name for p in PARTS)}")
-    rows = [("what", "tried", "came to", "goal", "seed", "took", "")]
-    all_told: dict[str, Any] = {}
-    failed = False
-    for part in (p for p in PARTS if p.name in wanted):
-        code, told, lasted_s = run(part, given.scale, given.seed)
-        failed = failed or code != 0
-        verdict = "met" if code == 0 else "MISSED"
-        found = [(part.name, "", "broke off", "")] if told is None else part.rows(told)
-        rows += [(*row, str(given.seed), f"{lasted_s:.0f} s", verdict) for row in found]
-        all_told[part.name] = told
-        for line in (told or {}).get("said", [])[:20]:
-            print(f"  {line}", file=sys.stderr)
-    print(table(rows))
-    if given.json:
-        given.json.write_text(json.dumps(all_told, indent=1))
-    return int(failed)
+    done: dict[str, Done] = {}
+    if given.json and given.json.exists():
+        done = {name: Done(**kept) for name, kept in json.loads(given.json.read_text()).items()}
+    try:
+        for part in (p for p in PARTS if p.name in wanted):
+            done[part.name] = run(part, given.scale, given.seed)
+            if given.json:
+                given.json.write_text(json.dumps({name: asdict(each) for name, each in done.items()}, indent=1))
+    except KeyboardInterrupt:
+        print("stopped", file=sys.stderr)
+    print(table(done))
+    return int(set(wanted) - set(done) != set() or any(each.code for each in done.values()))
 
 
 if __name__ == "__main__":

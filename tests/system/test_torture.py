@@ -72,3 +72,18 @@ def test_a_log_that_commits_without_an_fsync_is_caught() -> None:
     code, told = power_cut("--careless")
     assert code == 1
     assert all("records are missing" in said for said in told["said"])
+
+
+def test_the_table_says_what_was_tried_what_came_of_it_and_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
+    kept = tmp_path / "torture.json"
+    other = {"code": 1, "told": None, "took_s": 2.0, "seed": 7, "scale": 1.0}
+    kept.write_text(json.dumps({"kill": other}))
+    command = [sys.executable, "benchmarks/torture.py", "--scale", "0.001", "--only", "edits", "--json", str(kept)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=110, check=False)
+    head, broken, edits = done.stdout.splitlines()
+    assert head.split() == ["what", "tried", "came", "to", "goal", "seed", "took"]
+    assert broken.split() == ["kill", "broke", "off", "7", "2", "s", "MISSED"]
+    assert "100 found" in edits
+    assert edits.endswith("met")
+    assert done.returncode == 1, "a part that broke off is no success"
+    assert set(json.loads(kept.read_text())) == {"kill", "edits"}
