@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import date
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,13 @@ from station.diagnosis.proposal import SECOND_NEST, Proposal
 from station.diagnosis.search import NullOf
 from station.domain.recipe import Recipe
 from station.domain.types import SampleTable
-from station.errors import LogError, UsageError
+from station.errors import LogError, SamplesError, UsageError
 from station.model.model_file import Model
 
 #: Endings of recorded CAN logs, as `station replay` reads them.
 CAN_LOGS = (".log", ".blf", ".asc", ".mf4")
+#: A thousand units of three runs of 24 stops are 7.2 million; every row costs some 300 bytes of memory.
+MOST_ROWS = 10_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +77,37 @@ def _table(samples: Path | None, db: Path | None, since: str | None, recipe_name
         return _logged(db, since, recipe)
     if samples.suffix.lower() in CAN_LOGS:
         return _recorded(samples, recipe_name)
-    from station.adapters.samples import read_samples
+    from station.adapters.samples import read_samples, rows_about
 
-    return read_samples(samples)
+    rows = rows_about(samples)
+    if rows > MOST_ROWS:
+        raise SamplesError(
+            f"{samples} holds about {rows:,} rows, more than the {MOST_ROWS:,} that are diagnosed at once; give it "
+            "some of the units, or some of the days"
+        )
+    table = read_samples(samples)
+    _check_names(table, recipe, samples)
+    return table
+
+
+def _check_names(table: SampleTable, recipe: Recipe, path: Path) -> None:
+    """Errors: SamplesError with the line of the first position or seating that the recipe does not know."""
+    from station.adapters.samples.checks import Place
+
+    seating = table.labels.get("seating")
+    columns = [("seating", seating, ["home", *recipe.seatings])] if seating is not None else []
+    if recipe.pose_known:
+        columns.append(("position", table.position, [p.name for p in recipe.positions]))
+    for column, labels, known in columns:
+        strange = [i for i, name in enumerate(labels.names) if name not in known]
+        rows = np.flatnonzero(np.isin(labels.code, strange))
+        if len(rows):
+            name = labels.names[labels.code[rows[0]]]
+            near = get_close_matches(name, known, 1, 0)[0]
+            raise SamplesError(
+                f"{Place(path, 0).of(int(rows[0]))}, column {column}: {name!r} is not in recipe {recipe.name}; the "
+                f"nearest there is {near!r}"
+            )
 
 
 def _recorded(log: Path, recipe_name: str) -> SampleTable:
@@ -109,7 +140,10 @@ def _logged(db: Path | None, since: str | None, recipe: Recipe) -> SampleTable:
 
 def _whole_columns(table: SampleTable) -> SampleTable:
     """The table without optional columns that have gaps: a cause cannot be laid to what is not always known."""
-    return replace(table, values={name: v for name, v in table.values.items() if bool(np.all(np.isfinite(v)))})
+    gaps = [name for name, values in table.values.items() if not np.all(np.isfinite(values))]
+    if gaps:
+        _face.remark(f"station: {', '.join(gaps)} is not known in every row, so no cause is laid to it")
+    return replace(table, values={name: v for name, v in table.values.items() if name not in gaps})
 
 
 def _kept(seed: int) -> NullOf:

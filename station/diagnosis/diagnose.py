@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from station.diagnosis import enough
 from station.diagnosis.alarm import LEVEL
 from station.diagnosis.estimate import Estimate, estimates
 from station.diagnosis.faults import Fault, Inspected, inspect
@@ -17,7 +18,6 @@ from station.diagnosis.search import Finding, NullOf, Searched, search
 from station.diagnosis.stage import Problem
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, SampleTable
-from station.errors import SamplesError
 from station.model.model_file import Model
 
 Word = Literal["none", "named", "incomplete", "unknown"]
@@ -72,7 +72,7 @@ class Diagnosis:
 def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullOf) -> Diagnosis:
     """Diagnoses a table. Errors: SamplesError when a position or seating is not in the recipe, or hardly anything is
     in the table."""
-    _enough(table)
+    enough.check(recipe, table)
     inspected = inspect(recipe, table)
     told = {effect.effect for effect in model.effects}
     news = tuple(f for f in inspected.faults if f.effect not in told)
@@ -99,19 +99,6 @@ def _not_testable(inspected: Inspected, searched: Searched) -> tuple[str, ...]:
     """Causes that nothing in these data could show."""
     shown = {*inspected.tested, *(f.effect for f in inspected.faults)}
     return tuple(sorted({*inspected.blind, *searched.blind} - shown))
-
-
-def _enough(table: SampleTable) -> None:
-    """Refuses what no calibration and no cause can be told from."""
-    where = np.stack([table.unit.code, table.run, table.visit])
-    stops = 1 + np.count_nonzero(np.any(np.diff(where, axis=1), axis=0))
-    if stops < 2:
-        raise SamplesError(
-            f"the {len(table)} rows of the samples are of one stop; nothing can be told from one stop, so measure at "
-            "least two positions"
-        )
-    if not np.ptp(table.reading, axis=0).any():
-        raise SamplesError("the readings are the same in every row; the sensor is stuck or these are no raw samples")
 
 
 def _causes(searched: Searched, last: Problem, floor: Fitted, sized: tuple[Estimate, ...]) -> tuple[Cause, ...]:

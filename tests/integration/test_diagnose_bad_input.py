@@ -1,11 +1,14 @@
 """Samples tables that nothing can be told from: one sentence, never a traceback, never a name."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from station.cli import _diagnose
 from station.cli.app import main
 
 UP = {"z-up": (0, 0, 1), "z-down": (0, 0, -1), "x-up": (1, 0, 0), "x-down": (-1, 0, 0), "y-up": (0, 1, 0)}
@@ -56,3 +59,89 @@ def test_little_more_names_nothing_and_says_what_it_could_not_test(
     document = json.loads(told)
     assert (code, document["verdict"], document["causes"]) == (0, "none", [])
     assert {"offset-temperature", "motor-tone"} <= set(document["not_testable"])
+
+
+def faces(rng: np.random.Generator) -> pd.DataFrame:
+    """Two units at five faces, twenty samples a stop."""
+    rows = [
+        {"unit": unit, "run": 0, "visit": v, "position": name, "time_s": 2 * v + 0.01 * k, "seating": "home",
+         **dict(zip("xyz", np.array(up) + 1e-3 * rng.standard_normal(3), strict=True)), "since_power_s": 2.0 + v}
+        for unit in "AB" for v, (name, up) in enumerate(UP.items()) for k in range(20)
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def changed(table: pd.DataFrame, column: str, value: object, rows: slice = slice(None)) -> pd.DataFrame:
+    table = table.astype({column: object})
+    table.loc[table.index[rows], column] = value
+    return table.infer_objects()
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t.drop(columns="z"), " has no column z; a samples table needs "),
+        (lambda t: t.rename(columns={"seating": "seatin"}), "did you mean 'seating'?"),
+        (lambda t: changed(t, "y", np.inf, slice(7, 8)), "@7, column y: inf is no finite number"),
+        (
+            lambda t: changed(t, "position", "z-upp", slice(40, 60)),
+            "@40, column position: 'z-upp' is not in recipe",
+        ),
+        (lambda t: changed(t, "seating", "sideways"), "@0, column seating: 'sideways' is not in recipe six-point"),
+        (lambda t: t.sample(frac=1, random_state=1), "as in many rows; sort the rows by unit, run and time"),
+        (lambda t: t.assign(z=1000 * t["z"]), "unit A: column z is in another unit than the others"),
+        (lambda t: t.assign(x=0.5), "the readings of x are the same in every row"),
+        (lambda t: t.assign(x=np.where(t["unit"] == "B", 0.5, t["x"])), "unit B: the readings of x are the same"),
+        (lambda t: t.assign(time_s=0.0), "time_s stands still in every stop"),
+        (lambda t: t.assign(visit=0), "unit A, run 0, visit 0 stands at 'z-up' and at 'z-down'; number the stops"),
+        (lambda t: t.assign(run=-1), "column run: -1 is not a whole number from 0"),
+        (lambda t: t.assign(since_power_s=-1.0), "since_power_s is -1, but no time before it can be measured"),
+    ],
+)
+def test_a_table_that_is_wrong_is_one_sentence(
+    kind: str,
+    change: Callable[[pd.DataFrame], pd.DataFrame],
+    words: str,
+    tmp_path: Path,
+    rng: np.random.Generator,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path, table = tmp_path / f"wrong.{kind}", change(faces(rng))
+    table.to_csv(path, index=False) if kind == "csv" else table.to_parquet(path, index=False)
+    code, told = diagnosed(path, capsys)
+    row = words.partition(",")[0][1:] if words.startswith("@") else ""
+    place = f"line {int(row) + 2}" if row and kind == "csv" else f"row {int(row) + 1}" if row else ""
+    assert code == 2
+    assert (f"{path}, {place}{words[len(row) + 1 :]}" if row else words) in told
+    assert told.count("\n") == 1
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_more_rows_than_fit_are_refused_before_they_are_read(
+    kind: str,
+    tmp_path: Path,
+    rng: np.random.Generator,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path, table = tmp_path / f"large.{kind}", faces(rng)
+    table.to_csv(path, index=False) if kind == "csv" else table.to_parquet(path, index=False)
+    monkeypatch.setattr(_diagnose, "MOST_ROWS", 150)
+    code, told = diagnosed(path, capsys)
+    assert code == 2
+    assert "holds about 20" in told
+    assert "more than the 150 that are diagnosed at once; give it some of the units" in told
+
+
+def test_a_gap_in_a_covariate_is_said(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "gap.csv"
+    faces(rng).assign(temperature_degC=np.where(np.arange(200) == 5, np.nan, 25.0)).to_csv(path, index=False)
+    with pytest.raises(SystemExit) as ended:
+        main(["diagnose", "--recipe", "six-point", "--samples", str(path), "--json", "-"])
+    out, err = capsys.readouterr()
+    assert ended.value.code == 0
+    assert "temperature_degC is not known in every row, so no cause is laid to it" in err
+    assert "offset-temperature" in json.loads(out)["not_testable"]

@@ -1,6 +1,6 @@
 """Samples tables (`station.samples/1`) as CSV and Parquet: read in pieces, checked cell by cell, written in pieces."""
 
-from station.adapters.samples.reading import by_units, join, pieces, read_samples
+from station.adapters.samples.reading import by_units, join, pieces, read_samples, rows_about
 from station.adapters.samples.writing import write_parts, write_samples
 
-__all__ = ["by_units", "join", "pieces", "read_samples", "write_parts", "write_samples"]
+__all__ = ["by_units", "join", "pieces", "read_samples", "rows_about", "write_parts", "write_samples"]
