@@ -40,8 +40,8 @@ torture: $(VENV)/.dev  ## the worst days in earnest, as one table: hours; with S
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --group fuzz
 	$(BIN)/python benchmarks/torture.py --seed $(SEED) --scale $(SCALE)
 
-bench: $(VENV)/.dev  ## every goal of speed in one table, on this machine; 20 minutes, QUICK=1: a few
-	PYTHONPATH=. $(BIN)/python benchmarks/table.py $(if $(QUICK),--quick)
+bench: $(VENV)/.dev  ## every goal of speed in one table; 20 minutes, QUICK=1: a few; WRITE=1: into README
+	PYTHONPATH=. $(BIN)/python benchmarks/table.py $(if $(QUICK),--quick) $(if $(WRITE),--write README.md)
 
 bench-diagnosis: $(VENV)/.bench  ## how good the diagnosis is, beside other ways to choose a cause; a quarter of an hour
 	PYTHONPATH=. $(BIN)/python benchmarks/diagnosis.py --seed $(SEED)

@@ -43,7 +43,7 @@ BENCHES = (
     Bench((2,), "receive.py", ("--rows", "2", "--seconds", "5"), ("--rows", "2", "--seconds", "2")),
     Bench((1, 2), VCAN, ("receive.py", "--rows", "1", "--runs", "5"), ("receive.py", "--rows", "1", "--runs", "5")),
     Bench((3,), "dwell.py", (), ("--units", "200"), limit_s=900.0),
-    Bench((4,), "order.py"),
+    Bench((4,), "order.py", (), ("--sets", "8")),
     Bench((5,), "writeback.py", ("--runs", "15"), ("--runs", "7")),
     Bench((5,), VCAN, ("writeback.py", "--runs", "7"), ("writeback.py", "--runs", "5")),
     Bench((6,), "cycle.py", ("--runs", "5"), ("--runs", "2")),
@@ -68,13 +68,14 @@ def main() -> None:
     parser.add_argument("--write", type=Path, help="a Markdown file that has the two marks")
     parser.add_argument("--folder", type=Path, default=Path.cwd(), help="on the disk that is to be measured; some GB")
     given = parser.parse_args()
-    began_s, lines = time.monotonic(), []
+    began_s, load_before, lines = time.monotonic(), os.getloadavg()[0], []
     wanted = [b for b in BENCHES if not given.rows or set(b.rows) & set(given.rows)]
     for bench in wanted:
         lines += ran(bench, given.folder, quick=given.quick)
     head = f"Python {platform.python_version()}, {os.cpu_count()} processors, Linux {platform.release()}"
     asked = "make bench" if not given.quick else "make bench QUICK=1"
-    load = f"load {os.getloadavg()[0]:.1f} at the end"
+    load = f"load {load_before:.1f} at the beginning and {os.getloadavg()[0]:.1f} at the end"
+    lines.sort(key=lambda line: int(line[0].split(",")[0]))
     told = f"`{asked}` in {(time.monotonic() - began_s) / 60:.0f} min: {head}, {load}."
     text = "\n".join([told, "", *table(lines)])
     print(text)
