@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from station.diagnosis.diagnose import Cause, Diagnosis, floor_rms, residual_rms, shift_of_calibration
 from station.diagnosis.estimate import Estimate
 from station.diagnosis.faults import Fault
@@ -35,7 +37,12 @@ def document(
             "unit": d.recipe.unit,
         },
         "extended": {"residual_rms": left_rms(d.last), "unit": d.recipe.unit},
-        "floor": {"noise": floor.noise, "repeatability_rad": floor.turn, "bias_walk": floor.walk},
+        "floor": {
+            "noise": floor.noise,
+            "repeatability_rad": floor.turn,
+            "bias_walk": floor.walk,
+            "within_stops": within_stops_rms(d),
+        },
         "alarm": {
             "family_wise_level": d.level,
             "statistic": max([d.searched.statistics[0], *(f.nats for f in d.faults)]),
@@ -52,6 +59,12 @@ def document(
         "line": line,
         "next_run": next_run,
     }
+
+
+def within_stops_rms(d: Diagnosis) -> float:
+    """Rms of a stop's mean that the scatter of its own samples makes: what is left where no floor may be trusted."""
+    view = d.searched.first.view
+    return float(view.sigma / np.sqrt(view.reduced.count.sum(1).mean()))
 
 
 def sentence(d: Diagnosis) -> str:

@@ -65,7 +65,7 @@ def some_data(
     sign = np.where(place == 3, 1e-3, 0.0)[:, None] * np.array([1.0, 0.5, 0.0])
     after = rng.normal(0, 7e-5, (stops, 3))
     serials = names or tuple(f"SN{i:04d}" for i in range(units))
-    document = {k: more.pop(k) for k in ("unknown", "next_run", "line", "considered") if k in more}
+    document = {k: more.pop(k) for k in ("unknown", "next_run", "line", "considered", "floor") if k in more}
     fields: dict[str, Any] = {
         "document": a_document(verdict, causes, units, **document),
         "recipe": "tilt",
@@ -230,7 +230,7 @@ def test_the_gain_is_told_in_the_words_of_the_line() -> None:
     gain = section(page, "gain")
     assert "from 210 to 80 µg rms, which explains 97 %" in gain.text[0]
     assert "0 of 2 units pass as measured, and 2 with the causes taken off their readings; 2 verdicts" in gain.text[1]
-    wanted = ("SN0000", "0.24", "0.4", "0", "0", "10", "0", "0", "0", "0", "20", "FAIL → PASS")
+    wanted = ("SN0000", "0.240", "0.400", "0", "0", "10.0", "0", "0", "0", "0", "20.0", "FAIL → PASS")
     assert gain.tables[0].rows[0] == wanted
 
 
@@ -337,3 +337,16 @@ def test_numbers_are_said_as_on_the_line() -> None:
     assert with_std(-3.1e-4, 1e-5, "g") == "−310 ± 20 µg"
     assert number(1e5) == "100000"
     assert number(float("nan")) == "–"
+
+
+def test_an_unknown_is_not_called_noise() -> None:
+    """The fitted floor has swallowed what is unknown; the samples within the stops have not."""
+    page = page_of(some_data("unknown", unknown={"depends_on": ["time"]}, floor={"within_stops": 4e-5}))
+    assert "The residual is 210 µg rms where noise alone makes 40 µg." in page.sentence
+    assert ("noise alone makes", "40 µg rms") in page.cards
+
+
+def test_many_causes_are_told_apart_in_a_row_of_names() -> None:
+    run = {"recipe_change": "one run warmer", "separates": ["a", "b", "c"], "minutes": 2.0, "certainty": 0.95}
+    page = page_of(some_data("named", [a_cause("cubic", indistinguishable_from=["b", "c"])], next_run=run))
+    assert "which tells a, b and c apart, right in 95 of 100 cases" in page.do

@@ -76,6 +76,15 @@ class ReportData:
         return list(self.document["causes"])
 
     @property
+    def noise_rms(self) -> float:
+        """What noise alone makes of a stop's mean, recipe's unit. Where something unknown is in the data it is in the
+        fitted floor too; then it is what the samples within the stops tell."""
+        within = (self.document.get("floor") or {}).get("within_stops")
+        if self.document["verdict"] == "unknown" and within:
+            return float(within)
+        return float(self.document["baseline"]["floor_rms"])
+
+    @property
     def unit_of_readings(self) -> str:
         """The recipe's unit."""
         return str(self.document["baseline"]["unit"])

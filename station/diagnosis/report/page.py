@@ -82,7 +82,7 @@ def _cards(data: ReportData) -> Iterator[tuple[str, str]]:
     counts = d["data"]
     yield "looked at", ", ".join(many(counts[f"{counted}s"], name) for counted, name in _COUNTED)
     yield "the simulation leaves", f"{size(d['baseline']['residual_rms'], unit)} rms"
-    yield "noise alone makes", f"{size(d['baseline']['floor_rms'], unit)} rms"
+    yield "noise alone makes", f"{size(data.noise_rms, unit)} rms"
     alarm = d["alarm"]
     yield "alarm", f"{number(alarm['statistic'])} (threshold {number(alarm['threshold'])})"
     if data.causes:

@@ -31,7 +31,7 @@ def residual(data: ReportData, name: str, title: str) -> str | None:
     if axis is None:
         return None
     factor, unit = scale_of(data)
-    wide = 1.96 * float(data.document["baseline"]["floor_rms"]) * factor
+    wide = 1.96 * data.noise_rms * factor
     levels = () if data.causes else ((wide, "95 % of noise"), (-wide, ""))
     figures = []
     for i, word in enumerate(data.axes):

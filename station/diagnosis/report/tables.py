@@ -8,7 +8,7 @@ import numpy as np
 
 from station.diagnosis.report.data import ReportData
 from station.diagnosis.report.remedies import makes_testable, named, unit_of
-from station.diagnosis.report.units import number, shown_as, size, with_std
+from station.diagnosis.report.units import evenly, number, shown_as, size, with_std
 from station.diagnosis.report.words import main_parameters
 from station.drawing import tables as drawing
 from station.drawing.figure import Figure, Series, svg
@@ -101,10 +101,9 @@ def shifts(data: ReportData) -> Table | None:
     rows = tuple(
         (
             u["serial"],
-            number(u["moves"]),
-            *(number(x) for x in u["offset"]),
-            *(number(u["matrix"][i][i] * matrix) for i in range(3)),
-            *(number(max(abs(u["matrix"][i][j]), abs(u["matrix"][j][i])) * matrix) for i, j in _PAIRS),
+            *evenly([u["moves"], *u["offset"]]),
+            *evenly([u["matrix"][i][i] * matrix for i in range(3)]),
+            *evenly([max(abs(u["matrix"][i][j]), abs(u["matrix"][j][i])) * matrix for i, j in _PAIRS]),
             *((f"{u['before']} → {u['after']}" if u["before"] != u["after"] else u["before"],) if judged else ()),
         )
         for u in shown

@@ -1,7 +1,7 @@
 """Numbers as a person on the line says them: 0.00031 g/degC is 0.31 mg/°C."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 #: Prefixes to try, largest unit first, of the units that a size may begin with.
 _PREFIXES = {
@@ -36,6 +36,14 @@ def number(value: float, digits: int = 3) -> str:
     if "e" in text and 1e-6 <= abs(value) < 1e7:
         text = f"{float(text):.{max(0, digits - 1 - math.floor(math.log10(abs(value))))}f}"
     return text.replace("-", "−")
+
+
+def evenly(values: Sequence[float], digits: int = 3) -> list[str]:
+    """Numbers that stand beside each other: as many decimals for all as the largest of them needs, nought for what is
+    far below it."""
+    largest = max((abs(v) for v in values if math.isfinite(v)), default=0.0)
+    places = max(0, digits - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
+    return [f"{v:.{places}f}".replace("-", "−") if abs(v) > 0.5 * 10**-places else "0" for v in values]
 
 
 def size(value: float, unit: str, digits: int = 3) -> str:

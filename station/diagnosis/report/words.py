@@ -59,11 +59,11 @@ def _none(data: ReportData) -> First:
 
 def _unknown(data: ReportData) -> First:
     base = data.document["baseline"]
-    factor, unit = shown_as([base["residual_rms"], base["floor_rms"]], base["unit"])
+    factor, unit = shown_as([base["residual_rms"], data.noise_rms], base["unit"])
     return First(
         f"Something is wrong that no known cause explains; it depends on {depends_on(data)}. The residual is "
         f"{number(base['residual_rms'] * factor)} {unit} rms where noise alone makes "
-        f"{number(base['floor_rms'] * factor)} {unit}.",
+        f"{number(data.noise_rms * factor)} {unit}.",
         next_step(data) or f"Look at what changes with {depends_on(data)}; the picture shows how.",
     )
 
@@ -185,9 +185,10 @@ def next_step(data: ReportData) -> str:
         return f"Another run of this kind would not help. What would: {run['recipe_change']}."
     certainty = run.get("certainty")
     sure = "" if certainty is None else f", right in {math.floor(100 * certainty)} of 100 cases as predicted"
+    told = f"{', '.join(separates[:-1])} and {separates[-1]} apart" if len(separates) > 2 else " from ".join(separates)
     return (
         f"To be sure, measure again with {run['recipe_change']} ({number(run['minutes'], 2)} minutes), which tells "
-        f"{' from '.join(separates)}{' apart' if len(separates) == 1 else ''}{sure}."
+        f"{told}{sure}."
     )
 
 
