@@ -99,7 +99,7 @@
     document.body.dataset.lost = String(lost);
     if (lost && source.readyState === EventSource.CLOSED) connect();
     const left = state.began_s + state.estimate_s - (Date.now() / 1000 + behind);
-    say(byId("left"), state.running && state.estimate_s ? clock(Math.max(0, Math.ceil(left))) : "–");
+    say(byId("left"), state.running && state.phase !== "done" && state.estimate_s ? clock(Math.max(0, Math.ceil(left))) : "–");
   }
 
   function connect() {
