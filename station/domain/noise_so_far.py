@@ -16,6 +16,9 @@ from station.domain.types import Floats
 
 #: Readings below which a dwell says nothing of noise.
 FEWEST = 4
+#: Shapes of noise reach so many times as far as the longest dwell: what is slower than a short first dwell is not
+#: seen in it, and must not be taken for nothing.
+SLOWER = 2
 #: Points of the curve of noise against the length of a dwell.
 POINTS = 9
 
@@ -81,7 +84,7 @@ def dwelt(reading: Floats, longest: int) -> Dwelt:
     _, deviation, _ = dwell.deviations(x, dwell.least_step(x))
     square, neighbours = dwell.squares(deviation)
     cut = noise.cut(n, noise.step_of(longest))
-    family = noise.family(cut.blocks, cut.width, noise.reach_of(longest))
+    family = noise.family(cut.blocks, cut.width, _reach(longest))
     coefficient = dwell.block_means(deviation, cut) @ family.transform.T
     return Dwelt(
         count=np.full(units, float(n)),
@@ -113,7 +116,7 @@ def curve(dwells: Sequence[Dwelt], longest: int) -> Curve:
     dof = np.maximum((usual * np.stack([d.dof for d in dwells], axis=1)).sum(axis=1), 1.0)
     log_det = (usual[..., None] * np.stack([d.log_det for d in dwells], axis=1)).sum(axis=1)
     weight, variance = noise.posterior((usual[..., None, None] * misfit).sum(axis=1), dof, log_det, _log_prior(longest))
-    count = np.unique(np.rint(np.geomspace(2, longest, POINTS)).astype(int))
+    count = np.unique(np.rint(np.geomspace(2, SLOWER * longest, POINTS)).astype(int))
     found = [noise.averaged(weight, variance * _mean_variance(int(n), longest), dof) for n in count]
     return Curve(
         count=count.astype(float),
@@ -133,12 +136,17 @@ def _odd(dwells: Sequence[Dwelt]) -> Floats:
     return found.reshape(u, v, 3)
 
 
+def _reach(longest: int) -> int:
+    """How far shapes of noise reach, in steps."""
+    return SLOWER * noise.reach_of(longest)
+
+
 def _log_prior(longest: int) -> Floats:
-    return noise.family(2, 1, noise.reach_of(longest)).log_prior
+    return noise.family(2, 1, _reach(longest)).log_prior
 
 
 def _mean_variance(count: int, longest: int) -> Floats:
     """Variance (s) of the mean of so many readings under each shape, for readings of unit variance."""
     cut = noise.cut(count, noise.step_of(longest))
-    family = noise.family(cut.blocks, cut.width, noise.reach_of(longest))
+    family = noise.family(cut.blocks, cut.width, _reach(longest))
     return np.asarray(family.mean_variance * (cut.blocks * cut.samples / count))
