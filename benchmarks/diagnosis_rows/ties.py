@@ -131,14 +131,37 @@ class Taped:
         return float(self._next(None if self.again else self.of.uniform(low, high)))
 
 
-def parted(name: str, seed: int, d: float = 12.0) -> tuple[bool, bool] | None:
-    """Whether a run was proposed for what is tied, and whether the cause is then named alone; None where the first
-    run does not leave the right cause tied with another."""
+@dataclass(frozen=True)
+class Parted:
+    """What came of the next run: whether one was proposed; the tied causes before and after it, the leader first."""
+
+    name: str
+    before: tuple[str, ...]
+    proposed: bool
+    after: tuple[str, ...] = ()
+
+    @property
+    def leads(self) -> bool:
+        """Whether the right one leads."""
+        return self.after[:1] == (self.name,)
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the right one leads and none of those it was tied with is left."""
+        return self.leads and not set(self.after) & (set(self.before) - {self.name})
+
+
+def parted(name: str, seed: int, d: float = 12.0) -> Parted | None:
+    """Measures one run, then all that is proposed, of the same cause in the same units; None where one run does not
+    leave the right cause tied with another."""
     tape: list[Any] = []
 
     def first(w: World, rng: Any) -> tuple[Array, Array]:
         tape.clear()
         return KNOWN[name](w, Taped(rng, tape))  # type: ignore[arg-type]
+
+    def again(w: World, rng: Any) -> tuple[Array, Array]:
+        return KNOWN[name](w, Taped(rng, [*tape], again=True))  # type: ignore[arg-type]
 
     table, _ = hide(recipe(1), first, seed, d=d)
     found = look(recipe(1), table)
@@ -148,13 +171,13 @@ def parted(name: str, seed: int, d: float = 12.0) -> tuple[bool, bool] | None:
     _, proposal = next_run(found)
     if proposal is None:
         print(f"    {name} seed {seed}: {'/'.join(before)}: no run proposed", flush=True)
-        return False, False
-    table, _ = hide(proposal.recipe, lambda w, rng: KNOWN[name](w, Taped(rng, [*tape], again=True)), seed + 500)  # type: ignore[arg-type]
-    after = _set_of(name, look(proposal.recipe, table))
-    resolved = after[:1] == (name,) and not set(after) & (set(before) - {name})
-    if not resolved:
-        print(f"    {name} seed {seed}: {'/'.join(before)} → {proposal.change} → {'/'.join(after)}", flush=True)
-    return True, resolved
+        return Parted(name, before, proposed=False)
+    table, _ = hide(proposal.recipe, again, seed + 500)
+    made = Parted(name, before, proposed=True, after=_set_of(name, look(proposal.recipe, table)))
+    if not made.resolved:
+        told = f"{proposal.change}, {proposal.certainty:.2f}"
+        print(f"    {name} seed {seed}: {'/'.join(before)} → {told} → {'/'.join(made.after)}", flush=True)
+    return made
 
 
 def _set_of(name: str, found: Diagnosis) -> tuple[str, ...]:
@@ -164,12 +187,17 @@ def _set_of(name: str, found: Diagnosis) -> tuple[str, ...]:
 
 def resolved(seed: int, sets: int) -> list[Figure]:
     """Row 11."""
-    tried = [
-        parted(name, seed * 10**6 + 950_000 + 1000 * i + n) for i, name in enumerate(TIED_ONCE) for n in range(2 * sets)
-    ]
+    asked = [(name, 1000 * i + n) for i, name in enumerate(TIED_ONCE) for n in range(2 * sets)]
+    tried = [parted(name, seed * 10**6 + 950_000 + n) for name, n in asked]
     tied = [t for t in tried if t is not None]
     return [
-        share("next run names the right one of those tied, d = 12", [r for _, r in tied], lambda p: at_least(p, 0.90)),
-        share("  a run was proposed", [p for p, _ in tied]),
+        share("next run names the right one of those tied, d = 12", [t.resolved for t in tied], _ninety),
+        share("  the right one leads", [t.leads for t in tied]),
+        share("  it is tied with fewer", [t.proposed and len(t.after) < len(t.before) for t in tied]),
+        share("  a run was proposed", [t.proposed for t in tied]),
         share("  tied after one run", [t is not None for t in tried]),
     ]
+
+
+def _ninety(p: float) -> tuple[str, bool]:
+    return at_least(p, 0.90)
