@@ -113,4 +113,4 @@ def _reads(name: str, cell: str) -> bool:
         value = float(cell) if cell.strip() else 0.0
     except ValueError:
         return False
-    return name not in WHOLE or value == int(value)
+    return name not in WHOLE or value.is_integer()
