@@ -25,6 +25,8 @@ NullOf = Callable[[Problem, Fitted, Panel], Null]
 
 #: A kernel must beat every cause of the library by this many nats to be "something unknown".
 UNKNOWN_NATS = 3.0
+#: And by this share: no form, and no mean of a block, is more exact. What it leaves out is found in the next round.
+INEXACT = 0.04
 #: A cause beside a grown floor must gain so many nats to come before it.
 EVIDENT_NATS = 6.0
 #: Causes and kernels looked for at most.
@@ -153,7 +155,10 @@ def _sharpened(problem: Problem, ranks: dict[str, Rank]) -> dict[str, Rank]:
     top = max(r.evidence for r in ranks.values())
     leads = any(r.evidence == top for name, r in ranks.items() if name in generic.WORDS)
     for name, r in ranks.items():
-        if r.best is None or r.best.effect is None or r.evidence < 0.25 * top:
+        if r.best is None or r.best.effect is None:
+            continue
+        # Without its waves a cause that rings explains next to nothing.
+        if r.evidence < 0.25 * top and not (leads and may_ring(r.best.effect)):
             continue
         space = problem.space(r.at.floor, moving=r.best.dwell is not None)
         best = _shaped(r.best, problem.view, space)
@@ -172,7 +177,16 @@ def _sharpened(problem: Problem, ranks: dict[str, Rank]) -> dict[str, Rank]:
 def _shaped(candidate: Candidate, view: View, space: Space) -> Candidate:
     """The candidate with its form at its best."""
     best = between(candidate, view, space) if jumps(candidate.effect) else candidate
-    return tuned(best, view, space)[0] if tunable(best.effect) else best
+    if not tunable(best.effect):
+        return best
+    found, before = tuned(best, view, space)[0], evidence_of(best, view, space)
+    # One parameter of a form is tuned after the other: where there are two, it takes some rounds.
+    for _ in range(ROUNDS if len(tunable(best.effect)) > 1 else 0):
+        now = evidence_of(found, view, space)
+        if now - before < UNKNOWN_NATS:
+            break
+        found, before = tuned(found, view, space)[0], now
+    return found
 
 
 def _chosen(problem: Problem, ranks: Mapping[str, Rank], surprise: float) -> Finding:
@@ -182,7 +196,7 @@ def _chosen(problem: Problem, ranks: Mapping[str, Rank], surprise: float) -> Fin
     words = [r for name, r in ranks.items() if name in generic.WORDS]
     cause = max(causes, key=lambda r: r.evidence)
     kernel = max(words, key=lambda r: r.evidence, default=None)
-    if kernel is not None and kernel.evidence > cause.evidence + UNKNOWN_NATS:
+    if kernel is not None and kernel.evidence > cause.evidence + max(UNKNOWN_NATS, INEXACT * cause.evidence):
         near = sorted((r for r in words if r.evidence > kernel.evidence - UNKNOWN_NATS), key=lambda r: -r.evidence)
         return Finding(kernel.name, None, evidence, {}, (), 0.0, surprise, tuple(r.name for r in near))
     probability = _posterior({r.name: r.evidence for r in causes})

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,7 +26,7 @@ class Tuned:
 
 
 #: Frequencies tried where a cause may ring, Hz, beyond which a block of samples holds whole waves.
-RINGS_HZ = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.5, 10.0, 12.0)
+RINGS_HZ = (*(2.0 + 0.5 * i for i in range(13)), 8.7, 9.4, 10.2, 11.0, 12.0)
 
 
 def tunable(effect: Effect | None) -> tuple[Parameter, ...]:
@@ -46,11 +47,17 @@ def rung(candidate: Candidate, view: View, space: Space) -> Candidate:
     """The candidate with the frequency and the time constant that explain most, roughly."""
     assert candidate.effect is not None
     field = next(p.field for p in candidate.effect.forms if p.name == "frequency")
-    others = [(p.field, value) for p in candidate.effect.forms for value in p.grid] or [(field, 0.0)]
+    # Of waves that die away within a few periods, peaks are narrow in both: between the values of the bank, one more.
+    others = [(p.field, v) for p in candidate.effect.forms for v in _closer(p.grid)] or [(field, 0.0)]
     found = [candidate]
     for hz in RINGS_HZ:
         found += [reshaped(reshaped(candidate, other, v, view), field, hz, view) for other, v in others]
     return max(found, key=lambda c: evidence_of(c, view, space))
+
+
+def _closer(grid: tuple[float, ...]) -> tuple[float, ...]:
+    """A logarithmic grid with its middles."""
+    return tuple(sorted((*grid, *(float(np.sqrt(a * b)) for a, b in pairwise(grid)))))
 
 
 def evidence_of(candidate: Candidate, view: View, space: Space) -> float:
