@@ -170,7 +170,9 @@ def _apart(campaign: Campaign, longer: Recipe, lines_up: Sequence[Sequence[Suspe
 
 
 def _planned(campaign: Campaign, recipe: Recipe) -> Planned:
-    return replace(planned(recipe, campaign.units, Line(nests=campaign.nests)), floor=campaign.floor)
+    # A room that wanders would part what the next room, which stays calm, does not.
+    calm = Line(nests=campaign.nests, wander_degC=0.0)
+    return replace(planned(recipe, campaign.units, calm), floor=campaign.floor)
 
 
 def _usual(plan: Planned, name: str) -> list[Seen]:
