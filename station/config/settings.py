@@ -11,6 +11,7 @@ from station.domain.recipe import Name, Part, Positive
 from station.errors import ConfigError
 
 Node = Annotated[int, Field(ge=1, le=127)]
+Place = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f]*$")]
 Line = Annotated[str, Field(max_length=64, pattern=r"^[^\x00-\x1f\x7f]*$")]
 
 
@@ -58,7 +59,7 @@ class Timeouts(Part):
 class Golden(Part):
     """Golden and known-bad units that must come out as registered, every so many hours, before anything is made."""
 
-    file: Line = "golden.json"
+    file: Place = "golden.json"
     every_h: Positive = 8.0
 
 
@@ -73,8 +74,8 @@ class Settings(Part):
     nests: Annotated[tuple[Nest, ...], Field(min_length=1, max_length=127)]
     positioner: PositionerSettings = PositionerSettings()
     recipe: Line = "six-point"
-    database: Line = "station.db"
-    signing_key: Line = ""
+    database: Place = "station.db"
+    signing_key: Place = ""
     arrival_tolerance_deg: Positive = 2.0
     timeouts: Timeouts = Timeouts()
     golden: Golden | None = None

@@ -37,6 +37,16 @@ def test_a_positioner_keeps_its_own_keys(tmp_path: Path) -> None:
     assert document.part("positioner").line(("speed_deg_s",)) == 5
 
 
+def test_files_may_lie_deep(tmp_path: Path) -> None:
+    deep = "/srv/" + "a folder of the plant/" * 8
+    text = GOOD + f"database: {deep}station.db\nsigning_key: {deep}key\ngolden: {{file: '{deep}golden.json'}}\n"
+    settings = load_settings(written(tmp_path, text))
+    assert settings.golden is not None
+    assert {settings.database, settings.signing_key, settings.golden.file} == {
+        f"{deep}{name}" for name in ("station.db", "key", "golden.json")
+    }
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
