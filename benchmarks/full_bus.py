@@ -162,7 +162,7 @@ def beside(database: Path, folder: Path) -> Iterator[Counter[str]]:
     """A calibrating thread, a panel and somebody who loads its pages; how often each did it."""
     done: Counter[str] = Counter()
     over = threading.Event()
-    with pages.panel(database, folder) as client:
+    with pages.panel(database, folder) as (client, _):
 
         def look() -> None:
             while not over.is_set():
@@ -261,7 +261,8 @@ def main() -> int:
     ask.add_argument("--json", action="store_true")
     given = ask.parse_args()
     told = measure(given.seconds, given.buffer, idle=given.idle)
-    bad = told["lost_in_kept"] > 0
+    alone = not given.idle and not all(told["beside"].get(what) for what in ("pages", "calibrations"))
+    bad = told["lost_in_kept"] > 0 or alone
     if given.json:
         print(json.dumps(told))
         return int(bad)
