@@ -260,7 +260,9 @@ def _show(told: Mapping[str, Any]) -> None:
     _face.say(f"verdict: {told['verdict']}. {told['sentence']}")
     base = told["baseline"]
     left = f", {told['extended']['residual_rms']:.3g} {unit} with what was found" if told["causes"] else ""
-    floor = f"the noise floor alone makes {base['floor_rms']:.3g} {unit}"
+    # What is unknown is in the fitted floor too; the samples within the stops know nothing of it.
+    noise = told["floor"]["within_stops"] if told["verdict"] == "unknown" else base["floor_rms"]
+    floor = f"the noise floor alone makes {noise:.3g} {unit}"
     _face.say(f"residual {base['residual_rms']:.3g} {unit} rms{left}; {floor}")
     for cause in told["causes"]:
         gain = cause["gain"]
