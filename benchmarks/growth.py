@@ -113,7 +113,7 @@ PATHS = (
         streams=True,
     ),
     Way(
-        *("diagnose", "units", (4, 40), growth_inputs.campaign),
+        *("diagnose", "units", (4, 40, 160), growth_inputs.campaign),
         lambda folder, size: [
             *("diagnose", "--recipe", "tilt-24", "--samples", str(folder / f"campaign-{size}.parquet")),
             *("--json", str(folder / "diagnosis.json")),
@@ -204,7 +204,9 @@ def _grown(number: int, path: Way, sizes: Sequence[int], folder: Path) -> Grown:
 
 def _child(what: str, number: int, size: int, folder: Path) -> str:
     command = [sys.executable, __file__, what, str(number), str(size), str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    # A second thread of the linear algebra only waits, and its waiting would count; numpy is told before it loads.
+    surroundings = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=surroundings)
     if done.returncode:
         raise SystemExit(f"{PATHS[number].name} with {size} {PATHS[number].over} failed: {done.stderr[-2000:]}")
     return done.stdout
