@@ -24,6 +24,8 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(4) * np.array([[np.sqrt(3.0)], 
 #: Huber's constant: 99 % efficient under Gauss; a t₅ tail is bounded.
 HUBER = 2.0
 MAD = 0.6745
+#: In a block of fewer samples no mean can tell a wild one from the rest.
+FEW = 7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +68,8 @@ def reduce(recipe: Recipe, table: SampleTable) -> Reduced:
     cell = full.visit * len(EDGES) + block
     count = np.bincount(cell, minlength=stops * len(EDGES)).astype(float)
     sigma = _noise(table.reading, full.visit)
-    means = huber_means(table.reading, full.time_s, cell, count, np.where(sigma > 0, sigma, np.inf))
+    reading = calmed(table.reading, full.visit, sigma, count[cell] < FEW)
+    means = huber_means(reading, full.time_s, cell, count, np.where(sigma > 0, sigma, np.inf))
     count = count.reshape(stops, -1)
     mean, contrast = split(means.reshape(*count.shape, 3), count)
     scene = _rows_of(full, stops)
@@ -79,6 +82,25 @@ def _rate_error(scene: Scene) -> Floats | None:
     if scene.temperature_degC is None:
         return None
     return np.concatenate([s.modes for s in slopes_of(scene.time_s, scene.temperature_degC, scene.visits)])
+
+
+def calmed(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: NDArray[np.bool_]) -> Floats:
+    """The readings (n, k) without the wild ones among `few` (n): far off their neighbours in the stop, which agree.
+
+    sigma (k): noise of a sample. What moves, moves its neighbours too, and is left alone.
+    """
+    rows = np.flatnonzero(few)
+    first, last = np.searchsorted(visit, visit[rows], "left"), np.searchsorted(visit, visit[rows], "right") - 1
+    rows, first, last = (x[last - first >= 4] for x in (rows, first, last))
+    before, after = np.where(rows > first, rows - 1, rows + 2), np.where(rows < last, rows + 1, rows - 2)
+    centre = (values[before] + values[after]) / 2
+    nearby = (before, after), (before, np.clip(before - 1, first, last)), (after, np.clip(after + 1, first, last))
+    motion = sum(np.maximum(np.abs(values[a] - values[b]) - 3 * sigma, 0.0) for a, b in nearby)
+    off = values[rows] - centre
+    wild = np.abs(off) > 5 * sigma + 3 * motion
+    calm = np.array(values)
+    calm[rows] = np.where(wild, centre + np.clip(off, -HUBER * sigma, HUBER * sigma), values[rows])
+    return calm
 
 
 def huber_means(values: Floats, time_s: Floats, cell: NDArray[np.intp], count: Floats, scale: Floats) -> Floats:

@@ -6,6 +6,7 @@ import pytest
 from station.config.recipes import load_recipe
 from station.diagnosis import floor as floors
 from station.diagnosis.grid import Grid
+from station.diagnosis.reduce import calmed
 from station.diagnosis.space import Known, Rows, space
 from station.model.simulate import Job, effects_of, simulate
 from station.model.timeline import density_of
@@ -111,3 +112,19 @@ def test_six_stops_a_unit_are_not_fitted_more_closely_than_their_samples_scatter
     assert cause.finding.name == "cross-axis"
     assert cause.gain.accepted
     assert cause.gain.rms_after < 1e-3
+
+
+def test_a_wild_sample_among_few_is_calmed_and_motion_is_not() -> None:
+    rng = np.random.default_rng(3)
+    visit = np.repeat(np.arange(40), 25)
+    late = np.tile(0.04 * np.arange(25), 40)
+    noise = rng.standard_normal((1000, 1))
+    few = late < 0.16
+    wild = np.zeros((1000, 1))
+    wild[[0, 26, 52, 78]] = 30.0
+    calm = calmed(noise + wild, visit, np.ones(1), few)
+    assert np.abs(calm[wild != 0]).max() < 6
+    for moving in (50 * np.exp(-late / 0.1), 50 * np.cos(2 * np.pi * 6 * late) * np.exp(-late / 0.2), 50 * late):
+        seen = noise + moving[:, None]
+        # Five standard deviations: one normal sample in twenty thousand.
+        assert np.count_nonzero(calmed(seen, visit, np.ones(1), few) != seen) <= 3
