@@ -19,7 +19,7 @@ from station.diagnosis.stage import Problem
 from station.domain.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-VERSION = 5
+VERSION = 6
 #: Chance of any alarm in data without a cause.
 LEVEL = 0.01
 #: Probabilities below the tail at which a cause's null scores are kept, and where its exponential tail begins.

@@ -66,11 +66,20 @@ def _calibration(life: dict[str, Any]) -> dict[str, Any]:
     return next(r["document"] for r in life["results"] if r["name"] == "calibration")
 
 
-def test_another_method_moves_coefficients_within_their_uncertainty(folder: Path, capsys: Out) -> None:
+def test_another_method_is_computed_from_the_kept_stops(folder: Path, capsys: Out) -> None:
+    """Six faces equally noisy: the weights of n-point are all alike, and it is six-point."""
     told = asked(capsys, folder, "--recipe", fixture_run.recipe(folder, method="n-point"), "--json")
-    moved = [c["max_change_in_std"] for c in told["coefficients"]]
     assert told["computed_from"] == "stops"
-    assert 0 < max(moved) < 6
+    assert max(c["max_change_in_std"] for c in told["coefficients"]) < 1e-6
+
+
+def test_another_truth_moves_the_gains_by_as_much(folder: Path, capsys: Out) -> None:
+    heavier = fixture_run.recipe(folder, reference={"source": "gravity", "magnitude": 1.001})
+    told = asked(capsys, folder, "--recipe", heavier, "--json")
+    moved = {c["name"]: c["max_change"] for c in told["coefficients"]}
+    # Gains of 1 ± 3 % at most, over 1.001.
+    assert all(moved[f"gain {axis}"] == pytest.approx(0.001, rel=0.035) for axis in "xyz")
+    assert moved["offset x"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_other_dwells_are_computed_from_frames_by_themselves(folder: Path, capsys: Out) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from station.adapters.bus import _logs, read_blocks, read_log, write_log
+from station.adapters.bus._python_can import mf4
 from station.adapters.bus.replay import Replay
 from station.adapters.dbc import read_layouts
 from station.domain.signals import decode
@@ -178,7 +179,7 @@ def test_a_real_recording_decodes_frame_for_frame_as_cantools_does(name: str, sh
         moved = replace(layout, can_id=layout.can_id + shift)
         decoded[moved.can_id] = decode(frames, moved)
         place[moved.can_id] = {int(row): at for at, row in enumerate(decoded[moved.can_id].rows)}
-    with can.LogReader(folder / name) as reader:
+    with mf4().MF4Reader(folder / name) as reader:  # the station itself reads it in another process
         messages = list(reader)
     assert [(m.arbitration_id, bytes(m.data)) for m in messages] == rows_of(frames)
     np.testing.assert_allclose(frames.time_ns, [m.timestamp * 1e9 for m in messages], rtol=0, atol=256)

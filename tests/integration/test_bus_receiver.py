@@ -90,7 +90,8 @@ def test_the_controllers_state_is_read_from_the_kernels_answer(code: int, word: 
     timing = struct.pack("=I", 250_000) + bytes(28)
     data = _attribute(1, timing) + _attribute(4, struct.pack("=I", code)) + _attribute(6, bytes(4)) + counted
     info = _attribute(18 | 0x8000, _attribute(1, b"can\0") + _attribute(2, data))
-    body = struct.pack("=BxHiII", 0, 280, 3, 1, 0) + _attribute(3, b"can0\0") + _attribute(13, struct.pack("=I", 10)) + info
+    head = struct.pack("=BxHiII", 0, 280, 3, 1, 0)
+    body = head + _attribute(3, b"can0\0") + _attribute(13, struct.pack("=I", 10)) + info
     message = struct.pack("=IHHII", 16 + len(body), 16, 0, 1, 0) + body
     assert _netlink.parse(message) == _netlink.Link(
         up=True, kind="can", can_state=word, counters=ErrorCounters(96, 135), bitrate=250_000, queue=10

@@ -25,7 +25,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_lock_of_a_golden_and_a_known_bad_unit(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run = ("run", "--simulate", "--fault", "SN9002/stuck-axis:value=2")
+    run = ("run", "--simulate")
     assert station(*run, "--serial", "SN0001") == 3
     assert "holds none" in capsys.readouterr().err
     fixture_run.run(folder, ["SN9001", "SN9002"], faults=("SN9002/stuck-axis:value=2",))
