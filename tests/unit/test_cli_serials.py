@@ -87,8 +87,7 @@ def test_what_needs_a_person_is_refused_before_anything_moves(monkeypatch: pytes
     with pytest.raises(UsageError, match="more than 2 units need somebody who changes them"):
         _check_person(bench(), 2)
     turned = bench()
-    run = SimpleNamespace(seating="turned")
-    turned.job.recipe = SimpleNamespace(runs=(SimpleNamespace(seating="home"), run))
+    turned.job.recipe = load_recipe("tilt-24")
     with pytest.raises(UsageError, match="somebody who turns the units"):
         _check_person(turned, 1)
     _check_person(bench(simulated=True), 9)
