@@ -38,8 +38,9 @@ SHORTEST_S = 0.02
 class Way:
     """One way through the station. over: what grows; prepare: makes the input; command: the words after `station`.
 
-    streams: whether memory must not grow. own: only the station's time counts, without that of the simulated rig,
-    whose actors all act at every instant at which one of them does.
+    streams: whether memory must not grow. keeps: whether a first run leaves something for later ones, as the diagnosis
+    its null distribution; a later one is measured. own: only the station's time counts, without that of the simulated
+    rig, whose actors all act at every instant at which one of them does.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Way:
     prepare: Callable[[Path, int], None]
     command: Callable[[Path, int], list[str]]
     streams: bool = False
+    keeps: bool = False
     own: bool = False
 
 
@@ -113,12 +115,12 @@ PATHS = (
         streams=True,
     ),
     Way(
-        *("diagnose", "units", (4, 40, 160), growth_inputs.campaign),
+        *("diagnose", "units", (4, 40, 400), growth_inputs.campaign),
         lambda folder, size: [
             *("diagnose", "--recipe", "tilt-24", "--samples", str(folder / f"campaign-{size}.parquet")),
             *("--json", str(folder / "diagnosis.json")),
         ],
-        streams=True,
+        keeps=True,
     ),
 )
 
@@ -205,7 +207,7 @@ def _grown(number: int, path: Way, sizes: Sequence[int], folder: Path) -> Grown:
 def _child(what: str, number: int, size: int, folder: Path) -> str:
     command = [sys.executable, __file__, what, str(number), str(size), str(folder)]
     # A second thread of the linear algebra only waits, and its waiting would count; numpy is told before it loads.
-    surroundings = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    surroundings = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "XDG_CACHE_HOME": str(Path(folder) / "cache")}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=surroundings)
     if done.returncode:
         raise SystemExit(f"{PATHS[number].name} with {size} {PATHS[number].over} failed: {done.stderr[-2000:]}")
@@ -214,6 +216,8 @@ def _child(what: str, number: int, size: int, folder: Path) -> str:
 
 def _prepare(path: Way, size: int, folder: Path) -> None:
     path.prepare(folder, size)
+    if path.keeps:
+        _command(path.command(folder, size))
 
 
 def _measure(path: Way, size: int, folder: Path) -> None:

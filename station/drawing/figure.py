@@ -8,7 +8,7 @@ from typing import Literal
 from station.drawing.scale import Scale, label, span, ticks, width
 
 #: Okabe & Ito: distinguishable with any colour vision, and on white at least 3 : 1 where lines are thin.
-COLOURS = ("#0072b2", "#d55e00", "#007a5a", "#a8578a", "#8a6d00", "#444444")
+COLOURS = ("#0072b2", "#d55e00", "#007a5a", "#a8578a", "#8a6d00", "#444444", "#b00020", "#3f3fbf")
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 34.0, 46.0
 
