@@ -27,6 +27,8 @@ NullOf = Callable[[Problem, Fitted, Panel], Null]
 UNKNOWN_NATS = 3.0
 #: And by this share: no form, and no mean of a block, is more exact. What it leaves out is found in the next round.
 INEXACT = 0.04
+#: A cause worth fewer nats than this, odds of three to one, explains no alarm.
+EXPLAINS_NATS = 1.1
 #: A cause beside a grown floor must gain so many nats to come before it.
 EVIDENT_NATS = 6.0
 #: Causes and kernels looked for at most.
@@ -189,6 +191,11 @@ def _shaped(candidate: Candidate, view: View, space: Space) -> Candidate:
     return found
 
 
+def is_unknown(kernel: float, cause: float) -> bool:
+    """Whether a kernel, by its evidence, is ahead of every cause, or of causes that explain nothing."""
+    return kernel > cause + max(UNKNOWN_NATS, INEXACT * cause) or cause < EXPLAINS_NATS < kernel
+
+
 def _chosen(problem: Problem, ranks: Mapping[str, Rank], surprise: float) -> Finding:
     """The leading cause with those it cannot be told from, or the leading kernel."""
     evidence = {name: r.evidence for name, r in ranks.items()}
@@ -196,7 +203,7 @@ def _chosen(problem: Problem, ranks: Mapping[str, Rank], surprise: float) -> Fin
     words = [r for name, r in ranks.items() if name in generic.WORDS]
     cause = max(causes, key=lambda r: r.evidence)
     kernel = max(words, key=lambda r: r.evidence, default=None)
-    if kernel is not None and kernel.evidence > cause.evidence + max(UNKNOWN_NATS, INEXACT * cause.evidence):
+    if kernel is not None and is_unknown(kernel.evidence, cause.evidence):
         near = sorted((r for r in words if r.evidence > kernel.evidence - UNKNOWN_NATS), key=lambda r: -r.evidence)
         return Finding(kernel.name, None, evidence, {}, (), 0.0, surprise, tuple(r.name for r in near))
     probability = _posterior({r.name: r.evidence for r in causes})

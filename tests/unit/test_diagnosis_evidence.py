@@ -7,6 +7,7 @@ import pytest
 
 from station.diagnosis.chance import dealt_orders
 from station.diagnosis.evidence import RATIOS, Pattern, Sets, Spectrum, spectrum
+from station.diagnosis.search import is_unknown
 from station.diagnosis.space import Covariance, Known, Rows, Space, space
 from station.domain.types import Floats
 
@@ -160,3 +161,13 @@ def test_no_null_set_is_dealt_the_same_chance_twice(copies: int, sets: int) -> N
     orders = dealt_orders(sets, copies, np.random.default_rng(1))
     assert all(len(set(column)) == copies for column in orders.T)
     assert all(sorted(order) == list(range(sets)) for order in orders)
+
+
+@pytest.mark.parametrize(
+    ("kernel", "cause", "unknown"),
+    [(3.2, 0.2, True), (3.2, 2.0, False), (9.0, 2.0, True), (0.9, 0.2, False), (0.9, -5.0, True)],
+)
+def test_a_kernel_ahead_of_causes_that_explain_nothing_is_something_unknown(
+    kernel: float, cause: float, unknown: bool
+) -> None:
+    assert is_unknown(kernel, cause) == unknown
