@@ -71,6 +71,9 @@ def test_another_method_is_computed_from_the_kept_stops(folder: Path, capsys: Ou
     told = asked(capsys, folder, "--recipe", fixture_run.recipe(folder, method="n-point"), "--json")
     assert told["computed_from"] == "stops"
     assert max(c["max_change_in_std"] for c in told["coefficients"]) < 1e-6
+    # That the method is taken at all shows where it cannot work: six magnitudes do not hold nine coefficients.
+    refused = asked(capsys, folder, "--recipe", fixture_run.recipe(folder, method="norm"), code=2)
+    assert "norm on these 6 positions leaves cross-axis xy" in refused
 
 
 def test_another_truth_moves_the_gains_by_as_much(folder: Path, capsys: Out) -> None:
