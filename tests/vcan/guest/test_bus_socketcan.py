@@ -38,10 +38,9 @@ def test_the_kernels_time_is_kept_to_the_nanosecond(bus: SocketCan, vcan: Interf
     before_ns = time.time_ns()
     for i in range(200):
         sender.send(0x100 + i, b"")
-    after_ns = time.time_ns()
     times = collect(stream, 200).time_ns
-    assert before_ns <= times[0] and times[-1] <= after_ns
-    assert (np.diff(times) >= 0).all()
+    after_ns = time.time_ns()
+    assert before_ns <= times.min() and times.max() <= after_ns
     assert len(set(times % 1000)) > 20  # a float of seconds since 1970 would leave multiples of 238 ns
 
 
