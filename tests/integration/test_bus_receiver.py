@@ -41,7 +41,7 @@ def test_frames_come_in_order_with_the_kernels_time(pair: Pair) -> None:
     assert frames.can_id.tolist() == [0x8000_0000 | i for i in range(50)]
     assert frames.length.tolist() == [i % 9 for i in range(50)]
     assert frames.data[17].tolist() == [17] * 8
-    # Linux begins to stamp on arrival a moment after the first socket asks for it; what came before is stamped when read.
+    # Linux begins to stamp on arrival a moment after the first socket asks; what came before is stamped when read.
     assert before_ns <= frames.time_ns.min() and frames.time_ns.max() <= after_ns
 
 
