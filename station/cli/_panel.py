@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from station.cli import _face
+from station.cli._presence import serving
 from station.config.settings import Settings, load_settings
 from station.errors import ConfigError, StationFault, UsageError
 from station.web import accounts
@@ -78,7 +79,8 @@ def serve(where: Where, listen: Listen, *, pace: float | None, faults: tuple[str
             )
         _demonstrate(people)
     panel = Panel(settings, job.recipe, order, people, secure=listen.secure)
-    _serve(panel, listen)
+    with serving(order.database):
+        _serve(panel, listen)
     return 0
 
 

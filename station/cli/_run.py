@@ -113,7 +113,11 @@ def _run(bench: Bench, serials: Sequence[str], face: Face) -> tuple[list[UnitRes
     with _face.progress() as bar, _stops(stop):
         for number, seats in enumerate(loads):
             if number:
-                confirm("put in " + ", ".join(f"{s.serial} ({s.nest})" for s in seats))
+                try:
+                    with stop:  # nothing is being written: a signal may end the wait at once
+                        confirm("put in " + ", ".join(f"{s.serial} ({s.nest})" for s in seats))
+                except Aborted as exc:
+                    return results, exc
             bench.fixture.place(seats)
             runner = Runner(bench.station, bench.job, stop, confirm)
             show = _Show(bar, f"load {number + 1} of {len(loads)}" if len(loads) > 1 else "run")

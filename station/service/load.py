@@ -210,7 +210,8 @@ class Load:
     def _ask(self, sentence: str) -> Iterator[Event]:
         """Waits until a person has done it."""
         yield Told(sentence)
-        self._confirm(sentence)
+        with self._stop:  # nothing is being written: a signal may end the wait at once
+            self._confirm(sentence)
         self._stop.check()
 
     def _judge(self) -> Iterator[Event]:

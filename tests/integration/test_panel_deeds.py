@@ -9,6 +9,7 @@ from starlette.testclient import TestClient
 
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
+from station.cli._presence import serving
 from station.config.settings import load_settings
 from station.web import accounts
 from station.web.accounts import Account, Role
@@ -79,7 +80,8 @@ def make(tmp_path: Path, people: dict[str, Account]) -> Iterator[Callable[..., P
         made.append(Panel(load_settings(config), job.recipe, order, tmp_path / "accounts.json"))
         return made[-1]
 
-    yield panel
+    with serving(tmp_path / "station.db"):
+        yield panel
     for each in made:
         if each.runs._child is not None and each.runs._child.poll() is None:
             each.runs.stop()

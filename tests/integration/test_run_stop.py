@@ -82,6 +82,25 @@ def test_while_it_writes_a_stop_waits_until_every_unit_is_whole(tmp_path: Path) 
     assert [ran.kept(s, "device-state") for s in ran.results] == [{"state": "new"}] * 2
 
 
+def test_a_signal_may_end_the_wait_for_a_person_at_once(tmp_path: Path) -> None:
+    held: list[Stop] = []
+    interruptible: list[bool] = []
+
+    def confirm(_: str) -> None:
+        """Somebody presses Ctrl-C instead: the signal's handler raises out of the wait where it may."""
+        interruptible.append(held[-1].waiting)
+        held[-1].request()
+        raise Aborted(held[-1].why)
+
+    runs = [{"seating": "home"}, {"seating": "home", "motors": "off"}]
+    name = fixture_run.recipe(tmp_path, runs=runs, method="n-point")
+    ran = fixture_run.run(tmp_path, recipe=name, confirm=confirm, hook=lambda _, stop, __: held.append(stop))
+    assert interruptible == [True]
+    assert [r.outcome for r in ran.results.values()] == [Outcome.ABORTED]
+    assert ran.parked
+    check_truth(ran)
+
+
 def test_a_stop_before_the_first_unit_touches_nothing(tmp_path: Path) -> None:
     stop = Stop()
     stop.request("cover opened")
