@@ -23,6 +23,7 @@ from can.interfaces.socketcan.socketcan import SocketcanBus
 
 from station.adapters.bus._recvmmsg import Receiver
 from station.adapters.dbc import read_layouts
+from station.adapters.memory import keep_freed
 from station.adapters.store.sqlite import SqliteStore
 from station.domain.encode import sample_frames
 from station.domain.frames import FrameMap, SensorLayout, resolve
@@ -51,6 +52,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=5.0)
     options = parser.parse_args()
     print(f"{wires.machine()}; over {wires.medium()}")
+    keep_freed()  # as a station's process does, and to the good of every contestant
     layout = resolve(FrameMap.model_validate(ROLES), read_layouts(DBC))
     if 1 in options.rows:
         row_1(layout, options.runs)
@@ -68,12 +70,13 @@ def row_1(layout: SensorLayout, runs: int) -> None:
         del paces["a full 1 Mbit/s bus"]  # its sender cannot keep the pace
     for pace, give in paces.items():
         cost_us: dict[str, list[float]] = {name: [] for name in contestants}
-        for _ in range(runs):
+        for run in range(runs + 1):
             for name, receive in contestants.items():
                 sending = give(wire, datagrams)
                 started_ns = wires.cpu_ns()
                 got = receive(len(datagrams))
-                cost_us[name].append((wires.cpu_ns() - started_ns) / 1000 / len(datagrams))
+                if run:  # the first one has its memory still to come from the kernel, and does not count
+                    cost_us[name].append((wires.cpu_ns() - started_ns) / 1000 / len(datagrams))
                 assert got == len(datagrams), f"{name} received {got} of {len(datagrams)}"
                 sending.wait()
         _print_row_1(pace, cost_us)
@@ -234,13 +237,16 @@ def _peer(wire: wires.Wire) -> Callable[[int], int]:
 def _print_row_1(pace: str, cost_us: dict[str, list[float]]) -> None:
     over_floor = [s / f for s, f in zip(cost_us["station"], cost_us["floor"], strict=True)]
     under_peer = [p / s for p, s in zip(cost_us["peer"], cost_us["station"], strict=True)]
+    calmest = min(cost_us["station"]) / min(cost_us["floor"])
     good = statistics.median(over_floor) <= 1.5 and statistics.median(under_peer) >= 20
     _print(f"1  receive + decode, {pace}", f"{_median(cost_us['station'])} µs of CPU a frame", good)
     print(f"   {_median(under_peer)} × less than the peer, goal ≥ 20; {_median(over_floor)} × the floor, goal ≤ 1.5")
+    print(f"   least disturbed run against least disturbed run: {calmest:.3g} × the floor")
     over = f"over {wires.medium().split(' (')[0]}"
     figures.keep(
         *(1, f"receive + decode, CPU a frame {over}, {pace}"),
-        f"{_median(under_peer)} × less than the peer; {_median(over_floor)} × the floor; {len(over_floor)} runs",
+        f"{_median(under_peer)} × less than the peer; {_median(over_floor)} × the floor "
+        f"(least disturbed {calmest:.3g} ×); {len(over_floor)} runs",
         f"{_peer_versions()} {_median(cost_us['peer'])} µs; bare recvmmsg {_median(cost_us['floor'])} µs",
         *(">= 20 × less; <= 1.5 × the floor", good),
     )

@@ -44,13 +44,14 @@ def steps(counter: NDArray[np.uint64], time_ns: NDArray[np.int64], values: int) 
     signed = counter.astype(np.int64)
     apart: NDArray[np.int64] = signed[1:] - signed[:-1]
     elapsed_ns = time_ns[1:] - time_ns[:-1]
-    if ((apart == 1) | (apart == 1 - values)).all() and _no_pause(elapsed_ns, values):
-        return np.ones(len(apart), np.int64)
-    step: NDArray[np.int64] = apart % values
-    period_ns = _period(step, time_ns)
+    in_turn = bool(((apart == 1) | (apart == 1 - values)).all())
+    step = np.ones(len(apart), np.int64) if in_turn else apart % values
+    if in_turn and _no_pause(elapsed_ns, values):
+        return step
+    period_ns = _period(None if in_turn else step, time_ns)
     if period_ns <= 0:
         return step
-    if values >= 2 * LATE_AT_MOST + 2:
+    if not in_turn and values >= 2 * LATE_AT_MOST + 2:
         step[(step >= values - LATE_AT_MOST) & (elapsed_ns < period_ns * step / 2)] -= values
     _add_turns(step, elapsed_ns / period_ns, values)
     return step
@@ -74,12 +75,18 @@ def count(step: NDArray[np.int64], bad_between: NDArray[np.int64]) -> Count:
     )
 
 
-def _period(step: NDArray[np.int64], time_ns: NDArray[np.int64]) -> float:
-    """Median time per frame over stretches of many frames, which neither pauses nor bursts nor losses move; 0: none."""
+def _period(step: NDArray[np.int64] | None, time_ns: NDArray[np.int64]) -> float:
+    """Median time per frame over stretches of many frames, which neither pauses nor bursts nor losses move; 0: none.
+
+    step (n − 1); None: every frame is one ahead of the one before.
+    """
+    stretch = max(1, min(64, (len(time_ns) - 1) // 8))
+    elapsed_ns: NDArray[np.int64] = time_ns[stretch:] - time_ns[:-stretch]
+    if step is None:
+        return float(np.median(elapsed_ns / stretch)) if len(elapsed_ns) else 0.0
     number = np.concatenate([[0], np.cumsum(step)])
-    stretch = max(1, min(64, len(step) // 8))
     frames = number[stretch:] - number[:-stretch]
-    elapsed_ns = (time_ns[stretch:] - time_ns[:-stretch])[frames > 0]
+    elapsed_ns = elapsed_ns[frames > 0]
     return float(np.median(elapsed_ns / frames[frames > 0])) if len(elapsed_ns) else 0.0
 
 
@@ -89,9 +96,14 @@ def _add_turns(step: NDArray[np.int64], elapsed: NDArray[np.float64], values: in
     Frames come late, never early: the least delay before and after a pause is compared. After a mere pause the
     delay falls back to what it was; after a loss it stays up by `values` periods for each turn.
     """
-    delay = np.concatenate([[0.0], np.cumsum(elapsed - step)])
+    longer = elapsed - step
+    pauses = np.flatnonzero(longer >= TURN * values)
+    if not len(pauses):
+        return
+    delay = np.zeros(len(longer) + 1)
+    np.cumsum(longer, out=delay[1:])
     first = 0
-    for pause in np.flatnonzero(elapsed - step >= TURN * values).tolist():
+    for pause in pauses.tolist():
         before = delay[max(first, pause + 1 - WINDOW) : pause + 1].min()
         after = delay[pause + 1 : pause + 1 + WINDOW].min()
         turns = int((after - before) / values + 1 - TURN)

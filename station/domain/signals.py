@@ -1,6 +1,6 @@
 """Signals in CAN payloads: bulk numpy decoding of what a DBC can describe. No Python runs per frame."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,6 +97,21 @@ def raw(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
     return bits
 
 
+def side_by_side(data: NDArray[np.uint8], signals: Sequence[SignalLayout]) -> Array | None:
+    """Raw values (n, m) of m signals that are whole words of one meaning, one behind the other: nothing is copied.
+
+    None where they lie or mean otherwise.
+    """
+    first = signals[0]
+    if not _whole_words(data, first) or first.is_float:
+        return None
+    start = first.first_bit // first.length
+    for place, signal in enumerate(signals):
+        if (signal.first_bit, *_meaning(signal)) != ((start + place) * first.length, *_meaning(first)):
+            return None
+    return _words(data, first)[:, start : start + len(signals)]
+
+
 def physical(values: Array, signal: SignalLayout) -> Array:
     """raw · scale + offset in the order and arithmetic of cantools: integers stay integers.
 
@@ -111,7 +126,9 @@ def physical(values: Array, signal: SignalLayout) -> Array:
     if float(scale).is_integer() and float(offset).is_integer():
         scale, offset = int(scale), int(offset)
     if isinstance(scale, float):
-        return np.asarray(values * scale + offset)
+        product = np.asarray(values * scale)
+        product += offset
+        return product
     if (abs(scale) << signal.length) + abs(int(offset)) < 1 << 63:
         return np.asarray(values.astype(np.int64) * scale + offset)
     return np.asarray((values.astype(object) * scale + offset).astype(np.float64))
@@ -120,10 +137,8 @@ def physical(values: Array, signal: SignalLayout) -> Array:
 def _bits(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
     """The signal's bits as integers (n), extended by sign: shifted up against the word's end, then down again."""
     kind = np.int64 if signal.signed and not signal.is_float else np.uint64
-    if data.shape[1] == 8 and signal.length in (8, 16, 32, 64) and signal.first_bit % signal.length == 0:
-        size, order = signal.length // 8, ">" if signal.big_endian else "<"
-        whole = _window(data, 0).view(f"{order}{'i' if kind is np.int64 else 'u'}{size}")
-        return whole[:, signal.first_bit // signal.length].astype(kind)
+    if _whole_words(data, signal):
+        return _words(data, signal)[:, signal.first_bit // signal.length].astype(kind)
     first, skip = (0, signal.first_bit) if data.shape[1] == 8 else divmod(signal.first_bit, 8)
     window = _window(data, first)
     rest = skip + signal.length - 64
@@ -142,6 +157,22 @@ def _bits(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
     bits = word.view(kind)
     bits >>= kind(64 - signal.length)
     return bits
+
+
+def _whole_words(data: NDArray[np.uint8], signal: SignalLayout) -> bool:
+    """Whether the signal is a word of its own in a classic payload."""
+    return data.shape[1] == 8 and signal.length in (8, 16, 32, 64) and signal.first_bit % signal.length == 0
+
+
+def _words(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
+    """The payloads as words of the signal's kind (n, 8 bytes / its length)."""
+    order, kind = ">" if signal.big_endian else "<", "i" if signal.signed and not signal.is_float else "u"
+    return _window(data, 0).view(f"{order}{kind}{signal.length // 8}")
+
+
+def _meaning(signal: SignalLayout) -> tuple[float, ...]:
+    """What raw values need to become physical."""
+    return (signal.length, signal.big_endian, signal.signed, signal.is_float, signal.scale, signal.offset)
 
 
 def _window(data: NDArray[np.uint8], first: int) -> NDArray[np.uint8]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from station.domain import e2e
 from station.domain.counters import Count, count, steps
 from station.domain.frames import SensorLayout
-from station.domain.signals import FrameLayout, SignalLayout, physical, raw
+from station.domain.signals import FrameLayout, SignalLayout, physical, raw, side_by_side
 from station.domain.types import REMOTE, Array, Floats, Frames
 
 
@@ -52,14 +52,15 @@ class Trouble:
 class Samples:
     """Readings of one node in the order of arrival, one row for each decodable frame.
 
-    time_ns (n); xyz (n, 3) physical; raw (n, 3) as sent; counter, status (n) or None; crc_ok (n), all True without
-    a CRC; usable (n): right CRC, finite, and no repeat of the frame before. temperature_time_ns,
-    temperature_degC (t): the device's own thermometer.
+    time_ns (n); xyz (n, 3) physical; payload (n, w) and the axes' places in it; counter, status (n) or None; crc_ok
+    (n), all True without a CRC; usable (n): right CRC, finite, and no repeat of the frame before.
+    temperature_time_ns, temperature_degC (t): the device's own thermometer.
     """
 
     time_ns: NDArray[np.int64]
     xyz: Floats
-    raw: Array
+    payload: NDArray[np.uint8]
+    axes: tuple[SignalLayout, ...]
     counter: Array | None
     status: Array | None
     crc_ok: NDArray[np.bool_]
@@ -71,13 +72,16 @@ class Samples:
     def __len__(self) -> int:
         return len(self.time_ns)
 
+    @property
+    def raw(self) -> Array:
+        """Readings as sent (n, 3), taken from the payloads when somebody asks."""
+        return np.stack([raw(self.payload, axis) for axis in self.axes], axis=1)
+
 
 def samples(frames: Frames, layout: SensorLayout, node: int) -> Samples:
     """Everything that `node` said about itself in `frames`; frames of others are left out."""
     whole, trouble = _whole(frames, layout.sample, layout.id_of(layout.sample, node))
-    columns = [raw(whole.data, axis) for axis in layout.axes]
-    readings = np.stack(columns, axis=1)
-    xyz = _physical(columns, readings, layout.axes)
+    xyz = _physical(whole.data, layout.axes)
     counter = None if layout.counter is None else raw(whole.data, layout.counter)
     crc_ok = _crc_ok(whole.data, counter, layout, node)
     finite = _finite(xyz, layout)
@@ -87,7 +91,8 @@ def samples(frames: Frames, layout: SensorLayout, node: int) -> Samples:
     return Samples(
         time_ns=whole.time_ns,
         xyz=xyz,
-        raw=readings,
+        payload=whole.data,
+        axes=layout.axes,
         counter=counter,
         status=None if roles.status is None else raw(whole.data, layout.sample.signal(roles.status)),
         crc_ok=crc_ok,
@@ -105,12 +110,12 @@ def samples(frames: Frames, layout: SensorLayout, node: int) -> Samples:
     )
 
 
-def _physical(columns: list[Array], together: Array, axes: tuple[SignalLayout, ...]) -> Floats:
-    """Physical values (n, 3) of raw columns; from all together (n, 3) where the axes' signals mean the same."""
-    if len({(a.scale, a.offset, a.length, a.signed, a.is_float) for a in axes}) == 1:
+def _physical(data: NDArray[np.uint8], axes: tuple[SignalLayout, ...]) -> Floats:
+    """Physical values (n, 3); all at once where the axes lie side by side and mean the same."""
+    together = side_by_side(data, axes)
+    if together is not None:
         return np.asarray(physical(together, axes[0]), np.float64)
-    each = [physical(column, axis) for column, axis in zip(columns, axes, strict=True)]
-    return np.asarray(np.stack(each, axis=1), np.float64)
+    return np.asarray(np.stack([physical(raw(data, axis), axis) for axis in axes], axis=1), np.float64)
 
 
 def _whole(frames: Frames, layout: FrameLayout, can_id: int) -> tuple[Frames, Trouble]:
@@ -143,8 +148,11 @@ def _counted(
     """Which frames say something new, and the counter's tale over those with a right CRC."""
     if counter is None or np.count_nonzero(crc_ok) < 2:
         return crc_ok, Count()
-    if crc_ok.all() and (step := steps(counter, time_ns, values)).min() == step.max() == 1:
-        return crc_ok, Count()
+    if crc_ok.all():
+        step = steps(counter, time_ns, values)
+        if step.min() == step.max() == 1:
+            return crc_ok, Count()
+        return np.concatenate([[True], step != 0]), count(step, np.zeros(len(step), np.int64))
     trusted = np.flatnonzero(crc_ok)
     step = steps(counter[trusted], time_ns[trusted], values)
     fresh = crc_ok.copy()

@@ -15,6 +15,7 @@ from station.adapters.bus import open_bus
 from station.adapters.clock import SystemClock
 from station.adapters.device.canopen_device import CanopenDevice
 from station.adapters.device.network import ServiceNetwork, service_ids
+from station.adapters.memory import keep_freed
 from station.adapters.store import keys
 from station.adapters.store.sqlite import SqliteStore
 from station.config.documents import content_hash
@@ -96,6 +97,7 @@ def open_bench(order: Order) -> Bench:
     _check_simulation_options(order)
     job, learnt = with_model(job, order.model)
     _check_gold(job, settings)
+    keep_freed()
     with ExitStack() as opened:
         if order.simulate:
             fixture: Fixture = (made := SimulatedFixture(settings, document, job, source, order))
