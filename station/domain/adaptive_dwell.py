@@ -57,7 +57,9 @@ class Aim:
         f = len(variance)
         many = self.ideal.take(np.zeros(f, np.intp))
         many = replace(many, true=np.broadcast_to(self.ideal.true[0], many.true.shape))
-        return method.of(self.recipe).fit(replace(many, cov=variance[..., None] * np.eye(3))).jacobian
+        many, kind = replace(many, cov=variance[..., None] * np.eye(3)), method.of(self.recipe)
+        short = kind.together(many)
+        return (short if short is not None and short.calm.all() else kind.fit(many)).jacobian
 
 
 @dataclass(frozen=True, slots=True, eq=False)

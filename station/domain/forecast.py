@@ -51,7 +51,7 @@ def forecast(recipe: Recipe, rounding: Floats) -> Forecast:
     stops = ideal.stops(recipe, dwell_s)
     problem = method.problem(recipe, [stops])
     fit = method.of(recipe).fit(problem)
-    budget = uncertainty.budgets(recipe, problem, fit, [stops], rounding)[0]
+    budget = uncertainty.budgets(recipe, problem, fit, stops, rounding)[0]
     wanted = adaptive_dwell.wanted(recipe, fit.free, float(problem.magnitude.max()))
     missed = adaptive_dwell.missed(recipe, wanted, budget.std("noise"))
     return Forecast(budget, _decisions(recipe, budget), noise, dwell_s, missed)

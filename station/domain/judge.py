@@ -110,14 +110,16 @@ def _within(t: Toleranced, bound: Floats) -> float:
 
 
 def _coefficients(recipe: Recipe, t: Toleranced) -> Iterator[Reason]:
-    for i, deviation, std, limit, guard in zip(t.index, t.deviation, t.std, t.limit, t.guard, strict=True):
+    beyond = (t.guard >= t.limit) | ~(np.abs(t.deviation) <= t.limit - t.guard)
+    for c in np.flatnonzero(beyond):
+        i, deviation, std, limit, guard = t.index[c], t.deviation[c], t.std[c], t.limit[c], t.guard[c]
         name, unit = coefficients.NAMES[int(i)], coefficients.unit_of(int(i), recipe.unit)
         check = "offset" if coefficients.OFFSETS[i] else "gain" if coefficients.GAINS[i] else "cross-axis"
         what = f"{name} is {deviation:+.4g}{_as_unit(unit)}" + (" off 1" if check == "gain" else "")
         if guard >= limit:
             told = f"{what}, but its uncertainty {COVERAGE_FACTOR * std:.2g} leaves nothing of the limit {limit:g}"
             yield Reason(check, f"{told}: this recipe cannot decide it", float(deviation), float(limit), unit)
-        elif not abs(deviation) <= limit - guard:
+        else:
             told = f"{what}, beyond {limit:g}" + (f" less the guard band {guard:.2g}" if guard else "")
             yield Reason(check, told, float(deviation), float(limit - guard), unit)
 
@@ -131,14 +133,16 @@ def _gates(recipe: Recipe, found: Calibration, stops: Stops) -> Iterator[Reason]
     limits, kept = recipe.limits, ~found.disturbed
     if not kept.any():
         return
-    sizes = np.where(kept, np.abs(found.residual).max(axis=1), 0.0)
-    tilts = np.where(kept, found.tilt_deg, 0.0)
-    scatter = np.where(kept, stops.std.max(axis=1), 0.0)
-    yield from _largest("residual", sizes, limits.residual, found.positions, recipe.unit, "the residual")
-    yield from _largest("tilt", tilts, limits.tilt_deg, found.positions, "deg", "the tilt")
-    yield from _largest("noise", scatter, limits.noise, found.positions, recipe.unit, "the noise of a reading")
-    spread = consistency(stops, found.disturbed)
-    if limits.consistency is not None and spread > limits.consistency:
+    if limits.residual is not None:
+        sizes = np.where(kept, np.abs(found.residual).max(axis=1), 0.0)
+        yield from _largest("residual", sizes, limits.residual, found.positions, recipe.unit, "the residual")
+    if limits.tilt_deg is not None:
+        tilts = np.where(kept, found.tilt_deg, 0.0)
+        yield from _largest("tilt", tilts, limits.tilt_deg, found.positions, "deg", "the tilt")
+    if limits.noise is not None:
+        scatter = np.where(kept, stops.std.max(axis=1), 0.0)
+        yield from _largest("noise", scatter, limits.noise, found.positions, recipe.unit, "the noise of a reading")
+    if limits.consistency is not None and (spread := consistency(stops, found.disturbed)) > limits.consistency:
         told = (
             f"readings of an axis across the stimulus differ by {spread:.3g} {recipe.unit}, more than "
             f"{limits.consistency:g}: cross-axis or pose errors are larger than the method may ignore"
@@ -148,11 +152,9 @@ def _gates(recipe: Recipe, found: Calibration, stops: Stops) -> Iterator[Reason]
         yield from _temperature(limits.temperature_degC, stops)
 
 
-def _largest(
-    check: str, size: Floats, limit: float | None, names: Sequence[str], unit: str, what: str
-) -> Iterator[Reason]:
+def _largest(check: str, size: Floats, limit: float, names: Sequence[str], unit: str, what: str) -> Iterator[Reason]:
     worst = int(np.argmax(size))
-    if limit is not None and not size[worst] <= limit:
+    if not size[worst] <= limit:
         told = f"{what} at {names[worst]!r} is {size[worst]:.3g} {unit}, more than {limit:g}"
         yield Reason(check, told, float(size[worst]), limit, unit)
 

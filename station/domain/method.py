@@ -16,6 +16,8 @@ from station.domain.recipe import Recipe
 from station.domain.types import Array, Floats, Stops
 
 PACKAGE = "station.domain.calibrate"
+#: Which units.
+Rows = NDArray[np.intp] | slice
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,11 +54,12 @@ class Problem:
         """Variance (u, v) that weights are to know of beside noise, as `visits_of_pose` stops share a pose's."""
         return self.scatter_stop[:, None] + self.scatter_pose[:, None] * self.visits_of_pose()
 
-    def take(self, rows: NDArray[np.intp]) -> "Problem":
+    def take(self, rows: Rows) -> "Problem":
         """The same for some of the units."""
         by_unit = ("mean", "cov", "quantisation", "dof", "temperature_degC", "true", "magnitude")
         more = ("scatter_pose", "scatter_stop")
-        return replace(self, **{name: getattr(self, name)[rows] for name in (*by_unit, *more)})
+        out: dict[str, Any] = {name: _of_rows(getattr(self, name), rows) for name in (*by_unit, *more)}
+        return replace(self, **out)
 
     def without_nuisance(self) -> "Problem":
         """The same, with nothing but the stimulus acting on the sensor."""
@@ -95,11 +98,13 @@ class Fit:
         for f in fields(Fit):
             mine = getattr(self, f.name)
             if f.name == "notes":
-                out[f.name] = tuple(mine[i] for i in rows)
+                out[f.name] = tuple([mine[i] for i in rows.tolist()])
             elif f.name == "tilt" and mine is not None:
                 out[f.name] = tuple(m[rows] for m in mine)
+            elif f.name == "misfit" and mine is self.residual:
+                out[f.name] = out["residual"]
             elif f.name not in ("free", "parameters", "tilt"):
-                out[f.name] = mine[rows]
+                out[f.name] = _of_rows(mine, rows)
         return replace(self, **out)
 
     def with_units(self, rows: NDArray[np.intp], other: "Fit") -> "Fit":
@@ -114,6 +119,14 @@ class Fit:
             elif f.name not in ("free", "parameters", "tilt"):
                 out[f.name] = _with_rows(mine, rows, theirs)
         return replace(self, **out)
+
+
+def _of_rows(mine: Array, rows: Rows) -> Array:
+    """Some rows; one value that stands for many along an axis still does, without a copy for each."""
+    if isinstance(rows, slice):
+        return mine[rows]
+    once = mine[tuple(slice(None) if step else slice(1) for step in mine.strides)]
+    return np.broadcast_to(once[rows] if mine.strides[0] else once, (len(rows), *mine.shape[1:]))
 
 
 def _with_rows(mine: Array, rows: NDArray[np.intp], theirs: Array) -> Array:
@@ -135,8 +148,19 @@ class Method(Protocol):
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
         """Linearised design of a nominal unit: rows (r, k), and what each of the k columns determines."""
 
+    def together(self, problem: Problem) -> Fit | None:
+        """Coefficients by what units have in common, right for those that the fit calls calm; None where for none."""
+
     def fit(self, problem: Problem) -> Fit:
-        """Coefficients of every unit."""
+        """Coefficients of every unit, each by itself; stops that do not fit with the rest left out and marked."""
+
+
+def alike(of_stops: Floats) -> NDArray[np.bool_]:
+    """Whether all stops of a unit have the same values: (u) of values (u, v, …)."""
+    flat = of_stops.reshape(len(of_stops), -1)
+    each = flat.shape[1] // of_stops.shape[1]
+    # Each with its neighbour: comparing all with the first would read in steps of one stop.
+    return np.asarray((flat[:, each:] == flat[:, :-each]).all(axis=1))
 
 
 def of(recipe: Recipe) -> Method:

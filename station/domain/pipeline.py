@@ -9,7 +9,9 @@ from station.domain import adaptive_dwell, design, method, quality, rank, refere
 from station.domain.coefficients import matrix_of, offset_of
 from station.domain.judge import judge
 from station.domain.method import Fit
+from station.domain.noise_prior import Prior
 from station.domain.recipe import Recipe
+from station.domain.scatter import Solved
 from station.domain.types import Calibration, Floats, Outcome, Reason, SampleTable, Stops, Verdict
 from station.domain.uncertainty import Budget
 from station.domain.visit import Visits, stops_of, visits
@@ -36,17 +38,20 @@ class Result:
     visits: Visits | None = None
 
 
-def calibrate(recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING) -> Iterator[Result]:
+def calibrate(
+    recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING, prior: Prior | None = None
+) -> Iterator[Result]:
     """Every unit of a table, one after the other; one that cannot be calibrated does not stop the others.
 
     today: ISO 8601 date for the gold reference's due date; rounding (12): standard deviation of each coefficient's
-    rounding in the device. Errors: RecipeError, ReferenceOverdue, SamplesError (of the table as a whole).
+    rounding in the device; prior: what is known of such units' noise. Errors: RecipeError, ReferenceOverdue,
+    SamplesError (of the table as a whole).
     """
     design.check(recipe)
     references.check_due(recipe, today)
     truths: references.Truths = {}
     batch: list[Unit] = []
-    for found in visits(table, recipe):
+    for found in visits(table, recipe, prior):
         batch.append((found.serial, stops_of(found, recipe, truths), found))
         if len(batch) == BATCH:
             yield from _solve(recipe, batch, rounding)
@@ -87,16 +92,22 @@ def _solve(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Resu
 
 
 def _solve_alike(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Result]:
-    stops = [s for _, s, _ in units]
+    done: dict[int, Result] = {}
     # Readings that are no calibration end in NaN, and NaN in a verdict.
     with np.errstate(all="ignore"):
-        problem, fit = scatter.solve(method.of(recipe), method.problem(recipe, stops))
-        budgets = uncertainty.budgets(recipe, problem, fit, stops, rounding)
-        tilts = tilt.of(problem, fit)
-        found = [
-            _calibration(recipe, stops[u], (fit, u), budgets[u], (tilts[0][u], tilts[1][u])) for u in range(len(units))
-        ]
-    return [_result(recipe, *each, fit.notes[u]) for u, each in enumerate(zip(units, found, budgets, strict=True))]
+        for part in scatter.solve(method.of(recipe), method.problem(recipe, [s for _, s, _ in units])):
+            own = [units[i] for i in part.units.tolist()]
+            done.update(zip(part.units.tolist(), _results(recipe, own, part, rounding), strict=True))
+    return [done[i] for i in range(len(units))]
+
+
+def _results(recipe: Recipe, units: Sequence[Unit], part: Solved, rounding: Floats) -> Iterator[Result]:
+    """One result a unit of a part."""
+    budgets = uncertainty.budgets(recipe, part.problem, part.fit, units[0][1], rounding)
+    angles, stds = tilt.of(part.problem, part.fit)
+    for unit, u in zip(units, part.rows.tolist(), strict=True):
+        found = _calibration(recipe, unit[1], (part.fit, u), budgets[u], (angles[u], stds[u]))
+        yield _result(recipe, unit, found, budgets[u], part.fit.notes[u])
 
 
 def _result(recipe: Recipe, unit: Unit, found: Calibration, budget: Budget, broken: tuple[str, ...]) -> Result:

@@ -4,14 +4,14 @@ A cause is either noise of the means, or patterns of errors of the truth that se
 truth acts as a reading that is off by matrix · δt, so one derivative serves all causes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from station.domain import coefficients, noise, scatter, sensor
-from station.domain.method import Fit, Problem
+from station.domain.method import Fit, Problem, alike
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, Stops
 
@@ -54,31 +54,34 @@ class Budget:
         ]
 
 
-def budgets(recipe: Recipe, problem: Problem, fit: Fit, units: Sequence[Stops], rounding: Floats) -> list[Budget]:
-    """The budget of each unit. rounding (12): standard deviations of the coefficients' rounding in the device."""
+def budgets(recipe: Recipe, problem: Problem, fit: Fit, stops: Stops, rounding: Floats) -> list[Budget]:
+    """The budget of each unit. stops: of one of them; rounding (12): standard deviations of the coefficients' rounding
+    in the device."""
     parts = {
         "noise": covariance_of_noise(fit, problem.cov - _diagonal(problem.quantisation)),
         "quantisation": covariance_of_noise(fit, _diagonal(problem.quantisation)),
         "position": _position(recipe, problem, fit),
-        **_truth(recipe, problem, fit, units[0]),
+        **_truth(recipe, problem, fit, stops),
         "temperature": _temperature(recipe, problem, fit),
-        "rounding": np.broadcast_to(np.diag(np.where(fit.free, rounding, 0.0) ** 2), (len(units), 12, 12)),
+        "rounding": np.broadcast_to(np.diag(np.where(fit.free, rounding, 0.0) ** 2), (len(fit.theta), 12, 12)),
     }
-    found = scatter.lack(problem, fit)
-    parts[SCATTER] = _scatter(problem, fit, found)
+    parts[SCATTER] = _scatter(problem, fit)
     total = np.sum(list(parts.values()), axis=0)
     total = (total + total.transpose(0, 2, 1)) / 2
     spread = problem.scatter_pose + problem.scatter_stop
     dof = _dof(problem, parts["noise"], total)
     return [
         Budget({k: v[u] for k, v in parts.items()}, total[u], dof[u], float(np.sqrt(spread[u])))
-        for u in range(len(units))
+        for u in range(len(fit.theta))
     ]
 
 
-def _scatter(problem: Problem, fit: Fit, found: scatter.Lack) -> Floats:
+def _scatter(problem: Problem, fit: Fit) -> Floats:
     """Covariance (u, 12, 12) from scatter of stops, and from scatter that the stops of a pose share."""
     u, _, v, _ = fit.jacobian.shape
+    if not (problem.scatter_stop.any() or problem.scatter_pose.any()):
+        return np.zeros((u, 12, 12))
+    found = scatter.lack(problem, fit)
     stop = problem.scatter_stop * noise.widening(np.maximum(found.dof_within, 1))
     pose = problem.scatter_pose * noise.widening(np.maximum(found.dof_between, 1))
     own = fit.jacobian.reshape(u, 12, 3 * v)
@@ -102,12 +105,10 @@ def _diagonal(variance: Floats) -> Floats:
 def covariance_of_noise(fit: Fit, cov: Floats) -> Floats:
     """Covariance (u, 12, 12) from independent errors of the means, cov (u, v, 3, 3)."""
     # Which way a unit takes is its own affair: the same bits alone as among many.
-    even = fit.calm & (cov == cov[:, :1]).reshape(len(cov), -1).all(axis=1)
-    if even.all():
-        return _of_even_noise(fit.jacobian[0], cov[:, 0])
-    out = np.empty((len(cov), 12, 12))
-    if even.any():
-        out[even] = _of_even_noise(fit.jacobian[int(np.argmax(even))], cov[even, 0])
+    even = fit.calm & alike(cov)
+    if not even.any():
+        return _of_noise(fit.jacobian, cov)
+    out = _of_even_noise(fit.jacobian[int(np.argmax(even))], cov[:, 0])
     if not even.all():
         out[~even] = _of_noise(fit.jacobian[~even], cov[~even])
     return out
@@ -120,9 +121,13 @@ def _of_noise(jacobian: Floats, cov: Floats) -> Floats:
 
 
 def _of_even_noise(jacobian: Floats, cov: Floats) -> Floats:
-    """J (12, v, 3) with the same covariance (u, 3, 3) at every stop: Σ_kl cov_kl · J_k J_lᵀ, the nine products once."""
+    """J (12, v, 3) with the same covariance (u, 3, 3) at every stop: Σ_kl cov_kl · J_k J_lᵀ, the nine products once.
+
+    Calm fits have a regression for each axis, so that of the nine terms only one is not zero: the sum is exact in any
+    order, and a unit's bits do not depend on its neighbours.
+    """
     products = _products(np.ascontiguousarray(jacobian).tobytes())
-    return np.asarray((cov.reshape(-1, 1, 9) @ products).reshape(-1, 12, 12))
+    return np.asarray((cov.reshape(-1, 9) @ products).reshape(-1, 12, 12))
 
 
 @lru_cache(maxsize=64)
@@ -146,6 +151,8 @@ def _position(recipe: Recipe, problem: Problem, fit: Fit) -> Floats:
     if not problem.pose_known or recipe.reference.source == "gold":
         return np.zeros((u, 12, 12))
     std = np.maximum(fit.pose_std_rad, problem.pose_std_rad)
+    if not std.any():
+        return np.zeros((u, 12, 12))
     turned = np.cross(np.eye(3)[None, :, None], problem.true[:, None])
     felt = turned @ coefficients.matrix_of(fit.theta)[:, None].transpose(0, 1, 3, 2)
     effect = np.einsum("uivk,uavk->uiav", fit.jacobian, felt)

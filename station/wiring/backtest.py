@@ -24,7 +24,7 @@ from station.errors import StationFault
 from station.wiring.recompute import judged_ns, kept_visits, known, refit
 
 #: Attempts of one task: enough to be solved together, few enough to show progress.
-_PORTION, _PORTION_OF_FRAMES = 1024, 32
+PORTION, PORTION_OF_FRAMES = 1024, 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ def run(
     Errors: RecipeError when the recipe cannot be computed at all, LogError, StationFault.
     """
     design.check(recipe)
-    portion = _PORTION_OF_FRAMES if from_frames else _PORTION
+    portion = PORTION_OF_FRAMES if from_frames else PORTION
     numbers = [a.number for a in attempts]
     text = recipe.model_dump_json(by_alias=True)
     parts = [tuple(numbers[i : i + portion]) for i in range(0, len(numbers), portion)]

@@ -229,8 +229,8 @@ def test_scatter_is_a_fixed_point(rng: np.random.Generator) -> None:
     theta = tumble.units(rng, 5)
     mean = tumble.readings(theta, tumble.truths(recipe)) + 0.004 * rng.standard_normal((5, 18, 3))
     stops = [r.stops for r in calibrated(recipe, tumble.table(recipe, mean, 1e-4, 40, rng))]
-    problem, fit = scatter.solve(method.of(recipe), method.problem(recipe, stops))
-    lack = scatter.lack(problem, fit)
-    chi2 = (lack.between / (lack.of_between + problem.scatter_pose[:, None])).sum(axis=1)
+    (part,) = scatter.solve(method.of(recipe), method.problem(recipe, stops))
+    lack = scatter.lack(part.problem, part.fit)
+    chi2 = (lack.between / (lack.of_between + part.problem.scatter_pose[:, None])).sum(axis=1)
     assert chi2 == pytest.approx(lack.dof_between, rel=0.02)
-    assert np.sqrt(problem.scatter_pose) == pytest.approx(np.full(5, 0.004), rel=0.4)
+    assert np.sqrt(part.problem.scatter_pose) == pytest.approx(np.full(5, 0.004), rel=0.4)

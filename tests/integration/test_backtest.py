@@ -94,7 +94,7 @@ def test_other_dwells_are_computed_from_frames_by_themselves(folder: Path, capsy
 
 
 def test_two_processes_give_what_one_gives(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("station.wiring.backtest._PORTION", 2)
+    monkeypatch.setattr("station.wiring.backtest.PORTION", 2)
     tight = load_recipe(fixture_run.recipe(folder, limits={"offset": 0.03}))
     done: list[int] = []
     with LogReader(folder / "station.db") as log:

@@ -60,7 +60,7 @@ def fit(problem: Problem, keep: Floats) -> Ellipsoid:
         variance=variance,
         J=J,
         G=-gain[..., None] * slope[:, None],
-        hat=Hat(J, gain),
+        hat=Hat(J[:, None], gain[:, None]),
         converged=done,
     )
 

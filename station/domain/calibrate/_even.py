@@ -22,7 +22,7 @@ Columns = tuple[tuple[int, ...], ...]
 @dataclass(frozen=True, slots=True, eq=False)
 class Shared:
     """What one truth comes to: T (v, 4) = [1, truth]; jacobian (12, v, 3); kept (12) coefficients of a perfect sensor
-    that are not fitted, else 0; free (12) bool; spread (3v) = 1/(1 − leverage), 0 where the others say nothing."""
+    that are not fitted, else 0; free (12) bool; spread (v, 3) = 1/(1 − leverage), 0 where the others say nothing."""
 
     T: Floats
     jacobian: Floats
@@ -40,12 +40,11 @@ def fit(problem: Problem, columns: Columns, variance: tuple[Floats, Floats], eve
     shared = of_truth(np.ascontiguousarray(problem.true[0]).tobytes(), v, columns)
     theta = shared.kept + _times(shared.jacobian.reshape(12, -1), problem.mean - _readings(shared, shared.kept))
     residual = problem.mean - _readings(shared, theta)
-    square = residual**2 / (variance[0] + variance[1])
-    drop = (square.reshape(-1, 3 * v) * shared.spread).reshape(-1, v, 3)
-    largest = (drop[..., 0] + drop[..., 1] + drop[..., 2]).max(axis=1)
+    square, weight = residual**2, 1 / (variance[0] + variance[1]).reshape(-1, 3, 1)
+    chi2 = (square @ weight).sum(axis=(1, 2))
+    drop = (square * shared.spread) @ weight
     parameters = sum(map(len, columns))
-    quiet = square.reshape(-1, 3 * v).sum(axis=1) <= loud(3 * v - parameters)
-    calm = even & quiet & (largest < loud_stop(v))
+    calm = even & (chi2 <= loud(3 * v - parameters)) & (drop.max(axis=(1, 2)) < loud_stop(v))
     return _fit(shared, theta, residual, variance, parameters, calm)
 
 
@@ -76,7 +75,7 @@ def of_truth(truth: bytes, v: int, columns: Columns) -> Shared:
         leverage[:, i] = (X * G.T).sum(axis=1)
     alone = leverage > _outliers.ALONE
     spread = np.where(alone, 0.0, 1 / np.where(alone, 1.0, 1 - leverage))
-    return Shared(T, jacobian, np.where(free, 0.0, coefficients.NOMINAL), free, spread.ravel())
+    return Shared(T, jacobian, np.where(free, 0.0, coefficients.NOMINAL), free, spread)
 
 
 def coefficients_of(axis: int, columns: tuple[int, ...]) -> list[int]:

@@ -36,7 +36,10 @@ class NPoint:
         rows = np.column_stack([np.ones(len(true)), true, nuisance])
         return rows, (*_linear.MATRIX_NAMES, *("g-sensitivity",) * nuisance.shape[1])
 
+    def together(self, problem: Problem) -> Fit | None:
+        """By one solution for all units whose stops count alike."""
+        return _linear.together(problem, _linear.OF_MODEL[problem.model], weighted=True)
+
     def fit(self, problem: Problem) -> Fit:
         """Weighted least squares."""
-        columns = _linear.OFFSET_GAIN if problem.model == "offset-gain" else _linear.MATRIX
-        return _linear.solve(problem, columns, weighted=True)
+        return _linear.solve(problem, _linear.OF_MODEL[problem.model], weighted=True)

@@ -47,12 +47,16 @@ class Norm:
         """One row a stop, nine columns."""
         return _ellipsoid.design(true), NAMES
 
+    def together(self, problem: Problem) -> Fit | None:
+        """None: every unit has an ellipsoid of its own."""
+        return None
+
     def fit(self, problem: Problem) -> Fit:
         """Ellipsoid, then alignment; stops that fit neither with the others are left out and marked."""
         keep = np.ones(problem.mean.shape[:2])
         for _ in range(max(len(problem.pose) // 4, 1)):
             e = _ellipsoid.fit(problem, keep)
-            worst = _outliers.worst(e.r[..., None], [e.hat], e.variance[..., None], keep, 9)
+            worst = _outliers.worst(e.r[..., None], e.hat, e.variance[..., None], keep, 9)
             if not worst.any():
                 break
             keep = np.where(worst, 0.0, keep)

@@ -24,6 +24,10 @@ class OnePoint:
         """The offset is seen at every stop."""
         return np.ones((len(true), 1)), ("offset",)
 
+    def together(self, problem: Problem) -> Fit | None:
+        """By one solution for all units that went through the same stops."""
+        return _linear.together(problem.without_nuisance(), _linear.OFFSET_ONLY, weighted=False)
+
     def fit(self, problem: Problem) -> Fit:
         """Mean of reading − truth over all stops."""
         return _linear.solve(problem.without_nuisance(), _linear.OFFSET_ONLY, weighted=False)

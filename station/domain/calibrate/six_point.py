@@ -34,6 +34,10 @@ class SixPoint:
         """One regression, the same for each axis."""
         return np.column_stack([np.ones(len(true)), true]), _linear.MATRIX_NAMES
 
+    def together(self, problem: Problem) -> Fit | None:
+        """By one solution for all units that went through the same stops."""
+        return _linear.together(problem.without_nuisance(), _linear.MATRIX, weighted=False)
+
     def fit(self, problem: Problem) -> Fit:
         """Twelve coefficients, all stops alike."""
         return _linear.solve(problem.without_nuisance(), _linear.MATRIX, weighted=False)

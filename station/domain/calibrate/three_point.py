@@ -42,6 +42,10 @@ class ThreePoint:
             rows[i, :, i], rows[i, :, 3 + i] = 1.0, true[:, i]
         return rows.reshape(3 * v, 6), NAMES
 
+    def together(self, problem: Problem) -> Fit | None:
+        """By one solution for all units that went through the same stops."""
+        return _linear.together(problem.without_nuisance(), _linear.OFFSET_GAIN, weighted=False)
+
     def fit(self, problem: Problem) -> Fit:
         """Offset and own gain of each axis, all stops alike."""
         return _linear.solve(problem.without_nuisance(), _linear.OFFSET_GAIN, weighted=False)

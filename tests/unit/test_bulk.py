@@ -1,0 +1,90 @@
+"""Many units solved together: the bits of each alone, and the short way as right as the long one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from station.domain import coefficients, method, pipeline, scatter
+from station.domain.recipe import Recipe
+from station.domain.types import Floats, Stops
+from tests.fakes import tumble
+
+LINEAR = ("one-point", "three-point", "six-point", "n-point")
+NOISE = 1e-3
+UNITS = 40
+
+
+def fleet(recipe: Recipe, rng: np.random.Generator) -> dict[str, Stops]:
+    """Units of all sorts: calm, with a stop that was bumped, with loose poses, with stops that do not count alike."""
+    theta = tumble.units(rng, UNITS)
+    if recipe.method == "three-point":
+        # It takes cross-axis gains for scatter.
+        theta[:, coefficients.CROSS] = 0.0
+    mean = tumble.readings(theta, tumble.truths(recipe))
+    table = tumble.table(recipe, mean, NOISE, 20, rng)
+    found = {r.serial: r.stops for r in pipeline.calibrate(recipe, table, tumble.TODAY)}
+    return {s: mishap(stops, i % 8, rng) for i, (s, stops) in enumerate(found.items()) if stops is not None}
+
+
+def mishap(stops: Stops, kind: int, rng: np.random.Generator) -> Stops:
+    v = len(stops)
+    if kind == 0:
+        return replace(stops, mean=stops.mean + 0.05 * (np.arange(v) == v // 2)[:, None])
+    if kind == 1:
+        return replace(stops, mean=stops.mean + 0.01 * rng.standard_normal((v, 3)))
+    if kind == 2:
+        return replace(stops, cov=stops.cov * rng.uniform(0.5, 2.0, (v, 1, 1)))
+    return stops
+
+
+def numbers(result: pipeline.Result) -> list[Floats]:
+    found, budget = result.calibration, result.budget
+    assert found is not None and budget is not None
+    fitted = [found.offset, found.matrix, found.covariance, found.residual, found.tilt_deg, found.tilt_std_deg]
+    return [*fitted, found.disturbed, *budget.parts.values(), budget.dof]
+
+
+@pytest.mark.parametrize("portion", [1, 7, 6144])
+@pytest.mark.parametrize("name", LINEAR)
+def test_each_unit_has_the_bits_that_it_has_alone(
+    name: str, portion: int, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recipe = tumble.recipe(name)
+    units = fleet(recipe, rng)
+    alone = [pipeline.calibrate_stops(recipe, {serial: stops})[0] for serial, stops in units.items()]
+    monkeypatch.setattr(scatter, "PORTION", portion * len(next(iter(units.values()))))
+    together = pipeline.calibrate_stops(recipe, units)
+    assert [r.serial for r in together] == list(units)
+    for one, same in zip(alone, together, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(numbers(one), numbers(same), strict=True)), one.serial
+        assert one.verdict == same.verdict
+
+
+@pytest.mark.parametrize("name", LINEAR)
+def test_the_short_way_and_the_long_one_differ_by_rounding_alone(name: str, rng: np.random.Generator) -> None:
+    """Normal equations of v rows and k columns lose v·k roundings, magnified by the design's condition squared."""
+    recipe = tumble.recipe(name)
+    problem = method.problem(recipe, list(fleet(recipe, rng).values()))
+    kind = method.of(recipe)
+    short, long = kind.together(problem), kind.fit(problem)
+    assert short is not None
+    calm = short.calm
+    assert calm.sum() >= 0.5 * UNITS
+    rows, _ = kind.design(problem.true[0], recipe, problem.nuisance)
+    bound = rows.size * np.finfo(float).eps * np.linalg.cond(rows) ** 2
+    size = np.abs(problem.mean[calm]).max() + 1.0
+    assert np.abs(short.theta - long.theta)[calm].max() <= bound * size
+    assert np.abs(short.residual - long.residual)[calm].max() <= 4 * bound * size
+    assert np.abs(short.jacobian - long.jacobian)[calm].max() <= bound
+
+
+def test_every_unit_is_in_one_part_once(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
+    recipe = tumble.recipe("n-point")
+    problem = method.problem(recipe, list(fleet(recipe, rng).values()))
+    monkeypatch.setattr(scatter, "PORTION", 9 * problem.mean.shape[1])
+    parts = list(scatter.solve(method.of(recipe), problem))
+    assert len(parts) == 1 + -(-UNITS // 9)
+    assert np.array_equal(np.sort(np.concatenate([p.units for p in parts])), np.arange(UNITS))
+    for part in parts:
+        assert np.array_equal(part.problem.mean[part.rows], problem.mean[part.units])
