@@ -9,7 +9,7 @@ from station.domain.recipe import Recipe
 from station.domain.types import Floats, SampleTable
 from station.errors import SamplesError
 from station.model.forward import resting
-from station.model.scene import scene_of_table
+from station.model.scene import stops_of_table
 
 #: Columns of which one moves so many times as much as another, beside what the poses make them move, differ in unit.
 APART = 3.0
@@ -110,7 +110,7 @@ def _one_unit_of_measure(recipe: Recipe, table: SampleTable) -> None:
 
 def _moves(recipe: Recipe, table: SampleTable) -> Iterator[tuple[str, Floats]]:
     """Of each unit how much each axis' stops spread (3), beside what an ideal unit's would; NaN where hardly turned."""
-    scene = scene_of_table(recipe, table)
+    scene = stops_of_table(recipe, table)
     code, stops = scene.visits.unit.code, len(scene.visits)
     count = np.bincount(scene.visit, minlength=stops)
     mean = np.stack([np.bincount(scene.visit, column, stops) / count for column in table.reading.T], axis=1)

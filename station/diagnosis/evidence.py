@@ -30,6 +30,8 @@ SHARES = (0.003, 0.02, 0.1, 0.3)
 MOST = 1 - 1e-6
 
 Pattern = Literal["own", "shared", "scan"]
+#: How coefficients are grouped: by unit; not at all; by unit and group of the unit.
+GROUPED = {"own": 1, "shared": 0, "scan": 2}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,21 +73,31 @@ class Sets:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spectrum:
-    """What a cause can show in a space.
+    """What a cause, or several of one shape (b, maybe none), can show in a space.
 
     own: one set of coefficients a unit; shared: one for all; scan: few of many groups are hit, nobody knows which.
-    m (…, K) eigenvalues of the normal matrix, … being units or groups or nothing; cross (…, K, c) EᵀZᵀC; space: where
-    it was seen; mean eigenvalue of the directions that can be seen; rho the amplitudes tried; logdet (…, ρ)
-    Σ log(1 + ρ m), over all units where … are units.
+    m (b, …, K) eigenvalues of the normal matrix, … being units or units and groups or nothing; cross (b, …, K, c)
+    EᵀZᵀC; space: where it was seen; mean (b) eigenvalue of the directions that can be seen; rho (b, ρ) the amplitudes
+    tried; logdet (b, …, ρ) Σ log(1 + ρ m), over all units where … are units.
     """
 
     pattern: Pattern
     space: Space
     m: Floats
     cross: Floats
-    mean: float
+    mean: Floats
     rho: Floats
     logdet: Floats
+
+    def of(self, i: int) -> "Spectrum":
+        """One of several causes."""
+        m, cross, mean, rho, logdet = (x[i] for x in (self.m, self.cross, self.mean, self.rho, self.logdet))
+        return Spectrum(self.pattern, self.space, m, cross, mean, rho, logdet)
+
+    @property
+    def several(self) -> int:
+        """Axes of b: 0 or 1."""
+        return self.m.ndim - 1 - GROUPED[self.pattern]
 
     @property
     def ratios(self) -> Floats:
@@ -94,8 +106,9 @@ class Spectrum:
 
     @property
     def weight(self) -> Floats:
-        """w (…, K, ρ)."""
-        return np.asarray(self.rho / (1 + self.m[..., None] * self.rho))
+        """w (b, …, K, ρ)."""
+        rho = _beside(self.rho, GROUPED[self.pattern] + 1)
+        return np.asarray(rho / (1 + self.m[..., None] * rho))
 
     def light(self) -> "Spectrum":
         """The same in single precision."""
@@ -107,100 +120,119 @@ class Spectrum:
         return replace(self, cross=self.cross[..., :0])
 
     def components(self, products: Floats, sets: Sets) -> Floats:
-        """u (n, …, K) of the products EᵀZᵀr: (n, K) of a shared cause, (n, U, …) of the others."""
-        products = products.reshape(len(products), *self.m.shape)
+        """u (b, n, …, K) of the products EᵀZᵀr: (b, n, K) of a shared cause, (b, n, U, …) of the others."""
+        b = self.several
+        products = products.reshape(*products.shape[: b + 1], *self.m.shape[b:])
         if self.pattern == "own" or not self.cross.shape[-1]:
             return products
-        return np.asarray(products - np.moveaxis(self.cross @ sets.shared.T, -1, 0))
+        return np.asarray(products - np.moveaxis(self.cross @ sets.shared.T, -1, b))
 
     def evidence(self, u: Floats, sets: Sets) -> Floats:
-        """Log evidence (n)."""
+        """Log evidence (b, n)."""
         return self.judged(self.terms(u, sets), sets)
 
     def terms(self, u: Floats, sets: Sets) -> Floats:
-        """What adds up over units (n, …), and all that the evidence needs of u."""
+        """What adds up over units (b, n, …), and all that the evidence needs of u."""
         if self.pattern == "shared":
             return u
         if self.pattern == "own":
-            flat, weight = u.reshape(len(u), -1), self._flat(self.weight)
+            flat, weight = u.reshape(*u.shape[:-2], -1), self._flat(self.weight)
             drop = flat**2 @ weight
             if not self.cross.shape[-1]:
                 return np.asarray(drop[..., None])
-            bent = (flat[:, None, :] * weight.T) @ self._flat(self.cross)
+            bent = (flat[..., None, :] * weight.swapaxes(-1, -2)[..., None, :, :]) @ self._flat(self.cross)[
+                ..., None, :, :
+            ]
             return np.concatenate([drop[..., None], bent], axis=-1)
         return self.spread(self.likelihoods(u, sets))
 
     @staticmethod
     def spread(likelihoods: Floats) -> Floats:
-        """Log-likelihood (n, shares) of a scan, whose groups' L (n, …, ρ) are given, if such a share of them is hit."""
-        odds = log_mean(likelihoods).reshape(len(likelihoods), -1)
-        share = np.array(SHARES)[:, None, None]
-        return np.asarray(np.logaddexp(np.log1p(-share), np.log(share) + odds).sum(axis=2).T)
+        """Log-likelihood (b, n, shares) of a scan, whose groups' L (b, n, U, G, ρ) are given, if such a share of them
+        is hit."""
+        odds = log_mean(likelihoods)
+        odds = odds.reshape(*odds.shape[:-2], -1)
+        share = np.array(SHARES).reshape(-1, *[1] * odds.ndim)
+        return np.asarray(np.moveaxis(np.logaddexp(np.log1p(-share), np.log(share) + odds).sum(axis=-1), 0, -1))
 
     def judged(self, terms: Floats, sets: Sets) -> Floats:
-        """Log evidence (n) of the terms."""
+        """Log evidence (b, n) of the terms."""
         return log_mean(terms if self.pattern == "scan" else self.likelihood(terms, sets))
 
     def likelihood(self, terms: Floats, sets: Sets) -> Floats:
-        """L (n, ρ) of the terms; not of a scan."""
+        """L (b, n, ρ) of the terms; not of a scan."""
+        rest, logdet = sets.rest[:, None], self.logdet[..., None, :]
         if self.pattern == "shared":
-            return np.asarray(self._ratio(terms**2 @ self.weight, sets.rest[:, None]) - 0.5 * self.logdet)
-        drop, total = terms[..., 0], self.logdet
+            return np.asarray(self._ratio(terms**2 @ self.weight, rest) - 0.5 * logdet)
+        drop, total = terms[..., 0], logdet
         if self.cross.shape[-1]:
             more, bent = self._bordered(terms[..., 1:], sets)
-            drop, total = drop + more, total + bent
-        return np.asarray(self._ratio(drop, sets.rest[:, None]) - 0.5 * total)
+            drop, total = drop + more, total + bent[..., None, :]
+        return np.asarray(self._ratio(drop, rest) - 0.5 * total)
 
     def likelihoods(self, u: Floats, sets: Sets) -> Floats:
-        """L (n, …, ρ) of each group of a scan. A copy of the units has its share of the sum of squares."""
-        drop = np.moveaxis(np.moveaxis(u**2, 0, -2) @ self.weight, -2, 0)
-        rest = (self.space.copies * sets.rest).reshape(-1, *[1] * (drop.ndim - 1))
-        return np.asarray(self._ratio(drop, rest) - 0.5 * self.logdet)
+        """L (b, n, U, G, ρ) of each group of a scan. A copy of the units has its share of the sum of squares."""
+        b = self.several
+        drop = np.moveaxis(np.moveaxis(u**2, b, -2) @ self.weight, -2, b)
+        rest = _beside((self.space.copies * sets.rest)[:, None], 2)
+        return np.asarray(self._ratio(drop, rest) - 0.5 * np.expand_dims(self.logdet, b))
 
     def _flat(self, values: Floats) -> Floats:
-        """Units and axes (…, K, x) in one row (…·K, x)."""
-        return values.reshape(self.m.size, -1)
+        """Units and axes (b, U, K, x) in one row (b, U·K, x)."""
+        return values.reshape(*values.shape[: self.several], -1, values.shape[-1])
 
     def _ratio(self, drop: Floats, rest: Floats) -> Floats:
         """−½ n·log(1 − drop / rest)."""
         return np.asarray(-0.5 * self.space.dof * np.log1p(-np.minimum(drop / rest, MOST)))
 
     def _bordered(self, bent: Floats, sets: Sets) -> tuple[Floats, Floats]:
-        """What the known shared columns change for each ρ: the drop of the sum of squares (n, ρ) and the
-        log-determinant (ρ). bent (n, ρ, c): Σ w u h over the units.
+        """What the known shared columns change for each ρ: the drop of the sum of squares (b, n, ρ) and the
+        log-determinant (b, ρ). bent (b, n, ρ, c): Σ w u h over the units.
 
         bᵀA⁻¹b and log|A|, A = I − Σ w h hᵀ, the latter on whichever side is the smaller (Woodbury).
         """
-        h, root = self._flat(self.cross), np.sqrt(self.space.copies * self._flat(self.weight).T)
-        b = (sets.shared[:, None, :] - bent).transpose(1, 2, 0)
-        wide = root[..., None] * h
-        if len(h) < h.shape[1]:
-            A = np.eye(len(h)) - root[..., None] * (h @ h.T) * root[:, None, :]
+        h, weight = self._flat(self.cross), self._flat(self.weight).swapaxes(-1, -2)
+        root = np.sqrt(self.space.copies * weight)
+        b = np.moveaxis(sets.shared[:, None, :] - bent, -3, -1)
+        wide = root[..., None] * h[..., None, :, :]
+        if h.shape[-2] < h.shape[-1]:
+            inner = (h @ h.swapaxes(-1, -2))[..., None, :, :]
+            A = np.eye(h.shape[-2]) - root[..., None] * inner * root[..., None, :]
             c = wide @ b
-            after = np.sum(b**2, axis=1) + np.sum(c * np.linalg.solve(A, c), axis=1)
+            after = np.sum(b**2, axis=-2) + np.sum(c * np.linalg.solve(A, c), axis=-2)
         else:
-            A = np.eye(h.shape[1]) - wide.transpose(0, 2, 1) @ wide
-            after = np.sum(b * np.linalg.solve(A, b), axis=1)
-        return after.T - np.sum(sets.shared**2, axis=1)[:, None], np.linalg.slogdet(A)[1]
+            A = np.eye(h.shape[-1]) - wide.swapaxes(-1, -2) @ wide
+            after = np.sum(b * np.linalg.solve(A, b), axis=-2)
+        return after.swapaxes(-1, -2) - np.sum(sets.shared**2, axis=1)[:, None], np.linalg.slogdet(A)[1]
 
 
-def spectrum(space: Space, m: Floats, cross: Floats, pattern: Pattern, most: float = np.inf) -> Spectrum:
-    """The spectrum of eigenvalues m (…, K), with EᵀZᵀC (…, K, c).
+def _beside(values: Floats, axes: int) -> Floats:
+    """Values (…, x) with so many axes of 1 before the last."""
+    return values.reshape(*values.shape[:-1], *[1] * axes, values.shape[-1])
 
-    most: amplitudes beyond it are impossible, so what needs them cannot be this cause.
+
+def spectrum(space: Space, m: Floats, cross: Floats, pattern: Pattern, most: Floats | float = np.inf) -> Spectrum:
+    """The spectrum of eigenvalues m (b, …, K), with EᵀZᵀC (b, …, K, c).
+
+    most (b): amplitudes beyond it are impossible, so what needs them cannot be this cause.
     """
-    seen = m > 0
-    mean = float(m[seen].mean()) if seen.any() else 0.0
-    rho = np.minimum((COARSE if pattern == "scan" else RATIOS) / (mean or 1.0), most**2)
-    logdet = np.log1p(m[..., None] * rho).sum(-2)
+    grouped = GROUPED[pattern]
+    axes = tuple(range(-1 - grouped, 0))
+    count = np.count_nonzero(m > 0, axis=axes)
+    mean = np.asarray(m.sum(axis=axes) / np.maximum(count, 1))
+    ratios = COARSE if pattern == "scan" else RATIOS
+    limit = np.asarray(most, float)[..., None] ** 2
+    rho = np.minimum(ratios / np.where(mean > 0, mean, 1.0)[..., None], limit)
+    logdet = np.log1p(m[..., None] * _beside(rho, grouped + 1)).sum(-2)
     if pattern == "own":
-        logdet = space.copies * logdet.sum(0)
+        logdet = space.copies * logdet.sum(-2)
     return Spectrum(pattern, space, m, cross, mean, rho, logdet)
 
 
-def seen_of(m: Floats) -> NDArray[np.bool_]:
-    """Which eigenvalues (…, K) are of directions that can be seen: not of those that are lost in what is known."""
-    return np.asarray(m > RANK * m.max(initial=0.0))
+def seen_of(m: Floats, grouped: int = 1) -> NDArray[np.bool_]:
+    """Which eigenvalues (b, …, K), … being `grouped` axes, are of directions that can be seen: not of those that are
+    lost in what is known."""
+    return np.asarray(m > RANK * m.max(axis=tuple(range(-1 - grouped, 0)), keepdims=True, initial=0.0))
 
 
 def log_mean(values: Array) -> Floats:

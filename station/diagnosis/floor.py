@@ -16,6 +16,9 @@ from station.diagnosis.grid import Grid
 from station.diagnosis.space import Covariance, Known, Rows, Space, space
 from station.domain.types import Floats
 
+#: Nats of log-likelihood below which a floor is not worth improving.
+SETTLED = 2e-5
+
 
 @dataclass(frozen=True, slots=True)
 class Floor:
@@ -74,11 +77,16 @@ def structure(grid: Grid, weight: Floats, turn: Floats, steps: Floats, project: 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitted:
-    """A floor with the space it makes and the covariance (3, 3) of its variances σ², τ_r², τ_w²."""
+    """A floor with its structure and the space it makes."""
 
     floor: Floor
     space: Space
-    covariance: Floats
+    parts: Structure
+
+    @property
+    def covariance(self) -> Floats:
+        """Covariance (3, 3) of the variances σ², τ_r², τ_w²."""
+        return np.asarray(np.linalg.pinv(_newton(self.parts, self.space)[1]), float)
 
 
 def fit(
@@ -101,12 +109,14 @@ def fit(
         slope, information = _newton(parts, now)
         held = ~free | ((var <= lower) & (slope < 0)) | ((var >= upper) & (slope > 0))
         step = _step(slope, information, held)
-        last, (var, now) = now, _climb(parts, known, readings, count, (lower, upper), var, now, step)
-        if now.loglik - last.loglik < 1e-4:
+        # What a step promises: half of the slope along it.
+        if 0.5 * float(slope @ step) < SETTLED:
             break
-    _, information = _newton(parts, now)
+        last, (var, now) = now, _climb(parts, known, readings, count, (lower, upper), var, now, step)
+        if now.loglik - last.loglik < SETTLED:
+            break
     sigma = np.sqrt(var)
-    return Fitted(Floor(*(float(s) for s in sigma)), now, np.asarray(np.linalg.pinv(information), float))
+    return Fitted(Floor(*(float(s) for s in sigma)), now, parts)
 
 
 def _first(parts: Structure, known: Known, readings: Rows, count: int) -> Floats:

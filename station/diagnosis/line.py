@@ -17,7 +17,7 @@ from station.domain.pipeline import Result
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, Outcome, SampleTable
 from station.errors import StationError
-from station.model.scene import scene_of_table
+from station.model.scene import stops_of_table
 
 #: A thousandth of a recipe's unit, as a line speaks of it.
 THOUSANDTH = {"g": "mg", "uT": "nT", "deg/s": "mdeg/s"}
@@ -120,7 +120,7 @@ def _without(d: Diagnosis) -> SampleTable:
     """The samples with gross faults put right and every new cause taken off."""
     table = d.inspected.table
     effect = sum((added(d.last, i)[0] for i in new(d)), np.zeros_like(d.last.view.reduced.mean))
-    return replace(table, reading=table.reading - effect[scene_of_table(d.recipe, table).visit])
+    return replace(table, reading=table.reading - effect[stops_of_table(d.recipe, table).visit])
 
 
 def _unit(before: Result, after: Result, strength: float) -> Unit | None:

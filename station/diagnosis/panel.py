@@ -16,7 +16,7 @@ from station.diagnosis.bank import Bank, Candidate, bank_of
 from station.diagnosis.evidence import log_mean
 from station.diagnosis.floor import Floor
 from station.diagnosis.seen import Seen, columns_of
-from station.diagnosis.stage import Problem, Scores, Stage, by_cause, stage, stage_in
+from station.diagnosis.stage import Problem, Scores, Stage, by_cause, stage, stages_in
 from station.domain.types import Array, Floats
 
 #: Walks tried, as parts of the largest allowed.
@@ -92,7 +92,7 @@ def beside(problem: Problem, best: Stage) -> Panel:
     chosen = [_slow(problem, s, most) for s in best.seen]
     start = np.cumsum([0, *(len(s.found) for s in best.seen)])
     slow = tuple(int(a + i) for a, c in zip(start[:-1], chosen, strict=True) for i in c)
-    return _with_walks(partial(stage, problem), best, slow, most)
+    return _with_walks(partial(stages_in, problem.setting), best, slow, most)
 
 
 def crowd(problem: Problem, like: Panel, chosen: Array, copies: int) -> Panel:
@@ -101,23 +101,21 @@ def crowd(problem: Problem, like: Panel, chosen: Array, copies: int) -> Panel:
     items = [c.of_stops(stops) for c in like.candidates]
     banks = [bank_of(items, setting.layout, moving=s.bank.moving) for s in like.best.seen]
 
-    def at(some: Sequence[Bank], floor: Floor) -> Stage:
-        return stage_in(setting, some, floor, copies=copies, axes=True)
+    at = partial(stages_in, setting, copies=copies, axes=True)
+    (best,) = at(banks, [like.best.floor])
+    return _with_walks(at, best, like.slow, float(np.sqrt(problem.upper[2])))
 
-    return _with_walks(at, at(banks, like.best.floor), like.slow, float(np.sqrt(problem.upper[2])))
 
-
-def _with_walks(at: Callable[[Sequence[Bank], Floor], Stage], best: Stage, slow: tuple[int, ...], most: float) -> Panel:
+def _with_walks(
+    at: Callable[[Sequence[Bank], Sequence[Floor]], tuple[Stage, ...]], best: Stage, slow: tuple[int, ...], most: float
+) -> Panel:
     """The slow candidates under each walk beside the best floor."""
     if not slow:
         return Panel(best, (), ())
-    place = np.array(slow)
-    start = np.cumsum([0, *(len(s.found) for s in best.seen)])
-    banks = [
-        s.bank.only([int(i) for i in place[(place >= a) & (place < a + len(s.found))] - a])
-        for a, s in zip(start[:-1], best.seen, strict=True)
-    ]
-    return Panel(best, tuple(at(banks, replace(best.floor, walk=part * most)) for part in WALKS), slow)
+    same = best.only(slow)
+    floors = [replace(best.floor, walk=part * most) for part in WALKS]
+    found = iter(at([s.bank for s in same.seen], [f for f in floors if f != best.floor]))
+    return Panel(best, tuple(same if f == best.floor else next(found) for f in floors), slow)
 
 
 def _slow(problem: Problem, seen: Seen, most: float) -> list[int]:

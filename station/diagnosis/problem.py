@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from station.diagnosis.bank import Candidate, smooth
-from station.diagnosis.floor import Fitted, structure
+from station.diagnosis.floor import Structure, structure
 from station.diagnosis.known import Accepted, known_of
 from station.diagnosis.reduce import Reduced
 from station.diagnosis.solve import solve, whitened
@@ -53,7 +53,20 @@ class Allowance:
 def problem_of(reduced: Reduced, allowance: Allowance, *, matrix: bool = False) -> Problem:
     """The problem before any cause is known."""
     view = view_of(reduced, matrix)
-    return assembled(view, (), matrix, allowance.upper(gap_s(view)))
+    known, places = known_of(view, (), matrix)
+    setting = Setting(view.layout, _structure(view), known, view.readings())
+    return Problem(view, setting, (), places, matrix, allowance.upper(gap_s(view)))
+
+
+def _structure(view: View) -> Structure:
+    """The floor's structure: that of the rig as it should be."""
+    turn = np.einsum("vki,via->vka", view.keep, view.signature(Repeatability.example())[0])
+    steps = view.signature(BiasWalk.example())[0][:, 0, 0]
+    weight = view.reduced.count.sum(1)
+    # A length does not change when the part turns; what rounding leaves of that is no structure.
+    turn = turn if view.grid.k == 3 else np.zeros_like(turn)
+    project = view.keep if view.grid.k == 1 else np.broadcast_to(np.eye(3), view.keep.shape)
+    return structure(view.grid, weight / weight.mean(), turn, np.round(steps), project)
 
 
 def gap_s(view: View) -> float:
@@ -68,8 +81,7 @@ def with_model(problem: Problem, model: Model) -> Problem:
     if not items:
         return problem
     view = acting(problem.view, tuple(items))
-    items = [item.renewed(view) for item in items]
-    return refined(assembled(view, tuple(items), problem.matrix, problem.upper))
+    return refined(renewed(problem, view, tuple(items)))
 
 
 def _told(view: View, told: ModelEffect) -> Iterator[Accepted]:
@@ -92,26 +104,22 @@ def _told(view: View, told: ModelEffect) -> Iterator[Accepted]:
             yield Accepted(candidate, hit, found.coefficients, found.coefficients, std)
 
 
-def assembled(view: View, accepted: tuple[Accepted, ...], matrix: bool, upper: Floats) -> Problem:
-    """The problem of a view with causes accepted."""
-    turn = np.einsum("vki,via->vka", view.keep, view.signature(Repeatability.example())[0])
-    steps = view.signature(BiasWalk.example())[0][:, 0, 0]
-    weight = view.reduced.count.sum(1)
-    # A length does not change when the part turns; what rounding leaves of that is no structure.
-    turn = turn if view.grid.k == 3 else np.zeros_like(turn)
-    project = view.keep if view.grid.k == 1 else np.broadcast_to(np.eye(3), view.keep.shape)
-    parts = structure(view.grid, weight / weight.mean(), turn, np.round(steps), project)
-    known, places = known_of(view, accepted, matrix)
-    setting = Setting(view.layout, parts, known, view.readings())
-    return Problem(view, setting, accepted, places, matrix, upper)
+def renewed(problem: Problem, view: View, accepted: tuple[Accepted, ...]) -> Problem:
+    """The problem in another view, with its causes as they look there.
+
+    The floor's structure stays: by what the causes at work bend it is a share of a small part of the noise.
+    """
+    accepted = tuple(item.renewed(view) for item in accepted)
+    known, places = known_of(view, accepted, problem.matrix)
+    setting = Setting(view.layout, problem.structure, known, view.readings())
+    return replace(problem, view=view, setting=setting, accepted=accepted, places=places)
 
 
 def refined(problem: Problem, rounds: int = 4) -> Problem:
     """The simulation with all known parameters at their best: Gauss–Newton under the floor, exact at its end."""
-    fitted: Fitted | None = None
     for _ in range(rounds):
         readings, _ = problem.readings(moving=problem.known.moving)
-        fitted = problem.fit(None if fitted is None else fitted.floor)
+        fitted = problem.fit()
         solved = solve(whitened(fitted.space.covariance, problem.known, readings))
         p = problem.view.calibration(problem.matrix).shape[-1]
         steps = [solved.at(place)[0] for place in problem.places]
@@ -120,7 +128,7 @@ def refined(problem: Problem, rounds: int = 4) -> Problem:
             for item, step in zip(problem.accepted, steps, strict=True)
         )
         view = acting(settled(problem.view, moved(problem.view.base, solved.own[:, :p])), accepted)
-        problem = assembled(view, tuple(i.renewed(view) for i in accepted), problem.matrix, problem.upper)
+        problem = replace(renewed(problem, view, accepted), near=fitted.floor)
         at_work = [s for s, item in zip(steps, accepted, strict=True) if item.candidate.effect]
         if _small(fitted.floor.noise, [solved.own[:, :p], *at_work]):
             break

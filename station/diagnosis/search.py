@@ -40,11 +40,13 @@ class Finding:
     """One cause found, or one kernel that no cause explains.
 
     ranks: log evidence of every cause at that point; chosen: what was accepted; probability of it together with
-    `alike`, the causes that cannot be told from it; d: its strength; words: what an unknown depends on.
+    `alike`, the causes that cannot be told from it; d: its strength; floor: beside it; words: what an unknown depends
+    on.
     """
 
     name: str
     accepted: Accepted | None
+    floor: Floor
     evidence: Mapping[str, float]
     probability: Mapping[str, float]
     alike: tuple[str, ...]
@@ -107,10 +109,9 @@ def search(problem: Problem, null_of: NullOf) -> Searched:
     findings: list[Finding] = []
     statistics: list[float] = []
     null: Null | None = None
-    fitted: Fitted | None = None
     blind: tuple[str, ...] = ()
     while True:
-        fitted = problem.fit(None if fitted is None else fitted.floor)
+        fitted = problem.fit()
         now = stage(problem, banks_of(problem.view, blind), fitted.floor)
         if not findings:
             now, blind = _shown(problem, now)
@@ -132,6 +133,7 @@ def search(problem: Problem, null_of: NullOf) -> Searched:
 
 def _with(problem: Problem, finding: Finding) -> Problem:
     """The problem with what was found accepted and everything known at its best."""
+    problem = replace(problem, near=finding.floor)
     if finding.accepted is None:
         return grown_with(problem, finding.name)
     return refined(problem.beside((*problem.accepted, finding.accepted)))
@@ -205,13 +207,13 @@ def _chosen(problem: Problem, ranks: Mapping[str, Rank], surprise: float) -> Fin
     kernel = max(words, key=lambda r: r.evidence, default=None)
     if kernel is not None and is_unknown(kernel.evidence, cause.evidence):
         near = sorted((r for r in words if r.evidence > kernel.evidence - UNKNOWN_NATS), key=lambda r: -r.evidence)
-        return Finding(kernel.name, None, evidence, {}, (), 0.0, surprise, tuple(r.name for r in near))
+        return Finding(kernel.name, None, kernel.at.floor, evidence, {}, (), 0.0, surprise, tuple(r.name for r in near))
     probability = _posterior({r.name: r.evidence for r in causes})
     likely = _credible(probability)
     accepted, floor = _accepted(problem, cause)
     near_by, d = _alike(problem, causes, accepted, floor)
     members = [n for n in dict.fromkeys((*likely, *near_by)) if n != cause.name]
-    return Finding(cause.name, accepted, evidence, probability, tuple(members), d, surprise)
+    return Finding(cause.name, accepted, floor, evidence, probability, tuple(members), d, surprise)
 
 
 def _accepted(problem: Problem, cause: Rank) -> tuple[Accepted | None, Floor]:

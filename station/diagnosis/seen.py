@@ -9,20 +9,23 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from station.diagnosis.bank import THINKABLE, Bank, Candidate
-from station.diagnosis.evidence import Sets, Spectrum, log_mean, seen_of, spectrum
+from station.diagnosis.bank import THINKABLE, Bank
+from station.diagnosis.evidence import GROUPED, Pattern, Sets, Spectrum, log_mean, seen_of, spectrum
 from station.diagnosis.grid import Layout
 from station.diagnosis.space import Space
 from station.domain.types import Array, Floats
 
 #: Units whose columns are in memory at once.
 PART = 8
+#: Candidates of one shape that are gone through together.
+TOGETHER = 8
 
 
 class Found(NamedTuple):
     """What a space shows of one candidate: u (1, …) of the readings, L (ρ) of the readings, of a scan that of each
-    group (…, ρ), the log evidence; and ZE (U, M, K) in single precision, where asked for."""
+    group (U, G, ρ), the log evidence; and ZE (U, M, K) in single precision, where asked for."""
 
     spectrum: Spectrum
     components: Floats
@@ -57,7 +60,7 @@ class Seen:
 
 
 class Products(NamedTuple):
-    """Of some units' columns Z: normal ZᵀZ (…, K, K), cross ZᵀC (…, K, c), readings Zᵀr (…, K)."""
+    """Of some units' columns Z of a kind: normal ZᵀZ (b, …, K, K), cross ZᵀC (b, …, K, c), readings Zᵀr (b, …, K)."""
 
     normal: Floats
     cross: Floats
@@ -71,56 +74,98 @@ def columns_of(bank: Bank, layout: Layout, space: Space, count: int = PART) -> I
             yield units, space.see(bank.rows(layout, units), units)
 
 
-def see(bank: Bank, layout: Layout, space: Space, *, axes: bool = False) -> Seen:
-    """The bank in a space; with the axes, which the drawing of null data needs, or without."""
-    parts: list[list[Products]] = [[] for _ in bank.candidates]
-    kept: list[list[Array]] = [[] for _ in bank.candidates]
-    for units, columns in columns_of(bank, layout, space):
-        Z = columns.transpose(0, 2, 1)
-        cross, readings = Z @ space.border[units], (Z @ space.data[units, :, None])[..., 0]
-        for i, (c, groups, at) in enumerate(zip(bank.candidates, bank.groups, bank.place, strict=True)):
-            normal = _normal(columns[..., at], groups, c)
-            shape = (*normal.shape[:-1], -1)
-            parts[i].append(
-                Products(normal, cross[:, at].reshape(shape), readings[:, at].reshape(normal.shape[:-1]))
-                if c.pattern != "shared"
-                else Products(normal.sum(0), cross[:, at].sum(0), readings[:, at].sum(0))
-            )
+def see(bank: Bank, layout: Layout, spaces: Sequence[Space], *, axes: bool = False) -> tuple[Seen, ...]:
+    """The bank in each of some spaces; with the axes, which the drawing of null data needs, or without."""
+    kinds = _kinds(bank)
+    parts: list[list[list[Products]]] = [[] for _ in spaces]
+    kept: list[list[Array]] = [[] for _ in spaces]
+    for units in layout.grid.parts(PART) if bank.candidates else ():
+        rows = bank.rows(layout, units)
+        for i, space in enumerate(spaces):
+            columns = space.see(rows, units)
+            parts[i].append(_products(columns, space, units, kinds))
             if axes:
-                kept[i].append(columns[..., at].astype(np.float32))
-    sets = Sets.of(space, space.data[None])
-    found = (_found(c, parts[i], kept[i], space, sets) for i, c in enumerate(bank.candidates))
-    return Seen(bank, space, tuple(found), sets)
+                kept[i].append(columns.astype(np.float32))
+    return tuple(
+        _seen(bank, kinds, space, parts[i], np.concatenate(kept[i]) if kept[i] else None)
+        for i, space in enumerate(spaces)
+    )
 
 
-def _normal(columns: Floats, groups: int, candidate: Candidate) -> Floats:
-    """ZᵀZ of columns (U, M, K): (U, K, K), or of each group (U, G, a, a) of a scan."""
-    if candidate.pattern != "scan":
-        return np.asarray(columns.transpose(0, 2, 1) @ columns)
-    U, M, _ = columns.shape
-    split = columns.reshape(U, M, groups, -1).transpose(0, 2, 3, 1)
-    return np.asarray(split @ split.swapaxes(-1, -2))
+class Kind(NamedTuple):
+    """Some candidates that are alike in shape: which, their pattern, groups within a unit, and columns (b, K)."""
+
+    which: tuple[int, ...]
+    pattern: Pattern
+    groups: int
+    columns: NDArray[np.intp]
 
 
-def _found(c: Candidate, parts: list[Products], kept: list[Array], space: Space, sets: Sets) -> Found:
+def _kinds(bank: Bank) -> list[Kind]:
+    """The candidates sorted by shape, few enough at a time for a processor's cache."""
+    alike: dict[tuple[Pattern, int, int], list[int]] = {}
+    for i, (c, groups, at) in enumerate(zip(bank.candidates, bank.groups, bank.place, strict=True)):
+        alike.setdefault((c.pattern, groups if c.pattern == "scan" else 1, at.stop - at.start), []).append(i)
+    kinds = []
+    for (pattern, groups, width), which in alike.items():
+        for some in (which[i : i + TOGETHER] for i in range(0, len(which), TOGETHER)):
+            columns = np.array([bank.place[i].start for i in some])[:, None] + np.arange(width)
+            kinds.append(Kind(tuple(some), pattern, groups, columns))
+    return kinds
+
+
+def _products(columns: Floats, space: Space, units: slice, kinds: Sequence[Kind]) -> list[Products]:
+    """The products of some units' white columns (U, M, C), of each kind."""
+    Z = np.ascontiguousarray(columns.swapaxes(1, 2))
+    cross, readings = Z @ space.border[units], (Z @ space.data[units, :, None])[..., 0]
+    return [_of_kind(kind, Z, cross, readings) for kind in kinds]
+
+
+def _of_kind(kind: Kind, Z: Floats, cross: Floats, readings: Floats) -> Products:
+    """Those of one kind: (b, U, K, …), (b, U, G, K, …) of a scan, (b, K, …) summed over the units of a shared one."""
+    rows = Z[:, kind.columns]
+    if kind.pattern == "scan":
+        rows = rows.reshape(*rows.shape[:2], kind.groups, -1, rows.shape[-1])
+    normal = rows @ rows.swapaxes(-1, -2)
+    cross = cross[:, kind.columns].reshape(*normal.shape[:-1], -1)
+    found = Products(normal, cross, readings[:, kind.columns].reshape(normal.shape[:-1]))
+    return Products(*(x.sum(0) if kind.pattern == "shared" else x.swapaxes(0, 1) for x in found))
+
+
+def _seen(bank: Bank, kinds: Sequence[Kind], space: Space, parts: Sequence[list[Products]], kept: Array | None) -> Seen:
     """What all parts together show."""
-    if c.pattern == "shared":
-        normal, cross, readings = (space.copies * np.sum(x, axis=0) for x in zip(*parts, strict=True))
-        readings = readings / space.copies
-    else:
-        normal, cross, readings = (np.concatenate(x) for x in zip(*parts, strict=True))
-    if c.pattern != "own" and cross.shape[-1]:
+    sets = Sets.of(space, space.data[None])
+    found: dict[int, Found] = {}
+    for k, kind in enumerate(kinds):
+        most = np.array([bank.candidates[i].most for i in kind.which])
+        columns = None if kept is None else [kept[..., bank.place[i]] for i in kind.which]
+        found.update(zip(kind.which, _found(kind, [part[k] for part in parts], most, columns, sets), strict=True))
+    return Seen(bank, space, tuple(found[i] for i in range(len(bank.candidates))), sets)
+
+
+def _found(
+    kind: Kind, parts: Sequence[Products], most: Floats, columns: Sequence[Array] | None, sets: Sets
+) -> Iterator[Found]:
+    """What all parts together show of each candidate of a kind."""
+    space, shared, scan = sets.space, kind.pattern == "shared", kind.pattern == "scan"
+    both = zip(*parts, strict=True)
+    normal, cross, readings = (np.sum(x, axis=0) if shared else np.concatenate(x, axis=1) for x in both)
+    if shared:
+        normal, cross = space.copies * normal, space.copies * cross
+    if kind.pattern != "own" and cross.shape[-1]:
         normal = normal - cross @ cross.swapaxes(-1, -2)
     m, E = np.linalg.eigh(normal)
-    seen = seen_of(m)
+    seen = seen_of(m, GROUPED[kind.pattern])
     E = E * seen[..., None, :]
     turn = E.swapaxes(-1, -2)
-    can = spectrum(space, np.where(seen, m, 0.0), turn @ cross, c.pattern, c.most)
-    u = can.components((turn @ readings[..., None])[..., 0][None], sets)
-    likelihood = can.likelihoods(u, sets) if c.pattern == "scan" else can.likelihood(can.terms(u, sets), sets)
-    evidence = can.spread(likelihood) if c.pattern == "scan" else likelihood
-    axes = _turned(np.concatenate(kept), E) if kept else None
-    return Found(can if kept else can.bare(), u, likelihood[0], float(log_mean(evidence)[0]), axes)
+    can = spectrum(space, np.where(seen, m, 0.0), turn @ cross, kind.pattern, most)
+    u = can.components((turn @ readings[..., None])[..., 0][:, None], sets)
+    likelihood = can.likelihoods(u, sets) if scan else can.likelihood(can.terms(u, sets), sets)
+    evidence = log_mean(can.spread(likelihood) if scan else likelihood)[:, 0]
+    for i in range(len(m)):
+        axes = None if columns is None else _turned(columns[i], E[i])
+        one = can.of(i) if axes is not None else can.bare().of(i)
+        yield Found(one, u[i], likelihood[i, 0], float(evidence[i]), axes)
 
 
 def _turned(columns: Array, E: Floats) -> Array:

@@ -63,7 +63,7 @@ def _closer(grid: tuple[float, ...]) -> tuple[float, ...]:
 def evidence_of(candidate: Candidate, view: View, space: Space) -> float:
     """Log evidence of one candidate."""
     bank = bank_of([candidate], view.layout, moving=candidate.dwell is not None)
-    return float(see(bank, view.layout, space).evidence[0])
+    return float(see(bank, view.layout, [space])[0].evidence[0])
 
 
 def reshaped(candidate: Candidate, field: str, value: float, view: View) -> Candidate:

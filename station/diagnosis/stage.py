@@ -49,7 +49,10 @@ class Setting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """View, the setting it makes, what is known and where, and the upper bounds (3) of the floor's variances."""
+    """View, the setting it makes, what is known and where, and the upper bounds (3) of the floor's variances.
+
+    near: a floor that is near the best one, where the search for it begins.
+    """
 
     view: View
     setting: Setting
@@ -57,6 +60,7 @@ class Problem:
     places: tuple[Place, ...]
     matrix: bool
     upper: Floats
+    near: Floor | None = None
 
     @property
     def structure(self) -> Structure:
@@ -76,7 +80,7 @@ class Problem:
         """The floor that fits best."""
         rows, count = self.readings(moving=False)
         upper = self.upper if upper is None else upper
-        return floor.fit(self.structure, self.known, rows, count, upper, start, self.view.least)
+        return floor.fit(self.structure, self.known, rows, count, upper, start or self.near, self.view.least)
 
     def space(self, at: Floor, *, moving: bool) -> Space:
         """The readings under a floor."""
@@ -118,6 +122,13 @@ class Stage:
     def spaces(self) -> NDArray[np.intp]:
         """Which space each candidate is seen in."""
         return np.repeat(np.arange(len(self.seen)), [len(s.found) for s in self.seen])
+
+    def only(self, places: Sequence[int]) -> "Stage":
+        """The same with the candidates at some places."""
+        chosen = np.zeros(len(self.candidates), bool)
+        chosen[list(places)] = True
+        ends = np.cumsum([len(s.found) for s in self.seen])[:-1]
+        return Stage(self.floor, tuple(s.only(list(c)) for s, c in zip(self.seen, np.split(chosen, ends), strict=True)))
 
     def readings(self) -> Scores:
         """The readings' scores."""
@@ -161,8 +172,18 @@ def stage(problem: Problem, banks: Sequence[Bank], at: Floor) -> Stage:
 
 def stage_in(setting: Setting, banks: Sequence[Bank], at: Floor, *, copies: int = 1, axes: bool = False) -> Stage:
     """The same. copies: as if there were so many times the units; axes: as `see` takes them."""
-    spaces = [setting.space(at, moving=bank.moving).times(copies) for bank in banks]
-    return Stage(at, tuple(see(b, setting.layout, s, axes=axes) for b, s in zip(banks, spaces, strict=True)))
+    return stages_in(setting, banks, [at], copies=copies, axes=axes)[0]
+
+
+def stages_in(
+    setting: Setting, banks: Sequence[Bank], floors: Sequence[Floor], *, copies: int = 1, axes: bool = False
+) -> tuple[Stage, ...]:
+    """The bank under each of some floors; its columns are laid out once."""
+    seen = []
+    for bank in banks:
+        spaces = [setting.space(at, moving=bank.moving).times(copies) for at in floors]
+        seen.append(see(bank, setting.layout, spaces, axes=axes))
+    return tuple(Stage(at, each) for at, each in zip(floors, zip(*seen, strict=True), strict=True))
 
 
 def by_cause(candidates: Sequence[Candidate], evidence: Floats) -> dict[str, Floats]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from difflib import get_close_matches
+from functools import lru_cache
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -37,8 +38,16 @@ class Turn(Part):
         return self
 
     def matrix(self) -> Floats:
-        """The rotation as a matrix."""
-        return rotation.about(np.array(self.axis), self.angle_deg)
+        """The rotation as a matrix, not to be written to."""
+        return _turned(self.axis, self.angle_deg)
+
+
+@lru_cache(maxsize=1024)
+def _turned(axis: Vector, angle_deg: float) -> Floats:
+    """A rotation, kept: a recipe's few turns are asked for at every stop."""
+    R = rotation.about(np.array(axis), angle_deg)
+    R.flags.writeable = False
+    return R
 
 
 UP = {f"{s}{a}": (1.0 if s == "+" else -1.0) * np.eye(3)[i] for s in "+-" for i, a in enumerate("xyz")}

@@ -164,7 +164,7 @@ class Effect(ABC):
 
     def gather(self, scene: Scene, coefficients: Floats, level: str) -> Floats:
         """Coefficients of each visit (v, axes), from those of the groups of `level` (groups, axes)."""
-        return np.asarray(coefficients[scene.group(level)[0]])
+        return np.asarray(coefficients[scene.codes(level)])
 
     def value_of(self, coefficient: float) -> float | str:
         """The coefficient as the documents write it."""

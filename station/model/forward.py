@@ -7,7 +7,6 @@ reading = M_u · a + b_u + Σ sensor effects(a)                          what it
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -144,27 +143,41 @@ def signature(scene: Scene, base: Base, effect: Effect, of: str = "", active: Ac
     of = of or effect.of[0]
     h = 0.1 * effect.parameter.typical * effect.parameter.scale(scene.recipe)
     groups = len(scene.group(of)[1])
-    if isinstance(effect, SensorEffect):
-        # It adds to the reading: all else is the same on both sides.
-        of_acting = partial(_added, feel(scene, active))
-    else:
-        of_acting = partial(_read_with, scene, base, active)
+    signal = feel(scene, active)
     derivatives = []
     for step in np.eye(len(effect.axes)) * h:
-        plus, minus = (of_acting(Acting(effect, np.tile(s * step, (groups, 1)), of)) for s in (1, -1))
-        derivatives.append((plus - minus) / (2 * h))
+        plus, minus = (Acting(effect, np.tile(s * step, (groups, 1)), of) for s in (1, -1))
+        if isinstance(effect, SensorEffect):
+            # It adds to the reading: all else is the same on both sides.
+            apart = effect.apply(signal, plus.by_row(scene)) - effect.apply(signal, minus.by_row(scene))
+        else:
+            apart = _apart(_felt(signal, active, plus), _felt(signal, active, minus), base, active)
+        derivatives.append(apart / (2 * h))
     return derivatives
 
 
-def _added(signal: Signal, acting: Acting) -> Floats:
-    """What a cause adds to the reading (n, 3)."""
-    assert isinstance(acting.effect, SensorEffect)
-    return acting.effect.apply(signal, acting.by_row(signal.scene))
+def _felt(signal: Signal, active: Active, acting: Acting) -> Signal:
+    """What is felt with one more cause at work than in `signal`, where those of `active` are."""
+    scene, effect = signal.scene, acting.effect
+    if not isinstance(effect, StimulusEffect):
+        return feel(scene, {**active, "?": acting})
+    rest = Signal(scene, signal.at_stop[scene.visit], signal.at_stop)
+    return replace(signal, true=signal.true + effect.apply(rest, acting.by_row(scene)), moving=True)
 
 
-def _read_with(scene: Scene, base: Base, active: Active, acting: Acting) -> Floats:
-    """The reading (n, 3) with one more cause at work."""
-    return forward(scene, base, {**active, "?": acting})
+def _apart(one: Signal, two: Signal, base: Base, active: Active) -> Floats:
+    """`read` (n, 3) of one signal less that of another, of the same scene."""
+    visits, visit = one.scene.visits, one.scene.visit
+    matrix = base.matrix[visits.unit.code]
+    if one.moving or two.moving:
+        apart = np.einsum("nij,nj->ni", matrix[visit], one.true - two.true)
+    else:
+        apart = np.einsum("vij,vj->vi", matrix, one.at_stop - two.at_stop)[visit]
+    for acting in active.values():
+        if isinstance(acting.effect, SensorEffect):
+            c = acting.by_row(one.scene)
+            apart += acting.effect.apply(one, c) - acting.effect.apply(two, c)
+    return np.asarray(apart)
 
 
 def _turned_back(scene: Scene, active: Active, frame: str, vectors: Floats) -> Floats:

@@ -4,7 +4,7 @@ A scene is made from a plan (`campaign.scene_of_plan`) or from a measured table 
 simulation cannot tell which. Its rows may also stand for blocks of samples at their mean times.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -72,6 +72,10 @@ class Scene:
         """
         return self.visits.group(level, len(self.recipe.runs))
 
+    def codes(self, level: str) -> NDArray[np.int32]:
+        """Group codes (v) alone, without the names, which take long to write."""
+        return self.visits.codes(level, len(self.recipe.runs))
+
     def knows(self, name: str) -> bool:
         """Whether this covariate, this label of the visits, or the gold was recorded."""
         if name == "gold":
@@ -110,26 +114,42 @@ class Signal:
 
 def scene_of_table(recipe: Recipe, table: SampleTable) -> Scene:
     """The scene of measured samples. SamplesError when a position or seating is not in the recipe."""
-    codes = np.stack([table.unit.code, table.run, table.visit])
-    _, first, visit = np.unique(_key(codes), return_index=True, return_inverse=True)
+    scene = stops_of_table(recipe, table)
+    arrived = np.full(len(scene.visits), np.inf)
+    np.minimum.at(arrived, scene.visit, table.time_s)
+    known: dict[str, Any] = {k: table.values[k] for k in COVARIATES if k in table.values}
+    if "temperature_degC" in known:
+        rate = rate_of(known["temperature_degC"], table.time_s, scene.visit, scene.visits)
+        known["temperature_rate"] = rate
+    since = table.time_s - arrived[scene.visit] + recipe.settle.time_s
+    return replace(scene, since_arrival_s=since, **known)
+
+
+def stops_of_table(recipe: Recipe, table: SampleTable) -> Scene:
+    """The same without covariates: what was done, and when."""
+    first, visit = _stops(_key(np.stack([table.unit.code, table.run, table.visit])))
     at = table[first]
     visits = visits_of(recipe, at.unit, at.run, at.visit, {**at.labels, "position": at.position})
-    arrived = np.full(len(visits), np.inf)
-    np.minimum.at(arrived, visit, table.time_s)
-    known = {k: table.values[k] for k in COVARIATES if k in table.values}
-    if "temperature_degC" in known:
-        known["temperature_rate"] = rate_of(known["temperature_degC"], table.time_s, visit, visits)
     if recipe.reference.source == "gold" and table.gold is not None:
         visits = visits.with_gold(recipe, _means(table.gold, visit, len(visits)))
-    return Scene(recipe, visits, visit, table.time_s, table.time_s - arrived[visit] + recipe.settle.time_s, **known)
+    return Scene(recipe, visits, visit, table.time_s)
 
 
-def _key(codes: Array) -> Array:
+def _key(codes: Array) -> NDArray[np.int64]:
     """One integer for each column of small non-negative integers (k, n), in lexical order."""
     key = np.zeros(codes.shape[1], np.int64)
     for row in codes:
         key = key * (int(row.max(initial=0)) + 1) + row
     return key
+
+
+def _stops(key: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First row of each key (v) in the order of the keys, and the number of each row's (n)."""
+    step = np.diff(key, prepend=key[0] - 1 if len(key) else 0)
+    if np.all(step >= 0):
+        return np.flatnonzero(step), np.cumsum(step > 0) - 1
+    _, first, visit = np.unique(key, return_index=True, return_inverse=True)
+    return first, visit
 
 
 def _means(values: Floats, visit: NDArray[Any], visits: int) -> Floats:

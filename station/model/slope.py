@@ -5,13 +5,12 @@ stiffness is the one that restricted likelihood prefers over all runs; the slope
 and what is not known of it its conditional covariance.
 """
 
-from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from station.domain.types import Floats
+from station.domain.types import Array, Floats
 
 #: Stiffness tried: variance of f over a whole run beside that of the noise of a stop.
 RATIOS = np.geomspace(1e-2, 1e8, 21)
@@ -21,8 +20,8 @@ JUDGES = 48
 MODES = 3
 
 
-class Run(NamedTuple):
-    """Times (…, n) from the first one as parts of the longest run, and mean temperatures (…, n) of a run's stops."""
+class Runs(NamedTuple):
+    """Times (r, n) from the first one as parts of the longest run, and mean temperatures (r, n), of runs of n stops."""
 
     time: Floats
     value: Floats
@@ -39,37 +38,51 @@ class Slope(NamedTuple):
 def slopes(runs: Sequence[tuple[Floats, Floats]]) -> list[Slope]:
     """The slopes of runs, each given as times (n) in s and means (n) of its stops."""
     longest = max((float(np.ptp(t)) for t, _ in runs), default=0.0) or 1.0
-    scaled = [Run((t - t.min()) / longest, T) for t, T in runs]
-    ratio, noise = _stiffness(scaled)
-    return [Slope(*(x / longest for x in _slope(run, ratio, noise))) for run in scaled]
+    alike: dict[int, list[int]] = {}
+    for i, (t, _) in enumerate(runs):
+        alike.setdefault(len(t), []).append(i)
+    scaled = {n: _stacked([runs[i] for i in places], longest) for n, places in alike.items()}
+    ratio, noise = _stiffness(list(scaled.values()))
+    found: dict[int, Slope] = {}
+    for n, places in alike.items():
+        slope, modes = _slope(scaled[n], ratio, noise)
+        found.update({i: Slope(s / longest, m / longest) for i, s, m in zip(places, slope, modes, strict=True)})
+    return [found[i] for i in range(len(runs))]
 
 
-def _stiffness(runs: Sequence[Run]) -> tuple[float, float]:
+def _stacked(runs: Sequence[tuple[Floats, Floats]], longest: float) -> Runs:
+    time = np.stack([t - t.min(initial=np.inf) for t, _ in runs])
+    return Runs(time / longest, np.stack([T for _, T in runs]))
+
+
+def _stiffness(kinds: Sequence[Runs]) -> tuple[float, float]:
     """The ratio that restricted likelihood prefers, and the standard deviation of a stop's noise."""
-    count = Counter(len(run.time) for run in runs if len(run.time) > 2).most_common(1)
-    if not count:
+    long = [runs for runs in kinds if runs.time.shape[1] > 2]
+    if not long:
         return 1.0, 0.0
-    alike = [run for run in runs if len(run.time) == count[0][0]]
-    some = alike[:: max(1, len(alike) // JUDGES)]
-    judges = Run(np.stack([run.time for run in some]), np.stack([run.value for run in some]))
-    free = len(some) * (count[0][0] - 2)
-    best = (-np.inf, 1.0, 0.0)
-    for ratio in RATIOS:
-        logdet, squares = _likelihood(judges, float(ratio))
-        variance = max(squares / free, 1e-24)
-        best = max(best, (-0.5 * (logdet + free * float(np.log(variance))), float(ratio), variance))
-    return best[1], float(np.sqrt(best[2]))
+    alike = max(long, key=lambda runs: len(runs.time))
+    every = max(1, len(alike.time) // JUDGES)
+    judges = Runs(alike.time[::every], alike.value[::every])
+    logdet, squares = _likelihoods(judges)
+    free = len(judges.time) * (judges.time.shape[1] - 2)
+    variance = np.maximum(squares / free, 1e-24)
+    best = int(np.argmax(-0.5 * (logdet + free * np.log(variance))))
+    return float(RATIOS[best]), float(np.sqrt(variance[best]))
 
 
-def _likelihood(runs: Run, ratio: float) -> tuple[float, float]:
-    """log|V| + log|BᵀV⁻¹B| and the sum of squares left of runs (r, n) together, noise of variance 1."""
-    V, B = _covariance(runs.time, ratio)
-    y = runs.value[..., None]
-    left = np.linalg.solve(V, np.concatenate([B, y], axis=-1))
-    normal = B.swapaxes(-1, -2) @ left[..., :2]
-    line = np.linalg.solve(normal, B.swapaxes(-1, -2) @ left[..., 2:])
-    squares = float(np.sum(y * left[..., 2:]) - np.sum((B.swapaxes(-1, -2) @ left[..., 2:]) * line))
-    return float(np.sum(np.linalg.slogdet(V)[1]) + np.sum(np.linalg.slogdet(normal)[1])), max(squares, 0.0)
+def _likelihoods(runs: Runs) -> tuple[Floats, Floats]:
+    """log|V| + log|BᵀV⁻¹B| and the sum of squares left of runs (r, n) together at each of RATIOS, noise of variance 1.
+
+    Across the straight line B, V = I + ratio · C has the same eigenvectors at every ratio.
+    """
+    V, B = _covariance(runs.time, 1.0)
+    across = np.linalg.qr(B, mode="complete")[0][..., 2:]
+    C = across.swapaxes(-1, -2) @ (V - np.eye(V.shape[-1])) @ across
+    values, vectors = np.linalg.eigh(C)
+    along = ((across @ vectors).swapaxes(-1, -2) @ runs.value[..., None])[..., 0]
+    grown = 1 + RATIOS[:, None, None] * np.maximum(values, 0.0)
+    line = float(np.sum(np.linalg.slogdet(B.swapaxes(-1, -2) @ B)[1]))
+    return np.asarray(line + np.log(grown).sum((1, 2))), np.asarray(np.sum(along**2 / grown, axis=(1, 2)))
 
 
 def _covariance(t: Floats, ratio: float) -> tuple[Floats, Floats]:
@@ -78,21 +91,31 @@ def _covariance(t: Floats, ratio: float) -> tuple[Floats, Floats]:
     return np.eye(t.shape[-1]) + ratio * (low**2 * high / 2 - low**3 / 6), np.stack([np.ones_like(t), t], -1)
 
 
-def _slope(run: Run, ratio: float, noise: float) -> tuple[Floats, Floats]:
-    """Slope (n) per length of the longest run, and the modes of its error (n, MODES)."""
-    t, n = run.time, len(run.time)
-    if n < 2 or not np.ptp(t) > 0:
-        return np.zeros(n), np.zeros((n, MODES))
+def _slope(runs: Runs, ratio: float, noise: float) -> tuple[Floats, Floats]:
+    """Slopes (r, n) per length of the longest run, and the modes of their errors (r, n, MODES)."""
+    t = runs.time
+    still = ~(np.ptp(t, axis=1) > 0)
+    if t.shape[1] < 2 or still.any():
+        # A run that never goes on has no slope, and one of a single stop none either.
+        return _some_still(runs, still | (t.shape[1] < 2), ratio, noise)
     V, B = _covariance(t, ratio)
     # cov(f'(s), f(t)): ∫₀ᵗ min(s, u) du.
-    low = np.minimum.outer(t, t)
-    with_f = ratio * (low * t - low**2 / 2)
-    solved = np.linalg.solve(V, np.column_stack([B, run.value, with_f.T]))
-    normal = np.linalg.inv(B.T @ solved[:, :2])
-    line = normal @ (B.T @ solved[:, 2])
-    toward = np.array([0.0, 1.0]) - with_f @ solved[:, :2]
-    slope = line[1] + with_f @ (solved[:, 2] - solved[:, :2] @ line)
-    unknown = ratio * low - with_f @ solved[:, 3:] + toward @ normal @ toward.T
-    values, vectors = np.linalg.eigh((unknown + unknown.T) / 2)
-    modes = vectors[:, -MODES:] * (noise * np.sqrt(np.maximum(values[-MODES:], 0.0)))
-    return slope, np.pad(modes, ((0, 0), (0, MODES - modes.shape[1])))
+    low = np.minimum(t[:, :, None], t[:, None, :])
+    with_f = ratio * (low * t[:, None, :] - low**2 / 2)
+    solved = np.linalg.solve(V, np.concatenate([B, runs.value[..., None], with_f.swapaxes(1, 2)], axis=2))
+    normal = np.linalg.inv(B.swapaxes(1, 2) @ solved[..., :2])
+    line = normal @ (B.swapaxes(1, 2) @ solved[..., 2:3])
+    toward = np.array([0.0, 1.0]) - with_f @ solved[..., :2]
+    slope = line[:, 1] + (with_f @ (solved[..., 2:3] - solved[..., :2] @ line))[..., 0]
+    unknown = ratio * low - with_f @ solved[..., 3:] + toward @ normal @ toward.swapaxes(1, 2)
+    values, vectors = np.linalg.eigh((unknown + unknown.swapaxes(1, 2)) / 2)
+    modes = vectors[..., -MODES:] * (noise * np.sqrt(np.maximum(values[:, None, -MODES:], 0.0)))
+    return slope, np.pad(modes, ((0, 0), (0, 0), (0, MODES - modes.shape[2])))
+
+
+def _some_still(runs: Runs, still: Array, ratio: float, noise: float) -> tuple[Floats, Floats]:
+    """The same where some runs (r) have no slope: 0."""
+    slope, modes = np.zeros(runs.time.shape), np.zeros((*runs.time.shape, MODES))
+    if not still.all():
+        slope[~still], modes[~still] = _slope(Runs(runs.time[~still], runs.value[~still]), ratio, noise)
+    return slope, modes

@@ -42,20 +42,33 @@ class Visits:
 
     def group(self, level: str, runs: int) -> tuple[NDArray[np.int32], tuple[str, ...]]:
         """Group codes (v) and names; see Scene.group."""
+        return self.codes(level, runs), self._names(level, runs)
+
+    def codes(self, level: str, runs: int) -> NDArray[np.int32]:
+        """Group codes (v) alone."""
+        if level == "visit":
+            return np.arange(len(self), dtype=np.int32)
+        if level == "run":
+            return np.cumsum(self.previous < 0, dtype=np.int32) - np.int32(1)
+        if level == "run-of-recipe":
+            return (self.run % runs).astype(np.int32)
+        labels = self._labels(level)
+        return np.zeros(len(self), np.int32) if labels is None else labels.code
+
+    def _names(self, level: str, runs: int) -> tuple[str, ...]:
         if level == "visit":
             text = zip(self.unit.text(), self.run, self.visit, strict=True)
-            return np.arange(len(self), dtype=np.int32), tuple(f"visit:{u}/{r}/{v}" for u, r, v in text)
+            return tuple(f"visit:{u}/{r}/{v}" for u, r, v in text)
         if level == "run":
-            at = [rows.start for rows in self.passes()]
-            code = np.repeat(np.arange(len(at), dtype=np.int32), np.diff([*at, len(self)]))
             units = self.unit.text()
-            return code, tuple(f"run:{units[i]}/{self.run[i]}" for i in at)
+            return tuple(f"run:{units[i]}/{self.run[i]}" for i in np.flatnonzero(self.previous < 0))
         if level == "run-of-recipe":
-            return (self.run % runs).astype(np.int32), tuple(f"run-of-recipe:{r}" for r in range(runs))
-        labels = {"unit": self.unit, "position": self.position, **self.groups}.get(level)
-        if labels is None:
-            return np.zeros(len(self), np.int32), ("common",)
-        return labels.code, tuple(f"{level}:{name}" for name in labels.names)
+            return tuple(f"run-of-recipe:{r}" for r in range(runs))
+        labels = self._labels(level)
+        return ("common",) if labels is None else tuple(f"{level}:{name}" for name in labels.names)
+
+    def _labels(self, level: str) -> Labels | None:
+        return {"unit": self.unit, "position": self.position, **self.groups}.get(level)
 
     def passes(self) -> "Iterator[slice[int, int, None]]":
         """The rows of each unit's each run, in order."""

@@ -9,7 +9,7 @@ from station.diagnosis.faults import clipping, clock, counters, gold, grid_step,
 from station.diagnosis.faults.fault import Fault, Number
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, SampleTable
-from station.model.scene import Scene, scene_of_table
+from station.model.scene import Scene, stops_of_table
 
 __all__ = ["Fault", "Inspected", "Number", "inspect"]
 
@@ -27,7 +27,7 @@ class Inspected:
 
 def inspect(recipe: Recipe, table: SampleTable) -> Inspected:
     """Looks a table over. Its rows come back sorted by unit, run and stop, in the order of arrival."""
-    scene = scene_of_table(recipe, table)
+    scene = stops_of_table(recipe, table)
     stop = scene.visit
     if np.any(np.diff(stop) < 0):
         order = np.argsort(stop, kind="stable")
