@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from station.domain.framepack.plain import Laid
 from station.domain.types import Frames
 
 
@@ -37,6 +38,7 @@ class VisitRecord:
 
     statistics: from_ns and to_ns, the dwell that a refit cuts out of the frames (station.domain.assemble), and for
     people mean, std, count, gaps, repeats, crc_errors, kernel_drops, temperature_degC, reasons of a rejection.
+    laid: the frames as the log keeps them, where they were laid out and hashed as they came in.
     """
 
     run: int
@@ -48,6 +50,7 @@ class VisitRecord:
     left_ns: int
     frames: Frames
     statistics: Mapping[str, Any]
+    laid: Laid | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +123,7 @@ class Store(Protocol):
         """Keeps stages of object writes: the intent before, the fact after, and with it the intent of the next."""
 
     def result(self, attempt: str, name: str, document: Mapping[str, Any]) -> None:
-        """Keeps a named result: identity, old-calibration, stops, calibration, write-plan, device-state,
+        """Keeps a named result: identity, old-calibration, stops, calibration, dwell, write-plan, device-state,
         verification, verdict."""
 
     def finish(self, attempt: str, outcome: str, ended_ns: int) -> None:
@@ -137,6 +140,10 @@ class Store(Protocol):
 
         Both are results; a `device-state` event that came after the attempt's end counts too.
         """
+
+    def dwells(self, recipe_hash: str, newest: int) -> Sequence[Mapping[str, Any]]:
+        """Results `dwell` of the newest so many attempts with this recipe, oldest first; attempts without one count,
+        and are left out."""
 
     def head(self) -> Head:
         """The newest record, for certificates and exports."""

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from station.domain.noise_prior import NEWEST
 from station.domain.plan import Stop as Planned
 from station.domain.progress import Event, Reading, Told
 from station.domain.stillness import angle_deg, at_rest, expected_noise, face, has_direction
@@ -15,6 +16,7 @@ from station.domain.types import ERROR, Floats, Frames
 from station.errors import PositionerFault
 from station.service import pace
 from station.service.bus_errors import refuse_bus_off
+from station.service.intake import Intake
 from station.service.pace import GOLD, Readings
 from station.service.station import Job, Station
 from station.service.stop import Stop
@@ -32,20 +34,14 @@ HOLD_BY_HAND_S = 0.6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Taken:
-    """What came in at one stop: frames since the arrival, when the dwell began and ended, kernel drops in it."""
+    """What came in at one stop since the arrival, when the dwell began and ended, kernel drops in it."""
 
-    frames: Frames
+    intake: Intake
     arrived_ns: int
     from_ns: int
     to_ns: int
     lasted_s: float
     drops: int
-
-    def of(self, unit: Unit, job: Job) -> Frames:
-        """The frames of one node and of the gold reference, and the bus's error frames, which are everybody's."""
-        ids = np.array(job.ids(unit.seat.node), np.uint32)
-        can_id = self.frames.can_id
-        return self.frames[np.isin(can_id, ids) | ((can_id & np.uint32(ERROR)) != 0)]
 
 
 class Capture:
@@ -56,7 +52,8 @@ class Capture:
         self._errors: list[Frames] = []
         self._channel = station.bus.stream(tuple({i for u in units for i in job.ids(u.seat.node)}))
         self._noise = expected_noise(job.recipe)
-        self.pace = pace.of(job.recipe)
+        earlier = partial(station.store.dwells, job.recipe_hash, NEWEST)
+        self.pace = pace.of(job.recipe, earlier)
         self._lsb = max(abs(axis.scale) for axis in job.layout.axes)
 
     def close(self) -> None:
@@ -87,22 +84,25 @@ class Capture:
         clock = self._station.clock
         arrived_ns = clock.epoch_ns()
         before, self._errors = self._errors, []
-        parts = [*before, *self._settle(units)]
+        intake = Intake(units, self._job)
+        for errors in before:
+            intake.add(errors)
+        self._settle(units, intake)
         drops, began_s, from_ns = self._channel.drops(), clock.monotonic_s(), clock.epoch_ns()
         ask_s, lasted_s = self.pace.first_s(stop), 0.0
         inside: list[Frames] = []
         read = partial(self._readings, inside, units)
         while ask_s - lasted_s > 1e-9:
             inside.append(self._look(min(DWELL_LOOK_S, ask_s - lasted_s)))
+            intake.add(inside[-1])
             yield self._reading(inside[-1], units)
             lasted_s = clock.monotonic_s() - began_s
             if ask_s - lasted_s <= 1e-9:
                 ask_s = self.pace.until_s(stop, lasted_s, read)
         to_ns = clock.epoch_ns()
         self.pace.ended(stop, lasted_s, read)
-        inside.append(self._receive())
-        frames = Frames.join([*parts, *inside])
-        return Taken(frames, arrived_ns, from_ns, to_ns, lasted_s, self._channel.drops() - drops)
+        intake.add(self._receive())
+        return Taken(intake, arrived_ns, from_ns, to_ns, lasted_s, self._channel.drops() - drops)
 
     def wait_for_face(self, units: Sequence[Unit], planned: Planned, asked: str) -> Generator[Event, None, None]:
         """Until the wanted face is up and still in every nest; says once what else was brought up."""
@@ -146,7 +146,7 @@ class Capture:
         gold = self._job.gold_node
         return said if gold is None else said | {GOLD: self._usable(block, gold)}
 
-    def _settle(self, units: Sequence[Unit]) -> list[Frames]:
+    def _settle(self, units: Sequence[Unit], intake: Intake) -> None:
         """The recipe's settling time, then until every unit is still; a unit that never is, the stop's check names.
 
         A recipe without settling time wants to see the settling, so nothing is waited for.
@@ -156,12 +156,12 @@ class Capture:
         began_s = clock.monotonic_s()
         while settle_s and clock.monotonic_s() - began_s < self._station.settings.timeouts.settle_s:
             parts.append(self._look(LOOK_S))
+            intake.add(parts[-1])
             if clock.monotonic_s() - began_s < settle_s:
                 continue
             recent = Frames.join(parts[-round(1 / LOOK_S) :])
             if all(at_rest(self._window(recent, u, HOLD_S), self._noise, self._lsb) for u in units):
                 break
-        return parts
 
     def _look(self, duration_s: float) -> Frames:
         """Lets a moment pass and takes what came."""

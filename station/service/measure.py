@@ -7,6 +7,7 @@ import numpy as np
 from station.domain import plan, rotation
 from station.domain.assemble import KeptVisit
 from station.domain.error_frames import error_frames
+from station.domain.framepack.plain import Laid
 from station.domain.plan import Stop as Planned
 from station.domain.progress import Event, StopDone, StopStarted, VisitRejected
 from station.domain.stillness import face
@@ -82,7 +83,7 @@ class Measure:
             )
 
     def _judge(self, unit: Unit, planned: Planned, taken: Taken, gold: Reasons) -> tuple[Dwelled, Reasons]:
-        mine = taken.of(unit, self._job)
+        mine = taken.intake.frames_of(unit)
         inside = (mine.time_ns >= taken.from_ns) & (mine.time_ns < taken.to_ns)
         told = temperatures(mine, self._job.layout, unit.seat.node)[1]
         unit.temperature_degC = float(told[-1]) if len(told) else unit.temperature_degC
@@ -103,7 +104,7 @@ class Measure:
         gold = self._job.recipe.reference.gold
         if node is None or gold is None:
             return ()
-        told = samples(taken.frames, self._job.layout, node)
+        told = samples(taken.intake.frames(), self._job.layout, node)
         inside = told.usable & (told.time_ns >= taken.from_ns) & (told.time_ns < taken.to_ns)
         count, due = int(np.count_nonzero(inside)), taken.lasted_s * self._job.recipe.device.rate_hz
         if count >= due * GOLD_LEAST:
@@ -139,7 +140,7 @@ class Measure:
         for unit in units:
             dwelled, reasons = found[unit.seat.serial]
             kept = self._kept(unit, planned, taken)
-            records.append(_record(kept, "rejected" if reasons else kind, dwelled, reasons))
+            records.append(_record(kept, taken.intake.laid(unit), "rejected" if reasons else kind, dwelled, reasons))
             if not reasons:
                 (unit.visits if kind == "tumble" else unit.verify_visits).append(kept)
                 unit.last_mean = np.array(_mean(dwelled))
@@ -156,7 +157,7 @@ class Measure:
             arrived_ns=taken.arrived_ns,
             from_ns=taken.from_ns,
             to_ns=taken.to_ns,
-            frames=taken.of(unit, self._job),
+            frames=taken.intake.frames_of(unit),
         )
 
     def _asked(self, planned: Planned) -> str:
@@ -168,7 +169,7 @@ class Measure:
         return f"bring position {planned.position!r} up ({face(planned.true)} of the unit) and let go"
 
 
-def _record(kept: KeptVisit, kind: str, dwelled: Dwelled, reasons: Reasons) -> VisitRecord:
+def _record(kept: KeptVisit, laid: Laid, kind: str, dwelled: Dwelled, reasons: Reasons) -> VisitRecord:
     more = {
         "from_ns": kept.from_ns,
         "to_ns": kept.to_ns,
@@ -185,6 +186,7 @@ def _record(kept: KeptVisit, kind: str, dwelled: Dwelled, reasons: Reasons) -> V
         left_ns=kept.to_ns,
         frames=kept.frames,
         statistics={**statistics(dwelled), **more},
+        laid=laid,
     )
 
 

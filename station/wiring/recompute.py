@@ -91,7 +91,7 @@ def judged_ns(kept: Mapping[str, Any]) -> int:
 
 
 def _kept(row: Mapping[str, Any], frames: Frames) -> KeptVisit:
-    if raw.digest(raw.to_bytes(frames)) != row["frames_sha256"]:
+    if not raw.sealed_by(frames, row["frames_sha256"]):
         raise LogError(f"the raw frames of visit record {row['record']} are not those that were sealed")
     told = row["statistics"]
     return KeptVisit(

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import uuid
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +63,29 @@ def test_everything_that_was_kept_comes_back(path: Path) -> None:
     assert [(e["kind"], e["at_ns"], e["detail"]) for e in life["events"]] == [
         ("label-printed", 42, {"at": 1.5, "by": "01ff"})
     ]
+    assert whole(path)
+
+
+def test_plain_frames_of_an_earlier_log_are_checked_and_packed_as_they_were_sealed(path: Path) -> None:
+    told = logs.visit(0, np.random.default_rng(3))
+    by_columns = plain.to_bytes(told.frames, plain.COLUMNS)
+    earlier = replace(told, laid=plain.Laid(by_columns, plain.digest(by_columns), len(told.frames)))
+    with SqliteStore(path) as store:
+        attempt = store.begin(logs.begin())
+        store.visit([attempt], [earlier])
+        store.visit([attempt], [logs.visit(1, np.random.default_rng(4))])
+        assert whole(path)
+        store.finish(attempt, "PASS", 5)
+        store.tidy()
+    with LogReader(path) as log:
+        assert log.db.execute("SELECT (SELECT count(*) FROM frames), (SELECT count(*) FROM archive)").fetchone() == (
+            0,
+            1,
+        )
+        (row,) = log.attempts(Query())
+        raw, (life,) = log.frames(row), log.life(Query())
+    assert [plain.sealed_by(f, v["frames_sha256"]) for f, v in zip(raw, life["visits"], strict=True)] == [True, True]
+    assert life["visits"][0]["frames_sha256"] == plain.digest(by_columns)
     assert whole(path)
 
 

@@ -1,5 +1,7 @@
 """Frames at rest come back bit for bit, whatever they are; and typical ones are small."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -67,6 +69,40 @@ def test_plain_bytes_come_back_and_their_digest_tells_any_change(frames: Frames)
         assert plain.digest(plain.to_bytes(frames)) != plain.digest(kept)
 
 
+@settings(max_examples=100, deadline=None)
+@given(any_frames(), st.lists(st.integers(0, 60), max_size=6))
+def test_frames_laid_out_piece_by_piece_are_those_laid_out_at_once(frames: Frames, cuts: list[int]) -> None:
+    laying, at = plain.Laying(), [0, *sorted(cuts), len(frames)]
+    for begin, end in pairwise(at):
+        laying.add(frames[begin:end])
+    whole = laying.frames()
+    assert laying.done() == plain.laid(whole)
+    assert laying.done().count == len(frames)
+    if len(frames):
+        assert same([whole], [frames])
+
+
+def test_a_long_frame_among_classic_ones_widens_all() -> None:
+    classic = stop(np.random.default_rng(5), 20, (0, 0, 16000))
+    long = Frames(classic.time_ns, classic.can_id, classic.length, np.pad(classic.data, ((0, 0), (0, 56))))
+    laying = plain.Laying()
+    for part in (classic, long, classic):
+        laying.add(part)
+    assert laying.done() == plain.laid(Frames.join([classic, long, classic]))
+
+
+@settings(max_examples=100, deadline=None)
+@given(any_frames())
+def test_frames_of_an_earlier_log_are_read_and_checked_as_ever(frames: Frames) -> None:
+    by_columns = plain.to_bytes(frames, plain.COLUMNS)
+    assert by_columns.startswith(b"frames/1 %d " % len(frames))
+    assert same([plain.from_bytes(by_columns)], [frames])
+    assert plain.form_of(by_columns) == plain.COLUMNS
+    assert plain.sealed_by(frames, plain.digest(by_columns))
+    assert plain.sealed_by(frames, plain.laid(frames).sha256)
+    assert not plain.sealed_by(frames, plain.digest(by_columns + b"!"))
+
+
 @pytest.mark.parametrize("bad_crc", [False, True])
 def test_a_typical_unit_packs_below_three_and_a_half_bytes_a_frame(bad_crc: bool) -> None:
     rng = np.random.default_rng(4)
@@ -118,5 +154,6 @@ def test_damaged_bytes_are_one_sentence(damage: object) -> None:
     packed = codec.pack([stop(np.random.default_rng(3), 200, (0, 0, 16000))])
     with pytest.raises(LogError):
         codec.unpack(damage(packed))  # type: ignore[operator]
-    with pytest.raises(LogError, match="damaged"):
-        plain.from_bytes(b"frames/1 5 8\nabc")
+    for bad in (b"frames/1 5 8\nabc", b"frames/2 8\nabc", b"frames/2 0\n", b"frames/3 8\n", b"", b"frames/1 -1 -14\n"):
+        with pytest.raises(LogError, match="damaged"):
+            plain.from_bytes(bad)

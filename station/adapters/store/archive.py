@@ -33,7 +33,8 @@ def packed(db: sqlite3.Connection, attempt: int) -> bytes | None:
     if not kept or len(kept) != visits(db, attempt):
         return None
     data = codec.pack([plain.from_bytes(one) for one in kept])
-    same = [plain.to_bytes(one) for one in codec.unpack(data)] == kept
+    forms = map(plain.form_of, kept)
+    same = [plain.to_bytes(one, form) for one, form in zip(codec.unpack(data), forms, strict=True)] == kept
     return data if same else None
 
 

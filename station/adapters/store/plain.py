@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from station.domain.chain import Value
+from station.domain.framepack.plain import Laid
 from station.ports.store import Begin, VisitRecord
 
 
@@ -24,11 +25,11 @@ def columns(begin: Begin, attempt: str, recipe: int | None, product: int | None)
     return {**cleaned, "id": attempt, "recipe": recipe, "product": product}
 
 
-def visit(record: VisitRecord, sha256: str) -> tuple[Value, ...]:
-    """The visit's columns after `attempt`; sha256: the digest of its frames as plain bytes."""
+def visit(record: VisitRecord, laid: Laid) -> tuple[Value, ...]:
+    """The visit's columns after `attempt`; laid: its frames as plain bytes."""
     return (
         *(record.run, record.visit, text(record.position), text(record.seating), text(record.kind)),
-        *(record.arrived_ns, record.left_ns, len(record.frames), sha256, document(record.statistics)),
+        *(record.arrived_ns, record.left_ns, laid.count, laid.sha256, document(record.statistics)),
     )
 
 

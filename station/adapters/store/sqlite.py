@@ -8,7 +8,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from station.adapters.store import anchor, archive, file, ids, keys, plain, unfinished
+from station.adapters.store import anchor, archive, file, ids, keys, plain, reduced, unfinished
 from station.adapters.store.faults import told
 from station.adapters.store.owner import Owner
 from station.adapters.store.schema import COLUMNS
@@ -83,11 +83,11 @@ class SqliteStore:
 
     def visit(self, attempts: Sequence[str], visits: Sequence[VisitRecord]) -> None:
         """Keeps one stop of every nest, in one transaction."""
-        kept = [raw.to_bytes(v.frames) for v in visits]
-        rows = [plain.visit(v, raw.digest(frames)) for v, frames in zip(visits, kept, strict=True)]
+        kept = [v.laid or raw.laid(v.frames) for v in visits]
+        rows = [plain.visit(v, laid) for v, laid in zip(visits, kept, strict=True)]
         with self._transaction("written"):
             numbers = [self._append("visit", self._running(a), *row) for a, row in zip(attempts, rows, strict=True)]
-            self._db.executemany("INSERT INTO frames VALUES (?, ?)", zip(numbers, kept, strict=True))
+            self._db.executemany("INSERT INTO frames VALUES (?, ?)", zip(numbers, (k.data for k in kept), strict=True))
 
     def write(self, attempt: str, *stages: WriteRecord) -> None:
         """Keeps stages of object writes: the intent before, the fact after, and with it the intent of the next."""
@@ -131,6 +131,11 @@ class SqliteStore:
         """The unit's last attempt that may have left it half written."""
         with self._turn, told(StoreFault, self.path, "read"):
             return unfinished.suspect(self._db, plain.text(serial))
+
+    def dwells(self, recipe_hash: str, newest: int) -> Sequence[Mapping[str, Any]]:
+        """Results `dwell` of the newest attempts with a recipe, oldest first."""
+        with self._turn, told(StoreFault, self.path, "read"):
+            return reduced.dwells(self._db, recipe_hash, newest)
 
     def head(self) -> Head:
         """The newest record's number and seal."""
