@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from station.domain import coefficients, ideal, method, noise
 from station.domain.allocation import least_dwells
 from station.domain.method import Problem
-from station.domain.noise_so_far import Curve
+from station.domain.noise_so_far import Curve, reach_of
 from station.domain.recipe import Recipe
 from station.domain.stillness import expected_noise
 from station.domain.types import Floats
@@ -160,6 +160,11 @@ def planned_s(recipe: Recipe, density: float) -> Floats:
     if recipe.dwell.time_s is not None:
         return np.full(len(ideal.names(recipe)[0]), recipe.dwell.time_s)
     return start_s(aim(recipe), density)
+
+
+def prior_for(recipe: Recipe) -> int:
+    """The readings that a prior of the noise is for (Prior.longest): those of the longest dwell by the data sheet."""
+    return reach_of(round(float(by_sheet_s(recipe).max()) * recipe.device.rate_hz))
 
 
 def missed(recipe: Recipe, std: Floats, noise_std: Floats) -> str:

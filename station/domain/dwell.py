@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.domain import noise
+from station.domain import noise, noise_prior
+from station.domain.noise_prior import Prior
 from station.domain.standard_error import Group, Ints, Units, standard_errors
 from station.domain.types import Floats
 
@@ -57,16 +58,19 @@ _COLUMNS = {
 Columns = dict[str, Floats]
 
 
-def measure(reading: Floats, start: Ints, count: Ints, unit: Ints) -> Dwells:
-    """Dwell d is reading[start[d] : start[d] + count[d]], readings (n, 3); `unit` (d) never falls."""
+def measure(reading: Floats, start: Ints, count: Ints, unit: Ints, prior: Prior | None = None) -> Dwells:
+    """Dwell d is reading[start[d] : start[d] + count[d]], readings (n, 3); `unit` (d) never falls.
+
+    prior: what is known of such units' noise.
+    """
     columns = {name: np.zeros((len(start), *shape)) for name, shape in _COLUMNS.items()}
-    units = _units(count, unit)
+    units = _units(count, unit, prior)
     groups = []
     for rows, n, cut in _alike(count, units):
         x = np.ascontiguousarray(reading[start[rows][:, None] + np.arange(n)].transpose(0, 2, 1))
         groups.append(Group(rows, n, cut, block_means(_basics(x, columns, rows), cut)))
     odd = odd_ones(columns["square"], columns["neighbours"], count, units)
-    errors = standard_errors(groups, odd, units)
+    errors = standard_errors(groups, odd, units, prior)
     return Dwells(
         count=count,
         rejected=columns["rejected"].astype(np.int64),
@@ -83,14 +87,23 @@ def measure(reading: Floats, start: Ints, count: Ints, unit: Ints) -> Dwells:
     )
 
 
-def _units(count: Ints, unit: Ints) -> Units:
+def _units(count: Ints, unit: Ints, prior: Prior | None) -> Units:
     first = np.flatnonzero(np.r_[True, unit[1:] != unit[:-1]])
     longest = np.maximum.reduceat(count, first)
+    informed = np.array([noise_prior.holds(prior, int(n)) for n in longest])
+    scales = [
+        (prior.step, prior.reach)
+        if noise_prior.holds(prior, int(n))
+        else (noise.step_of(int(n)), noise.reach_of(int(n)))
+        for n in longest
+    ]
+    step, reach = np.array(scales).T
     return Units(
         first=first,
         of=np.repeat(np.arange(len(first)), np.diff(np.r_[first, len(unit)])),
-        step=np.array([noise.step_of(int(n)) for n in longest]),
-        reach=np.array([noise.reach_of(int(n)) for n in longest]),
+        step=step,
+        reach=reach,
+        informed=informed,
     )
 
 
@@ -159,7 +172,9 @@ def odd_ones(square: Floats, neighbours: Floats, count: Ints, units: Units) -> F
     """
     variance = square / np.maximum(count - 1, 1)[:, None]
     usual = _medians(variance, units)[units.of]
-    phi = np.clip(neighbours / np.maximum(square, 1e-300), 0.0, 0.97)
+    # About its own mean a short dwell looks less correlated than it is (Marriott & Pope 1954, Biometrika 41).
+    n = np.maximum(count, 4)[:, None]
+    phi = np.clip((n * neighbours / np.maximum(square, 1e-300) + 1) / (n - 3), 0.0, 0.97)
     phi = _medians(phi, units)[units.of]
     dof = np.maximum((count - 1)[:, None] * (1 - phi**2) / (1 + phi**2), 1.0)
     ratio = np.where(usual > 0, variance / np.where(usual > 0, usual, 1.0), 1.0)

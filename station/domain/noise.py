@@ -145,25 +145,25 @@ def _weighted(mixed: Floats, flicker: Floats, two_pole: Floats, boxcar: Floats) 
 def posterior(misfit: Floats, dof: Floats, log_det: Floats, log_prior: Floats) -> tuple[Floats, Floats]:
     """Posterior weights (u, 3, s) of the shapes and the sample variance under each (u, 3, s).
 
-    misfit (u, 3, s): Σ over dwells of squared coefficients over their expected squares; dof (u): how many
-    coefficients; log_det (u, s): Σ over dwells.
+    misfit (u, 3, s): Σ over dwells of squared coefficients over their expected squares; dof (u, 1) or (u, 3): how
+    many coefficients; log_det (u, s): Σ over dwells.
     """
     with np.errstate(divide="ignore"):
-        variance = misfit / dof[:, None, None]
-        score = -0.5 * (dof[:, None, None] * np.log(np.maximum(variance, 1e-300)) + log_det[:, None, :]) + log_prior
+        variance = misfit / dof[..., None]
+        score = -0.5 * (dof[..., None] * np.log(np.maximum(variance, 1e-300)) + log_det[:, None, :]) + log_prior
     weight = np.exp(score - score.max(axis=-1, keepdims=True))
     return weight / weight.sum(axis=-1, keepdims=True), variance
 
 
 def averaged(weight: Floats, variance_of_mean: Floats, dof: Floats) -> tuple[Floats, Floats]:
-    """Variance of the mean (u, 3) and its degrees of freedom ν (u, 3) from a posterior.
+    """Variance of the mean (u, 3) and its degrees of freedom ν (u, 3) from a posterior of dof (u, 1) or (u, 3).
 
     The average over shapes (and over the χ² of the sample variance) is matched in mean and variance of its
     logarithm by a scaled inverse χ² with ν: Var ln = ψ′(ν/2) ≈ 2/(ν − 1), E ln = ln s² + ln(ν/2) − ψ(ν/2).
     """
     log = np.log(np.maximum(variance_of_mean, 1e-300))
     mean = (weight * log).sum(axis=-1)
-    spread = np.maximum((weight * log**2).sum(axis=-1) - mean**2, 0.0) + 2 / dof[:, None]
+    spread = np.maximum((weight * log**2).sum(axis=-1) - mean**2, 0.0) + 2 / dof
     nu = np.maximum(1 + 2 / spread, 2.0)
     return np.exp(mean - np.log(nu / 2) + scipy.special.digamma(nu / 2)), nu
 

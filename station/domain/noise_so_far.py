@@ -10,24 +10,27 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain import dwell, noise
+from station.domain import dwell, noise, noise_prior
+from station.domain.noise_prior import FURTHER, Prior, Seen
 from station.domain.standard_error import Units
 from station.domain.types import Floats
 
 #: Readings below which a dwell says nothing of noise.
 FEWEST = 4
-#: Shapes of noise reach so many times as far as the longest dwell: what is slower than a short first dwell is not
-#: seen in it, and must not be taken for nothing.
-SLOWER = 2
+#: Dwells below which nobody knows which of them is the odd one.
+TELLING = 3
 #: Points of the curve of noise against the length of a dwell.
-POINTS = 9
+POINTS = 10
 
 
-def reach_of(count: int) -> int:
-    """The readings that noise is told by where the longest dwell so far has `count`: the next power of two.
+def reach_of(count: int, prior: Prior | None = None) -> int:
+    """The readings that noise is told by where the longest dwell so far has `count`: the next power of two, or what
+    a prior is for.
 
     Dwells told together share it; it changes seldom, so little is told again.
     """
+    if noise_prior.holds(prior, count):
+        return prior.longest
     return 1 << max(int(count - 1).bit_length(), 3)
 
 
@@ -84,7 +87,7 @@ def dwelt(reading: Floats, longest: int) -> Dwelt:
     _, deviation, _ = dwell.deviations(x, dwell.least_step(x))
     square, neighbours = dwell.squares(deviation)
     cut = noise.cut(n, noise.step_of(longest))
-    family = noise.family(cut.blocks, cut.width, _reach(longest))
+    family = noise.family(cut.blocks, cut.width, noise_prior.reach(longest))
     coefficient = dwell.block_means(deviation, cut) @ family.transform.T
     return Dwelt(
         count=np.full(units, float(n)),
@@ -103,20 +106,18 @@ def joined(units: Sequence[Dwelt]) -> Dwelt:
     return Dwelt(*(np.concatenate([getattr(d, f.name) for d in units]) for f in fields(Dwelt)))
 
 
-def curve(dwells: Sequence[Dwelt], longest: int) -> Curve:
+def curve(dwells: Sequence[Dwelt], longest: int, prior: Prior | None = None) -> Curve:
     """What all dwells of units, told with the same `longest`, say together; longer ones are taken to go on as white.
 
-    A dwell that is odd in one axis was disturbed or moved: it says nothing of the usual noise.
+    A prior is heard where `longest` is what it is for.
     """
     odd = _odd(dwells)
-    usual = (odd == 1).all(axis=2).astype(float)
-    # Of two dwells that differ nobody knows which is the odd one.
-    usual = np.where(usual.any(axis=1, keepdims=True), usual, 1.0)
-    misfit = np.stack([d.misfit for d in dwells], axis=1)
-    dof = np.maximum((usual * np.stack([d.dof for d in dwells], axis=1)).sum(axis=1), 1.0)
-    log_det = (usual[..., None] * np.stack([d.log_det for d in dwells], axis=1)).sum(axis=1)
-    weight, variance = noise.posterior((usual[..., None, None] * misfit).sum(axis=1), dof, log_det, _log_prior(longest))
-    count = np.unique(np.rint(np.geomspace(2, SLOWER * longest, POINTS)).astype(int))
+    misfit, dof, log_det = _pooled(dwells, odd)
+    if prior is not None and prior.longest == longest:
+        weight, variance, dof = prior.posterior(misfit, dof, log_det)
+    else:
+        weight, variance = noise.posterior(misfit, dof, log_det, noise_prior.general(longest))
+    count = np.unique(np.rint(np.geomspace(2, FURTHER * longest, POINTS)).astype(int))
     found = [noise.averaged(weight, variance * _mean_variance(int(n), longest), dof) for n in count]
     return Curve(
         count=count.astype(float),
@@ -126,27 +127,39 @@ def curve(dwells: Sequence[Dwelt], longest: int) -> Curve:
     )
 
 
+def seen(dwells: Sequence[Dwelt], longest: int) -> list[Seen]:
+    """What all dwells of units, told with the same `longest`, say of such units' noise."""
+    return noise_prior.seen(*_pooled(dwells, _odd(dwells)), longest)
+
+
+def _pooled(dwells: Sequence[Dwelt], odd: Floats) -> tuple[Floats, Floats, Floats]:
+    """Misfit (u, 3, s), dof (u, 1) and log_det (u, s) of usual dwells together: see noise.posterior.
+
+    A dwell that is odd in one axis was disturbed or moved: it says nothing of the usual noise.
+    """
+    usual = (odd == 1).all(axis=2).astype(float)
+    # Where each is odd in some axis, nobody knows which is the usual one.
+    usual = np.where(usual.any(axis=1, keepdims=True), usual, 1.0)
+    misfit = np.stack([d.misfit for d in dwells], axis=1)
+    dof = np.maximum((usual * np.stack([d.dof for d in dwells], axis=1)).sum(axis=1, keepdims=True), 1.0)
+    log_det = (usual[..., None] * np.stack([d.log_det for d in dwells], axis=1)).sum(axis=1)
+    return (usual[..., None, None] * misfit).sum(axis=1), dof, log_det
+
+
 def _odd(dwells: Sequence[Dwelt]) -> Floats:
     square, neighbours = (np.stack([getattr(d, name) for d in dwells], axis=1) for name in ("square", "neighbours"))
     count = np.stack([d.count for d in dwells], axis=1).astype(np.int64)
     u, v, _ = square.shape
+    if v < TELLING:
+        return np.ones((u, v, 3))
     none = np.zeros(u, np.int64)
-    units = Units(first=np.arange(u) * v, of=np.repeat(np.arange(u), v), step=none, reach=none)
+    units = Units(np.arange(u) * v, np.repeat(np.arange(u), v), step=none, reach=none, informed=none > 0)
     found = dwell.odd_ones(square.reshape(-1, 3), neighbours.reshape(-1, 3), count.ravel(), units)
     return found.reshape(u, v, 3)
-
-
-def _reach(longest: int) -> int:
-    """How far shapes of noise reach, in steps."""
-    return SLOWER * noise.reach_of(longest)
-
-
-def _log_prior(longest: int) -> Floats:
-    return noise.family(2, 1, _reach(longest)).log_prior
 
 
 def _mean_variance(count: int, longest: int) -> Floats:
     """Variance (s) of the mean of so many readings under each shape, for readings of unit variance."""
     cut = noise.cut(count, noise.step_of(longest))
-    family = noise.family(cut.blocks, cut.width, _reach(longest))
+    family = noise.family(cut.blocks, cut.width, noise_prior.reach(longest))
     return np.asarray(family.mean_variance * (cut.blocks * cut.samples / count))

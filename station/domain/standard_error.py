@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain import noise
+from station.domain.noise_prior import Prior
 from station.domain.types import Floats
 
 Ints = NDArray[np.int64]
@@ -15,12 +16,13 @@ Ints = NDArray[np.int64]
 @dataclass(frozen=True, slots=True, eq=False)
 class Units:
     """Where each unit's dwells stand. first (u) row of its first dwell; of (d) unit number of each dwell;
-    step, reach (u): see station.domain.noise."""
+    step, reach (u): see station.domain.noise; informed (u) bool: whether a prior is heard."""
 
     first: Ints
     of: Ints
     step: Ints
     reach: Ints
+    informed: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,14 +44,14 @@ class Errors:
     drift_z: Floats
 
 
-def standard_errors(groups: Sequence[Group], odd: Floats, units: Units) -> Errors:
-    """Errors of all dwells. odd (d, 3): a dwell's variance over the unit's usual one."""
+def standard_errors(groups: Sequence[Group], odd: Floats, units: Units, prior: Prior | None = None) -> Errors:
+    """Errors of all dwells. odd (d, 3): a dwell's variance over the unit's usual one; prior: for informed units."""
     errors = Errors(np.zeros_like(odd), np.zeros_like(odd), np.zeros_like(odd))
-    for step, reach in np.unique(np.stack([units.step, units.reach], axis=1), axis=0):
-        member = (units.step == step) & (units.reach == reach)
+    for step, reach, informed in np.unique(np.stack([units.step, units.reach, units.informed], axis=1), axis=0):
+        member = (units.step == step) & (units.reach == reach) & (units.informed == informed)
         number = np.where(member, np.cumsum(member) - 1, -1)[units.of]
         mine = [_only(g, number[g.rows] >= 0) for g in groups if g.cut.step == step]
-        _fill(errors, [g for g in mine if len(g.rows)], odd, number, int(reach))
+        _fill(errors, [g for g in mine if len(g.rows)], odd, number, (int(reach), prior if informed else None))
     return errors
 
 
@@ -57,12 +59,13 @@ def _only(group: Group, keep: NDArray[np.bool_]) -> Group:
     return Group(group.rows[keep], group.count, group.cut, group.blocks[keep])
 
 
-def _fill(errors: Errors, groups: Sequence[Group], odd: Floats, number: Ints, reach: int) -> None:
-    """Fills the rows of units that share a family; number (d): their unit among these."""
+def _fill(errors: Errors, groups: Sequence[Group], odd: Floats, number: Ints, known: tuple[int, Prior | None]) -> None:
+    """Fills the rows of units that share a family; number (d): their unit among these; known: its reach, a prior."""
+    reach, prior = known
     families = [noise.family(g.cut.blocks, g.cut.width, reach) for g in groups]
     units = int(number.max()) + 1
     shapes = len(families[0].log_prior)
-    misfit, dof, log_det = np.zeros((units, 3, shapes)), np.zeros(units), np.zeros((units, shapes))
+    misfit, dof, log_det = np.zeros((units, 3, shapes)), np.zeros((units, 1)), np.zeros((units, shapes))
     leading = []
     for g, f in zip(groups, families, strict=True):
         coefficient = (g.blocks / np.sqrt(odd[g.rows])[..., None]) @ f.transform.T
@@ -73,10 +76,13 @@ def _fill(errors: Errors, groups: Sequence[Group], odd: Floats, number: Ints, re
         usual = (odd[g.rows] == 1).all(axis=1)
         many = np.add.reduceat(usual.astype(float), first)
         misfit[who] += np.add.reduceat(coefficient**2 * usual[:, None, None], first) @ f.inverse
-        dof[who] += many * (g.cut.blocks - 1)
+        dof[who, 0] += many * (g.cut.blocks - 1)
         log_det[who] += many[:, None] * f.log_det
     dof = np.maximum(dof, 1.0)
-    weight, variance = noise.posterior(misfit, dof, log_det, families[0].log_prior)
+    if prior is None:
+        weight, variance = noise.posterior(misfit, dof, log_det, families[0].log_prior)
+    else:
+        weight, variance, dof = prior.posterior(misfit, dof, log_det)
     for g, f, c in zip(groups, families, leading, strict=True):
         who, own = number[g.rows], odd[g.rows]
         shrink = g.cut.blocks * g.cut.samples / g.count

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from station.domain import references, resolution
 from station.domain.dwell import Dwells, measure
+from station.domain.noise_prior import Prior
 from station.domain.recipe import Recipe
 from station.domain.types import Array, Floats, Labels, SampleTable, Stops
 from station.errors import SamplesError
@@ -41,8 +42,11 @@ class Visits:
         return len(self.run)
 
 
-def visits(table: SampleTable, recipe: Recipe) -> Iterator[Visits]:
-    """The visits of each unit of a table, units in the order of their codes. Errors: SamplesError."""
+def visits(table: SampleTable, recipe: Recipe, prior: Prior | None = None) -> Iterator[Visits]:
+    """The visits of each unit of a table, units in the order of their codes; prior: of their noise.
+
+    Errors: SamplesError.
+    """
     if len(table) == 0:
         raise SamplesError("the samples table holds no samples; give at least one visit")
     table = in_order(table)
@@ -50,7 +54,7 @@ def visits(table: SampleTable, recipe: Recipe) -> Iterator[Visits]:
     _check(table, recipe, begin, end)
     unit = table.unit.code[begin]
     for rows in _portions(unit, end - begin):
-        yield from _of_portion(table, recipe, begin[rows], end[rows])
+        yield from _of_portion(table, recipe, (begin[rows], end[rows]), prior)
 
 
 def in_order(table: SampleTable) -> SampleTable:
@@ -116,12 +120,15 @@ def _portions(unit: Array, count: Array) -> Iterator[slice]:
         yield slice(int(a), int(b))
 
 
-def _of_portion(table: SampleTable, recipe: Recipe, begin: Array, end: Array) -> Iterator[Visits]:
+def _of_portion(
+    table: SampleTable, recipe: Recipe, edges: tuple[Array, Array], prior: Prior | None
+) -> Iterator[Visits]:
+    begin, end = edges
     rows = slice(int(begin[0]), int(end[-1]))
     part = table[rows]
     begin, end = begin - rows.start, end - rows.start
     unit, count = part.unit.code[begin].astype(np.int64), end - begin
-    dwells = measure(part.reading, begin, count, unit)
+    dwells = measure(part.reading, begin, count, unit, prior)
     gold = None if part.gold is None else measure(part.gold, begin, count, unit)
     temperature = _means(part.values.get("temperature_degC"), begin, count)
     first = np.flatnonzero(np.r_[True, unit[1:] != unit[:-1]])
