@@ -27,16 +27,17 @@ $(VENV)/.bench: requirements-bench.lock $(VENV)/.dev
 run: $(VENV)/.run  ## four simulated units through the recipe on a virtual bus
 	$(BIN)/station run --simulate --units 4
 
-# What computes, and what waits for processes, pages and buses: a core each. The first one's report comes at the end.
-COMPUTES := tests/unit tests/conformance tests/blind
-WAITS    := tests/integration tests/system tests/browser tests/vcan
+# Two halves that last about as long, a core each: commands and what computes; runs, pages and the kernel's buses.
+# The first one's report comes at the end.
+ONE   := tests/unit tests/conformance tests/system tests/blind
+OTHER := tests/integration tests/browser tests/vcan
 
 test: $(VENV)/.dev  ## every test, the vcan ones included
 	@report=$$(mktemp); \
-	$(BIN)/python -m pytest $(COMPUTES) >"$$report" 2>&1 & computing=$$!; \
-	trap 'kill $$computing 2>/dev/null; rm -f "$$report"' EXIT; \
-	$(BIN)/python -m pytest $(WAITS); waited=$$?; \
-	wait $$computing; computed=$$?; cat "$$report"; exit $$((waited || computed))
+	$(BIN)/python -m pytest $(ONE) >"$$report" 2>&1 & one=$$!; \
+	trap 'kill $$one 2>/dev/null; rm -f "$$report"' EXIT; \
+	$(BIN)/python -m pytest $(OTHER); other=$$?; \
+	wait $$one; first=$$?; cat "$$report"; exit $$((other || first))
 
 check: $(VENV)/.dev  ## import contracts, types, lint: the same on a desk and in CI
 	$(BIN)/lint-imports
