@@ -10,6 +10,7 @@ import numpy as np
 from station.domain import pipeline, references, verification, writeback
 from station.domain.assemble import KeptVisit, dwell_frames, table_of
 from station.domain.frames import SensorLayout
+from station.domain.noise_prior import Prior
 from station.domain.pipeline import Result
 from station.domain.plan import Stop
 from station.domain.product import Product
@@ -21,15 +22,15 @@ from station.service.station import Job, Station
 from station.service.unit import Unit
 
 
-def calibrate(unit: Unit, job: Job, station: Station) -> Result:
+def calibrate(unit: Unit, job: Job, station: Station, prior: Prior | None) -> Result:
     """Calibration, budget and verdict of a unit; where its samples cannot be calibrated, a verdict ERROR alone.
 
-    Errors: ReferenceOverdue.
+    prior: what was known of its noise. Errors: ReferenceOverdue.
     """
     settings = station.settings
     labels = {"station": settings.station, "nest": unit.seat.nest, "lot": settings.lot, "operator": settings.operator}
     table = samples_of(unit.seat, unit.visits, job.recipe, job.layout, labels)
-    return refit(table, job.recipe, job.product, station.clock.epoch_ns())
+    return refit(table, job.recipe, job.product, station.clock.epoch_ns(), prior)
 
 
 def samples_of(
@@ -48,13 +49,13 @@ def samples_of(
     )
 
 
-def refit(table: SampleTable, recipe: Recipe, product: Product, measured_ns: int) -> Result:
+def refit(table: SampleTable, recipe: Recipe, product: Product, measured_ns: int, prior: Prior | None = None) -> Result:
     """Calibrates the one unit of a table as the run does; the same table gives the same bits, today or in a year.
 
-    measured_ns: when it was measured, for the gold reference's due date.
+    measured_ns: when it was measured, for the gold reference's due date; prior: what was known of its noise.
     """
     day = datetime.fromtimestamp(measured_ns / 1e9, UTC).date().isoformat()
-    (result,) = pipeline.calibrate(recipe, table, day, writeback.rounding_std(product.map))
+    (result,) = pipeline.calibrate(recipe, table, day, writeback.rounding_std(product.map), prior)
     return result
 
 

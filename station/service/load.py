@@ -221,7 +221,8 @@ class Load:
         if stands := thermometer.frozen(unit.visits, unit.seat.node, self._job.layout):
             self._station.store.event(unit.attempt, "thermometer-frozen", {"sentence": stands})
             yield Told(f"{unit.name}: {stands}", unit.seat.serial)
-        fit = compute.calibrate(unit, self._job, self._station)
+        prior = None if self._capture is None else self._capture.pace.prior
+        fit = compute.calibrate(unit, self._job, self._station, prior)
         unit.fit = replace(fit, visits=None)  # the log keeps the stops; a long batch must not keep them in memory too
         if fit.stops is not None:  # what `station backtest` computes from: raw frames of a whole fleet take hours
             self._station.store.result(unit.attempt, "stops", stops_document.to_document(fit.stops))

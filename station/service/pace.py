@@ -1,13 +1,14 @@
 """How long to stay at a stop, asked while it goes on: a fixed time, or until the coefficients are good enough."""
 
-from collections.abc import Callable, Mapping
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
-from station.domain import adaptive_dwell
+from station.domain import adaptive_dwell, noise_document, noise_prior
 from station.domain.adaptive_dwell import SoFar
-from station.domain.noise_so_far import FEWEST, Curve, Dwelt, curve, dwelt, joined, reach_of
+from station.domain.noise_prior import Prior, Seen
+from station.domain.noise_so_far import FEWEST, Curve, Dwelt, curve, dwelt, joined, reach_of, seen
 from station.domain.recipe import Recipe
 from station.domain.types import Floats
 
@@ -16,10 +17,17 @@ GOLD = ""
 #: Readings (n, 3) of the dwell so far by serial, and how to have them decoded.
 Readings = Mapping[str, Floats]
 Read = Callable[[], Readings]
+#: Results `dwell` of units measured before, oldest first.
+Earlier = Callable[[], Sequence[Mapping[str, Any]]]
 
 
 class Pace(Protocol):
-    """How long stops last. A stop is its place in the recipe's plan, None where it is measured for verification."""
+    """How long stops last. A stop is its place in the recipe's plan, None where it is measured for verification.
+
+    prior: what is known of the units' noise beforehand, for their calibration too.
+    """
+
+    prior: Prior | None
 
     def first_s(self, stop: int | None, /) -> float:
         """When to ask for the first time."""
@@ -36,6 +44,8 @@ class Pace(Protocol):
 
 class Fixed:
     """Every stop lasts as long; nothing is decoded for it."""
+
+    prior: Prior | None = None
 
     def __init__(self, time_s: float) -> None:
         self._time_s = time_s
@@ -59,8 +69,10 @@ class Fixed:
 class UntilStd:
     """Stops as long as the coefficients of the noisiest unit need; stops of verification last as the others did."""
 
-    def __init__(self, recipe: Recipe) -> None:
+    def __init__(self, recipe: Recipe, earlier: Sequence[Seen] = ()) -> None:
         self.aim = adaptive_dwell.aim(recipe)
+        self._prior_for = adaptive_dwell.prior_for(recipe)
+        self.prior = noise_prior.learnt(earlier, self._prior_for)
         self._plan_s = adaptive_dwell.by_sheet_s(recipe)
         self._done_s = np.zeros(len(self.aim))
         self._read: dict[str, dict[int, Floats]] = {}
@@ -95,7 +107,12 @@ class UntilStd:
             return {}
         gold = (GOLD,) if GOLD in self._read else ()
         alone_s = self._planned((serial, *gold), np.zeros_like(self._done_s), 0.0)
-        return {"dwell_s": self._done_s.tolist(), "alone_s": np.round(alone_s, 3).tolist()}
+        return {
+            "dwell_s": self._done_s.tolist(),
+            "alone_s": np.round(alone_s, 3).tolist(),
+            "noise": noise_document.of_seen(self._seen(serial)),
+            "prior": None if self.prior is None else noise_document.of_prior(self.prior),
+        }
 
     def _keep(self, stop: int, readings: Readings) -> tuple[str, ...]:
         """Keeps what was read at a stop so far; returns who said enough to be told by."""
@@ -105,18 +122,25 @@ class UntilStd:
         return telling
 
     def _planned(self, serials: tuple[str, ...], done_s: Floats, lasted_s: float) -> Floats:
-        seen = sorted(set.intersection(*(set(self._read[s]) for s in serials)))
-        found = dict(zip(serials, self._curves(serials, seen), strict=True))
-        gold = found.pop(GOLD, None)
-        seen_s = np.array([self._done_s[seen].sum() + lasted_s])
-        so_far = SoFar(adaptive_dwell.fixture(list(found.values()), gold), done_s[None], np.array(seen), seen_s)
+        at = sorted(set.intersection(*(set(self._read[s]) for s in serials)))
+        reach = reach_of(max(len(x) for read in self._read.values() for x in read.values()), self.prior)
+        # The gold reference is of another kind.
+        gold = self._curves((GOLD,), at, reach, None)[0] if GOLD in serials else None
+        units = tuple(serial for serial in serials if serial != GOLD)
+        seen_s = np.array([self._done_s[at].sum() + lasted_s])
+        curve_of_all = adaptive_dwell.fixture(self._curves(units, at, reach, self.prior), gold)
+        so_far = SoFar(curve_of_all, done_s[None], np.array(at), seen_s)
         return np.asarray(adaptive_dwell.plan(self.aim, so_far, self._plan_s[None]).dwell_s[0])
 
-    def _curves(self, serials: tuple[str, ...], seen: list[int]) -> list[Curve]:
-        """The noise of each; learnt together, for one at a time takes as long as all."""
-        reach = reach_of(max(len(x) for read in self._read.values() for x in read.values()))
-        told = [joined([self._dwelt(serial, stop, reach) for serial in serials]) for stop in seen]
-        return curve(told, reach).apart()
+    def _curves(self, serials: tuple[str, ...], at: list[int], reach: int, prior: Prior | None) -> list[Curve]:
+        """The noise of each by its stops `at`; learnt together, for one at a time takes as long as all."""
+        told = [joined([self._dwelt(serial, stop, reach) for serial in serials]) for stop in at]
+        return curve(told, reach, prior).apart()
+
+    def _seen(self, serial: str) -> Seen:
+        """What a unit tells of its kind."""
+        (one,) = seen([dwelt(x[None], self._prior_for) for x in self._read[serial].values()], self._prior_for)
+        return one
 
     def _dwelt(self, serial: str, stop: int, reach: int) -> Dwelt:
         reading = self._read[serial][stop]
@@ -127,6 +151,8 @@ class UntilStd:
         return told
 
 
-def of(recipe: Recipe) -> Pace:
-    """The pace that the recipe asks for."""
-    return UntilStd(recipe) if recipe.dwell.time_s is None else Fixed(recipe.dwell.time_s)
+def of(recipe: Recipe, earlier: Earlier) -> Pace:
+    """The pace that the recipe asks for; earlier: units of the kind, asked for where their noise matters."""
+    if recipe.dwell.time_s is not None:
+        return Fixed(recipe.dwell.time_s)
+    return UntilStd(recipe, noise_document.all_seen(earlier()))

@@ -21,7 +21,7 @@ from station.domain.pipeline import Result
 from station.domain.recipe import Recipe
 from station.domain.types import Floats
 from station.errors import StationFault
-from station.wiring.recompute import judged_ns, kept_visits, known, refit
+from station.wiring.recompute import kept_visits, known, refit
 
 #: Attempts of one task: enough to be solved together, few enough to show progress.
 PORTION, PORTION_OF_FRAMES = 1024, 32
@@ -117,7 +117,7 @@ def _again(log: LogReader, attempt: Attempt, recipe: Recipe) -> Result:
         visits = backtest.rewindow(visits, old, recipe)
     positions = {p.name for p in recipe.positions}
     at_positions = [v for v in visits if not recipe.pose_known or v.position in positions]
-    return refit(attempt, at_positions, recipe, (product, layout), judged_ns(kept))
+    return refit(attempt, at_positions, recipe, (product, layout), kept)
 
 
 def _before(row: Reduced) -> Before:

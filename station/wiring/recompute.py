@@ -9,7 +9,7 @@ from typing import Any
 from station.adapters.store import life, plain
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt
-from station.domain import document, product_record
+from station.domain import document, noise_document, product_record
 from station.domain.assemble import KeptVisit
 from station.domain.framepack import plain as raw
 from station.domain.frames import SensorLayout
@@ -49,7 +49,7 @@ def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
         return Recomputed(attempt.attempt, attempt.serial, 0, (), "it came to no calibration")
     recipe, product, layout = known(*reader.recipe_and_product(attempt))
     visits = kept_visits(kept["visits"], reader.frames(attempt))
-    result = refit(attempt, visits, recipe, (product, layout), judged_ns(kept))
+    result = refit(attempt, visits, recipe, (product, layout), kept)
     again = json.loads(plain.document(document.unit(result)))
     before, after = dict(_leaves("", stored)), dict(_leaves("", again))
     names = {**before, **after}
@@ -77,12 +77,13 @@ def refit(
     visits: Sequence[KeptVisit],
     recipe: Recipe,
     product: tuple[Product, SensorLayout],
-    measured_ns: int,
+    kept: Mapping[str, Any],
 ) -> Result:
-    """The run's own computation over kept visits."""
+    """The run's own computation over kept visits, on its day and with what it knew of the noise; kept: the attempt."""
     seat = Seat(attempt.serial, attempt.nest, attempt.node)
     table = compute.samples_of(seat, visits, recipe, product[1], {})
-    return compute.refit(table, recipe, product[0], measured_ns)
+    prior = noise_document.to_prior(life.result(kept, "dwell"))
+    return compute.refit(table, recipe, product[0], judged_ns(kept), prior)
 
 
 def judged_ns(kept: Mapping[str, Any]) -> int:

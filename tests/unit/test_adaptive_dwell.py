@@ -177,7 +177,7 @@ def test_a_unit_that_says_nothing_holds_nobody_up() -> None:
 
 
 def test_a_fixed_dwell_decodes_nothing() -> None:
-    pace = of(recipe(dwell={"time_s": 0.7}))
+    pace = of(recipe(dwell={"time_s": 0.7}), lambda: pytest.fail("asked for"))
     assert isinstance(pace, Fixed)
     assert pace.first_s(0) == pace.until_s(0, 0.7, lambda: pytest.fail("decoded")) == 0.7
     assert pace.told("SN1") == {}

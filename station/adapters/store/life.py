@@ -2,7 +2,7 @@
 
 import json
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
@@ -46,7 +46,7 @@ def of_attempt(db: sqlite3.Connection, attempt: Attempt) -> dict[str, Any]:
     }
 
 
-def result(life: dict[str, Any], name: str) -> Any:
+def result(life: Mapping[str, Any], name: str) -> Any:
     """The newest result of that name in an attempt's life, or None."""
     return next((r["document"] for r in reversed(life["results"]) if r["name"] == name), None)
 

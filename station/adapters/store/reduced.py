@@ -4,6 +4,7 @@ import json
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 _BEFORE = "json_extract(c.document, '$.outcome', '$.offset', '$.matrix', '$.checks')"
 
@@ -14,6 +15,12 @@ _QUERY = f"""
     CROSS JOIN result s ON s.seq BETWEEN a.seq AND f.seq AND +s.attempt = a.seq AND +s.name = 'stops'
     CROSS JOIN result c ON c.seq BETWEEN s.seq AND f.seq AND +c.attempt = a.seq AND +c.name = 'calibration'
     ORDER BY a.seq"""
+
+_DWELLS = """
+    SELECT r.document FROM (SELECT seq FROM attempt WHERE recipe_hash = ? ORDER BY started_ns DESC LIMIT ?) a
+    CROSS JOIN finish f ON f.attempt = a.seq
+    CROSS JOIN result r ON r.seq BETWEEN a.seq AND f.seq AND +r.attempt = a.seq AND +r.name = 'dwell'
+    ORDER BY a.seq DESC"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +39,12 @@ class Reduced:
 def read(db: sqlite3.Connection, numbers: Sequence[int]) -> list[Reduced]:
     """Those of the attempts that came to a calibration, in the order of their records."""
     return [Reduced(*row) for row in db.execute(_QUERY, (json.dumps(list(numbers)),))]
+
+
+def dwells(db: sqlite3.Connection, recipe_hash: str, newest: int) -> list[dict[str, Any]]:
+    """See Store.dwells."""
+    found = db.execute(_DWELLS, (recipe_hash, newest)).fetchall()
+    return [json.loads(text) for (text,) in reversed(found)]
 
 
 def document(db: sqlite3.Connection, number: int) -> str:
