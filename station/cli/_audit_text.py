@@ -86,7 +86,10 @@ def _show_attempt(number: int, a: Document) -> None:
     _show_visits(a["visits"])
     if "dwell" in results:
         lasted_s, alone_s = (sum(results["dwell"][key]) for key in ("dwell_s", "alone_s"))
+        known = (results["dwell"].get("prior") or {}).get("units", 0)
         _line(f"  dwells until good enough: {lasted_s:.1f} s; this unit alone needed {alone_s:.1f} s of its own noise")
+        if known:
+            _line(f"  noise known beforehand from {known} units")
     _show_calibration(results.get("calibration"))
     _show_writes(a["writes"])
     _show_verification(results.get("verification"))

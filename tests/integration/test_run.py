@@ -22,7 +22,7 @@ from station.domain.progress import (
     UnitDone,
 )
 from station.domain.types import Outcome
-from station.wiring.recompute import recompute
+from station.wiring.recompute import kept_visits, known, recompute, refit
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
 
@@ -200,6 +200,29 @@ def test_dwells_of_different_length_are_computed_again_bit_for_bit(
     with pytest.raises(SystemExit):
         main(["audit", "SN0001", "--db", str(tmp_path / "station.db")])
     assert f"dwells until good enough: {sum(dwelt_s(ran, 'tumble')):.1f} s" in capsys.readouterr().out
+
+
+def test_earlier_units_tell_the_noise_of_the_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A load of two, then one unit: it knows their noise, its record says so, and is enough to compute from."""
+    recipe = fixture_run.recipe(tmp_path, dwell={"until_std": 8e-5, "min_s": 0.2, "max_s": 5})
+    first = fixture_run.run(tmp_path, units=2, recipe=recipe)
+    then = fixture_run.run(tmp_path, ["SN0003"], recipe=recipe)
+    assert [first.kept(serial, "dwell")["prior"] for serial in ("SN0001", "SN0002")] == [None, None]
+    assert then.kept("SN0003", "dwell")["prior"]["units"] == 2
+    with LogReader(tmp_path / "station.db") as log:
+        for attempt in log.attempts(Query()):
+            again = recompute(log, attempt)
+            assert again.identical and again.compared > 100, again.differences
+        (third,) = log.attempts(Query(serial="SN0003"))
+        life, (as_used, product, layout) = log.attempt(third), known(*log.recipe_and_product(third))
+        forgot = life | {"results": [r for r in life["results"] if r["name"] != "dwell"]}
+        alone = refit(third, kept_visits(life["visits"], log.frames(third)), as_used, (product, layout), forgot)
+    told = then.results["SN0003"].fit
+    assert told is not None and told.calibration is not None and alone.calibration is not None
+    assert not np.array_equal(told.calibration.covariance, alone.calibration.covariance)
+    with pytest.raises(SystemExit):
+        main(["audit", "SN0003", "--db", str(tmp_path / "station.db")])
+    assert "noise known beforehand from 2 units" in capsys.readouterr().out
 
 
 def test_an_uncertainty_out_of_reach_is_told(tmp_path: Path) -> None:

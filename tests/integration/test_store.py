@@ -402,3 +402,17 @@ def test_whoever_follows_the_log_sees_every_record_once_and_in_order(path: Path)
     assert told[2:4] == [("visit", "tumble p0", True), ("visit", "tumble p1", True)]
     assert told[-3:] == [("result", "verdict", True), ("finish", "PASS", True), ("event", "log-in", False)]
     assert [c.number for c in seen] == sorted({c.number for c in seen})
+
+
+def test_what_earlier_units_of_a_recipe_told_of_their_dwells_comes_oldest_first(path: Path) -> None:
+    """The newest so many attempts of that recipe; one without a result `dwell` counts, one still running too."""
+    with SqliteStore(path) as store:
+        for n, recipe in enumerate(("one", "one", "other", "one", "one")):
+            attempt = store.begin(logs.begin(f"SN{n}", recipe_hash=recipe, started_ns=n))
+            if n != 3:
+                store.result(attempt, "dwell", {"n": n})
+            if n != 4:
+                store.finish(attempt, "PASS", 10 + n)
+        assert store.dwells("one", 50) == [{"n": 0}, {"n": 1}]
+        assert store.dwells("one", 3) == [{"n": 1}]
+        assert store.dwells("none", 50) == []
