@@ -9,7 +9,6 @@ import hashlib
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 
 Value = int | float | str | bytes | None
 
@@ -21,30 +20,36 @@ def genesis(log_id: str) -> bytes:
     return hashlib.sha256(f"{SCHEMA}\n{log_id}".encode()).digest()
 
 
-_ENCODE: dict[type, Callable[..., tuple[bytes, bytes]]] = {
-    int: lambda v: (b"i", b"%d" % v),
-    float: lambda v: (b"f", struct.pack(">d", v)),
-    str: lambda v: (b"s", v.encode("utf-8", "surrogateescape")),
-    bytes: lambda v: (b"b", v),
-}
-
-
 def canonical(kind: str, names: Sequence[str], values: Sequence[Value]) -> bytes:
     """The bytes that are sealed: kind, then name, type, length and value of each field that is not null.
 
     Lengths stand before values, so two different records never give the same bytes.
     """
-    parts = [b"%d:%s" % (len(kind), kind.encode())]
-    for name, value in zip(_equals(tuple(names)), values, strict=True):
-        if value is not None:
-            tag, body = _ENCODE[type(value)](value)
-            parts += name, tag, b"%d:" % len(body), body
+    parts = [b"%d:%b" % (len(kind), kind.encode())]
+    plain = ""  # what is ASCII becomes bytes in one go
+    for name, value in zip(names, values, strict=True):
+        if type(value) is int:
+            digits = str(value)
+            plain += f"{name}=i{len(digits)}:{digits}"
+        elif type(value) is str and value.isascii():
+            plain += f"{name}=s{len(value)}:{value}"
+        elif value is not None:
+            tag, body = _encoded(value)
+            parts += plain.encode(), b"%b=%b%d:" % (name.encode(), tag, len(body)), body
+            plain = ""
+    parts.append(plain.encode())
     return b"".join(parts)
 
 
-@cache
-def _equals(names: tuple[str, ...]) -> tuple[bytes, ...]:
-    return tuple(f"{name}=".encode() for name in names)
+def _encoded(value: Value) -> tuple[bytes, bytes]:
+    """Type and bytes of a value. Errors: TypeError for what no record can hold."""
+    if type(value) is str:
+        return b"s", value.encode("utf-8", "surrogateescape")
+    if type(value) is float:
+        return b"f", struct.pack(">d", value)
+    if type(value) is bytes:
+        return b"b", value
+    raise TypeError(f"the log cannot keep a {type(value).__name__}")
 
 
 def link(previous: bytes, body: bytes) -> bytes:

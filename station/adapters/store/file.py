@@ -15,6 +15,8 @@ from station.errors import LogError, StationError, StoreFault
 
 #: Pages of write-ahead log that are kept on disk after a checkpoint; a long-reading page may not let it grow for ever.
 _WAL_LIMIT_BYTES = 64 * 1024 * 1024
+#: What it needs between two checkpoints: SQLite's 1000 pages with their headers, and the last commit's beyond them.
+_WAL_USUAL_BYTES = 5 * 1024 * 1024
 
 
 def for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
@@ -29,6 +31,7 @@ def for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
     try:
         with told(StoreFault, path, "opened"):
             _prepare(connection, path)
+            _lengthen(path.with_name(path.name + "-wal"))
     except StoreFault:
         connection.close()
         raise
@@ -62,6 +65,27 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
     _back_up(connection, path)
     migrations.apply(db)
     _sync_folder(path)
+
+
+def _lengthen(wal: Path) -> None:
+    """Gives the write-ahead log its usual length from the start: a commit's fsync then waits for its data alone.
+
+    A file that grows has its new length and blocks to write with each fsync. What follows the last frame is passed
+    over: no zeros are a frame (SQLite, "Database File Format", 4.2). A disk without room for it is left as it was.
+    """
+    handle = os.open(wal, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    try:
+        size = os.fstat(handle).st_size
+        missing = bytes(max(0, _WAL_USUAL_BYTES - size))
+        try:
+            whole = os.pwrite(handle, missing, size) == len(missing)
+        except OSError:
+            whole = False
+        if not whole:
+            os.ftruncate(handle, size)
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def for_reading(path: Path) -> Database:

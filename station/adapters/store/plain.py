@@ -15,6 +15,8 @@ from station.ports.store import Begin, VisitRecord
 
 def text(value: str) -> str:
     """The string with lone surrogates (bytes that were no UTF-8) written as escapes."""
+    if type(value) is str and value.isascii():
+        return value
     return str(value).encode("utf-8", "backslashreplace").decode()
 
 

@@ -86,7 +86,9 @@ class SqliteStore:
         kept = [v.laid or raw.laid(v.frames) for v in visits]
         rows = [plain.visit(v, laid) for v, laid in zip(visits, kept, strict=True)]
         with self._transaction("written"):
-            numbers = [self._append("visit", self._running(a), *row) for a, row in zip(attempts, rows, strict=True)]
+            numbers = self._append_all(
+                "visit", [(self._running(a), *row) for a, row in zip(attempts, rows, strict=True)]
+            )
             self._db.executemany("INSERT INTO frames VALUES (?, ?)", zip(numbers, (k.data for k in kept), strict=True))
 
     def write(self, attempt: str, *stages: WriteRecord) -> None:
@@ -177,11 +179,18 @@ class SqliteStore:
 
     def _append(self, table: str, *values: Value) -> int:
         """One sealed record inside the open transaction; its number."""
-        previous, self._number = self._hash, self._number + 1
-        self._hash = chain.link(previous, chain.canonical(table, COLUMNS[table], values))
-        signature = self._signer.sign(self._hash) if self._signer else None
-        self._db.execute(_INSERT[table], (self._number, previous, self._hash, signature, *values))
-        return self._number
+        return self._append_all(table, [values])[0]
+
+    def _append_all(self, table: str, records: Sequence[tuple[Value, ...]]) -> range:
+        """Sealed records of one table inside the open transaction; their numbers."""
+        first, sealed = self._number + 1, []
+        for number, values in enumerate(records, first):
+            previous, self._hash = self._hash, chain.link(self._hash, chain.canonical(table, COLUMNS[table], values))
+            signature = self._signer.sign(self._hash) if self._signer else None
+            sealed.append((number, previous, self._hash, signature, *values))
+        self._db.executemany(_INSERT[table], sealed)
+        self._number += len(sealed)
+        return range(first, self._number + 1)
 
     def _document(self, kind: str, text: str) -> int | None:
         """The record that holds this text, made when it is the first time."""
