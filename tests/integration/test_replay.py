@@ -4,12 +4,12 @@ import csv
 import json
 from pathlib import Path
 
-import can
 import cantools
 import numpy as np
 import pytest
 
 from station.adapters.bus import write_log
+from station.adapters.bus._python_can import mf4
 from station.adapters.marks import beside, read_marks, write_marks
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
@@ -182,7 +182,7 @@ def test_a_real_log_decodes_frame_for_frame_as_cantools_does(
             ours[int(row["frame"]), row["signal"]] = float(row["value"])
     database = cantools.database.load_file(dbc)
     theirs, unknown, total = {}, 0, 0
-    with log.open("rb") as raw, can.MF4Reader(raw) as reader:
+    with log.open("rb") as raw, mf4().MF4Reader(raw) as reader:
         for number, message in enumerate(reader):
             total += 1
             try:
