@@ -72,12 +72,9 @@ def _calibrate(recipe: Recipe, samples: Path, rounding: Floats) -> Iterator[Resu
     today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
     with _face.progress() as bar:
         task = bar.add_task("calibrating", total=None)
-        done = 0
-        for table in by_units(samples):
-            for result in pipeline.calibrate(recipe, table, today, rounding):
-                done += 1
-                bar.update(task, description=f"calibrated {done} units")
-                yield result
+        for done, result in enumerate(pipeline.calibrate_portions(recipe, by_units(samples), today, rounding), start=1):
+            bar.update(task, description=f"calibrated {done} units")
+            yield result
 
 
 def _rounding(recipe: Recipe, path: Path) -> Floats:

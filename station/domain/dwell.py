@@ -18,6 +18,8 @@ from station.domain.types import Floats
 FAR = 6.0
 #: From here on (a normal deviate) a dwell's variance is its own, not that of the unit's other dwells.
 ODD = 4.5
+#: Readings looked at together: enough to be fast, few enough for a processor's cache.
+TOGETHER = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,8 +69,11 @@ def measure(reading: Floats, start: Ints, count: Ints, unit: Ints, prior: Prior 
     units = _units(count, unit, prior)
     groups = []
     for rows, n, cut in _alike(count, units):
-        x = np.ascontiguousarray(reading[start[rows][:, None] + np.arange(n)].transpose(0, 2, 1))
-        groups.append(Group(rows, n, cut, block_means(_basics(x, columns, rows), cut)))
+        parts = [
+            block_means(_basics(_rows_of(reading, start[part], n), columns, part), cut)
+            for part in np.split(rows, range(max(TOGETHER // n, 1), len(rows), max(TOGETHER // n, 1)))
+        ]
+        groups.append(Group(rows, n, cut, np.concatenate(parts)))
     odd = odd_ones(columns["square"], columns["neighbours"], count, units)
     errors = standard_errors(groups, odd, units, prior)
     return Dwells(
@@ -112,6 +117,11 @@ def _alike(count: Ints, units: Units) -> Iterator[tuple[Ints, int, noise.Cut]]:
     step = units.step[units.of]
     for n, samples in np.unique(np.stack([count, step], axis=1), axis=0):
         yield np.flatnonzero((count == n) & (step == samples)), int(n), noise.cut(int(n), int(samples))
+
+
+def _rows_of(reading: Floats, start: Ints, n: int) -> Floats:
+    """Dwells (d, 3, n) that begin at `start` (d) of readings (…, 3)."""
+    return np.ascontiguousarray(reading[start[:, None] + np.arange(n)].transpose(0, 2, 1))
 
 
 def _basics(x: Floats, columns: Columns, rows: Ints) -> Floats:

@@ -1,6 +1,6 @@
 """Samples → stops → calibration → budget → verdict: the one path of the run, the command and the refit."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,15 +47,27 @@ def calibrate(
     rounding in the device; prior: what is known of such units' noise. Errors: RecipeError, ReferenceOverdue,
     SamplesError (of the table as a whole).
     """
+    return calibrate_portions(recipe, [table], today, rounding, prior)
+
+
+def calibrate_portions(
+    recipe: Recipe,
+    tables: Iterable[SampleTable],
+    today: str,
+    rounding: Floats = NO_ROUNDING,
+    prior: Prior | None = None,
+) -> Iterator[Result]:
+    """The same for tables of whole units each, one after the other: memory follows the largest of them."""
     design.check(recipe)
     references.check_due(recipe, today)
     truths: references.Truths = {}
     batch: list[Unit] = []
-    for found in visits(table, recipe, prior):
-        batch.append((found.serial, stops_of(found, recipe, truths), found))
-        if len(batch) == BATCH:
-            yield from _solve(recipe, batch, rounding)
-            batch = []
+    for table in tables:
+        for found in visits(table, recipe, prior):
+            batch.append((found.serial, stops_of(found, recipe, truths), found))
+            if len(batch) == BATCH:
+                yield from _solve(recipe, batch, rounding)
+                batch = []
     yield from _solve(recipe, batch, rounding)
 
 

@@ -42,7 +42,7 @@ def numbers(result: pipeline.Result) -> list[Floats]:
     found, budget = result.calibration, result.budget
     assert found is not None and budget is not None
     fitted = [found.offset, found.matrix, found.covariance, found.residual, found.tilt_deg, found.tilt_std_deg]
-    return [*fitted, found.disturbed, *budget.parts.values(), budget.dof]
+    return [*fitted, found.disturbed.astype(float), *budget.parts.values(), budget.dof]
 
 
 @pytest.mark.parametrize("portion", [1, 7, 6144])
@@ -88,3 +88,15 @@ def test_every_unit_is_in_one_part_once(rng: np.random.Generator, monkeypatch: p
     assert np.array_equal(np.sort(np.concatenate([p.units for p in parts])), np.arange(UNITS))
     for part in parts:
         assert np.array_equal(part.problem.mean[part.rows], problem.mean[part.units])
+
+
+def test_portions_of_a_table_come_to_the_same_as_the_whole(rng: np.random.Generator) -> None:
+    recipe = tumble.recipe("six-point")
+    mean = tumble.readings(tumble.units(rng, 7), tumble.truths(recipe))
+    table = tumble.table(recipe, mean, NOISE, 20, rng)
+    whole = list(pipeline.calibrate(recipe, table, tumble.TODAY))
+    portions = (table[table.unit.code // 3 == i] for i in range(3))
+    found = list(pipeline.calibrate_portions(recipe, portions, tumble.TODAY))
+    assert [r.serial for r in found] == [r.serial for r in whole]
+    for one, same in zip(whole, found, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(numbers(one), numbers(same), strict=True)), one.serial

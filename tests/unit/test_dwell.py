@@ -1,5 +1,7 @@
 """Means of dwells, their standard errors: honest for white and correlated noise, robust, the same alone as together."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -58,6 +60,16 @@ def test_alone_or_together_the_same_bits(rng: np.random.Generator) -> None:
         rows = slice(5 * u, 5 * u + 5)
         for name in ("mean", "std", "variance", "dof", "correlation", "drift_z"):
             assert np.array_equal(getattr(alone, name), getattr(together, name)[rows]), name
+
+
+def test_portions_of_dwells_give_the_same_bits(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
+    x = first_order(rng, 0.5, (7, 5, 300))
+    whole = measured(x)
+    for together in (1, 700, 1 << 20):
+        monkeypatch.setattr(dwell, "TOGETHER", together)
+        found = measured(x)
+        for field in fields(whole):
+            assert np.array_equal(getattr(found, field.name), getattr(whole, field.name)), field.name
 
 
 def test_dwells_of_different_length_in_one_unit(rng: np.random.Generator) -> None:

@@ -25,9 +25,10 @@ from station.errors import SamplesError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-#: Rows of one piece of Parquet, and bytes of one block of CSV text.
-PIECE = 1 << 18
-BLOCK = 1 << 24
+#: Rows of one piece of Parquet, bytes of one block of CSV text, and rows of one portion of whole units.
+PIECE = 1 << 16
+BLOCK = 1 << 22
+PORTION = 100_000
 
 
 def read_samples(path: Path) -> SampleTable:
@@ -58,9 +59,11 @@ def rows_about(path: Path) -> int:
         return 0
 
 
-def by_units(path: Path, rows: int = 400_000) -> Iterator[SampleTable]:
+def by_units(path: Path, rows: int = PORTION) -> Iterator[SampleTable]:
     """The table in portions of whole units, about `rows` rows each, where the file keeps each unit's rows together;
     else in one. Memory then follows the portion and not the file. Errors: SamplesError."""
+    import pyarrow as pa
+
     if not _together(path):
         yield read_samples(path)
         return
@@ -71,6 +74,8 @@ def by_units(path: Path, rows: int = 400_000) -> Iterator[SampleTable]:
         if begins and sum(map(len, held)) + begins >= rows:
             yield join([*held, piece[:begins]])
             held = [piece[begins:]]
+            # Arrow keeps what it has freed, and would come to hold several portions.
+            pa.default_memory_pool().release_unused()
         else:
             held.append(piece)
     yield join(held)
