@@ -95,6 +95,7 @@ class Capture:
         while ask_s - lasted_s > 1e-9:
             inside.append(self._look(min(DWELL_LOOK_S, ask_s - lasted_s)))
             intake.add(inside[-1])
+            intake.lay()
             yield self._reading(inside[-1], units)
             lasted_s = clock.monotonic_s() - began_s
             if ask_s - lasted_s <= 1e-9:
@@ -102,6 +103,7 @@ class Capture:
         to_ns = clock.epoch_ns()
         self.pace.ended(stop, lasted_s, read)
         intake.add(self._receive())
+        intake.lay()
         return Taken(intake, arrived_ns, from_ns, to_ns, lasted_s, self._channel.drops() - drops)
 
     def wait_for_face(self, units: Sequence[Unit], planned: Planned, asked: str) -> Generator[Event, None, None]:
