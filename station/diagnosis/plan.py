@@ -15,6 +15,7 @@ from station.diagnosis.bank import Candidate, candidates, library, testable
 from station.diagnosis.floor import Floor
 from station.diagnosis.problem import Allowance, problem_of
 from station.diagnosis.reduce import reduce
+from station.diagnosis.space import Space
 from station.diagnosis.stage import Problem
 from station.domain.recipe import Recipe
 from station.model.effect import Effect
@@ -32,19 +33,22 @@ FOUND = 3.93
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """A campaign that was not measured, and the floor it would have."""
+    """A campaign that was not measured, and the space of the floor it would have."""
 
     problem: Problem
-    floor: Floor
+    space: Space
+
+    @staticmethod
+    def of(problem: Problem, floor: Floor) -> "Planned":
+        """The campaign under a floor."""
+        return Planned(problem, problem.space(floor, moving=True))
 
     def axes(self, candidate: Candidate) -> Axes:
         """What a candidate could move."""
-        view = self.problem.view
-        space = self.problem.space(self.floor, moving=True)
         hit = np.ones(len(candidate.names))
         if candidate.pattern == "scan":
             hit = (np.arange(len(hit)) == len(hit) // 2).astype(float)
-        return axes_of(candidate, view, space, hit)
+        return axes_of(candidate, self.problem.view, self.space, hit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +92,7 @@ def planned(recipe: Recipe, units: int, line: Line | None = None, seed: int = 1)
     )
     table = simulate(job).table
     problem = problem_of(reduce(job.recipe, table), Allowance.of(recipe, job.model))
-    return Planned(problem, Floor(density / float(np.sqrt(2 * dwells_of(recipe).mean())), 0.0, 0.0))
+    return Planned.of(problem, Floor(density / float(np.sqrt(2 * dwells_of(recipe).mean())), 0.0, 0.0))
 
 
 def tell_apart(recipe: Recipe, units: int = 4) -> Apart:

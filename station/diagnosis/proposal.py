@@ -17,6 +17,7 @@ from station.diagnosis.alike import APART_95, Axes, share_outside
 from station.diagnosis.bank import Candidate, candidates, library, testable
 from station.diagnosis.floor import Floor
 from station.diagnosis.plan import RARE, Planned, least_share, planned
+from station.diagnosis.shape import shaped
 from station.domain.recipe import Recipe, Run, Turn
 from station.errors import RecipeError
 from station.model.effect import Effect
@@ -172,7 +173,7 @@ def _apart(campaign: Campaign, longer: Recipe, lines_up: Sequence[Sequence[Suspe
 def _planned(campaign: Campaign, recipe: Recipe) -> Planned:
     # A room that wanders would part what the next room, which stays calm, does not.
     calm = Line(nests=campaign.nests, wander_degC=0.0)
-    return replace(planned(recipe, campaign.units, calm), floor=campaign.floor)
+    return Planned.of(planned(recipe, campaign.units, calm).problem, campaign.floor)
 
 
 def _usual(plan: Planned, name: str) -> list[Seen]:
@@ -216,8 +217,7 @@ def _axes_of(plan: Planned, suspect: Suspect, usual: Sequence[Seen]) -> Axes:
 
 def _at(plan: Planned, candidate: Candidate, effect: Effect) -> Candidate:
     """A candidate at another shape."""
-    stop, dwell = plan.problem.view.signature(effect, candidate.of)
-    return replace(candidate, effect=effect, stop=stop, dwell=dwell)
+    return shaped(candidate, effect, plan.problem.view)
 
 
 def _right(reached: float) -> float:

@@ -1,6 +1,6 @@
 """The form of a cause (a time constant, a frequency) at its best, between the values that the bank scans."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -10,6 +10,7 @@ from station.diagnosis.bank import Candidate, bank_of, gaps_of
 from station.diagnosis.seen import see
 from station.diagnosis.space import Space
 from station.diagnosis.view import View
+from station.domain.types import Floats
 from station.model.effect import Effect, Parameter
 
 #: Nats by which a form is not worth improving further.
@@ -51,8 +52,8 @@ def rung(candidate: Candidate, view: View, space: Space) -> Candidate:
     others = [(p.field, v) for p in candidate.effect.forms for v in _closer(p.grid)] or [(field, 0.0)]
     found = [candidate]
     for hz in RINGS_HZ:
-        found += [reshaped(reshaped(candidate, other, v, view), field, hz, view) for other, v in others]
-    return max(found, key=lambda c: evidence_of(c, view, space))
+        found += [shaped(candidate, replace(candidate.effect, **{other: v, field: hz}), view) for other, v in others]
+    return _best(found, view, space)
 
 
 def _closer(grid: tuple[float, ...]) -> tuple[float, ...]:
@@ -62,14 +63,28 @@ def _closer(grid: tuple[float, ...]) -> tuple[float, ...]:
 
 def evidence_of(candidate: Candidate, view: View, space: Space) -> float:
     """Log evidence of one candidate."""
-    bank = bank_of([candidate], view.layout, moving=candidate.dwell is not None)
-    return float(see(bank, view.layout, [space])[0].evidence[0])
+    return float(_evidence([candidate], view, space)[0])
+
+
+def _evidence(candidates: Sequence[Candidate], view: View, space: Space) -> Floats:
+    """Log evidence (candidates) of shapes of one cause."""
+    bank = bank_of(candidates, view.layout, moving=candidates[0].dwell is not None)
+    return see(bank, view.layout, [space])[0].evidence
+
+
+def _best(candidates: Sequence[Candidate], view: View, space: Space) -> Candidate:
+    """The shape of the greatest evidence."""
+    return candidates[int(_evidence(candidates, view, space).argmax())]
 
 
 def reshaped(candidate: Candidate, field: str, value: float, view: View) -> Candidate:
     """The candidate with another value of a form parameter."""
     assert candidate.effect is not None
-    effect = replace(candidate.effect, **{field: value})
+    return shaped(candidate, replace(candidate.effect, **{field: value}), view)
+
+
+def shaped(candidate: Candidate, effect: Effect, view: View) -> Candidate:
+    """The candidate at another shape."""
     stop, dwell = view.signature(effect, candidate.of)
     return replace(candidate, effect=effect, stop=stop, dwell=dwell)
 
@@ -93,7 +108,7 @@ def between(candidate: Candidate, view: View, space: Space) -> Candidate:
     gaps = gaps_of(view)
     i = min(range(len(gaps)), key=lambda k: abs(gaps[k] - candidate.effect.at_s))  # type: ignore[union-attr]
     near = [reshaped(candidate, "at_s", gaps[k], view) for k in (i - 1, i + 1) if 0 <= k < len(gaps)]
-    return max([candidate, *near], key=lambda c: evidence_of(c, view, space))
+    return _best([candidate, *near], view, space)
 
 
 def _tune(candidate: Candidate, p: Parameter, view: View, space: Space) -> tuple[Candidate, Tuned]:

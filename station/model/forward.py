@@ -144,25 +144,24 @@ def signature(scene: Scene, base: Base, effect: Effect, of: str = "", active: Ac
     h = 0.1 * effect.parameter.typical * effect.parameter.scale(scene.recipe)
     groups = len(scene.group(of)[1])
     signal = feel(scene, active)
+    rest = Signal(scene, signal.at_stop[scene.visit], signal.at_stop)
     derivatives = []
     for step in np.eye(len(effect.axes)) * h:
-        plus, minus = (Acting(effect, np.tile(s * step, (groups, 1)), of) for s in (1, -1))
+        acting = Acting(effect, np.tile(step, (groups, 1)), of)
         if isinstance(effect, SensorEffect):
             # It adds to the reading: all else is the same on both sides.
-            apart = effect.apply(signal, plus.by_row(scene)) - effect.apply(signal, minus.by_row(scene))
+            c = acting.by_row(scene)
+            apart = effect.apply(signal, c) - effect.apply(signal, -c)
+        elif isinstance(effect, StimulusEffect):
+            c = acting.by_row(scene)
+            felt = (replace(signal, true=signal.true + effect.apply(rest, x), moving=True) for x in (c, -c))
+            apart = _apart(next(felt), next(felt), base, active)
         else:
-            apart = _apart(_felt(signal, active, plus), _felt(signal, active, minus), base, active)
+            both = (acting, acting._replace(coefficients=-acting.coefficients))
+            felt = (feel(scene, {**active, "?": one}) for one in both)
+            apart = _apart(next(felt), next(felt), base, active)
         derivatives.append(apart / (2 * h))
     return derivatives
-
-
-def _felt(signal: Signal, active: Active, acting: Acting) -> Signal:
-    """What is felt with one more cause at work than in `signal`, where those of `active` are."""
-    scene, effect = signal.scene, acting.effect
-    if not isinstance(effect, StimulusEffect):
-        return feel(scene, {**active, "?": acting})
-    rest = Signal(scene, signal.at_stop[scene.visit], signal.at_stop)
-    return replace(signal, true=signal.true + effect.apply(rest, acting.by_row(scene)), moving=True)
 
 
 def _apart(one: Signal, two: Signal, base: Base, active: Active) -> Floats:
