@@ -24,6 +24,8 @@ from station.model.timeline import Batch, density_of
 OFFSET_STD, GAIN_STD = 0.025, 0.01
 #: Flicker rms as a part of the white density: a twentieth of what a dwell of a second averages to.
 FLICKER = 0.035
+#: Samples of one part of a fleet: enough to be fast, few enough for its arrays to stay near the processor.
+PORTION = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,11 +141,19 @@ def simulate(job: Job) -> Simulated:
     return part(job.settled(), Batch(job.units))
 
 
-def parts(job: Job, units: int = 50) -> Iterator[Simulated]:
-    """The same in parts of so many units, so that a fleet need not fit into memory; the samples are the same too."""
+def parts(job: Job, units: int | None = None) -> Iterator[Simulated]:
+    """The same in parts of so many units (left out: of about PORTION samples), so that a fleet need not fit into
+    memory; the samples are the same too."""
     job = job.settled()
-    for first in range(0, len(job.units), units):
-        yield part(job, Batch(job.units[first : first + units], first, len(job.units)))
+    together = max(PORTION // _samples_of_a_unit(job), 1) if units is None else units
+    for first in range(0, len(job.units), together):
+        yield part(job, Batch(job.units[first : first + together], first, len(job.units)))
+
+
+def _samples_of_a_unit(job: Job) -> int:
+    """About how many samples the plan has for each unit."""
+    campaign = campaign_of(job.recipe, job.units[:1], job.seed, job.line)
+    return max(round(float(campaign.dwell_s().sum()) * job.recipe.device.rate_hz), 1)
 
 
 def part(job: Job, batch: Batch) -> Simulated:

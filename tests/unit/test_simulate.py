@@ -92,6 +92,15 @@ def test_fleet_in_parts_is_the_fleet() -> None:
     np.testing.assert_array_equal(pieces[0].table.reading, whole.table.reading[:first])
 
 
+def test_parts_hold_about_so_many_samples_whatever_the_fleet(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = job("quadratic", units=tuple("ABCDEFG"))
+    of_a_unit = len(simulate(replace(one, units=("A",))).table)
+    for wanted, units in ((of_a_unit // 2, 1), (3 * of_a_unit, 3), (100 * of_a_unit, 7)):
+        monkeypatch.setattr("station.model.simulate.PORTION", wanted)
+        found = list(parts(one))
+        assert [len(p.units) for p in found] == [units] * (7 // units) + [7 % units] * (7 % units > 0)
+
+
 def test_equal_seeds_are_equal_and_others_differ() -> None:
     one, two, other = (simulate(job("settling", seed=s)).table.reading for s in (1, 1, 2))
     np.testing.assert_array_equal(one, two)
