@@ -17,6 +17,7 @@ from station.errors import LogError, StationError, StoreFault
 _WAL_LIMIT_BYTES = 64 * 1024 * 1024
 #: What it needs between two checkpoints: SQLite's 1000 pages with their headers, and the last commit's beyond them.
 _WAL_USUAL_BYTES = 5 * 1024 * 1024
+_PAGE_BYTES = 4096
 
 
 def for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
@@ -72,13 +73,14 @@ def _lengthen(wal: Path) -> None:
 
     A file that grows has its new length and blocks to write with each fsync. What follows the last frame is passed
     over: no zeros are a frame (SQLite, "Database File Format", 4.2). A disk without room for it is left as it was.
+    Written page by page: the kernel keeps what is written in one go as one piece, and a commit would write all of it.
     """
     handle = os.open(wal, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
     try:
         size = os.fstat(handle).st_size
-        missing = bytes(max(0, _WAL_USUAL_BYTES - size))
+        starts = range(size, _WAL_USUAL_BYTES, _PAGE_BYTES)
         try:
-            whole = os.pwrite(handle, missing, size) == len(missing)
+            whole = all(os.pwrite(handle, bytes(_PAGE_BYTES), start) == _PAGE_BYTES for start in starts)
         except OSError:
             whole = False
         if not whole:
