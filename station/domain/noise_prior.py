@@ -2,8 +2,8 @@
 
 A unit tells little of its own noise while its first dwells last; those before it have told what shapes such units'
 noise has and how much its levels differ: empirical Bayes. The weights of the shapes go some steps of EM from the
-general prior towards those that the units make likeliest (Laird 1978, J. Am. Stat. Assoc. 73); going all the way would
-take the chance of few units for their kind. The logarithms of the three axes' variances are normal over units, with
+general prior towards those that the units make likeliest (Laird 1978, J. Am. Stat. Assoc. 73), the more steps the more
+units: going all the way would take the chance of few units for their kind. The logarithms of the three axes' variances are normal over units, with
 mean and covariance by moments: a spread population tells little, a homogeneous one much, and where the axes of a
 unit go together each tells of the others. For a unit far off the spread is wider (Student's t: the covariance comes
 from so many units), so that its own readings decide.
@@ -24,8 +24,8 @@ from station.domain.types import Floats
 SLOWER = 2
 #: A prior holds for dwells so many times as long as those that its shapes are for.
 FURTHER = 4
-#: Units learnt from, and steps of EM: more steps serve many units and mislead with few.
-NEWEST, STEPS = 50, 8
+#: Units learnt from; steps of EM at most, and for how many units there is one more.
+NEWEST, STEPS, UNITS_A_STEP = 50, 8, 6
 #: The ln variance of readings that are all alike, which say nothing of noise.
 SILENT = -600.0
 #: The general weights of the shapes count as so many axes of units.
@@ -142,7 +142,7 @@ def learnt(units: Sequence[Seen], longest: int) -> Prior | None:
         return None
     likelihood = np.exp(np.stack([u.log_likelihood for u in told]))
     share = start = np.exp(general(longest))
-    for _ in range(STEPS):
+    for _ in range(min(STEPS, 1 + len(told) // UNITS_A_STEP)):
         of_unit = _normed(likelihood * share)
         share = (GENERAL_AXES * start + of_unit.sum(axis=(0, 1))) / (GENERAL_AXES + 3 * len(told))
     variance = np.exp(np.stack([u.log_variance for u in told]))
