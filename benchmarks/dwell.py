@@ -1,28 +1,34 @@
 """Adaptive dwell (`until_std`): time against a fixed dwell and against the bound of known noise, and honest intervals.
 
-    python benchmarks/dwell.py [--units 1000] [--case white] [--nests 1] [--seed 1]
+    python benchmarks/dwell.py [--units 1000] [--case white] [--earlier 50] [--nests 1] [--seed 1]
 
 Units whose noise density differs (ln-normal, 25 %) go stop by stop through the rule of the run; every decision is
-the run's own code, for many fixtures at once. The fixed dwell is the shortest that brings the worst unit of the
-population to the wanted uncertainty; the bound is the best allocation for each fixture's true noise, known beforehand.
-Coverage: true coefficients inside ± 1.96 standard deviations of the calibration that the same readings come to; for
-the stated goal run it with --units 10000, which takes five minutes a case. Noise is white or first-order (phi at
-100 Hz) with the sheet's density at low frequencies.
+the run's own code, for many fixtures at once. They know what --earlier units of the kind (others, each of which knew
+nothing) told of their noise: as many as a run asks the log for; --earlier 0 is the first load of a new recipe.
+The fixed dwell is the shortest that brings the worst unit of the population to the wanted uncertainty; the bound is
+the best allocation for each fixture's true noise, known beforehand. Coverage: true coefficients inside ± 1.96 standard
+deviations of the calibration that the same readings come to; for the stated goal run it with --units 10000, which
+takes two to five minutes a case. Noise is white, first-order (phi) or white with 1/f, with the sheet's density at low
+frequencies.
+
+Kinds that the rule was not made on: mixed (each unit's phi another), 1/f, outliers (a tenth with 3 to 10 times the
+noise), alike (3 % spread), apart (50 %), stranger (phi 0.8 where all earlier units were white).
 """
 
 import argparse
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from figures import keep
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from station.domain import adaptive_dwell, ideal, pipeline
+from station.domain import adaptive_dwell, ideal, noise_document, pipeline
 from station.domain.adaptive_dwell import Aim, SoFar
-from station.domain.noise_so_far import Curve, Dwelt, curve, dwelt, reach_of
+from station.domain.noise_prior import NEWEST, Prior, learnt
+from station.domain.noise_so_far import Curve, Dwelt, curve, dwelt, reach_of, seen
 from station.domain.recipe import Recipe
 from station.domain.types import Floats, Labels, SampleTable
 from tests.fakes import tumble
@@ -38,22 +44,87 @@ BURN = 200
 
 
 @dataclass(frozen=True)
+class Shape:
+    """First-order noises that add up: their shares of the variance, and their phi."""
+
+    share: tuple[float, ...]
+    phi: tuple[float, ...]
+
+    def long_run(self) -> float:
+        """n · variance of the mean of n readings of unit variance, n without end."""
+        return sum(a * (1 + p) / (1 - p) for a, p in zip(self.share, self.phi, strict=True))
+
+    def of_long_run(self, count: Floats) -> Floats:
+        """The same for n = count readings, over that."""
+        short = [a * 2 * p * (1 - p**count) / (count * (1 - p) ** 2) for a, p in zip(self.share, self.phi, strict=True)]
+        return np.asarray(1 - np.sum(short, axis=0) / self.long_run())
+
+    def drawn(self, count: int, many: tuple[int, ...], rng: np.random.Generator) -> Floats:
+        """Noise (..., count, 3) of unit long-run variance · readings."""
+        x = np.zeros((*many, count, 3), np.float32)
+        for a, p in zip(self.share, self.phi, strict=True):
+            e = rng.standard_normal((*many, count + BURN * (p > 0), 3), dtype=np.float32)
+            x += np.sqrt(a) * (lfilter([np.sqrt(1 - p**2)], [1, -p], e, axis=-2)[..., BURN:, :] if p else e)
+        return np.asarray(x / np.sqrt(self.long_run()))
+
+
+def first_order(phi: float) -> Shape:
+    """First-order noise."""
+    return Shape((1.0,), (phi,))
+
+
+#: Correlation times of half a reading to 64, evenly in their logarithm, are 1/f over two decades.
+ONE_OVER_F = Shape((0.6, *[0.05] * 8), (0.0, *np.exp(-1 / 2.0 ** np.arange(-1, 7))))
+
+
+@dataclass(frozen=True)
 class Case:
-    """A kind of noise and who measures it: phi of first-order noise, recipe, sample rate."""
+    """A kind of units and who measures them: shapes of noise, one for each unit, recipe, sample rate, spread of ln
+    density, share of outliers; earlier: shapes of the units before, where those were another kind."""
 
-    phi: float
-    method: str
-    rate_hz: float
+    shapes: tuple[Shape, ...]
+    method: str = "six-point"
+    rate_hz: float = 100.0
+    spread: float = SPREAD
+    outliers: float = 0.0
+    earlier: tuple[Shape, ...] = ()
 
 
+WHITE = (first_order(0.0),)
 CASES = {
-    "white": Case(0.0, "six-point", 100.0),
-    "0.5": Case(0.5, "six-point", 100.0),
-    "0.8": Case(0.8, "six-point", 100.0),
-    "0.9": Case(0.9, "six-point", 100.0),
-    "18-positions": Case(0.0, "n-point", 100.0),
-    "18-positions-1kHz": Case(0.0, "n-point", 1000.0),
+    "white": Case(WHITE),
+    "0.5": Case((first_order(0.5),)),
+    "0.8": Case((first_order(0.8),)),
+    "0.9": Case((first_order(0.9),)),
+    "18-positions": Case(WHITE, "n-point"),
+    "18-positions-1kHz": Case(WHITE, "n-point", 1000.0),
+    "mixed": Case(tuple(first_order(p) for p in (0.0, 0.3, 0.6, 0.8, 0.9))),
+    "1/f": Case((ONE_OVER_F,)),
+    "outliers": Case(WHITE, outliers=0.1),
+    "alike": Case(WHITE, spread=0.03),
+    "apart": Case(WHITE, spread=0.5),
+    "stranger": Case((first_order(0.8),), earlier=WHITE),
 }
+
+
+@dataclass(frozen=True)
+class Units:
+    """Fixtures (f) of nests (n). density (f, n), unit/√Hz; shape (f, n): number of each unit's shape in the case."""
+
+    density: Floats
+    shape: Whole
+    case: Case
+
+    def rows(self, rows: Whole) -> "Units":
+        """Some of the fixtures."""
+        return Units(self.density[rows], self.shape[rows], self.case)
+
+
+def units_of(case: Case, many: tuple[int, int], rng: np.random.Generator) -> Units:
+    """Units of a kind."""
+    outlier = np.where(rng.random(many) < case.outliers, rng.uniform(3, 10, many), 1.0)
+    density = DENSITY * np.exp(case.spread * rng.standard_normal(many)) * outlier
+    return Units(density, rng.integers(0, len(case.shapes), many), case)
 
 
 def main() -> None:
@@ -62,6 +133,7 @@ def main() -> None:
     parser.add_argument("--units", type=int, default=1000, help="a fifth of it at 1 kHz")
     parser.add_argument("--case", choices=list(CASES), action="append")
     parser.add_argument("--nests", type=int, default=1)
+    parser.add_argument("--earlier", type=int, default=NEWEST)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     for name in options.case or CASES:
@@ -81,32 +153,36 @@ def told(name: str, case: Case, units: int, options: argparse.Namespace) -> None
     aim = adaptive_dwell.aim(recipe)
     rng = np.random.default_rng(options.seed)
     f = units // options.nests
-    density = DENSITY * np.exp(SPREAD * rng.standard_normal((f, options.nests)))
-    long_run = density**2 / 2
+    prior = known(aim, case, options)
+    everybody = units_of(case, (f, options.nests), rng)
     spent, inside, ratio = [], [], []
     for rows in np.array_split(np.arange(f), max(round(units * case.rate_hz * LONGEST_S / HELD), 1)):
-        line = Line(aim, density[rows], case.phi, rng)
+        line = Line(aim, everybody.rows(rows), rng, prior)
         dwell_s, readings = line.run()
         spent.append(dwell_s.sum(axis=1))
         for hit, share in line.calibrated(recipe, readings):
             inside.append(hit)
             ratio.append(share)
     spent_s, ratios = np.concatenate(spent), np.array(ratio)
-    bound_s = bounds(aim, long_run.max(axis=1), case.phi)
-    fixed_s = float(bounds(aim, np.array([long_run.max()]), case.phi)[0])
+    bound_s = bounds(aim, everybody)
+    worst = np.flatnonzero(everybody.density.max(axis=1) == everybody.density.max())
+    fixed_s = float(bounds(aim, everybody.rows(worst)).max())
     covered, se = np.mean(inside), np.std(np.mean(inside, axis=1)) / np.sqrt(len(inside))
     of_fixed, of_bound = spent_s.mean() / fixed_s, spent_s / bound_s
     mean_of_bound, error = spent_s.sum() / bound_s.sum(), of_bound.std() / np.sqrt(f)
     good = of_fixed <= FIXED_GOAL, mean_of_bound <= BOUND_GOAL, COVERED[0] <= covered <= COVERED[1]
     words = [" MISSED," * (not reached) or "," for reached in good]
-    print(f"{name}: {case.method}, {case.rate_hz:g} Hz, {f} fixtures of {options.nests}, until_std {WANTED:g} g")
+    who = f"{f} fixtures of {options.nests} after {options.earlier} units"
+    print(f"{name}: {case.method}, {case.rate_hz:g} Hz, {who}, until_std {WANTED:g} g")
     print(f"  dwell {spent_s.mean():.2f} s a fixture (5–95 %: {quantiles(spent_s)}), fixed {fixed_s:.2f} s")
     print(f"  of the fixed dwell {of_fixed:.3f}{words[0]} goal ≤ {FIXED_GOAL}")
     print(f"  of the bound {mean_of_bound:.3f} ± {error:.3f} (5–95 %: {quantiles(of_bound)}){words[1]} ≤ {BOUND_GOAL}")
     print(f"  coverage of 95 % {covered:.4f} ± {se:.4f}{words[2]} goal .94–.96")
+    quiet, loud = tenths(everybody.density.ravel(), np.mean(inside, axis=1))
+    print(f"    of the quietest tenth of the units {quiet:.4f}, of the noisiest {loud:.4f}")
     share = np.quantile(ratios, 0.95)
     print(f"  worst coefficient told over wanted: median {np.median(ratios):.3f}, 95 % of units ≤ {share:.3f}")
-    what = f"adaptive dwell, {name} ({case.method}, {case.rate_hz:g} Hz)"
+    what = f"adaptive dwell, {name} ({case.method}, {case.rate_hz:g} Hz), after {options.earlier} units"
     figure = (
         f"{of_fixed:.2f} of fixed; {mean_of_bound:.3f} ± {error:.3f} of the bound; {covered:.4f} ± {se:.4f} covered"
     )
@@ -120,30 +196,44 @@ def quantiles(x: Floats) -> str:
     return f"{np.quantile(x, 0.05):.2f}–{np.quantile(x, 0.95):.2f}"
 
 
-def bounds(aim: Aim, long_run: Floats, phi: float) -> Floats:
-    """Least total dwell (f), s, where first-order noise of so much variance · s is known."""
+def tenths(density: Floats, inside: Floats) -> tuple[float, float]:
+    """Coverage of the quietest and of the noisiest tenth of the units."""
+    by_density = inside[np.argsort(density, kind="stable")]
+    tenth = max(len(inside) // 10, 1)
+    return float(by_density[:tenth].mean()), float(by_density[-tenth:].mean())
+
+
+def known(aim: Aim, case: Case, options: argparse.Namespace) -> Prior | None:
+    """What units measured before have told, of whom each knew nothing."""
+    if not options.earlier:
+        return None
+    rng = np.random.default_rng(options.seed + 1000)
+    before = replace(case, shapes=case.earlier or case.shapes)
+    line = Line(aim, units_of(before, (options.earlier, 1), rng), rng, None)
+    return line.told_of_kind(line.run()[1])
+
+
+def bounds(aim: Aim, units: Units) -> Floats:
+    """Least total dwell (f), s, where each unit's noise is known."""
     count = np.unique(
         np.rint(np.geomspace(aim.shortest_s * aim.rate_hz, aim.longest_s * aim.rate_hz, 12)).astype(int)
     ).astype(float)
-    shape = 1 - 2 * phi * (1 - phi**count) / (count * (1 - phi**2))
-    known = Curve(
-        count,
-        np.tile((long_run * aim.rate_hz)[:, None, None] * shape, (1, 3, 1)),
-        np.full((len(long_run), 3, len(count)), 1e9),
-        np.ones((len(long_run), 0, 3)),
-    )
-    guess = np.full((len(long_run), len(aim)), 1.0)
-    so_far = SoFar(known, np.zeros_like(guess), np.zeros(0, np.intp), np.ones(len(long_run)))
+    by_shape = np.array([s.of_long_run(count) for s in units.case.shapes])
+    worst = (by_shape[units.shape] * (units.density**2 / 2 * aim.rate_hz)[..., None]).max(axis=1)
+    f = len(worst)
+    known = Curve(count, np.tile(worst[:, None], (1, 3, 1)), np.full((f, 3, len(count)), 1e9), np.ones((f, 0, 3)))
+    guess = np.full((f, len(aim)), 1.0)
+    so_far = SoFar(known, np.zeros_like(guess), np.zeros(0, np.intp), np.ones(f))
     return np.asarray(adaptive_dwell.plan(aim, so_far, guess, adaptive_dwell.ROUNDS).dwell_s.sum(axis=1))
 
 
 class Line:
-    """Fixtures (f) of nests, at once."""
+    """Fixtures (f) of nests, at once; prior: what is known of their noise."""
 
-    def __init__(self, aim: Aim, density: Floats, phi: float, rng: np.random.Generator) -> None:
-        self.aim, self.phi, self.rng = aim, phi, rng
-        self.density = density
-        self.theta = tumble.units(rng, density.size)
+    def __init__(self, aim: Aim, units: Units, rng: np.random.Generator, prior: Prior | None) -> None:
+        self.aim, self.units, self.rng, self.prior = aim, units, rng, prior
+        self.density = units.density
+        self.theta = tumble.units(rng, self.density.size)
         self.true = ideal.truths(aim.recipe)
         self.longest = max(round(aim.longest_s * aim.rate_hz), 2)
         self.told: dict[tuple[int, int, int], Dwelt] = {}
@@ -170,7 +260,7 @@ class Line:
         past = np.array([count for _, count in readings]).reshape(stop, len(done_s))
         while len(going):
             now = self.count(lasted_s)
-            reaches = np.array([reach_of(n) for n in np.max([*past, now], axis=0)])
+            reaches = np.array([reach_of(n, self.prior) for n in np.max([*past, now], axis=0)])
             for reach in np.unique(reaches[going]).tolist():
                 rows = going[reaches[going] == reach]
                 curves = self.curves(rows, reach, (noise, now), readings)
@@ -193,8 +283,14 @@ class Line:
                 if (nest, stop, reach) not in self.told:
                     self.told[nest, stop, reach] = dwelt_of(done, nest, np.arange(len(self.density)), reach)
             earlier = [some(self.told[nest, stop, reach], rows) for stop in range(len(readings))]
-            found.append(curve([*earlier, dwelt_of(present, nest, rows, reach)], reach))
+            found.append(curve([*earlier, dwelt_of(present, nest, rows, reach)], reach, self.prior))
         return found
+
+    def told_of_kind(self, readings: list[Stop]) -> Prior | None:
+        """What the first nests tell of the next units, as the log keeps it."""
+        longest = adaptive_dwell.prior_for(self.aim.recipe)
+        units = seen([dwelt_of(done, 0, np.arange(len(self.density)), longest) for done in readings], longest)
+        return learnt(noise_document.all_seen({"noise": noise_document.of_seen(u)} for u in units), longest)
 
     def count(self, lasted_s: Floats) -> Whole:
         """Readings of dwells."""
@@ -202,17 +298,18 @@ class Line:
 
     def noise(self) -> Floats:
         """Noise (f, nests, n, 3) of one stop for the longest dwell."""
-        shape = (*self.density.shape, self.longest + BURN, 3)
-        e = self.rng.standard_normal(shape, dtype=np.float32)
-        x = lfilter([np.sqrt(1 - self.phi**2)], [1, -self.phi], e, axis=2)[:, :, BURN:] if self.phi else e[:, :, BURN:]
+        x = np.empty((*self.density.shape, self.longest, 3))
+        for number, shape in enumerate(self.units.case.shapes):
+            own = self.units.shape == number
+            x[own] = shape.drawn(self.longest, (int(own.sum()),), self.rng)
         # A sheet's density is that at low frequencies, where a mean lives.
-        root = np.sqrt(self.aim.rate_hz / 2 * (1 - self.phi) / (1 + self.phi))
-        return np.asarray(x * (self.density * root)[..., None, None])
+        x *= (self.density * np.sqrt(self.aim.rate_hz / 2))[..., None, None]
+        return x
 
     def calibrated(self, recipe: Recipe, readings: list[Stop]) -> Iterator[tuple[NDArray[np.bool_], float]]:
         """Of every unit: which (12) coefficients lie in their intervals, and the worst noise over the wanted."""
         table = self.table(readings)
-        for unit, found in enumerate(pipeline.calibrate(recipe, table, tumble.TODAY)):
+        for unit, found in enumerate(pipeline.calibrate(recipe, table, tumble.TODAY, prior=self.prior)):
             assert found.budget is not None
             off = np.abs(tumble.coefficients(found) - self.theta[unit])
             told = found.budget.std("noise") / np.where(np.isfinite(self.aim.std), self.aim.std, np.inf)
