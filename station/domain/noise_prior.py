@@ -1,12 +1,12 @@
 """What the noise of a kind of unit is like, learnt from units measured before, and what it tells of the next one.
 
 A unit tells little of its own noise while its first dwells last; those before it have told what shapes such units'
-noise has and how much its levels differ: empirical Bayes. The weights of the shapes go some steps of EM from the
-general prior towards those that the units make likeliest (Laird 1978, J. Am. Stat. Assoc. 73), the more steps the more
-units: going all the way would take the chance of few units for their kind. The logarithms of the three axes' variances are normal over units, with
-mean and covariance by moments: a spread population tells little, a homogeneous one much, and where the axes of a
-unit go together each tells of the others. For a unit far off the spread is wider (Student's t: the covariance comes
-from so many units), so that its own readings decide.
+noise has and how much their levels differ: empirical Bayes. The weights of the shapes go some steps of EM from the
+general prior towards those that the units make likeliest (Laird 1978, J. Am. Stat. Assoc. 73), the more steps the
+more units: going all the way would take the chance of few units for their kind. The logarithms of the three axes'
+variances are normal over units, with mean and covariance by moments: a spread population tells little, a homogeneous
+one much, and where the axes of a unit go together each tells of the others. For a unit far off the spread is wider
+(Student's t: the covariance comes from so many units), so that its own readings decide.
 """
 
 from collections.abc import Sequence
