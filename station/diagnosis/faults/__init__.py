@@ -41,7 +41,9 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspected:
     by_gold = gold.faults(recipe, table, scene, stop)
     found, table = [*found, *by_gold], gold.repaired(recipe, table, by_gold)
     _, bad = clipping.clipped(table, stop)
-    whole = ~np.isin(stop, np.unique(stop[bad]))
+    hit = np.zeros(len(scene.visits), bool)
+    hit[stop[bad]] = True
+    whole = ~hit[stop]
     kept = table[whole] if bad.any() else table
     found += tone.faults(recipe, kept, stop[whole])
     return Inspected(tuple(found), kept, _blind(recipe, table, scene), gold.tested(recipe, table))

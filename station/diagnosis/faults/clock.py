@@ -58,7 +58,8 @@ def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> tuple[F
         group = stop[rows]
         error[u], std[u] = _slope(table.time_s[rows], number[rows] / nominal, group)
         if has and np.isfinite(std[u]):
-            joined = _joined(table, rows, number[rows], first, error[u], std[u], (nominal, bits))
+            starts = first[slice(*np.searchsorted(first, (of.start, of.stop)))] - of.start
+            joined = _joined(table, rows, number[rows], starts, error[u], std[u], (nominal, bits))
             if joined is not None:
                 run = table.run[rows]
                 error[u], std[u] = _slope(table.time_s[rows], joined / nominal, run, stop[rows])
@@ -97,14 +98,16 @@ def _slope(time_s: Floats, device_s: Floats, group: Array, stop: Array | None = 
 
 
 def _joined(
-    table: SampleTable, rows: NDArray[np.intp], number: NDArray[np.int64], first: NDArray[np.intp],
+    table: SampleTable, rows: NDArray[np.intp], number: NDArray[np.int64], starts: NDArray[np.intp],
     error: float, std: float, clock: tuple[float, int],
 ) -> NDArray[np.int64] | None:  # fmt: skip
-    """Frame numbers of a unit counted on from stop to stop, or None where the counter may have gone round."""
+    """Frame numbers of a unit counted on from stop to stop, or None where the counter may have gone round.
+
+    starts: where among the unit's rows each stop begins.
+    """
     nominal, bits = clock
     span = 1 << bits
     out = number.copy()
-    starts = np.flatnonzero(np.isin(rows, first))
     raw = table.values["counter"][rows].astype(np.int64)
     for a, b in pairwise(starts):
         if table.run[rows[a]] != table.run[rows[b]]:

@@ -43,10 +43,14 @@ def tally(table: SampleTable, stop: NDArray[np.intp], bits: int) -> Tally:
     unit = table.unit.code[first]
     size = len(table.unit.names)
     low, high = np.minimum.reduceat(number, first), np.maximum.reduceat(number, first)
-    key = np.unique(np.stack([stop, number]), axis=1)[0]
-    different = np.bincount(key, minlength=len(first))
-    back = np.add.reduceat((np.diff(number, prepend=number[:1]) < 0) & (np.diff(stop, prepend=-1) == 0), first)
+    step, within = np.diff(number, prepend=number[:1]), np.diff(stop, prepend=-1) == 0
+    back = np.add.reduceat((step < 0) & within, first)
     arrived = np.diff(np.append(first, len(stop)))
+    different = arrived.copy()
+    # Numbers that only rise are all different; the few other stops are sorted.
+    risen = np.logical_and.reduceat((step > 0) | ~within, first)
+    for s in np.flatnonzero(~risen):
+        different[s] = len(np.unique(number[first[s] : first[s] + arrived[s]]))
 
     def by_unit(counts: NDArray[np.int64]) -> NDArray[np.int64]:
         return np.bincount(unit, counts, size).astype(np.int64)
