@@ -191,12 +191,13 @@ def test_a_prior_expects_levels_as_a_normal_would() -> None:
 
 
 def test_an_axis_whose_readings_never_change_spoils_nothing(rng: np.random.Generator) -> None:
-    """Its neighbours are as variable as they are: 189 readings know a level to √(2/189) = 10 %, and as much for the
-    shape, four times over. Of itself the prior says about one reading's worth (t, so far off) among 189."""
+    """Its neighbours are as variable as they are, to four times what their degrees of freedom say. Of itself the prior
+    says about one reading's worth (t, so far off) among 189."""
     prior = prior_of(20, rng)
     x = rng.standard_normal((3, LONGEST, 3))
     x[:, :, 0] = 0.0
     args = (np.arange(3) * LONGEST, np.full(3, LONGEST), np.zeros(3, np.int64))
-    found = LONGEST * measure(x.reshape(-1, 3), *args, prior).variance
-    assert (found[:, 0] < 0.2).all()
-    assert np.abs(np.log(found[:, 1:])).max() < 4 * np.sqrt(2 * 2 / 189)
+    found = measure(x.reshape(-1, 3), *args, prior)
+    n_variance = LONGEST * found.variance / noise.widening(found.dof)
+    assert (n_variance[:, 0] < 0.2).all()
+    assert (np.abs(np.log(n_variance)) < 4 * np.sqrt(2 / found.dof))[:, 1:].all()
