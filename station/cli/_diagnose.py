@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from station.adapters.memory import keep_all
 from station.cli import _face
 from station.config.models import load_model
 from station.config.recipes import load_recipe
@@ -50,6 +51,7 @@ def diagnose_to(
     wanted: Wanted, seed: int,
 ) -> int:  # fmt: skip
     """Diagnoses and tells; returns the exit code. Errors: InputError."""
+    keep_all()
     recipe, simulation = load_recipe(recipe_name), load_model(model)
     for option, path in (("--report", wanted.report), ("--extend", wanted.extend), ("--next-run", wanted.next_run)):
         if path is not None and not path.parent.is_dir():
