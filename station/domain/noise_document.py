@@ -13,11 +13,12 @@ LEAST = -12.0
 
 
 def of_seen(seen: Seen) -> dict[str, Any]:
-    """The shapes that say something of a unit, by number, and what they say, rounded."""
+    """The shapes that say something of a unit, by number in their family of so many, and what they say, rounded."""
     shapes = np.flatnonzero((seen.log_likelihood > LEAST).any(axis=0))
     return {
         "longest": seen.longest,
         "dof": seen.dof,
+        "family": seen.log_likelihood.shape[1],
         "shapes": shapes.tolist(),
         "log_likelihood": seen.log_likelihood[:, shapes].round(2).tolist(),
         "log_variance": seen.log_variance[:, shapes].round(4).tolist(),
@@ -25,8 +26,10 @@ def of_seen(seen: Seen) -> dict[str, Any]:
 
 
 def all_seen(dwells: Iterable[Mapping[str, Any]]) -> list[Seen]:
-    """What units have told, from their results `dwell`; those from before it was kept are passed over."""
-    return [to_seen(dwell["noise"]) for dwell in dwells if dwell.get("noise")]
+    """What units have told, from their results `dwell`; those from before it was kept are passed over, and those of
+    a family that is no longer the same."""
+    told = [dwell["noise"] for dwell in dwells if dwell.get("noise")]
+    return [to_seen(noise) for noise in told if noise["family"] == len(general(noise["longest"]))]
 
 
 def to_seen(document: Mapping[str, Any]) -> Seen:
@@ -56,10 +59,12 @@ def to_prior(dwell: Mapping[str, Any] | None) -> Prior | None:
         return None
     kept = dwell["prior"]
     try:
-        return Prior(
-            int(kept["longest"]),
-            int(kept["units"]),
-            *(np.array(kept[name], float) for name in ("log_weight", "mean", "covariance")),
-        )
+        numbers = (np.array(kept[name], float) for name in ("log_weight", "mean", "covariance"))
+        prior = Prior(int(kept["longest"]), int(kept["units"]), *numbers)
+        if len(prior.log_weight) != len(general(prior.longest)):
+            raise LogError(
+                "what was known of an attempt's noise names other shapes than this version of the station has"
+            )
+        return prior
     except (KeyError, TypeError, ValueError) as exc:
         raise LogError(f"the prior of an attempt's noise cannot be read ({exc}); run `station audit --verify`") from exc

@@ -11,6 +11,7 @@ from station.domain.dwell import measure
 from station.domain.noise_prior import FURTHER, OWN, SPREAD, Prior, Seen, general, learnt
 from station.domain.noise_so_far import Dwelt, curve, dwelt, reach_of, seen
 from station.domain.types import Floats
+from station.errors import LogError
 
 LONGEST, STOPS = 64, 6
 
@@ -177,6 +178,16 @@ def test_what_the_log_keeps_of_a_unit_tells_the_same(rng: np.random.Generator) -
     assert np.exp(after.log_weight) == pytest.approx(np.exp(before.log_weight), abs=0.02)
     assert after.mean == pytest.approx(before.mean, abs=2e-3)
     assert after.covariance == pytest.approx(before.covariance, abs=2e-3)
+
+
+def test_shapes_of_another_version_are_passed_over_and_never_taken_for_these(rng: np.random.Generator) -> None:
+    kept = noise_document.of_seen(population(1, rng)[0])
+    assert noise_document.all_seen([{"noise": kept | {"family": kept["family"] + 1}}]) == []
+    prior = noise_document.of_prior(prior_of(2, rng))
+    with pytest.raises(LogError, match="other shapes than this version"):
+        noise_document.to_prior({"prior": prior | {"log_weight": prior["log_weight"][:-1]}})
+    with pytest.raises(LogError, match="cannot be read"):
+        noise_document.to_prior({"prior": {"longest": 64}})
 
 
 def test_a_prior_expects_levels_as_a_normal_would() -> None:
