@@ -4,7 +4,9 @@
 
 Row 7: the same bytes (plain frames and statistics of four nests) go through `SqliteStore.visit` and through bare
 `INSERT`s in one transaction, in turn, with the same settings: WAL, synchronous FULL. As in a run, the frames were laid
-out and hashed before, look by look, while the dwell went on; what that takes is told beside it. Row 8: all frames of a
+out and hashed before, look by look, while the dwell went on; what that takes is told beside it. The bare insert's
+write-ahead log grows for the first 4 MB, that of the station has its length from its opening on: the last third of the
+stops, told apart, is where neither grows (at 100 Hz with 300 stops or more). Row 8: all frames of a
 unit, 24 stops, as the log packs them, against its candump log compressed by zstd -19 and its BLF file; time stamps as
 a kernel gives them, to the nanosecond, with 20 µs of jitter, and cut to whole microseconds, as candump keeps them.
 """
@@ -119,7 +121,9 @@ def row_7(layout: SensorLayout, rate_hz: int, stops: int, folder: str | None) ->
     print(f"  before it: {ahead} of processor in {len(LOOKS_S)} looks")
     print(f"  processor {np.median(used[1]) * 1e3:.2f} ms against {np.median(used[0]) * 1e3:.2f} ms")
     ratio, calm = np.median(ours) / np.median(bare), np.percentile(ours, 10) / np.percentile(bare, 10)
-    how = f"medians of {stops}; calmest tenth {calm:.2f}; means {np.mean(ours) / np.mean(bare):.2f}"
+    late = np.median(ours[stops * 2 // 3 :]) / np.median(bare[stops * 2 // 3 :])
+    mean = np.mean(ours) / np.mean(bare)
+    how = f"medians of {stops}; last third {late:.2f}; calmest tenth {calm:.2f}; means {mean:.2f}"
     _ratio(ratio, 1.3, how)
     peer = f"bare insert of the same bytes, sqlite {sqlite3.sqlite_version}, {np.median(bare) * 1e3:.2f} ms"
     figures.keep(7, f"{what}; {ahead}", f"{ratio:.2f} × ({how})", peer, "<= 1.3 ×", ratio <= 1.3)
