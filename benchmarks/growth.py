@@ -1,13 +1,15 @@
 """How time and memory grow with samples, units, nests, positions, effects and the log: exponents, and a picture.
 
-    python benchmarks/growth.py [--quick] [--only calibrate replay] [--picture docs/pictures/growth.svg]
+    python benchmarks/growth.py [--quick] [--runs 3] [--only calibrate replay] [--picture docs/pictures/growth.svg]
 
 Row 13. Every point is a command of the station in a process of its own, which has done the same on the smallest input
 first, so that imports are paid. Time is the processor's; memory is how far the process's peak rose above what it held
-before. The exponent is the slope of time against size, both logarithmic, between the last two sizes, where the
-overhead that hides growth is least; that over all sizes stands beside it. Goal: at most 1.05, and memory that does not
-grow over the same last step on the paths that stream: they work portion by portion. --quick leaves the largest size
-out, at which portions show.
+before. All sizes are measured one after the other, round after round, so that a busy minute of the machine falls on
+all of them. The exponent is the slope of time against size, both logarithmic, between the last two sizes, where the
+overhead that hides growth is least: the median of the rounds, with the least and the greatest; that over all sizes
+stands beside it. Goal: at most 1.05, and memory that does not grow over the same last step on the paths that stream:
+they work portion by portion, and their last two sizes are several portions each. --quick leaves the largest size out,
+and is one round.
 """
 
 import argparse
@@ -15,6 +17,7 @@ import contextlib
 import math
 import os
 import resource
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -82,16 +85,16 @@ PATHS = (
         growth_inputs.samples,
         _tables("samples"),
     ),
-    Way("calibrate", "units", (4, 40, 400, 4000), growth_inputs.units, _tables("units"), streams=True),
+    Way("calibrate", "units", (4, 80, 800, 4000), growth_inputs.units, _tables("units"), streams=True),
     Way("calibrate", "stops", (6, 60, 600, 6000), growth_inputs.stops, _tables("stops")),
-    Way("simulate", "units", (1, 10, 200, 1000), growth_inputs.nothing, _simulate, streams=True),
+    Way("simulate", "units", (1, 20, 200, 1000), growth_inputs.nothing, _simulate, streams=True),
     Way(
         *("simulate", "effects", (1, 3, 9, 36), growth_inputs.nothing),
         lambda folder, size: _simulate(folder, 10, growth_inputs.effects(size)),
     ),
     Way("run", "units", (1, 10, 100), growth_inputs.nothing, _run, streams=True, own=True),
     Way(
-        *("run", "nests", (1, 4, 16), growth_inputs.config),
+        *("run", "nests", (1, 2, 16), growth_inputs.config),
         lambda folder, size: _run(folder, size, ("--config", str(folder / f"nests-{size}.yaml"))),
         own=True,
     ),
@@ -127,17 +130,31 @@ PATHS = (
 
 @dataclass(frozen=True, slots=True)
 class Grown:
-    """What one path came to: processor time, s, and rise of memory, MiB, at each size."""
+    """What one path came to, round by round: processor time, s, and rise of memory, MiB, at each size."""
 
     path: Way
     sizes: tuple[int, ...]
-    seconds: tuple[float, ...]
-    mib: tuple[float, ...]
+    rounds: tuple[tuple[tuple[float, float], ...], ...]
+
+    @property
+    def seconds(self) -> tuple[float, ...]:
+        """Median time at each size."""
+        return tuple(statistics.median(s for s, _ in of_size) for of_size in zip(*self.rounds, strict=True))
+
+    @property
+    def mib(self) -> tuple[float, ...]:
+        """Median memory at each size."""
+        return tuple(statistics.median(m for _, m in of_size) for of_size in zip(*self.rounds, strict=True))
+
+    @property
+    def exponents(self) -> tuple[float, ...]:
+        """Between the last two sizes, of each round."""
+        return tuple(self._slope(self.sizes[-2:], [s for s, _ in done[-2:]]) for done in self.rounds)
 
     @property
     def exponent(self) -> float:
-        """Between the last two sizes."""
-        return self._slope(self.sizes[-2:], self.seconds[-2:])
+        """Their median."""
+        return statistics.median(self.exponents)
 
     @property
     def overall(self) -> float:
@@ -165,6 +182,7 @@ def main() -> None:
     """Prints every path with its exponent, and draws the picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--only", nargs="+", help="paths, by the beginning of their names")
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--child", nargs=3, metavar=("NUMBER", "SIZE", "FOLDER"), help=argparse.SUPPRESS)
@@ -179,7 +197,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for number, path in enumerate(PATHS):
             if not given.only or any(path.name.startswith(name) for name in given.only):
-                found.append(_grown(number, path, path.sizes[: -1 if given.quick else None], Path(folder)))
+                sizes, rounds = (path.sizes[:-1], 1) if given.quick else (path.sizes, given.runs)
+                found.append(_grown(number, path, sizes, rounds, Path(folder)))
                 _tell(found[-1])
     good = all(g.good for g in found)
     worst = max(found, key=lambda g: g.exponent)
@@ -187,8 +206,8 @@ def main() -> None:
     print(f"row 13: worst exponent {worst.exponent:.2f} ({worst.path.name} against {worst.path.over}), ", end="")
     print(f"most memory that a streaming path gained with size {fat.added_mib:.0f} MiB ({fat.path.name}); ", end="")
     print(f"goal <= {GOAL} and flat: {'reached' if good else 'NOT reached'}")
-    where = f"{worst.path.name} against {worst.path.over}"
-    figure = f"worst exponent {worst.exponent:.2f} ({where}); memory +{fat.added_mib:.0f} MiB ({fat.path.name})"
+    where = f"{worst.path.name} against {worst.path.over}, {_spread(worst)}"
+    figure = f"worst exponent {worst.exponent:.3f} ({where}); memory +{fat.added_mib:.0f} MiB ({fat.path.name})"
     figures.keep(13, f"growth of {len(found)} paths", figure, "a straight line", f"<= {GOAL}, flat", good)
     if given.picture:
         import growth_picture
@@ -197,11 +216,17 @@ def main() -> None:
         print(f"drawn: {given.picture}")
 
 
-def _grown(number: int, path: Way, sizes: Sequence[int], folder: Path) -> Grown:
+def _grown(number: int, path: Way, sizes: Sequence[int], rounds: int, folder: Path) -> Grown:
     for size in sizes:
         _child("--prepare", number, size, folder)
-    said = [_child("--child", number, size, folder).split() for size in sizes]
-    return Grown(path, tuple(sizes), tuple(float(s) for s, _ in said), tuple(float(m) for _, m in said))
+    return Grown(
+        path, tuple(sizes), tuple(tuple(_point(number, size, folder) for size in sizes) for _ in range(rounds))
+    )
+
+
+def _point(number: int, size: int, folder: Path) -> tuple[float, float]:
+    seconds, mib = _child("--child", number, size, folder).split()
+    return float(seconds), float(mib)
 
 
 def _child(what: str, number: int, size: int, folder: Path) -> str:
@@ -266,9 +291,13 @@ def _tell(g: Grown) -> None:
     points = ", ".join(f"{n}: {s:.3g} s" for n, s in zip(g.sizes, g.seconds, strict=True))
     memory = f"memory {', '.join(f'+{m:.0f}' for m in g.mib)} MiB{' (streams)' if g.path.streams else ''}"
     verdict = "reached" if g.good else "NOT reached"
-    slopes = f"exponent {g.exponent:.2f} at the end, {g.overall:.2f} over all"
+    slopes = f"exponent {g.exponent:.3f} at the end ({_spread(g)}), {g.overall:.2f} over all"
     print(f"{g.path.name} against {g.path.over}: {slopes}; {memory}: {verdict}")
     print(f"  {points}", flush=True)
+
+
+def _spread(g: Grown) -> str:
+    return f"{min(g.exponents):.3f} to {max(g.exponents):.3f} in {len(g.exponents)} runs"
 
 
 if __name__ == "__main__":
