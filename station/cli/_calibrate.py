@@ -7,6 +7,7 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
+from station.adapters.memory import keep_all
 from station.adapters.samples import by_units
 from station.cli import _calibrate_table, _face
 from station.cli._calibrate_json import JsonUnits
@@ -33,6 +34,7 @@ class Wanted:
 
 def calibrate_file(samples: Path, recipe_name: str, wanted: Wanted) -> int:
     """Calibrates every unit of a file; returns the exit code. Errors: InputError, ReferenceOverdue."""
+    keep_all()
     recipe = load_recipe(recipe_name)
     told = Told()
     with JsonUnits(wanted.json, document.head(recipe)) as file:

@@ -60,11 +60,11 @@ def visits(table: SampleTable, recipe: Recipe, prior: Prior | None = None) -> It
 def in_order(table: SampleTable) -> SampleTable:
     """The table sorted by unit, run and visit; samples of a visit keep their order."""
     columns = (table.unit.code, table.run, table.visit)
-    falls, same = np.zeros(max(len(table) - 1, 0), bool), True
+    falls, same = np.zeros(max(len(table) - 1, 0), bool), np.ones(max(len(table) - 1, 0), bool)
     for column in columns:
-        step = np.diff(column.astype(np.int64))
-        falls |= same & (step < 0)
-        same = same & (step == 0)
+        before, after = column[:-1], column[1:]
+        falls |= same & (after < before)
+        same &= after == before
     return table[np.lexsort(columns[::-1])] if falls.any() else table
 
 
