@@ -26,6 +26,10 @@ from station.model.effect import Effect, GoldEffect, PoseEffect, SensorEffect, S
 FLOOR = ("repeatability", "bias-walk")
 #: A cause may be so many times as large as the largest met in practice.
 THINKABLE = 20.0
+#: Times of a jump that are scanned at most.
+GAPS = 32
+#: Times between two of them that are tried at most.
+MOMENTS = 12
 #: Levels whose groups belong to one unit each.
 OWN = ("unit", "run", "visit", "unit-position")
 
@@ -36,7 +40,8 @@ class Candidate:
 
     name: effect id or the kernel's name; effect: at its shape, None for a kernel; of: level; code (v) and names of
     the groups; stop (v, 3, a) columns of the stops' means; dwell (v, B−1, 3, a) of the contrasts, or None; scale of
-    the effect's sizes in this recipe; plain: the same without the columns that its covariate's error adds, if any.
+    the effect's sizes in this recipe; plain: the same without the columns that its covariate's error adds, if any;
+    own: the effect of each group, where they differ in shape (`own_times.py`).
     """
 
     name: str
@@ -49,6 +54,15 @@ class Candidate:
     dwell: Floats | None = None
     scale: float = 1.0
     plain: "Candidate | None" = None
+    own: tuple[Effect, ...] = ()
+
+    @property
+    def shapes(self) -> dict[Effect, NDArray[np.bool_]]:
+        """Every shape it has, with the groups (groups) that have it; none of a kernel."""
+        if self.effect is None:
+            return {}
+        of = self.own or (self.effect,) * len(self.names)
+        return {e: np.array([x == e for x in of]) for e in dict.fromkeys(of)}
 
     @property
     def most(self) -> float:
@@ -90,6 +104,18 @@ class Candidate:
         dwell = None if self.dwell is None else self.dwell[chosen]
         # The plain one is for what is accepted in the end.
         return replace(self, code=self.code[chosen], stop=self.stop[chosen], dwell=dwell)
+
+
+def seen_in(candidate: Candidate, view: View) -> Candidate:
+    """A candidate with the columns it has in a view; a kernel's stay."""
+    if candidate.effect is None:
+        return candidate
+    parts = [(view.signature(e, candidate.of), at[candidate.code]) for e, at in candidate.shapes.items()]
+    (stop, dwell), _ = parts[0]
+    for (other, _), rows in parts[1:]:
+        # Only what stands still during a stop has a shape of each group's own.
+        stop = np.where(rows[:, None, None], other, stop)
+    return replace(candidate, stop=stop, dwell=dwell)
 
 
 def _by_group(columns: Floats, code: NDArray[np.int32], groups: int) -> Floats:
@@ -145,8 +171,17 @@ def gaps_of(view: View) -> tuple[float, ...]:
 
 
 def _some(gaps: tuple[float, ...]) -> tuple[float, ...]:
-    """All of a few gaps, every second one of many."""
-    return gaps if len(gaps) <= 12 else gaps[1::2]
+    """All of a few gaps, as many of more of them."""
+    return gaps[:: -(-len(gaps) // GAPS)]
+
+
+def moments(view: View, low: float, high: float) -> tuple[float, ...]:
+    """Times between any two stops of any runs within bounds: from one to the next another stop is before the jump.
+    Of a fleet's many, some."""
+    t = np.unique(np.round(view.scene.time_s, 3))
+    middle = (t[1:] + t[:-1]) / 2
+    near = middle[(middle > low) & (middle < high)]
+    return tuple(float(x) for x in near[:: max(1, -(-len(near) // MOMENTS))])
 
 
 def testable(effect: Effect, view: View) -> bool:

@@ -1,6 +1,6 @@
 """A diagnosis as the document `station.diagnosis/1` (contracts, section 5)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from station.diagnosis.faults import Fault
 from station.diagnosis.gain import Gain
 from station.diagnosis.kernels import WORDS
 from station.diagnosis.left import left_rms
+from station.model.effect import Effect
 
 SCHEMA = "station.diagnosis/1"
 
@@ -129,13 +130,24 @@ def _parameters(e: Estimate, unit: str) -> list[dict[str, Any]]:
         for i, axis in enumerate(effect.axes)
     ]  # fmt: skip
     told = {t.field: t for t in e.form}
-    for form in effect.forms:
-        std = told[form.field].std if form.field in told else e.spread_of(form.field)
-        value = float(getattr(effect, form.field))
-        rows.append(
-            {"name": form.name, "axis": None, "of": "common", "value": value, "std": std, "unit": form.unit_in(unit)}
-        )
+    for effect, of in _shapes(e):
+        for form in effect.forms:
+            std = told[form.field].std if form.field in told else e.spread_of(form.field)
+            value = float(getattr(effect, form.field))
+            rows.append(
+                {"name": form.name, "axis": None, "of": of, "value": value, "std": std, "unit": form.unit_in(unit)}
+            )
     return rows
+
+
+def _shapes(e: Estimate) -> Iterator[tuple[Effect, str]]:
+    """The shapes of a cause, and whose they are: everybody's, or each group's own."""
+    candidate = e.item.candidate
+    if not candidate.own:
+        yield from ((effect, "common") for effect in candidate.shapes)
+    for effect, name, hit in zip(candidate.own, candidate.names, e.item.hit, strict=False):
+        if hit:
+            yield effect, name
 
 
 def _of_floor(name: str, d: Diagnosis) -> list[dict[str, Any]]:

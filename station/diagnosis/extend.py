@@ -1,8 +1,11 @@
 """The simulation extended by what was found: a model file that `simulate` and a second `diagnose` take."""
 
+from collections.abc import Iterator
+
 from station.diagnosis.diagnose import Cause, Diagnosis
 from station.diagnosis.document import parameters
 from station.diagnosis.faults import Fault
+from station.model.effect import Effect
 from station.model.model_file import Model, ModelEffect, ModelParameter
 
 
@@ -13,9 +16,8 @@ def extended(model: Model, d: Diagnosis) -> Model:
     """
     named = {effect.effect for effect in model.effects}
     faults = [_of_fault(f) for f in d.faults if f.effect not in named]
-    return model.model_copy(
-        update={"effects": (*model.effects, *faults, *(_of_cause(c, d) for c in d.causes if c.gain.accepted))}
-    )
+    found = (effect for c in d.causes if c.gain.accepted for effect in _of_cause(c, d))
+    return model.model_copy(update={"effects": (*model.effects, *faults, *found)})
 
 
 def _of_fault(f: Fault) -> ModelEffect:
@@ -25,8 +27,19 @@ def _of_fault(f: Fault) -> ModelEffect:
     return ModelEffect(effect=f.effect, parameters=told)
 
 
-def _of_cause(c: Cause, d: Diagnosis) -> ModelEffect:
-    rows = parameters(c, d)
-    effect = None if c.estimate is None else c.estimate.item.candidate.effect
-    shape = {} if effect is None else {p.field: float(getattr(effect, p.field)) for p in effect.forms}
-    return ModelEffect(effect=c.finding.name, parameters=tuple(ModelParameter(**row) for row in rows), shape=shape)
+def _of_cause(c: Cause, d: Diagnosis) -> Iterator[ModelEffect]:
+    """A cause, once for each of its shapes."""
+    rows = [ModelParameter(**row) for row in parameters(c, d)]
+    candidate = None if c.estimate is None else c.estimate.item.candidate
+    if candidate is None or not candidate.own:
+        effect = None if candidate is None else candidate.effect
+        yield ModelEffect(effect=c.finding.name, parameters=tuple(rows), shape=_shape(effect))
+        return
+    for effect, groups in candidate.shapes.items():
+        own = {name for name, at in zip(candidate.names, groups, strict=True) if at}
+        if theirs := tuple(row for row in rows if row.of in own):
+            yield ModelEffect(effect=c.finding.name, parameters=theirs, shape=_shape(effect))
+
+
+def _shape(effect: Effect | None) -> dict[str, float]:
+    return {} if effect is None else {p.field: float(getattr(effect, p.field)) for p in effect.forms}

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.bank import OWN, Candidate
+from station.diagnosis.bank import OWN, Candidate, seen_in
 from station.diagnosis.space import Known, Rows
 from station.diagnosis.view import View
 from station.domain.types import Floats
@@ -32,24 +32,18 @@ class Accepted:
     mean: Floats
     std: Floats
 
-    @property
-    def key(self) -> str:
-        """Its name in the simulation: one effect may act at two levels or with two shapes."""
-        effect = self.candidate.effect
-        return f"{self.candidate.name}/{self.candidate.of}/{effect}"
-
-    def acting(self) -> Acting | None:
-        """The cause at work, None of a kernel."""
-        if self.candidate.effect is None:
-            return None
-        return Acting(self.candidate.effect, self.coefficient, self.candidate.of)
+    def at_work(self) -> dict[str, Acting]:
+        """The cause at work, once for each of its shapes, by names in the simulation: one effect may act at two levels
+        or with two shapes. Nothing of a kernel."""
+        c = self.candidate
+        return {
+            f"{c.name}/{c.of}/{effect}": Acting(effect, np.where(groups[:, None], self.coefficient, 0.0), c.of)
+            for effect, groups in c.shapes.items()
+        }
 
     def renewed(self, view: View) -> "Accepted":
         """The same with columns from the view, whose simulation it acts in."""
-        if self.candidate.effect is None:
-            return self
-        stop, dwell = view.signature(self.candidate.effect, self.candidate.of)
-        return replace(self, candidate=replace(self.candidate, stop=stop, dwell=dwell))
+        return replace(self, candidate=seen_in(self.candidate, view))
 
 
 def accept(candidate: Candidate, hit: NDArray[np.bool_], spread: float) -> Accepted:
@@ -106,9 +100,8 @@ def known_of(view: View, accepted: tuple[Accepted, ...], matrix: bool) -> tuple[
 def _blurs(view: View, accepted: tuple[Accepted, ...]) -> Iterator[Rows]:
     """What the accepted causes may be off by because their covariates are, for each run of a unit on its own."""
     code, names = view.scene.group("run")
-    for item in accepted:
-        acting = item.acting()
-        stop = None if acting is None else view.blurred(acting)
+    for acting in (acting for item in accepted for acting in item.at_work().values()):
+        stop = view.blurred(acting)
         if stop is not None:
             yield Candidate("blur", None, "run", "own", code, names, stop).rows(view.layout)
 

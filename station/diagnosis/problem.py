@@ -137,7 +137,7 @@ def refined(problem: Problem, rounds: int = 4) -> Problem:
 
 def acting(view: View, accepted: tuple[Accepted, ...]) -> View:
     """The view with the accepted causes at work."""
-    at_work = {item.key: found for item in accepted if (found := item.acting()) is not None}
+    at_work = {key: acting for item in accepted for key, acting in item.at_work().items()}
     return quieted(replace(view, active=at_work))
 
 

@@ -12,6 +12,7 @@ from station.diagnosis.bank import Bank, Candidate, bank_of, candidates, library
 from station.diagnosis.evidence import log_mean
 from station.diagnosis.floor import Fitted, Floor
 from station.diagnosis.known import Accepted
+from station.diagnosis.own_times import with_own_times
 from station.diagnosis.panel import Panel, beside, panel
 from station.diagnosis.problem import refined
 from station.diagnosis.rank import Rank, grown_with, merge, rank
@@ -148,6 +149,8 @@ def _before_the_floor(problem: Problem, banks: Sequence[Bank], ranks: dict[str, 
     now = panel(grown, banks, grown.fit(leader.at.floor).floor)
     beside_it: dict[str, Rank] = {}
     merge(beside_it, now, now.without())
+    # A jump that the bank's times miss by a stop is two steps of a walk.
+    beside_it = _sharpened(grown, beside_it)
     cause = max((r for name, r in beside_it.items() if name not in generic.WORDS), key=lambda r: r.evidence)
     if cause.evidence < EVIDENT_NATS:
         return ranks
@@ -220,10 +223,13 @@ def _accepted(problem: Problem, cause: Rank) -> tuple[Accepted | None, Floor]:
     """The cause with its amplitude under the floor that fits best with it, and that floor."""
     if cause.best is None:
         return None, cause.at.floor
-    rough = cause.at.accept(cause.best, problem.view)
-    floor = problem.beside((*problem.accepted, rough)).fit(cause.at.floor).floor
-    own = stage(problem, [bank_of([cause.best], problem.view.layout, moving=cause.best.dwell is not None)], floor)
-    return own.accept(cause.best, problem.view), floor
+    best, at, hit = cause.best, cause.at, None
+    if jumps(best.effect) and best.pattern == "scan":
+        best, hit = with_own_times(problem, at.accept(best, problem.view), at.floor)
+        at = stage(problem, [bank_of([best], problem.view.layout, moving=False)], at.floor)
+    floor = problem.beside((*problem.accepted, at.accept(best, problem.view, hit))).fit(at.floor).floor
+    own = stage(problem, [bank_of([best], problem.view.layout, moving=best.dwell is not None)], floor)
+    return own.accept(best, problem.view, hit), floor
 
 
 def _posterior(evidence: Mapping[str, float]) -> dict[str, float]:

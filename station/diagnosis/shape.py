@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from station.diagnosis.bank import Candidate, bank_of, gaps_of
+from station.diagnosis.bank import GAPS, Candidate, bank_of, gaps_of, moments
 from station.diagnosis.seen import see
 from station.diagnosis.space import Space
 from station.diagnosis.view import View
@@ -104,10 +104,13 @@ def jumps(effect: Effect | None) -> bool:
 
 
 def between(candidate: Candidate, view: View, space: Space) -> Candidate:
-    """The candidate with its time of a jump at the best gap nearby: the bank looks at every second one."""
+    """The candidate with its time of a jump at the best moment nearby: the bank looks between the stops of the longest
+    run alone, of which it may leave some out."""
     gaps = gaps_of(view)
     i = min(range(len(gaps)), key=lambda k: abs(gaps[k] - candidate.effect.at_s))  # type: ignore[union-attr]
-    near = [reshaped(candidate, "at_s", gaps[k], view) for k in (i - 1, i + 1) if 0 <= k < len(gaps)]
+    step = -(-len(gaps) // GAPS)
+    low, high = gaps[max(i - step, 0)], gaps[min(i + step, len(gaps) - 1)]
+    near = [reshaped(candidate, "at_s", at, view) for at in moments(view, low, high)]
     return _best([candidate, *near], view, space)
 
 

@@ -93,7 +93,8 @@ class Problem:
 
     def without(self, i: int) -> "Problem":
         """The same with one accepted cause neither known nor at work: its whole signal is in the readings."""
-        active = {key: acting for key, acting in self.view.active.items() if key != self.accepted[i].key}
+        gone = self.accepted[i].at_work()
+        active = {key: acting for key, acting in self.view.active.items() if key not in gone}
         view = replace(self.view, active=active)
         bare = replace(self, view=view, setting=replace(self.setting, data=view.readings()))
         return bare.beside([*self.accepted[:i], *self.accepted[i + 1 :]])
@@ -135,10 +136,10 @@ class Stage:
         evidence = np.concatenate([s.evidence for s in self.seen])
         return Scores(evidence[None], np.stack([s.readings.fits for s in self.seen], axis=1))
 
-    def accept(self, candidate: Candidate, view: View) -> Accepted:
-        """The candidate with its likeliest amplitude, and the groups that it likely hits."""
+    def accept(self, candidate: Candidate, view: View, hit: NDArray[np.bool_] | None = None) -> Accepted:
+        """The candidate with its likeliest amplitude, and the groups that it likely hits, where they are not told."""
         seen, found = self._of(candidate)
-        hit = self.hit(candidate, view)
+        hit = self.hit(candidate, view) if hit is None else hit
         likelihood, taken = found.likelihood, found.spectrum.logdet
         if found.spectrum.pattern == "scan":
             unit, place = candidate.where(view.layout)

@@ -87,6 +87,30 @@ def test_two_causes_are_found_one_after_another() -> None:
     assert {c.finding.name for c in found.causes} == {"nest-tilt", "offset-temperature"}
 
 
+def test_jumps_at_another_time_in_each_run_are_one_cause_with_a_time_of_each_run() -> None:
+    jumped = {(0, 1): 8, (2, 0): 13, (2, 2): 17}
+    at: dict[str, float] = {}
+
+    def hidden(w, rng):  # type: ignore[no-untyped-def]
+        out = np.zeros_like(w.a)
+        for (u, r), stop in jumped.items():
+            late = (w.unit == u) & (w.run == r) & (w.visit >= stop)
+            at[f"run:SN{u + 1:04d}/{r}"] = w.t[late].min() - 0.75
+            out += late[:, None] * 6e-4 * rng.choice([-1, 1], 3)
+        return w.a, out
+
+    table, _ = hide(recipe(), hidden, 9000 + SEED)
+    found = look(recipe(), table)
+    told = document(found)["causes"]
+    assert [cause["effect"] for cause in told] == ["step"]
+    times = {p["of"]: p["value"] for p in told[0]["parameters"] if p["name"] == "at"}
+    assert times == pytest.approx(at, abs=0.1)
+    sized = {p["of"]: abs(p["value"]) for p in told[0]["parameters"] if p["axis"] == "x"}
+    # A mean of seven stops, each known to 71 µg, less that of the others.
+    assert sized == pytest.approx(dict.fromkeys(at, 6e-4), abs=1.5e-4)
+    assert look(recipe(), table, extended(Model(), found)).verdict == "none"
+
+
 def test_a_cause_whose_covariate_was_not_recorded_is_not_testable() -> None:
     table, _ = hide(recipe(), None, 7000 + SEED, without=("temperature_degC", "motor", "since_clamp_s"))
     missing = {"offset-temperature", "gain-temperature", "temperature-rate", "vibration-rectification", "clamp-creep"}
