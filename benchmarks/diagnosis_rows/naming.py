@@ -10,8 +10,9 @@ from benchmarks.diagnosis_rows import oracle, peers
 from benchmarks.diagnosis_rows.figures import Figure, Judge, at_least, at_most, bootstrapped, share
 from benchmarks.diagnosis_rows.trials import Ask, Trial, named_ids, tell_misses, trial, tried
 from station.diagnosis.diagnose import Diagnosis
-from station.diagnosis.reduce import reduce
 from station.diagnosis.view import View
+from station.model.forward import forward
+from station.model.scene import scene_of_table
 from tests.blind.bench import WHITE, Floor, hide
 from tests.blind.hidden import WRONG_FORM
 from tests.blind.recipes import recipe
@@ -52,16 +53,14 @@ def survey(seed: int, sets: int, d: float) -> tuple[Surveyed, ...]:
 
 def gained(made: Trial, found: Diagnosis) -> float:
     """How much nearer to the noise-free truth the simulation comes by what was found: twice the nats that it gains
-    in expectation on the same campaign measured afresh."""
+    in expectation on the samples of the same campaign measured afresh."""
     ask, of = made.ask, recipe(made.ask.runs)
     quiet, _ = hide(of, ask.hidden, ask.seed, units=ask.units, floor=Floor(density=1e-12), size=made.size)
-    truth = reduce(of, quiet)
+    scene = scene_of_table(of, quiet)
     sigma = WHITE.density * np.sqrt(of.device.rate_hz / 2)
 
     def off(view: View) -> float:
-        mean, contrast = view.simulated()
-        far = np.sum(truth.count.sum(1)[:, None] * (truth.mean - mean) ** 2)
-        return float(far + np.sum((truth.contrast - contrast) ** 2)) / sigma**2
+        return float(np.sum((quiet.reading - forward(scene, view.base, view.active)) ** 2)) / sigma**2
 
     return off(found.searched.first.view) - off(found.last.view)
 
