@@ -85,7 +85,7 @@ PATHS = (
     ),
     Way("calibrate", "units", (4, 80, 800, 4000), growth_inputs.units, _tables("units"), streams=True),
     Way("calibrate", "stops", (6, 60, 600, 6000), growth_inputs.stops, _tables("stops")),
-    Way("simulate", "units", (1, 20, 200, 1000), growth_inputs.nothing, _simulate, streams=True),
+    Way("simulate", "units", (1, 50, 200, 1000), growth_inputs.nothing, _simulate, streams=True),
     Way(
         *("simulate", "effects", (1, 3, 9, 36), growth_inputs.nothing),
         lambda folder, size: _simulate(folder, 10, growth_inputs.effects(size)),

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from station.adapters.samples import by_units, pieces, read_samples, write_samples
+from station.adapters.samples import by_units, pieces, read_samples, write_parts, write_samples
 from station.domain.types import SampleTable
 from station.errors import SamplesError
 from tests.fakes import tumble
@@ -67,6 +67,15 @@ def test_a_parquet_file_carries_its_schema(tmp_path: Path, rng: np.random.Genera
 
     write_samples(some(rng), tmp_path / "t.parquet")
     assert parquet.read_schema(tmp_path / "t.parquet").metadata[b"schema"] == b"station.samples/1"
+
+
+def test_small_parts_are_gathered_into_few_pieces(tmp_path: Path, rng: np.random.Generator) -> None:
+    from pyarrow import parquet
+
+    table = some(rng, 30)
+    write_parts((table[table.unit.code == u] for u in range(30)), tmp_path / "t.parquet")
+    assert parquet.ParquetFile(tmp_path / "t.parquet").num_row_groups == 1
+    same(read_samples(tmp_path / "t.parquet"), table)
 
 
 def test_columns_in_any_order_and_further_ones_of_your_own(tmp_path: Path) -> None:

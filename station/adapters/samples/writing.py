@@ -1,6 +1,6 @@
 """A samples table into a file, piece by piece."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from station.adapters.samples.columns import GOLD, KNOWN, REQUIRED, SCHEMA, kind_of, type_of
+from station.adapters.samples.reading import join
 from station.domain.types import Labels, SampleTable
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-#: Rows of one piece.
-PIECE = 1 << 18
+#: Rows of one piece at most, and rows that small parts are gathered to.
+PIECE, GATHERED = 1 << 18, 1 << 16
 
 
 def write_samples(table: SampleTable, path: Path) -> None:
@@ -28,10 +29,23 @@ def write_parts(tables: Iterable[SampleTable], path: Path, more: Mapping[str, st
     more: said in a Parquet file's metadata beside the schema; a CSV has no place for it.
     """
     kind = kind_of(path)
-    batches = (_batch(table[a : a + PIECE]) for table in tables for a in range(0, max(len(table), 1), PIECE))
+    gathered = _gathered(tables)
+    batches = (_batch(table[a : a + PIECE]) for table in gathered for a in range(0, max(len(table), 1), PIECE))
     first = next(batches)
     schema = first.schema.with_metadata({**(more or {}), "schema": SCHEMA})
     (_write_csv if kind == "csv" else _write_parquet)(path, schema, chain([first], batches))
+
+
+def _gathered(tables: Iterable[SampleTable]) -> Iterator[SampleTable]:
+    """The same rows in fewer parts: a Parquet file keeps some 30 kB of memory for each piece until it is closed."""
+    held: list[SampleTable] = []
+    for table in tables:
+        held.append(table)
+        if sum(map(len, held)) >= GATHERED:
+            yield join(held)
+            held = []
+    if held:
+        yield join(held)
 
 
 def _write_csv(path: Path, schema: "pa.Schema", batches: Iterable["pa.RecordBatch"]) -> None:
