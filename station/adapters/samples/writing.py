@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 #: Rows of one piece at most, and rows that small parts are gathered to.
-PIECE, GATHERED = 1 << 18, 1 << 16
+PIECE, GATHERED = 1 << 18, 1 << 14
 
 
 def write_samples(table: SampleTable, path: Path) -> None:
