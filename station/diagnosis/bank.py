@@ -172,7 +172,7 @@ def gaps_of(view: View) -> tuple[float, ...]:
 
 def _some(gaps: tuple[float, ...]) -> tuple[float, ...]:
     """All of a few gaps, as many of more of them."""
-    return gaps[:: -(-len(gaps) // GAPS)]
+    return gaps[:: max(1, -(-len(gaps) // GAPS))]
 
 
 def moments(view: View, low: float, high: float) -> tuple[float, ...]:
