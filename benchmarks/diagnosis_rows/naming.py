@@ -8,6 +8,7 @@ import numpy as np
 
 from benchmarks.diagnosis_rows import oracle, peers
 from benchmarks.diagnosis_rows.figures import Figure, Judge, at_least, at_most, bootstrapped, share
+from benchmarks.diagnosis_rows.same_noise import gain_of_the_true_form
 from benchmarks.diagnosis_rows.trials import Ask, Trial, named_ids, tell_misses, trial, tried
 from station.diagnosis.diagnose import Diagnosis
 from station.diagnosis.view import View
@@ -25,13 +26,15 @@ GAIN = {8.0: 0.97, 11.0: 0.99}
 
 @dataclass(frozen=True)
 class Surveyed:
-    """A trial, what the peers named, whether the omnibus test fired, and the found and the true model's gain."""
+    """A trial, what the peers named, whether the omnibus test fired, and the gain: of the found model, of the true one
+    on the average, and of the true one on the same noise."""
 
     trial: Trial
     peers: Mapping[str, str]
     omnibus: bool
     gain: float
     true_gain: float
+    same_noise: float
 
 
 @cache
@@ -45,7 +48,7 @@ def survey(seed: int, sets: int, d: float) -> tuple[Surveyed, ...]:
             found.append(
                 Surveyed(
                     made, peers.named(diagnosis), peers.omnibus(diagnosis), gained(made, diagnosis),
-                    oracle.form(name).gain(made.strength),
+                    oracle.form(name).gain(made.strength), gain_of_the_true_form(ask, made.size),
                 )
             )  # fmt: skip
     return tuple(found)
@@ -114,13 +117,14 @@ def gain(seed: int, sets: int) -> list[Figure]:
         own, other = ([s for s in seen if (s.trial.ask.name in WRONG_FORM) == wrong] for wrong in (False, True))
         what = f"gain on fresh data ÷ that of the true model, d = {d:g}"
         figures.append(_ratio(what, own, lambda r, goal=goal: at_least(r, goal)))
+        figures.append(_ratio("  ÷ that of the true model on the same noise", own, same_noise=True))
         figures.append(_ratio("  where the true form is not in the library", other))
     return figures
 
 
-def _ratio(what: str, of: list[Surveyed], judge: Judge | None = None) -> Figure:
+def _ratio(what: str, of: list[Surveyed], judge: Judge | None = None, *, same_noise: bool = False) -> Figure:
     """Gain found over gain of the true model, both summed."""
-    rows = np.array([(s.gain, s.true_gain) for s in of])
+    rows = np.array([(s.gain, s.same_noise if same_noise else s.true_gain) for s in of])
     return bootstrapped(what, lambda at: float(rows[at, 0].sum() / rows[at, 1].sum()), len(rows), judge)
 
 

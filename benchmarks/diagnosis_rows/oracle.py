@@ -39,22 +39,25 @@ class OneHot(np.random.Generator):
         return out.reshape(shape)
 
 
-def columns(w: World, hidden: Hidden, seed: int) -> Array:
-    """What each coefficient of usual size leaves (n·3, K), free of offset and gain, in units of a sample's noise."""
+def columns(w: World, hidden: Hidden, start: Any) -> Array:
+    """What each coefficient of usual size leaves (n·3, K), free of offset and gain, in units of a sample's noise.
+
+    start: state of the PCG64 that the hidden thing draws from.
+    """
     sigma = WHITE.density * np.sqrt(w.recipe.device.rate_hz / 2)
     still = np.asarray(w.a)
     found: list[Array] = []
     count, i = 1, 0
     while i < count:
-        rng = OneHot(np.random.PCG64(seed))
-        rng.chosen = i
+        rng = OneHot(np.random.PCG64())
+        rng.bit_generator.state, rng.chosen = start, i
         felt, added = hidden(w, rng)  # type: ignore[arg-type]
         found.append((felt - still + added) / sigma)
         count, i = rng.count, i + 1
-    return _freed(w, np.stack(found, axis=-1)).reshape(-1, count)
+    return freed(w, np.stack(found, axis=-1)).reshape(-1, count)
 
 
-def _freed(w: World, columns: Array) -> Array:
+def freed(w: World, columns: Array) -> Array:
     """Columns (n, 3, K) without what each unit's offset and gain take up."""
     a = w.a
     out = np.empty_like(columns)
@@ -137,5 +140,5 @@ def form(name: str, seed: int = 1, units: int = 4) -> Form:
     hidden = KNOWN[name] if name in KNOWN else WRONG_FORM[name][1]
     w = world(recipe(), units, np.random.default_rng(seed))
     places = PLACES if name in SCATTERED else 1
-    Z = np.concatenate([columns(w, hidden, seed + j) for j in range(places)], axis=1)
+    Z = np.concatenate([columns(w, hidden, np.random.PCG64(seed + j).state) for j in range(places)], axis=1)
     return Form(Z.T @ Z, places)

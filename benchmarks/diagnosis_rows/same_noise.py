@@ -1,0 +1,38 @@
+"""What the true form gains on the very samples that are diagnosed: told its exact shape, the size of its amplitudes and
+the white floor, it estimates the coefficients alone, each by its mean given the readings."""
+
+from typing import Any
+
+import numpy as np
+
+from benchmarks.diagnosis_rows.oracle import columns, freed
+from benchmarks.diagnosis_rows.trials import Ask
+from tests.blind.bench import WHITE, Floor, hide, world
+from tests.blind.recipes import recipe
+
+Array = Any
+
+
+def gain_of_the_true_form(ask: Ask, size: float) -> float:
+    """How much nearer to the noise-free samples it comes: twice the nats that it gains in expectation on the same
+    campaign measured afresh. size: what was hidden, as a multiple of its usual size."""
+    assert ask.hidden is not None
+    of = recipe(ask.runs)
+    rng = np.random.default_rng([ask.seed, 77])
+    w = world(of, ask.units, rng)
+    Z = columns(w, ask.hidden, rng.bit_generator.state)
+    sigma = WHITE.density * np.sqrt(of.device.rate_hz / 2)
+    noisy, quiet = (hide(of, ask.hidden, ask.seed, units=ask.units, floor=f, size=size)[0] for f in (WHITE, QUIET))
+    noise = freed(w, ((noisy.reading - quiet.reading) / sigma)[..., None]).ravel()
+    signal = freed(w, (quiet.reading / sigma)[..., None]).ravel()
+    m, E = np.linalg.eigh(Z.T @ Z)
+    seen = m > 1e-9 * m.max()
+    axes = Z @ E[:, seen] / np.sqrt(m[seen])
+    q = signal @ signal / m[seen].sum() * m[seen]
+    along, by_chance = axes.T @ signal, axes.T @ noise
+    left = np.sum((q / (1 + q) * (along + by_chance) - along) ** 2) + signal @ signal - along @ along
+    return float(signal @ signal - left)
+
+
+#: The floor without noise, of the same random numbers.
+QUIET = Floor(density=1e-12)
