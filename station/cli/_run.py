@@ -168,7 +168,11 @@ class _Show:
 
 @contextmanager
 def _stops(stop: Stop) -> Iterator[None]:
-    """Ctrl-C, SIGTERM and a terminal that hangs up ask for a stop; a third Ctrl-C no longer asks."""
+    """Ctrl-C, SIGTERM and a terminal that hangs up ask for a stop; a third Ctrl-C no longer asks.
+
+    Only a hang-up may have been made harmless before (nohup). A shell makes SIGINT so for what it starts in the
+    background, but the page's stop button sends it.
+    """
     asked = 0
 
     def ask(number: int, _frame: object) -> None:
@@ -182,7 +186,8 @@ def _stops(stop: Stop) -> Iterator[None]:
             raise Aborted(stop.why)
 
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {n: signal.signal(n, ask) for n in numbers if signal.getsignal(n) is not signal.SIG_IGN}
+    hung_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+    before = {n: signal.signal(n, ask) for n in numbers if n != signal.SIGHUP or hung_up}
     try:
         yield
     finally:

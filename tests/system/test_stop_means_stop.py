@@ -68,6 +68,22 @@ def test_a_stop_breaks_off_the_move_and_a_second_one_does_not_skip_parking(
     check_parked_and_true(tmp_path)
 
 
+def test_the_pages_stop_reaches_a_run_in_the_background_of_a_script(
+    tmp_path: Path, start: Callable[..., "subprocess.Popen[bytes]"]
+) -> None:
+    """A shell without job control starts its background commands with SIGINT ignored, and so do their children."""
+
+    def ignore() -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    process = start(stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=ignore)
+    wait_for(tmp_path, "moving", 2)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 4, told
+    check_parked_and_true(tmp_path)
+
+
 def test_an_operator_terminal_that_dies_parks_the_fixture(
     tmp_path: Path, start: Callable[..., "subprocess.Popen[bytes]"]
 ) -> None:
