@@ -45,11 +45,11 @@ check: $(VENV)/.dev  ## import contracts, types, lint: the same on a desk and in
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-torture: $(VENV)/.dev  ## the worst days in earnest, as one table: hours; with SCALE=0.01 some minutes
+torture: $(VENV)/.dev  ## the worst days in earnest, as one table: an hour and more; with SCALE=0.01 some minutes
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --group fuzz
 	$(BIN)/python benchmarks/torture.py --seed $(SEED) --scale $(SCALE)
 
-bench: $(VENV)/.dev  ## every goal of speed in one table; 20 minutes, QUICK=1: a few; WRITE=1: into README
+bench: $(VENV)/.dev  ## every goal of speed in one table; a quarter of an hour, QUICK=1: a few minutes; WRITE=1: into README
 	PYTHONPATH=. $(BIN)/python benchmarks/table.py $(if $(QUICK),--quick) $(if $(WRITE),--write README.md)
 
 bench-diagnosis: $(VENV)/.bench  ## how good the diagnosis is, beside other ways to choose a cause; a quarter of an hour

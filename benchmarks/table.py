@@ -55,7 +55,7 @@ BENCHES = (
         folder=True,
     ),
     Bench((10,), "solving.py", ("--runs", "5"), ("--units", "1024", "--runs", "3")),
-    Bench((11,), "backtest.py", ("--units", "20000"), ("--units", "2000"), limit_s=600.0, folder=True),
+    Bench((11,), "backtest.py", ("--units", "100000"), ("--units", "2000"), limit_s=600.0, folder=True),
     Bench((13,), "growth.py", ("--picture", str(HERE.parent / "docs/pictures/growth.svg")), ("--quick",), 1800.0),
 )
 
