@@ -177,10 +177,10 @@ def _planned(campaign: Campaign, recipe: Recipe) -> Planned:
 
 
 def _usual(plan: Planned, name: str) -> list[Seen]:
-    """A cause at every shape, and at every level at which it usually acts."""
+    """A cause at every shape, and at every level at which it usually acts; a variance of the floor has neither."""
     view = plan.problem.view
-    effect = next(e for e in library(view.scene.recipe) if e.id == name)
-    if not testable(effect, view):
+    effect = next((e for e in library(view.scene.recipe) if e.id == name), None)
+    if effect is None or not testable(effect, view):
         return []
     usual = [c for c in candidates(effect, view) if c.of not in RARE or c.of == effect.of[0]]
     usual += [_at(plan, c, shape) for c in {c.of: c for c in usual}.values() for shape in _more_shapes(effect)]

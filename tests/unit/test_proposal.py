@@ -1,0 +1,19 @@
+"""The next run of ties that a diagnosis may end in."""
+
+import pytest
+
+from station.diagnosis.bank import FLOOR, library
+from station.diagnosis.floor import Floor
+from station.diagnosis.proposal import Campaign, Suspect, Tied, propose
+from station.wiring.jobs import load_job
+
+
+@pytest.mark.parametrize("variance", FLOOR)
+def test_a_tie_with_a_variance_of_the_floor_is_no_pair_to_part(variance: str) -> None:
+    """A slow cause and a bias that walks can look alike; a variance has no shape that a run could be planned for."""
+    recipe = load_job("six-point")[0].recipe
+    effect = next(e for e in library(recipe) if e.id == "offset-temperature")
+    found = Suspect(effect, "unit", 1e-3)
+    campaign = Campaign(recipe, units=2, nests=2, floor=Floor(1e-4, 0.0, 0.0))
+    proposal = propose(campaign, [Tied(found, (variance,))])
+    assert proposal is None
