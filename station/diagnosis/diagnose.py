@@ -74,6 +74,7 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullOf) 
     in the table."""
     enough.check(recipe, table)
     inspected = inspect(recipe, table)
+    enough.check_rest(table, inspected.table)
     told = {effect.effect for effect in model.effects}
     news = tuple(f for f in inspected.faults if f.effect not in told)
     reduced = reduce(recipe, inspected.table)

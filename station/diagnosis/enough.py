@@ -28,6 +28,16 @@ def check(recipe: Recipe, table: SampleTable) -> None:
         _one_unit_of_measure(recipe, table)
 
 
+def check_rest(table: SampleTable, rest: SampleTable) -> None:
+    """Errors: SamplesError where hardly a stop is left of a table beside those that are clipped."""
+    every, left = len(_stops(table)), len(_stops(rest)) if len(rest) else 0
+    if left < 2:
+        raise SamplesError(
+            f"{every - left} of {every} stops are clipped, and nothing can be told from the rest; measure in a range "
+            "that holds the readings, or correct the columns' unit"
+        )
+
+
 def _stops(table: SampleTable) -> NDArray[np.intp]:
     """Row at which each stop begins."""
     where = (table.unit.code, table.run, table.visit)

@@ -8,8 +8,10 @@ import pytest
 from station.diagnosis.faults import Fault, inspect
 from station.domain.recipe import Recipe
 from station.domain.types import SampleTable
+from station.errors import SamplesError
 from tests.blind.bench import hide
 from tests.blind.hidden import KNOWN
+from tests.blind.look import look
 from tests.blind.recipes import recipe
 
 RECIPE = recipe(1).model_copy(
@@ -126,6 +128,12 @@ def test_a_saturated_unit_is_found_and_its_stops_are_left_out() -> None:
     ]
     assert np.abs(looked.table.reading[looked.table.unit.code == 1]).max() < 0.9
     assert len(looked.table) < len(made)
+
+
+def test_where_every_stop_is_clipped_nothing_is_diagnosed() -> None:
+    made, _ = hide(recipe(1), KNOWN["group-offset"], 77_000_020, d=20)
+    with pytest.raises(SamplesError, match=r"^(\d+) of \1 stops are clipped, and nothing can be told from the rest"):
+        look(recipe(1), made)
 
 
 @pytest.mark.parametrize(("mapping", "alike"), [("-y,x,z", True), ("x,-y,z", False), ("z,y,x", False)])

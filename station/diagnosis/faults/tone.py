@@ -106,7 +106,7 @@ def _moves(
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[Fault]:
     """The strongest line, if there is one that the motors explain."""
     needed = {"motor", "started_s"} <= set(table.values)
-    if not needed or float(np.ptp(table.values["motor"])) == 0.0 or len(table) < 64:
+    if not needed or len(table) < 64 or float(np.ptp(table.values["motor"])) == 0.0:
         return []
     rate, samples = recipe.device.rate_hz, int(np.bincount(stop).max())
     if samples < 16:
