@@ -15,7 +15,7 @@ from typing import Any
 from station.adapters.store import anchor, ids
 from station.adapters.store.schema import COLUMNS
 from station.adapters.store.sqlite import SqliteStore
-from station.domain import chain
+from station.domain.records import chain
 from station.ports.store import Head
 
 #: A day of an eight-station plant: one unit every 15 s.

@@ -14,10 +14,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.signal import lfilter
 
-from station.domain import directions, gravity, pipeline, rotation
-from station.domain.calibrate import _ellipsoid
-from station.domain.recipe import Recipe
-from station.domain.types import Floats, Outcome
+from station.domain.core import rotation
+from station.domain.core.types import Floats, Outcome
+from station.domain.evaluation import pipeline
+from station.domain.methods.calibrate import _ellipsoid
+from station.domain.recipe import directions, gravity
+from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
 NOISE, READINGS = 1e-3, 100

@@ -34,10 +34,10 @@ PARTS = {
     "log, fsyncs included": [
         ("station.adapters.store.sqlite", "SqliteStore", ("begin", "event", "visit", "write", "result", "finish"))
     ],
-    "decode and check frames": [("station.domain.stream", "", ("samples",))],
+    "decode and check frames": [("station.domain.can.decode", "", ("samples",))],
     "calibration": [("station.service.compute", "", ("calibrate", "verify"))],
-    "SDO": [("station.adapters.device.sdo_client", "SdoClient", ("upload", "download"))],
-    "the page's view": [("station.cli._live", "Live", ("event",))],
+    "SDO": [("station.adapters.canopen.sdo_client", "SdoClient", ("upload", "download"))],
+    "the page's view": [("station.cli._live_state", "Live", ("event",))],
 }
 RIG, OTHER, DWELL = "simulated rig", "all else", "while it settles and dwells"
 
@@ -140,7 +140,7 @@ def one_run(ledger: Ledger, rate_hz: int, positions: int) -> tuple[float, dict[s
     """Seconds of the cycle on the rig's clock, and what each part took of this machine: wall and processor, s."""
     from station.adapters.clock import VirtualClock
     from station.cli.app import main
-    from station.domain.progress import LoadBegun, LoadDone
+    from station.domain.run.progress import LoadBegun, LoadDone
     from station.service.load import Load
 
     seen: list[float] = []

@@ -25,12 +25,14 @@ from figures import keep
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from station.domain import adaptive_dwell, ideal, noise_document, pipeline
-from station.domain.adaptive_dwell import Aim, SoFar
-from station.domain.noise_prior import NEWEST, Prior, learnt
-from station.domain.noise_so_far import Curve, Dwelt, curve, dwelt, reach_of, seen
-from station.domain.recipe import Recipe
-from station.domain.types import Floats, Labels, SampleTable
+from station.domain.core.types import Floats, Labels, SampleTable
+from station.domain.evaluation import pipeline
+from station.domain.noise import noise_document
+from station.domain.noise.noise_prior import NEWEST, Prior, learnt
+from station.domain.noise.running_noise import Curve, Dwelt, curve, dwelt, reach_of, seen
+from station.domain.planning import adaptive_dwell, nominal_visits
+from station.domain.planning.adaptive_dwell import Aim, SoFar
+from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
 Whole = NDArray[np.int64]
@@ -236,7 +238,7 @@ class Line:
         self.aim, self.units, self.rng, self.prior = aim, units, rng, prior
         self.density = units.density
         self.theta = tumble.units(rng, self.density.size)
-        self.true = ideal.truths(aim.recipe)
+        self.true = nominal_visits.truths(aim.recipe)
         self.longest = max(round(aim.longest_s * aim.rate_hz), 2)
         self.told: dict[tuple[int, int, int], Dwelt] = {}
 
@@ -324,7 +326,7 @@ class Line:
         rows = [(i, k, v) for i in range(f) for k in range(nests) for v in range(len(self.aim))]
         each = np.array([readings[v][1][i] for i, _, v in rows])
         reading = np.concatenate([mean[i, k, v] + readings[v][0][i, k, : readings[v][1][i]] for i, k, v in rows])
-        names = ideal.names(self.aim.recipe)[0]
+        names = nominal_visits.names(self.aim.recipe)[0]
         number = np.repeat(np.array(rows), each, axis=0).astype(np.int32)
         return SampleTable(
             unit=Labels(tuple(f"SN{i:05d}" for i in range(f * nests)), number[:, 0] * nests + number[:, 1]),

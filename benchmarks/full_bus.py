@@ -41,9 +41,9 @@ from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.config.places import shipped
 from station.config.recipes import load_recipe
-from station.domain import pipeline
-from station.domain.progress import StopStarted
-from station.domain.types import Frames
+from station.domain.core.types import Frames
+from station.domain.evaluation import pipeline
+from station.domain.run.progress import StopStarted
 from station.model.simulate import Job as Simulated
 from station.model.simulate import simulate
 from station.service.itinerary import tumble, verification

@@ -11,8 +11,8 @@ import yaml
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from station.config.places import shipped
-from station.domain import directions
-from station.domain.types import Floats, Labels, SampleTable
+from station.domain.core.types import Floats, Labels, SampleTable
+from station.domain.recipe import directions
 from tests.fakes import tumble
 
 NOISE = 1e-3

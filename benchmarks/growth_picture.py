@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from station.drawing.figure import Figure, Series, panels
+from station.reporting.drawing.figure import Figure, Series, panels
 
 #: What stands at the powers of ten along the bottom.
 POWERS = ("1", "10", "100", "1 000", "10 000", "100 000", "1 million", "10 million")

@@ -17,10 +17,10 @@ import numpy as np
 from figures import keep, spread
 
 from station.config.recipes import load_recipe
-from station.domain import directions, moves, ordering, plan
-from station.domain.ordering import Moves, Path
-from station.domain.recipe import Recipe
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.recipe import directions, moves, ordering, plan
+from station.domain.recipe.ordering import Moves, Path
+from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
 GOAL = 1.02

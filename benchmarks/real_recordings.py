@@ -16,7 +16,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from station.domain import larger_model, pipeline, stills
+from station.domain.capture import rest_segments
+from station.domain.evaluation import model_comparison, pipeline
 from tests.fakes import tumble
 from tests.integration import test_real_recordings as recordings
 
@@ -41,12 +42,12 @@ def xsens(folder: Path) -> None:
     """An Xsens MTi turned by hand; the rests are found by the code."""
     raw = np.loadtxt(folder / "xsens_mti_tumble" / "xsens_acc.mat")
     reading = (raw[:, 1:] - recordings.XSENS_ZERO) / recordings.XSENS_SCALE / recordings.XSENS_G
-    found = stills.find(raw[:, 0], reading)
+    found = rest_segments.find(raw[:, 0], reading)
     names = [f"still-{i:02d}" for i in range(len(found))]
     recipe = recordings.by_hand()
-    result = pipeline.calibrate_unit(recipe, stills.table(raw[:, 0], reading, found, "MTi", names), tumble.TODAY)
+    result = pipeline.calibrate_unit(recipe, rest_segments.table(raw[:, 0], reading, found, "MTi", names), tumble.TODAY)
     assert result.calibration is not None and result.stops is not None
-    quadratic, cubic = larger_model.of_unit(recipe, result)
+    quadratic, cubic = model_comparison.of_unit(recipe, result)
     print("Xsens MTi, 512 s by hand, norm fit, mg")
     told("still segments found", len(found), "39", len(found) == 39)
     rms = 1e3 * result.calibration.residual_rms

@@ -25,10 +25,10 @@ from station.adapters.bus._recvmmsg import Receiver
 from station.adapters.dbc import read_layouts
 from station.adapters.memory import keep_freed
 from station.adapters.store.sqlite import SqliteStore
-from station.domain.encode import sample_frames
-from station.domain.frames import FrameMap, SensorLayout, resolve
-from station.domain.stream import Samples, samples
-from station.domain.types import Frames
+from station.domain.can.decode import Samples, samples
+from station.domain.can.encode import sample_frames
+from station.domain.can.sensor_layout import FrameMap, SensorLayout, resolve
+from station.domain.core.types import Frames
 from station.ports.store import Begin, VisitRecord
 
 DBC = Path(__file__).resolve().parents[1] / "dbc" / "accelerometer.dbc"

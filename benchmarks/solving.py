@@ -21,12 +21,13 @@ import figures
 import numpy as np
 from scipy.optimize import least_squares
 
-from station.domain import directions, method, scatter
-from station.domain.method import Problem
-from station.domain.recipe import Recipe
-from station.domain.scatter import Solved
-from station.domain.types import Floats
-from station.domain.uncertainty import covariance_of_noise
+from station.domain.core.types import Floats
+from station.domain.methods import method, scatter
+from station.domain.methods.method import Problem
+from station.domain.methods.scatter import Solved
+from station.domain.methods.uncertainty import covariance_of_noise
+from station.domain.recipe import directions
+from station.domain.recipe.recipe import Recipe
 from station.wiring.backtest import PORTION
 from tests.fakes import tumble
 

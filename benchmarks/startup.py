@@ -22,9 +22,9 @@ import figures
 #: The command itself; it says when its first event with readings is shown, and ends.
 FIRST_FRAMES = """
 import os, sys, time
-import station.cli._live as live
+import station.cli._live_state as live
 from station.cli.app import main
-from station.domain.progress import Reading
+from station.domain.run.progress import Reading
 shown = live.Live.event
 def event(self, happened):
     shown(self, happened)

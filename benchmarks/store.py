@@ -28,11 +28,11 @@ from station.adapters.bus import write_log
 from station.adapters.dbc import read_layouts
 from station.adapters.store import plain
 from station.adapters.store.sqlite import SqliteStore
-from station.domain.encode import sample_frames, temperature_frames
-from station.domain.framepack import codec
-from station.domain.framepack import plain as raw
-from station.domain.frames import FrameMap, SensorLayout, resolve
-from station.domain.types import Frames
+from station.domain.can.encode import sample_frames, temperature_frames
+from station.domain.can.sensor_layout import FrameMap, SensorLayout, resolve
+from station.domain.core.types import Frames
+from station.domain.records.framepack import codec
+from station.domain.records.framepack import plain as raw
 from station.ports.store import Begin, VisitRecord
 
 DBC = Path(__file__).resolve().parents[1] / "dbc" / "accelerometer.dbc"

@@ -24,7 +24,7 @@ from station.adapters.store import file, verify
 from station.adapters.store.keys import Signer
 from station.adapters.store.schema import COLUMNS
 from station.adapters.store.sqlite import SqliteStore
-from station.domain.types import Frames
+from station.domain.core.types import Frames
 from station.ports.store import Begin, VisitRecord, WriteRecord
 
 Rng = np.random.Generator

@@ -28,19 +28,20 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from station.adapters import dbc
 from station.adapters.bus import read_log, write_log
-from station.adapters.device import eds, fault
+from station.adapters.canopen import eds
 from station.adapters.samples import read_samples, write_samples
+from station.adapters.simulated_device import device_fault
 from station.config.documents import load_document, validate
 from station.config.models import load_model
 from station.config.places import shipped
 from station.config.products import load_product
 from station.config.recipes import load_recipe
 from station.config.settings import load_config
-from station.domain import serial
-from station.domain.frames import SensorLayout, resolve
-from station.domain.product import Product
-from station.domain.stream import samples
-from station.domain.types import Frames, SampleTable
+from station.domain.can.decode import samples
+from station.domain.can.sensor_layout import SensorLayout, resolve
+from station.domain.core.types import Frames, SampleTable
+from station.domain.product.product import Product
+from station.domain.recipe import serial
 from station.errors import ProductError, StationError
 
 MOST_S, MOST_BYTES = 5.0, 1 << 30
@@ -137,7 +138,7 @@ def _product(path: Path) -> object:
 
 
 def _fault(path: Path) -> object:
-    return fault.parse(path.read_bytes().decode("latin-1"))
+    return device_fault.parse(path.read_bytes().decode("latin-1"))
 
 
 def _written(folder: Path, name: str) -> bytes:

@@ -34,19 +34,19 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from station.adapters.device.canopen_device import CanopenDevice
-from station.adapters.device.memory import NonVolatile
-from station.adapters.device.network import ServiceNetwork
+from station.adapters.canopen.canopen_device import CanopenDevice
+from station.adapters.canopen.network import ServiceNetwork
+from station.adapters.simulated_device.memory import NonVolatile
 from station.adapters.store.life import result
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.adapters.store.sqlite import SqliteStore
 from station.adapters.store.verify import Trust
-from station.domain.progress import Phase, PhaseEntered, UnitDone
-from station.domain.types import Outcome
-from station.domain.writeback import classify
+from station.domain.core.types import Outcome
+from station.domain.product.writeback import classify
+from station.domain.run.progress import Phase, PhaseEntered, UnitDone
 from station.service.runner import Runner
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 from station.wiring import Order, open_bench
 
 SERIAL = "SN0001"

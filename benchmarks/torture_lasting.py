@@ -24,7 +24,7 @@ import yaml
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from station.config.places import shipped
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
 from station.service.runner import Runner
 from station.wiring import Bench, Order, open_bench
 

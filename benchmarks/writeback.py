@@ -24,9 +24,9 @@ import figures
 import wires
 
 from station.adapters.bus.socketcan import _Channel
+from station.adapters.canopen.canopen_device import CanopenDevice
+from station.adapters.canopen.network import ServiceNetwork
 from station.adapters.clock import SystemClock
-from station.adapters.device.canopen_device import CanopenDevice
-from station.adapters.device.network import ServiceNetwork
 from station.wiring.live_device import LiveDevices, Population
 
 NODE, KEY = 5, bytes.fromhex("3143414c")

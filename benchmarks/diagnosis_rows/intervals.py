@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.diagnosis_rows.figures import Z95, Array, Figure, between, bootstrapped
-from station.diagnosis.estimate import Estimate
+from station.diagnosis.results.estimate import Estimate
 from tests.blind.bench import World, hide
 from tests.blind.hidden import KNOWN
 from tests.blind.look import look

@@ -10,8 +10,8 @@ from benchmarks.diagnosis_rows import oracle, peers
 from benchmarks.diagnosis_rows.figures import Figure, Judge, at_least, at_most, bootstrapped, share
 from benchmarks.diagnosis_rows.same_noise import gain_of_the_true_form
 from benchmarks.diagnosis_rows.trials import Ask, Trial, named_ids, tell_misses, trial, tried
-from station.diagnosis.diagnose import Diagnosis
-from station.diagnosis.view import View
+from station.diagnosis.data.residuals import View
+from station.diagnosis.results.diagnose import Diagnosis
 from station.model.forward import forward
 from station.model.scene import scene_of_table
 from tests.blind.bench import WHITE, Floor, hide

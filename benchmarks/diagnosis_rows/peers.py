@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from station.diagnosis.bank import Candidate, candidates, library, testable
-from station.diagnosis.diagnose import Diagnosis
-from station.diagnosis.view import View
+from station.diagnosis.candidates.bank import Candidate, candidates, library, testable
+from station.diagnosis.data.residuals import View
+from station.diagnosis.results.diagnose import Diagnosis
 
 Array = Any
 #: STLSQ keeps coefficients beyond so many standard errors; a library of unit columns in white noise has errors of 1.

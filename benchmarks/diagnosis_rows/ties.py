@@ -9,9 +9,9 @@ import numpy as np
 from benchmarks.diagnosis_rows.figures import Array, Figure, at_least, at_most, share
 from benchmarks.diagnosis_rows.trials import Ask, Trial, told
 from station.config.recipes import load_recipe
-from station.diagnosis.diagnose import Diagnosis
-from station.diagnosis.next_run import next_run
-from station.domain.recipe import Recipe
+from station.diagnosis.planning.next_run import next_run
+from station.diagnosis.results.diagnose import Diagnosis
+from station.domain.recipe.recipe import Recipe
 from tests.blind.bench import Hidden, World, hide
 from tests.blind.hidden import KNOWN, adds
 from tests.blind.look import look

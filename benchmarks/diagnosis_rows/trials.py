@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from station.diagnosis.alarm import Null
-from station.diagnosis.diagnose import Diagnosis, diagnose
-from station.domain.recipe import Recipe
-from station.domain.types import SampleTable
+from station.diagnosis.results.diagnose import Diagnosis, diagnose
+from station.diagnosis.search.alarm import Null
+from station.domain.core.types import SampleTable
+from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 from tests.blind.bench import FULL, HEAVY, WHITE, Floor, Hidden, hide
 from tests.blind.hidden import KNOWN, UNKNOWN, WRONG_FORM

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from station.domain.lint import Finding, lint
-from station.domain.signals import FrameLayout, SignalLayout
-from station.domain.types import EXTENDED
+from station.domain.can.dbc_rules import Finding, lint
+from station.domain.can.signals import FrameLayout, SignalLayout
+from station.domain.core.types import EXTENDED
 from station.errors import ProductError
 
 #: Beyond this a file is not one product's DBC but an accident, and parsing it takes longer than anybody waits.

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from station.diagnosis.plan import Apart, tell_apart
-from station.domain.recipe import Recipe
+from station.diagnosis.planning.plan import Apart, tell_apart
+from station.domain.recipe.recipe import Recipe
 
 #: Units that are thought of.
 UNITS = 4

@@ -8,9 +8,9 @@ from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt, Query
 from station.cli import _face
 from station.config.recipes import recipe_hash
-from station.domain import backtest
-from station.domain.backtest import Compared
-from station.domain.recipe import Recipe
+from station.domain.evaluation import backtest
+from station.domain.evaluation.backtest import Compared
+from station.domain.recipe.recipe import Recipe
 from station.errors import LogError
 from station.wiring.backtest import run
 from station.wiring.recompute import known

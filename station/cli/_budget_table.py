@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from station.domain import coefficients
-from station.domain.uncertainty import Budget
+from station.domain.methods import coefficients
+from station.domain.methods.uncertainty import Budget
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -14,11 +14,12 @@ from station.cli._calibrate_json import JsonUnits
 from station.cli._calibrate_table import Told
 from station.config.products import load_product
 from station.config.recipes import load_recipe, recipe_path
-from station.domain import document, larger_model, pipeline, writeback
-from station.domain.larger_model import Larger
-from station.domain.pipeline import Result
-from station.domain.recipe import Recipe
-from station.domain.types import Floats, Outcome
+from station.domain.core.types import Floats, Outcome
+from station.domain.evaluation import calibration_document, model_comparison, pipeline
+from station.domain.evaluation.model_comparison import Larger
+from station.domain.evaluation.pipeline import Result
+from station.domain.product import writeback
+from station.domain.recipe.recipe import Recipe
 from station.errors import InputError, SamplesError, UsageError
 
 
@@ -37,9 +38,9 @@ def calibrate_file(samples: Path, recipe_name: str, wanted: Wanted) -> int:
     keep_all()
     recipe = load_recipe(recipe_name)
     told = Told()
-    with JsonUnits(wanted.json, document.head(recipe)) as file:
+    with JsonUnits(wanted.json, calibration_document.head(recipe)) as file:
         for result in _calibrate(recipe, samples, _rounding(recipe, recipe_path(recipe_name))):
-            larger = larger_model.of_unit(recipe, result) if wanted.compare_models else ()
+            larger = model_comparison.of_unit(recipe, result) if wanted.compare_models else ()
             told.add(result, larger)
             file.add(_unit(result, larger))
             if wanted.pictures is not None:
@@ -60,7 +61,7 @@ def _exit_code(told: Told) -> int:
 
 
 def _unit(result: Result, larger: Sequence[Larger]) -> dict[str, Any]:
-    found = document.unit(result)
+    found = calibration_document.unit(result)
     if larger:
         # JSON knows no NaN: what cannot be fitted is null.
         rows = [asdict(one) for one in larger]

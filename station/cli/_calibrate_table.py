@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from station.cli import _budget_table, _face
-from station.domain import judge
-from station.domain.larger_model import Larger
-from station.domain.pipeline import Result
-from station.domain.recipe import Recipe
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
+from station.domain.evaluation.model_comparison import Larger
+from station.domain.evaluation.pipeline import Result
+from station.domain.methods import decision_rule
+from station.domain.recipe.recipe import Recipe
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -123,5 +123,5 @@ def _summary(recipe: Recipe, told: Told) -> str:
     if passed:
         worst = told.worst_false_accept
         chance = "below 1e-6" if worst < 1e-6 else f"at most {worst:.2g}"
-        text += f"; probability of a false accept {chance}; rule {judge.rule_of(limits)}"
+        text += f"; probability of a false accept {chance}; rule {decision_rule.rule_of(limits)}"
     return text

@@ -10,11 +10,12 @@ import numpy as np
 
 from station.cli import _budget_table, _face
 from station.config.recipes import load_recipe, recipe_path
-from station.domain import coefficients, design, method, optimal, rank
-from station.domain.forecast import forecast
-from station.domain.pipeline import NO_ROUNDING
-from station.domain.recipe import Recipe
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.evaluation.pipeline import NO_ROUNDING
+from station.domain.methods import coefficients, method, rank
+from station.domain.planning import design, optimal
+from station.domain.planning.forecast import forecast
+from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 
 SCHEMA = "station.check/1"
@@ -68,7 +69,7 @@ def check_recipe(name: str, count: int | None, *, order: bool, config: Path | No
 
 def _rounding(recipe: Recipe, path: Path) -> Floats:
     from station.config.products import load_product
-    from station.domain import writeback
+    from station.domain.product import writeback
 
     return NO_ROUNDING if recipe.product is None else writeback.rounding_std(load_product(recipe.product, path).map)
 

@@ -5,10 +5,10 @@ import sys
 import time
 from pathlib import Path
 
-from station.cli._live import Live, Pace
+from station.cli._live_state import Live, Pace
 from station.cli._presence import is_served
 from station.errors import UsageError
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 
 #: How often the page's answer is looked for, s.
 _LOOK_S = 0.05

@@ -16,16 +16,17 @@ from station.adapters.memory import keep_all
 from station.cli import _face
 from station.config.models import load_model
 from station.config.recipes import load_recipe
-from station.diagnosis import alarm, line
-from station.diagnosis.alarm import Null
-from station.diagnosis.diagnose import Diagnosis, diagnose
-from station.diagnosis.document import document
-from station.diagnosis.extend import extended
-from station.diagnosis.next_run import next_run
-from station.diagnosis.proposal import SECOND_NEST, Proposal
-from station.diagnosis.search import NullOf
-from station.domain.recipe import Recipe
-from station.domain.types import SampleTable
+from station.diagnosis.planning.next_run import next_run
+from station.diagnosis.planning.proposal import SECOND_NEST, Proposal
+from station.diagnosis.results import line_impact
+from station.diagnosis.results.diagnose import Diagnosis, diagnose
+from station.diagnosis.results.diagnosis_document import document
+from station.diagnosis.results.extend import extended
+from station.diagnosis.search import alarm
+from station.diagnosis.search.alarm import Null
+from station.diagnosis.search.cause_search import NullOf
+from station.domain.core.types import SampleTable
+from station.domain.recipe.recipe import Recipe
 from station.errors import LogError, SamplesError, UsageError
 from station.model.model_file import Model
 
@@ -60,7 +61,7 @@ def diagnose_to(
     found = diagnose(recipe, table, simulation, _kept(seed))
     proposed, proposal = next_run(found)
     today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
-    told = document(found, proposed, line.document(line.line_of(found, today), recipe.unit))
+    told = document(found, proposed, line_impact.document(line_impact.line_of(found, today), recipe.unit))
     _write(wanted, told, found, simulation)
     if wanted.next_run is not None:
         _propose(wanted.next_run, proposal)
@@ -127,7 +128,7 @@ def _logged(db: Path | None, since: str | None, recipe: Recipe) -> SampleTable:
     from station.adapters.samples import join
     from station.adapters.store.search import Query
     from station.cli._log import open_log, time_ns
-    from station.wiring import stored
+    from station.wiring import stored_attempts as stored
 
     with open_log(db, None) as log:
         query = Query(recipe_name=recipe.name, since_ns=time_ns(since, "--since"))

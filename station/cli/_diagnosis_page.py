@@ -8,10 +8,10 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from station.diagnosis.diagnose import Diagnosis
-from station.diagnosis.report.gather import report_data
-from station.diagnosis.report.page import Page, page_of
+from station.diagnosis.results.diagnose import Diagnosis
 from station.errors import UsageError
+from station.reporting.diagnosis.gather import report_data
+from station.reporting.diagnosis.page import Page, page_of
 
 _FOLDER = Path(__file__).parent / "templates"
 

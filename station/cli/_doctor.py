@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from station.adapters.device import eds
+from station.adapters.canopen import eds
 from station.adapters.store import keys
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.cli import _face
 from station.config.settings import Settings, load_settings
-from station.domain.map_check import mismatches
+from station.domain.product.map_check import mismatches
 from station.errors import BusFault, ConfigError, ReferenceOverdue, StationError, StationFault, StoreFault, UsageError
-from station.wiring import golden
+from station.wiring import golden_register
 from station.wiring.jobs import load_job
 
 #: A transmit queue shorter than this fills up in bursts; how long the bus is listened to, s.
@@ -101,8 +101,8 @@ def _bus(station: Station) -> str:
 def _traffic(station: Station) -> str:
     """Listens for a moment and sends nothing: another station may be at work. Error frames are somebody's trouble."""
     from station.adapters.bus.socketcan import SocketCan
-    from station.domain.error_frames import error_frames
-    from station.domain.types import ERROR, Frames
+    from station.domain.can.error_frames import error_frames
+    from station.domain.core.types import ERROR, Frames
 
     name = station.settings.bus.channel
     bus = SocketCan(name)
@@ -188,7 +188,7 @@ def _key(station: Station) -> str:
 def _golden(station: Station) -> str:
     if station.settings.golden is None:
         return "not wanted by config.yaml"
-    found = golden.standings(station.settings, station.database)
+    found = golden_register.standings(station.settings, station.database)
     if not found:
         raise UsageError(f"{station.settings.golden.file} registers none; run one and `station golden register SERIAL`")
     problems = [s.problem for s in found if s.problem]

@@ -15,7 +15,7 @@ from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt, Query
 from station.cli import _face
 from station.errors import LogError, UsageError
-from station.wiring import stored
+from station.wiring import stored_attempts
 
 RESULTS_SCHEMA = "station.results/1"
 _ENDINGS = {"samples": (".parquet", ".csv"), "results": (".parquet", ".csv", ".json"), "frames": (".log", ".blf")}
@@ -98,7 +98,7 @@ def _samples(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[s
         nonlocal rows
         with _face.progress() as bar:
             task = bar.add_task("samples", total=len(attempts))
-            for table in stored.samples(log, attempts):
+            for table in stored_attempts.samples(log, attempts):
                 rows += len(table)
                 bar.advance(task)
                 yield table
@@ -113,7 +113,7 @@ def _samples(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[s
 
 
 def _results(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[str, int]:
-    rows = list(stored.results(log, attempts))
+    rows = list(stored_attempts.results(log, attempts))
     if path.suffix.lower() == ".json":
         document = {"schema": RESULTS_SCHEMA, "head": asdict(log.head()), "results": rows}
         path.write_text(json.dumps(document, ensure_ascii=False, indent=1), encoding="utf-8")
@@ -144,10 +144,10 @@ def _results_parquet(rows: Sequence[dict[str, Any]], log: LogReader, path: Path)
 
 
 def _frames(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[str, int]:
+    from station.adapters.annotations import write_marks
     from station.adapters.bus import write_log
-    from station.adapters.marks import write_marks
 
-    found, marks = stored.frames(log, attempts)
+    found, marks = stored_attempts.frames(log, attempts)
     write_log(path, found)
     with _moved_there(_marks_of(path.with_name(path.name.removeprefix(".writing-")))) as unfinished:
         write_marks(unfinished, marks)

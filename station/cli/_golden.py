@@ -7,9 +7,9 @@ from pathlib import Path
 from station.adapters.store.reader import LogReader
 from station.cli import _face
 from station.config.settings import load_settings
-from station.domain.golden import Expected
+from station.domain.line_quality.golden import Expected
 from station.errors import ConfigError, ReferenceOverdue, UsageError
-from station.wiring import golden
+from station.wiring import golden_register
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,15 +28,15 @@ def act(action: str, serial: str | None, said: Said, where: tuple[Path | None, P
     if settings.golden is None:
         raise ConfigError("config.yaml has no golden block; add golden: {file: golden.json, every_h: 8}")
     database, register = db or Path(settings.database), Path(settings.golden.file)
-    units = golden.load(register)
+    units = golden_register.load(register)
     if action in ("register", "remove"):
         _change(units, action, serial, said, database)
-        golden.save(register, units)
+        golden_register.save(register, units)
     elif action not in ("check", "list"):
         raise UsageError(f"there is no action {action[:20]!r}; use register, remove, check or list")
-    standings = golden.standings(settings, database)
+    standings = golden_register.standings(settings, database)
     if as_json:
-        document = {"schema": golden.SCHEMA, "units": [asdict(u) for u in units.values()]}
+        document = {"schema": golden_register.SCHEMA, "units": [asdict(u) for u in units.values()]}
         _face.say_json({**document, "standings": [asdict(s) for s in standings]})
     else:
         for s in standings:
@@ -50,7 +50,7 @@ def _change(units: dict[str, Expected], action: str, serial: str | None, said: S
         raise UsageError(f"say which unit: station golden {action} SERIAL")
     if action == "register":
         with LogReader(database) as log:
-            units[serial] = golden.expect(log, serial, bad=said.bad, share=said.within, due=_day(said.due))
+            units[serial] = golden_register.expect(log, serial, bad=said.bad, share=said.within, due=_day(said.due))
     elif units.pop(serial, None) is None:
         raise UsageError(f"the register holds no unit {serial!r}; it holds {', '.join(units) or 'none'}")
 

@@ -15,10 +15,10 @@ from station.adapters.store.search import Query
 from station.cli import _face
 from station.cli._msa_runs import Cell, make
 from station.config.settings import load_settings
-from station.domain import msa
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.line_quality import msa
 from station.errors import UsageError
-from station.web.line import VALUES, limits_of, measured
+from station.web.line_statistics import VALUES, limits_of, measured
 from station.wiring import Order
 from station.wiring.jobs import load_job
 

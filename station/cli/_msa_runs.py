@@ -6,9 +6,10 @@ from contextlib import closing
 
 from station.cli import _face
 from station.cli._confirm import wait_for_person
-from station.domain.progress import LoadDone, Seat
+from station.domain.core.types import Seat
+from station.domain.run.progress import LoadDone
 from station.service.runner import Runner
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 from station.wiring import Bench, Order, open_bench
 
 #: A serial and a nest's name.

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import yaml
 
-from station.domain import moves, ordering, plan
-from station.domain.ordering import Moves
-from station.domain.plan import Stop
-from station.domain.recipe import Position, Recipe
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.recipe import moves, ordering, plan
+from station.domain.recipe.ordering import Moves
+from station.domain.recipe.plan import Stop
+from station.domain.recipe.recipe import Position, Recipe
 from station.ports.positioner import Positioner
 
 #: Where the moving times come from, in words.

@@ -5,13 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from station.cli._budget_table import NEGLIGIBLE
-from station.domain import coefficients
-from station.domain.pipeline import Result
-from station.domain.recipe import Recipe
-from station.domain.types import Calibration, Stops
-from station.domain.uncertainty import Budget
-from station.drawing.figure import Figure, Series, svg
-from station.drawing.tables import bars
+from station.domain.core.types import Calibration, Stops
+from station.domain.evaluation.pipeline import Result
+from station.domain.methods import coefficients
+from station.domain.methods.uncertainty import Budget
+from station.domain.recipe.recipe import Recipe
+from station.reporting.drawing.figure import Figure, Series, svg
+from station.reporting.drawing.tables import bars
 
 
 def of_unit(recipe: Recipe, result: Result) -> Mapping[str, str]:

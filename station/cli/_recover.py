@@ -1,7 +1,7 @@
 """The face of a recovery: find the nest, ask the service, say what the unit holds."""
 
 from station.cli import _face
-from station.domain.progress import Seat
+from station.domain.core.types import Seat
 from station.errors import UsageError
 from station.service import recovery
 from station.service.identify import identify_for_recovery

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from station.adapters.annotations import beside, read_marks
 from station.adapters.bus import read_log
 from station.adapters.dbc import read_layouts
-from station.adapters.marks import beside, read_marks
 from station.cli import _face
 from station.cli._results import Row, table, unit_document
 from station.config.settings import load_settings
-from station.domain import recognise
-from station.domain.marks import Marks
-from station.domain.signals import FrameLayout, decode
-from station.domain.types import ERROR, Frames, Outcome
+from station.domain.can.signals import FrameLayout, decode
+from station.domain.capture import position_matching
+from station.domain.capture.annotations import Marks
+from station.domain.core.types import ERROR, Frames, Outcome
 from station.errors import LogError, UsageError
 from station.service.replay import Replayed, replay
 from station.service.station import Job
@@ -67,7 +67,7 @@ def decode_log(log: Path, dbc: Path, out: Path | None, *, as_json: bool) -> int:
 
 def _recognised(log: Path, frames: Frames, job: Job) -> Marks:
     """Marks found in the frames themselves. Errors: LogError when no node shows every position at rest."""
-    found = [m for node in recognise.nodes_in(frames, job.layout) for m in _of_node(frames, node, job)]
+    found = [m for node in position_matching.nodes_in(frames, job.layout) for m in _of_node(frames, node, job)]
     if not found:
         raise LogError(
             f"{log} has no marks beside it, and no device in it was held still in every position of "
@@ -77,7 +77,7 @@ def _recognised(log: Path, frames: Frames, job: Job) -> Marks:
 
 
 def _of_node(frames: Frames, node: int, job: Job) -> Sequence[Any]:
-    return recognise.marks(frames, job.layout, node, job.recipe)
+    return position_matching.marks(frames, job.layout, node, job.recipe)
 
 
 def _row(u: Replayed) -> Row:

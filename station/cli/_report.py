@@ -8,7 +8,7 @@ from station.adapters.store.search import Query
 from station.cli import _face
 from station.errors import UsageError
 from station.web import charts
-from station.web.line import gather
+from station.web.line_statistics import gather
 from station.web.render import environment
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from station.cli import _face
-from station.domain import document
-from station.domain.pipeline import Result
-from station.domain.progress import UnitResult
-from station.domain.recipe import Recipe
-from station.domain.types import Calibration, Outcome, Reason
+from station.domain.core.types import Calibration, Outcome, Reason
+from station.domain.evaluation import calibration_document
+from station.domain.evaluation.pipeline import Result
+from station.domain.recipe.recipe import Recipe
+from station.domain.run.progress import UnitResult
 
 #: Colour and symbol: colour alone tells nothing to one man in twelve.
 LOOK = {
@@ -103,7 +103,7 @@ def _rms(values: Sequence[float]) -> float:
 
 def unit_document(r: Row) -> dict[str, Any]:
     """A unit as `station.calibration/1` prints it; what was not reached is null."""
-    told = dict.fromkeys(document.ABSENT) if r.fit is None else document.unit(r.fit)
+    told = dict.fromkeys(calibration_document.ABSENT) if r.fit is None else calibration_document.unit(r.fit)
     return {**told, "serial": r.serial, "outcome": str(r.outcome), "reasons": [s.sentence for s in r.reasons]}
 
 

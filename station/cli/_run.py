@@ -9,11 +9,12 @@ from typing import Any
 
 from station.cli import _face
 from station.cli._confirm import AtPage, wait_for_person
-from station.cli._live import Live, Pace
+from station.cli._live_state import Live, Pace
 from station.cli._results import row, run_document, table
 from station.cli._serials import ask_serials, seats_of
-from station.domain import serial as serials_of
-from station.domain.progress import (
+from station.domain.core.types import Outcome
+from station.domain.recipe import serial as serials_of
+from station.domain.run.progress import (
     Event,
     LoadBegun,
     LoadDone,
@@ -26,12 +27,11 @@ from station.domain.progress import (
     UnitResult,
     VisitRejected,
 )
-from station.domain.types import Outcome
 from station.errors import Aborted, StationError, UsageError
 from station.service.runner import Runner
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 from station.wiring import Bench, Order, open_bench
-from station.wiring.golden import refuse_unless_checked
+from station.wiring.golden_register import refuse_unless_checked
 
 PHASES = {
     Phase.IDENTIFY: "identifying",

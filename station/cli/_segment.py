@@ -8,10 +8,10 @@ import numpy as np
 from station.adapters.samples import write_samples
 from station.cli import _face
 from station.config.recipes import load_recipe
-from station.domain import stills
-from station.domain.quality import FACE_DEG
-from station.domain.recipe import Recipe
-from station.domain.types import Floats
+from station.domain.capture import rest_segments
+from station.domain.core.types import Floats
+from station.domain.evaluation.quality import FACE_DEG
+from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError, UsageError
 
 
@@ -29,7 +29,7 @@ class Recording:
 def segment(recording: Recording, serial: str, recipe_name: str | None, out: Path) -> int:
     """Writes the still stretches of a recording as visits. Errors: SamplesError, UsageError, RecipeError."""
     time_s, reading = read(recording)
-    stretches = stills.find(time_s, reading)
+    stretches = rest_segments.find(time_s, reading)
     names = [f"still-{i + 1:02d}" for i in range(len(stretches))]
     if recipe_name is not None:
         named = _positions(load_recipe(recipe_name), np.array([reading[a:b].mean(axis=0) for a, b in stretches]))
@@ -37,7 +37,7 @@ def segment(recording: Recording, serial: str, recipe_name: str | None, out: Pat
         names = [name for name in named if name]
     if not names:
         raise SamplesError(f"{recording.path} lies still nowhere that counts; record each stop for some seconds")
-    write_samples(stills.table(time_s, reading, stretches, serial, names), out)
+    write_samples(rest_segments.table(time_s, reading, stretches, serial, names), out)
     _face.remark(f"{len(names)} still stretches of {recording.path} are visits of {out}: {', '.join(names)}")
     return 0
 

@@ -3,8 +3,8 @@
 import sys
 from collections.abc import Iterator, Sequence
 
-from station.domain import serial
-from station.domain.progress import Seat
+from station.domain.core.types import Seat
+from station.domain.recipe import serial
 from station.errors import UsageError
 from station.wiring import Bench
 

@@ -16,7 +16,7 @@ from station.model.line import Line
 from station.model.simulate import Job, Made, effects_of, parts
 
 if TYPE_CHECKING:
-    from station.domain.frames import SensorLayout
+    from station.domain.can.sensor_layout import SensorLayout
 
 TABLES, LOGS = (".parquet", ".csv"), (".log", ".blf")
 
@@ -89,8 +89,8 @@ def _write_table(out: Path, job: Job) -> dict[str, Any]:
 
 def _write_log(out: Path, job: Job, name: str, product: str | None) -> dict[str, Any]:
     """CAN frames, and their marks."""
+    from station.adapters.annotations import write_marks
     from station.adapters.bus import write_log
-    from station.adapters.marks import write_marks
     from station.model.frames_out import frames_of
 
     recorded = frames_of(job, _layout(job, name, product))
@@ -103,7 +103,7 @@ def _layout(job: Job, name: str, product: str | None) -> "SensorLayout":
     """The frames of the product."""
     from station.adapters.dbc import read_layouts
     from station.config.products import load_product, product_path
-    from station.domain.frames import resolve
+    from station.domain.can.sensor_layout import resolve
 
     said, near = product or job.recipe.product, recipe_path(name)
     if said is None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from station.config.documents import load_document, validate
 from station.config.places import find
-from station.domain.product import Product
+from station.domain.product.product import Product
 from station.errors import ProductError
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from station.config.documents import content_hash, load_document, validate
 from station.config.places import find
-from station.domain.recipe import Recipe
+from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 
 

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from station.config.documents import Document, load_document, validate
 from station.config.places import shipped
-from station.domain.recipe import Name, Part, Positive
+from station.domain.recipe.recipe import Name, Part, Positive
 from station.errors import ConfigError
 
 Node = Annotated[int, Field(ge=1, le=127)]

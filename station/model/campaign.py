@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain import rotation
-from station.domain.recipe import Recipe
-from station.domain.types import Array, Floats, Labels
+from station.domain.core import rotation
+from station.domain.core.types import Array, Floats, Labels
+from station.domain.recipe.recipe import Recipe
 from station.model.climate import climate, drive
 from station.model.effect import stream
 from station.model.line import Line

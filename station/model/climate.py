@@ -4,7 +4,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from station.domain.types import Array, Floats
+from station.domain.core.types import Array, Floats
 from station.model.effect import stream
 from station.model.line import Line
 

@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station import plugins
-from station.domain.recipe import Recipe
-from station.domain.types import Array, Floats
+from station.domain.core.types import Array, Floats
+from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 from station.model.scene import Scene, Signal
 
@@ -114,7 +114,7 @@ class Effect(ABC):
     forms: ClassVar[tuple[Parameter, ...]] = ()
     shape_grid: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     needs: ClassVar[tuple[str, ...]] = ()
-    sensors: ClassVar[tuple[str, ...]] = plugins.names("station.domain.sensors")
+    sensors: ClassVar[tuple[str, ...]] = plugins.names("station.domain.recipe.sensors")
 
     def __init_subclass__(cls) -> None:
         cls.id = cls.__module__.rsplit(".", 1)[-1].replace("_", "-")

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain import rotation
-from station.domain.types import Floats
+from station.domain.core import rotation
+from station.domain.core.types import Floats
 from station.model.effect import Effect, GoldEffect, OutputEffect, PoseEffect, SensorEffect, StimulusEffect
 from station.model.scene import Scene, Signal
 

@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain import encode, rotation
-from station.domain.frames import SensorLayout
-from station.domain.marks import Mark, Marks
-from station.domain.types import Floats, Frames
+from station.domain.can import encode
+from station.domain.can.sensor_layout import SensorLayout
+from station.domain.capture.annotations import Mark, Marks
+from station.domain.core import rotation
+from station.domain.core.types import Floats, Frames
 from station.errors import UsageError
 from station.model.campaign import Campaign, campaign_of
 from station.model.forward import feel, on_the_way

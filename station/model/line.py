@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.domain.moves import ACCELERATION_DEG_S2, SPEED_DEG_S, turn_s
+from station.domain.recipe.moves import ACCELERATION_DEG_S2, SPEED_DEG_S, turn_s
 
 
 @dataclass(frozen=True, slots=True)

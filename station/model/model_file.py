@@ -12,8 +12,8 @@ import numpy as np
 from pydantic import Field
 
 from station import plugins
-from station.domain.recipe import Finite, NotNegative, Part
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.recipe.recipe import Finite, NotNegative, Part
 from station.errors import InputError
 from station.model.effect import Effect, Stage
 from station.model.forward import Acting

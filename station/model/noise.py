@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.domain.types import Floats
+from station.domain.core.types import Floats
 
 #: Flicker below half the inverse of this is drawn wave by wave; above it white noise is far larger.
 FLICKER_STEP_S = 0.5

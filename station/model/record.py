@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from station.domain.types import Array, Floats, SampleTable
+from station.domain.core.types import Array, Floats, SampleTable
 from station.model.effect import BusEffect, stream
 from station.model.forward import Acting, Active, gold_error, in_nest
 from station.model.noise import Noise

@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain import plan
-from station.domain.plan import Stop
-from station.domain.types import Floats, Frames
+from station.domain.core.types import Floats, Frames
+from station.domain.recipe import plan
+from station.domain.recipe.plan import Stop
 from station.errors import UsageError
 from station.model.climate import climate, drive
 from station.model.forward import Active, convert, feel, gold_error, in_nest, on_the_way, read
+from station.model.live_unit import Seat, Went
 from station.model.record import THERMOMETER_STD
 from station.model.scene import Scene, Signal
-from station.model.seat import Seat, Went
 from station.model.simulate import Job
 
 #: Instants (n) → nest → station rotations (n, 3, 3) of the positioner's plate.

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain.recipe import Recipe
-from station.domain.types import Array, Floats, Labels, SampleTable
+from station.domain.core.types import Array, Floats, Labels, SampleTable
+from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
 from station.model.slope import Slope, slopes
 from station.model.visits import Visits, visits_of

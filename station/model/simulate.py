@@ -7,8 +7,8 @@ from difflib import get_close_matches
 import numpy as np
 
 from station import plugins
-from station.domain.recipe import Recipe
-from station.domain.types import Floats, SampleTable
+from station.domain.core.types import Floats, SampleTable
+from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 from station.model import record
 from station.model.campaign import campaign_of

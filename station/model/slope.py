@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from station.domain.types import Array, Floats
+from station.domain.core.types import Array, Floats
 
 #: Stiffness tried: variance of f over a whole run beside that of the noise of a stop.
 RATIOS = np.geomspace(1e-2, 1e8, 21)

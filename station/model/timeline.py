@@ -5,9 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from station.domain import adaptive_dwell, plan, rotation
-from station.domain.recipe import Recipe
-from station.domain.types import Array, Floats
+from station.domain.core import rotation
+from station.domain.core.types import Array, Floats
+from station.domain.planning import adaptive_dwell
+from station.domain.recipe import plan
+from station.domain.recipe.recipe import Recipe
 from station.model.effect import strength
 from station.model.line import Line
 

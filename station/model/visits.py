@@ -7,8 +7,8 @@ from difflib import get_close_matches
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain.recipe import Recipe
-from station.domain.types import Array, Floats, Labels
+from station.domain.core.types import Array, Floats, Labels
+from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
 
 #: Labels of a visit that group it with others.

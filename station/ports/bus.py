@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from station.domain.types import Frames
+from station.domain.core.types import Frames
 
 
 @dataclass(frozen=True, slots=True)

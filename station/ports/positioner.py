@@ -2,8 +2,8 @@
 
 from typing import Protocol
 
-from station.domain.plan import Stop
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.recipe.plan import Stop
 
 
 class Positioner(Protocol):

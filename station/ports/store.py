@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from station.domain.framepack.plain import Laid
-from station.domain.types import Frames
+from station.domain.core.types import Frames
+from station.domain.records.framepack.plain import Laid
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Begin:
 class VisitRecord:
     """One finished stop of one attempt: raw frames and what they came to.
 
-    statistics: from_ns and to_ns, the dwell that a refit cuts out of the frames (station.domain.assemble), and for
+    statistics: from_ns and to_ns, the dwell that a refit cuts out of the frames (`capture.assemble`), and for
     people mean, std, count, gaps, repeats, crc_errors, kernel_drops, temperature_degC, reasons of a rejection.
     laid: the frames as the log keeps them, where they were laid out and hashed as they came in.
     """

@@ -1,7 +1,7 @@
 """What the bus itself complains of while a fixture is measured: bus-off ends the run, the rest goes into the record."""
 
-from station.domain.error_frames import error_frames, has_bus_off
-from station.domain.types import Frames
+from station.domain.can.error_frames import error_frames, has_bus_off
+from station.domain.core.types import Frames
 from station.errors import BusFault, DeviceSilent, StationError
 from station.ports.bus import Bus
 

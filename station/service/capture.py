@@ -6,20 +6,20 @@ from functools import partial
 
 import numpy as np
 
-from station.domain.noise_prior import NEWEST
-from station.domain.plan import Stop as Planned
-from station.domain.progress import Event, Reading, Told
-from station.domain.stillness import angle_deg, at_rest, expected_noise, face, has_direction
-from station.domain.stop_check import FACE_DEG
-from station.domain.stream import samples
-from station.domain.types import ERROR, Floats, Frames
+from station.domain.can.decode import samples
+from station.domain.capture.rest_detection import angle_deg, at_rest, expected_noise, face, has_direction
+from station.domain.capture.visit_check import FACE_DEG
+from station.domain.core.types import ERROR, Floats, Frames
+from station.domain.noise.noise_prior import NEWEST
+from station.domain.recipe.plan import Stop as Planned
+from station.domain.run.progress import Event, Reading, Told
 from station.errors import PositionerFault
 from station.service import pace
 from station.service.bus_errors import refuse_bus_off
 from station.service.intake import Intake
 from station.service.pace import GOLD, Readings
 from station.service.station import Job, Station
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 from station.service.unit import Unit
 
 #: How often the stream is looked at, s, while waiting for rest and while dwelling; how soon a stop is noticed.

@@ -7,17 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from station.domain import pipeline, references, verification, writeback
-from station.domain.assemble import KeptVisit, dwell_frames, table_of
-from station.domain.frames import SensorLayout
-from station.domain.noise_prior import Prior
-from station.domain.pipeline import Result
-from station.domain.plan import Stop
-from station.domain.product import Product
-from station.domain.progress import Seat
-from station.domain.recipe import Recipe
-from station.domain.stream import samples
-from station.domain.types import Floats, Reason, SampleTable
+from station.domain.can.decode import samples
+from station.domain.can.sensor_layout import SensorLayout
+from station.domain.capture.assemble import KeptVisit, dwell_frames, table_of
+from station.domain.core.types import Floats, Reason, SampleTable, Seat
+from station.domain.evaluation import pipeline, verification
+from station.domain.evaluation.pipeline import Result
+from station.domain.noise.noise_prior import Prior
+from station.domain.product import writeback
+from station.domain.product.product import Product
+from station.domain.recipe import references
+from station.domain.recipe.plan import Stop
+from station.domain.recipe.recipe import Recipe
 from station.service.station import Job, Station
 from station.service.unit import Unit
 

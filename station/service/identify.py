@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator, Mapping
 
-from station.domain import number_format, writeback
-from station.domain.devicemap import DeviceMap, Setting
-from station.domain.product import kept_serial, read_serial
+from station.domain.product import number_format, writeback
+from station.domain.product.device_map import DeviceMap, Setting
+from station.domain.product.product import kept_serial, read_serial
 from station.errors import DeviceRefused, ReadBackDiffers, StationError, WrongProduct, WrongUnit
 from station.ports.device import Identity
 from station.ports.store import Store

@@ -5,8 +5,8 @@ from functools import reduce
 
 import numpy as np
 
-from station.domain.framepack.plain import Laid, Laying
-from station.domain.types import ERROR, Frames
+from station.domain.core.types import ERROR, Frames
+from station.domain.records.framepack.plain import Laid, Laying
 from station.service.station import Job
 from station.service.unit import Unit
 

@@ -4,10 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from station.domain import adaptive_dwell, plan, rotation
-from station.domain.plan import STOPS_BY_HAND, Stop
-from station.domain.recipe import Recipe
-from station.domain.types import Floats
+from station.domain.core import rotation
+from station.domain.core.types import Floats
+from station.domain.planning import adaptive_dwell
+from station.domain.recipe import plan
+from station.domain.recipe.plan import STOPS_BY_HAND, Stop
+from station.domain.recipe.recipe import Recipe
 from station.ports.positioner import Positioner
 
 

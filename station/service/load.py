@@ -3,8 +3,11 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from station.domain import document, stops_document, thermometer, writeback
-from station.domain.progress import (
+from station.domain.capture import thermometer
+from station.domain.core.types import Outcome, Seat
+from station.domain.evaluation import calibration_document, reduced_visits_document
+from station.domain.product import writeback
+from station.domain.run.progress import (
     Event,
     Identified,
     Judged,
@@ -12,13 +15,11 @@ from station.domain.progress import (
     LoadDone,
     Phase,
     PhaseEntered,
-    Seat,
     Told,
     UnitDone,
     UnitResult,
     follow,
 )
-from station.domain.types import Outcome
 from station.errors import (
     Aborted,
     DeviceRefused,
@@ -38,7 +39,7 @@ from station.service.itinerary import estimate_s, tumble, verification
 from station.service.measure import Bad, Measure
 from station.service.recovery import check_seen_again
 from station.service.station import Job, Station
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 from station.service.unit import Unit, reason
 from station.service.write_back import WriteBack
 
@@ -225,8 +226,8 @@ class Load:
         fit = compute.calibrate(unit, self._job, self._station, prior)
         unit.fit = replace(fit, visits=None)  # the log keeps the stops; a long batch must not keep them in memory too
         if fit.stops is not None:  # what `station backtest` computes from: raw frames of a whole fleet take hours
-            self._station.store.result(unit.attempt, "stops", stops_document.to_document(fit.stops))
-        self._station.store.result(unit.attempt, "calibration", document.unit(fit))
+            self._station.store.result(unit.attempt, "stops", reduced_visits_document.to_document(fit.stops))
+        self._station.store.result(unit.attempt, "calibration", calibration_document.unit(fit))
         if self._capture is not None and (dwell := self._capture.pace.told(unit.seat.serial)):
             self._station.store.result(unit.attempt, "dwell", dwell)
         yield Judged(unit.seat, fit)

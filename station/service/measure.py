@@ -4,21 +4,22 @@ from collections.abc import Generator, Mapping, Sequence
 
 import numpy as np
 
-from station.domain import plan, rotation
-from station.domain.assemble import KeptVisit
-from station.domain.error_frames import error_frames
-from station.domain.framepack.plain import Laid
-from station.domain.plan import Stop as Planned
-from station.domain.progress import Event, StopDone, StopStarted, VisitRejected
-from station.domain.stillness import face
-from station.domain.stop_check import Dwelled, check, statistics
-from station.domain.stream import samples, temperatures
-from station.domain.types import Reason
+from station.domain.can.decode import samples, temperatures
+from station.domain.can.error_frames import error_frames
+from station.domain.capture.assemble import KeptVisit
+from station.domain.capture.rest_detection import face
+from station.domain.capture.visit_check import Dwelled, check, statistics
+from station.domain.core import rotation
+from station.domain.core.types import Reason
+from station.domain.recipe import plan
+from station.domain.recipe.plan import Stop as Planned
+from station.domain.records.framepack.plain import Laid
+from station.domain.run.progress import Event, StopDone, StopStarted, VisitRejected
 from station.errors import PositionerFault
 from station.ports.store import VisitRecord
 from station.service.capture import Capture, Taken
 from station.service.station import Job, Station
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 from station.service.unit import Unit
 
 #: So many heartbeats may be late before the device counts as dead.

@@ -5,12 +5,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from station.domain import adaptive_dwell, noise_document, noise_prior
-from station.domain.adaptive_dwell import SoFar
-from station.domain.noise_prior import Prior, Seen
-from station.domain.noise_so_far import FEWEST, Curve, Dwelt, curve, dwelt, joined, reach_of, seen
-from station.domain.recipe import Recipe
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.noise import noise_document, noise_prior
+from station.domain.noise.noise_prior import Prior, Seen
+from station.domain.noise.running_noise import FEWEST, Curve, Dwelt, curve, dwelt, joined, reach_of, seen
+from station.domain.planning import adaptive_dwell
+from station.domain.planning.adaptive_dwell import SoFar
+from station.domain.recipe.recipe import Recipe
 
 #: Under this serial stand the gold reference's readings, whose noise comes on top of every unit's.
 GOLD = ""

@@ -5,9 +5,8 @@ from dataclasses import asdict
 from typing import Any
 
 from station import __version__
-from station.domain.progress import Seat
-from station.domain.stop_check import STATION_CHECKS
-from station.domain.types import Outcome, Reason
+from station.domain.capture.visit_check import STATION_CHECKS
+from station.domain.core.types import Outcome, Reason, Seat
 from station.ports.store import Begin
 from station.service.measure import Bad
 from station.service.station import Job, Station

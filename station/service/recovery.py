@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from datetime import UTC, datetime
 
-from station.domain import writeback
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
+from station.domain.product import writeback
 from station.errors import DeviceRefused, ReadBackDiffers
 from station.ports.store import Suspect
 from station.service.identify import of_text

@@ -3,14 +3,13 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from station.domain import plan
-from station.domain.assemble import KeptVisit, dwell_frames
-from station.domain.marks import Mark, Marks, kept_visits
-from station.domain.pipeline import Result
-from station.domain.progress import Seat
-from station.domain.stop_check import Dwelled, check
-from station.domain.stream import samples
-from station.domain.types import Frames, Outcome, Reason, SampleTable, Verdict
+from station.domain.can.decode import samples
+from station.domain.capture.annotations import Mark, Marks, kept_visits
+from station.domain.capture.assemble import KeptVisit, dwell_frames
+from station.domain.capture.visit_check import Dwelled, check
+from station.domain.core.types import Frames, Outcome, Reason, SampleTable, Seat, Verdict
+from station.domain.evaluation.pipeline import Result
+from station.domain.recipe import plan
 from station.errors import LogError
 from station.service.compute import refit, samples_of
 from station.service.station import Job

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Generator, Sequence
 
-from station.domain.progress import Event, Seat
+from station.domain.core.types import Seat
+from station.domain.run.progress import Event
 from station.service.load import Load
 from station.service.station import Job, Station
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 
 
 class Runner:

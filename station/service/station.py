@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from station.config.settings import Settings
-from station.domain.frames import SensorLayout
-from station.domain.product import Product
-from station.domain.recipe import Recipe
+from station.domain.can.sensor_layout import SensorLayout
+from station.domain.product.product import Product
+from station.domain.recipe.recipe import Recipe
 from station.ports.bus import Bus
 from station.ports.clock import Clock
 from station.ports.device import Device

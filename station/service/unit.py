@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from station.domain.assemble import KeptVisit
-from station.domain.pipeline import Result
-from station.domain.product import read_serial
-from station.domain.progress import Seat, UnitResult
-from station.domain.types import Floats, Outcome, Reason
+from station.domain.capture.assemble import KeptVisit
+from station.domain.core.types import Floats, Outcome, Reason, Seat
+from station.domain.evaluation.pipeline import Result
+from station.domain.product.product import read_serial
+from station.domain.run.progress import UnitResult
 from station.errors import StationError, UnitFault, WrongUnit
 from station.ports.device import Device, Identity
 from station.service.station import Job

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from station.domain import writeback
-from station.domain.devicemap import DeviceMap
-from station.domain.progress import Event, ObjectWritten
-from station.domain.types import Calibration
-from station.domain.writeback import ObjectWrite
+from station.domain.core.types import Calibration
+from station.domain.product import writeback
+from station.domain.product.device_map import DeviceMap
+from station.domain.product.writeback import ObjectWrite
+from station.domain.run.progress import Event, ObjectWritten
 from station.errors import DeviceRefused, DeviceSilent, ReadBackDiffers, StationError, StationFault, UnitFault
 from station.ports.store import WriteRecord
 from station.service.identify import as_text, set_compensated

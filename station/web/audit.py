@@ -12,9 +12,9 @@ from starlette.routing import Route
 from station.adapters.store.life import result
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt, Query
-from station.domain import coefficients
-from station.drawing.figure import Figure, Series, svg
+from station.domain.methods import coefficients
 from station.errors import LogError
+from station.reporting.drawing.figure import Figure, Series, svg
 from station.web import certificate, language, render
 from station.web.certificate_pdf import pdf
 from station.web.guard import form_of, person

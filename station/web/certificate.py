@@ -7,7 +7,7 @@ from typing import Any
 from station.adapters.store import life
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt
-from station.domain.recipe import Recipe
+from station.domain.recipe.recipe import Recipe
 from station.errors import LogError
 from station.web import language
 from station.web.render import moment, number, quoted

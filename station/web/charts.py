@@ -7,13 +7,13 @@ from statistics import fmean
 import numpy as np
 
 from station.adapters.store.life import utc
-from station.domain import spc
-from station.domain.types import Floats
-from station.drawing.figure import Figure, Series, svg
-from station.drawing.tables import bars
+from station.domain.core.types import Floats
+from station.domain.line_quality import spc
 from station.errors import UsageError
+from station.reporting.drawing.figure import Figure, Series, svg
+from station.reporting.drawing.tables import bars
 from station.web import language
-from station.web.line import PARTS, SPLITS, VALUES, Line, limits_of
+from station.web.line_statistics import PARTS, SPLITS, VALUES, Line, limits_of
 from station.web.render import number
 from station.web.sentences import translate
 

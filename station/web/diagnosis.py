@@ -18,7 +18,7 @@ from station.web.guard import form_of, person
 from station.web.panel import Panel
 from station.web.runs import beside
 from station.web.sessions import Session
-from station.wiring import stored
+from station.wiring import stored_attempts
 
 #: So many units at most in one selection.
 MOST = 200
@@ -64,7 +64,7 @@ def _begin(panel: Panel, serials: list[str], name: str) -> None:
     with panel.log() as log:
         found = [a for serial in serials for a in log.attempts(Query(serial=serial))]
         attempts = _of_one_recipe(found)
-        tables = list(stored.samples(log, attempts))
+        tables = list(stored_attempts.samples(log, attempts))
         recipe_json = log.recipe_and_product(attempts[-1])[0] if attempts else ""
     if not tables:
         raise LogError("these units have no stops in the log; there is nothing to diagnose")

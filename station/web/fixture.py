@@ -5,8 +5,8 @@ from html import escape
 
 import numpy as np
 
-from station.domain import rotation
-from station.domain.types import Floats
+from station.domain.core import rotation
+from station.domain.core.types import Floats
 
 #: Half lengths of the block; it is flat, so that up and sideways cannot be mixed up.
 _HALF = np.array([1.0, 0.75, 0.4])

@@ -11,8 +11,8 @@ from starlette.routing import Route
 from station.errors import StationError, UsageError
 from station.web import charts, language, render
 from station.web.guard import person, whole
-from station.web.line import VALUES, Line, gather
-from station.web.memory import DAY_NS
+from station.web.line_cache import DAY_NS
+from station.web.line_statistics import VALUES, Line, gather
 from station.web.panel import Panel
 from station.web.questions import query_of
 from station.web.sessions import Session

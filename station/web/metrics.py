@@ -16,7 +16,7 @@ from station.adapters.store.reader import LogReader
 from station.errors import StationError
 from station.web.guard import session_of
 from station.web.panel import Panel
-from station.wiring.golden import standings
+from station.wiring.golden_register import standings
 
 #: States of a controller, as station.ports.bus names them.
 STATES = ("active", "warning", "passive", "bus-off", "down", "unknown")

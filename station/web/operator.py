@@ -15,8 +15,8 @@ from starlette.routing import Route
 from station.errors import StationError, UsageError
 from station.web import language, render
 from station.web.accounts import Account
-from station.web.deeds import DEEDS, PassedAlready, Said
 from station.web.guard import form_of, person
+from station.web.operator_actions import DEEDS, PassedAlready, Said
 from station.web.panel import Panel
 from station.web.sentences import translate
 from station.web.sessions import Session

@@ -12,11 +12,11 @@ from anyio import CapacityLimiter
 
 from station.adapters.store.reader import LogReader
 from station.config.settings import Settings
-from station.domain.recipe import Recipe
+from station.domain.recipe.recipe import Recipe
 from station.errors import LogError
 from station.web.accounts import Account, load
 from station.web.journal import Journal
-from station.web.memory import Memory
+from station.web.line_cache import Memory
 from station.web.queue import Queue
 from station.web.runs import Order, Runs, beside
 from station.web.screen import Screen

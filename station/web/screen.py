@@ -12,7 +12,7 @@ from station.errors import StationError, StoreFault
 from station.web import fixture
 from station.web.queue import Queue
 from station.web.runs import Runs, beside
-from station.wiring.golden import standings
+from station.wiring.golden_register import standings
 
 #: A value older than this is looked up again, s: the rate at which all screens together look.
 FRESH_S = 0.03

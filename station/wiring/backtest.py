@@ -15,11 +15,14 @@ from station.adapters.store import reduced
 from station.adapters.store.reader import LogReader
 from station.adapters.store.reduced import Reduced
 from station.adapters.store.search import Attempt, Query
-from station.domain import backtest, design, pipeline, product_record, references, stops_document, writeback
-from station.domain.backtest import Before, Compared
-from station.domain.pipeline import Result
-from station.domain.recipe import Recipe
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.evaluation import backtest, pipeline, reduced_visits_document
+from station.domain.evaluation.backtest import Before, Compared
+from station.domain.evaluation.pipeline import Result
+from station.domain.planning import design
+from station.domain.product import product_record, writeback
+from station.domain.recipe import references
+from station.domain.recipe.recipe import Recipe
 from station.errors import StationFault
 from station.wiring.recompute import kept_visits, known, refit
 
@@ -92,7 +95,7 @@ def _from_stops(log: LogReader, rows: Sequence[Reduced], recipe: Recipe) -> list
         by_product.setdefault(row.product, []).append(row)
     for product, own in by_product.items():
         rounding = _rounding(log, product)
-        units = {r.attempt: stops_document.from_document(json.loads(r.stops), recipe, truths) for r in own}
+        units = {r.attempt: reduced_visits_document.from_document(json.loads(r.stops), recipe, truths) for r in own}
         solved = pipeline.calibrate_stops(recipe, units, rounding)
         results |= dict(zip(units, solved, strict=True))
     return [results[row.attempt] for row in rows]

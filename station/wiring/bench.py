@@ -12,17 +12,17 @@ from typing import Protocol
 from pydantic import ValidationError
 
 from station.adapters.bus import open_bus
+from station.adapters.canopen.canopen_device import CanopenDevice
+from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import SystemClock
-from station.adapters.device.canopen_device import CanopenDevice
-from station.adapters.device.network import ServiceNetwork, service_ids
 from station.adapters.memory import keep_freed
 from station.adapters.store import keys
 from station.adapters.store.sqlite import SqliteStore
 from station.config.documents import content_hash
 from station.config.sentences import sentences
 from station.config.settings import Settings, load_config
-from station.domain import references
-from station.domain.progress import Seat
+from station.domain.core.types import Seat
+from station.domain.recipe import references
 from station.errors import RecipeError, UsageError
 from station.ports.bus import Bus
 from station.ports.clock import Clock
@@ -33,9 +33,9 @@ from station.service.recovery import close_unfinished
 from station.service.station import Job, Station
 from station.wiring.bus_owner import own_bus
 from station.wiring.jobs import Source, load_job
-from station.wiring.learnt import with_model
-from station.wiring.order import Order
+from station.wiring.learnt_model import with_model
 from station.wiring.positioners import positioner
+from station.wiring.run_order import Order
 from station.wiring.simulated import SimulatedFixture
 
 

@@ -7,10 +7,11 @@ from station.adapters.dbc import read_layouts
 from station.config.documents import canonical, load_document, validate
 from station.config.products import product_path
 from station.config.recipes import recipe_hash, recipe_path
-from station.domain import map_check, method, product_record
-from station.domain.frames import resolve
-from station.domain.product import Product
-from station.domain.recipe import Recipe
+from station.domain.can.sensor_layout import resolve
+from station.domain.methods import method
+from station.domain.product import map_check, product_record
+from station.domain.product.product import Product
+from station.domain.recipe.recipe import Recipe
 from station.errors import ProductError, RecipeError
 from station.service.station import Job
 
@@ -67,7 +68,7 @@ def _check_map(where: Path, product: Product, eds: Path | None) -> None:
     """Refuses a device map that contradicts the EDS: the device would refuse it half-way through a write."""
     if eds is None:
         return
-    from station.adapters.device.eds import load
+    from station.adapters.canopen.eds import load
 
     wrong = map_check.mismatches(product.map, load(eds, product.frames.node_of_dbc))
     if wrong:

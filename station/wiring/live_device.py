@@ -7,18 +7,19 @@ from pathlib import Path
 import numpy as np
 
 from station.adapters.bus.socketcan import SocketCan
+from station.adapters.canopen import eds
 from station.adapters.clock import SystemClock
 from station.adapters.dbc import read_layouts
-from station.adapters.device import eds, fault
-from station.adapters.device.live import Hub, serve
-from station.adapters.device.memory import NonVolatile
-from station.adapters.device.simulated import SimulatedDevice, Timing, listens_to
-from station.adapters.device.simulated_stream import Sensor
+from station.adapters.simulated_device import device_fault
+from station.adapters.simulated_device.device import SimulatedDevice, Timing, listens_to
+from station.adapters.simulated_device.live import Hub, serve
+from station.adapters.simulated_device.memory import NonVolatile
+from station.adapters.simulated_device.stream import Sensor
 from station.config.products import load_product, product_path
-from station.domain.frames import SensorLayout, resolve
-from station.domain.product import kept_serial
-from station.domain.recipe import UP
-from station.domain.types import Floats
+from station.domain.can.sensor_layout import SensorLayout, resolve
+from station.domain.core.types import Floats
+from station.domain.product.product import kept_serial
+from station.domain.recipe.recipe import UP
 from station.errors import ProductError, UsageError
 from station.ports.bus import Endpoint
 
@@ -129,7 +130,7 @@ class LiveDevices:
             serial=kept_serial(self._map.serial, serial),
             memory=None if wanted.memory is None else NonVolatile.of_serial(wanted.memory, serial),
             timing=Timing(turnaround_s=0.0, flash_s=wanted.flash_s, block_s=wanted.block_s),
-            faults=[fault.parse(text) for text in wanted.faults],
+            faults=[device_fault.parse(text) for text in wanted.faults],
         )
 
 

@@ -9,15 +9,16 @@ from typing import Any
 from station.adapters.store import life, plain
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt
-from station.domain import document, noise_document, product_record
-from station.domain.assemble import KeptVisit
-from station.domain.framepack import plain as raw
-from station.domain.frames import SensorLayout
-from station.domain.pipeline import Result
-from station.domain.product import Product
-from station.domain.progress import Seat
-from station.domain.recipe import Recipe
-from station.domain.types import Frames
+from station.domain.can.sensor_layout import SensorLayout
+from station.domain.capture.assemble import KeptVisit
+from station.domain.core.types import Frames, Seat
+from station.domain.evaluation import calibration_document
+from station.domain.evaluation.pipeline import Result
+from station.domain.noise import noise_document
+from station.domain.product import product_record
+from station.domain.product.product import Product
+from station.domain.recipe.recipe import Recipe
+from station.domain.records.framepack import plain as raw
 from station.errors import LogError
 from station.service import compute
 
@@ -50,7 +51,7 @@ def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
     recipe, product, layout = known(*reader.recipe_and_product(attempt))
     visits = kept_visits(kept["visits"], reader.frames(attempt))
     result = refit(attempt, visits, recipe, (product, layout), kept)
-    again = json.loads(plain.document(document.unit(result)))
+    again = json.loads(plain.document(calibration_document.unit(result)))
     before, after = dict(_leaves("", stored)), dict(_leaves("", again))
     names = {**before, **after}
     different = tuple(name for name in names if before.get(name, ...) != after.get(name, ...))

@@ -6,19 +6,19 @@ from functools import cache, partial
 import numpy as np
 
 from station.adapters.bus.simulated import Simulated as SimulatedBus
+from station.adapters.canopen import eds
 from station.adapters.clock import SystemClock, VirtualClock
-from station.adapters.device import eds, fault
-from station.adapters.device.memory import NonVolatile
-from station.adapters.device.simulated import SimulatedDevice, Timing, listens_to
-from station.adapters.device.simulated_stream import Sensor
 from station.adapters.positioner.simulated import Simulated as SimulatedPositioner
+from station.adapters.simulated_device import device_fault
+from station.adapters.simulated_device.device import SimulatedDevice, Timing, listens_to
+from station.adapters.simulated_device.memory import NonVolatile
+from station.adapters.simulated_device.stream import Sensor
 from station.config.documents import Document
 from station.config.models import load_model
 from station.config.settings import Settings
-from station.domain.plan import Stop
-from station.domain.product import kept_serial
-from station.domain.progress import Seat
-from station.domain.types import Frames
+from station.domain.core.types import Frames, Seat
+from station.domain.product.product import kept_serial
+from station.domain.recipe.plan import Stop
 from station.errors import ProductError
 from station.model.effect import Effect
 from station.model.rig import Rig
@@ -27,8 +27,8 @@ from station.model.simulate import effect_of
 from station.ports.bus import Endpoint
 from station.service.station import Job
 from station.wiring.jobs import Source
-from station.wiring.order import Order
 from station.wiring.positioners import options_of
+from station.wiring.run_order import Order
 
 #: How well the simulated positioner repeats, degrees, where config.yaml does not describe it: 3.6″, a dividing head.
 #: More of it is a cause of its own, which nobody asked for: `--effect repeatability`.
@@ -100,7 +100,13 @@ class SimulatedFixture:
         return self._made(nest, node, sensor, 0, NonVolatile(), [f for s, f in self._faults if s == GOLD])
 
     def _made(
-        self, nest: str, node: int, sensor: Sensor, serial: int | str, memory: NonVolatile, faults: list[fault.Fault]
+        self,
+        nest: str,
+        node: int,
+        sensor: Sensor,
+        serial: int | str,
+        memory: NonVolatile,
+        faults: list[device_fault.Fault],
     ) -> "tuple[SimulatedDevice, _Delivered]":
         channel = _Delivered(self.bus.endpoint(listens_to(node)), self._rig, nest)
         device = SimulatedDevice(
@@ -157,7 +163,7 @@ def _effect(text: str, job: Job) -> Effect:
     return effect_of(name, job.recipe, size or None)
 
 
-def _split(text: str) -> tuple[str, fault.Fault]:
+def _split(text: str) -> tuple[str, device_fault.Fault]:
     """`SERIAL/KIND:…` or `KIND:…` → (serial or '', fault)."""
     head, slash, rest = text.partition("/")
-    return (head, fault.parse(rest)) if slash else ("", fault.parse(text))
+    return (head, device_fault.parse(rest)) if slash else ("", device_fault.parse(text))

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from station.domain import plan
-from station.domain.recipe import Recipe
-from station.domain.types import Labels, SampleTable
+from station.domain.core.types import Labels, SampleTable
+from station.domain.recipe import plan
+from station.domain.recipe.recipe import Recipe
 
 Array = Any
 

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from station.diagnosis import alarm
-from station.diagnosis.alarm import Null
-from station.diagnosis.diagnose import Diagnosis, diagnose
-from station.domain.recipe import Recipe
-from station.domain.types import SampleTable
+from station.diagnosis.results.diagnose import Diagnosis, diagnose
+from station.diagnosis.search import alarm
+from station.diagnosis.search.alarm import Null
+from station.domain.core.types import SampleTable
+from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 
 _NULLS: dict[str, Null] = {}

@@ -3,7 +3,7 @@
 from functools import cache
 
 from station.config.recipes import load_recipe
-from station.domain.recipe import Recipe
+from station.domain.recipe.recipe import Recipe
 
 #: Samples a second; the noise of a dwell's mean follows from the density, not from this.
 RATE_HZ = 25.0

@@ -8,8 +8,8 @@ import os
 import numpy as np
 import pytest
 
-from station.diagnosis.document import document
-from station.diagnosis.extend import extended
+from station.diagnosis.results.diagnosis_document import document
+from station.diagnosis.results.extend import extended
 from station.model.model_file import Model
 from tests.blind.bench import FULL, WHITE, hide
 from tests.blind.hidden import KNOWN, UNKNOWN, WRONG_FORM

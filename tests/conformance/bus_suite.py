@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 import pytest
 
-from station.domain.types import ERROR, EXTENDED, REMOTE, Frames
+from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
 from station.errors import BusFault
 from station.ports.bus import Bus, Channel
 

@@ -12,7 +12,7 @@ from station.adapters.bus._python_can import mf4
 from station.adapters.bus.replay import Replay
 from station.adapters.bus.simulated import Simulated
 from station.adapters.clock import VirtualClock
-from station.domain.types import Frames
+from station.domain.core.types import Frames
 from tests.conformance.bus_suite import BusSuite, Rig, rows_of
 
 

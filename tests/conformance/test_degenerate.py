@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from station.config.recipes import load_recipe
-from station.diagnosis.diagnose import Diagnosis
-from station.domain.recipe import Recipe
+from station.diagnosis.results.diagnose import Diagnosis
+from station.domain.recipe.recipe import Recipe
 from station.model.effects.axis_permutation import matrix_of
 from station.model.simulate import Job, effects_of, simulate
 from tests.blind.look import look

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from station import plugins
-from station.domain.recipe import Recipe
+from station.domain.recipe.recipe import Recipe
 from station.model.campaign import scene_of_plan
 from station.model.effect import Effect, GoldEffect, OutputEffect, PoseEffect, SensorEffect, Stage, StimulusEffect
 from station.model.forward import Acting, Base, convert, forward, gold_error, signature

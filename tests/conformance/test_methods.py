@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from station import plugins
-from station.domain import design, method, pipeline, scatter
-from station.domain.recipe import Recipe
-from station.domain.types import Floats, SampleTable
+from station.domain.core.types import Floats, SampleTable
+from station.domain.evaluation import pipeline
+from station.domain.methods import method, scatter
+from station.domain.planning import design
+from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError, StationError
 from tests.fakes import tumble
 from tests.fakes.tumble import TODAY, coefficients
@@ -194,7 +196,7 @@ def test_what_cannot_be_determined_is_refused_before_anything_moves(name: str) -
 @pytest.mark.parametrize("name", METHODS)
 def test_its_own_recipe_is_accepted_and_forecast(name: str, rng: np.random.Generator) -> None:
     """What a recipe is forecast to know is what it comes to know."""
-    from station.domain.forecast import forecast
+    from station.domain.planning.forecast import forecast
 
     recipe = tumble.recipe(name, device={"rate_hz": 100, "noise_density": 2e-4})
     design.check(recipe)

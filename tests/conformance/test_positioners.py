@@ -8,9 +8,9 @@ from pydantic import ValidationError
 
 from station import plugins
 from station.adapters.clock import VirtualClock
-from station.domain import rotation
-from station.domain.plan import Stop
-from station.domain.recipe import UP
+from station.domain.core import rotation
+from station.domain.recipe.plan import Stop
+from station.domain.recipe.recipe import UP
 from station.ports.positioner import Positioner
 
 PACKAGE = "station.adapters.positioner"

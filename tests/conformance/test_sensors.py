@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from station import plugins
-from station.domain import method, pipeline, sensor, uncertainty
-from station.domain.recipe import Recipe
+from station.domain.evaluation import pipeline
+from station.domain.methods import method, uncertainty
+from station.domain.recipe import sensor
+from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
 KINDS = plugins.names(sensor.PACKAGE)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from station import plugins
-from station.diagnosis.bank import FLOOR
-from station.diagnosis.problem import Allowance
+from station.diagnosis.candidates.bank import FLOOR
+from station.diagnosis.search.problem import Allowance
 from station.model.simulate import Job, effects_of, simulate
 from tests.blind.look import look
 from tests.blind.recipes import recipe

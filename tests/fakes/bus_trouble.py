@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from station.domain.types import ERROR, Frames
+from station.domain.core.types import ERROR, Frames
 from station.ports.bus import Endpoint
 from station.ports.clock import EventClock
 from station.wiring import Bench

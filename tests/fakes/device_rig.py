@@ -8,17 +8,18 @@ import numpy as np
 
 from station.adapters import dbc
 from station.adapters.bus.simulated import Simulated
+from station.adapters.canopen import eds
+from station.adapters.canopen.canopen_device import CanopenDevice
+from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import VirtualClock
-from station.adapters.device import eds, fault
-from station.adapters.device.canopen_device import CanopenDevice
-from station.adapters.device.memory import NonVolatile
-from station.adapters.device.network import ServiceNetwork, service_ids
-from station.adapters.device.simulated import SimulatedDevice, Timing, listens_to
-from station.adapters.device.simulated_stream import Sensor
+from station.adapters.simulated_device import device_fault
+from station.adapters.simulated_device.device import SimulatedDevice, Timing, listens_to
+from station.adapters.simulated_device.memory import NonVolatile
+from station.adapters.simulated_device.stream import Sensor
 from station.config.products import load_product
-from station.domain.frames import SensorLayout, resolve
-from station.domain.product import Product
-from station.domain.types import Floats, Frames
+from station.domain.can.sensor_layout import SensorLayout, resolve
+from station.domain.core.types import Floats, Frames
+from station.domain.product.product import Product
 from station.ports.bus import Endpoint
 
 DBC = Path(__file__).parents[2] / "dbc"
@@ -60,7 +61,7 @@ class DeviceRig:
             serial=self.serial,
             memory=self.memory,
             timing=self.timing,
-            faults=[fault.parse(text) for text in self.faults],
+            faults=[device_fault.parse(text) for text in self.faults],
         )
         self.raw: Endpoint = self.bus.service(())
         self.stream = self.bus.stream(self.layout.ids(self.node))

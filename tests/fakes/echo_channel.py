@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from station.adapters.device.sdo_server import SdoServer
-from station.domain.types import Frames
+from station.adapters.simulated_device.sdo_server import SdoServer
+from station.domain.core.types import Frames
 
 
 class AddressObjects:

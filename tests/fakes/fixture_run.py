@@ -12,10 +12,10 @@ from station.adapters.store.life import result
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.config.places import shipped
-from station.domain.progress import Event, LoadDone, UnitResult
+from station.domain.run.progress import Event, LoadDone, UnitResult
 from station.errors import StationError
 from station.service.runner import Runner
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 from station.wiring import Bench, Order, open_bench
 
 Hook = Callable[[Event, Stop, Bench], None]

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from station.adapters.device.canopen_device import CanopenDevice
+from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.store.sqlite import SqliteStore
 from tests.fakes import fixture_run
 

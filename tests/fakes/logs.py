@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from station.adapters.store.sqlite import SqliteStore
-from station.domain.types import Frames
+from station.domain.core.types import Frames
 from station.ports.store import Begin, VisitRecord, WriteRecord
 
 NOBODY = 65534

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from station.domain.types import Frames
+from station.domain.core.types import Frames
 
 
 class LoopChannel:

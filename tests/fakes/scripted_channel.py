@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from station.domain.types import Frames
+from station.domain.core.types import Frames
 
 #: One line: the frame that must be sent (None: nothing, time must run out), and (delay s, frame) of each answer.
 Line = tuple[str | None, Sequence[str | tuple[float, str]]]

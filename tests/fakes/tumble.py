@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from station.domain import plan, rotation
-from station.domain.recipe import Recipe
-from station.domain.types import Floats, Labels, SampleTable
+from station.domain.core import rotation
+from station.domain.core.types import Floats, Labels, SampleTable
+from station.domain.recipe import plan
+from station.domain.recipe.recipe import Recipe
 
 TODAY = "2026-11-21"
 FACES: Mapping[str, str] = {

@@ -1,6 +1,6 @@
 """Puts one fault into a simulated run: the text in the table's `inject` column is all that says how.
 
-device KIND[:key=value,…]     the unit SN0001 has a fault of station/adapters/device/fault.py
+device KIND[:key=value,…]     the unit SN0001 has a fault of station/adapters/simulated_device/device_fault.py
 wire KIND[:after_s=S,seconds=S]         the bus of station/adapters/bus/_wire.py between station and devices
 gold KIND[:…] | gold due=DATE           the truth comes from a gold reference at node 5, with that fault or due date
 bus KIND at S s               an error frame of the CAN driver after S simulated seconds
@@ -24,8 +24,9 @@ from typing import Any
 
 from station.adapters.store.owner import Owner
 from station.adapters.store.sqlite import SqliteStore
-from station.domain.progress import Event, PhaseEntered, Reading, Seat, StopStarted
-from station.service.stop import Stop
+from station.domain.core.types import Seat
+from station.domain.run.progress import Event, PhaseEntered, Reading, StopStarted
+from station.service.stop_request import Stop
 from station.wiring import Bench
 from tests.fakes import fixture_run
 from tests.fakes.bus_trouble import troubled

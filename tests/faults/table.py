@@ -7,7 +7,7 @@ hold whatever the outcome. parked: whether the positioner can still be brought t
 
 from dataclasses import dataclass
 
-from station.domain.sdo_codes import ABORT
+from station.domain.product.sdo_codes import ABORT
 
 PASS, FAIL, ERROR, ABORTED = "PASS", "FAIL", "ERROR", "ABORTED"
 _CODES = {PASS: 0, FAIL: 1, ERROR: 3, ABORTED: 4}

@@ -11,9 +11,9 @@ from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.cli.app import main
 from station.config.recipes import load_recipe
-from station.domain import backtest
-from station.domain.stops_document import from_document, to_document
-from station.domain.types import Stops
+from station.domain.core.types import Stops
+from station.domain.evaluation import backtest
+from station.domain.evaluation.reduced_visits_document import from_document, to_document
 from station.errors import LogError, RecipeError
 from station.wiring.backtest import run
 from tests.fakes import fixture_run
@@ -143,8 +143,8 @@ def test_reduced_stops_come_back_bit_for_bit_and_without_what_the_recipe_leaves_
 
 
 def test_a_longer_settling_cuts_later_and_never_before_the_arrival() -> None:
-    from station.domain.assemble import KeptVisit
-    from station.domain.types import Frames
+    from station.domain.capture.assemble import KeptVisit
+    from station.domain.core.types import Frames
 
     recipe = load_recipe("six-point")
     visit = KeptVisit(0, 0, "z-up", "home", 100, 100 + 300_000_000, 100 + 1_300_000_000, Frames.empty())

@@ -8,12 +8,12 @@ import cantools
 import numpy as np
 import pytest
 
-from station.adapters.bus import _logs, read_blocks, read_log, write_log
+from station.adapters.bus import _logs, _recorded, read_blocks, read_log, write_log
 from station.adapters.bus._python_can import mf4
 from station.adapters.bus.replay import Replay
 from station.adapters.dbc import read_layouts
-from station.domain.signals import decode
-from station.domain.types import ERROR, EXTENDED, REMOTE, Frames
+from station.domain.can.signals import decode
+from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
 from station.errors import BusFault, LogError, UsageError
 from tests.conformance.bus_suite import MIXED, frames_of, rows_of
 
@@ -153,6 +153,7 @@ def test_names_that_cannot_be_are_refused(tmp_path: Path) -> None:
 
 def test_a_long_log_comes_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_logs, "BLOCK", 100)
+    monkeypatch.setattr(_recorded, "BLOCK", 100)
     frames = frames_of(*[(0x100 + i % 3, bytes([i % 256])) for i in range(950)])
     for name in ("a.log", "a.blf"):
         write_log(tmp_path / name, frames)

@@ -9,7 +9,7 @@ import pytest
 from station.adapters.bus import open_bus
 from station.adapters.bus.simulated import Simulated
 from station.adapters.clock import SystemClock, VirtualClock
-from station.domain.types import ERROR, Frames
+from station.domain.core.types import ERROR, Frames
 from station.errors import ConfigError
 from station.ports.bus import Endpoint
 

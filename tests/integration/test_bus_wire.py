@@ -8,7 +8,7 @@ import pytest
 from station.adapters.bus._wire import QUEUE
 from station.adapters.bus.simulated import Simulated
 from station.adapters.clock import VirtualClock
-from station.domain.types import Frames
+from station.domain.core.types import Frames
 from station.errors import BusFault, UsageError
 from station.ports.bus import ErrorCounters
 

@@ -9,8 +9,8 @@ import yaml
 
 from station.cli.app import main
 from station.config.recipes import load_recipe
-from station.domain import plan
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
+from station.domain.recipe import plan
 from tests.fakes import fixture_run
 
 

@@ -12,8 +12,8 @@ import yaml
 from station.adapters.samples import read_samples
 from station.cli import app
 from station.config.recipes import load_recipe, recipe_path
-from station.domain import pipeline
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.evaluation import pipeline
 
 pytestmark = pytest.mark.timeout(300)
 

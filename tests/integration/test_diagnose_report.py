@@ -14,12 +14,12 @@ import pytest
 from station.adapters.samples import read_samples, write_samples
 from station.cli import _diagnose, app
 from station.config.recipes import load_recipe
-from station.diagnosis.diagnose import Diagnosis, diagnose
-from station.diagnosis.document import document
-from station.diagnosis.report.data import ReportData
-from station.diagnosis.report.gather import report_data
-from station.domain.types import Labels
+from station.diagnosis.results.diagnose import Diagnosis, diagnose
+from station.diagnosis.results.diagnosis_document import document
+from station.domain.core.types import Labels
 from station.model.model_file import Model
+from station.reporting.diagnosis.data import ReportData
+from station.reporting.diagnosis.gather import report_data
 
 pytestmark = pytest.mark.timeout(300)
 HOSTILE = "<script>alert('SN')</script>&\""

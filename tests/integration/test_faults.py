@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from station.cli._run import exit_code
-from station.domain.progress import LoadDone, UnitDone
+from station.domain.run.progress import LoadDone, UnitDone
 from station.errors import StationError
 from tests.fakes.fixture_run import Ran
 from tests.faults.document import PAGE, document

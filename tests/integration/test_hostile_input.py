@@ -13,7 +13,7 @@ from benchmarks import torture_input
 from benchmarks.torture_input import TOKENS, Target
 from station.adapters.bus import _mf4, read_log
 from station.config.recipes import load_recipe
-from station.domain import serial
+from station.domain.recipe import serial
 from station.errors import LogError, UsageError
 
 FILES = ("recipe", "config", "product", "model", "dbc", "eds")

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from station.adapters.canopen import eds
 from station.adapters.clock import SystemClock
-from station.adapters.device import eds
-from station.adapters.device.live import Hub, serve
-from station.adapters.device.simulated import SimulatedDevice, Timing
-from station.adapters.device.simulated_stream import Sensor
+from station.adapters.simulated_device.device import SimulatedDevice, Timing
+from station.adapters.simulated_device.live import Hub, serve
+from station.adapters.simulated_device.stream import Sensor
 from station.cli._device import node_id
-from station.domain.types import Frames
+from station.domain.core.types import Frames
 from station.errors import ConfigError, StationError, UsageError
 from station.wiring.live_device import Body, LiveDevices, Population, World
 from tests.fakes.device_rig import DBC, DeviceRig, still

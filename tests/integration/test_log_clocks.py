@@ -8,8 +8,8 @@ import yaml
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.config.places import shipped
-from station.domain.types import SampleTable
-from station.wiring import stored
+from station.domain.core.types import SampleTable
+from station.wiring import stored_attempts
 from tests.fakes import fixture_run
 
 
@@ -27,7 +27,7 @@ def turned(folder: Path) -> Path:
 
 def tables(folder: Path) -> list[SampleTable]:
     with LogReader(folder / "station.db") as log:
-        return list(stored.samples(log, log.attempts(Query())))
+        return list(stored_attempts.samples(log, log.attempts(Query())))
 
 
 def test_clamping_starts_anew_with_the_seating_and_power_goes_on(tmp_path: Path) -> None:

@@ -13,8 +13,8 @@ from station.adapters.store.sqlite import SqliteStore
 from station.config.settings import load_settings
 from station.ports.store import Begin
 from station.web.app import create_app
-from station.web.line import gather
-from station.web.memory import DAY_NS, Memory
+from station.web.line_cache import DAY_NS, Memory
+from station.web.line_statistics import gather
 from station.web.panel import Panel
 from station.web.runs import Order
 from station.wiring.jobs import load_job

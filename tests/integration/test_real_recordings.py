@@ -10,9 +10,10 @@ import pytest
 
 from station.cli import app
 from station.config.recipes import load_recipe
-from station.domain import larger_model, pipeline, stills
-from station.domain.recipe import Recipe
-from station.domain.types import Floats, Labels, SampleTable
+from station.domain.capture import rest_segments
+from station.domain.core.types import Floats, Labels, SampleTable
+from station.domain.evaluation import model_comparison, pipeline
+from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 from tests.fakes.tumble import TODAY, coefficients
 
@@ -30,9 +31,11 @@ def by_hand() -> Recipe:
 def xsens(reference_data: Path) -> Any:
     raw = np.loadtxt(reference_data / "xsens_mti_tumble" / "xsens_acc.mat")
     reading = (raw[:, 1:] - XSENS_ZERO) / XSENS_SCALE / XSENS_G
-    found = stills.find(raw[:, 0], reading)
+    found = rest_segments.find(raw[:, 0], reading)
     names = [f"still-{i:02d}" for i in range(len(found))]
-    return found, pipeline.calibrate_unit(by_hand(), stills.table(raw[:, 0], reading, found, "MTi", names), TODAY)
+    return found, pipeline.calibrate_unit(
+        by_hand(), rest_segments.table(raw[:, 0], reading, found, "MTi", names), TODAY
+    )
 
 
 def test_39_rests_are_found_in_the_xsens_recording(xsens: Any) -> None:
@@ -49,7 +52,7 @@ def test_the_xsens_magnitudes_are_right_to_a_tenth_of_a_milli_g(xsens: Any) -> N
 
 
 def test_no_bend_is_needed_for_the_xsens_and_a_pose_left_out_is_met_to_018_milli_g(xsens: Any) -> None:
-    quadratic, cubic = larger_model.of_unit(by_hand(), xsens[1])
+    quadratic, cubic = model_comparison.of_unit(by_hand(), xsens[1])
     assert quadratic.rms_left_out < 0.18e-3
     for one in (quadratic, cubic):
         assert not one.pays

@@ -8,20 +8,20 @@ import cantools
 import numpy as np
 import pytest
 
+from station.adapters.annotations import beside, read_marks, write_marks
 from station.adapters.bus import write_log
 from station.adapters.bus._python_can import mf4
-from station.adapters.marks import beside, read_marks, write_marks
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.cli._replay import decode_log, replay_log
-from station.domain import product_record
-from station.domain.assemble import KeptVisit
-from station.domain.marks import Mark, Marks, marks_of
-from station.domain.progress import Event, LoadDone, Seat
-from station.domain.types import Frames
+from station.domain.capture.annotations import Mark, Marks, marks_of
+from station.domain.capture.assemble import KeptVisit
+from station.domain.core.types import Frames, Seat
+from station.domain.product import product_record
+from station.domain.run.progress import Event, LoadDone
 from station.errors import LogError
 from station.ports.bus import Channel
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 from station.wiring import Bench
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran

@@ -9,10 +9,10 @@ import pytest
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.cli.app import main
-from station.domain import spc
+from station.domain.line_quality import spc
 from station.errors import UsageError
 from station.web import charts
-from station.web.line import PARTS, Line, gather, limits_of
+from station.web.line_statistics import PARTS, Line, gather, limits_of
 from tests.fakes import fixture_run
 
 

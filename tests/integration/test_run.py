@@ -9,7 +9,8 @@ import pytest
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.cli.app import main
-from station.domain.progress import (
+from station.domain.core.types import Outcome
+from station.domain.run.progress import (
     Identified,
     Judged,
     LoadDone,
@@ -21,7 +22,6 @@ from station.domain.progress import (
     Told,
     UnitDone,
 )
-from station.domain.types import Outcome
 from station.wiring.recompute import kept_visits, known, recompute, refit
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
@@ -92,7 +92,7 @@ def test_every_write_is_an_intent_first(four: Ran) -> None:
 
 def test_coefficients_are_the_truth_within_their_uncertainty(four: Ran, tmp_path: Path) -> None:
     from station.config.recipes import load_recipe
-    from station.domain.recipe import Recipe
+    from station.domain.recipe.recipe import Recipe
     from station.model.simulate import Job
 
     recipe: Recipe = load_recipe("six-point")
@@ -251,8 +251,8 @@ def dwelt_s(ran: Ran, kind: str) -> list[float]:
 
 def test_recipe_and_product_in_the_log_are_enough_to_refit(four: Ran) -> None:
     from station.adapters.store.search import Query
-    from station.domain import product_record
-    from station.domain.recipe import Recipe
+    from station.domain.product import product_record
+    from station.domain.recipe.recipe import Recipe
 
     with LogReader(four.folder / "station.db") as log:
         (attempt,) = log.attempts(Query(serial="SN0001"))

@@ -10,8 +10,8 @@ import yaml
 
 from station.config.places import shipped
 from station.config.recipes import load_recipe
-from station.domain import serial
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
+from station.domain.recipe import serial
 from station.errors import (
     BusFault,
     ConfigError,

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from station.domain.progress import StopDone
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
+from station.domain.run.progress import StopDone
 from station.errors import BusFault, DeviceRefused, DeviceSilent
 from station.service.bus_errors import blamed
 from tests.fakes import fixture_run

@@ -8,11 +8,11 @@ import numpy as np
 
 from station.adapters.positioner.manual import Manual
 from station.adapters.positioner.simulated import Simulated
-from station.domain import plan
-from station.domain.plan import Stop
-from station.domain.progress import StopStarted, Told
-from station.domain.recipe import Recipe
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
+from station.domain.recipe import plan
+from station.domain.recipe.plan import Stop
+from station.domain.recipe.recipe import Recipe
+from station.domain.run.progress import StopStarted, Told
 from station.errors import PositionerFault
 from station.wiring import Bench
 from tests.fakes import fixture_run

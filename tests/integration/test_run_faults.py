@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
 
@@ -21,7 +21,7 @@ def test_one_bad_unit_does_not_stop_the_others(tmp_path: Path) -> None:
 
 
 def test_a_single_bad_visit_is_measured_once_more(tmp_path: Path) -> None:
-    from station.domain.progress import VisitRejected
+    from station.domain.run.progress import VisitRejected
 
     faulty = fixture_run.run(tmp_path, faults=("frames-lost:fraction=0.002",), seed=3)
     rejected = faulty.of(VisitRejected)

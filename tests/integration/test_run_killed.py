@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from station.domain.progress import Event, UnitDone
-from station.domain.types import Outcome
-from station.service.stop import Stop
+from station.domain.core.types import Outcome
+from station.domain.run.progress import Event, UnitDone
+from station.service.stop_request import Stop
 from station.wiring import Bench
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran

@@ -7,7 +7,7 @@ import pytest
 
 from station.config.places import shipped
 from station.config.recipes import load_recipe
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
 from station.model.simulate import Job
 from tests.fakes import fixture_run
 

@@ -4,11 +4,20 @@ from pathlib import Path
 
 import pytest
 
-from station.domain.progress import Event, Judged, ObjectWritten, Phase, PhaseEntered, StopDone, StopStarted, UnitDone
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
+from station.domain.run.progress import (
+    Event,
+    Judged,
+    ObjectWritten,
+    Phase,
+    PhaseEntered,
+    StopDone,
+    StopStarted,
+    UnitDone,
+)
 from station.errors import Aborted, BusFault, PositionerFault, StoreFault
 from station.service.runner import Runner
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 from station.wiring import Bench, Order, open_bench
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran

@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from station.adapters.device.network import ServiceNetwork
-from station.adapters.device.sdo_client import SdoClient
-from station.domain.sdo_codes import ABORT
-from station.domain.types import Frames
+from station.adapters.canopen.network import ServiceNetwork
+from station.adapters.canopen.sdo_client import SdoClient
+from station.domain.core.types import Frames
+from station.domain.product.sdo_codes import ABORT
 from station.errors import BusFault, DeviceRefused, DeviceSilent
 from tests.fakes.scripted_channel import Line, ScriptedChannel
 

@@ -3,8 +3,8 @@
 import threading
 from collections.abc import Callable
 
-from station.adapters.device.network import ServiceNetwork
-from station.adapters.device.sdo_client import SdoClient
+from station.adapters.canopen.network import ServiceNetwork
+from station.adapters.canopen.sdo_client import SdoClient
 from tests.fakes.echo_channel import AddressObjects, EchoChannel
 
 READS = 1000

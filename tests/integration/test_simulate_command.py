@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from station.adapters.annotations import read_marks
 from station.adapters.bus import read_log
-from station.adapters.marks import read_marks
 from station.adapters.samples import read_samples
 from station.cli import app
 from station.config.recipes import recipe_path

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from station.adapters.device.memory import NonVolatile
-from station.adapters.device.simulated import Timing
-from station.domain import encode, writeback
-from station.domain.stream import Samples, samples
-from station.domain.types import Calibration
+from station.adapters.simulated_device.device import Timing
+from station.adapters.simulated_device.memory import NonVolatile
+from station.domain.can import encode
+from station.domain.can.decode import Samples, samples
+from station.domain.core.types import Calibration
+from station.domain.product import writeback
 from station.errors import ConfigError, DeviceRefused, DeviceSilent, UsageError
 from tests.fakes.device_rig import DeviceRig, still
 

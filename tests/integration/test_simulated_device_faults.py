@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from station.adapters.device.fault import KINDS, Fault, parse
-from station.domain.stream import Samples, samples
+from station.adapters.simulated_device.device_fault import KINDS, Fault, parse
+from station.domain.can.decode import Samples, samples
 from station.errors import BusFault, DeviceRefused, DeviceSilent, UsageError
 from tests.fakes.device_rig import DeviceRig
 

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from station.adapters.device.simulated_stream import Readings, Sensor
-from station.adapters.device.stream_faults import StreamFaults
-from station.domain import signals, writeback
-from station.domain.stream import samples
-from station.domain.types import Calibration
+from station.adapters.simulated_device.stream import Readings, Sensor
+from station.adapters.simulated_device.stream_faults import StreamFaults
+from station.domain.can import signals
+from station.domain.can.decode import samples
+from station.domain.core.types import Calibration
+from station.domain.product import writeback
 from tests.fakes.device_rig import DBC, DeviceRig, still
 
 Rig = Callable[..., DeviceRig]

@@ -19,7 +19,7 @@ from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.adapters.store.sqlite import SqliteStore
 from station.adapters.store.verify import Trust
-from station.domain.framepack import plain
+from station.domain.records.framepack import plain
 from station.errors import LogError, StoreFault
 from tests.fakes import logs
 

@@ -12,7 +12,7 @@ from station.adapters.store import keys
 from station.adapters.store.reader import LogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.adapters.store.verify import Trust
-from station.domain.chain import Finding
+from station.domain.records.chain import Finding
 from station.errors import ConfigError, UsageError
 from tests.conftest import SEED
 from tests.fakes import logs

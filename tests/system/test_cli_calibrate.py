@@ -14,9 +14,9 @@ from station import plugins
 from station.adapters.samples import read_samples, write_samples
 from station.cli.app import main
 from station.config.recipes import load_recipe
-from station.domain import plan
-from station.domain.recipe import Recipe
-from station.domain.types import SampleTable
+from station.domain.core.types import SampleTable
+from station.domain.recipe import plan
+from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
 Said = tuple[int, str, str]
@@ -172,7 +172,7 @@ def test_every_recipe_that_ships_is_accepted(path: Path, station: Callable[..., 
 
 
 def sensors_and_methods() -> set[tuple[str, str]]:
-    kinds = plugins.names("station.domain.sensors")
+    kinds = plugins.names("station.domain.recipe.sensors")
     return {(k, m) for k in kinds for m in ("one-point", "three-point", "six-point", "n-point")}
 
 

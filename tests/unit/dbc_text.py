@@ -6,7 +6,7 @@ from pathlib import Path
 from hypothesis import strategies as st
 
 from station.adapters.dbc import read_layouts
-from station.domain.signals import FrameLayout
+from station.domain.can.signals import FrameLayout
 
 HEAD = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: A\n\n'
 SCALES = ("1", "2", "-3", "0.5", "1E-3", "6.25E-005", "1e10", "0.1", "1000000007", "1.0")

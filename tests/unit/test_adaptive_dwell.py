@@ -10,13 +10,14 @@ from scipy.optimize import minimize
 
 from station.config.places import shipped
 from station.config.recipes import load_recipe
-from station.domain import adaptive_dwell, ideal, noise_document
-from station.domain.adaptive_dwell import ROUNDS, SoFar
-from station.domain.allocation import NEAR
-from station.domain.noise_prior import learnt
-from station.domain.noise_so_far import Curve, curve, dwelt, reach_of, seen
-from station.domain.recipe import Dwell, Recipe
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.noise import noise_document
+from station.domain.noise.noise_prior import learnt
+from station.domain.noise.running_noise import Curve, curve, dwelt, reach_of, seen
+from station.domain.planning import adaptive_dwell, nominal_visits
+from station.domain.planning.adaptive_dwell import ROUNDS, SoFar
+from station.domain.planning.allocation import NEAR
+from station.domain.recipe.recipe import Dwell, Recipe
 from station.service.pace import Fixed, UntilStd, of
 from tests.fakes import tumble
 
@@ -62,8 +63,8 @@ def test_what_a_method_does_not_estimate_is_not_waited_for() -> None:
 
 def test_hand_held_stops_are_planned_as_spread_evenly() -> None:
     held = tumble.recipe("norm", positions=[], reference={"source": "gravity", "magnitude": 1.0, "pose": "unknown"})
-    assert len(ideal.truths(held)) == 24
-    assert np.linalg.norm(ideal.truths(held), axis=1) == pytest.approx(np.ones(24))
+    assert len(nominal_visits.truths(held)) == 24
+    assert np.linalg.norm(nominal_visits.truths(held), axis=1) == pytest.approx(np.ones(24))
 
 
 def test_uneven_positions_are_shared_as_no_optimiser_betters() -> None:
@@ -72,7 +73,7 @@ def test_uneven_positions_are_shared_as_no_optimiser_betters() -> None:
     ups = {f"p{i}": v / np.linalg.norm(v) for i, v in enumerate(rng.standard_normal((7, 3)))}
     wanted = recipe("n-point", ups=ups, dwell={"until_std": 1e-4, "min_s": 0.05, "max_s": 500})
     T = adaptive_dwell.planned_s(wanted, WHITE)
-    X = np.column_stack([np.ones(7), ideal.truths(wanted)])
+    X = np.column_stack([np.ones(7), nominal_visits.truths(wanted)])
 
     def worst(dwell_s: Floats) -> Floats:
         return np.asarray(np.diag(np.linalg.inv(X.T * (dwell_s / WHITE) @ X)) / 1e-4**2)
@@ -209,7 +210,7 @@ SHIPPED = sorted(path.stem for path in (shipped() / "recipes").glob("*.yaml"))
 def test_every_shipped_recipe_can_be_planned(name: str) -> None:
     """Within its limits, to the wanted uncertainty or as near as the longest dwells come."""
     whole = load_recipe(name)
-    strongest = max((float(np.linalg.norm(v)) for v in ideal.truths(whole)), default=1.0)
+    strongest = max((float(np.linalg.norm(v)) for v in nominal_visits.truths(whole)), default=1.0)
     dwell = Dwell(until_std=2e-5 * strongest, min_s=0.2, max_s=5)
     asked = whole.model_copy(update={"dwell": dwell})
     aim = adaptive_dwell.aim(asked)

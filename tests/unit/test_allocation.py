@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from station.domain.allocation import NEAR, least_dwells
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.planning.allocation import NEAR, least_dwells
 
 
 def dwells(price: Floats, past: float = 0.0, shortest: float = 0.01, longest: float = 1e3) -> Floats:

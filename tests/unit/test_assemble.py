@@ -8,10 +8,10 @@ import pytest
 from station.adapters.dbc import read_layouts
 from station.config.places import shipped
 from station.config.products import load_product
-from station.domain import encode
-from station.domain.assemble import KeptVisit, dwell_frames, table_of
-from station.domain.frames import SensorLayout, resolve
-from station.domain.types import Frames
+from station.domain.can import encode
+from station.domain.can.sensor_layout import SensorLayout, resolve
+from station.domain.capture.assemble import KeptVisit, dwell_frames, table_of
+from station.domain.core.types import Frames
 
 NODE, LSB, START = 17, 1e-4, 1_767_225_600_000_000_000
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from station.domain import coefficients, method, pipeline, scatter
-from station.domain.recipe import Recipe
-from station.domain.types import Floats, Stops
+from station.domain.core.types import Floats, Stops
+from station.domain.evaluation import pipeline
+from station.domain.methods import coefficients, method, scatter
+from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
 LINEAR = ("one-point", "three-point", "six-point", "n-point")

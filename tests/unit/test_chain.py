@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.domain import chain
-from station.domain.chain import Finding, Sealed, Walk
+from station.domain.records import chain
+from station.domain.records.chain import Finding, Sealed, Walk
 
 START = chain.genesis("a-log")
 VALUES = st.one_of(st.none(), st.integers(), st.floats(allow_nan=False), st.text(), st.binary())

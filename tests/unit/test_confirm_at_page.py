@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from station.cli._confirm import AtPage
-from station.cli._live import Live, Pace
+from station.cli._live_state import Live, Pace
 from station.cli._presence import is_served, serving
 from station.errors import Aborted
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 from station.wiring.jobs import load_job
 
 PAGE = """

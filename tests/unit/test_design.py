@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 import yaml
 
-from station.domain import design, directions, optimal, rank
-from station.domain.calibrate import _ellipsoid
-from station.domain.forecast import forecast
-from station.domain.pipeline import NO_ROUNDING
-from station.domain.recipe import Recipe
+from station.domain.evaluation.pipeline import NO_ROUNDING
+from station.domain.methods import rank
+from station.domain.methods.calibrate import _ellipsoid
+from station.domain.planning import design, optimal
+from station.domain.planning.forecast import forecast
+from station.domain.recipe import directions
+from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 from tests.fakes import tumble
 

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from station.domain import number_format, writeback
-from station.domain.devicemap import DeviceMap
-from station.domain.types import Calibration
+from station.domain.core.types import Calibration
+from station.domain.product import number_format, writeback
+from station.domain.product.device_map import DeviceMap
 from station.errors import ProductError, UnitFault
 
 FORMATS: dict[str, dict[str, Any]] = {

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from station.diagnosis.chance import dealt_orders
-from station.diagnosis.evidence import RATIOS, Pattern, Sets, Spectrum, spectrum
-from station.diagnosis.search import is_unknown
-from station.diagnosis.space import Covariance, Known, Rows, Space, space
-from station.domain.types import Floats
+from station.diagnosis.linear.evidence import RATIOS, Pattern, Sets, Spectrum, spectrum
+from station.diagnosis.linear.projection import Covariance, Known, Rows, Space, space
+from station.diagnosis.search.cause_search import is_unknown
+from station.diagnosis.search.null_simulation import dealt_orders
+from station.domain.core.types import Floats
 
 U, M = 3, 20
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from station.diagnosis.faults import Fault, inspect
-from station.domain.recipe import Recipe
-from station.domain.types import SampleTable
+from station.diagnosis.data.faults import Fault, inspect
+from station.domain.core.types import SampleTable
+from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
 from tests.blind.bench import hide
 from tests.blind.hidden import KNOWN

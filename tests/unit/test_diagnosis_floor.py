@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from station.config.recipes import load_recipe
-from station.diagnosis import floor as floors
-from station.diagnosis.grid import Grid
-from station.diagnosis.reduce import calmed
-from station.diagnosis.space import Known, Rows, space
+from station.diagnosis.data.reduce import calmed
+from station.diagnosis.linear import noise_floor as floors
+from station.diagnosis.linear.grid import Grid
+from station.diagnosis.linear.projection import Known, Rows, space
 from station.model.simulate import Job, effects_of, simulate
 from station.model.timeline import density_of
 from tests.blind.look import look

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from station.config.recipes import load_recipe
-from station.diagnosis.extend import extended
-from station.diagnosis.faults import Fault, inspect
-from station.domain.recipe import Recipe
+from station.diagnosis.data.faults import Fault, inspect
+from station.diagnosis.results.extend import extended
+from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 from station.model.simulate import Job, effects_of, simulate
 from tests.blind.look import look

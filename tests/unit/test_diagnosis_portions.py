@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from station.diagnosis import reduce
-from station.diagnosis.faults import counters
-from station.domain.types import Floats, Labels, SampleTable
+from station.diagnosis.data import reduce
+from station.diagnosis.data.faults import counters
+from station.domain.core.types import Floats, Labels, SampleTable
 
 STOPS, BLOCKS = 9, len(reduce.EDGES)
 

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from station import plugins
 from station.cli._diagnosis_page import html
-from station.diagnosis.report.across import across, best_axis
-from station.diagnosis.report.data import Dwell, ReportData, Signature
-from station.diagnosis.report.page import Page, Section, page_of
-from station.diagnosis.report.remedies import DO, SHOW, makes_testable
-from station.diagnosis.report.smallest import length_needed
-from station.diagnosis.report.units import number, size, with_std
-from station.domain.types import Labels
+from station.domain.core.types import Labels
 from station.model.model_file import EFFECTS
+from station.reporting.diagnosis.across import across, best_axis
+from station.reporting.diagnosis.data import Dwell, ReportData, Signature
+from station.reporting.diagnosis.page import Page, Section, page_of
+from station.reporting.diagnosis.remedies import DO, SHOW, makes_testable
+from station.reporting.diagnosis.smallest_effect import length_needed
+from station.reporting.diagnosis.units import number, size, with_std
 
 PLACES = ("z-up", "x-up", "y-up", "z-down")
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from station.config.documents import Document, content_hash, load_document, plain, validate
 from station.config.recipes import load_recipe, recipe_hash
-from station.domain.recipe import Recipe
+from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 
 GOOD = """\

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.drawing import scale, tables
-from station.drawing.figure import Figure, Series, panels, svg
+from station.reporting.drawing import scale, tables
+from station.reporting.drawing.figure import Figure, Series, panels, svg
 
 NS = "{http://www.w3.org/2000/svg}"
 

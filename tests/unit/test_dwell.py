@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from station.domain import dwell, noise
-from station.domain.dwell import Dwells
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.noise import dwell_statistics, noise
+from station.domain.noise.dwell_statistics import Dwells
 
 
 def measured(x: Floats) -> Dwells:
     """Dwells of readings (units, visits, n, 3)."""
     u, v, n, _ = x.shape
     at = np.arange(u * v) * n
-    return dwell.measure(x.reshape(-1, 3), at, np.full(u * v, n), np.repeat(np.arange(u), v))
+    return dwell_statistics.measure(x.reshape(-1, 3), at, np.full(u * v, n), np.repeat(np.arange(u), v))
 
 
 def first_order(rng: np.random.Generator, phi: float, shape: tuple[int, ...]) -> Floats:
@@ -66,7 +66,7 @@ def test_portions_of_dwells_give_the_same_bits(rng: np.random.Generator, monkeyp
     x = first_order(rng, 0.5, (7, 5, 300))
     whole = measured(x)
     for together in (1, 700, 1 << 20):
-        monkeypatch.setattr(dwell, "TOGETHER", together)
+        monkeypatch.setattr(dwell_statistics, "TOGETHER", together)
         found = measured(x)
         for field in fields(whole):
             assert np.array_equal(getattr(found, field.name), getattr(whole, field.name)), field.name
@@ -75,7 +75,7 @@ def test_portions_of_dwells_give_the_same_bits(rng: np.random.Generator, monkeyp
 def test_dwells_of_different_length_in_one_unit(rng: np.random.Generator) -> None:
     lengths = np.tile([20, 100, 400, 100], 40)
     x = rng.standard_normal((int(lengths.sum()), 3))
-    found = dwell.measure(x, np.r_[0, np.cumsum(lengths)[:-1]], lengths, np.repeat(np.arange(40), 4))
+    found = dwell_statistics.measure(x, np.r_[0, np.cumsum(lengths)[:-1]], lengths, np.repeat(np.arange(40), 4))
     by_length = np.median((found.variance * lengths[:, None]).reshape(40, 4, 3), axis=(0, 2))
     # 1, and the widening for being an estimate.
     assert by_length == pytest.approx(np.full(4, 1.07), rel=0.15)

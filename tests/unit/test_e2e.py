@@ -7,9 +7,9 @@ from cantools.autosar.end_to_end import compute_profile2_crc
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.domain import e2e
-from station.domain.frames import EndToEnd, FrameMap, SensorLayout, resolve
-from station.domain.signals import FrameLayout, SignalLayout
+from station.domain.can import e2e
+from station.domain.can.sensor_layout import EndToEnd, FrameMap, SensorLayout, resolve
+from station.domain.can.signals import FrameLayout, SignalLayout
 
 IDS = tuple(range(100, 116))
 MODES = {"both": 0, "alt": 1, "low": 2, "nibble": 3}

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from station import plugins
-from station.domain.recipe import Recipe
-from station.domain.types import Floats, Labels, SampleTable
+from station.domain.core.types import Floats, Labels, SampleTable
+from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 from station.model.effect import Effect, Parameter, stream, strength
 from station.model.forward import Acting, Base, convert, forward

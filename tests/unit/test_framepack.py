@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from station.domain.e2e import crc8
-from station.domain.framepack import codec, columns, parity, plain, predict
-from station.domain.framepack.bytestream import Reader, Writer
-from station.domain.types import Frames
+from station.domain.can.e2e import crc8
+from station.domain.core.types import Frames
+from station.domain.records.framepack import codec, columns, parity, plain, predict
+from station.domain.records.framepack.bytestream import Reader, Writer
 from station.errors import LogError
 
 IDS = st.sampled_from([0x181, 0x182, 0x281, 0x8000_0000 | 0x1ABCDEF, 0x2000_0004, 0xFFFF_FFFF])

@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from station.domain.counters import STUCK, Count, count, steps
+from station.domain.can.sequence_counter import STUCK, Count, count, steps
 
 MS = 1_000_000
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from station.domain.signals import FrameLayout, SignalLayout, decode, physical, raw, side_by_side
-from station.domain.types import ERROR, EXTENDED, REMOTE, Frames
+from station.domain.can.signals import FrameLayout, SignalLayout, decode, physical, raw, side_by_side
+from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
 from station.errors import ProductError
 from tests.unit.dbc_text import Text, messages
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from station.domain.error_frames import error_frames, has_bus_off
-from station.domain.types import ERROR, Frames
+from station.domain.can.error_frames import error_frames, has_bus_off
+from station.domain.core.types import ERROR, Frames
 
 BUS_OFF, RESTARTED = 0x40, 0x100
 

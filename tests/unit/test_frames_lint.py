@@ -8,9 +8,9 @@ import cantools
 import pytest
 
 from station.adapters.dbc import read_layouts
-from station.domain.lint import lint
-from station.domain.signals import FrameLayout, SignalLayout
-from station.domain.types import EXTENDED
+from station.domain.can.dbc_rules import lint
+from station.domain.can.signals import FrameLayout, SignalLayout
+from station.domain.core.types import EXTENDED
 from station.errors import ProductError
 
 DBC = Path(__file__).resolve().parents[2] / "dbc" / "accelerometer.dbc"

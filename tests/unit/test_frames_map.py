@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from station.adapters.dbc import read_layouts
-from station.domain.frames import FrameMap, SensorLayout, resolve
-from station.domain.signals import FrameLayout, SignalLayout
-from station.domain.types import EXTENDED
+from station.domain.can.sensor_layout import FrameMap, SensorLayout, resolve
+from station.domain.can.signals import FrameLayout, SignalLayout
+from station.domain.core.types import EXTENDED
 from station.errors import ProductError
 
 DBC = Path(__file__).resolve().parents[2] / "dbc" / "accelerometer.dbc"

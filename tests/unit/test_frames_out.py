@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from station.domain.assemble import table_of
-from station.domain.frames import EndToEnd, FrameMap, SampleRoles, SensorLayout, TemperatureRole
-from station.domain.marks import kept_visits
-from station.domain.recipe import Recipe
-from station.domain.signals import FrameLayout, SignalLayout
-from station.domain.stream import samples
+from station.domain.can.decode import samples
+from station.domain.can.sensor_layout import EndToEnd, FrameMap, SampleRoles, SensorLayout, TemperatureRole
+from station.domain.can.signals import FrameLayout, SignalLayout
+from station.domain.capture.annotations import kept_visits
+from station.domain.capture.assemble import table_of
+from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 from station.model.forward import forward
 from station.model.frames_out import Recorded, frames_of, node_of

@@ -11,12 +11,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from station.adapters.dbc import read_layouts
-from station.domain.counters import Count
-from station.domain.encode import payloads, sample_frames, temperature_frames, to_raw
-from station.domain.frames import FrameMap, SensorLayout, resolve
-from station.domain.signals import FrameLayout, SignalLayout, decode, raw
-from station.domain.stream import Trouble, samples
-from station.domain.types import ERROR, EXTENDED, REMOTE, Frames
+from station.domain.can.decode import Trouble, samples
+from station.domain.can.encode import payloads, sample_frames, temperature_frames, to_raw
+from station.domain.can.sensor_layout import FrameMap, SensorLayout, resolve
+from station.domain.can.sequence_counter import Count
+from station.domain.can.signals import FrameLayout, SignalLayout, decode, raw
+from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
 from tests.unit.dbc_text import Text, messages
 from tests.unit.test_frames_map import BARE, BLOCK, DBC
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from station.domain.golden import Expected, Shown, standing
+from station.domain.line_quality.golden import Expected, Shown, standing
 
 GOLD = Expected("G1", "golden", "six-point", "PASS", {"offset x": (0.02, 0.004)}, (), "2027-01-31")
 BAD = Expected("B1", "known-bad", "six-point", "FAIL", {}, ("stuck",), "")

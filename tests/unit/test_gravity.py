@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from station.domain import gravity
+from station.domain.recipe import gravity
 
 #: Place: latitude, height, m/s² by the WGS-84 formula with free air, as national tables print it to 5–10 ppm.
 PLACES = {

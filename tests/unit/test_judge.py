@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from station.domain import judge, pipeline
-from station.domain.recipe import Limits
-from station.domain.types import Calibration, Floats, Outcome
-from station.domain.uncertainty import Budget
+from station.domain.core.types import Calibration, Floats, Outcome
+from station.domain.evaluation import pipeline
+from station.domain.methods import decision_rule
+from station.domain.methods.uncertainty import Budget
+from station.domain.recipe.recipe import Limits
 from tests.fakes import tumble
 
 OFFSET = 0.05
@@ -34,49 +35,49 @@ def unit(offset: Floats | list[float], std: float, dof: float = 1e9) -> tuple[Ca
     return found, Budget({"noise": covariance}, covariance, np.full(12, dof), 0.0)
 
 
-def within(limits: Limits, offset: float, std: float, dof: float = 1e9) -> judge.Toleranced:
-    return judge.toleranced(limits, *unit([offset, 0.0, 0.0], std, dof))
+def within(limits: Limits, offset: float, std: float, dof: float = 1e9) -> decision_rule.Toleranced:
+    return decision_rule.toleranced(limits, *unit([offset, 0.0, 0.0], std, dof))
 
 
 def test_the_guard_band_of_each_rule() -> None:
     """JCGM 106: simple w = 0; guard band w = U = 2u; false accept w = z·u."""
     std, dof = np.array([0.01]), np.array([1e9])
-    assert judge.guard_band(Limits(offset=1.0), std, dof).tolist() == [0.0]
-    assert judge.guard_band(Limits(offset=1.0, rule="guard-band"), std, dof) == pytest.approx([0.02])
+    assert decision_rule.guard_band(Limits(offset=1.0), std, dof).tolist() == [0.0]
+    assert decision_rule.guard_band(Limits(offset=1.0, rule="guard-band"), std, dof) == pytest.approx([0.02])
     rule = Limits(offset=1.0, rule="false-accept", false_accept=0.01)
-    assert judge.guard_band(rule, std, dof) == pytest.approx([0.01 * norm.ppf(0.99)], rel=1e-6)
+    assert decision_rule.guard_band(rule, std, dof) == pytest.approx([0.01 * norm.ppf(0.99)], rel=1e-6)
 
 
 def test_the_guard_band_knows_that_the_noise_is_an_estimate() -> None:
     """With ν = 5 the standard deviation was widened by t/1.96, and the band is the t quantile of what it was."""
     rule = Limits(offset=1.0, rule="false-accept", false_accept=0.01)
     widened = 0.01 * t.ppf(0.975, 5) / norm.ppf(0.975)
-    found = judge.guard_band(rule, np.array([widened]), np.array([5.0]))
+    found = decision_rule.guard_band(rule, np.array([widened]), np.array([5.0]))
     assert found == pytest.approx([0.01 * t.ppf(0.99, 5)], rel=1e-6)
 
 
 def test_probability_of_conformance_by_hand() -> None:
     """One coefficient at 0.04 ± 0.01 within ±0.05: Φ(1) − Φ(−9); the two at zero add nothing."""
     found = within(Limits(offset=OFFSET), 0.04, 0.01)
-    assert judge.conformance(found) == pytest.approx(norm.cdf(1) * (norm.cdf(5) - norm.cdf(-5)) ** 2, rel=1e-6)
+    assert decision_rule.conformance(found) == pytest.approx(norm.cdf(1) * (norm.cdf(5) - norm.cdf(-5)) ** 2, rel=1e-6)
 
 
 def test_a_value_in_the_guard_band_fails_although_it_is_within_the_limit() -> None:
     recipe = tumble.recipe("one-point", limits={"offset": OFFSET, "rule": "guard-band"})
     stops = _stops(recipe)
-    verdict = judge.judge(recipe, *unit([0.04, 0, 0], 0.006), stops, ())
+    verdict = decision_rule.judge(recipe, *unit([0.04, 0, 0], 0.006), stops, ())
     assert verdict.outcome is Outcome.FAIL
     assert verdict.false_accept == 0
     assert verdict.false_reject == pytest.approx(norm.cdf(0.01 / 0.006), rel=1e-3)
     (reason,) = verdict.reasons
     assert "offset x is +0.04 g" in reason.sentence and "guard band 0.012" in reason.sentence
     simple = tumble.recipe("one-point", limits={"offset": OFFSET})
-    assert judge.judge(simple, *unit([0.04, 0, 0], 0.006), stops, ()).outcome is Outcome.PASS
+    assert decision_rule.judge(simple, *unit([0.04, 0, 0], 0.006), stops, ()).outcome is Outcome.PASS
 
 
 def test_a_limit_that_the_uncertainty_eats_up_is_said_to_be_undecidable() -> None:
     recipe = tumble.recipe("one-point", limits={"offset": OFFSET, "rule": "guard-band"})
-    verdict = judge.judge(recipe, *unit([0, 0, 0], 0.03), _stops(recipe), ())
+    verdict = decision_rule.judge(recipe, *unit([0, 0, 0], 0.03), _stops(recipe), ())
     assert len(verdict.reasons) == 3
     assert all("cannot decide it" in r.sentence for r in verdict.reasons)
 
@@ -98,7 +99,7 @@ def test_100000_units_at_the_limit_are_not_accepted_more_often_than_stated(
     measured = OFFSET + u * rng.standard_normal(n)
     estimate = u * np.sqrt(rng.chisquare(dof, n) / dof)
     std = estimate * t.ppf(0.975, dof) / norm.ppf(0.975)
-    guard = judge.guard_band(limits, std, np.full(n, float(dof)))
+    guard = decision_rule.guard_band(limits, std, np.full(n, float(dof)))
     accepted = (np.abs(measured) <= OFFSET - guard).mean()
     assert accepted < stated + 3 * np.sqrt(stated / n)
 
@@ -112,7 +113,7 @@ def test_100000_units_of_a_population_fail_as_often_as_their_verdicts_say(rng: n
     accepted = np.abs(measured) <= OFFSET
     stated = 1 - (norm.cdf((OFFSET - measured) / u) - norm.cdf((-OFFSET - measured) / u))
     some = np.flatnonzero(accepted)[:2000]
-    one_by_one = [1 - judge.conformance(within(limits, measured[i], u)) for i in some]
+    one_by_one = [1 - decision_rule.conformance(within(limits, measured[i], u)) for i in some]
     assert one_by_one == pytest.approx(stated[some], abs=1e-4)
     rate = (np.abs(true[accepted]) > OFFSET).mean()
     assert rate == pytest.approx(stated[accepted].mean(), abs=4 * np.sqrt(rate / accepted.sum()))

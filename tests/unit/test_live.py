@@ -8,9 +8,10 @@ import pytest
 
 from station.adapters.bus.simulated import Simulated
 from station.adapters.clock import VirtualClock
-from station.cli._live import Live, Pace
-from station.domain.progress import LoadBegun, Seat, StopStarted
-from station.service.stop import Stop
+from station.cli._live_state import Live, Pace
+from station.domain.core.types import Seat
+from station.domain.run.progress import LoadBegun, StopStarted
+from station.service.stop_request import Stop
 from station.wiring.jobs import load_job
 
 BEGUN = LoadBegun((Seat("SN1", "A", 17),), 8, 25.0)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from station.domain import pipeline
+from station.domain.evaluation import pipeline
 from tests.fakes import tumble
 from tests.fakes.tumble import TODAY, coefficients
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from station.domain import msa
+from station.domain.line_quality import msa
 from station.errors import UsageError
 
 _A = [

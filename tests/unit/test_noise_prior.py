@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from station.domain import noise, noise_document, noise_prior
-from station.domain.dwell import measure
-from station.domain.noise_prior import FURTHER, OWN, SPREAD, Prior, Seen, general, learnt
-from station.domain.noise_so_far import Dwelt, curve, dwelt, reach_of, seen
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.noise import noise, noise_document, noise_prior
+from station.domain.noise.dwell_statistics import measure
+from station.domain.noise.noise_prior import FURTHER, OWN, SPREAD, Prior, Seen, general, learnt
+from station.domain.noise.running_noise import Dwelt, curve, dwelt, reach_of, seen
 from station.errors import LogError
 
 LONGEST, STOPS = 64, 6

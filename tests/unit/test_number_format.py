@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.domain import number_format
+from station.domain.product import number_format
 
 NAMES = ["REAL32", "REAL64", "INT8", "INT16", "INT32", "UINT8", "UINT16", "UINT32", "Q2.14", "Q1.15", "Q0.15"]
 NAMES += ["Q3.29", "Q8.24", "Q4.4", "ppm16", "ppm32"]

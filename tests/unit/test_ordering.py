@@ -9,10 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from station.domain import directions, moves, ordering, plan, rotation
-from station.domain.ordering import NEVER, Moves
-from station.domain.recipe import Recipe
-from station.domain.types import Floats
+from station.domain.core import rotation
+from station.domain.core.types import Floats
+from station.domain.recipe import directions, moves, ordering, plan
+from station.domain.recipe.ordering import NEVER, Moves
+from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
 FACES = {"z-up": "+z", "z-down": "-z", "x-up": "+x", "x-down": "-x", "y-up": "+y", "y-down": "-y"}

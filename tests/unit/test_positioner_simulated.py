@@ -5,9 +5,9 @@ import pytest
 
 from station.adapters.clock import VirtualClock
 from station.adapters.positioner.simulated import Simulated
-from station.domain import rotation
-from station.domain.plan import Stop
-from station.domain.recipe import UP
+from station.domain.core import rotation
+from station.domain.recipe.plan import Stop
+from station.domain.recipe.recipe import UP
 from station.errors import PositionerFault
 
 

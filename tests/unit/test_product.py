@@ -9,14 +9,14 @@ import pytest
 import yaml
 
 from station.adapters.bus._wire import KINDS as WIRE
-from station.adapters.device import eds
-from station.adapters.device.fault import KINDS
+from station.adapters.canopen import eds
+from station.adapters.simulated_device.device_fault import KINDS
 from station.config.products import load_product
-from station.domain import map_check
-from station.domain.devicemap import DeviceMap, Serial
-from station.domain.dictionary import Dictionary
-from station.domain.product import Product, kept_serial, read_serial
-from station.domain.sdo_codes import ABORT, meaning, sentence
+from station.domain.product import map_check
+from station.domain.product.device_map import DeviceMap, Serial
+from station.domain.product.object_dictionary import Dictionary
+from station.domain.product.product import Product, kept_serial, read_serial
+from station.domain.product.sdo_codes import ABORT, meaning, sentence
 from station.errors import ProductError, UsageError
 from station.wiring import load_job
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from station.domain.progress import TRANSITIONS, Phase, diagram, follow
+from station.domain.run.progress import TRANSITIONS, Phase, diagram, follow
 from station.errors import Aborted, StationFault
-from station.service.stop import Stop
+from station.service.stop_request import Stop
 
 
 def test_every_phase_is_in_the_table_and_can_be_closed() -> None:

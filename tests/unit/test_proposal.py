@@ -2,9 +2,9 @@
 
 import pytest
 
-from station.diagnosis.bank import FLOOR, library
-from station.diagnosis.floor import Floor
-from station.diagnosis.proposal import Campaign, Suspect, Tied, propose
+from station.diagnosis.candidates.bank import FLOOR, library
+from station.diagnosis.linear.noise_floor import Floor
+from station.diagnosis.planning.proposal import Campaign, Suspect, Tied, propose
 from station.wiring.jobs import load_job
 
 

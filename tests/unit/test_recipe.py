@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from station.domain import gravity, plan
-from station.domain.recipe import Recipe
+from station.domain.recipe import gravity, plan
+from station.domain.recipe.recipe import Recipe
 
 BASE = {
     "schema": "station.recipe/1",

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from station.domain import dwell, resolution
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.noise import dwell_statistics, resolution
 
 
-def dwells(x: Floats) -> dwell.Dwells:
+def dwells(x: Floats) -> dwell_statistics.Dwells:
     v, n, _ = x.shape
-    return dwell.measure(x.reshape(-1, 3), np.arange(v) * n, np.full(v, n), np.zeros(v, np.int64))
+    return dwell_statistics.measure(x.reshape(-1, 3), np.arange(v) * n, np.full(v, n), np.zeros(v, np.int64))
 
 
 def test_the_step_is_found_in_the_data(rng: np.random.Generator) -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.domain import rotation
+from station.domain.core import rotation
 
 coordinate = st.floats(-3, 3, allow_nan=False)
 vectors = st.tuples(coordinate, coordinate, coordinate).map(np.array)

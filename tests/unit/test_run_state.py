@@ -1,6 +1,7 @@
 """The state of a run, folded from its events."""
 
-from station.domain.progress import (
+from station.domain.core.types import Outcome, Reason, Seat
+from station.domain.run.progress import (
     Identified,
     LoadBegun,
     LoadDone,
@@ -8,7 +9,6 @@ from station.domain.progress import (
     Phase,
     PhaseEntered,
     Reading,
-    Seat,
     StopDone,
     StopStarted,
     Told,
@@ -16,8 +16,7 @@ from station.domain.progress import (
     UnitResult,
     VisitRejected,
 )
-from station.domain.run_state import MOST_SENTENCES, RunState
-from station.domain.types import Outcome, Reason
+from station.domain.run.run_state import MOST_SENTENCES, RunState
 from station.errors import BusFault
 
 SEATS = (Seat("SN1", "A", 17), Seat("SN2", "B", 18))

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from station.adapters.samples import by_units, pieces, read_samples, write_parts, write_samples
-from station.domain.types import SampleTable
+from station.domain.core.types import SampleTable
 from station.errors import SamplesError
 from tests.fakes import tumble
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from station.domain.forecast import forecast
-from station.domain.types import Floats, Labels, SampleTable
+from station.domain.core.types import Floats, Labels, SampleTable
+from station.domain.planning.forecast import forecast
 from station.errors import SamplesError
 from station.model.campaign import campaign_of, scene_of_plan
 from station.model.line import Line

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from station.adapters.device import eds, sdo_block, sdo_transfer
-from station.adapters.device.network import ServiceNetwork
-from station.adapters.device.sdo_client import SdoClient
-from station.adapters.device.sdo_server import SdoServer
-from station.adapters.device.sdo_transfer import Exchange, NoAnswer, Refused, Violation
+from station.adapters.canopen import eds, sdo_block, sdo_transfer
+from station.adapters.canopen.network import ServiceNetwork
+from station.adapters.canopen.sdo_client import SdoClient
+from station.adapters.canopen.sdo_transfer import Exchange, NoAnswer, Refused, Violation
+from station.adapters.simulated_device.sdo_server import SdoServer
 from station.errors import BusFault, DeviceRefused, DeviceSilent, ProductError
 from tests.fakes.scripted_channel import ScriptedChannel
 

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station.config.recipes import load_recipe
-from station.domain import serial
-from station.domain.recipe import Recipe
+from station.domain.recipe import serial
+from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 
 

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from station.domain import plan, rotation
-from station.domain.recipe import Recipe
-from station.domain.types import Frames
+from station.domain.core import rotation
+from station.domain.core.types import Frames
+from station.domain.recipe import plan
+from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 from station.model.effect import Effect
 from station.model.model_file import Model

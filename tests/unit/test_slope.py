@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from station.domain.types import Floats
+from station.domain.core.types import Floats
 from station.model.slope import slopes
 
 STOPS, RUNS, LENGTH_S = 24, 40, 60.0

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.domain import spc
+from station.domain.line_quality import spc
 from station.errors import UsageError
 
 # Montgomery, Introduction to SQC, table 6.1 first ten samples of flow width; R̄ and x̄ worked by hand here.

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from station.domain import stills
-from station.domain.types import Floats
+from station.domain.capture import rest_segments
+from station.domain.core.types import Floats
 from station.errors import SamplesError
 
 
@@ -27,7 +27,7 @@ def recording(rng: np.random.Generator, stops: int, still_s: float, noise: float
 @pytest.mark.parametrize("still_s", [2.0, 8.0])
 def test_every_rest_is_found_once_and_nothing_else(rng: np.random.Generator, still_s: float) -> None:
     time_s, reading, middles = recording(rng, 14, still_s, 0.003)
-    found = stills.find(time_s, reading)
+    found = rest_segments.find(time_s, reading)
     assert len(found) == 14
     for (a, b), middle in zip(found, middles, strict=True):
         assert a < middle < b
@@ -38,13 +38,13 @@ def test_every_rest_is_found_once_and_nothing_else(rng: np.random.Generator, sti
 def test_time_may_be_in_any_step(rng: np.random.Generator) -> None:
     time_s, reading, _ = recording(rng, 6, 5.0, 0.003)
     slow = slice(None, None, 5)
-    assert len(stills.find(time_s[slow], reading[slow])) == 6
+    assert len(rest_segments.find(time_s[slow], reading[slow])) == 6
 
 
 def test_a_table_has_a_visit_for_each_stretch(rng: np.random.Generator) -> None:
     time_s, reading, _ = recording(rng, 4, 3.0, 0.003)
-    found = stills.find(time_s, reading)
-    table = stills.table(time_s, reading, found, "SN1", ["a", "b", "a", "c"])
+    found = rest_segments.find(time_s, reading)
+    table = rest_segments.table(time_s, reading, found, "SN1", ["a", "b", "a", "c"])
     assert table.position.names == ("a", "b", "c")
     assert np.unique(table.visit).tolist() == [0, 1, 2, 3]
     assert len(table) == (found[:, 1] - found[:, 0]).sum()
@@ -53,9 +53,9 @@ def test_a_table_has_a_visit_for_each_stretch(rng: np.random.Generator) -> None:
 def test_directions_that_are_alike_are_one_orientation() -> None:
     five = np.deg2rad(5.0)
     x = np.array([[1, 0, 0], [np.cos(five), np.sin(five), 0], [0, 1, 0], [0, 0, -2.0]])
-    assert stills.orientations(x).tolist() == [0, 0, 1, 2]
+    assert rest_segments.orientations(x).tolist() == [0, 0, 1, 2]
 
 
 def test_a_recording_too_short_to_tell_is_refused() -> None:
     with pytest.raises(SamplesError, match="too short"):
-        stills.find(np.arange(100) / 100, np.zeros((100, 3)))
+        rest_segments.find(np.arange(100) / 100, np.zeros((100, 3)))

@@ -10,13 +10,13 @@ from station.adapters.dbc import read_layouts
 from station.config.places import shipped
 from station.config.products import load_product
 from station.config.recipes import load_recipe
-from station.domain import encode
-from station.domain.frames import SensorLayout, resolve
-from station.domain.recipe import Recipe
-from station.domain.stillness import angle_deg, at_rest, expected_noise, face, has_direction
-from station.domain.stop_check import STATION_CHECKS, Dwelled, check, statistics
-from station.domain.stream import samples
-from station.domain.types import Floats, Frames
+from station.domain.can import encode
+from station.domain.can.decode import samples
+from station.domain.can.sensor_layout import SensorLayout, resolve
+from station.domain.capture.rest_detection import angle_deg, at_rest, expected_noise, face, has_direction
+from station.domain.capture.visit_check import STATION_CHECKS, Dwelled, check, statistics
+from station.domain.core.types import Floats, Frames
+from station.domain.recipe.recipe import Recipe
 from tests.conftest import SEED
 
 NODE = 17

@@ -5,9 +5,9 @@ import pytest
 from station import plugins
 from station.config.recipes import load_recipe
 from station.errors import RecipeError
+from station.model.compensated import in_matrix, taken_in
 from station.model.effect import Effect
 from station.model.model_file import EFFECTS, Model
-from station.model.taken_in import in_matrix, taken_in
 
 
 def model(*effects: str) -> Model:

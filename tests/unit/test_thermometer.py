@@ -9,10 +9,10 @@ import pytest
 from station.adapters.dbc import read_layouts
 from station.config.places import shipped
 from station.config.products import load_product
-from station.domain import encode
-from station.domain.assemble import KeptVisit
-from station.domain.frames import SensorLayout, resolve
-from station.domain.thermometer import STOPS, frozen
+from station.domain.can import encode
+from station.domain.can.sensor_layout import SensorLayout, resolve
+from station.domain.capture.assemble import KeptVisit
+from station.domain.capture.thermometer import STOPS, frozen
 
 NODE = 17
 

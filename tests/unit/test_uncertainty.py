@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from station.domain import pipeline, rotation
-from station.domain.types import Floats
+from station.domain.core import rotation
+from station.domain.core.types import Floats
+from station.domain.evaluation import pipeline
 from tests.fakes import tumble
 from tests.fakes.tumble import TODAY, coefficients
 

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from station.domain import pipeline, rotation, verification
-from station.domain.types import Floats
-from station.domain.verification import Verified
+from station.domain.core import rotation
+from station.domain.core.types import Floats
+from station.domain.evaluation import pipeline, verification
+from station.domain.evaluation.verification import Verified
 from tests.fakes import tumble
 
 AT = np.array([0.6, 0.0, 0.8])

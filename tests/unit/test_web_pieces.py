@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from station.domain import rotation
+from station.domain.core import rotation
 from station.web import fixture, language
 from station.web.runs import Order, Runs, owner
 

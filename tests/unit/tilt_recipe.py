@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from station.domain.recipe import Recipe
+from station.domain.recipe.recipe import Recipe
 
 THREE_RUNS = [
     {},

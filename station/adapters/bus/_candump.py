@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from station.domain.types import ERROR, EXTENDED, REMOTE, Frames
+from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
 from station.errors import LogError
 
 _LINE = re.compile(

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain.types import ERROR, EXTENDED, Frames
+from station.domain.core.types import ERROR, EXTENDED, Frames
 
 _FEW = 16
 

@@ -1,26 +1,15 @@
 """CAN logs of any kind → Frames, block by block, and back."""
 
-import re
-import struct
-import zlib
 from collections.abc import Callable, Iterator
-from itertools import islice
 from pathlib import Path
-from typing import Any
 
 from station.adapters.bus import _candump, _mf4
-from station.domain.types import Frames
+from station.adapters.bus._recorded import BLOCK, by_python_can
+from station.domain.core.types import Frames
 from station.errors import LogError, UsageError
 
-#: Frames per block: memory stays flat however long the log is.
-BLOCK = 65_536
 #: What python-can reads for us; each keeps times to about 0.25 µs.
 READ_BY_PYTHON_CAN = (".blf", ".asc", ".mf4")
-#: What its readers raise on a file that is none of theirs, cut off or corrupt, beside errors of their own.
-_CORRUPT = (ValueError, KeyError, IndexError, EOFError, AttributeError, TypeError, struct.error, zlib.error)
-
-#: How readers name what they were handed: an open file.
-_OPENED_FILE = re.compile(r'"?<_io\.[^>]*>"?')
 
 
 def read_blocks(path: Path, channel: str | None = None) -> Iterator[Frames]:
@@ -67,35 +56,6 @@ def write_log(path: Path, frames: Frames, channel: str = "can0") -> None:
         writers[path.suffix.lower()](path, frames, channel)
     except OSError as error:
         raise UsageError(f"{path} cannot be written ({error.strerror}); choose another place") from None
-
-
-def by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
-    """Frames by python-can's own reader for the ending, in blocks. Errors: LogError."""
-    from station.adapters.bus._messages import to_frames
-
-    kind, mode, errors = _reader(path.suffix.lower())
-    with path.open(mode) as file:  # opened here: a reader that fails to start leaves its file open
-        try:
-            with kind(file) as reader:
-                messages = (m for m in reader if channel in (None, str(m.channel)))
-                while block := list(islice(messages, BLOCK)):
-                    yield to_frames(block, [round(m.timestamp * 1e9) for m in block])
-        except errors as error:
-            said = _OPENED_FILE.sub("it", " ".join(str(error).split()))
-            raise LogError(f"{path} is no readable {path.suffix} log ({said}); record or convert it again") from None
-
-
-def _reader(suffix: str) -> tuple[Any, str, tuple[type[Exception], ...]]:
-    """python-can's reader for an ending, how to open its file, and what it raises on a broken one."""
-    from station.adapters.bus._python_can import can, mf4  # heavy, and only needed where such a log is read
-
-    if suffix == ".mf4":
-        from asammdf.blocks.utils import MdfException
-
-        return mf4().MF4Reader, "rb", (*_CORRUPT, MdfException)
-    if suffix == ".blf":
-        return can.BLFReader, "rb", (*_CORRUPT, can.io.blf.BLFParseError)
-    return can.ASCReader, "r", _CORRUPT
 
 
 def _write_blf(path: Path, frames: Frames, _channel: str) -> None:

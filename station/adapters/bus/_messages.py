@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from station.adapters.bus._python_can import can
-from station.domain.types import ERROR, EXTENDED, REMOTE, Frames
+from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
 
 
 def packed_id(message: can.Message) -> int:

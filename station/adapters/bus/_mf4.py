@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-from station.domain.framepack import plain
-from station.domain.types import Frames
+from station.domain.core.types import Frames
+from station.domain.records.framepack import plain
 from station.errors import LogError
 
 #: What comes through the pipe: kind and size, then that many bytes.
@@ -49,13 +49,13 @@ def _told(pipe: IO[bytes], path: Path) -> Iterator[Frames]:
 
 def tell(path: str, channel: str | None = None) -> None:
     """The other process: reads, and writes blocks, a sentence, or the end to what was its standard output."""
-    from station.adapters.bus import _logs
+    from station.adapters.bus._recorded import by_python_can
 
     with os.fdopen(os.dup(1), "wb") as pipe:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         kind, last = _END, b""
         try:
-            for frames in _logs.by_python_can(Path(path), channel):
+            for frames in by_python_can(Path(path), channel):
                 _write(pipe, _FRAMES, plain.to_bytes(frames))
         except LogError as error:
             kind, last = _SENTENCE, error.sentence.encode()

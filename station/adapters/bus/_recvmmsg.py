@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from station.domain.types import Array, Frames
+from station.domain.core.types import Array, Frames
 
 #: From <asm-generic/socket.h>; Python names neither.
 SO_TIMESTAMPNS, SO_RCVBUFFORCE, SO_MEMINFO = 35, 33, 55

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from station.domain.types import Frames
+from station.domain.core.types import Frames
 from station.errors import UsageError
 
 

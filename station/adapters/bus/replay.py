@@ -5,7 +5,7 @@ from pathlib import Path
 
 from station.adapters.bus._filter import wanted
 from station.adapters.bus._logs import read_blocks
-from station.domain.types import Frames
+from station.domain.core.types import Frames
 from station.errors import BusFault, LogError
 from station.ports.clock import Clock
 

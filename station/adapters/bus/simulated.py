@@ -10,7 +10,7 @@ from station.adapters.bus._filter import wanted
 from station.adapters.bus._messages import to_frames, to_message
 from station.adapters.bus._python_can import VirtualBus
 from station.adapters.bus._wire import QUEUE, Wire, parse
-from station.domain.types import Frames
+from station.domain.core.types import Frames
 from station.errors import BusFault
 from station.ports.bus import ErrorCounters
 from station.ports.clock import EventClock

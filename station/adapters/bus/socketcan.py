@@ -10,7 +10,7 @@ from typing import Final
 from station.adapters.bus import _errors, _netlink
 from station.adapters.bus._errors import SEND_DEADLINE_S
 from station.adapters.bus._recvmmsg import SO_MEMINFO, SO_RCVBUFFORCE, Receiver
-from station.domain.types import EXTENDED, Frames
+from station.domain.core.types import EXTENDED, Frames
 from station.errors import BusFault, ConfigError
 from station.ports.bus import ErrorCounters
 from station.ports.clock import Clock

@@ -1,7 +1,7 @@
 """A person turns the fixture; the station sees in the frames when the wanted face is up and still."""
 
-from station.domain.plan import Stop
-from station.domain.recipe import Part, Positive
+from station.domain.recipe.plan import Stop
+from station.domain.recipe.recipe import Part, Positive
 from station.ports.clock import Clock
 
 

@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from station.domain import rotation
-from station.domain.moves import turn_s
-from station.domain.plan import Stop
-from station.domain.recipe import NotNegative, Part, Positive
-from station.domain.types import Floats
+from station.domain.core import rotation
+from station.domain.core.types import Floats
+from station.domain.recipe.moves import turn_s
+from station.domain.recipe.plan import Stop
+from station.domain.recipe.recipe import NotNegative, Part, Positive
 from station.errors import PositionerFault
 from station.ports.clock import Clock
 

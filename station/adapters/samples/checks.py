@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from station.adapters.samples.columns import TEXT, WHOLE
-from station.domain.types import Array, SampleTable
+from station.domain.core.types import Array, SampleTable
 from station.errors import SamplesError
 
 #: A run or visit beyond this is a slip of the pen.

@@ -19,7 +19,7 @@ from station.adapters.samples.columns import (
     kind_of,
     type_of,
 )
-from station.domain.types import Labels, SampleTable
+from station.domain.core.types import Labels, SampleTable
 from station.errors import SamplesError
 
 if TYPE_CHECKING:

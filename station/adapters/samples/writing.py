@@ -9,7 +9,7 @@ import numpy as np
 
 from station.adapters.samples.columns import GOLD, KNOWN, REQUIRED, SCHEMA, kind_of, type_of
 from station.adapters.samples.reading import join
-from station.domain.types import Labels, SampleTable
+from station.domain.core.types import Labels, SampleTable
 
 if TYPE_CHECKING:
     import pyarrow as pa

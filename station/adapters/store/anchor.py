@@ -8,7 +8,7 @@ import json
 import os
 from pathlib import Path
 
-from station.domain.chain import SCHEMA
+from station.domain.records.chain import SCHEMA
 from station.ports.store import Head
 
 _LENGTH = 256

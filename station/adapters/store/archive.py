@@ -3,8 +3,8 @@
 import sqlite3
 
 from station.adapters.store.schema import SPAN
-from station.domain.framepack import codec, plain
-from station.domain.types import Frames
+from station.domain.core.types import Frames
+from station.domain.records.framepack import codec, plain
 
 _VISITS = f"SELECT seq FROM visit WHERE {SPAN}"
 

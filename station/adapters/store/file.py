@@ -10,7 +10,7 @@ from sqlite_utils import Database
 
 from station.adapters.store.faults import told
 from station.adapters.store.schema import COLUMNS, migrations
-from station.domain.chain import SCHEMA, genesis
+from station.domain.records.chain import SCHEMA, genesis
 from station.errors import LogError, StationError, StoreFault
 
 #: Pages of write-ahead log that are kept on disk after a checkpoint; a long-reading page may not let it grow for ever.

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from station.domain.chain import Value
-from station.domain.framepack.plain import Laid
+from station.domain.records.chain import Value
+from station.domain.records.framepack.plain import Laid
 from station.ports.store import Begin, VisitRecord
 
 

@@ -10,7 +10,7 @@ from station.adapters.store.changes import Change
 from station.adapters.store.faults import told
 from station.adapters.store.search import Attempt, Query
 from station.adapters.store.yields import Yield, yields
-from station.domain.types import Frames
+from station.domain.core.types import Frames
 from station.errors import LogError
 from station.ports.store import Head, Unfinished
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from sqlite_utils.migrations import Migrations
 
-from station.domain.chain import SCHEMA, genesis
+from station.domain.records.chain import SCHEMA, genesis
 
 if TYPE_CHECKING:
     from sqlite_utils import Database

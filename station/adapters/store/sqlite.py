@@ -12,9 +12,9 @@ from station.adapters.store import anchor, archive, file, ids, keys, plain, redu
 from station.adapters.store.faults import told
 from station.adapters.store.owner import Owner
 from station.adapters.store.schema import COLUMNS
-from station.domain import chain
-from station.domain.chain import Value
-from station.domain.framepack import plain as raw
+from station.domain.records import chain
+from station.domain.records.chain import Value
+from station.domain.records.framepack import plain as raw
 from station.errors import StationError, StoreFault
 from station.ports.store import Begin, Head, Suspect, Unfinished, VisitRecord, WriteRecord
 

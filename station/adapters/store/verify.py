@@ -13,9 +13,9 @@ from sqlite_utils import Database
 from station.adapters.store import anchor, keys
 from station.adapters.store.faults import is_damage
 from station.adapters.store.schema import COLUMNS, guards
-from station.domain import chain
-from station.domain.chain import Finding, Sealed, Walk
-from station.domain.framepack import plain
+from station.domain.records import chain
+from station.domain.records.chain import Finding, Sealed, Walk
+from station.domain.records.framepack import plain
 from station.errors import LogError
 from station.ports.store import Head
 

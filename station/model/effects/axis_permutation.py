@@ -13,7 +13,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from station.domain.types import Floats
+from station.domain.core.types import Floats
 from station.errors import UsageError
 from station.model.effect import ALONE, OutputEffect, Parameter
 

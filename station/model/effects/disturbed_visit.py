@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.domain.types import Floats
+from station.domain.core.types import Floats
 from station.model.effect import Parameter, PoseEffect
 
 

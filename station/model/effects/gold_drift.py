@@ -9,7 +9,7 @@ array([[0.001, 0.   , 0.   ]])
 
 from dataclasses import dataclass
 
-from station.domain.types import Floats
+from station.domain.core.types import Floats
 from station.model.effect import GoldEffect, Parameter
 
 

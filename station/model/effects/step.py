@@ -16,8 +16,8 @@ from typing import Self
 
 import numpy as np
 
-from station.domain.recipe import Recipe
-from station.domain.types import Floats
+from station.domain.core.types import Floats
+from station.domain.recipe.recipe import Recipe
 from station.model.effect import Parameter, SensorEffect, stream
 from station.model.scene import Signal
 from station.model.timeline import round_of

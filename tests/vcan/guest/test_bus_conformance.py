@@ -7,7 +7,7 @@ from vcan_harness.interface import Interface
 from vcan_harness.raw import RawSocket
 
 from station.adapters.bus.socketcan import SocketCan
-from station.domain.types import REMOTE, Frames
+from station.domain.core.types import REMOTE, Frames
 from tests.conformance.bus_suite import BusSuite, Rig
 
 

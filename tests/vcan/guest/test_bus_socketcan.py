@@ -17,8 +17,8 @@ from vcan_harness.waiting import until
 from station.adapters.bus import _netlink, open_bus, write_log
 from station.adapters.bus.socketcan import SocketCan
 from station.adapters.clock import SystemClock
-from station.domain.error_frames import error_frames, has_bus_off
-from station.domain.types import ERROR, Frames
+from station.domain.can.error_frames import error_frames, has_bus_off
+from station.domain.core.types import ERROR, Frames
 from station.errors import BusFault, ConfigError
 from tests.conformance.bus_suite import collect, frames_of, rows_of
 

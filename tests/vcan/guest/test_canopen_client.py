@@ -12,15 +12,15 @@ from vcan_harness.programs import Candump
 from vcan_harness.raw import RawSocket
 
 from station.adapters.bus.socketcan import SocketCan
+from station.adapters.canopen.canopen_device import CanopenDevice
+from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import SystemClock
 from station.adapters.dbc import read_layouts
-from station.adapters.device.canopen_device import CanopenDevice
-from station.adapters.device.network import ServiceNetwork, service_ids
 from station.config.products import load_product
-from station.domain import writeback
-from station.domain.frames import resolve
-from station.domain.stream import samples
-from station.domain.types import Calibration, Frames
+from station.domain.can.decode import samples
+from station.domain.can.sensor_layout import resolve
+from station.domain.core.types import Calibration, Frames
+from station.domain.product import writeback
 from station.errors import BusFault, DeviceRefused, DeviceSilent
 
 NODE = 5

@@ -20,9 +20,9 @@ from vcan_harness.raw import RawSocket
 from vcan_harness.waiting import until
 
 from station.adapters.bus.socketcan import SocketCan
+from station.adapters.canopen.canopen_device import CanopenDevice
+from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import SystemClock
-from station.adapters.device.canopen_device import CanopenDevice
-from station.adapters.device.network import ServiceNetwork, service_ids
 from station.wiring.live_device import LiveDevices, Population
 
 NODE = 5

@@ -10,8 +10,8 @@ from vcan_harness import fixture
 from vcan_harness.interface import Interface
 from vcan_harness.node import NodeDevice, NodeMaster
 
-from station.domain.progress import Identified
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
+from station.domain.run.progress import Identified
 
 NODE = 0x11
 MATRIX = [1.01, 0.004, 0.0, -0.003, 0.985, 0.005, 0.002, 0.0, 1.02]

@@ -13,13 +13,13 @@ from vcan_harness.interface import Interface, create_vcan
 from vcan_harness.node import NodeMaster
 from vcan_harness.programs import Candump, Logged, canplayer
 
+from station.adapters.annotations import beside, read_marks
 from station.adapters.bus import read_log
 from station.adapters.bus.socketcan import SocketCan
-from station.adapters.marks import beside, read_marks
 from station.adapters.store.life import result
 from station.cli import app
-from station.domain.marks import Mark, Marks
-from station.domain.types import Frames, Outcome
+from station.domain.capture.annotations import Mark, Marks
+from station.domain.core.types import Frames, Outcome
 from station.service.replay import Replayed, replay
 from station.wiring import load_job
 

@@ -14,8 +14,8 @@ from vcan_harness.programs import Candump, Logged, cansend
 from vcan_harness.waiting import until
 
 from station.adapters.store.life import result
-from station.domain.progress import Event, Identified, Reading, StopStarted, VisitRejected
-from station.domain.types import Outcome
+from station.domain.core.types import Outcome
+from station.domain.run.progress import Event, Identified, Reading, StopStarted, VisitRejected
 from station.errors import BusFault
 from station.wiring import Bench
 

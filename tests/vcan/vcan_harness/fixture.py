@@ -15,8 +15,8 @@ from vcan_harness.interface import Interface
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt, Query
 from station.config.places import shipped
-from station.domain.progress import Event, LoadDone, StopStarted, UnitResult
-from station.domain.types import Floats, Frames
+from station.domain.core.types import Floats, Frames
+from station.domain.run.progress import Event, LoadDone, StopStarted, UnitResult
 from station.errors import StationError
 from station.service.itinerary import tumble, verification
 from station.service.runner import Runner

@@ -1,0 +1,129 @@
+"""An EDS or DCF file → Dictionary. Parsed by `canopen`, with what that drops put back: REAL32 limits, lost defaults."""
+
+import configparser
+import io
+import logging
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+from canopen.objectdictionary import ODVariable
+from canopen.objectdictionary.eds import import_eds
+
+from station.domain.product.object_dictionary import TYPES, Dictionary, Entry, Value
+from station.domain.product.sdo_codes import address
+from station.errors import ProductError
+
+logging.getLogger("canopen").addHandler(logging.NullHandler())
+
+_MOST_BYTES = 4_000_000
+_EMPTY: dict[str, Value] = {"STRING": "", "OCTETS": b"", "DOMAIN": b"", "REAL32": 0.0, "REAL64": 0.0}
+_STORE_EDS = 0x1021
+
+
+def load(path: Path, node: int) -> Dictionary:
+    """Reads an EDS for the device with this node id ($NODEID is worked out); 0x1021 holds the text itself.
+
+    Errors: ProductError naming the file, the object and the remedy.
+    """
+    text = _text(path)
+    try:
+        found = _entries(text)
+    except ProductError as exc:
+        raise ProductError(f"{path}: {exc.sentence}") from None
+    except (configparser.Error, ValueError, KeyError, AttributeError, TypeError) as exc:
+        raise ProductError(f"{path} is no EDS that can be used: {' '.join(str(exc).split())[:200]}") from exc
+    if not found:
+        raise ProductError(f"{path} describes no objects; check `eds` in the product file")
+    own = [replace(e, default=e.default + node) if isinstance(e.default, int) and counts else e for e, counts in found]
+    return Dictionary(node, {(entry.index, entry.sub): entry for entry in own})
+
+
+@lru_cache(maxsize=8)
+def _entries(text: str) -> tuple[tuple[Entry, bool], ...]:
+    """Every object for node 0, and whether its default counts from $NODEID: a fixture's nests share one parse."""
+    sections = _Sections(text)
+    sections.check()
+    return tuple(
+        (_entry(variable, sections, text), sections.counts_from_node(variable)) for variable in _variables(text)
+    )
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise ProductError(f"{path} has more than {_MOST_BYTES} bytes; an EDS has some thousand")
+        return path.read_text(encoding="latin-1")
+    except OSError as exc:
+        raise ProductError(f"{path} cannot be read ({exc.strerror}); check `eds` in the product file") from exc
+
+
+def _variables(text: str) -> Iterator[ODVariable]:
+    for item in import_eds(io.StringIO(text), 0).values():  # type: ignore[no-untyped-call]
+        if isinstance(item, ODVariable):
+            yield item
+        else:
+            yield from item.subindices.values()
+
+
+class _Sections:
+    """The file's own words, by object; sub-indices of a compact array stand in the array's section."""
+
+    def __init__(self, text: str) -> None:
+        self._parser = configparser.RawConfigParser(inline_comment_prefixes=(";",))
+        self._parser.read_string(text)
+        self._names = {name.lower(): name for name in self._parser.sections()}
+
+    def check(self) -> None:
+        """Refuses what is no EDS at all."""
+        if "deviceinfo" not in self._names:
+            raise ProductError("has no [DeviceInfo], so it is no EDS; check `eds` in the product file")
+
+    def counts_from_node(self, variable: ODVariable) -> bool:
+        """Whether the default is the node id, or that and more."""
+        return "$NODEID" in self.word(variable, "DefaultValue").upper()
+
+    def word(self, variable: ODVariable, option: str) -> str:
+        """What the file says; '' when it says nothing."""
+        own = f"{variable.index:04x}sub{variable.subindex:x}"
+        name = self._names.get(own) or self._names.get(f"{variable.index:04x}", "")
+        return self._parser.get(name, option, fallback="").strip()
+
+
+def _entry(variable: ODVariable, sections: _Sections, text: str) -> Entry:
+    where = address(variable.index, variable.subindex)
+    code = variable.data_type or 0
+    if code not in TYPES:
+        raise ProductError(f"{where} has the data type {code:#x}, which this station does not know")
+    kind = TYPES[code][0]
+    default: Value | None = variable.default
+    if default is None:
+        if sections.word(variable, "DefaultValue") and kind not in ("STRING", "OCTETS", "DOMAIN"):
+            raise ProductError(f"{where} has a default that is no number; write it without leading zeros, or as 0x…")
+        default = text.encode("latin-1") if variable.index == _STORE_EDS else _EMPTY.get(kind, 0)
+    return Entry(
+        index=variable.index,
+        sub=variable.subindex,
+        name=variable.name,
+        type=code,
+        access=variable.access_type,
+        default=default,
+        low=_limit(where, sections.word(variable, "LowLimit"), variable.min),
+        high=_limit(where, sections.word(variable, "HighLimit"), variable.max),
+        mappable=variable.pdo_mappable,
+    )
+
+
+def _limit(where: str, word: str, parsed: float | None) -> float | None:
+    """The limit that canopen understood, else the file's own word as a real number."""
+    if parsed is not None or not word:
+        return parsed
+    try:
+        limit = float(word)
+    except ValueError:
+        limit = math.nan
+    if not math.isfinite(limit):
+        raise ProductError(f"{where} has the limit {word[:40]!r}, which is no number")
+    return limit

@@ -1,0 +1,216 @@
+"""The strict SDO client: an answer counts only if it belongs to the request; after a time-out nothing is assumed.
+
+It closes these holes of common clients: a late answer to an earlier request taken for this one's, two callers
+mixing their transfers, abort codes hidden, a command repeated that had been executed.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Generator, Mapping
+from typing import TypeVar
+
+from canopen.sdo import constants as sdo
+
+from station.adapters.canopen import sdo_block, sdo_transfer
+from station.adapters.canopen.network import ServiceNetwork
+from station.adapters.canopen.sdo_transfer import Exchange, NoAnswer, Refused, Violation
+from station.domain.product import sdo_codes
+from station.errors import BusFault, DeviceRefused, DeviceSilent
+
+Result = TypeVar("Result")
+Address = tuple[int, int]
+
+#: Longer values go in blocks, where the device knows them.
+BLOCK_FROM = 400
+#: More than a block's segments, and a bound to what a babbling node may heap up.
+_MOST_WAITING = 4096
+#: An abort in the middle of saving may do harm, so these time-outs are silent.
+_STORES = (0x1010, 0x1011)
+#: A second device may be so many requests behind the first; so many exchanges running it must have answered too.
+_REMEMBERED, _RUNNING = 32, 2
+#: Mandatory objects that any device answers for: they tell when it has caught up.
+_FENCES = ((0x1000, 0), (0x1001, 0))
+
+
+class SdoClient:
+    """SDO of one node. Every call holds the node's lock, so threads take turns.
+
+    network: shared by all nodes; answer_s: usual time for an answer; timeouts_s: objects that need another.
+    After a time-out the node is in quarantine: the next call waits `answer_s`, drops what comes, and reads a
+    mandatory object. The device answers in order, so that answer proves that no older one can follow it. An
+    object whose write timed out must be read before it may be written again.
+
+    Answers that repeat those to earlier requests are counted by the exchange in which they come. One may be the bus's
+    doing (a frame received twice, CAN 2.0 part A, 4.2); in two exchanges running they come of a second device.
+    """
+
+    def __init__(
+        self,
+        network: ServiceNetwork,
+        node: int,
+        answer_s: float = 1.0,
+        timeouts_s: Mapping[Address, float] | None = None,
+    ) -> None:
+        self.node = node
+        self.answer_s = answer_s
+        self.dropped = 0
+        self._timeouts_s = dict(timeouts_s or {})
+        self._network = network
+        self._lock = threading.RLock()
+        self._inbox: deque[bytes] = deque(maxlen=_MOST_WAITING)
+        self._answered: deque[Callable[[bytes], bool]] = deque(maxlen=_REMEMBERED)
+        self._repeated = False
+        self._repeated_running = 0
+        self._quarantined_by: Address | None = None
+        self._doubtful: set[Address] = set()
+        self._has_blocks = True
+        network.subscribe(0x580 + node, lambda _id, data, _time: self._inbox.append(bytes(data)))
+
+    def upload(self, index: int, sub: int, timeout_s: float | None = None) -> bytes:
+        """Raw value of an object, expedited or in segments.
+
+        Errors: DeviceRefused with the abort code as a sentence; DeviceSilent; BusFault when two devices answer.
+        """
+        with self._lock:
+            data = self._run("read", index, sub, timeout_s, lambda: sdo_transfer.upload(index, sub))
+            self._doubtful.discard((index, sub))
+            return data
+
+    def upload_block(self, index: int, sub: int, timeout_s: float | None = None) -> bytes:
+        """Raw value of an object in blocks, for long ones such as a stored EDS. Errors: as upload."""
+        with self._lock:
+            return self._run("read", index, sub, timeout_s, lambda: sdo_block.upload(index, sub))
+
+    def download(self, index: int, sub: int, data: bytes, timeout_s: float | None = None) -> None:
+        """Writes an object once: expedited, in segments, or in blocks when it is long. Never repeated.
+
+        Errors: as upload; DeviceSilent at once for an object whose last write timed out and was not read since.
+        """
+        with self._lock:
+            self._refuse_doubtful(index, sub)
+            try:
+                self._download(index, sub, data, timeout_s)
+            except DeviceSilent:
+                self._doubtful.add((index, sub))
+                raise
+
+    def _download(self, index: int, sub: int, data: bytes, timeout_s: float | None) -> None:
+        if len(data) > BLOCK_FROM and self._has_blocks:
+            try:
+                self._run("take", index, sub, timeout_s, lambda: sdo_block.download(index, sub, data))
+            except DeviceRefused as refusal:
+                if refusal.code != sdo.ABORT_INVALID_COMMAND_SPECIFIER:
+                    raise
+                self._has_blocks = False
+            else:
+                return
+        self._run("take", index, sub, timeout_s, lambda: sdo_transfer.download(index, sub, data))
+
+    def _run(
+        self,
+        deed: str,
+        index: int,
+        sub: int,
+        timeout_s: float | None,
+        make: Callable[[], Generator[Exchange, bytes, Result]],
+    ) -> Result:
+        self._leave_quarantine()
+        timeout_s = timeout_s or self._timeouts_s.get((index, sub), self.answer_s)
+        before = self.dropped
+        try:
+            return self._drive(make(), index, sub, timeout_s)
+        except Refused as refusal:
+            told = sdo_codes.sentence(refusal.code, self.node, deed, index, sub)
+            raise DeviceRefused(told, refusal.code) from None
+        except Violation as violation:
+            self._abort(index, sub, violation.code)
+            what = f"node {self.node} broke off to {deed} {sdo_codes.address(index, sub)}"
+            raise DeviceRefused(f"{what}: {sdo_codes.meaning(violation.code)}", violation.code) from None
+        except NoAnswer:
+            raise DeviceSilent(self._time_out(deed, index, sub, timeout_s, self.dropped - before)) from None
+
+    def _drive(self, transfer: Generator[Exchange, bytes, Result], index: int, sub: int, timeout_s: float) -> Result:
+        try:
+            exchange = next(transfer)
+            while True:
+                if exchange.send:
+                    self._drain()
+                    self._refuse_second_device()
+                answer = self._exchange(exchange, index, sub, timeout_s)
+                if answer is not None and exchange.send:
+                    self._remember(exchange)
+                    self._refuse_second_device()
+                exchange = transfer.throw(NoAnswer()) if answer is None else transfer.send(answer)
+        except StopIteration as done:
+            result: Result = done.value
+            return result
+
+    def _exchange(self, exchange: Exchange, index: int, sub: int, timeout_s: float) -> bytes | None:
+        """Sends, and waits for the answer that fits; Refused when it is an abort; None at the time-out."""
+        for data in exchange.send:
+            self._network.send(0x600 + self.node, data)
+        if exchange.fits is None:
+            return b""
+        deadline_s = self._network.clock.monotonic_s() + timeout_s
+        while self._network.wait(lambda: bool(self._inbox), deadline_s):
+            answer = self._inbox.popleft()
+            if len(answer) == 8 and answer[0] == sdo.RESPONSE_ABORTED:
+                if answer[1:4] in (sdo_transfer.head(0, index, sub)[1:], bytes(3)):
+                    raise Refused(int.from_bytes(answer[4:8], "little"))
+            elif len(answer) == 8 and exchange.fits(answer):
+                return answer
+            self._drop(answer)
+        return None
+
+    def _drain(self) -> None:
+        """Drops what has come and belongs to no request."""
+        self._network.catch_up()
+        for _ in range(len(self._inbox)):
+            self._drop(self._inbox.popleft())
+
+    def _drop(self, answer: bytes) -> None:
+        self.dropped += 1
+        self._repeated = self._repeated or (len(answer) == 8 and any(fits(answer) for fits in self._answered))
+
+    def _remember(self, exchange: Exchange) -> None:
+        """The exchange was answered: its answer may come once more, and so did that to an earlier one or not."""
+        self._repeated_running = self._repeated_running + 1 if self._repeated else 0
+        self._repeated = False
+        if exchange.fits is not None:
+            self._answered.append(exchange.fits)
+
+    def _refuse_second_device(self) -> None:
+        if self._repeated_running + self._repeated >= _RUNNING:
+            raise BusFault(f"node {self.node} answers every request twice: two devices share this node id; change one")
+
+    def _time_out(self, deed: str, index: int, sub: int, timeout_s: float, dropped: int) -> str:
+        """Quarantines the node; returns the sentence."""
+        if index not in _STORES:
+            self._abort(index, sub, sdo.ABORT_TIMED_OUT)
+        self._quarantined_by = (index, sub)
+        where = sdo_codes.address(index, sub)
+        told = f"node {self.node} did not answer the request to {deed} {where} within {timeout_s:g} s"
+        others = f"; {dropped} answers came that belong to other requests" if dropped else ""
+        return f"{told}{others}; check power, wiring, bit rate and node id"
+
+    def _abort(self, index: int, sub: int, code: int) -> None:
+        self._network.send(
+            0x600 + self.node, sdo_transfer.head(sdo.REQUEST_ABORTED, index, sub) + code.to_bytes(4, "little")
+        )
+
+    def _leave_quarantine(self) -> None:
+        if self._quarantined_by is None:
+            return
+        culprit, self._quarantined_by = self._quarantined_by, None
+        clock = self._network.clock
+        self._network.wait(lambda: False, clock.monotonic_s() + self.answer_s)
+        self._answered.clear()
+        index, sub = _FENCES[culprit == _FENCES[0]]
+        self._run("read", index, sub, None, lambda: sdo_transfer.upload(index, sub))
+
+    def _refuse_doubtful(self, index: int, sub: int) -> None:
+        if (index, sub) in self._doubtful:
+            where = sdo_codes.address(index, sub)
+            raise DeviceSilent(
+                f"the last write of {where} on node {self.node} went unanswered; read it before writing again"
+            )

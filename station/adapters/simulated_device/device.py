@@ -1,0 +1,238 @@
+"""A simulated device: a real CANopen slave on whatever bus it is given, with a sensor, flash, and faults on demand.
+
+It is an actor: it lives in `act`, which takes the frames waiting for it and sends all that was due since the
+last call. In simulated time the clock calls it; in real time `serve` does.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from station.adapters.simulated_device.device_fault import Fault
+from station.adapters.simulated_device.memory import NonVolatile
+from station.adapters.simulated_device.objects import SimulatedObjects
+from station.adapters.simulated_device.pdo import READINGS, ProcessData
+from station.adapters.simulated_device.sdo import Agenda, SdoService
+from station.adapters.simulated_device.sdo_faults import SdoFaults
+from station.adapters.simulated_device.sdo_server import Request
+from station.adapters.simulated_device.stream import Sensor, Timer
+from station.adapters.simulated_device.stream_faults import StreamFaults
+from station.domain.core.types import ERROR, EXTENDED, REMOTE
+from station.domain.product.device_map import DeviceMap
+from station.domain.product.object_dictionary import Address, Dictionary, Value
+from station.ports.bus import Endpoint
+from station.ports.clock import Clock
+
+BOOTING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
+_NMT, _SYNC, _EMCY, _SDO_ANSWER, _SDO_REQUEST, _HEARTBEAT = 0x000, 0x080, 0x080, 0x580, 0x600, 0x700
+_NMT_STATES = {0x01: OPERATIONAL, 0x02: STOPPED, 0x80: PRE_OPERATIONAL}
+_RESET_NODE, _RESET_COMMUNICATION = 0x81, 0x82
+_HEARTBEAT_TIME = 0x1017
+_GENERIC_ERROR = 0x01
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How fast a device is. block_s: readings leave in blocks of about this length; 0: each at its instant."""
+
+    turnaround_s: float = 0.001
+    boot_s: float = 0.2
+    flash_s: float = 0.35
+    warm_up_s: float = 0.05
+    block_s: float = 0.05
+
+
+def listens_to(node: int) -> tuple[int, ...]:
+    """Identifiers that the device's channel must receive: NMT, SYNC and its SDO requests."""
+    return _NMT, _SYNC, _SDO_REQUEST + node
+
+
+class SimulatedDevice:
+    """One device with the node id of its `dictionary`.
+
+    channel: its own endpoint on the bus; device_map: of its product; sensor: its physical side; serial: as the
+    serial object keeps it; memory: what was saved; faults: what is wrong with it.
+    """
+
+    def __init__(
+        self,
+        channel: Endpoint,
+        clock: Clock,
+        dictionary: Dictionary,
+        device_map: DeviceMap,
+        sensor: Sensor,
+        *,
+        serial: int | str,
+        memory: NonVolatile | None = None,
+        timing: Timing = Timing(),
+        faults: Sequence[Fault] = (),
+    ) -> None:
+        self.node = dictionary.node
+        self.state = BOOTING
+        self._channel = channel
+        self._timing = timing
+        self._now_s = self._born_s = clock.monotonic_s()
+        self._powered = True
+        self._heartbeat = Timer()
+        self._agenda, self._fate = Agenda(), Agenda()
+        self._sdo_faults = SdoFaults(faults)
+        self._stream_faults = StreamFaults(faults, sensor.layout, self.node, self._born_s)
+        fixed: dict[Address, Value] = {device_map.serial.address: serial}
+        if sensor.rate_hz:
+            fixed[READINGS, 5] = round(1000 / sensor.rate_hz)
+        self.objects = SimulatedObjects(
+            dictionary,
+            device_map,
+            memory or NonVolatile(),
+            fixed=fixed,
+            computed=self._computed(),
+            spoil=self._spoilt_value,
+        )
+        self._pdo = ProcessData(channel, clock, self.objects, sensor, self._stream_faults, block_s=timing.block_s)
+        self._pdo.settled_s = self._now_s + timing.warm_up_s
+        self._sdo = SdoService(
+            self.objects,
+            self,
+            self._agenda,
+            self._sdo_faults,
+            turnaround_s=timing.turnaround_s,
+            flash_s=timing.flash_s,
+        )
+        self._plan(faults)
+        self._agenda.at(self._now_s, self._boot_up)
+
+    def next_due_s(self) -> float:
+        """When it next does something by itself."""
+        return min(self._agenda.next_s, self._fate.next_s, self._heartbeat.next_s, self._pdo.next_due_s())
+
+    def act(self, now_s: float) -> None:
+        """Brings the device up to `now_s`: what was due, then what came in, then what is due by that."""
+        self._now_s = now_s
+        self._pdo.produce(now_s)
+        self._run(now_s)
+        frames = self._channel.receive(0.0)
+        for can_id, length, data in zip(frames.can_id.tolist(), frames.length.tolist(), frames.data, strict=True):
+            self._hear(can_id, data[:length].tobytes())
+        self._run(now_s)
+
+    def reset(self, *, communication_only: bool = False) -> None:
+        """Starts again, as after NMT reset: what was not saved is lost."""
+        self._fall_silent()
+        self.objects.start(communication_only=communication_only)
+        self._agenda.at(self._now_s + self._timing.boot_s, self._boot_up)
+
+    def cut_power(self, back_after_s: float) -> None:
+        """Loses power; it comes back after that time, or never for 0."""
+        self._fall_silent()
+        self._powered = False
+        if back_after_s > 0:
+            self._fate.at(self._now_s + back_after_s, self.power_on)
+
+    def power_on(self) -> None:
+        """Power comes back; the device boots."""
+        self._powered = True
+        self._pdo.settled_s = self._now_s + self._timing.warm_up_s
+        self.reset()
+
+    def send_answers(self, answers: tuple[bytes, ...]) -> None:
+        """Sends SDO answers."""
+        for answer in answers:
+            self._channel.send(_SDO_ANSWER + self.node, answer)
+
+    def _run(self, now_s: float) -> None:
+        self._fate.run(now_s)
+        self._agenda.run(now_s)
+        stopped = self._stream_faults.active("heartbeat-stops", now_s)
+        if len(self._heartbeat.due(now_s)) and not stopped:
+            self._channel.send(_HEARTBEAT + self.node, bytes([self.state]))
+
+    def _fall_silent(self) -> None:
+        self.state = BOOTING
+        self._agenda.clear()
+        self._sdo.reset()
+        self._pdo.stop()
+        self._heartbeat.stop()
+
+    def _boot_up(self) -> None:
+        self.state = PRE_OPERATIONAL
+        if not self._sdo_faults.fires("no-boot-up", Request(0, 0, "write", starts=False, segment=False)):
+            self._channel.send(_HEARTBEAT + self.node, bytes([BOOTING]))
+        self._start_heartbeat()
+
+    def _start_heartbeat(self) -> None:
+        self._heartbeat.start(self._now_s, self.objects.number(_HEARTBEAT_TIME, 0, 0) / 1000)
+
+    def _hear(self, can_id: int, data: bytes) -> None:
+        if not self._powered or self.state == BOOTING or can_id & (ERROR | REMOTE | EXTENDED):
+            return
+        if can_id == _NMT and len(data) >= 2 and data[1] in (0, self.node):
+            self._obey(data[0])
+        elif can_id == _SYNC and self.state == OPERATIONAL:
+            self._pdo.on_sync(self._now_s)
+        elif can_id == _SDO_REQUEST + self.node and self.state != STOPPED:
+            self._serve(data)
+
+    def _obey(self, command: int) -> None:
+        if command in (_RESET_NODE, _RESET_COMMUNICATION):
+            self.reset(communication_only=command == _RESET_COMMUNICATION)
+        elif command in _NMT_STATES:
+            before, self.state = self.state, _NMT_STATES[command]
+            if self.state != OPERATIONAL:
+                self._pdo.stop()
+            elif before != OPERATIONAL:
+                self._pdo.start(self._now_s)
+                self._plan_emergency()
+
+    def _serve(self, data: bytes) -> None:
+        heartbeat_ms, settings = self.objects.number(_HEARTBEAT_TIME, 0, 0), self._pdo.settings()
+        self._sdo.take(data, self._now_s)
+        if self._pdo.settings() != settings and self.state == OPERATIONAL:
+            self._pdo.start(self._now_s)
+        if self.objects.number(_HEARTBEAT_TIME, 0, 0) != heartbeat_ms:
+            self._start_heartbeat()
+
+    def _plan(self, faults: Sequence[Fault]) -> None:
+        for fault in faults:
+            due_s = self._born_s + fault.after_s
+            if fault.kind == "emergency" and not fault.seconds:
+                self._fate.at(due_s, partial(self._emergency, fault.code))
+            elif fault.kind == "spontaneous-reset":
+                self._fate.at(due_s, self.reset)
+
+    def _plan_emergency(self) -> None:
+        fault = self._stream_faults.active("emergency", self._now_s)
+        if fault and fault.seconds:
+            self._agenda.at(self._now_s + fault.seconds, partial(self._emergency, fault.code))
+
+    def _emergency(self, code: int) -> None:
+        if self.state in (PRE_OPERATIONAL, OPERATIONAL):
+            self._channel.send(_EMCY + self.node, code.to_bytes(4, "little")[:2] + bytes([_GENERIC_ERROR]) + bytes(5))
+
+    def _spoilt_value(self, index: int, sub: int) -> Value | None:
+        fault = self._sdo_faults.fires("reads", Request(index, sub, "read", starts=True, segment=False))
+        return None if fault is None else fault.value
+
+    def _computed(self) -> dict[Address, Callable[[], Value]]:
+        """Objects that are measured when they are read."""
+        found: dict[Address, Callable[[], Value]] = {(0x2112, 0): self._hundredths}
+        for axis in range(3):
+            found[0x2110, axis + 1] = partial(self._count, axis, corrected=False)
+            found[0x2111, axis + 1] = partial(self._count, axis, corrected=True)
+        for place in range(2):
+            found[0x2113, place + 1] = partial(self._payload_byte, place)
+        for axis in range(3):
+            found[0x2113, axis + 3] = partial(self._payload_word, axis)
+        return found
+
+    def _count(self, axis: int, *, corrected: bool) -> int:
+        return int(self._pdo.counts(self._now_s, self.objects.stored() if corrected else None)[axis])
+
+    def _payload_byte(self, place: int) -> int:
+        return self._pdo.last_payload[place]
+
+    def _payload_word(self, axis: int) -> int:
+        at = 2 + 2 * axis
+        return int.from_bytes(self._pdo.last_payload[at : at + 2], "little", signed=True)
+
+    def _hundredths(self) -> int:
+        return round(100 * self._pdo.temperature(self._now_s))

@@ -1,0 +1,229 @@
+"""The objects of a simulated device: values, checks with their abort codes, the lock, and what is kept at power-off."""
+
+import math
+from collections.abc import Callable, Mapping
+
+from canopen.sdo import constants as sdo
+
+from station.adapters.simulated_device.memory import NonVolatile, Objects, key
+from station.adapters.simulated_device.sdo_serving import SdoAbort
+from station.domain.core.types import Floats
+from station.domain.product import writeback
+from station.domain.product.device_map import DeviceMap
+from station.domain.product.object_dictionary import Address, Dictionary, Entry, Value
+from station.errors import UnitFault
+
+_LONGEST = {"STRING": 255, "OCTETS": 255, "DOMAIN": 4096}
+_COB_ID_FLAGS = 0xC000_0000
+_COMMUNICATION = range(0x1000, 0x2000)
+#: The parts of a map that its lock protects.
+_LOCKED = ("temperature", "record", "valid")
+
+
+class SimulatedObjects:
+    """Implements sdo_serving.Objects. `computed` gives the present value of objects that are measured.
+
+    command: save or restore, set by a write of the right signature and taken by the device, which needs time
+    for it; spoil: lets a fault replace what is read.
+    """
+
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        device_map: DeviceMap,
+        memory: NonVolatile,
+        *,
+        fixed: Mapping[Address, Value],
+        computed: Mapping[Address, Callable[[], Value]],
+        spoil: Callable[[int, int], Value | None],
+    ) -> None:
+        self.dictionary = dictionary
+        self.map = device_map
+        self.memory = memory
+        self.command: str | None = None
+        self._fixed = dict(fixed)
+        self._computed = computed
+        self._spoil = spoil
+        self._values: dict[Address, bytes] = {}
+        self._locked = True
+        self._restoring = False
+        self._correction: tuple[Floats, Floats] | None = None
+        self._protected = _protected(device_map)
+        self.start()
+
+    def start(self, *, communication_only: bool = False) -> None:
+        """Values as after power-on: factory values, then what was saved; a lock is locked again."""
+        if self._restoring:
+            self.memory.clear()
+            self._restoring = False
+        saved = self.memory.objects()
+        for address, entry in self.dictionary.entries.items():
+            if communication_only and entry.index not in _COMMUNICATION:
+                continue
+            value = saved.get(key(*address), self._fixed.get(address, entry.default))
+            self._values[address] = _packed(entry, value)
+        self._locked = self.map.unlock is not None
+        self.command = None
+        self._refresh()
+
+    def replace(self, address: Address, value: Value) -> None:
+        """Another value, now and at every start: the unit is not the one it was."""
+        self._fixed[address] = value
+        self._values[address] = _packed(self.dictionary[address], value)
+
+    def value(self, index: int, sub: int) -> Value | None:
+        """Present value of an object; None when there is none."""
+        entry = self.dictionary.entries.get((index, sub))
+        return None if entry is None else entry.unpack(self._values[index, sub])
+
+    def number(self, index: int, sub: int, otherwise: int) -> int:
+        """Present value of an integer object; `otherwise` when the product has no such object."""
+        value = self.value(index, sub)
+        return int(value) if isinstance(value, (int, float)) else otherwise
+
+    def correction(self) -> tuple[Floats, Floats] | None:
+        """(offset (3), matrix (3, 3)) that the output is compensated with; None for raw output."""
+        return self._correction if self._compensates() else None
+
+    def stored(self) -> tuple[Floats, Floats] | None:
+        """(offset (3), matrix (3, 3)) of the calibration held, whether it is used or not; None: none can be used."""
+        return self._correction
+
+    def kept(self) -> Objects:
+        """What the next start will read back: the last save, or the factory values."""
+        factory = {
+            key(*address): self._fixed.get(address, entry.default)
+            for address, entry in self.dictionary.entries.items()
+            if _is_saved(entry)
+        }
+        return self.memory.objects() or {k: v.hex() if isinstance(v, bytes) else v for k, v in factory.items()}
+
+    def snapshot(self) -> Objects:
+        """What a save keeps: every object that can be read and written."""
+        saved: Objects = {}
+        for address, entry in self.dictionary.entries.items():
+            if _is_saved(entry):
+                value = entry.unpack(self._values[address])
+                saved[key(*address)] = value.hex() if isinstance(value, bytes) else value
+        return saved
+
+    def restore_at_reset(self) -> None:
+        """Factory values come back at the next start (CiA 301, object 0x1011)."""
+        self._restoring = True
+
+    def read(self, index: int, sub: int) -> bytes:
+        """Bytes of an object. Errors: SdoAbort."""
+        entry = self._entry(index, sub)
+        if not entry.readable:
+            raise SdoAbort(sdo.ABORT_READ_WRITEONLY)
+        spoiled = self._spoil(index, sub)
+        if spoiled is not None:
+            return _packed(entry, spoiled)
+        if self.map.checksum is not None and (index, sub) == self.map.checksum.address:
+            return writeback.expected_checksum(self.map, self._values) or b""
+        if (index, sub) in self._computed:
+            return _packed(entry, self._computed[index, sub]())
+        return self._values[index, sub]
+
+    def check(self, index: int, sub: int, size: int | None) -> None:
+        """Whether an object may be written with that many bytes. Errors: SdoAbort."""
+        entry = self._entry(index, sub)
+        if not entry.writable:
+            raise SdoAbort(sdo.ABORT_WRITE_READONLY)
+        if self._locked and (index, sub) in self._protected:
+            raise SdoAbort(sdo.ABORT_APPLICATION_DEVICE_STATE)
+        if size is None:
+            return
+        most = entry.size or self._longest(entry)
+        if size > most:
+            raise SdoAbort(sdo.ABORT_LENGTH_TOO_HIGH)
+        if entry.size is not None and size < most:
+            raise SdoAbort(sdo.ABORT_LENGTH_TOO_LOW)
+
+    def write(self, index: int, sub: int, data: bytes) -> None:
+        """Takes a value. Errors: SdoAbort."""
+        entry = self._entry(index, sub)
+        if entry.size is not None:
+            data = data[: entry.size]
+        if (index, sub) in (self.map.save.address, self.map.restore.address):
+            self._take_signature(index, sub, data)
+            return
+        if self.map.unlock is not None and (index, sub) == self.map.unlock.address:
+            self._take_key(data)
+            return
+        self._check_range(entry, data)
+        self._values[index, sub] = data
+        self._refresh()
+
+    def _entry(self, index: int, sub: int) -> Entry:
+        if (index, sub) in self.dictionary:
+            return self.dictionary[index, sub]
+        raise SdoAbort(sdo.ABORT_NO_SUBINDEX if self.dictionary.has_index(index) else sdo.ABORT_NOT_IN_OD)
+
+    def _longest(self, entry: Entry) -> int:
+        record = self.map.record
+        return record.length if record and record.address == (entry.index, entry.sub) else _LONGEST[entry.type_name]
+
+    def _take_signature(self, index: int, sub: int, data: bytes) -> None:
+        save = (index, sub) == self.map.save.address
+        if data != (writeback.SAVE if save else writeback.LOAD):
+            raise SdoAbort(sdo.ABORT_STORE_APPLICATION)
+        self.command = "save" if save else "restore"
+
+    def _take_key(self, data: bytes) -> None:
+        unlock = self.map.unlock
+        self._locked = unlock is not None and int.from_bytes(data, "little") != unlock.key
+
+    def _check_range(self, entry: Entry, data: bytes) -> None:
+        value = entry.unpack(data)
+        if isinstance(value, (str, bytes)):
+            return
+        if not math.isfinite(value):
+            raise SdoAbort(sdo.ABORT_INVALID_VALUE)
+        if entry.high is not None and value > entry.high:
+            raise SdoAbort(sdo.ABORT_VALUE_TOO_HIGH)
+        if entry.low is not None and value < entry.low:
+            raise SdoAbort(sdo.ABORT_VALUE_TOO_LOW)
+        if 0x1800 <= entry.index < 0x1A00:
+            _check_pdo(entry, int(value))
+
+    def _compensates(self) -> bool:
+        if self.map.output is None:
+            return True
+        on = self.value(*self.map.output.address) == self.map.output.compensated
+        flag = self.map.valid
+        return on and (flag is None or self.value(*flag.address) == flag.valid)
+
+    def _refresh(self) -> None:
+        try:
+            self._correction = writeback.decode(self.map, self._values)
+        except UnitFault:
+            self._correction = None  # values by which nothing can be corrected: the output stays raw
+
+
+def _protected(device_map: DeviceMap) -> frozenset[Address]:
+    objects = [getattr(device_map, part) for part in _LOCKED]
+    addresses = {o.address for o in objects if o is not None} | {n.address for _, n in device_map.coefficients()}
+    if device_map.configuration is not None:
+        addresses |= {(device_map.configuration.index, sub) for sub in (1, 2)}
+    return frozenset(addresses)
+
+
+def _is_saved(entry: Entry) -> bool:
+    return entry.access.startswith("rw") and entry.index not in (0x1010, 0x1011)
+
+
+def _packed(entry: Entry, value: Value) -> bytes:
+    """A value as bytes; bytes come as hex text from the memory's file, a float for an integer object is rounded."""
+    if entry.type_name in ("DOMAIN", "OCTETS") and isinstance(value, str):
+        return bytes.fromhex(value)
+    if isinstance(value, float) and entry.type_name not in ("REAL32", "REAL64"):
+        value = round(value)
+    return entry.pack(value)
+
+
+def _check_pdo(entry: Entry, value: int) -> None:
+    """A COB-ID keeps its identifier (only its flags may change); transmission types 241 to 253 are reserved."""
+    moved = entry.sub == 1 and (value ^ int(entry.default)) & ~_COB_ID_FLAGS
+    if moved or (entry.sub == 2 and 240 < value < 254):
+        raise SdoAbort(sdo.ABORT_INVALID_VALUE)

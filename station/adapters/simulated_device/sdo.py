@@ -1,0 +1,151 @@
+"""SDO of a simulated device in time: one request after the other, a turnaround, flash that takes its time, faults."""
+
+import heapq
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Protocol
+
+from canopen.sdo import constants as sdo
+
+from station.adapters.simulated_device.device_fault import Fault
+from station.adapters.simulated_device.objects import SimulatedObjects
+from station.adapters.simulated_device.sdo_faults import SdoFaults
+from station.adapters.simulated_device.sdo_server import Request, SdoServer
+
+
+class Agenda:
+    """What is to be done when; things due at one instant are done in the order in which they were put in."""
+
+    def __init__(self) -> None:
+        self._heap: list[tuple[float, int, Callable[[], None]]] = []
+        self._count = 0
+
+    @property
+    def next_s(self) -> float:
+        """Instant of the next thing; infinity when there is none."""
+        return self._heap[0][0] if self._heap else math.inf
+
+    def at(self, due_s: float, deed: Callable[[], None]) -> None:
+        """Puts a deed on the agenda."""
+        self._count += 1
+        heapq.heappush(self._heap, (due_s, self._count, deed))
+
+    def run(self, now_s: float) -> None:
+        """Does all that is due, and what becomes due by it."""
+        while self._heap and self._heap[0][0] <= now_s:
+            heapq.heappop(self._heap)[2]()
+
+    def clear(self) -> None:
+        """Forgets everything."""
+        self._heap.clear()
+
+
+class Body(Protocol):
+    """What the server's faults and commands can do to the device."""
+
+    def send_answers(self, answers: tuple[bytes, ...]) -> None:
+        """Sends SDO answers now."""
+
+    def reset(self) -> None:
+        """Starts again, as after NMT reset node."""
+
+    def cut_power(self, back_after_s: float) -> None:
+        """Loses power; it comes back after that time, or never for 0."""
+
+
+class SdoService:
+    """Serves requests in turn. turnaround_s: from request to answer; flash_s: how long a save or restore takes."""
+
+    def __init__(
+        self,
+        objects: SimulatedObjects,
+        body: Body,
+        agenda: Agenda,
+        faults: SdoFaults,
+        *,
+        turnaround_s: float,
+        flash_s: float,
+    ) -> None:
+        self._objects = objects
+        self._server = SdoServer(objects)
+        self._body = body
+        self._agenda = agenda
+        self._faults = faults
+        self._turnaround_s = turnaround_s
+        self._flash_s = flash_s
+        self._waiting: deque[bytes] = deque()
+        self._busy = False
+
+    def reset(self) -> None:
+        """Forgets requests and the transfer under way."""
+        self._server.reset()
+        self._waiting.clear()
+        self._busy = False
+
+    def take(self, data: bytes, now_s: float) -> None:
+        """A request came in."""
+        if len(data) == 8:
+            self._waiting.append(data)
+            self._work(now_s)
+
+    def _work(self, now_s: float) -> None:
+        while self._waiting and not self._busy:
+            self._serve(self._waiting.popleft(), now_s)
+
+    def _serve(self, data: bytes, now_s: float) -> None:
+        about = self._server.about(data)
+        if cut := self._faults.fires("power-cut", about):
+            self._body.cut_power(cut.seconds)
+        elif self._faults.fires("reboot", about):
+            self._body.reset()
+        elif not self._unheard(about):
+            answers = self._faults.spoil(self._answers(data, about), about)
+            late = self._faults.fires("late", about)
+            command, self._objects.command = self._objects.command, None
+            due_s = now_s + self._turnaround_s + (late.seconds if late else 0.0)
+            if command is not None:
+                self._flash(command, about, answers, due_s)
+            elif answers:
+                self._agenda.at(due_s, lambda: self._body.send_answers(answers))
+
+    def _unheard(self, about: Request) -> bool:
+        if unit := self._faults.fires("other-unit", about):
+            self._objects.replace(self._objects.map.serial.address, unit.value)
+        lost = about.segment and self._faults.fires("lost-segment", about) is not None
+        return lost or self._faults.fires("deaf", about) is not None
+
+    def _answers(self, data: bytes, about: Request) -> tuple[bytes, ...]:
+        refusal = self._faults.fires("refuse", about)
+        if refusal and data[0] != sdo.REQUEST_ABORTED:
+            return (self._server.refuse(data, refusal.code),)
+        return self._server.handle(data)
+
+    def _flash(self, command: str, about: Request, answers: tuple[bytes, ...], due_s: float) -> None:
+        """Saves or notes the restore, then answers; other requests wait."""
+        self._busy = True
+        torn = self._faults.fires("save-torn", about) if command == "save" else None
+        if torn is not None:
+            self._agenda.at(due_s + self._flash_s / 2, lambda: self._tear(torn))
+            return
+        if command == "save" and self._faults.fires("save-fails", about):
+            answers, command = (self._server.abort(sdo.ABORT_HARDWARE_ERROR),), "nothing"
+        elif command == "save" and self._faults.fires("save-lies", about):
+            command = "nothing"
+        self._agenda.at(due_s + self._flash_s, lambda: self._finish(command, answers, due_s + self._flash_s))
+
+    def _finish(self, command: str, answers: tuple[bytes, ...], now_s: float) -> None:
+        if command == "save":
+            self._objects.memory.store(self._objects.snapshot())
+        elif command == "restore":
+            self._objects.restore_at_reset()
+        self._body.send_answers(answers)
+        self._busy = False
+        self._work(now_s)
+
+    def _tear(self, torn: Fault) -> None:
+        kept, wanted = self._objects.kept(), self._objects.snapshot()
+        changed = [address for address, value in wanted.items() if kept.get(address) != value]
+        first = {address: wanted[address] for address in changed[: len(changed) // 2]}
+        self._objects.memory.store({**kept, **first})
+        self._body.cut_power(torn.seconds)

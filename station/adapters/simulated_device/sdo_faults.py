@@ -1,0 +1,59 @@
+"""The faults of a simulated device's SDO server: which request a fault meets, and what becomes of the answers."""
+
+from collections.abc import Sequence
+
+from canopen.sdo import constants as sdo
+
+from station.adapters.canopen.sdo_transfer import KIND
+from station.adapters.simulated_device.device_fault import Fault
+from station.adapters.simulated_device.sdo_server import Request
+
+#: These happen once unless `times` says otherwise.
+_ONCE = frozenset({"reboot", "power-cut", "other-unit", "save-torn", "lost-segment"})
+_INITIATING_ANSWERS = (sdo.RESPONSE_UPLOAD, sdo.RESPONSE_DOWNLOAD)
+_SEGMENT_ANSWERS = (sdo.RESPONSE_SEGMENT_UPLOAD, sdo.RESPONSE_SEGMENT_DOWNLOAD)
+
+
+class SdoFaults:
+    """Counts what each fault meets; a fault acts from its `at`-th meeting on, `times` times."""
+
+    def __init__(self, faults: Sequence[Fault]) -> None:
+        self._faults = tuple(faults)
+        self._met = [0] * len(self._faults)
+        self._previous: tuple[bytes, ...] = ()
+
+    def fires(self, kind: str, about: Request) -> Fault | None:
+        """The fault of that kind that acts on this request; each call counts as a meeting."""
+        acting = None
+        for i, fault in enumerate(self._faults):
+            if fault.kind == kind and fault.meets(about.index, about.sub, about.access):
+                self._met[i] += 1
+                times = fault.times or (1 if kind in _ONCE else 0)
+                if self._met[i] >= fault.at and (not times or self._met[i] < fault.at + times):
+                    acting = acting or fault
+        return acting
+
+    def spoil(self, answers: tuple[bytes, ...], about: Request) -> tuple[bytes, ...]:
+        """What is sent in place of these answers."""
+        previous, self._previous = self._previous, answers or self._previous
+        if len(answers) > 1:
+            answers = tuple(answer for answer in answers if not self.fires("lost-segment", about))
+        else:
+            answers = tuple(self._spoilt(answer, about) for answer in answers)
+        if self.fires("stale", about):
+            answers = previous + answers
+        if self.fires("twice", about):
+            answers = answers + answers
+        return () if self.fires("silent", about) else answers
+
+    def _spoilt(self, answer: bytes, about: Request) -> bytes:
+        kind = answer[0] & KIND
+        initiating = about.starts and kind in _INITIATING_ANSWERS
+        if initiating and (fault := self.fires("wrong-object", about)):
+            return answer[:1] + (int(fault.value) & 0xFFFF).to_bytes(2, "little") + answer[3:]
+        if not about.starts and kind in _SEGMENT_ANSWERS and self.fires("wrong-toggle", about):
+            return bytes([answer[0] ^ sdo.TOGGLE_BIT]) + answer[1:]
+        ends_block = answer[0] & 0xE3 == sdo.RESPONSE_BLOCK_UPLOAD | sdo.END_BLOCK_TRANSFER
+        if not about.starts and ends_block and self.fires("bad-block-crc", about):
+            return bytes([answer[0], answer[1] ^ 0xFF]) + answer[2:]
+        return answer

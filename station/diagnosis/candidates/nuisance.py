@@ -1,0 +1,149 @@
+"""What is already accounted for: the units' calibration, and the causes accepted so far.
+
+An accepted cause keeps its columns in the model, with the prior its evidence found for its coefficients: normal,
+mean 0, variance `spread`². The data left to the next cause are then the innovations, the strong directions of the
+accepted one taken off, the weak ones shrunk. A cause of a model file has each coefficient's own mean and deviation.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.diagnosis.candidates.bank import OWN, Candidate, seen_in
+from station.diagnosis.data.residuals import View
+from station.diagnosis.linear.projection import Known, Rows
+from station.domain.core.types import Floats
+from station.model.forward import Acting
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Accepted:
+    """A cause, or an unknown kernel, in the model.
+
+    candidate: its columns at the present view; hit (groups) the groups that act; coefficient (groups, axes) now;
+    mean, std (groups, axes) of its prior.
+    """
+
+    candidate: Candidate
+    hit: NDArray[np.bool_]
+    coefficient: Floats
+    mean: Floats
+    std: Floats
+
+    def at_work(self) -> dict[str, Acting]:
+        """The cause at work, once for each of its shapes, by names in the simulation: one effect may act at two levels
+        or with two shapes. Nothing of a kernel."""
+        c = self.candidate
+        return {
+            f"{c.name}/{c.of}/{effect}": Acting(effect, np.where(groups[:, None], self.coefficient, 0.0), c.of)
+            for effect, groups in c.shapes.items()
+        }
+
+    def renewed(self, view: View) -> "Accepted":
+        """The same with columns from the view, whose simulation it acts in."""
+        return replace(self, candidate=seen_in(self.candidate, view))
+
+
+def accept(candidate: Candidate, hit: NDArray[np.bool_], spread: float) -> Accepted:
+    """A cause whose coefficients are not yet known."""
+    shape = (len(candidate.names), candidate.axes)
+    return Accepted(candidate, hit, np.zeros(shape), np.zeros(shape), np.full(shape, spread))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """Where the coefficients of an accepted cause stand: column numbers among the own or the shared ones.
+
+    own: whether they are columns of units; unit, column (groups, axes); −1 for a group that does not act.
+    """
+
+    own: bool
+    unit: NDArray[np.intp]
+    column: NDArray[np.intp]
+
+
+def known_of(view: View, accepted: tuple[Accepted, ...], matrix: bool) -> tuple[Known, tuple[Place, ...]]:
+    """Calibration and accepted causes as known columns, and where each cause's coefficients stand."""
+    calibration = view.rows(view.calibration(matrix), None)
+    units, p = view.grid.units, calibration.stop.shape[-1]
+    own, shared = [calibration], [Rows(calibration.stop[..., :0])]
+    precision, target = np.zeros((units, p)), np.zeros((units, p))
+    common_precision, common_target = np.zeros(0), np.zeros(0)
+    places: list[Place] = []
+    for item in accepted:
+        rows, place = columns_of(item, view)
+        weight, about = 1 / item.std**2, item.mean - item.coefficient
+        if place.own:
+            width = rows.stop.shape[-1]
+            places.append(replace(place, column=np.where(place.column >= 0, place.column + precision.shape[1], -1)))
+            precision = np.concatenate([precision, _laid(weight, place, units, width)], axis=1)
+            target = np.concatenate([target, _laid(about, place, units, width)], axis=1)
+            own.append(rows)
+        else:
+            places.append(replace(place, column=np.where(place.column >= 0, place.column + len(common_precision), -1)))
+            chosen = place.column >= 0
+            common_precision = np.concatenate([common_precision, weight[chosen]])
+            common_target = np.concatenate([common_target, about[chosen]])
+            shared.append(rows)
+    for rows in _blurs(view, accepted):
+        own.append(rows)
+        width = rows.stop.shape[-1]
+        precision, target = (
+            np.pad(x, ((0, 0), (0, width)), constant_values=c) for x, c in ((precision, 1), (target, 0))
+        )
+    known = Known(Rows.beside(own), precision, target, Rows.beside(shared), common_precision, common_target)
+    return known, tuple(places)
+
+
+def _blurs(view: View, accepted: tuple[Accepted, ...]) -> Iterator[Rows]:
+    """What the accepted causes may be off by because their covariates are, for each run of a unit on its own."""
+    code, names = view.scene.group("run")
+    for acting in (acting for item in accepted for acting in item.at_work().values()):
+        stop = view.blurred(acting)
+        if stop is not None:
+            yield Candidate("blur", None, "run", "own", code, names, stop).rows(view.layout)
+
+
+def columns_of(item: Accepted, view: View) -> tuple[Rows, Place]:
+    """Columns of the groups that act, and their places counted from 0."""
+    c = item.candidate
+    axes = np.arange(c.axes)
+    rows = c.rows(view.layout)
+    if c.of not in OWN:
+        chosen = np.flatnonzero(item.hit)
+        number = np.full(len(c.names), -1)
+        number[chosen] = np.arange(len(chosen))
+        column = np.where(item.hit[:, None], number[:, None] * c.axes + axes, -1)
+        return _picked(rows, (chosen[:, None] * c.axes + axes).ravel()), Place(
+            own=False, unit=np.zeros_like(column), column=column
+        )
+    unit, first = c.where(view.layout)
+    used = np.unique(first[item.hit])
+    number = np.full(int(first.max()) + 1, -1)
+    number[used] = np.arange(len(used))
+    column = np.where(item.hit[:, None], number[first][:, None] * c.axes + axes, -1)
+    rows = _picked(rows, (used[:, None] * c.axes + axes).ravel())
+    return _only(rows, unit, column), Place(own=True, unit=np.repeat(unit[:, None], c.axes, 1), column=column)
+
+
+def _picked(rows: Rows, columns: NDArray[np.intp]) -> Rows:
+    return Rows(rows.stop[..., columns], None if rows.dwell is None else rows.dwell[..., columns])
+
+
+def _only(rows: Rows, unit: NDArray[np.intp], column: NDArray[np.intp]) -> Rows:
+    """Columns set to zero in units where their group does not act."""
+    acts = np.zeros((rows.stop.shape[0], rows.stop.shape[-1]))
+    on = column >= 0
+    acts[np.broadcast_to(unit[:, None], column.shape)[on], column[on]] = 1.0
+    dwell = None if rows.dwell is None else rows.dwell * acts[:, None, :]
+    return Rows(rows.stop * acts[:, None, None, :], dwell)
+
+
+def _laid(values: Floats, place: Place, units: int, width: int) -> Floats:
+    """Values (groups, axes) where their columns stand (U, width)."""
+    out = np.zeros((units, width))
+    on = place.column >= 0
+    out[place.unit[on], place.column[on]] = values[on]
+    return out

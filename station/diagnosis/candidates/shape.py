@@ -1,0 +1,179 @@
+"""The form of a cause (a time constant, a frequency) at its best, between the values that the bank scans."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from station.diagnosis.candidates.bank import GAPS, Candidate, bank_of, gaps_of, moments
+from station.diagnosis.candidates.projected_bank import see
+from station.diagnosis.data.residuals import View
+from station.diagnosis.linear.projection import Space
+from station.domain.core.types import Floats
+from station.model.effect import Effect, Parameter
+
+#: Nats by which a form is not worth improving further.
+ENOUGH = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """A form parameter: its field, best value, and standard deviation from the curvature of the evidence."""
+
+    field: str
+    value: float
+    std: float
+
+
+#: Frequencies tried where a cause may ring, Hz, beyond which a block of samples holds whole waves.
+RINGS_HZ = (*(2.0 + 0.5 * i for i in range(13)), 8.7, 9.4, 10.2, 11.0, 12.0)
+
+
+def tunable(effect: Effect | None) -> tuple[Parameter, ...]:
+    """The parameters of a form that are scanned on a grid, and the frequency of one that rings."""
+    return () if effect is None else tuple(p for p in effect.forms if p.grid or _rings(effect, p))
+
+
+def _rings(effect: Effect, p: Parameter) -> bool:
+    return p.name == "frequency" and getattr(effect, p.field) > 0
+
+
+def may_ring(effect: Effect | None) -> bool:
+    """Whether a cause has a frequency that nobody has looked for yet."""
+    return effect is not None and any(p.name == "frequency" and not _rings(effect, p) for p in effect.forms)
+
+
+def rung(candidate: Candidate, view: View, space: Space) -> Candidate:
+    """The candidate with the frequency and the time constant that explain most, roughly."""
+    assert candidate.effect is not None
+    field = next(p.field for p in candidate.effect.forms if p.name == "frequency")
+    # Of waves that die away within a few periods, peaks are narrow in both: between the values of the bank, one more.
+    others = [(p.field, v) for p in candidate.effect.forms for v in _closer(p.grid)] or [(field, 0.0)]
+    found = [candidate]
+    for hz in RINGS_HZ:
+        found += [shaped(candidate, replace(candidate.effect, **{other: v, field: hz}), view) for other, v in others]
+    return _best(found, view, space)
+
+
+def _closer(grid: tuple[float, ...]) -> tuple[float, ...]:
+    """A logarithmic grid with its middles."""
+    return tuple(sorted((*grid, *(float(np.sqrt(a * b)) for a, b in pairwise(grid)))))
+
+
+def evidence_of(candidate: Candidate, view: View, space: Space) -> float:
+    """Log evidence of one candidate."""
+    return float(_evidence([candidate], view, space)[0])
+
+
+def _evidence(candidates: Sequence[Candidate], view: View, space: Space) -> Floats:
+    """Log evidence (candidates) of shapes of one cause."""
+    bank = bank_of(candidates, view.layout, moving=candidates[0].dwell is not None)
+    return see(bank, view.layout, [space])[0].evidence
+
+
+def _best(candidates: Sequence[Candidate], view: View, space: Space) -> Candidate:
+    """The shape of the greatest evidence."""
+    return candidates[int(_evidence(candidates, view, space).argmax())]
+
+
+def reshaped(candidate: Candidate, field: str, value: float, view: View) -> Candidate:
+    """The candidate with another value of a form parameter."""
+    assert candidate.effect is not None
+    return shaped(candidate, replace(candidate.effect, **{field: value}), view)
+
+
+def shaped(candidate: Candidate, effect: Effect, view: View) -> Candidate:
+    """The candidate at another shape."""
+    stop, dwell = view.signature(effect, candidate.of)
+    return replace(candidate, effect=effect, stop=stop, dwell=dwell)
+
+
+def tuned(candidate: Candidate, view: View, space: Space) -> tuple[Candidate, tuple[Tuned, ...]]:
+    """The candidate with its form at the greatest evidence, on a logarithmic scale."""
+    found = []
+    for p in tunable(candidate.effect):
+        candidate, result = _tune(candidate, p, view, space)
+        found.append(result)
+    return candidate, tuple(found)
+
+
+def jumps(effect: Effect | None) -> bool:
+    """Whether a cause begins at some time within a run."""
+    return effect is not None and any(p.name == "at" for p in effect.forms)
+
+
+def between(candidate: Candidate, view: View, space: Space) -> Candidate:
+    """The candidate with its time of a jump at the best moment nearby: the bank looks between the stops of the longest
+    run alone, of which it may leave some out."""
+    gaps = gaps_of(view)
+    i = min(range(len(gaps)), key=lambda k: abs(gaps[k] - candidate.effect.at_s))  # type: ignore[union-attr]
+    step = -(-len(gaps) // GAPS)
+    low, high = gaps[max(i - step, 0)], gaps[min(i + step, len(gaps) - 1)]
+    near = [reshaped(candidate, "at_s", at, view) for at in moments(view, low, high)]
+    return _best([candidate, *near], view, space)
+
+
+def _tune(candidate: Candidate, p: Parameter, view: View, space: Space) -> tuple[Candidate, Tuned]:
+    """Successive parabolas through the best three points of the logarithm."""
+    tried: dict[float, tuple[float, Candidate]] = {}
+
+    def at(x: float) -> float:
+        if x not in tried:
+            c = reshaped(candidate, p.field, float(np.exp(x)), view)
+            tried[x] = evidence_of(c, view, space), c
+        return tried[x][0]
+
+    def best() -> float:
+        return max(tried, key=lambda x: tried[x][0])
+
+    start = getattr(candidate.effect, p.field)
+    # A frequency beyond a tenth off would be another wave of the same blocks.
+    gap = float(np.log(p.grid[1] / p.grid[0])) if len(p.grid) > 1 else 0.1
+    low, high = (np.log(0.5 * min(p.low, *p.grid)), np.log(2 * max(p.high, *p.grid))) if p.grid else (-3.0, 5.0)
+    for x in (0.0, -gap, gap):
+        at(float(np.clip(np.log(start) + x, low, high)))
+    for _ in range(10):
+        now, before = best(), tried[best()][0]
+        fresh = float(np.clip(now + _vertex(sorted(tried), now, at), low, high))
+        if min(abs(fresh - x) for x in tried) < 1e-4:
+            break
+        if at(fresh) - before < ENOUGH and abs(fresh - now) < 0.3 * gap:
+            break
+    # The curvature is that of the top: points one deviation off say more of it than those of the search.
+    spread = _spread(sorted(tried), best(), at)
+    for x in (best() - spread, best() + spread):
+        at(float(np.clip(x, low, high)))
+    value = float(np.exp(best()))
+    return tried[best()][1], Tuned(p.field, value, value * _spread(sorted(tried), best(), at))
+
+
+def _neighbours(points: list[float], best: float) -> tuple[float, float] | None:
+    i = points.index(best)
+    return None if i in (0, len(points) - 1) else (points[i - 1], points[i + 1])
+
+
+def _vertex(points: list[float], best: float, at: Callable[[float], float]) -> float:
+    """Step from the best point to the vertex of the parabola through it and its neighbours; outwards at an end."""
+    around = _neighbours(points, best)
+    if around is None:
+        other = points[1] if best == points[0] else points[-2]
+        return best - other
+    a, b = around[0] - best, around[1] - best
+    fa, fb = at(around[0]) - at(best), at(around[1]) - at(best)
+    bend = (fb / b - fa / a) / (b - a)
+    if bend >= 0:
+        return 0.5 * (a if fa > fb else b)
+    step = -(fa / a - bend * a) / (2 * bend)
+    return float(np.clip(step, 0.9 * a, 0.9 * b))
+
+
+def _spread(points: list[float], best: float, at: Callable[[float], float]) -> float:
+    """Standard deviation of the logarithm by the curvature at the best point; 1 where it is at an end."""
+    around = _neighbours(points, best)
+    if around is None:
+        return 1.0
+    a, b = around[0] - best, around[1] - best
+    fa, fb = at(around[0]) - at(best), at(around[1]) - at(best)
+    bend = 2 * (fb / b - fa / a) / (b - a)
+    return float(min(1.0, 1 / np.sqrt(-bend))) if bend < 0 else 1.0

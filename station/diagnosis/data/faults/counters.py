@@ -1,0 +1,82 @@
+"""Lost, repeated and reordered frames: what the frame counter tells, stop by stop."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.diagnosis.data.faults.fault import Fault, Number, of_unit
+from station.domain.core.types import Floats, SampleTable
+from station.domain.recipe.recipe import Recipe
+
+#: Events in the whole table from which a bus is not healthy.
+FEWEST = 2
+#: Chance of an event on a healthy bus, for the evidence.
+HEALTHY = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tally:
+    """Per unit (U): frames sent, arrived, different; and how often one stepped back."""
+
+    sent: NDArray[np.int64]
+    arrived: NDArray[np.int64]
+    different: NDArray[np.int64]
+    back: NDArray[np.int64]
+
+
+def unwrapped(counter: Floats, stop: NDArray[np.intp], bits: int) -> NDArray[np.int64]:
+    """The counter (n) without its overflow, counted anew in each stop."""
+    span = 1 << bits
+    whole = counter.astype(np.int64)
+    step = np.asarray((np.diff(whole, prepend=whole[:1]) + span // 2) % span - span // 2, np.int64)
+    step[np.flatnonzero(np.diff(stop, prepend=-1))] = 0
+    total = np.cumsum(step)
+    first = np.flatnonzero(np.diff(stop, prepend=-1))
+    return np.asarray(total - np.repeat(total[first], np.diff(np.append(first, len(stop)))))
+
+
+def tally(table: SampleTable, stop: NDArray[np.intp], bits: int) -> Tally:
+    """What arrived. stop (n): index of the stop, rising; rows of a stop in the order of arrival."""
+    number = unwrapped(table.values["counter"], stop, bits)
+    first = np.flatnonzero(np.diff(stop, prepend=-1))
+    unit = table.unit.code[first]
+    size = len(table.unit.names)
+    low, high = np.minimum.reduceat(number, first), np.maximum.reduceat(number, first)
+    step, within = np.diff(number, prepend=number[:1]), np.diff(stop, prepend=-1) == 0
+    back = np.add.reduceat((step < 0) & within, first)
+    arrived = np.diff(np.append(first, len(stop)))
+    different = arrived.copy()
+    # Numbers that only rise are all different; the few other stops are sorted.
+    risen = np.logical_and.reduceat((step > 0) | ~within, first)
+    for s in np.flatnonzero(~risen):
+        different[s] = len(np.unique(number[first[s] : first[s] + arrived[s]]))
+
+    def by_unit(counts: NDArray[np.int64]) -> NDArray[np.int64]:
+        return np.bincount(unit, counts, size).astype(np.int64)
+
+    return Tally(by_unit(high - low + 1), by_unit(arrived), by_unit(different), by_unit(back))
+
+
+def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[Fault]:
+    """What the counter shows; nothing where there is none."""
+    if "counter" not in table.values:
+        return []
+    t = tally(table, stop, recipe.device.counter_bits)
+    found = [
+        ("lost-frames", t.sent - t.different, t.sent, "are missing"),
+        ("duplicated-frames", t.arrived - t.different, t.different, "arrived twice"),
+        ("reordered-frames", t.back, t.arrived, "were overtaken"),
+    ]
+    return [_fault(name, events, of, told, table) for name, events, of, told in found if events.sum() >= FEWEST]
+
+
+def _fault(name: str, events: NDArray[np.int64], of: NDArray[np.int64], told: str, table: SampleTable) -> Fault:
+    share = events / np.maximum(of, 1)
+    std = np.sqrt(np.maximum(share * (1 - share), 1 / np.maximum(of, 1)) / np.maximum(of, 1))
+    numbers = tuple(
+        Number("fraction", None, of_unit(table.unit, u), float(share[u]), float(std[u]), "1") for u in range(len(of))
+    )
+    total, all_of = int(events.sum()), int(of.sum())
+    nats = total * np.log(total / all_of / HEALTHY) - total + HEALTHY * all_of
+    return Fault(name, "unit", numbers, f"{total} of {all_of} frames {told}", float(nats))

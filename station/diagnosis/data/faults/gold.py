@@ -1,0 +1,151 @@
+"""What a gold reference in the nest says of gravity, and of itself, wherever its readings stand beside the unit's.
+
+Only the length of the gold's reading is looked at, position by position: a tilt of rig or nest does not change it.
+Along the nominal direction â (in the nest's frame) it reads too much by γ·|a| where gravity is not what the recipe
+says, and by c·â where the gold has moved; its certificate leaves an offset and a gain of each axis open, whose spread
+is part of the noise. γ and c are told apart by the positions, and given as a pair that cannot be told apart where these
+do not.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.diagnosis.data.faults.fault import Fault, Number
+from station.domain.core.types import Floats, SampleTable
+from station.domain.recipe.recipe import Recipe
+from station.model.effect import strength
+from station.model.scene import Scene
+
+#: What is open where a certificate is silent: offset as a part of the stimulus, and gain, one standard deviation.
+OFFSET_STD, GAIN_STD = 1e-4, 5e-5
+#: Rise of χ² beyond which 1, 2, 3 or 4 numbers are no chance: 5 in 100,000.
+SURE = (0.0, 16.4, 19.8, 22.6, 24.9)
+#: Two causes are told apart from this d·√κ on (method notes, section 1).
+APART = 3.29
+#: The part of a dwell in which nothing moves any more.
+STILL = 0.4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lengths:
+    """Of each position (p): how much longer the gold's reading is than it should be; the nominal direction (p, 3) in
+    the nest's frame and length; covariance (p, p)."""
+
+    excess: Floats
+    direction: Floats
+    length: Floats
+    covariance: Floats
+
+    def fit(self, columns: Floats) -> tuple[Floats, Floats, float]:
+        """Coefficients of columns (p, k), their covariance, and by how much χ² falls."""
+        white = np.linalg.inv(np.linalg.cholesky(self.covariance))
+        X, y = white @ columns, white @ self.excess
+        covariance: Floats = np.asarray(np.linalg.pinv(X.T @ X, 1e-9, hermitian=True), float)
+        found = covariance @ (X.T @ y)
+        return found, covariance, float(y @ X @ found)
+
+
+def tested(recipe: Recipe, table: SampleTable) -> tuple[str, ...]:
+    """The causes that these data can show."""
+    if table.gold is None or not recipe.pose_known or recipe.reference.source == "rate":
+        return ()
+    return ("gold-drift", "local-gravity") if recipe.sensor == "accelerometer" else ("gold-drift",)
+
+
+def faults(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.intp]) -> list[Fault]:
+    """Gravity that is not what the recipe says, and a gold that has moved; nothing without a gold."""
+    causes = tested(recipe, table)
+    if not causes or table.gold is None:
+        return []
+    seen = _lengths(recipe, scene, _still(table, stop, table.gold))
+    columns = {"gold-drift": seen.direction, "local-gravity": seen.length[:, None]}
+    falls = {name: seen.fit(columns[name])[2] for name in causes}
+    rank = {name: int(np.linalg.matrix_rank(columns[name], 1e-6)) for name in causes}
+    first = max(causes, key=lambda name: falls[name] - SURE[rank[name]])
+    if falls[first] < SURE[rank[first]]:
+        return []
+    chosen = [first]
+    both = seen.fit(np.concatenate([columns[name] for name in causes], axis=1))[2]
+    chosen += [name for name in causes if name != first and both - falls[first] > SURE[rank[name]]]
+    like = tuple(name for name in causes if name not in chosen and falls[first] - falls[name] < APART**2)
+    found, covariance, fall = seen.fit(np.concatenate([columns[name] for name in chosen], axis=1))
+    std = np.sqrt(np.diag(covariance))
+    return [
+        _fault(
+            name, found[at], std[at], 0.5 * (fall if len(chosen) == 1 else both - falls[chosen[1 - i]]), recipe, like
+        )
+        for i, (name, at) in enumerate(_places(chosen, columns))
+    ]
+
+
+def repaired(recipe: Recipe, table: SampleTable, found: list[Fault]) -> SampleTable:
+    """The table with the gold as it was when it was calibrated."""
+    drift = next((f for f in found if f.effect == "gold-drift" and not f.alike), None)
+    if drift is None or table.gold is None:
+        return table
+    offset = np.array([float(n.value) for n in drift.numbers])
+    own = recipe.reference.gold
+    return replace(table, gold=table.gold - (offset if own is None else np.array(own.matrix) @ offset))
+
+
+def _places(chosen: list[str], columns: dict[str, Floats]) -> list[tuple[str, slice]]:
+    """The chosen causes, and where their coefficients stand."""
+    ends = np.cumsum([0, *(columns[name].shape[1] for name in chosen)])
+    return [(name, slice(int(a), int(b))) for name, a, b in zip(chosen, ends[:-1], ends[1:], strict=True)]
+
+
+def _fault(name: str, value: Floats, std: Floats, nats: float, recipe: Recipe, like: tuple[str, ...]) -> Fault:
+    numbers: tuple[Number, ...]
+    if name == "local-gravity":
+        numbers = (Number("coefficient", None, "common", float(value[0]), float(std[0]), "1"),)
+        told = f"the gold finds {1e6 * float(value[0]):+.0f} ppm more gravity than the recipe says"
+    else:
+        numbers = tuple(
+            Number("offset", axis, "common", float(v), float(s), recipe.unit)
+            for axis, v, s in zip("xyz", value, std, strict=True)
+        )
+        told = f"the gold reads {float(np.linalg.norm(value)):.2g} {recipe.unit} beside its certificate"
+    return Fault(name, "common", numbers, told, nats, like)
+
+
+def _still(table: SampleTable, stop: NDArray[np.intp], gold: Floats) -> tuple[Floats, Floats]:
+    """Mean reading (v, 3) of the gold in the quiet part of each stop, and the variance (v) of such a mean."""
+    count = np.bincount(stop)
+    first = np.full(len(count), np.inf)
+    last = np.full(len(count), -np.inf)
+    np.minimum.at(first, stop, table.time_s)
+    np.maximum.at(last, stop, table.time_s)
+    quiet = table.time_s >= (first + STILL * (last - first))[stop]
+    rows, where = gold[quiet], stop[quiet]
+    n = np.maximum(np.bincount(where, minlength=len(count)), 1)
+    mean = np.stack([np.bincount(where, column, len(count)) / n for column in rows.T], 1)
+    off = ((rows - mean[where]) ** 2).mean(axis=1)
+    return mean, np.bincount(where, off, len(count)) / np.maximum(n - 1, 1) / n
+
+
+def _lengths(recipe: Recipe, scene: Scene, still: tuple[Floats, Floats]) -> Lengths:
+    """The gold's readings position by position."""
+    visits, own = scene.visits, recipe.reference.gold
+    reading = still[0] if own is None else np.linalg.solve(np.array(own.matrix), (still[0] - own.offset).T).T
+    nominal = np.einsum("vji,vj->vi", visits.nest_R, visits.stimulus)
+    length = np.linalg.norm(nominal, axis=1)
+    along = nominal / np.maximum(length, 1e-300)[:, None]
+    excess = np.linalg.norm(reading, axis=1) * np.sign(np.sum(reading * along, axis=1)) - length
+    code, count = visits.position.code, np.maximum(np.bincount(visits.position.code), 1)
+
+    def mean(values: Floats) -> Floats:
+        return np.asarray(np.bincount(code, values) / count)
+
+    used = np.bincount(code) > 0
+    between = float(np.mean((excess - mean(excess)[code]) ** 2)) * len(code) / max(len(code) - int(used.sum()), 1)
+    noise = max(float(np.mean(still[1])), between, 1e-24)
+    directions = np.stack([mean(column) for column in along.T], 1)[used]
+    lengths = mean(length)[used]
+    offset_std = (own.offset_std if own else 0.0) or OFFSET_STD * strength(recipe)
+    gain_std = (own.gain_std if own else 0.0) or GAIN_STD
+    gains = directions**2 * lengths[:, None]
+    covariance = np.diag(noise / count[used]) + offset_std**2 * directions @ directions.T
+    covariance += gain_std**2 * gains @ gains.T + recipe.reference.relative_std() ** 2 * np.outer(lengths, lengths)
+    return Lengths(mean(excess)[used], directions, lengths, covariance)

@@ -1,0 +1,66 @@
+"""Where nobody knows how the part was held: the direction of the stimulus at each stop, from the reading itself.
+
+With the calibration at hand a reading gives a vector; its direction is taken for the true one, its length is the
+datum. Two of a stop's three numbers are spent that way, and the one left is |M⁻¹(y − b)| − |stimulus|: the norm fit.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from station.domain.core import rotation
+from station.domain.core.types import Array, Floats
+from station.model.forward import Active, Base, resting
+from station.model.scene import Scene
+
+#: Directions are found when they no longer move by more than this, rad.
+STILL = 1e-9
+
+
+def first_base(mean: Floats, unit: Array, units: int, magnitude: float) -> Base:
+    """Offset and gain of each unit from the axis-parallel ellipsoid through its readings (v, 3).
+
+    Σ A_i y_i² + B_i y_i = 1, linear in A and B; a unit whose readings do not span one gets no offset and one gain.
+    """
+    offset, matrix = np.zeros((units, 3)), np.tile(np.eye(3), (units, 1, 1))
+    for u in range(units):
+        y = mean[unit == u]
+        size = float(np.sqrt(np.mean(np.sum(y**2, axis=1)))) or 1.0
+        found = _ellipsoid(y / size)
+        middle, radius = (np.zeros(3), np.ones(3)) if found is None else found
+        offset[u], matrix[u] = middle * size, np.diag(radius * size / magnitude)
+    return Base(offset, matrix)
+
+
+def _ellipsoid(y: Floats) -> tuple[Floats, Floats] | None:
+    """Centre and half axes (3) of the ellipsoid through points (v, 3), or None where they do not tell."""
+    A = np.concatenate([y**2, y], axis=1)
+    if len(y) < 6 or np.linalg.cond(A) > 1e4:
+        return None
+    x = np.linalg.lstsq(A, np.ones(len(y)), rcond=None)[0]
+    if np.any(x[:3] <= 0):
+        return None
+    centre = -x[3:] / (2 * x[:3])
+    return centre, np.sqrt((1 + float(np.sum(x[:3] * centre**2))) / x[:3])
+
+
+def pointed(scene: Scene, true: Floats) -> Scene:
+    """The scene with nests turned so that each part feels a vector (v, 3) of the direction given."""
+    visits = scene.visits
+    in_nest = np.einsum("vij,vj->vi", visits.seat_R, true)
+    turned = np.array([rotation.shortest(a, up) for a, up in zip(_unit(in_nest), _unit(visits.stimulus), strict=True)])
+    return replace(scene, visits=replace(visits, nest_R=turned))
+
+
+def next_direction(scene: Scene, residual: Floats, base: Base, active: Active) -> tuple[Floats, float]:
+    """Directions (v, 3) after what the readings differ by (v, 3) is laid to them, and the largest move, rad."""
+    now = resting(scene, active)
+    lacking = np.linalg.solve(base.matrix[scene.visits.unit.code], residual[..., None])[..., 0]
+    found = _unit(now + lacking)
+    return found, float(np.max(np.linalg.norm(found - _unit(now), axis=1), initial=0.0))
+
+
+def _unit(vectors: Floats) -> Floats:
+    """Vectors (v, 3) of length one; the third axis for a vector of none."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(length > 0, vectors / np.where(length > 0, length, 1.0), np.array([0.0, 0.0, 1.0]))

@@ -1,0 +1,113 @@
+"""Stops laid out by unit and run, so that one pass of arithmetic serves all units.
+
+A unit's data are a vector of R runs × m rows, m = V stops × k numbers a stop: k = 3 readings, or 1 where only the
+magnitude is known. Runs with fewer stops, and units with fewer runs, are filled with rows of zeros.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.diagnosis.linear.projection import EVERY, Rows
+from station.domain.core.types import Array, Floats
+from station.model.visits import Visits
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """slot (U, R, V): index of the stop, −1 where there is none; k: numbers a stop."""
+
+    slot: NDArray[np.intp]
+    k: int
+
+    @property
+    def units(self) -> int:
+        """Number of units."""
+        return int(self.slot.shape[0])
+
+    @property
+    def rows(self) -> int:
+        """Numbers of one unit, the filled ones counted."""
+        return int(self.slot[0].size) * self.k
+
+    @property
+    def data(self) -> int:
+        """Numbers measured."""
+        return int(np.count_nonzero(self.slot >= 0)) * self.k
+
+    def spread(self, values: Floats) -> Floats:
+        """Values of the stops (v, k, c) as (U, R, V·k, c); zeros where there is no stop."""
+        U, R, V = self.slot.shape
+        shape = (U, R, V * self.k, values.shape[2])
+        if self.slot.size == len(values) and np.all(self.slot >= 0):
+            # Nothing is missing: the stops are in this order already.
+            return np.asarray(values.reshape(shape))
+        padded = np.concatenate([values, np.zeros((1, *values.shape[1:]))])
+        return np.asarray(padded[self.slot].reshape(shape))
+
+    def part(self, units: slice) -> tuple["Grid", slice]:
+        """The grid of some neighbouring units alone, and their stops."""
+        slot = self.slot[units]
+        first, last = int(slot[0, 0, 0]), int(slot[-1].max()) + 1
+        return Grid(np.where(slot >= 0, slot - first, -1), self.k), slice(first, last)
+
+    def parts(self, units: int) -> "Iterator[slice]":
+        """Units, so many at a time."""
+        for first in range(0, self.units, units):
+            yield slice(first, min(first + units, self.units))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """How numbers of the stops (v) become rows: the grid; keep (v, k, 3) from readings to numbers kept; sigma of a
+    contrast; unit (v) of each stop."""
+
+    grid: Grid
+    keep: Floats
+    sigma: float
+    unit: Array
+
+    def rows(self, stop: Floats, dwell: Floats | None) -> Rows:
+        """Columns of readings (v, 3, c) and contrasts (v, B−1, 3, c) laid out by unit."""
+        if dwell is not None:
+            dwell = self.within(dwell)
+            dwell = dwell.reshape(len(dwell), -1, dwell.shape[-1]) / self.sigma
+        return self.laid(self.keep @ stop, dwell)
+
+    def laid(self, kept: Floats, dwell: Floats | None, units: slice = EVERY) -> Rows:
+        """Numbers kept of the stops of some units (v, k, c) and contrasts (v, (B−1)·k, c), laid out by unit."""
+        grid = self.grid.part(units)[0]
+        if dwell is None:
+            return Rows(grid.spread(kept))
+        inside = Grid(grid.slot, dwell.shape[1]).spread(dwell)
+        return Rows(grid.spread(kept), inside.reshape(grid.units, -1, dwell.shape[-1]))
+
+    def within(self, dwell: Floats, stops: slice = EVERY) -> Floats:
+        """Contrasts (v, B−1, 3, …) as they are, or along the stimulus alone (v, B−1, 1, …) where a hand may turn."""
+        if self.grid.k == 3:
+            return dwell
+        keep = self.keep[stops, 0]
+        along = keep / np.linalg.norm(keep, axis=1, keepdims=True)
+        return np.asarray(np.einsum("vi,vbi...->vb...", along, dwell)[:, :, None])
+
+    def of_units(self, chosen: Array) -> "tuple[Layout, Array]":
+        """The layout of the chosen units (in order) alone, and which stops (v) are theirs."""
+        theirs = np.isin(self.unit, chosen)
+        slot = self.grid.slot[chosen]
+        slot = np.where(slot >= 0, (np.cumsum(theirs) - 1)[slot], -1)
+        unit = np.searchsorted(chosen, self.unit[theirs])
+        return Layout(Grid(slot, self.grid.k), self.keep[theirs], self.sigma, unit), theirs
+
+
+def grid_of(visits: Visits, k: int) -> Grid:
+    """The layout of stops that are sorted by unit, run and visit."""
+    starts = np.flatnonzero(visits.previous < 0)
+    length = np.diff(np.append(starts, len(visits)))
+    unit = visits.unit.code[starts]
+    run = np.arange(len(starts)) - np.searchsorted(unit, unit)
+    slot = np.full((len(visits.unit.names), int(run.max(initial=0)) + 1, int(length.max(initial=1))), -1)
+    for u, r, a, n in zip(unit, run, starts, length, strict=True):
+        slot[u, r, :n] = np.arange(a, a + n)
+    return Grid(slot, k)

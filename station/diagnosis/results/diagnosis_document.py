@@ -1,0 +1,189 @@
+"""A diagnosis as the document `station.diagnosis/1` (contracts, section 5)."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from station.diagnosis.candidates.kernels import WORDS
+from station.diagnosis.data.faults import Fault
+from station.diagnosis.results.diagnose import Cause, Diagnosis, floor_rms, residual_rms, shift_of_calibration
+from station.diagnosis.results.estimate import Estimate
+from station.diagnosis.results.gain import Gain
+from station.diagnosis.results.remaining_residual import left_rms
+from station.model.effect import Effect
+
+SCHEMA = "station.diagnosis/1"
+
+
+def document(
+    d: Diagnosis, next_run: Mapping[str, Any] | None = None, line: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The document; numbers finite, in the recipe's unit. line: see `line_impact.document`."""
+    visits = d.searched.first.view.scene.visits
+    floor = d.floor.floor
+    return {
+        "schema": SCHEMA,
+        "data": {
+            "units": len(d.table.unit.names),
+            "runs": len(visits.group("run", 1)[1]),
+            "visits": len(visits),
+            "samples": len(d.table),
+        },
+        "verdict": d.verdict,
+        "sentence": sentence(d),
+        "baseline": {
+            "residual_rms": residual_rms(d.searched.first),
+            "floor_rms": floor_rms(d.last, d.floor),
+            "unit": d.recipe.unit,
+        },
+        "extended": {"residual_rms": left_rms(d.last), "unit": d.recipe.unit},
+        "floor": {
+            "noise": floor.noise,
+            "repeatability_rad": floor.turn,
+            "bias_walk": floor.walk,
+            "within_stops": within_stops_rms(d),
+        },
+        "alarm": {
+            "family_wise_level": d.level,
+            "statistic": max([d.searched.statistics[0], *(f.nats for f in d.faults)]),
+            "threshold": d.searched.threshold,
+        },
+        "causes": [*(_fault(f, d) for f in d.faults), *(_cause(c, d) for c in d.causes)],
+        "unknown": {"depends_on": list(d.depends_on)},
+        "not_testable": list(d.not_testable),
+        "considered": _considered(d),
+        "calibration_shift": {
+            unit: {"offset": [float(x) for x in row[:3]], "gain": [float(x) for x in row[3:]]}
+            for unit, row in shift_of_calibration(d.last, d.searched.first).items()
+        },
+        "line": line,
+        "next_run": next_run,
+    }
+
+
+def within_stops_rms(d: Diagnosis) -> float:
+    """Rms of a stop's mean that the scatter of its own samples makes: what is left where no floor may be trusted."""
+    view = d.searched.first.view
+    return float(view.sigma / np.sqrt(view.reduced.count.sum(1).mean()))
+
+
+def sentence(d: Diagnosis) -> str:
+    """The finding in one sentence for a person."""
+    names = [f"{f.effect}, {f.sentence}" for f in d.faults]
+    for c in d.causes:
+        others = f" (or {', '.join(c.finding.alike)}: these data cannot tell)" if c.finding.alike else ""
+        names.append(f"{c.finding.name}{others}")
+    found = "; ".join(names)
+    rest = " and ".join(d.depends_on)
+    told = {
+        "none": "The simulation accounts for the data.",
+        "named": f"Found: {found}.",
+        "incomplete": f"Found: {found}; what is left depends on {rest}.",
+        "unknown": f"Something is wrong that no known cause explains; it depends on {rest}.",
+    }
+    return told[d.verdict]
+
+
+def _cause(c: Cause, d: Diagnosis) -> dict[str, Any]:
+    f = c.finding
+    members = [f.name, *f.alike]
+    return {
+        "effect": f.name,
+        "probability": min(1.0, sum(f.probability.get(name, 0.0) for name in members)),
+        "indistinguishable_from": list(f.alike),
+        "level": "visit" if f.accepted is None else f.accepted.candidate.of,
+        "parameters": parameters(c, d),
+        "gain": _gain(c.gain),
+    }
+
+
+def parameters(c: Cause, d: Diagnosis) -> list[dict[str, Any]]:
+    """The numbers of a cause in the contracts' form."""
+    return _of_floor(c.finding.name, d) if c.estimate is None else _parameters(c.estimate, d.recipe.unit)
+
+
+def _gain(g: Gain) -> dict[str, Any]:
+    return {
+        "held_out_by": g.held_out_by,
+        "rms_before": g.rms_before,
+        "rms_after": g.rms_after,
+        "explained": g.explained,
+        "log_score": g.log_score,
+        "std_error": g.std_error,
+        "accepted": g.accepted,
+    }
+
+
+def _parameters(e: Estimate, unit: str) -> list[dict[str, Any]]:
+    """Coefficients of the groups that act, then the parameters of the form."""
+    candidate, effect = e.item.candidate, e.item.candidate.effect
+    if effect is None:
+        return []
+    p = effect.parameter
+    rows: list[dict[str, Any]] = [
+        {
+            "name": p.name, "axis": axis or None, "of": candidate.names[g],
+            "value": float(e.value[g, i]), "std": float(e.std[g, i]), "unit": p.unit_in(unit),
+        }
+        for g in range(len(candidate.names)) if e.item.hit[g]
+        for i, axis in enumerate(effect.axes)
+    ]  # fmt: skip
+    told = {t.field: t for t in e.form}
+    for effect, of in _shapes(e):
+        for form in effect.forms:
+            std = told[form.field].std if form.field in told else e.spread_of(form.field)
+            value = float(getattr(effect, form.field))
+            rows.append(
+                {"name": form.name, "axis": None, "of": of, "value": value, "std": std, "unit": form.unit_in(unit)}
+            )
+    return rows
+
+
+def _shapes(e: Estimate) -> Iterator[tuple[Effect, str]]:
+    """The shapes of a cause, and whose they are: everybody's, or each group's own."""
+    candidate = e.item.candidate
+    if not candidate.own:
+        yield from ((effect, "common") for effect in candidate.shapes)
+    for effect, name, hit in zip(candidate.own, candidate.names, e.item.hit, strict=False):
+        if hit:
+            yield effect, name
+
+
+def _of_floor(name: str, d: Diagnosis) -> list[dict[str, Any]]:
+    """The standard deviation of a cause that is a variance of the floor."""
+    i = 1 if name == "repeatability" else 2
+    value = (d.floor.floor.noise, d.floor.floor.turn, d.floor.floor.walk)[i]
+    std = float(d.floor.covariance[i, i] ** 0.5 / (2 * value)) if value > 0 else 0.0
+    told = ("angle", "rad") if i == 1 else ("step_std", d.recipe.unit)
+    return [{"name": told[0], "axis": None, "of": "common", "value": value, "std": std, "unit": told[1]}]
+
+
+def _fault(f: Fault, d: Diagnosis) -> dict[str, Any]:
+    rms = residual_rms(d.searched.first)
+    before = rms if f.rms_before is None else f.rms_before
+    after = rms if f.rms_after is None else f.rms_after
+    explained = max(0.0, 1 - (after / before) ** 2) if before > 0 else 0.0
+    gain = Gain("unit", before, after, explained, f.nats, (2 * max(f.nats, 0.5)) ** 0.5)
+    return {
+        "effect": f.effect,
+        "probability": 1.0,
+        "indistinguishable_from": list(f.alike),
+        "level": f.level,
+        "parameters": [
+            {"name": n.name, "axis": n.axis, "of": n.of, "value": n.value, "std": n.std, "unit": n.unit}
+            for n in f.numbers
+        ],
+        "gain": _gain(gain),
+    }
+
+
+def _considered(d: Diagnosis) -> list[dict[str, Any]]:
+    """Every cause of the library with its evidence when the first one was looked for, the likeliest first."""
+    evidence, probability = d.searched.ranking
+    rows = [
+        {"effect": name, "log_evidence": value, "probability": probability.get(name, 0.0)}
+        for name, value in evidence.items()
+        if name not in WORDS
+    ]
+    return sorted(rows, key=lambda row: -row["log_evidence"])

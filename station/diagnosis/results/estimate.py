@@ -1,0 +1,83 @@
+"""How large the found causes are, with standard deviations that cover."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.diagnosis.candidates.nuisance import Accepted
+from station.diagnosis.candidates.shape import Tuned, reshaped, tunable, tuned
+from station.diagnosis.candidates.solve import solve, whitened
+from station.diagnosis.linear.noise_floor import Fitted
+from station.diagnosis.search.problem import gap_s, refined
+from station.diagnosis.search.scoring import Problem
+from station.domain.core.types import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """value and std (groups, axes) of a cause's coefficients, and the parameters of its form."""
+
+    item: Accepted
+    value: Floats
+    std: Floats
+    form: tuple[Tuned, ...]
+    gap_s: float = 0.0
+
+    def spread_of(self, field: str) -> float:
+        """Standard deviation of a parameter of the form that was not tuned: of a jump, the gap it lies in."""
+        return self.gap_s / float(np.sqrt(12)) if field == "at_s" else 0.0
+
+
+def estimates(problem: Problem) -> tuple[Problem, tuple[Estimate, ...]]:
+    """The problem with every form at its best beside the other causes, and the estimates of all accepted causes."""
+    forms: list[tuple[Tuned, ...]] = []
+    items = list(problem.accepted)
+    fitted = problem.fit()
+    for i in range(len(items)):
+        items[i], form = _tuned(problem, i, fitted)
+        forms.append(form)
+    if any(forms):
+        problem = refined(problem.beside(items), rounds=3)
+        fitted = problem.fit()
+    found = _coefficients(problem, problem.accepted, fitted)
+    return problem, tuple(
+        Estimate(item, value, np.hypot(std, _by_form(problem, i, form, fitted)), form, gap_s(problem.view))
+        for i, (item, (value, std), form) in enumerate(zip(problem.accepted, found, forms, strict=True))
+    )
+
+
+def _tuned(problem: Problem, i: int, fitted: Fitted) -> tuple[Accepted, tuple[Tuned, ...]]:
+    """A cause with its form at its best, the others as they are."""
+    item = problem.accepted[i]
+    if not tunable(item.candidate.effect):
+        return item, ()
+    bare = problem.without(i)
+    space = bare.space(fitted.floor, moving=item.candidate.dwell is not None)
+    candidate, form = tuned(item.candidate, bare.view, space)
+    return replace(item, candidate=candidate), form
+
+
+def _coefficients(problem: Problem, items: Sequence[Accepted], fitted: Fitted) -> list[tuple[Floats, Floats]]:
+    """Coefficients and their standard deviations (groups, axes) of accepted causes."""
+    beside = problem.beside(items)
+    readings, _ = beside.readings(moving=beside.known.moving)
+    solved = solve(whitened(fitted.space.covariance, beside.known, readings))
+    found = (solved.at(place) for place in beside.places)
+    return [(item.coefficient + step, std) for item, (step, std) in zip(items, found, strict=True)]
+
+
+def _by_form(problem: Problem, i: int, form: Sequence[Tuned], fitted: Fitted) -> Floats:
+    """Standard deviation (groups, axes) that the uncertainty of the form adds to the coefficients of a cause."""
+    item = problem.accepted[i]
+    bare = problem.without(i)
+    total = np.zeros(item.coefficient.shape)
+    for t in form:
+        ends = []
+        for sign in (-1, 1):
+            moved = reshaped(item.candidate, t.field, t.value * float(np.exp(sign * t.std / t.value)), problem.view)
+            other = replace(item, candidate=moved, coefficient=np.zeros(item.coefficient.shape))
+            items = [*problem.accepted[:i], other, *problem.accepted[i + 1 :]]
+            ends.append(_coefficients(bare, items, fitted)[i][0])
+        total = np.hypot(total, (ends[1] - ends[0]) / 2)
+    return total

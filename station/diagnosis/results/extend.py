@@ -1,0 +1,45 @@
+"""The simulation extended by what was found: a model file that `simulate` and a second `diagnose` take."""
+
+from collections.abc import Iterator
+
+from station.diagnosis.data.faults import Fault
+from station.diagnosis.results.diagnose import Cause, Diagnosis
+from station.diagnosis.results.diagnosis_document import parameters
+from station.model.effect import Effect
+from station.model.model_file import Model, ModelEffect, ModelParameter
+
+
+def extended(model: Model, d: Diagnosis) -> Model:
+    """The model with every fault and every accepted cause, parameters with standard deviations.
+
+    A cause whose gain on held-out data is within chance (2 SE) stays out.
+    """
+    named = {effect.effect for effect in model.effects}
+    faults = [_of_fault(f) for f in d.faults if f.effect not in named]
+    found = (effect for c in d.causes if c.gain.accepted for effect in _of_cause(c, d))
+    return model.model_copy(update={"effects": (*model.effects, *faults, *found)})
+
+
+def _of_fault(f: Fault) -> ModelEffect:
+    told = tuple(
+        ModelParameter(name=n.name, axis=n.axis, of=n.of, value=n.value, std=n.std, unit=n.unit) for n in f.numbers
+    )
+    return ModelEffect(effect=f.effect, parameters=told)
+
+
+def _of_cause(c: Cause, d: Diagnosis) -> Iterator[ModelEffect]:
+    """A cause, once for each of its shapes."""
+    rows = [ModelParameter(**row) for row in parameters(c, d)]
+    candidate = None if c.estimate is None else c.estimate.item.candidate
+    if candidate is None or not candidate.own:
+        effect = None if candidate is None else candidate.effect
+        yield ModelEffect(effect=c.finding.name, parameters=tuple(rows), shape=_shape(effect))
+        return
+    for effect, groups in candidate.shapes.items():
+        own = {name for name, at in zip(candidate.names, groups, strict=True) if at}
+        if theirs := tuple(row for row in rows if row.of in own):
+            yield ModelEffect(effect=c.finding.name, parameters=theirs, shape=_shape(effect))
+
+
+def _shape(effect: Effect | None) -> dict[str, float]:
+    return {} if effect is None else {p.field: float(getattr(effect, p.field)) for p in effect.forms}

@@ -1,0 +1,191 @@
+"""What a cause gains on data it did not fit.
+
+The white rows of the stops are independent, so a part of them can be held out and predicted from the rest. What is
+held out respects the cause: stops where each unit has its own coefficient, units where all share one (the held-out
+unit then keeps only its own calibration), samples where one stop alone is hit. The score is the logarithmic one, its
+standard error that of the sum of the paired differences of the stops.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.diagnosis.candidates.bank import OWN
+from station.diagnosis.candidates.nuisance import Accepted
+from station.diagnosis.candidates.solve import Solved, solve, whitened
+from station.diagnosis.linear.noise_floor import Floor
+from station.diagnosis.search.scoring import Problem
+from station.domain.core.types import Floats
+
+#: Parts into which stops or units are dealt, and the fewest units that can be held out in turn.
+FOLDS, UNITS = 6, 3
+
+
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """held_out_by: visit, unit or sample; rms in the recipe's unit before and after; explained: share of what is
+    above the floor; log_score in nats with its standard error."""
+
+    held_out_by: str
+    rms_before: float
+    rms_after: float
+    explained: float
+    log_score: float
+    std_error: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it gains more than chance would."""
+        return self.log_score > 2 * self.std_error
+
+
+def gain_of(problem: Problem, i: int, floor: Floor) -> Gain:
+    """The gain of an accepted cause beside all others."""
+    item = problem.accepted[i]
+    bare = problem.without(i)
+    moving = item.candidate.dwell is not None or bare.known.moving
+    fresh = replace(item, coefficient=np.zeros(item.coefficient.shape))
+    sides = (bare, bare.beside([*bare.accepted, fresh]))
+    by = _held_out_by(problem, item)
+    tests = [_Test(side, floor, moving=moving) for side in sides]
+    score = np.zeros(problem.view.grid.slot.shape)
+    squares, rows = np.zeros(2), 0.0
+    for held in _folds(problem, by):
+        for side, test in enumerate(tests):
+            white, raw = test.predicted(held, by)
+            score += (side - 0.5) * -white
+            squares[side] += raw
+        rows += tests[0].size(held)
+    before, after = np.sqrt(squares / max(rows, 1.0))
+    floor_rms = tests[0].floor_rms(floor)
+    above = before**2 - floor_rms**2
+    explained = float(np.clip((before**2 - after**2) / above, 0.0, 1.0)) if above > 0 else 0.0
+    stops = score[problem.view.grid.slot >= 0]
+    total = float(stops.sum())
+    # What one stop says of itself has no other stops to be compared with: the spread of a log-likelihood ratio of d²/2.
+    std_error = float(np.sqrt(len(stops)) * np.std(stops)) if by != "sample" else float(np.sqrt(2 * max(total, 0.5)))
+    return Gain(by, float(before), float(after), explained, total, std_error)
+
+
+def _held_out_by(problem: Problem, item: Accepted) -> str:
+    """What is held out for a cause."""
+    of = item.candidate.of
+    if of == "visit":
+        return "sample"
+    if of in OWN or problem.view.grid.units < UNITS:
+        return "visit"
+    # A group of one unit could not be predicted from the others.
+    unit = problem.view.scene.visits.unit.code
+    shared = all(len(np.unique(unit[item.candidate.code == g])) > 1 for g in np.flatnonzero(item.hit))
+    return "unit" if shared else "visit"
+
+
+def _folds(problem: Problem, by: str) -> Iterator[Floats]:
+    """Which stops (U, R, V) are held out, 1, in turn."""
+    slot = problem.view.grid.slot
+    U, R, V = slot.shape
+    if by == "unit":
+        part = np.broadcast_to(np.arange(U)[:, None, None] % max(UNITS, min(U, FOLDS)), slot.shape)
+    elif by == "visit":
+        # Dealt so that no part holds the same places of all runs.
+        part = np.broadcast_to(
+            (np.arange(V) + 2 * np.arange(R)[:, None] + np.arange(U)[:, None, None]) % FOLDS, slot.shape
+        )
+    else:
+        part = np.zeros(slot.shape)
+    for fold in range(int(part.max()) + 1):
+        yield ((part == fold) & (slot >= 0)).astype(float)
+
+
+class _Test:
+    """One side of the comparison, ready to be fitted to a part of the data and judged by the rest."""
+
+    def __init__(self, side: Problem, floor: Floor, *, moving: bool) -> None:
+        self.side = side
+        self.readings, _ = side.readings(moving=moving)
+        self.covariance = side.structure.covariance(floor.variances)
+        self.white = whitened(self.covariance, side.known, self.readings)
+        r = side.view.reduced
+        self.count = side.view.grid.spread(
+            np.broadcast_to(r.count.sum(1)[:, None, None], (len(r.mean), side.view.grid.k, 1))
+        )
+
+    def predicted(self, held: Floats, by: str) -> tuple[Floats, float]:
+        """Half the squares of the held-out stops' white rows (U, R, V), and the sum of squares of their readings."""
+        held_rows = self._rows(held)
+        if by == "sample":
+            return self._halved(held)
+        solved = solve(self.white, 1 - held_rows)
+        if by == "unit":
+            solved = self._calibrated(solved)
+        white = self.white.residual(solved) * held_rows
+        return 0.5 * self._by_stop(white**2), self._raw(solved, held)
+
+    def _halved(self, held: Floats) -> tuple[Floats, float]:
+        """The same for one stop: two data sets of twice the variance are made by adding and taking off noise, which
+        are independent; the one is fitted, the other judged (data fission, Leiner et al. 2023)."""
+        noise = np.random.default_rng(0).standard_normal(self.white.data.shape)
+        parts = (replace(self.white, data=self.white.data + s * noise) for s in (1, -1))
+        fitted, judged = parts
+        solved = solve(fitted)
+        return 0.25 * self._by_stop(judged.residual(solved) ** 2), self._raw(solved, held)
+
+    def _calibrated(self, solved: Solved) -> Solved:
+        """Shared coefficients as solved, each unit's own ones fitted to all of its rows."""
+        bare = replace(
+            self.white, data=self.white.data - self.white.shared @ solved.shared, shared=self.white.shared[..., :0]
+        )
+        return replace(solved, own=solve(bare).own)
+
+    def _rows(self, stops: Floats) -> Floats:
+        """A value of each stop (U, R, V) for each of its white rows (U, M), 0 for those of the priors."""
+        U = len(stops)
+        flat = stops.reshape(U, -1)
+        stop = np.repeat(flat, self.white.stops // flat.shape[1], axis=1)
+        dwell = np.repeat(flat, self.white.dwell // flat.shape[1], axis=1)
+        rest = np.zeros((U, self.white.data.shape[1] - stop.shape[1] - dwell.shape[1]))
+        return np.concatenate([stop, dwell, rest], axis=1)
+
+    def _by_stop(self, rows: Floats) -> Floats:
+        """White rows (U, M) summed up by stop (U, R, V)."""
+        U, R, V = self.side.view.grid.slot.shape
+        a, b = self.white.stops, self.white.stops + self.white.dwell
+        parts = (rows[:, :a], rows[:, a:b])
+        return np.asarray(sum(p.reshape(U, R, V, -1).sum(3) for p in parts if p.shape[1]))
+
+    def _raw(self, solved: Solved, held: Floats) -> float:
+        """Sum of squares of the held-out readings without what is predicted: of means, or of all samples' blocks."""
+        known, readings = self.side.known, self.readings
+        U, R, V = held.shape
+        stop = (
+            readings.stop[..., 0]
+            - np.einsum("urmp,up->urm", known.own.stop, solved.own)
+            - known.shared.stop @ solved.shared
+        )
+        squares = (stop**2 * (1.0 if readings.dwell is None else self.count[..., 0])).reshape(U, R, V, -1).sum(3)
+        if readings.dwell is not None:
+            dwell = readings.dwell[..., 0]
+            for rows, c in ((known.own.dwell, solved.own[:, :, None]), (known.shared.dwell, solved.shared[:, None])):
+                dwell = dwell if rows is None else dwell - (rows @ c)[..., 0]
+            squares = squares + (dwell**2).reshape(U, R, V, -1).sum(3) * self.side.view.sigma**2
+        return float(np.sum(squares * held))
+
+    def size(self, held: Floats) -> float:
+        """How many readings the sum of squares is of."""
+        if self.readings.dwell is None:
+            return float(held.sum()) * self.side.view.grid.k
+        U, R, V = held.shape
+        return float(np.sum(self.count.reshape(U, R, V, -1).sum(3) * held))
+
+    def floor_rms(self, floor: Floor) -> float:
+        """Rms of what the floor alone would leave."""
+        parts, member = self.side.structure.parts, self.side.structure.member
+        m = parts.shape[-1]
+        diagonal = np.einsum("i,cijj->cj", floor.variances * np.array([1.0, 1.0, 0.0]), parts)[member]
+        live = self.count[..., 0] > 0
+        if self.readings.dwell is None:
+            return float(np.sqrt(diagonal[live].mean())) if m else 0.0
+        inside = 3 * np.count_nonzero(self.readings.dwell) / 3
+        total = float(np.sum(diagonal * self.count[..., 0])) + inside * self.side.view.sigma**2
+        return float(np.sqrt(total / self.count.sum()))

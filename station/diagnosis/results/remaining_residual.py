@@ -1,0 +1,24 @@
+"""What is left once calibrations and causes are at their best: the figure beside the residual of the simulation as it
+was, taken the same way, by plain least squares over the stops."""
+
+import numpy as np
+
+from station.diagnosis.candidates.solve import White, solve
+from station.diagnosis.search.scoring import Problem
+from station.domain.core.types import Floats
+
+
+def left_rms(problem: Problem) -> float:
+    """Rms of measured − simulated over the stops, recipe's unit, every stop alike and every coefficient free."""
+    own, shared = (_rows(part.stop) for part in (problem.known.own, problem.known.shared))
+    data = _rows(problem.view.readings().stop)[..., 0]
+    white = White(own, shared, data, data.shape[1], 0)
+    live = problem.structure.pad[problem.structure.member].reshape(data.shape) == 0
+    rest = white.residual(solve(white))[live]
+    return float(np.sqrt(np.mean(rest**2))) if len(rest) else 0.0
+
+
+def _rows(laid: Floats) -> Floats:
+    """Rows (U, R, m, c) of all runs of a unit, one after the other."""
+    U, R, m = laid.shape[:3]
+    return np.asarray(laid).reshape(U, R * m, *laid.shape[3:])

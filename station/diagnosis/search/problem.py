@@ -1,0 +1,146 @@
+"""The problem as it stands: data, simulation, floor structure and everything known so far."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.diagnosis.candidates.bank import Candidate, smooth
+from station.diagnosis.candidates.nuisance import Accepted, known_of
+from station.diagnosis.candidates.solve import solve, whitened
+from station.diagnosis.data.reduce import Reduced
+from station.diagnosis.data.residuals import View, moved, quieted, settled, view_of
+from station.diagnosis.linear.noise_floor import Structure, structure
+from station.diagnosis.search.scoring import Problem, Setting
+from station.domain.core.types import Floats
+from station.domain.recipe.recipe import Recipe
+from station.model.effect import strength
+from station.model.effects.bias_walk import BiasWalk
+from station.model.effects.repeatability import Repeatability
+from station.model.model_file import Model, ModelEffect
+
+#: Time from stop to stop for which the allowance of the walk holds; it grows with the root of time.
+STOP_S = 2.5
+#: A parameter of a model is never known better than to this share of the cause's typical size.
+LEAST = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Allowance:
+    """What a healthy rig's floor may hold: turn, rad a stop; walk, recipe's unit a stop of 2.5 s. More is a finding."""
+
+    turn: float = 1e-4
+    walk: float = 1e-5
+
+    @staticmethod
+    def of(recipe: Recipe, model: Model) -> "Allowance":
+        """The usual allowance in the recipe's unit, or what a model has found the floor to hold, if that is more."""
+        turn, walk = 1e-4, 1e-5 * strength(recipe)
+        for told in model.effects:
+            sizes = [float(p.value) for p in told.parameters if p.of == "common" and not isinstance(p.value, str)]
+            if told.effect == Repeatability.id:
+                turn = max([turn, *(1.5 * x for x in sizes)])
+            elif told.effect == BiasWalk.id:
+                walk = max([walk, *(1.5 * x for x in sizes)])
+        return Allowance(turn, walk)
+
+    def upper(self, gap_s: float) -> Floats:
+        """Bounds of the variances σ², τ_r², τ_w² where stops follow each other so many seconds apart."""
+        longer = max(1.0, gap_s / STOP_S)
+        return np.array([np.inf, self.turn**2, self.walk**2 * longer])
+
+
+def problem_of(reduced: Reduced, allowance: Allowance, *, matrix: bool = False) -> Problem:
+    """The problem before any cause is known."""
+    view = view_of(reduced, matrix)
+    known, places = known_of(view, (), matrix)
+    setting = Setting(view.layout, _structure(view), known, view.readings())
+    return Problem(view, setting, (), places, matrix, allowance.upper(gap_s(view)))
+
+
+def _structure(view: View) -> Structure:
+    """The floor's structure: that of the rig as it should be."""
+    turn = np.einsum("vki,via->vka", view.keep, view.signature(Repeatability.example())[0])
+    steps = view.signature(BiasWalk.example())[0][:, 0, 0]
+    weight = view.reduced.count.sum(1)
+    # A length does not change when the part turns; what rounding leaves of that is no structure.
+    turn = turn if view.grid.k == 3 else np.zeros_like(turn)
+    project = view.keep if view.grid.k == 1 else np.broadcast_to(np.eye(3), view.keep.shape)
+    return structure(view.grid, weight / weight.mean(), turn, np.round(steps), project)
+
+
+def gap_s(view: View) -> float:
+    """The usual time from one stop to the next."""
+    steps = np.diff(view.scene.time_s)[view.scene.visits.previous[1:] >= 0]
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+def with_model(problem: Problem, model: Model) -> Problem:
+    """The problem with the causes of a model at work, each coefficient known as well as the model says."""
+    items = [item for told in model.effects for item in _told(problem.view, told)]
+    if not items:
+        return problem
+    view = acting(problem.view, tuple(items))
+    return refined(renewed(problem, view, tuple(items)))
+
+
+def _told(view: View, told: ModelEffect) -> Iterator[Accepted]:
+    """A cause of a model file, once for each level it speaks of; gross faults and the floor are known otherwise."""
+    effect = told.build()
+    if effect.id not in smooth():
+        return
+    for found in told.acting(view.scene, None):
+        code, names = view.scene.group(found.of)
+        std = np.zeros(found.coefficients.shape)
+        for p in told.parameters:
+            if p.name == effect.parameter.name and p.of in names:
+                at = slice(None) if p.axis is None else effect.axes.index(p.axis)
+                std[names.index(p.of), at] = p.std or 0.0
+        hit = np.any(found.coefficients != 0.0, axis=1) | np.any(std > 0, axis=1)
+        if hit.any():
+            std = np.maximum(std, LEAST * effect.parameter.typical * effect.parameter.scale(view.scene.recipe))
+            stop, dwell = view.signature(found.effect, found.of)
+            candidate = Candidate(effect.id, found.effect, found.of, "own", code, names, stop, dwell)
+            yield Accepted(candidate, hit, found.coefficients, found.coefficients, std)
+
+
+def renewed(problem: Problem, view: View, accepted: tuple[Accepted, ...]) -> Problem:
+    """The problem in another view, with its causes as they look there.
+
+    The floor's structure stays: by what the causes at work bend it is a share of a small part of the noise.
+    """
+    accepted = tuple(item.renewed(view) for item in accepted)
+    known, places = known_of(view, accepted, problem.matrix)
+    setting = Setting(view.layout, problem.structure, known, view.readings())
+    return replace(problem, view=view, setting=setting, accepted=accepted, places=places)
+
+
+def refined(problem: Problem, rounds: int = 4) -> Problem:
+    """The simulation with all known parameters at their best: Gauss–Newton under the floor, exact at its end."""
+    for _ in range(rounds):
+        readings, _ = problem.readings(moving=problem.known.moving)
+        fitted = problem.fit()
+        solved = solve(whitened(fitted.space.covariance, problem.known, readings))
+        p = problem.view.calibration(problem.matrix).shape[-1]
+        steps = [solved.at(place)[0] for place in problem.places]
+        accepted = tuple(
+            replace(item, coefficient=item.coefficient + step) if item.candidate.effect else item
+            for item, step in zip(problem.accepted, steps, strict=True)
+        )
+        view = acting(settled(problem.view, moved(problem.view.base, solved.own[:, :p])), accepted)
+        problem = replace(renewed(problem, view, accepted), near=fitted.floor)
+        at_work = [s for s, item in zip(steps, accepted, strict=True) if item.candidate.effect]
+        if _small(fitted.floor.noise, [solved.own[:, :p], *at_work]):
+            break
+    return problem
+
+
+def acting(view: View, accepted: tuple[Accepted, ...]) -> View:
+    """The view with the accepted causes at work."""
+    at_work = {key: acting for item in accepted for key, acting in item.at_work().items()}
+    return quieted(replace(view, active=at_work))
+
+
+def _small(noise: float, steps: list[Floats]) -> bool:
+    """Whether the last step of every parameter is far below the noise: what it leaves is of second order."""
+    return all(float(np.max(np.abs(s), initial=0.0)) < 1e-3 * noise for s in steps)

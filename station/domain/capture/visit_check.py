@@ -1,0 +1,158 @@
+"""Is a dwell evidence? Everything that can be wrong with one stop of one unit, as reasons."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.can.decode import Samples
+from station.domain.can.sensor_layout import SensorLayout
+from station.domain.capture.rest_detection import angle_deg, expected_noise, face, has_direction
+from station.domain.core.types import Floats, Reason
+from station.domain.recipe.recipe import Recipe
+
+#: Checks that say something about the station or the handling, not about the unit.
+STATION_CHECKS = frozenset({"silent", "kernel-drops", "not-still", "wrong-face", "temperature", "gold-silent"})
+#: A unit's own reading may lie this far from the face that is up before it counts as another face.
+FACE_DEG = 25.0
+#: Of the frames that the rate promises, so many must come: clocks and the dwell's ends cost a few.
+ENOUGH = 0.9
+#: The rate is known to so many readings of a dwell; less than RATE_LEAST is left to the diagnosis.
+RATE_STEPS, RATE_LEAST = 3.0, 0.02
+#: A dwell whose halves differ by more standard deviations than this, and by more than it may matter, has moved.
+MOVED = 6.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dwelled:
+    """One dwell of one unit: its samples, what the stimulus should be, and what happened around it.
+
+    true (3) in the recipe's unit, NaN where the pose is unknown; lasted_s; drops: frames that the kernel dropped;
+    temperature_degC or None; emergencies: EMCY messages in words.
+    """
+
+    position: str
+    samples: Samples
+    true: Floats
+    lasted_s: float
+    drops: int
+    temperature_degC: float | None
+    emergencies: tuple[str, ...] = ()
+
+
+def check(dwelled: Dwelled, recipe: Recipe, layout: SensorLayout) -> tuple[Reason, ...]:
+    """Every reason why this dwell is no evidence; nothing when it is good."""
+    found = [*_transport(dwelled, recipe)]
+    xyz = dwelled.samples.xyz[dwelled.samples.usable]
+    if len(xyz) >= 2:
+        found += [*_axes(dwelled, xyz, recipe, layout), *_rest(dwelled, xyz, recipe), *_face(dwelled, xyz, recipe)]
+    return (*found, *_surroundings(dwelled, recipe))
+
+
+def statistics(dwelled: Dwelled) -> dict[str, object]:
+    """What the record keeps of a dwell beside its raw frames."""
+    samples, trouble = dwelled.samples, dwelled.samples.trouble
+    xyz = samples.xyz[samples.usable]
+    some = len(xyz) > 0
+    return {
+        "mean": xyz.mean(axis=0).tolist() if some else None,
+        "std": xyz.std(axis=0, ddof=1).tolist() if len(xyz) > 1 else None,
+        "count": len(xyz),
+        "frames": trouble.frames,
+        "lost": trouble.counter.lost,
+        "gaps": trouble.counter.gaps,
+        "repeats": trouble.counter.repeats,
+        "late": trouble.counter.late,
+        "crc_errors": trouble.crc_errors,
+        "wrong_length": trouble.wrong_length,
+        "kernel_drops": dwelled.drops,
+        "temperature_degC": dwelled.temperature_degC,
+        "emergencies": list(dwelled.emergencies),
+    }
+
+
+def _transport(d: Dwelled, recipe: Recipe) -> Iterator[Reason]:
+    wanted = recipe.device.rate_hz * d.lasted_s
+    count = int(np.count_nonzero(d.samples.usable))
+    if d.samples.trouble.frames == 0:
+        yield Reason("silent", f"no readings came at {d.position!r}; check cable, power and node id", 0, wanted, "1")
+        return
+    if d.drops:
+        yield Reason(
+            "kernel-drops", f"the kernel dropped {d.drops} frames at {d.position!r}; this PC is too busy", d.drops, 0
+        )
+    if not d.samples.trouble.clean:
+        said = ", ".join(d.samples.trouble.sentences())
+        yield Reason("frames", f"bad frames at {d.position!r}: {said}")
+    rate = _rate_hz(d)
+    allowed = recipe.device.clock_tolerance_ppm * 1e-6 + RATE_STEPS / max(count, 1)
+    if rate is not None and abs(rate / recipe.device.rate_hz - 1) > max(allowed, RATE_LEAST):
+        sentence = f"readings came at {rate:.1f} Hz at {d.position!r}, but the recipe says {recipe.device.rate_hz:g} Hz"
+        yield Reason("rate", sentence, rate, recipe.device.rate_hz, "Hz")
+    elif count < ENOUGH * wanted:
+        sentence = (
+            f"{count} good readings at {d.position!r}, but {wanted:.0f} were due; check the rate and the bus load"
+        )
+        yield Reason("too-few", sentence, count, ENOUGH * wanted)
+
+
+def _rate_hz(d: Dwelled) -> float | None:
+    """Rate of the frames by their own time stamps; None where frames are missing or too few."""
+    time_ns = d.samples.time_ns
+    if len(time_ns) < 10 or not d.samples.trouble.clean:
+        return None
+    return (len(time_ns) - 1) / max((int(time_ns[-1]) - int(time_ns[0])) / 1e9, 1e-9)
+
+
+def _axes(d: Dwelled, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iterator[Reason]:
+    noise, unit = expected_noise(recipe), recipe.unit
+    std = xyz.std(axis=0, ddof=1)
+    limit = recipe.limits.noise
+    for i, (axis, signal) in enumerate(zip("xyz", layout.axes, strict=True)):
+        low, high = xyz[:, i].min(), xyz[:, i].max()
+        ends = [v * signal.scale + signal.offset for v in signal.raw_limits()]
+        top = min(recipe.device.full_scale or np.inf, max(ends))
+        if high >= top - signal.scale or low <= max(-top, min(ends)) + signal.scale:
+            yield Reason(
+                "clipped", f"axis {axis} is clipped at {d.position!r}", float(max(high, -low)), float(top), unit
+            )
+        elif low == high and noise > abs(signal.scale) / 2:
+            yield Reason("stuck", f"axis {axis} stands still at {low:.6g} {unit} at {d.position!r}: no noise at all")
+        if limit is not None and std[i] > limit:
+            sentence = f"axis {axis} has {std[i]:.3g} {unit} of noise at {d.position!r}, more than {limit:g}"
+            yield Reason("noise", sentence, float(std[i]), limit, unit)
+
+
+def _rest(d: Dwelled, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
+    half = len(xyz) // 2
+    first, second = xyz[:half], xyz[half:]
+    within = np.sqrt((first.var(axis=0) + second.var(axis=0)) / 2)
+    apart = np.abs(first.mean(axis=0) - second.mean(axis=0))
+    matters = (recipe.limits.residual or 0.005 * recipe.reference.strength()) / 2
+    moved = (apart > MOVED * within * np.sqrt(2 / max(half, 1))) & (apart > matters)
+    if moved.any():
+        worst = float(apart.max())
+        sentence = (
+            f"the readings moved by {worst:.3g} {recipe.unit} during the dwell at {d.position!r}; was it touched?"
+        )
+        yield Reason("not-still", sentence, worst, float(matters), recipe.unit)
+
+
+def _face(d: Dwelled, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
+    if not has_direction(d.true, recipe):
+        return
+    mean = np.asarray(xyz.mean(axis=0))
+    angle = angle_deg(mean, d.true)
+    if angle > FACE_DEG:
+        sentence = f"{face(mean)} is up instead of {face(d.true)} at {d.position!r} ({angle:.0f} degrees off)"
+        yield Reason("wrong-face", sentence, angle, FACE_DEG, "deg")
+
+
+def _surroundings(d: Dwelled, recipe: Recipe) -> Iterator[Reason]:
+    limits = recipe.limits.temperature_degC
+    if limits is not None and d.temperature_degC is not None and not limits[0] <= d.temperature_degC <= limits[1]:
+        low, high = limits
+        sentence = f"{d.temperature_degC:.1f} degC at {d.position!r} is outside {low:g} to {high:g} degC"
+        yield Reason("temperature", sentence, d.temperature_degC, high if d.temperature_degC > high else low, "degC")
+    for told in d.emergencies:
+        yield Reason("emergency", f"the device reported {told} at {d.position!r}")

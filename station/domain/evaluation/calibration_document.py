@@ -1,0 +1,91 @@
+"""Results as plain documents: `station.calibration/1` (contracts, section 4), with what else is known beside it."""
+
+from typing import Any
+
+import numpy as np
+
+from station.domain.core.types import Calibration, Reason, Stops
+from station.domain.evaluation.pipeline import Result
+from station.domain.methods import decision_rule
+from station.domain.recipe.recipe import Recipe
+
+SCHEMA = "station.calibration/1"
+#: Where a unit could not be calibrated these are null.
+ABSENT = ("offset", "matrix", "covariance", "residual_rms", "positions", "false_accept", "false_reject", "budget")
+
+
+def head(recipe: Recipe) -> dict[str, Any]:
+    """What stands above the units."""
+    return {
+        "schema": SCHEMA,
+        "recipe": {"name": recipe.name, "version": recipe.version},
+        "method": recipe.method,
+        "unit": recipe.unit,
+        "rule": decision_rule.rule_of(recipe.limits),
+    }
+
+
+def unit(result: Result) -> dict[str, Any]:
+    """One unit: outcome with every reason as a sentence, coefficients, positions, budget."""
+    verdict, found = result.verdict, result.calibration
+    head: dict[str, Any] = {
+        "serial": result.serial,
+        "outcome": str(verdict.outcome),
+        "reasons": [r.sentence for r in verdict.reasons],
+        "checks": [_reason(r) for r in verdict.reasons],
+    }
+    if found is None or result.stops is None or result.budget is None or not _finite(found):
+        return {**head, **dict.fromkeys(ABSENT), "notes": []}
+    return {
+        **head,
+        **coefficients(found, result.stops),
+        "false_accept": verdict.false_accept,
+        "false_reject": verdict.false_reject,
+        "budget": result.budget.document(found.unit),
+        "temperature_degC": _number(np.mean(result.stops.temperature_degC)),
+        "notes": list(found.notes),
+    }
+
+
+def _finite(found: Calibration) -> bool:
+    """Whether there is anything to tell: JSON knows no NaN."""
+    parts = (found.offset, found.matrix, found.covariance, found.residual, found.tilt_deg, found.tilt_std_deg)
+    return all(bool(np.isfinite(part).all()) for part in parts)
+
+
+def coefficients(found: Calibration, stops: Stops) -> dict[str, Any]:
+    """Coefficients, their covariance, and what is left at each stop."""
+    return {
+        "offset": found.offset.tolist(),
+        "matrix": found.matrix.tolist(),
+        "covariance": found.covariance.tolist(),
+        "residual_rms": found.residual_rms,
+        "consistency": decision_rule.consistency(stops, found.disturbed),
+        "positions": [_position(found, stops, v) for v in range(len(stops))],
+    }
+
+
+def _position(found: Calibration, stops: Stops, v: int) -> dict[str, Any]:
+    return {
+        "name": stops.position[v],
+        "seating": stops.seating[v],
+        "run": int(stops.run[v]),
+        "visit": int(stops.visit[v]),
+        "residual": found.residual[v].tolist(),
+        "tilt_deg": float(found.tilt_deg[v]),
+        "tilt_std_deg": float(found.tilt_std_deg[v]),
+        "disturbed": bool(found.disturbed[v]),
+        "mean": stops.mean[v].tolist(),
+        "std_of_mean": np.sqrt(np.diagonal(stops.cov[v])).tolist(),
+        "count": int(stops.count[v]),
+        "effective": float(stops.effective[v]),
+        "temperature_degC": _number(stops.temperature_degC[v]),
+    }
+
+
+def _reason(r: Reason) -> dict[str, Any]:
+    return {"check": r.check, "sentence": r.sentence, "value": r.value, "limit": r.limit, "unit": r.unit}
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None

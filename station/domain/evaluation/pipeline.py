@@ -1,0 +1,226 @@
+"""Samples → stops → calibration → budget → verdict: the one path of the run, the command and the refit."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.domain.core.types import Calibration, Floats, Outcome, Reason, SampleTable, Stops, Verdict
+from station.domain.evaluation import quality
+from station.domain.evaluation.unit_visits import Visits, stops_of, visits
+from station.domain.methods import method, rank, scatter, tilt, uncertainty
+from station.domain.methods.coefficients import matrix_of, offset_of
+from station.domain.methods.decision_rule import judge
+from station.domain.methods.method import Fit
+from station.domain.methods.scatter import Solved
+from station.domain.methods.uncertainty import Budget
+from station.domain.noise.noise_prior import Prior
+from station.domain.planning import adaptive_dwell, design
+from station.domain.recipe import references
+from station.domain.recipe.recipe import Recipe
+from station.errors import SamplesError
+
+NO_ROUNDING = np.zeros(12)
+#: Units solved together: enough to be fast, few enough for a processor's cache.
+BATCH = 128
+
+
+#: Serial, stops, and what the samples came to where there are samples.
+Unit = tuple[str, Stops, Visits | None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """What one unit came to. Where its samples cannot be calibrated all but serial and verdict are None."""
+
+    serial: str
+    verdict: Verdict
+    stops: Stops | None = None
+    calibration: Calibration | None = None
+    budget: Budget | None = None
+    visits: Visits | None = None
+
+
+def calibrate(
+    recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING, prior: Prior | None = None
+) -> Iterator[Result]:
+    """Every unit of a table, one after the other; one that cannot be calibrated does not stop the others.
+
+    today: ISO 8601 date for the gold reference's due date; rounding (12): standard deviation of each coefficient's
+    rounding in the device; prior: what is known of such units' noise. Errors: RecipeError, ReferenceOverdue,
+    SamplesError (of the table as a whole).
+    """
+    return calibrate_portions(recipe, [table], today, rounding, prior)
+
+
+def calibrate_portions(
+    recipe: Recipe,
+    tables: Iterable[SampleTable],
+    today: str,
+    rounding: Floats = NO_ROUNDING,
+    prior: Prior | None = None,
+) -> Iterator[Result]:
+    """The same for tables of whole units each, one after the other: memory follows the largest of them."""
+    design.check(recipe)
+    references.check_due(recipe, today)
+    truths: references.Truths = {}
+    batch: list[Unit] = []
+    for table in tables:
+        for found in visits(table, recipe, prior):
+            batch.append((found.serial, stops_of(found, recipe, truths), found))
+            if len(batch) == BATCH:
+                yield from _solve(recipe, batch, rounding)
+                batch = []
+    yield from _solve(recipe, batch, rounding)
+
+
+def calibrate_unit(recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING) -> Result:
+    """The one unit of a table. Errors: as `calibrate`, and SamplesError when the unit cannot be calibrated."""
+    results = list(calibrate(recipe, table, today, rounding))
+    if len(results) != 1:
+        raise SamplesError(f"the samples are of {len(results)} units; give one at a time")
+    if results[0].calibration is None:
+        raise SamplesError(results[0].verdict.reasons[0].sentence)
+    return results[0]
+
+
+def calibrate_stops(recipe: Recipe, units: Mapping[str, Stops], rounding: Floats = NO_ROUNDING) -> list[Result]:
+    """The same from stops that are already reduced (those of the log), without the checks of raw samples."""
+    design.check(recipe)
+    return _solve(recipe, [(serial, stops, None) for serial, stops in units.items()], rounding)
+
+
+def _solve(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Result]:
+    """Units that went through the same visits are solved together; the order of the results is that of the units."""
+    alike: dict[object, list[int]] = {}
+    for i, (_, stops, _) in enumerate(units):
+        # Of hand-held stops each unit has directions of its own.
+        truth = stops.true if recipe.pose_known else stops.mean
+        alike.setdefault((stops.position, stops.seating, truth.tobytes()), []).append(i)
+    done: dict[int, Result] = {}
+    for members in alike.values():
+        group = [units[i] for i in members]
+        why = _unfit(recipe, group[0][1])
+        found = [_refused(serial, why) for serial, _, _ in group] if why else _solve_alike(recipe, group, rounding)
+        done.update(zip(members, found, strict=True))
+    return [done[i] for i in range(len(units))]
+
+
+def _solve_alike(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Result]:
+    done: dict[int, Result] = {}
+    # Readings that are no calibration end in NaN, and NaN in a verdict.
+    with np.errstate(all="ignore"):
+        for part in scatter.solve(method.of(recipe), method.problem(recipe, [s for _, s, _ in units])):
+            own = [units[i] for i in part.units.tolist()]
+            done.update(zip(part.units.tolist(), _results(recipe, own, part, rounding), strict=True))
+    return [done[i] for i in range(len(units))]
+
+
+def _results(recipe: Recipe, units: Sequence[Unit], part: Solved, rounding: Floats) -> Iterator[Result]:
+    """One result a unit of a part."""
+    budgets = uncertainty.budgets(recipe, part.problem, part.fit, units[0][1], rounding)
+    angles, stds = tilt.of(part.problem, part.fit)
+    for unit, u in zip(units, part.rows.tolist(), strict=True):
+        found = _calibration(recipe, unit[1], (part.fit, u), budgets[u], (angles[u], stds[u]))
+        yield _result(recipe, unit, found, budgets[u], part.fit.notes[u])
+
+
+def _result(recipe: Recipe, unit: Unit, found: Calibration, budget: Budget, broken: tuple[str, ...]) -> Result:
+    serial, stops, measured = unit
+    unsound: tuple[Reason, ...] = ()
+    if measured is not None:
+        found = replace(found, notes=(*found.notes, *quality.notes(recipe, measured)))
+        unsound = quality.reasons(recipe, measured, stops)
+    verdict = judge(recipe, found, budget, stops, (*_broken(found, broken), *unsound))
+    return Result(serial, verdict, stops, found, budget, measured)
+
+
+def _calibration(
+    recipe: Recipe, stops: Stops, fitted: tuple[Fit, int], budget: Budget, tilts: tuple[Floats, Floats]
+) -> Calibration:
+    fit, u = fitted
+    kept = ~fit.disturbed[u]
+    square = (fit.residual[u][kept] ** 2).sum(axis=1)
+    # Of a hand-held stop only the magnitude can be off: one number, not three.
+    rms = np.sqrt(square.mean() / (3 if recipe.pose_known else 1))
+    return Calibration(
+        method=recipe.method,
+        unit=recipe.unit,
+        offset=offset_of(fit.theta[u]),
+        matrix=matrix_of(fit.theta[u]),
+        covariance=budget.total,
+        positions=stops.position,
+        residual=fit.residual[u],
+        tilt_deg=np.rad2deg(tilts[0]),
+        tilt_std_deg=np.rad2deg(tilts[1]),
+        disturbed=fit.disturbed[u],
+        residual_rms=float(rms),
+        notes=(
+            *_disturbed(stops, fit, u),
+            *_scatter(budget, recipe.unit),
+            *_dwell(recipe, fit, stops, budget),
+            *fit.notes[u],
+        ),
+    )
+
+
+def _dwell(recipe: Recipe, fit: Fit, stops: Stops, budget: Budget) -> Iterator[str]:
+    """What is known less well than the recipe's dwell.until_std wants."""
+    if recipe.dwell.until_std is None:
+        return
+    known = recipe.pose_known
+    strongest = np.linalg.norm(stops.true, axis=1).max() if known else recipe.reference.strength()
+    wanted = adaptive_dwell.wanted(recipe, fit.free, float(strongest))
+    if told := adaptive_dwell.missed(recipe, wanted, budget.std("noise")):
+        yield told
+
+
+def _disturbed(stops: Stops, fit: Fit, u: int) -> Iterator[str]:
+    for v in np.flatnonzero(fit.disturbed[u]):
+        off = float(np.abs(fit.residual[u, v]).max())
+        yield (
+            f"the stop at {stops.position[v]!r} (run {stops.run[v]}, visit {stops.visit[v]}) was disturbed: it lies "
+            f"{off:.3g} off the others and was left out"
+        )
+
+
+def _scatter(budget: Budget, unit: str) -> Iterator[str]:
+    if budget.scatter > 0:
+        yield (
+            f"stops scatter by {budget.scatter:.2g} {unit} beyond what noise and declared pose errors explain; the "
+            f"uncertainty was widened to match"
+        )
+
+
+def _broken(found: Calibration, notes: tuple[str, ...]) -> Iterator[Reason]:
+    """A fit that is no calibration: not settled, not finite, or a matrix that mirrors."""
+    if notes:
+        yield Reason("fit", notes[0])
+    if not (np.isfinite(found.offset).all() and np.isfinite(found.matrix).all()):
+        yield Reason("fit", "the fit gave no finite coefficients")
+    elif not np.linalg.det(found.matrix) > 0:
+        yield Reason("fit", "the fitted matrix mirrors or flattens space; two axes are swapped or one is inverted")
+
+
+def _unfit(recipe: Recipe, stops: Stops) -> str:
+    """Why such stops cannot determine the coefficients; '' when they can."""
+    true = stops.true if recipe.pose_known else _directions(stops) * recipe.reference.strength()
+    nuisance = method.nuisance(recipe, stops.position, stops.seating, true)
+    rows, names = method.of(recipe).design(true, recipe, nuisance)
+    lost = rank.undetermined(rows, names, rank.EXACT if recipe.pose_known else rank.FOUND)
+    if not lost:
+        return ""
+    missing = [repr(p.name) for p in recipe.positions if p.name not in stops.position]
+    why = f"it was never at {', '.join(missing)}" if missing else "its stops are too few or too much alike"
+    return f"{why}, so {recipe.method} cannot determine {', '.join(lost)}; measure it again at more positions"
+
+
+def _directions(stops: Stops) -> Floats:
+    """Directions (v, 3) that hand-held stops seem to have: from the middle of the extremes."""
+    apart = stops.mean - (stops.mean.max(axis=0) + stops.mean.min(axis=0)) / 2
+    return np.asarray(apart / np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-300))
+
+
+def _refused(serial: str, why: str) -> Result:
+    sentence = f"unit {serial} cannot be calibrated: {why}"
+    return Result(serial, Verdict(Outcome.ERROR, (Reason("samples", sentence),), "none", 0.0, 0.0))

@@ -1,0 +1,143 @@
+"""Are a unit's samples evidence at all? Reasons that fail it, and notes that only tell."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.capture.rest_detection import least_pointing
+from station.domain.core.types import Floats, Reason, Stops
+from station.domain.evaluation.unit_visits import Visits
+from station.domain.recipe.recipe import Recipe
+
+#: A mean reading this far from the nominal direction means another face.
+FACE_DEG = 30.0
+#: Factor between mean reading and stimulus from which on range or unit must be wrong.
+SCALE = 1.5
+#: The dwell moved when its halves differ by more standard deviations.
+MOVED = 6.0
+#: A dwell this often at the end of the range is clipped.
+FULL = 0.999
+
+
+def reasons(recipe: Recipe, visits: Visits, stops: Stops) -> tuple[Reason, ...]:
+    """Why this unit's samples are no evidence; nothing when they are sound."""
+    return (*_stuck(recipe, stops), *_clipped(recipe, visits), *_moved(recipe, visits), *_stimulus(recipe, stops))
+
+
+def notes(recipe: Recipe, visits: Visits) -> tuple[str, ...]:
+    """What a person should know although it fails nothing."""
+    return (*_rejected(visits), *_coarse(recipe, visits), *_drifts(recipe, visits), *_single(visits))
+
+
+def _stuck(recipe: Recipe, stops: Stops) -> Iterator[Reason]:
+    for i, axis in enumerate("xyz"):
+        poses = {(p, s) for p, s in zip(stops.position, stops.seating, strict=True)}
+        if len(poses) > 1 and not stops.std[:, i].any() and np.ptp(stops.mean[:, i]) == 0:
+            value = float(stops.mean[0, i])
+            yield Reason("stuck", f"axis {axis} reads {value:.6g} {recipe.unit} whatever the position: it is stuck")
+
+
+def _clipped(recipe: Recipe, visits: Visits) -> Iterator[Reason]:
+    full = recipe.device.full_scale
+    if full is None:
+        return
+    extreme = np.maximum(visits.dwells.high, -visits.dwells.low)
+    for v, i in np.argwhere(extreme >= FULL * full):
+        told = f"axis {'xyz'[i]} is at the end of its range ({full:g} {recipe.unit}) at {visits.position[v]!r}"
+        yield Reason("clipped", told, float(extreme[v, i]), full, recipe.unit)
+
+
+def _moved(recipe: Recipe, visits: Visits) -> Iterator[Reason]:
+    """A drift within a dwell fails the unit only where it is more than the residual may be."""
+    limit = recipe.limits.residual
+    if limit is None:
+        return
+    for v, i in np.argwhere(_drifted(visits) & (np.abs(visits.dwells.drift) > limit)):
+        size = float(visits.dwells.drift[v, i])
+        told = (
+            f"axis {'xyz'[i]} moved by {-size:+.3g} {recipe.unit} during the dwell at {visits.position[v]!r}, more "
+            f"than the residual may be ({limit:g}); lengthen settle.time_s or look for what touched it"
+        )
+        yield Reason("not-still", told, abs(size), limit, recipe.unit)
+
+
+def _stimulus(recipe: Recipe, stops: Stops) -> Iterator[Reason]:
+    """Readings of the wrong size, or of another face than the one that was asked for."""
+    size = np.linalg.norm(stops.mean, axis=1)
+    known = np.asarray(np.isfinite(stops.true).all(axis=1))
+    wanted = np.linalg.norm(np.where(known[:, None], stops.true, recipe.reference.strength() * np.eye(3)[2]), axis=1)
+    if recipe.sensor == "magnetometer" or not (wanted > 0).all():
+        return
+    # At a weak stimulus, such as a gyroscope's rest, the offset decides what is read.
+    strong = np.asarray(wanted >= least_pointing(float(wanted.max()), recipe)) | ~known
+    if not strong.any():
+        return
+    ratio = float(np.median((size / wanted)[strong]))
+    if len(stops) > 1 and not 1 / SCALE < ratio < SCALE:
+        hint = "; are they in m/s²?" if abs(ratio / 9.80665 - 1) < 0.05 else "; look at range and unit"
+        yield Reason("scale", f"readings are {ratio:.3g} times the stimulus{hint}", ratio, SCALE)
+    elif known.all():
+        yield from _faces(stops, wanted, size, strong)
+
+
+def _faces(stops: Stops, wanted: Floats, size: Floats, strong: NDArray[np.bool_]) -> Iterator[Reason]:
+    found = stops.mean / np.maximum(size, 1e-300)[:, None]
+    nominal = stops.true / wanted[:, None]
+    cosine = np.einsum("vi,vi->v", found, nominal)
+    for v in np.flatnonzero(strong & (cosine < np.cos(np.deg2rad(FACE_DEG)))):
+        angle = float(np.degrees(np.arccos(np.clip(cosine[v], -1, 1))))
+        like = stops.position[int(np.argmax(nominal @ found[v]))]
+        seems = f"; it looks like {like!r}" if like != stops.position[v] else ""
+        told = f"at {stops.position[v]!r} the reading points {angle:.0f} deg elsewhere than the recipe says{seems}"
+        yield Reason("wrong-face", told, angle, FACE_DEG, "deg")
+
+
+def _drifted(visits: Visits) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(visits.dwells.drift_z) > MOVED)
+
+
+def _rejected(visits: Visits) -> Iterator[str]:
+    d = visits.dwells
+    if d.rejected.any():
+        v = int(np.argmax(d.rejected))
+        yield (
+            f"{int(d.rejected.sum())} of {int(d.count.sum())} readings lie far from the others of their visit and were "
+            f"left out, most at {_place(visits, v)}: {int(d.rejected[v])} of {int(d.count[v])}"
+        )
+
+
+def _coarse(recipe: Recipe, visits: Visits) -> Iterator[str]:
+    for i, axis in enumerate("xyz"):
+        rounding, noise = float(visits.quantisation[:, i].max()), float(visits.dwells.variance[:, i].max())
+        if rounding > noise and visits.step[i] > 0:
+            yield (
+                f"axis {axis} reads in steps of {visits.step[i]:.3g} {recipe.unit} with too little noise to average "
+                f"them out: up to {np.sqrt(3 * rounding):.2g} {recipe.unit} of error stay in every mean"
+            )
+        elif recipe.device.lsb > 0 and visits.step[i] > 1.5 * recipe.device.lsb:
+            yield (
+                f"axis {axis} reads in steps of {visits.step[i]:.3g} {recipe.unit}, coarser than the sheet's "
+                f"{recipe.device.lsb:g}"
+            )
+
+
+def _drifts(recipe: Recipe, visits: Visits) -> Iterator[str]:
+    drifted = _drifted(visits)
+    if drifted.any():
+        size = np.where(drifted, np.abs(visits.dwells.drift), 0.0)
+        v, i = np.unravel_index(int(np.argmax(size)), size.shape)
+        yield (
+            f"readings drift within {int(drifted.any(axis=1).sum())} of {len(visits)} visits, most on axis {'xyz'[i]} "
+            f"at {_place(visits, v)}: {-visits.dwells.drift[v, i]:+.2g} {recipe.unit} from first to second half"
+        )
+
+
+def _single(visits: Visits) -> Iterator[str]:
+    if (visits.dwells.count < 2).all():
+        yield "every visit is a single reading: its noise is judged from the residuals alone"
+
+
+def _place(visits: Visits, v: int | np.integer[Any]) -> str:
+    return f"{visits.position[v]!r} (run {visits.run[v]}, visit {visits.visit[v]})"

@@ -1,0 +1,105 @@
+"""The last proof: what the device itself puts out, corrected by its own new coefficients, against the truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from station.domain.core.types import Calibration, Floats, Reason
+from station.domain.evaluation.pipeline import Result
+from station.domain.noise import resolution
+from station.domain.noise.dwell_statistics import measure
+from station.domain.recipe.recipe import Recipe
+
+#: An error that chance would make this rarely tells of something between calibration and output that is not right.
+CHANCE = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verified:
+    """One verify position: mean (3) of the compensated output, true (3) stimulus (NaN where the pose is unknown)
+    and its magnitude, in the recipe's unit; cov (3, 3): how far off the mean is forecast to be, or None."""
+
+    position: str
+    mean: Floats
+    true: Floats
+    strength: float
+    cov: Floats | None = None
+
+    @property
+    def error(self) -> float:
+        """Length of the difference, in the recipe's unit; of the magnitudes where the pose is unknown."""
+        if not np.isfinite(self.true).all():
+            return abs(float(np.linalg.norm(self.mean)) - self.strength)
+        return float(np.linalg.norm(self.mean - self.true))
+
+    @property
+    def chance(self) -> float | None:
+        """Probability of an error as large by chance, if calibration, noise and poses are what they are said to be."""
+        if self.cov is None:
+            return None
+        if not np.isfinite(self.true).all():
+            along = self.mean / np.linalg.norm(self.mean)
+            return float(scipy.special.chdtrc(1, self.error**2 / (along @ self.cov @ along)))
+        off = self.mean - self.true
+        return float(scipy.special.chdtrc(3, off @ np.linalg.solve(self.cov, off)))
+
+
+def forecast(found: Result, recipe: Recipe, true: Floats, reading: Floats) -> Floats | None:
+    """Covariance (3, 3) of the error at a verify position, from the calibration and what is measured there.
+
+    true (3) or NaN; reading (n, 3) of the verify dwell. The calibration's own covariance is carried to this stimulus;
+    noise and rounding of the dwell, the declared or found error of its pose, and scatter between stops come on top.
+    """
+    calibration, budget = found.calibration, found.budget
+    if calibration is None or budget is None or len(reading) < 2:
+        return None
+    at = true if np.isfinite(true).all() else np.asarray(reading.mean(axis=0))
+    by_coefficient = np.concatenate([np.eye(3), np.kron(np.eye(3), at)], axis=1)
+    carried = by_coefficient @ calibration.covariance @ by_coefficient.T
+    inverse = np.linalg.inv(calibration.matrix)
+    pose = _pose_variance(calibration, recipe) * (at @ at * np.eye(3) - np.outer(at, at))
+    fitted = inverse @ (carried + budget.scatter**2 * np.eye(3)) @ inverse.T
+    return np.asarray(fitted + _of_dwell(reading, recipe.device.lsb) + pose)
+
+
+def _pose_variance(calibration: Calibration, recipe: Recipe) -> float:
+    """Variance of a pose about each axis, rad²: as declared, or as the tilts of the fit show it if that is more."""
+    tilts = np.deg2rad(calibration.tilt_deg[~calibration.disturbed])
+    return max(float(np.deg2rad(recipe.reference.pose_std_deg)) ** 2, float((tilts**2).mean()) / 2)
+
+
+def _of_dwell(reading: Floats, lsb: float) -> Floats:
+    """Covariance (3, 3) of a dwell's mean by noise and rounding."""
+    one = np.zeros(1, np.int64)
+    dwell = measure(reading, one, np.array([len(reading)]), one)
+    noise = resolution.noise_under(np.full(3, lsb), dwell.std)
+    root = np.sqrt(dwell.variance[0])
+    rounding = np.diag(resolution.rounding_variance(np.full(3, lsb), noise))
+    return np.asarray(root[:, None] * dwell.correlation[0] * root + rounding + 1e-30 * np.eye(3))
+
+
+def check(verified: tuple[Verified, ...], recipe: Recipe) -> tuple[Reason, ...]:
+    """A reason for each verify position whose error is beyond the recipe's limit; without one, beyond the forecast."""
+    limit = recipe.verify.limit
+    if limit is None:
+        return tuple(_surprise(v, recipe.unit) for v in verified if v.chance is not None and v.chance < CHANCE)
+    return tuple(
+        Reason(
+            "verify",
+            f"at {v.position!r} the device's own output is {v.error:.3g} {recipe.unit} off, more than {limit:g}",
+            v.error,
+            limit,
+            recipe.unit,
+        )
+        for v in verified
+        if not v.error <= limit
+    )
+
+
+def _surprise(v: Verified, unit: str) -> Reason:
+    told = (
+        f"at {v.position!r} the device's own output is {v.error:.3g} {unit} off, far beyond the forecast; "
+        f"what was written, or how the device applies it, is not what was calibrated"
+    )
+    return Reason("verify", told, v.error, None, unit)

@@ -1,0 +1,158 @@
+"""Measurement-system studies (AIAG MSA, 4th edition): type-1 study and gauge R&R, by ANOVA and by X̄-R."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.core.types import Floats
+from station.errors import UsageError
+
+#: AIAG MSA 4th ed., appendix C: 1/d2 for trials (many subgroups), 1/d2* for appraisers and parts (one subgroup).
+K1 = {2: 0.8862, 3: 0.5908, 4: 0.4857, 5: 0.4299}
+K23 = {2: 0.7071, 3: 0.5231, 4: 0.4467, 5: 0.4030, 6: 0.3742, 7: 0.3534, 8: 0.3375, 9: 0.3249, 10: 0.3146}
+
+
+@dataclass(frozen=True, slots=True)
+class Type1:
+    """A type-1 study: repeats of one reference. bias in the readings' unit; t, p of the bias against zero."""
+
+    n: int
+    mean: float
+    s: float
+    bias: float
+    t: float
+    p: float
+    cg: float | None
+    cgk: float
+    resolution_share: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class GaugeStudy:
+    """Standard deviations of a crossed study and what follows: %GRR of total variation and of tolerance, ndc."""
+
+    method: str
+    repeatability: float
+    reproducibility: float
+    interaction: float
+    grr: float
+    part: float
+    total: float
+    percent_grr: float
+    percent_tolerance: float | None
+    ndc: int
+
+    @property
+    def judgement(self) -> str:
+        """AIAG's words: below 10 % acceptable, 10–30 % conditional, above not acceptable."""
+        return "acceptable" if self.percent_grr < 10 else "conditional" if self.percent_grr <= 30 else "not acceptable"
+
+
+def type1(
+    readings: Floats,
+    reference: float,
+    tolerance: float,
+    *,
+    k_percent: float = 20,
+    spread: float = 6,
+    resolution: float = 0,
+) -> Type1:
+    """Type-1 study of repeats (n) against a reference; tolerance is the full width T.
+
+    Cg = (K/100·T)/(L·s); Cgk = (K/200·T − |x̄ − x_ref|)/(L/2·s); K and L are k_percent and spread.
+    """
+    x = np.asarray(readings, float)
+    if len(x) < 2 or tolerance <= 0:
+        raise UsageError(f"a type-1 study needs at least two readings and a tolerance; there are {len(x)} readings")
+    from scipy.stats import t as student
+
+    n, mean, s = len(x), float(x.mean()), float(x.std(ddof=1))
+    bias = mean - reference
+    if s == 0:
+        raise UsageError("all readings of the type-1 study are the same; the resolution is too coarse to judge")
+    t = bias / (s / math.sqrt(n))
+    return Type1(
+        n=n,
+        mean=mean,
+        s=s,
+        bias=bias,
+        t=t,
+        p=float(2 * student.sf(abs(t), n - 1)),
+        cg=k_percent / 100 * tolerance / (spread * s),
+        cgk=(k_percent / 200 * tolerance - abs(bias)) / (spread / 2 * s),
+        resolution_share=resolution / tolerance if resolution else None,
+    )
+
+
+def anova(readings: Floats, tolerance: float | None = None) -> GaugeStudy:
+    """Crossed gauge R&R by ANOVA of readings (parts, appraisers, trials); random effects, method of moments.
+
+    An interaction with p > 0.25 is pooled into repeatability, as AIAG does.
+    """
+    from scipy.stats import f as fisher
+
+    x = _crossed(readings)
+    p, a, r = x.shape
+    grand, part_means, appraiser_means, cell = x.mean(), x.mean((1, 2)), x.mean((0, 2)), x.mean(2)
+    ss_part = a * r * float(((part_means - grand) ** 2).sum())
+    ss_appraiser = p * r * float(((appraiser_means - grand) ** 2).sum())
+    ss_cell = r * float(((cell - grand) ** 2).sum())
+    ss_interaction, ss_error = ss_cell - ss_part - ss_appraiser, float(((x - cell[..., None]) ** 2).sum())
+    df_interaction, df_error = (p - 1) * (a - 1), p * a * (r - 1)
+    ms_error = ss_error / df_error
+    ms_interaction = ss_interaction / df_interaction
+    pooled = ms_error == 0 or float(fisher.sf(ms_interaction / ms_error, df_interaction, df_error)) > 0.25
+    if pooled:
+        ms_error = ms_interaction = (ss_error + ss_interaction) / (df_error + df_interaction)
+    return _summary(
+        "anova",
+        repeatability=ms_error,
+        appraiser=max(0.0, (ss_appraiser / (a - 1) - ms_interaction) / (p * r)),
+        interaction=max(0.0, (ms_interaction - ms_error) / r),
+        part=max(0.0, (ss_part / (p - 1) - ms_interaction) / (a * r)),
+        tolerance=tolerance,
+    )
+
+
+def xbar_r(readings: Floats, tolerance: float | None = None) -> GaugeStudy:
+    """Crossed gauge R&R by average and range (AIAG MSA 4th ed., figure III-B 16) of (parts, appraisers, trials)."""
+    x = _crossed(readings)
+    p, a, r = x.shape
+    for count, table, what in ((r, K1, "trials"), (a, K23, "appraisers"), (p, K23, "parts")):
+        if count not in table:
+            raise UsageError(f"the X̄-R method has constants for {min(table)} to {max(table)} {what}, not {count}")
+    ev = float(np.ptp(x, axis=2).mean()) * K1[r]
+    difference = float(np.ptp(x.mean((0, 2)))) * K23[a]
+    av2 = max(0.0, difference**2 - ev**2 / (p * r))
+    pv = float(np.ptp(x.mean((1, 2)))) * K23[p]
+    return _summary("xbar-r", repeatability=ev**2, appraiser=av2, interaction=0.0, part=pv**2, tolerance=tolerance)
+
+
+def _crossed(readings: Floats) -> Floats:
+    x = np.asarray(readings, float)
+    if x.ndim != 3 or min(x.shape) < 2:
+        raise UsageError(f"a gauge study needs at least 2 parts, 2 appraisers and 2 trials; this one is {x.shape}")
+    return x
+
+
+def _summary(
+    method: str, *, repeatability: float, appraiser: float, interaction: float, part: float, tolerance: float | None
+) -> GaugeStudy:
+    grr2 = repeatability + appraiser + interaction
+    total = math.sqrt(grr2 + part)
+    if total == 0:
+        raise UsageError("all readings of the gauge study are the same; there is no variation to share out")
+    grr, pv = math.sqrt(grr2), math.sqrt(part)
+    return GaugeStudy(
+        method=method,
+        repeatability=math.sqrt(repeatability),
+        reproducibility=math.sqrt(appraiser),
+        interaction=math.sqrt(interaction),
+        grr=grr,
+        part=pv,
+        total=total,
+        percent_grr=100 * grr / total,
+        percent_tolerance=None if tolerance is None else 100 * 6 * grr / tolerance,
+        ndc=max(1, int(1.41 * pv / grr)) if grr > 0 else 99,
+    )

@@ -1,0 +1,33 @@
+"""DT0105 one-point: offsets from a single position; gains are taken as 1, cross-axis as 0."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from station.domain.core.types import Floats
+from station.domain.methods.calibrate import _linear, _poses
+from station.domain.methods.method import Fit, Problem
+from station.domain.recipe.recipe import Recipe
+
+
+class OnePoint:
+    """offset = reading − truth (ST DT0105 rev 2). Every error of gain and pose goes straight into the offset."""
+
+    open_ended: ClassVar[bool] = False
+    by_magnitude: ClassVar[bool] = False
+
+    def check(self, recipe: Recipe) -> None:
+        """One position."""
+        _poses.wanted(recipe, 1, "one position")
+
+    def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
+        """The offset is seen at every stop."""
+        return np.ones((len(true), 1)), ("offset",)
+
+    def together(self, problem: Problem) -> Fit | None:
+        """By one solution for all units that went through the same stops."""
+        return _linear.together(problem.without_nuisance(), _linear.OFFSET_ONLY, weighted=False)
+
+    def fit(self, problem: Problem) -> Fit:
+        """Mean of reading − truth over all stops."""
+        return _linear.solve(problem.without_nuisance(), _linear.OFFSET_ONLY, weighted=False)

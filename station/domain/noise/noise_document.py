@@ -1,0 +1,70 @@
+"""What a unit has told of its noise, and what was known of it before, as the log keeps them in the result `dwell`."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from station.domain.noise.noise_prior import Prior, Seen, general
+from station.errors import LogError
+
+#: A shape this much less likely (in its logarithm) than the likeliest says nothing of the unit.
+LEAST = -12.0
+
+
+def of_seen(seen: Seen) -> dict[str, Any]:
+    """The shapes that say something of a unit, by number in their family of so many, and what they say, rounded."""
+    shapes = np.flatnonzero((seen.log_likelihood > LEAST).any(axis=0))
+    return {
+        "longest": seen.longest,
+        "dof": seen.dof,
+        "family": seen.log_likelihood.shape[1],
+        "shapes": shapes.tolist(),
+        "log_likelihood": seen.log_likelihood[:, shapes].round(2).tolist(),
+        "log_variance": seen.log_variance[:, shapes].round(4).tolist(),
+    }
+
+
+def all_seen(dwells: Iterable[Mapping[str, Any]]) -> list[Seen]:
+    """What units have told, from their results `dwell`; those from before it was kept are passed over, and those of
+    a family that is no longer the same."""
+    told = [dwell["noise"] for dwell in dwells if dwell.get("noise")]
+    return [to_seen(noise) for noise in told if noise["family"] == len(general(noise["longest"]))]
+
+
+def to_seen(document: Mapping[str, Any]) -> Seen:
+    """What a unit has told, from the log."""
+    longest = int(document["longest"])
+    likelihood = np.full((3, len(general(longest))), -np.inf)
+    variance = np.zeros_like(likelihood)
+    likelihood[:, document["shapes"]] = document["log_likelihood"]
+    variance[:, document["shapes"]] = document["log_variance"]
+    return Seen(longest, likelihood, variance, float(document["dof"]))
+
+
+def of_prior(prior: Prior) -> dict[str, Any]:
+    """All of a prior, bit for bit."""
+    return {
+        "longest": prior.longest,
+        "units": prior.units,
+        "log_weight": prior.log_weight.tolist(),
+        "mean": prior.mean.tolist(),
+        "covariance": prior.covariance.tolist(),
+    }
+
+
+def to_prior(dwell: Mapping[str, Any] | None) -> Prior | None:
+    """The prior that stands in a result `dwell`; None where none was used. Errors: LogError where it is damaged."""
+    if not dwell or not dwell.get("prior"):
+        return None
+    kept = dwell["prior"]
+    try:
+        numbers = (np.array(kept[name], float) for name in ("log_weight", "mean", "covariance"))
+        prior = Prior(int(kept["longest"]), int(kept["units"]), *numbers)
+        if len(prior.log_weight) != len(general(prior.longest)):
+            raise LogError(
+                "what was known of an attempt's noise names other shapes than this version of the station has"
+            )
+        return prior
+    except (KeyError, TypeError, ValueError) as exc:
+        raise LogError(f"the prior of an attempt's noise cannot be read ({exc}); run `station audit --verify`") from exc

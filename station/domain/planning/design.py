@@ -1,0 +1,79 @@
+"""What a recipe's positions determine, before anything moves: rank, refusal, condition, D-efficiency, next position."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from station.domain.core.types import Floats
+from station.domain.methods import method, rank
+from station.domain.planning import optimal
+from station.domain.recipe.plan import stops as planned
+from station.domain.recipe.recipe import Recipe
+from station.errors import RecipeError
+
+#: So many positions are proposed at most to complete a recipe.
+MOST_MISSING = 12
+
+
+def check(recipe: Recipe) -> None:
+    """RecipeError when the recipe leaves a coefficient undetermined, naming it and the best position to add."""
+    method.of(recipe).check(recipe)
+    if recipe.pose_known and recipe.reference.source != "gold":
+        rows, names = rows_of(recipe)
+        lost = rank.undetermined(rows, names)
+        if lost:
+            raise RecipeError(_refusal(recipe, rows, lost))
+
+
+def rows_of(recipe: Recipe) -> tuple[Floats, tuple[str, ...]]:
+    """The linearised design (r, k) of all planned stops of all runs, and what its columns determine."""
+    position, seating, true = of_plan(recipe)
+    nuisance = method.nuisance(recipe, position, seating, true)
+    return method.of(recipe).design(true, recipe, nuisance)
+
+
+def of_plan(recipe: Recipe) -> tuple[tuple[str, ...], tuple[str, ...], Floats]:
+    """Position, seating and truth (v, 3) of every planned stop of all runs."""
+    stops = [s for run in range(len(recipe.runs)) for s in planned(recipe, run)]
+    return tuple(s.position for s in stops), tuple(s.seating for s in stops), np.array([s.true for s in stops])
+
+
+def _refusal(recipe: Recipe, rows: Floats, lost: Sequence[str]) -> str:
+    full, have = rows.shape[1], rank.of(rows)
+    more = missing(recipe)
+    add = (
+        f"add {len(more)} position{'s' if len(more) > 1 else ''}, best first: {', '.join(more)}"
+        if more
+        else ("no position helps; use another method or model")
+    )
+    return (
+        f"recipe {recipe.name}: {recipe.method} on these {len(recipe.positions)} positions leaves {', '.join(lost)} "
+        f"undetermined (rank {have} of {full}), however often they are repeated; {add}"
+    )
+
+
+def missing(recipe: Recipe) -> tuple[str, ...]:
+    """YAML of the positions that complete the recipe, best first; nothing when none helps."""
+    _, _, true = of_plan(recipe)
+    out: list[str] = []
+    for _ in range(MOST_MISSING):
+        rows, _ = method.of(recipe).design(true, recipe, np.zeros((len(true), 0)))
+        if rank.of(rows) == rows.shape[1]:
+            return tuple(out)
+        best = optimal.next_best(true, recipe)
+        out.append(optimal.as_yaml(f"extra-{len(out) + 1}", best, recipe))
+        true = np.concatenate([true, best[None]])
+    return ()
+
+
+def next_position(recipe: Recipe) -> str:
+    """YAML of the position that would add most, even to a complete recipe."""
+    _, _, true = of_plan(recipe)
+    return optimal.as_yaml("extra-1", optimal.next_best(true, recipe), recipe)
+
+
+def efficiency(recipe: Recipe) -> float:
+    """D-efficiency: (det XᵀX over that of the best design of as many stops)^(1/k); 1 is best."""
+    _, _, true = of_plan(recipe)
+    best = optimal.search(recipe, len(true))
+    return float(min(np.exp(optimal.log_det(true, recipe) - optimal.log_det(best, recipe)), 1.0))

@@ -1,0 +1,75 @@
+"""What a recipe will know of every coefficient, before anything moves: the calibration of an ideal unit.
+
+The forecast is no formula of its own. It is the recipe's method, budget and limits applied to the stops of a perfect
+sensor with the data sheet's noise.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.capture.rest_detection import expected_noise
+from station.domain.core.types import Floats
+from station.domain.methods import coefficients, method, uncertainty
+from station.domain.methods.decision_rule import COVERAGE_FACTOR, guard_band
+from station.domain.methods.uncertainty import Budget
+from station.domain.planning import adaptive_dwell, nominal_visits
+from station.domain.recipe.recipe import Recipe
+
+#: From this ratio of limit to expanded uncertainty on, the uncertainty hardly matters (ILAC-G8, 4:1).
+COMFORTABLE = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """Whether a limit can be decided: limit and expanded uncertainty U of its least certain coefficient; guard: the
+    rule's guard band there; verdict: comfortable | tight | impossible."""
+
+    kind: str
+    coefficient: str
+    limit: float
+    expanded: float
+    guard: float
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Forecast:
+    """Budget of a perfect unit, and what each limit can decide; noise: of one sample, in the recipe's unit;
+    dwell_s (v): of every planned stop; missed: what falls short of the recipe's until_std, or ''."""
+
+    budget: Budget
+    decisions: tuple[Decision, ...]
+    noise: float
+    dwell_s: Floats
+    missed: str
+
+
+def forecast(recipe: Recipe, rounding: Floats) -> Forecast:
+    """The forecast of a recipe that `design.check` accepts and that lists its positions."""
+    noise = expected_noise(recipe)
+    dwell_s = adaptive_dwell.by_sheet_s(recipe)
+    stops = nominal_visits.stops(recipe, dwell_s)
+    problem = method.problem(recipe, [stops])
+    fit = method.of(recipe).fit(problem)
+    budget = uncertainty.budgets(recipe, problem, fit, stops, rounding)[0]
+    wanted = adaptive_dwell.wanted(recipe, fit.free, float(problem.magnitude.max()))
+    missed = adaptive_dwell.missed(recipe, wanted, budget.std("noise"))
+    return Forecast(budget, _decisions(recipe, budget), noise, dwell_s, missed)
+
+
+def _decisions(recipe: Recipe, budget: Budget) -> tuple[Decision, ...]:
+    limits, std = recipe.limits, budget.std()
+    guard = guard_band(limits, std, budget.dof)
+    kinds = {"offset": coefficients.OFFSETS, "gain": coefficients.GAINS, "cross_axis": coefficients.CROSS}
+    out = []
+    for kind, which in kinds.items():
+        limit = getattr(limits, kind)
+        if limit is None:
+            continue
+        worst = int(np.argmax(np.where(which, std, -1.0)))
+        expanded = float(COVERAGE_FACTOR * std[worst])
+        told = "impossible" if max(expanded, guard[worst]) >= limit else "tight"
+        told = "comfortable" if COMFORTABLE * expanded <= limit else told
+        out.append(Decision(kind, coefficients.NAMES[worst], limit, expanded, float(guard[worst]), told))
+    return tuple(out)

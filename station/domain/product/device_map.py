@@ -1,0 +1,271 @@
+"""The device map: where and how a product keeps its calibration, as data (the `map` block of dbc/<product>.yaml).
+
+These models say what can be said; `station.domain.product.writeback` turns a calibration into bytes by them, and back.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from station.domain.product import number_format
+from station.domain.recipe.recipe import Finite, Part, Positive
+
+AXES = "xyz"
+CELLS = tuple(row + column for row in AXES for column in AXES)
+Step = Literal["unlock", "invalidate", "offset", "matrix", "temperature", "record", "validate", "configuration"]
+
+
+def _known_format(name: str) -> str:
+    number_format.parse(name)
+    return name
+
+
+def _known_pattern(text: str) -> str:
+    try:
+        groups = re.compile(text).groups
+    except re.error as exc:
+        raise ValueError(f"{text!r} is not a regular expression: {exc}") from None
+    if groups != 1:
+        raise ValueError(f"{text!r} needs exactly one group in parentheses: the part that the device keeps")
+    return text
+
+
+Index = Annotated[int, Field(ge=0x0001, le=0xFFFF)]
+Sub = Annotated[int, Field(ge=0, le=0xFF)]
+Format = Annotated[str, AfterValidator(_known_format)]
+Limits = tuple[Finite, Finite]
+
+
+class Object(Part):
+    """One object of the device. timeout_s: how long it may take to answer; left out: the station's usual time."""
+
+    index: Index
+    sub: Sub = 0
+    timeout_s: Positive | None = None
+
+    @property
+    def address(self) -> tuple[int, int]:
+        """(index, sub)."""
+        return self.index, self.sub
+
+
+class Number(Object):
+    """An object that keeps one number: kept = sign · value / scale, in counts of its type."""
+
+    type: Format = "UINT32"
+    scale: Positive = 1.0
+    sign: Literal[1, -1] = 1
+    limits: Limits | None = None
+
+
+class Place(Part):
+    """What one coefficient does differently from its block."""
+
+    index: Index | None = None
+    sub: Sub | None = None
+    type: Format | None = None
+    scale: Positive | None = None
+    sign: Literal[1, -1] | None = None
+    limits: Limits | None = None
+
+
+class Coefficients(Number):
+    """A block of coefficients: `sub` is the first one's, the others follow; `each` lists exceptions by name.
+
+    kept = sign · (value − nominal if from_nominal) / scale. `scale` is the value of one count (of one unit of
+    the point, for Qm.n) in the recipe's unit; `limits` are those of the value, which an EDS often cannot say.
+    """
+
+    type: Format = "REAL32"
+    from_nominal: bool = False
+    each: dict[str, Place] = Field(default_factory=dict)
+
+    def number(self, cell: str, sub: int) -> Number:
+        """Where and how the coefficient `cell` is kept, `sub` being its place in the block's order."""
+        own = self.each.get(cell, Place())
+        return Number(
+            index=own.index or self.index,
+            sub=sub if own.sub is None else own.sub,
+            timeout_s=self.timeout_s,
+            type=own.type or self.type,
+            scale=own.scale or self.scale,
+            sign=own.sign or self.sign,
+            limits=own.limits or self.limits,
+        )
+
+
+class Offset(Coefficients):
+    """Three offsets, x y z."""
+
+    sub: Sub = 1
+
+    @model_validator(mode="after")
+    def _named(self) -> Self:
+        _check_cells(self.each, tuple(AXES))
+        return self
+
+    def cells(self) -> Iterator[tuple[str, Number]]:
+        """(axis, number) in the order of writing."""
+        for i, axis in enumerate(AXES):
+            yield axis, self.number(axis, self.sub + i)
+
+
+class Matrix(Coefficients):
+    """Nine coefficients row by row or column by column, or three gains (`diagonal`)."""
+
+    sub: Sub = 1
+    order: Literal["row", "column", "diagonal"] = "row"
+
+    @model_validator(mode="after")
+    def _named(self) -> Self:
+        _check_cells(self.each, self.names)
+        return self
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Cells in the device's order; xy is row x, column y."""
+        if self.order == "diagonal":
+            return ("xx", "yy", "zz")
+        return CELLS if self.order == "row" else tuple(cell[::-1] for cell in CELLS)
+
+    def cells(self) -> Iterator[tuple[str, Number]]:
+        """(cell, number) in the order of writing."""
+        for i, cell in enumerate(self.names):
+            yield cell, self.number(cell, self.sub + i)
+
+
+class Output(Number):
+    """The switch between raw and compensated output; calibrating compensated data is the classic error."""
+
+    type: Format = "UINT8"
+    raw: int = 0
+    compensated: int = 1
+
+
+class Unlock(Number):
+    """What must be written before coefficients are taken, and what locks again (left out: the reset does)."""
+
+    key: int
+    lock: int | None = None
+
+
+class Valid(Number):
+    """The flag that says whether the stored calibration may be used: cleared before the writes, set after."""
+
+    type: Format = "UINT8"
+    valid: int = 1
+    invalid: int = 0
+
+
+class Checksum(Object):
+    """A checksum that the device computes over its coefficients' bytes, in the order given: CRC-32 of IEEE 802.3."""
+
+    over: Annotated[tuple[Literal["matrix", "offset"], ...], Field(min_length=1)] = ("matrix", "offset")
+
+
+class Save(Object):
+    """Object 0x1010 or 0x1011: the signature makes the device store or restore; it answers afterwards."""
+
+    sub: Sub = 1
+    timeout_s: Positive | None = 5.0
+
+
+class Text(Object):
+    """An object that keeps text."""
+
+    length: Annotated[int, Field(ge=1, le=10_000)] = 36
+
+
+class Serial(Object):
+    """Where the device keeps its serial, and which part of the printed one that is (SN0042 → 42)."""
+
+    index: Index = 0x1018
+    sub: Sub = 4
+    kind: Literal["number", "text"] = "number"
+    printed: Annotated[str, AfterValidator(_known_pattern)] = r"(\d+)$"
+
+
+class Setting(Number):
+    """A setting (filter, event timer) that is recorded, set to `calibrating` for the run, and restored after it."""
+
+    name: str
+    calibrating: float | None = None
+
+
+class DeviceMap(Part):
+    """The whole map. `stores` says which matrix and offset the device keeps, with A and b of the station's model:
+
+    forward: measured = A·true + b, keeps A and b; inverse: true = M·(measured − b), keeps M = A⁻¹ and b;
+    inverse-add: true = M·measured + c, keeps M and c = −M·b.
+    """
+
+    stores: Literal["forward", "inverse", "inverse-add"] = "forward"
+    matrix: Matrix
+    offset: Offset
+    output: Output | None = None
+    unlock: Unlock | None = None
+    valid: Valid | None = None
+    checksum: Checksum | None = None
+    temperature: Number | None = None
+    record: Text | None = None
+    save: Save = Save(index=0x1010)
+    restore: Save = Save(index=0x1011)
+    configuration: Object | None = None
+    serial: Serial = Serial()
+    settings: tuple[Setting, ...] = ()
+    order: tuple[Step, ...] = (
+        "unlock",
+        "invalidate",
+        "matrix",
+        "offset",
+        "temperature",
+        "record",
+        "configuration",
+        "validate",
+    )
+
+    @model_validator(mode="after")
+    def _hangs_together(self) -> Self:
+        for needed in ("matrix", "offset"):
+            if needed not in self.order:
+                raise ValueError(f"order leaves out {needed!r}, so it would never be written; add it")
+        if len(set(self.order)) != len(self.order):
+            raise ValueError("order names a step twice; each is done once")
+        seen: dict[tuple[int, int], str] = {}
+        for name, number in self.coefficients():
+            if number.address in seen:
+                where = f"0x{number.index:04X}:{number.sub:02X}"
+                raise ValueError(f"{seen[number.address]} and {name} are both kept at {where}; give each its own")
+            seen[number.address] = name
+        return self
+
+    def coefficients(self) -> Iterator[tuple[str, Number]]:
+        """(name, number) of every coefficient in the order of writing: matrix.xy, offset.z."""
+        for step in self.order:
+            if step in ("matrix", "offset"):
+                block: Matrix | Offset = getattr(self, step)
+                for cell, number in block.cells():
+                    yield f"{step}.{cell}", number
+
+    def nominal(self, name: str) -> float:
+        """What a coefficient is measured from: 1 on the diagonal and 0 elsewhere, where the block says so."""
+        step, cell = name.split(".")
+        block: Matrix | Offset = getattr(self, step)
+        own = block.each.get(cell, Place())
+        deviates = block.from_nominal or number_format.parse(own.type or block.type).from_nominal
+        return 1.0 if deviates and step == "matrix" and cell[0] == cell[1] else 0.0
+
+    def timeouts(self) -> dict[tuple[int, int], float]:
+        """Objects that may take another time than the usual one: (index, sub) → seconds."""
+        parts = (self.output, self.unlock, self.valid, self.checksum, self.temperature, self.record)
+        objects = [*parts, self.save, self.restore, self.configuration, self.serial, *self.settings]
+        objects += [number for _, number in self.coefficients()]
+        return {o.address: o.timeout_s for o in objects if o is not None and o.timeout_s is not None}
+
+
+def _check_cells(each: dict[str, Place], known: tuple[str, ...]) -> None:
+    for cell in each:
+        if cell not in known:
+            raise ValueError(f"each names {cell!r}; the known ones are {', '.join(known)}")

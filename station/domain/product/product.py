@@ -1,0 +1,65 @@
+"""A product file `dbc/<name>.yaml` (schema `station.product/1`): its frames, its identity and its device map."""
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from station.domain.can.sensor_layout import FrameMap
+from station.domain.product.device_map import DeviceMap, Serial
+from station.domain.recipe.recipe import Name, Part
+from station.errors import UsageError
+
+Word = Annotated[int, Field(ge=0, le=0xFFFF_FFFF)]
+
+
+class ProductIdentity(Part):
+    """What the identity objects must read. device_type: 0x1000; vendor, product, revision: 0x1018:1–3; name: 0x1008."""
+
+    vendor: Word
+    product: Word
+    device_type: Word | None = None
+    revision_at_least: Word | None = None
+    name: str | None = None
+
+
+class Product(Part):
+    """Everything about a product that no recipe and no config says. eds: file beside the product file."""
+
+    schema_: Annotated[Literal["station.product/1"], Field(alias="schema")]
+    name: Name
+    sensor: Literal["accelerometer", "magnetometer", "gyroscope"]
+    eds: Name | None = None
+    frames: FrameMap
+    identity: ProductIdentity
+    map: DeviceMap
+
+    def mismatches(self, *, device_type: int, vendor: int, product: int, revision: int, name: str) -> tuple[str, ...]:
+        """What a device's identity objects say against this product, in words; nothing when it is one."""
+        wanted = self.identity
+        numbers = (
+            ("vendor", vendor, wanted.vendor),
+            ("product code", product, wanted.product),
+            ("device type", device_type, wanted.device_type),
+        )
+        found = [f"{what} is 0x{read:X}, not 0x{want:X}" for what, read, want in numbers if want not in (None, read)]
+        if wanted.revision_at_least is not None and revision < wanted.revision_at_least:
+            found.append(f"revision is 0x{revision:X}, older than 0x{wanted.revision_at_least:X}")
+        if wanted.name is not None and name != wanted.name:
+            found.append(f"name is {name!r}, not {wanted.name!r}")
+        return tuple(found)
+
+
+def kept_serial(serial: Serial, printed: str) -> int | str:
+    """What a device with this printed serial must keep (SN0042 → 42); UsageError when it follows another pattern."""
+    match = re.search(serial.printed, printed)
+    if match is None:
+        raise UsageError(f"serial {printed[:40]!r} does not match {serial.printed!r}, the product's way to print it")
+    return int(match[1]) if serial.kind == "number" else match[1]
+
+
+def read_serial(serial: Serial, raw: bytes) -> int | str:
+    """The serial in the bytes of the serial object."""
+    if serial.kind == "number":
+        return int.from_bytes(raw, "little")
+    return raw.decode("latin-1").rstrip("\0")

@@ -1,0 +1,35 @@
+"""A product with its frames as one text, so that the log can refit an attempt without any file."""
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+from station.domain.can.sensor_layout import SensorLayout
+from station.domain.can.signals import FrameLayout, SignalLayout
+from station.domain.product.product import Product
+
+
+def dump(product: Product, layout: SensorLayout) -> str:
+    """Product and resolved frames as JSON, the same for the same content."""
+    document = {
+        "product": product.model_dump(mode="json", by_alias=True),
+        "sample": asdict(layout.sample),
+        "temperature": None if layout.temperature is None else asdict(layout.temperature),
+    }
+    return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+def load(text: str) -> tuple[Product, SensorLayout]:
+    """What `dump` wrote."""
+    document = json.loads(text)
+    product = Product.model_validate(document["product"])
+    temperature = document["temperature"]
+    layout = SensorLayout(
+        product.frames, _frame(document["sample"]), None if temperature is None else _frame(temperature)
+    )
+    return product, layout
+
+
+def _frame(document: dict[str, Any]) -> FrameLayout:
+    signals = tuple(SignalLayout(**{**s, "selected_by": tuple(s["selected_by"])}) for s in document["signals"])
+    return FrameLayout(**{**document, "signals": signals})

@@ -1,0 +1,94 @@
+"""The plan of stops: which position comes when, in which run, and where it came from."""
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.core.types import Floats
+from station.domain.recipe import moves
+from station.domain.recipe.recipe import Position, Recipe, Run
+
+#: Stops of a run whose recipe lists no positions, because a person holds the part in any pose.
+STOPS_BY_HAND = 24
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stop:
+    """One planned stop. nest: nest → station rotation; seat: device → nest rotation; previous: name or None."""
+
+    run: int
+    visit: int
+    position: str
+    seating: str
+    nest: Floats
+    seat: Floats
+    true: Floats
+    previous: str | None
+
+
+def order_of(recipe: Recipe, run: int) -> tuple[Position, ...]:
+    """Positions in the order of this run; `shuffled` and `fastest` are the same for every unit and every day."""
+    how = recipe.runs[run].order
+    listed = recipe.positions
+    if how == "reversed":
+        return listed[::-1]
+    if how == "fastest" and len(listed) > 1:
+        return moves.fastest(recipe, recipe.runs[run], *ends(recipe, run))
+    if how == "shuffled":
+        key = hashlib.sha256(f"{recipe.name}/{recipe.version}/{run}".encode()).digest()
+        order = np.random.default_rng(int.from_bytes(key[:8], "big")).permutation(len(listed))
+        return tuple(listed[i] for i in order)
+    return listed
+
+
+def ends(recipe: Recipe, run: int) -> tuple[Floats, Floats | None]:
+    """Nest → station rotations from which a run starts and to which it goes: from where the run before ended or units
+    are loaded, to the verification or the parking place after the last run. None where the next run settles it."""
+    start = order_of(recipe, run - 1)[-1].matrix() if run else np.eye(3)
+    if run < len(recipe.runs) - 1:
+        return start, None
+    return start, recipe.verify.positions[0].matrix() if recipe.verify.positions else np.eye(3)
+
+
+def names(recipe: Recipe, run: int) -> tuple[str, ...]:
+    """Names of the stops of one run in order; of a hand-held run without positions, so many numbered ones."""
+    return tuple(p.name for p in order_of(recipe, run)) or tuple(f"hand-{i + 1}" for i in range(STOPS_BY_HAND))
+
+
+def place(recipe: Recipe, run: int, visit: int) -> int:
+    """Place of a stop of one run among the stops of all runs."""
+    return sum(len(names(recipe, before)) for before in range(run)) + visit
+
+
+def stops(recipe: Recipe, run: int) -> tuple[Stop, ...]:
+    """The stops of one run in order. The first stop of a run has no previous position."""
+    seating = recipe.runs[run].seating
+    return _chain(recipe, run, order_of(recipe, run), seating, 0)
+
+
+def verification(recipe: Recipe, run: int, first_visit: int) -> tuple[Stop, ...]:
+    """The stops measured again after the write, in the seating of that run."""
+    return _chain(recipe, run, recipe.verify.positions, recipe.runs[run].seating, first_visit)
+
+
+def _chain(recipe: Recipe, run: int, order: tuple[Position, ...], seating: str, first: int) -> tuple[Stop, ...]:
+    seat = recipe.seating(seating)
+    return tuple(
+        Stop(
+            run=run,
+            visit=first + i,
+            position=p.name,
+            seating=seating,
+            nest=p.matrix(),
+            seat=seat,
+            true=recipe.true_vector(p, seating),
+            previous=order[i - 1].name if i else None,
+        )
+        for i, p in enumerate(order)
+    )
+
+
+def of_run(recipe: Recipe, run: int) -> Run:
+    """Which of the recipe's `runs` a pass is: repeated passes go round again."""
+    return recipe.runs[run % len(recipe.runs)]

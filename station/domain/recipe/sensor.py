@@ -1,0 +1,34 @@
+"""What a sensor kind must say of itself. Kinds are the files of `station.domain.recipe.sensors`."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar, Protocol, cast
+
+from station import plugins
+from station.domain.core.types import Floats
+
+if TYPE_CHECKING:
+    from station.domain.recipe.recipe import Recipe
+
+PACKAGE = "station.domain.recipe.sensors"
+
+
+class Sensor(Protocol):
+    """A sensor kind. unit: of its readings; quantity: what it measures, in words; sources: what may excite it."""
+
+    unit: ClassVar[str]
+    quantity: ClassVar[str]
+    sources: ClassVar[tuple[str, ...]]
+
+    def truth_errors(
+        self, recipe: "Recipe", position: tuple[str, ...], seating: tuple[str, ...], true: Floats
+    ) -> Mapping[str, Floats]:
+        """What its stimulus may be wrong by, by name of the budget line: patterns (k, v, 3), one standard
+        deviation each, of deviations of the truth (v, 3) in the device's frame that all stops share."""
+
+    def nuisance(self, recipe: "Recipe", position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
+        """Regressors (v, q) that each axis feels besides the stimulus and that a fit may take out; q may be 0."""
+
+
+def of(recipe: "Recipe") -> Sensor:
+    """The sensor kind of a recipe."""
+    return cast(Sensor, plugins.load(PACKAGE, recipe.sensor)())

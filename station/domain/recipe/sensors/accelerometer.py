@@ -1,0 +1,31 @@
+"""Accelerometer: at rest it reads +1 g on the axis that points up."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from station.domain.core.types import Floats
+from station.domain.recipe import references
+from station.domain.recipe.recipe import Recipe
+
+
+class Accelerometer:
+    """Specific force in g. Truth: gravity, nominal or at the site, or a gold sensor."""
+
+    unit: ClassVar[str] = "g"
+    quantity: ClassVar[str] = "acceleration"
+    sources: ClassVar[tuple[str, ...]] = ("gravity", "gold")
+
+    def truth_errors(
+        self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats
+    ) -> Mapping[str, Floats]:
+        """Gravity: local anomalies the site formula leaves out, or the stated uncertainty of the magnitude."""
+        r = recipe.reference
+        if r.source == "gold":
+            return {"gold reference": references.gold_errors(recipe, true, seating)}
+        return {"gravity": (r.relative_std() * true)[None]}
+
+    def nuisance(self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
+        """Nothing but gravity acts on an accelerometer at rest."""
+        return np.zeros((len(position), 0))

@@ -1,0 +1,74 @@
+"""Gyroscope: at rest it still feels the Earth turn, and gravity pulls at its mass (g-sensitivity)."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from station.domain.core.types import Floats
+from station.domain.recipe import gravity, references
+from station.domain.recipe.recipe import Recipe
+
+
+class Gyroscope:
+    """Rate in deg/s. Truth: the speed of a rate table or step motor plus the Earth's, or a gold sensor.
+
+    Where positions differ in orientation, n-point fits the g-sensitivity beside the coefficients; otherwise the
+    data sheet's device.g_sensitivity stands in the budget.
+    """
+
+    unit: ClassVar[str] = "deg/s"
+    quantity: ClassVar[str] = "rate"
+    sources: ClassVar[tuple[str, ...]] = ("rate", "gold")
+
+    def truth_errors(
+        self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats
+    ) -> Mapping[str, Floats]:
+        """The table's speed, the Earth's turning where site or heading is not said, and the pull of gravity."""
+        r = recipe.reference
+        if r.source == "gold":
+            return {"gold reference": references.gold_errors(recipe, true, seating)}
+        fastest = float(np.linalg.norm(true, axis=1).max()) or 1.0
+        return {
+            "rate": (r.magnitude_std / fastest * true)[None],
+            "Earth rate": self._earth(recipe, position, seating),
+            "g-sensitivity": self._gravity(recipe, position, seating),
+        }
+
+    def nuisance(self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
+        """Gravity (v, 3) in the device's frame, in g, where the orientations differ."""
+        up = np.array([0.0, 0.0, 1.0])
+        down = [
+            (recipe.position(p).matrix() @ recipe.seating(s)).T @ up for p, s in zip(position, seating, strict=True)
+        ]
+        return np.array(down) if np.ptp(down, axis=0).max() > 1e-6 else np.zeros((len(position), 0))
+
+    def _earth(self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
+        """What is not known of the Earth's turning: level parts without a heading, all of it without a site."""
+        site = recipe.reference.site
+        if site is not None and site.heading_deg is not None:
+            return np.zeros((0, len(position), 3))
+        level = gravity.EARTH_RATE * (np.cos(np.deg2rad(site.latitude_deg)) if site else 1.0)
+        unknown = np.diag([level, level, 0.0 if site else level]) / np.sqrt(2 if site else 3)
+        return np.array(
+            [[self._felt(recipe, p, s, part) for p, s in zip(position, seating, strict=True)] for part in unknown]
+        )
+
+    @staticmethod
+    def _felt(recipe: Recipe, position: str, seating: str, station: Floats) -> Floats:
+        """A steady rate of the station in the device's frame; across a turning axis it averages out."""
+        place = recipe.position(position)
+        nest = place.matrix().T @ station
+        axis = np.array(place.rate or (0.0, 0.0, 0.0))
+        if axis.any():
+            nest = axis * (axis @ nest) / (axis @ axis)
+        return np.asarray(recipe.seating(seating).T @ nest)
+
+    @staticmethod
+    def _gravity(recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
+        """Each axis may feel gravity along each axis: nine patterns."""
+        up = np.array([0.0, 0.0, recipe.device.g_sensitivity])
+        pull = np.array(
+            [(recipe.position(p).matrix() @ recipe.seating(s)).T @ up for p, s in zip(position, seating, strict=True)]
+        )
+        return np.asarray(np.einsum("vj,ik->ijvk", pull, np.eye(3)).reshape(9, len(position), 3))

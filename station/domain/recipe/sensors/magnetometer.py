@@ -1,0 +1,31 @@
+"""Magnetometer: hard iron is its offset, soft iron its matrix; nothing can tell them from the sensor's own."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from station.domain.core.types import Floats
+from station.domain.recipe import references
+from station.domain.recipe.recipe import Recipe
+
+
+class Magnetometer:
+    """Flux density in µT. Truth: a known field, of Helmholtz coils or of the Earth, or a gold sensor."""
+
+    unit: ClassVar[str] = "uT"
+    quantity: ClassVar[str] = "magnetic field"
+    sources: ClassVar[tuple[str, ...]] = ("field", "gold")
+
+    def truth_errors(
+        self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats
+    ) -> Mapping[str, Floats]:
+        """The field's magnitude is known to reference.magnitude_std; its direction to reference.pose_std_deg."""
+        r = recipe.reference
+        if r.source == "gold":
+            return {"gold reference": references.gold_errors(recipe, true, seating)}
+        return {"field": (r.relative_std() * true)[None]}
+
+    def nuisance(self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
+        """Iron of the unit turns with it and is what we calibrate; iron of the rig belongs into reference.vector."""
+        return np.zeros((len(position), 0))

@@ -1,0 +1,50 @@
+"""Printed serials: the recipe's pattern, the check digit, and nobody twice in one fixture."""
+
+import re
+from collections.abc import Sequence
+
+from station.domain.recipe.recipe import Recipe
+from station.errors import UsageError
+
+#: Code 39's characters in the order of their values (ISO/IEC 16388, annex A).
+MOD43 = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ-. $/+%"
+#: Longer is no serial but a scanner reading the wrong label.
+LONGEST = 64
+
+
+def check(serial: str, recipe: Recipe) -> str:
+    """The serial, when it is one of this recipe's; UsageError says what is wrong with it."""
+    shown = repr(serial[:40])
+    if not serial or len(serial) > LONGEST or not serial.isascii() or not serial.isprintable():
+        raise UsageError(f"serial {shown} is not 1 to {LONGEST} printable characters; scan it again")
+    if recipe.serial_pattern is not None and re.fullmatch(recipe.serial_pattern, serial) is None:
+        raise UsageError(f"serial {shown} does not match the recipe's pattern {recipe.serial_pattern!r}; scan it again")
+    rule = {"mod10": mod10, "mod43": mod43}.get(recipe.check_digit)
+    if rule is not None and not rule(serial):
+        raise UsageError(f"serial {shown} has a wrong {recipe.check_digit} check digit; scan it again")
+    return serial
+
+
+def check_all(serials: Sequence[str], recipe: Recipe) -> tuple[str, ...]:
+    """All serials of one fixture load or batch; UsageError also when one stands there twice."""
+    seen: set[str] = set()
+    for serial in serials:
+        check(serial, recipe)
+        if serial in seen:
+            raise UsageError(f"serial {serial!r} was given twice; every unit has its own")
+        seen.add(serial)
+    return tuple(serials)
+
+
+def mod10(serial: str) -> bool:
+    """Luhn's check over the digits of the serial (ISO/IEC 7812-1, annex B)."""
+    digits = [int(c) for c in serial if c in "0123456789"][::-1]
+    doubled = [sum(divmod(2 * d, 10)) for d in digits[1::2]]
+    return len(digits) > 1 and (sum(digits[::2]) + sum(doubled)) % 10 == 0
+
+
+def mod43(serial: str) -> bool:
+    """Code 39's check: the last character is the sum of the others' values modulo 43."""
+    if len(serial) < 2 or any(c not in MOD43 for c in serial):
+        return False
+    return sum(MOD43.index(c) for c in serial[:-1]) % 43 == MOD43.index(serial[-1])

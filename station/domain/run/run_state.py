@@ -1,0 +1,122 @@
+"""Where a run stands, as one frozen value folded from its events: what the operator's page shows, reload or not."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from station.domain.run.progress import (
+    Event,
+    Identified,
+    LoadBegun,
+    LoadDone,
+    ObjectWritten,
+    PhaseEntered,
+    Reading,
+    StopDone,
+    StopStarted,
+    Told,
+    UnitDone,
+    VisitRejected,
+)
+
+#: Sentences kept for a page that comes late.
+MOST_SENTENCES = 20
+
+
+@dataclass(frozen=True, slots=True)
+class NestState:
+    """One nest: the unit in it, its last mean reading and the standard deviation of one sample, both in the recipe's
+    unit, and how its attempt ended ('' so far)."""
+
+    serial: str
+    nest: str
+    node: int
+    attempt: str = ""
+    device: str = ""
+    vector: tuple[float, ...] = ()
+    noise: float | None = None
+    outcome: str = ""
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class RunState:
+    """The whole fixture. began_s and estimate_s: when this load began (epoch) and how long it should take.
+
+    stops: every position of the load in its order, those of the verification last; at: number among them of the stop
+    where the fixture is or goes to, -1 before the first; done: how many are over.
+    confirm: what a person must do and then confirm, or ''; question: the mark that the confirmation bears.
+    fault: the sentence of what ended the load for everybody, or ''.
+    """
+
+    stops: tuple[str, ...] = ()
+    phase: str = "begin"
+    position: str = ""
+    following: str = ""
+    at: int = -1
+    asked: str = ""
+    confirm: str = ""
+    question: str = ""
+    writing: str = ""
+    done: int = 0
+    total: int = 0
+    began_s: float = 0.0
+    estimate_s: float = 0.0
+    over: bool = False
+    fault: str = ""
+    nests: tuple[NestState, ...] = ()
+    sentences: tuple[str, ...] = ()
+
+    def after(self, event: Event, now_s: float) -> "RunState":
+        """The state once `event` has happened at `now_s` (epoch)."""
+        if isinstance(event, LoadBegun):
+            nests = tuple(NestState(s.serial, s.nest, s.node) for s in event.seats)
+            fresh = RunState(self.stops, following=self._stop(0), sentences=self.sentences)
+            return replace(fresh, total=event.stops, began_s=now_s, estimate_s=event.estimate_s, nests=nests)
+        if isinstance(event, PhaseEntered):
+            return replace(self, phase=str(event.phase), writing="")
+        if isinstance(event, StopStarted | StopDone | Reading):
+            return self._of_stop(event)
+        if isinstance(event, LoadDone):
+            fault = "" if event.fault is None else event.fault.sentence
+            return replace(self, over=True, phase="done", position="", following="", asked="", fault=fault)
+        return self._of_unit(event)
+
+    def _of_stop(self, event: "StopStarted | StopDone | Reading") -> "RunState":
+        if isinstance(event, StopStarted):
+            following = self._stop(self.done + 1)
+            return replace(self, position=event.position, at=self.done, following=following, asked=event.sentence)
+        state = self
+        for serial, vector in event.means.items():
+            state = state._nest(serial, vector=tuple(vector))
+        if isinstance(event, StopDone):
+            return replace(state, done=self.done + 1, asked="")
+        for serial, noise in event.noise.items():
+            state = state._nest(serial, noise=noise)
+        return state
+
+    def _of_unit(self, event: Event) -> "RunState":
+        if isinstance(event, Identified):
+            return self._nest(event.seat.serial, device=f"{event.name} {event.software}".strip())
+        if isinstance(event, VisitRejected):
+            words = "; ".join(r.sentence for r in event.reasons)
+            return self._told(f"{event.serial}: {words}" + ("; measuring it again" if event.again else ""))
+        if isinstance(event, Told):
+            return self._told(f"{event.serial}: {event.sentence}" if event.serial else event.sentence)
+        if isinstance(event, ObjectWritten):
+            return replace(self, writing=f"{event.name} ({event.number}/{event.total})")
+        if isinstance(event, UnitDone):
+            r = event.result
+            why = tuple(reason.sentence for reason in r.reasons)
+            return self._nest(r.seat.serial, attempt=r.attempt, outcome=str(r.outcome), reasons=why, noise=r.noise)
+        return self
+
+    def _stop(self, number: int) -> str:
+        """Name of the stop of that number (from 0), '' past the last."""
+        return self.stops[number] if number < len(self.stops) else ""
+
+    def _nest(self, serial: str, **changes: Any) -> "RunState":
+        nests = tuple(replace(n, **changes) if n.serial == serial else n for n in self.nests)
+        return replace(self, nests=nests)
+
+    def _told(self, sentence: str) -> "RunState":
+        return replace(self, sentences=(*self.sentences, sentence)[-MOST_SENTENCES:])

@@ -1,0 +1,112 @@
+"""What a calibration can take in of a simulation that has learnt, and the recipe that then does.
+
+A device keeps an offset and a matrix. A cause of its own that changes its readings by nothing else than these two
+could undo, whatever the pose, belongs into them: the recipe then fits the whole matrix in place of gains alone.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.core.types import Floats
+from station.domain.methods import coefficients, method
+from station.domain.planning import design
+from station.domain.planning.forecast import forecast
+from station.domain.recipe.recipe import Position, Recipe, Run
+from station.errors import RecipeError
+from station.model.campaign import campaign_of
+from station.model.effect import Effect
+from station.model.forward import Base, resting, signature
+from station.model.line import Line
+from station.model.model_file import Model
+from station.model.scene import Scene
+from station.model.timeline import Batch
+
+#: Share of a signature that rounding may leave outside offset and matrix.
+ROUNDING = 1e-9
+#: Poses that it is tried on.
+POSES = 16
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TakenIn:
+    """recipe: as it is to be run; causes: ids that its calibration holds; left: why each other cause stays."""
+
+    recipe: Recipe
+    causes: tuple[str, ...]
+    left: tuple[str, ...]
+
+
+def taken_in(recipe: Recipe, model: Model, *, gains_only: bool) -> TakenIn:
+    """The recipe with every cause of the model in its calibration that belongs there.
+
+    gains_only: the product keeps no cross-axis terms. Errors: RecipeError where the matrix is needed, but the
+    recipe's positions do not determine it, with the positions to add.
+    """
+    whole = recipe.model_copy(update={"model": "matrix"})
+    effects = {told.effect: told.build() for told in model.effects}
+    why = {name: _why_not(effect, whole, gains_only=gains_only) for name, effect in effects.items()}
+    causes = tuple(name for name, reason in why.items() if not reason)
+    if causes:
+        _check(whole, causes)
+    left = tuple(f"{name} {reason}" for name, reason in why.items() if reason)
+    return TakenIn(whole if causes else recipe, causes, left)
+
+
+def _why_not(effect: Effect, whole: Recipe, *, gains_only: bool) -> str:
+    """Why the calibration cannot hold a cause; empty where it can."""
+    if effect.level != "device":
+        return f"is of the {effect.level} and not of the device, so no calibration takes it in; have it put right"
+    if not in_matrix(effect, whole):
+        return "is no part of offset and matrix, which is all that the device keeps; it stays in the device's output"
+    if gains_only:
+        return "needs the matrix, but this product keeps offsets and gains only; it stays in the device's output"
+    if not _fits_matrix(whole):
+        return f"needs the matrix, which method {whole.method} does not determine; use method: n-point"
+    return ""
+
+
+def in_matrix(effect: Effect, recipe: Recipe) -> bool:
+    """Whether an offset and a matrix hold all that a cause does to the readings, in whatever pose."""
+    scene = _anywhere(recipe)
+    felt = resting(scene)[scene.visit]
+    columns = np.concatenate([np.tile(np.eye(3), (len(felt), 1)), np.kron(felt, np.eye(3))], axis=1)
+    done = np.stack(signature(scene, Base.ideal(1), effect), axis=-1).reshape(len(columns), -1)
+    total = float(np.sum(done**2))
+    return total > 0 and float(np.sum(_outside(columns, done) ** 2)) < ROUNDING * total
+
+
+def _outside(columns: Floats, done: Floats) -> Floats:
+    return np.asarray(done - columns @ np.linalg.lstsq(columns, done, rcond=None)[0])
+
+
+def _anywhere(recipe: Recipe) -> Scene:
+    """One unit through poses (and rates) at random."""
+    draws = np.random.default_rng(0).standard_normal((POSES, 7))
+    size = recipe.reference.strength()
+    positions = tuple(
+        Position(
+            name=f"p{i}",
+            quaternion=tuple(row[:4] / np.linalg.norm(row[:4])),
+            rate=tuple(size * row[4:]) if recipe.reference.source == "rate" else None,
+        )
+        for i, row in enumerate(draws)
+    )
+    reference = recipe.reference.model_copy(update={"pose": "known"})
+    said = {"positions": positions, "runs": (Run(),), "seatings": {}, "reference": reference}
+    probing = recipe.model_copy(update=said)
+    return campaign_of(probing, Batch(("any",)), 1, Line()).dwells(np.array([recipe.device.rate_hz]))
+
+
+def _fits_matrix(whole: Recipe) -> bool:
+    """Whether the recipe's method estimates cross-axis terms at all: with given positions, or with enough of any."""
+    if method.of(whole).open_ended:
+        return True
+    return bool(np.diagonal(forecast(whole, np.zeros(12)).budget.total)[coefficients.CROSS].any())
+
+
+def _check(whole: Recipe, causes: tuple[str, ...]) -> None:
+    try:
+        design.check(whole)
+    except RecipeError as exc:
+        raise RecipeError(f"to take in {', '.join(causes)}, {exc.sentence}") from None

@@ -1,0 +1,39 @@
+"""How small an effect these data would have shown."""
+
+import numpy as np
+from scipy.special import chdtri, chndtrinc
+
+from station.diagnosis.linear.evidence import Spectrum
+from station.diagnosis.search.scoring import Stage
+
+#: What searching the whole bank costs in amplitude beside a test of one form (method notes, section 6).
+SEARCH = 1.2
+LEVEL, POWER = 0.01, 0.80
+
+
+def length_needed(k: float) -> float:
+    """Length d of a signal of k free coefficients that a χ² test of 1 % finds with 80 % chance."""
+    return float(np.sqrt(chndtrinc(chdtri(k, LEVEL), k, 1 - POWER)))
+
+
+def smallest(now: Stage) -> dict[str, float]:
+    """Rms coefficient of each cause that would be seen, in its own unit; of its easiest shape and level."""
+    found: dict[str, float] = {}
+    for seen in now.seen:
+        for candidate, spectrum in zip(seen.bank.candidates, seen.spectra, strict=True):
+            if candidate.effect is not None:
+                rms = _of(spectrum)
+                found[candidate.name] = min(rms, found.get(candidate.name, np.inf))
+    return {name: rms for name, rms in found.items() if np.isfinite(rms)}
+
+
+def _of(spectrum: Spectrum) -> float:
+    m = np.atleast_1d(spectrum.m)
+    if spectrum.pattern == "scan":
+        m = m.reshape(-1, m.shape[-1])
+        m = m[int(m.sum(1).argmax())]
+    total = float(m.sum())
+    if total <= 0:
+        return float("inf")
+    directions = total**2 / float(np.sum(m**2))
+    return SEARCH * length_needed(directions) / float(np.sqrt(total))

@@ -1,0 +1,60 @@
+"""Figures that are tables at heart: horizontal bars (budgets, Pareto) and a heat map (unit × position)."""
+
+import math
+from collections.abc import Sequence
+
+from station.reporting.drawing.figure import COLOURS, document, text
+from station.reporting.drawing.scale import label
+from station.reporting.drawing.scale import width as width_of
+
+
+def bars(title: str, rows: Sequence[tuple[str, float]], unit: str = "", width: int = 640) -> str:
+    """One horizontal bar a row (name, value ≥ 0), the number at its end."""
+    height, names = 44 + 24 * len(rows), 8 + max((width_of(n) for n, _ in rows), default=0.0)
+    most = max((v for _, v in rows), default=0) or 1.0
+    room = width - names - 110
+    parts = []
+    for i, (name, value) in enumerate(rows):
+        y = 34 + 24 * i
+        parts.append(text(names, y + 14, name, "end"))
+        long = room * value / most
+        parts.append(f'<rect x="{names + 6}" y="{y + 2}" width="{long:.1f}" height="16" fill="{COLOURS[0]}"/>')
+        parts.append(text(names + 12 + long, y + 14, f"{label(float(f'{value:.3g}'))} {unit}".strip()))
+    return document(width, height, title, parts)
+
+
+def heat_map(
+    title: str, values: Sequence[Sequence[float]], rows: Sequence[str], columns: Sequence[str], unit: str = ""
+) -> str:
+    """Cells coloured from orange (−) over white to blue (+), the scale said in words; NaN stays grey."""
+    finite = [abs(v) for row in values for v in row if math.isfinite(v)]
+    most = max(finite, default=0.0) or 1.0
+    left = 12 + 7 * min(16, max((len(r) for r in rows), default=0))
+    cell = max(6.0, min(34.0, 760 / max(len(columns), 1)))
+    tall = max(6.0, min(22.0, 480 / max(len(rows), 1)))
+    width, height = left + cell * len(columns) + 14, 96 + tall * len(rows)
+    parts = [text(12, 36, f"blue +{label(float(f'{most:.2g}'))} {unit}, orange the same below zero", size=11)]
+    for i, row in enumerate(values):
+        parts += [
+            f'<rect x="{left + j * cell:.1f}" y="{44 + i * tall:.1f}" width="{cell:.1f}" height="{tall:.1f}" '
+            f'fill="{_shade(v / most)}"/>'
+            for j, v in enumerate(row)
+        ]
+    skip_rows, skip_columns = (max(1, round(12 / size)) for size in (tall, cell))
+    parts += [
+        text(left - 5, 44 + (i + 0.5) * tall + 4, rows[i][:16], "end", size=11) for i in range(0, len(rows), skip_rows)
+    ]
+    under = 52 + tall * len(rows)
+    parts += [
+        text(left + (j + 0.5) * cell + 3, under, columns[j][:10], "end", turn=-45, size=10)
+        for j in range(0, len(columns), skip_columns)
+    ]
+    return document(max(width, 420), height, title, parts)
+
+
+def _shade(share: float) -> str:
+    if math.isnan(share):
+        return "#ccc"
+    full = (0, 114, 178) if share > 0 else (213, 94, 0)
+    mix = [round(255 + (c - 255) * min(abs(share), 1.0)) for c in full]
+    return "#{:02x}{:02x}{:02x}".format(*mix)

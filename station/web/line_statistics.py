@@ -1,0 +1,153 @@
+"""The line in figures: what finished attempts in the log come to, gathered once for the page and for the report."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from itertools import pairwise
+from typing import Any, Protocol
+
+from station.adapters.store import life
+from station.adapters.store.reader import LogReader
+from station.adapters.store.search import Attempt, Query
+from station.adapters.store.yields import CELL, SEPARATOR, Yield
+from station.domain.methods import coefficients
+from station.domain.recipe.recipe import Limits, Recipe
+
+#: What the yields are split by.
+SPLITS = CELL
+#: Parts of a cycle, in their order.
+PARTS = ("identify", "measure", "compute and write", "verify", "close")
+#: Values that a control chart can follow.
+VALUES = (*coefficients.NAMES, "residual rms", "noise", "cycle time")
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One finished attempt: its values by name, its parts of the cycle (s), and the tilt of each position (degrees)."""
+
+    serial: str
+    nest: str
+    started_ns: int
+    outcome: str
+    values: Mapping[str, float]
+    parts: Mapping[str, float]
+    tilts: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Everything that the charts show. attempts: oldest first; reasons: check → how often; recipe: the newest's."""
+
+    recipe: Recipe | None
+    attempts: tuple[Measured, ...]
+    yields: Mapping[str, Sequence[Yield]]
+    reasons: Mapping[str, int] = field(default_factory=dict)
+
+
+class Known(Protocol):
+    """What may be remembered of a log between two looks."""
+
+    def measured(self, log: LogReader, attempt: Attempt) -> tuple[Measured, tuple[str, ...]]:
+        """A finished attempt's values, and the checks that speak against it."""
+
+    def yields(self, log: LogReader, query: Query) -> list[Yield]:
+        """Cells of the attempts that the query names."""
+
+
+def gather(log: LogReader, query: Query, most: int, known: Known | None = None) -> Line:
+    """The newest `most` finished attempts that the query names. known: what is remembered of the log, where the query
+    spans whole days up to now. Errors: LogError."""
+    found = _finished(log, query, most)
+    lives = [known.measured(log, a) if known else measure(log.attempt(a)) for a in reversed(found)]
+    reasons = Counter(check for _, checks in lives for check in checks)
+    recipe = Recipe.model_validate_json(log.recipe_and_product(found[0])[0]) if found else None
+    return Line(
+        recipe=recipe,
+        attempts=tuple(m for m, _ in lives),
+        yields=_yields(known.yields(log, query) if known else log.yields(query, "cell")),
+        reasons=dict(reasons.most_common(12)),
+    )
+
+
+def measure(kept: dict[str, Any]) -> tuple[Measured, tuple[str, ...]]:
+    """One finished attempt's values, and the checks that speak against it."""
+    return _measured(kept), tuple(_checks(kept))
+
+
+def measured(log: LogReader, query: Query, most: int) -> list[Measured]:
+    """The newest `most` finished attempts that the query names, oldest first, without anything around them."""
+    return [_measured(log.attempt(a)) for a in reversed(_finished(log, query, most))]
+
+
+def _finished(log: LogReader, query: Query, most: int) -> list[Attempt]:
+    return [a for a in log.attempts(query, most) if a.outcome is not None]
+
+
+def limits_of(name: str, limits: Limits) -> tuple[float | None, float | None]:
+    """Lower and upper acceptance limit of a value in the recipe; None: it has none."""
+    if name == "residual rms":
+        return None, limits.residual
+    if name == "noise":
+        return None, limits.noise
+    kind = name.partition(" ")[0]
+    half = {"offset": limits.offset, "gain": limits.gain, "cross-axis": limits.cross_axis}.get(kind)
+    nominal = 1.0 if kind == "gain" else 0.0
+    return (None, None) if half is None else (nominal - half, nominal + half)
+
+
+def _yields(cells: Sequence[Yield]) -> dict[str, list[Yield]]:
+    """Yields by each split: a unit is first or last wherever it is counted, so the cells' counts only add up."""
+    found: dict[str, list[Yield]] = {}
+    for place, by in enumerate(SPLITS):
+        groups: dict[str, list[Yield]] = {}
+        for cell in cells:
+            groups.setdefault(cell.group.split(SEPARATOR)[place], []).append(cell)
+        found[by] = [_sum(name, group) for name, group in sorted(groups.items())]
+    return found
+
+
+def _sum(name: str, cells: Sequence[Yield]) -> Yield:
+    counts = {f.name: sum(getattr(c, f.name) for c in cells) for f in fields(Yield)[1:-1]}
+    lasted_s = sum(c.attempts * c.mean_duration_s for c in cells)
+    return Yield(group=name, **counts, mean_duration_s=lasted_s / counts["attempts"])
+
+
+def _checks(kept: dict[str, Any]) -> list[str]:
+    verdict = life.result(kept, "verdict") or {}
+    return sorted({str(r["check"]) for r in verdict.get("reasons", ())})
+
+
+def _measured(kept: dict[str, Any]) -> Measured:
+    fit, verdict = life.result(kept, "calibration") or {}, life.result(kept, "verdict") or {}
+    values: dict[str, float] = {}
+    if fit.get("offset") is not None:
+        theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
+        values |= dict(zip(coefficients.NAMES, theta, strict=True)) | {"residual rms": fit["residual_rms"]}
+    if verdict.get("noise") is not None:
+        values["noise"] = verdict["noise"]
+    values["cycle time"] = (kept["ended_ns"] - kept["started_ns"]) / 1e9
+    tilts = {p["name"]: p["tilt_deg"] for p in fit.get("positions") or () if p["tilt_deg"] is not None}
+    known = {k: float(v) for k, v in values.items() if math.isfinite(v)}
+    return Measured(
+        serial=kept["serial"],
+        nest=f"{kept['station']}/{kept['nest']}",
+        started_ns=kept["started_ns"],
+        outcome=str(kept["outcome"]),
+        values=known,
+        parts=_parts(kept),
+        tilts=tilts,
+    )
+
+
+def _parts(kept: dict[str, Any]) -> dict[str, float]:
+    """How long each part lasted, s: from the record's own time stamps; parts that did not happen take none."""
+    tumble = [v for v in kept["visits"] if v["kind"] != "verify"]
+    verify = [v for v in kept["visits"] if v["kind"] == "verify"]
+    marks = [kept["started_ns"]]
+    marks.append(tumble[0]["arrived_ns"] if tumble else marks[-1])
+    marks.append(tumble[-1]["left_ns"] if tumble else marks[-1])
+    marks.append(verify[0]["arrived_ns"] if verify else marks[-1])
+    marks.append(verify[-1]["left_ns"] if verify else marks[-1])
+    marks.append(kept["ended_ns"])
+    return {name: (b - a) / 1e9 for name, (a, b) in zip(PARTS, pairwise(marks), strict=True)}

@@ -1,0 +1,161 @@
+"""What a person may do at the operator's page; each deed stands in the journal before it is done."""
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from station.adapters.store.life import utc
+from station.adapters.store.search import Attempt, Query
+from station.domain.recipe import serial as serials_of
+from station.errors import StoreFault, UsageError
+from station.web.accounts import Account
+from station.web.panel import Panel
+from station.web.queue import Waiting
+from station.web.runs import beside
+from station.wiring import golden_register
+
+LONGEST_REASON = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What the form says: serial, the mark of the question that is confirmed, why a unit is taken again."""
+
+    serial: str = ""
+    question: str = ""
+    reason: str = ""
+
+
+class PassedAlready(UsageError):
+    """The unit has passed this recipe; an engineer may take it again on purpose."""
+
+
+def scan(panel: Panel, who: Account, said: Said) -> str:
+    """The serial goes to the first nest that is free in the next load."""
+    _fits_the_load(panel, said.serial)
+    passed = _passed(panel, said.serial)
+    if passed is not None:
+        raise PassedAlready(
+            f"serial {said.serial!r} passed {passed.recipe_name} already on {utc(passed.started_ns)[:10]} in nest "
+            f"{passed.nest}; an engineer may take it again on purpose"
+        )
+    nest = _free(panel)
+    panel.journal.add(who.name, "scan", serial=said.serial, nest=nest)
+    panel.queue.put({nest: Waiting(said.serial, panel.screen.load_in_nests())})
+    return f"{said.serial}: {nest}"
+
+
+def again(panel: Panel, who: Account, said: Said) -> str:
+    """A unit that passed is taken once more, by an engineer's choice and with the reason."""
+    if not who.may("again"):
+        raise UsageError(f"the role {who.role} may not take a unit again that has passed; ask an engineer")
+    if not 3 <= len(said.reason) <= LONGEST_REASON or not said.reason.isprintable():
+        raise UsageError(f"say in 3 to {LONGEST_REASON} printable characters why the unit is taken again")
+    _fits_the_load(panel, said.serial)
+    passed, nest = _passed(panel, said.serial), _free(panel)
+    of = passed.attempt if passed else ""
+    panel.journal.add(who.name, "again", serial=said.serial, nest=nest, reason=said.reason, passed=of)
+    panel.queue.put({nest: Waiting(said.serial, panel.screen.load_in_nests())})
+    return f"{said.serial}: {nest}"
+
+
+def clear(panel: Panel, who: Account, _said: Said) -> str:
+    """Nothing waits for the start any more."""
+    panel.journal.add(who.name, "clear", serials=panel.queue.serials())
+    panel.queue.clear()
+    return ""
+
+
+def resume(panel: Panel, who: Account, _said: Said) -> str:
+    """The units of the last load that came to no verdict are taken up again, each in its nest."""
+    _idle(panel)
+    left = panel.screen.unfinished()
+    if not left:
+        raise UsageError("every unit of the last load has its verdict; scan new ones")
+    if panel.queue.waiting:
+        raise UsageError("units of another load are scanned; start them or clear the list, then take up the others")
+    serials_of.check_all(list(left.values()), panel.recipe)
+    panel.journal.add(who.name, "resume", serials=list(left.values()))
+    panel.queue.put({nest: Waiting(serial) for nest, serial in left.items()})
+    return ", ".join(left.values())
+
+
+def start(panel: Panel, who: Account, _said: Said) -> str:
+    """Every unit that waits goes to a run of its own process, each in its nest."""
+    _idle(panel)
+    waiting = panel.queue.waiting
+    units = {n.name: waiting[n.name].serial for n in panel.settings.nests if n.name in waiting}
+    if not units:
+        raise UsageError("no unit is scanned; scan one, then start")
+    serials_of.check_all(list(units.values()), panel.recipe)
+    panel.journal.add(who.name, "start", serials=list(units.values()), recipe=panel.order.recipe)
+    panel.queue.hand(panel.runs.start(units, who.name))
+    return ", ".join(units.values())
+
+
+def stop(panel: Panel, who: Account, _said: Said) -> str:
+    """The run stops at the next safe place and parks."""
+    pid = panel.runs.stop()
+    panel.screen.stopping = True
+    panel.journal.add(who.name, "stop", pid=pid)
+    return ""
+
+
+def confirm(panel: Panel, who: Account, said: Said) -> str:
+    """What the run asked a person to do is done; an old screen cannot confirm a later question."""
+    asked, mark = panel.screen.question()
+    if not mark or said.question != mark:
+        raise UsageError("nothing is asked any more; look at the page again")
+    panel.journal.add(who.name, "confirm", sentence=asked)
+    answer = beside(panel.order.database, ".answer.json")
+    part = answer.with_name(f".{answer.name}.{os.getpid()}")
+    try:
+        part.write_text(json.dumps({"schema": "station.answer/1", "question": mark}), encoding="utf-8")
+        part.replace(answer)
+    except OSError as exc:
+        raise StoreFault(f"{answer} cannot be written ({exc.strerror}); free the disk, then try again") from exc
+    return ""
+
+
+def _fits_the_load(panel: Panel, serial: str) -> None:
+    """UsageError for a serial that is none of the recipe's, waits already, or is being measured."""
+    serials_of.check_all([*panel.queue.serials(), serial], panel.recipe)
+    nest = panel.screen.in_work().get(serial)
+    if nest is not None:
+        raise UsageError(f"serial {serial!r} is in nest {nest} right now; wait for its verdict")
+
+
+def _free(panel: Panel) -> str:
+    waiting = panel.queue.waiting
+    free = next((n.name for n in panel.settings.nests if n.name not in waiting), None)
+    if free is None:
+        raise UsageError(f"all {len(waiting)} nests of the next load are taken; start it, or clear the list")
+    return free
+
+
+def _passed(panel: Panel, serial: str) -> Attempt | None:
+    """The unit's newest PASS with this recipe; golden units are there to be measured again and again."""
+    kept = panel.settings.golden
+    if (kept is not None and serial in golden_register.load(Path(kept.file))) or not panel.order.database.exists():
+        return None
+    with panel.log() as log:
+        found = log.attempts(Query(serial=serial, recipe_name=panel.recipe.name, outcome="PASS"), 1)
+    return found[0] if found else None
+
+
+def _idle(panel: Panel) -> None:
+    if panel.runs.pid() is not None:
+        raise UsageError("a run is under way; wait for its end or stop it")
+
+
+DEEDS: Mapping[str, Callable[[Panel, Account, Said], str]] = {
+    "scan": scan,
+    "again": again,
+    "clear": clear,
+    "resume": resume,
+    "start": start,
+    "stop": stop,
+    "confirm": confirm,
+}

@@ -1,0 +1,35 @@
+"""What a simulation has learnt goes into the calibration of a run: the causes that are the device's own."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from station.config.documents import canonical
+from station.config.models import load_model
+from station.config.recipes import recipe_hash
+from station.model.compensated import taken_in
+from station.service.station import Job
+
+
+def with_model(job: Job, path: Path | None) -> tuple[Job, tuple[str, ...]]:
+    """The job whose calibration knows a model's causes, and what the operator should know of that.
+
+    Errors: InputError of the model file; RecipeError where the recipe's positions do not determine what is needed.
+    """
+    if path is None:
+        return job, ()
+    found = taken_in(job.recipe, load_model(path), gains_only=job.product.map.matrix.order == "diagonal")
+    told = [f"{path}: {reason}" for reason in found.left]
+    if found.causes:
+        names = ", ".join(found.causes)
+        told.insert(0, f"{path}: {names}, the device's own, goes into the calibration: offset and the whole matrix")
+    if found.recipe == job.recipe:
+        return replace(job, takes_in=found.causes), tuple(told)
+    whole = replace(
+        job,
+        recipe=found.recipe,
+        recipe_hash=recipe_hash(found.recipe),
+        recipe_json=canonical(found.recipe),
+        takes_in=found.causes,
+        plain=job.recipe,
+    )
+    return whole, tuple(told)
