@@ -22,16 +22,32 @@ StationError
 └── Aborted               exit 4   the operator: outcome ABORTED
 """
 
+from station.messages import Message, Value, render
+
 
 class StationError(Exception):
-    """Root of every error this project raises on purpose."""
+    """Root of every error this project raises on purpose: `RecipeError("recipe-name-twice", name="z-up", line=12)`.
+
+    What it says is a message of the catalogues (station.messages); text with blanks in it is taken as it stands.
+    """
 
     exit_code = 70
     outcome = "ERROR"
 
-    def __init__(self, sentence: str) -> None:
-        super().__init__(sentence)
-        self.sentence = sentence
+    def __init__(self, id: str | Message, /, **parameters: Value) -> None:  # noqa: A002 - the word of the format
+        if isinstance(id, Message):
+            self.message = id
+        else:
+            self.message = Message.text(id) if " " in id else Message(id, **parameters)
+        super().__init__(self.message)
+
+    @property
+    def sentence(self) -> str:
+        """What happened and what to do, in English."""
+        return render(self.message)
+
+    def __str__(self) -> str:
+        return self.sentence
 
 
 class InputError(StationError):
@@ -78,9 +94,12 @@ class WrongProduct(UnitFault):
 class DeviceRefused(UnitFault):
     """The device answered with an SDO abort code."""
 
-    def __init__(self, sentence: str, code: int) -> None:
-        super().__init__(sentence)
+    def __init__(self, id: str | Message, /, *, code: int, **parameters: Value) -> None:  # noqa: A002
+        super().__init__(id, **parameters)
         self.code = code
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _again, (type(self), self.message, self.code)
 
 
 class ReadBackDiffers(UnitFault):
@@ -122,3 +141,7 @@ class Aborted(StationError):
 
     exit_code = 4
     outcome = "ABORTED"
+
+
+def _again(kind: type[DeviceRefused], message: Message, code: int) -> DeviceRefused:
+    return kind(message, code=code)

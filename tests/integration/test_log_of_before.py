@@ -1,4 +1,4 @@
-"""A log written by version 0.1.0 (revision d183465): read, verified and computed again, bit for bit, by every later one."""
+"""A log of version 0.1.0 (revision d183465) is read, verified and computed again, bit for bit, by every later one."""
 
 import json
 from pathlib import Path

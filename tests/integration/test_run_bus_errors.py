@@ -69,6 +69,6 @@ def test_a_silence_that_is_the_bus_s_doing_says_so(state: str, remedy: str) -> N
 
 
 def test_any_other_fault_and_any_good_bus_leave_the_sentence_alone() -> None:
-    silent, refused = DeviceSilent("node 5 did not answer"), DeviceRefused("no", 0x06090030)
+    silent, refused = DeviceSilent("node 5 did not answer"), DeviceRefused("value too high", code=0x06090030)
     assert blamed(silent, Bus("active")) is silent  # type: ignore[arg-type]
     assert blamed(refused, Bus("bus-off")) is refused  # type: ignore[arg-type]

@@ -121,11 +121,11 @@ class SdoClient:
             return self._drive(make(), index, sub, timeout_s)
         except Refused as refusal:
             told = sdo_codes.sentence(refusal.code, self.node, deed, index, sub)
-            raise DeviceRefused(told, refusal.code) from None
+            raise DeviceRefused(told, code=refusal.code) from None
         except Violation as violation:
             self._abort(index, sub, violation.code)
             what = f"node {self.node} broke off to {deed} {sdo_codes.address(index, sub)}"
-            raise DeviceRefused(f"{what}: {sdo_codes.meaning(violation.code)}", violation.code) from None
+            raise DeviceRefused(f"{what}: {sdo_codes.meaning(violation.code)}", code=violation.code) from None
         except NoAnswer:
             raise DeviceSilent(self._time_out(deed, index, sub, timeout_s, self.dropped - before)) from None
 

@@ -1,0 +1,66 @@
+"""Messages: rendered in a language, kept as JSON, never lost."""
+
+import ast
+import pickle
+import string
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from station import errors
+from station.messages import Message, languages, render, templates
+
+PACKAGE = Path(errors.__file__).parent
+ERRORS = {name for name, kind in vars(errors).items() if isinstance(kind, type) and issubclass(kind, Exception)}
+
+
+def parameters(template: str) -> set[str]:
+    return {name for _, name, _, _ in string.Formatter().parse(template) if name is not None}
+
+
+def sent() -> Iterator[tuple[str, str, set[str]]]:
+    """Where, id and parameter names of every message that the code makes with words of its own."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for call in (n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)):
+            name = call.func.id if isinstance(call.func, ast.Name) else ""
+            if (name != "Message" and name not in ERRORS) or not call.args:
+                continue
+            first = call.args[0]
+            if not isinstance(first, ast.Constant) or not isinstance(first.value, str) or " " in first.value:
+                continue
+            if any(k.arg is None for k in call.keywords):
+                continue  # **parameters: checked where they are put together
+            known = {str(k.arg) for k in call.keywords} - {"code"}
+            yield f"{path.relative_to(PACKAGE)}:{call.lineno}", first.value, known
+
+
+@pytest.mark.parametrize("language", languages())
+def test_every_language_says_every_message_with_the_same_parameters(language: str) -> None:
+    english, other = templates("en"), templates(language)
+    assert other.keys() == english.keys()
+    assert {i: parameters(t) for i, t in other.items()} == {i: parameters(t) for i, t in english.items()}
+
+
+def test_every_message_that_is_sent_stands_in_the_catalogue_with_its_parameters() -> None:
+    english = templates("en")
+    wrong = [
+        f"{where}: {id_} wants {sorted(parameters(english[id_]))}, is given {sorted(given)}"
+        if id_ in english
+        else f"{where}: {id_} is in no catalogue"
+        for where, id_, given in sent()
+        if id_ not in english or parameters(english[id_]) - {"code"} != given
+    ]
+    assert wrong == []
+
+
+def test_a_message_survives_json_and_pickling() -> None:
+    message = Message("text", text=Message("text", text="inner"), names=("a", Message.text("b")))
+    assert Message.of(message.document()) == message
+    again = pickle.loads(pickle.dumps(errors.DeviceRefused("refused by the device", code=0x06010002)))
+    assert (again.code, again.sentence) == (0x06010002, "refused by the device")
+    assert pickle.loads(pickle.dumps(errors.RecipeError(message))).message == message
+
+
+def test_a_message_of_a_later_version_still_says_its_parameters() -> None:
+    assert render(Message("not-yet-known", axis="y", value=1.5)) == "not-yet-known axis=y value=1.5"
