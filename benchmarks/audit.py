@@ -23,7 +23,7 @@ from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.adapters.store.verify import Trust
 from station.service.runner import Runner
-from station.wiring import Order, open_bench
+from station.wiring import RunOrder, open_bench
 
 DAY_NS = 86_400_000_000_000
 
@@ -54,7 +54,7 @@ def main() -> None:
 def one_run(folder: Path, recipe: str = "six-point") -> Path:
     """A log of one simulated unit, by the run itself."""
     path = folder / "one.db"
-    with open_bench(Order(recipe=recipe, simulate=True, database=path)) as bench:
+    with open_bench(RunOrder(recipe=recipe, simulate=True, database=path)) as bench:
         for seats in bench.loads(["SN0001"]):
             bench.fixture.place(seats)
             for _ in Runner(bench.station, bench.job).run(seats):

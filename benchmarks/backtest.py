@@ -19,8 +19,8 @@ from audit import one_run
 
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
-from station.config.places import shipped
 from station.config.recipes import load_recipe
+from station.config.search_path import shipped_folder
 from station.wiring.backtest import run
 from station.wiring.recompute import recompute
 
@@ -68,8 +68,8 @@ def main() -> None:
 
 def once_round(folder: Path) -> str:
     """tilt-24 for the simulated product, each of its 24 positions once."""
-    said = yaml.safe_load((shipped() / "recipes" / "tilt-24.yaml").read_text(encoding="utf-8"))
-    sheet = yaml.safe_load((shipped() / "recipes" / "six-point.yaml").read_text(encoding="utf-8"))
+    said = yaml.safe_load((shipped_folder() / "recipes" / "tilt-24.yaml").read_text(encoding="utf-8"))
+    sheet = yaml.safe_load((shipped_folder() / "recipes" / "six-point.yaml").read_text(encoding="utf-8"))
     said |= {"product": sheet["product"], "device": sheet["device"], "runs": [{"seating": "home"}], "limits": {}}
     path = folder / "tilt-24-once.yaml"
     path.write_text(yaml.safe_dump(said), encoding="utf-8")

@@ -16,7 +16,7 @@ from station.adapters.store import anchor, ids
 from station.adapters.store.schema import COLUMNS
 from station.adapters.store.sqlite import SqliteStore
 from station.domain.records import chain
-from station.ports.store import Head
+from station.ports.store import LogHead
 
 #: A day of an eight-station plant: one unit every 15 s.
 FIRST_NS, STEP_NS = 1_735_689_600_000_000_000, 15_000_000_000
@@ -70,7 +70,7 @@ def build(path: Path, made_from: Template, units: int, every: int) -> None:
     db.execute("PRAGMA journal_mode = WAL")
     db.close()
     note = anchor.Anchor(path, log_id)
-    note.write(Head(writer.number, writer.hash.hex()), durable=True)
+    note.write(LogHead(writer.number, writer.hash.hex()), durable=True)
     note.close()
 
 

@@ -250,7 +250,7 @@ def site_gravity() -> None:
     """Against published values, ppm from 9.80665."""
     print("gravity at the site against published values at eight places")
     off: Sequence[float] = [
-        (gravity.at(latitude, altitude) / gravity.STANDARD - 1) * 1e6 - ppm
+        (gravity.normal_gravity(latitude, altitude) / gravity.STANDARD - 1) * 1e6 - ppm
         for latitude, altitude, ppm in GRAVITY_PPM.values()
     ]
     worst = float(np.abs(off).max())

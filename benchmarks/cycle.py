@@ -122,10 +122,10 @@ def _timed(work: Callable[..., Any], ledger: Ledger, name: str) -> Callable[...,
 
 def recipe(folder: Path, rate_hz: int, positions: int) -> Path:
     """tilt-24 once round, for the simulated product, at this rate."""
-    from station.config.places import shipped
+    from station.config.search_path import shipped_folder
 
     tilt, six = (
-        yaml.safe_load((shipped() / "recipes" / f"{n}.yaml").read_text(encoding="utf-8"))
+        yaml.safe_load((shipped_folder() / "recipes" / f"{n}.yaml").read_text(encoding="utf-8"))
         for n in ("tilt-24", "six-point")
     )
     same = {k: six[k] for k in ("product", "settle", "limits", "verify")}
@@ -140,7 +140,7 @@ def one_run(ledger: Ledger, rate_hz: int, positions: int) -> tuple[float, dict[s
     """Seconds of the cycle on the rig's clock, and what each part took of this machine: wall and processor, s."""
     from station.adapters.clock import VirtualClock
     from station.cli.app import main
-    from station.domain.run.progress import LoadBegun, LoadDone
+    from station.domain.run.progress import LoadDone, LoadStarted
     from station.service.load import Load
 
     seen: list[float] = []
@@ -153,9 +153,9 @@ def one_run(ledger: Ledger, rate_hz: int, positions: int) -> tuple[float, dict[s
 
     def told(self: Load, seats: Any) -> Iterator[Any]:
         for event in run(self, seats):
-            if isinstance(event, LoadBegun):
+            if isinstance(event, LoadStarted):
                 ledger.begin()
-            if isinstance(event, LoadBegun | LoadDone):
+            if isinstance(event, LoadStarted | LoadDone):
                 seen.append(clocks[-1].monotonic_s())
                 ledger.settle()
                 kept.update({k: list(v) for k, v in ledger.spent.items()})

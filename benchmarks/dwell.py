@@ -28,10 +28,17 @@ from scipy.signal import lfilter
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.evaluation import pipeline
 from station.domain.noise import noise_document
-from station.domain.noise.noise_prior import NEWEST, Prior, learnt
-from station.domain.noise.running_noise import Curve, Dwelt, curve, dwelt, reach_of, seen
+from station.domain.noise.noise_prior import MAX_UNITS, NoisePrior, learn_prior
+from station.domain.noise.running_noise import (
+    DwellNoise,
+    NoiseCurve,
+    dwell_noise,
+    family_length,
+    likelihoods,
+    noise_curve,
+)
 from station.domain.planning import adaptive_dwell, nominal_visits
-from station.domain.planning.adaptive_dwell import Aim, SoFar
+from station.domain.planning.adaptive_dwell import AccuracyTarget, DwellProgress
 from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
@@ -137,7 +144,7 @@ def main() -> None:
     parser.add_argument("--units", type=int, default=1000, help="a fifth of it at 1 kHz")
     parser.add_argument("--case", choices=list(CASES | OTHERS), action="append")
     parser.add_argument("--nests", type=int, default=1)
-    parser.add_argument("--earlier", type=int, default=NEWEST)
+    parser.add_argument("--earlier", type=int, default=MAX_UNITS)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     for name in options.case or CASES:
@@ -154,7 +161,7 @@ def told(name: str, case: Case, units: int, options: argparse.Namespace) -> None
         device={"rate_hz": case.rate_hz, "noise_density": DENSITY},
         dwell={"until_std": WANTED, "min_s": 0.2, "max_s": LONGEST_S},
     )
-    aim = adaptive_dwell.aim(recipe)
+    aim = adaptive_dwell.accuracy_target(recipe)
     rng = np.random.default_rng(options.seed)
     f = units // options.nests
     prior = known(aim, case, options)
@@ -207,7 +214,7 @@ def tenths(density: Floats, inside: Floats) -> tuple[float, float]:
     return float(by_density[:tenth].mean()), float(by_density[-tenth:].mean())
 
 
-def known(aim: Aim, case: Case, options: argparse.Namespace) -> Prior | None:
+def known(aim: AccuracyTarget, case: Case, options: argparse.Namespace) -> NoisePrior | None:
     """What units measured before have told, of whom each knew nothing."""
     if not options.earlier:
         return None
@@ -217,7 +224,7 @@ def known(aim: Aim, case: Case, options: argparse.Namespace) -> Prior | None:
     return line.told_of_kind(line.run()[1])
 
 
-def bounds(aim: Aim, units: Units) -> Floats:
+def bounds(aim: AccuracyTarget, units: Units) -> Floats:
     """Least total dwell (f), s, where each unit's noise is known."""
     count = np.unique(
         np.rint(np.geomspace(aim.shortest_s * aim.rate_hz, aim.longest_s * aim.rate_hz, 12)).astype(int)
@@ -225,28 +232,28 @@ def bounds(aim: Aim, units: Units) -> Floats:
     by_shape = np.array([s.of_long_run(count) for s in units.case.shapes])
     worst = (by_shape[units.shape] * (units.density**2 / 2 * aim.rate_hz)[..., None]).max(axis=1)
     f = len(worst)
-    known = Curve(count, np.tile(worst[:, None], (1, 3, 1)), np.full((f, 3, len(count)), 1e9), np.ones((f, 0, 3)))
+    known = NoiseCurve(count, np.tile(worst[:, None], (1, 3, 1)), np.full((f, 3, len(count)), 1e9), np.ones((f, 0, 3)))
     guess = np.full((f, len(aim)), 1.0)
-    so_far = SoFar(known, np.zeros_like(guess), np.zeros(0, np.intp), np.ones(f))
-    return np.asarray(adaptive_dwell.plan(aim, so_far, guess, adaptive_dwell.ROUNDS).dwell_s.sum(axis=1))
+    so_far = DwellProgress(known, np.zeros_like(guess), np.zeros(0, np.intp), np.ones(f))
+    return np.asarray(adaptive_dwell.plan_dwells(aim, so_far, guess, adaptive_dwell.ROUNDS).dwell_s.sum(axis=1))
 
 
 class Line:
     """Fixtures (f) of nests, at once; prior: what is known of their noise."""
 
-    def __init__(self, aim: Aim, units: Units, rng: np.random.Generator, prior: Prior | None) -> None:
+    def __init__(self, aim: AccuracyTarget, units: Units, rng: np.random.Generator, prior: NoisePrior | None) -> None:
         self.aim, self.units, self.rng, self.prior = aim, units, rng, prior
         self.density = units.density
         self.theta = tumble.units(rng, self.density.size)
         self.true = nominal_visits.truths(aim.recipe)
         self.longest = max(round(aim.longest_s * aim.rate_hz), 2)
-        self.told: dict[tuple[int, int, int], Dwelt] = {}
+        self.told: dict[tuple[int, int, int], DwellNoise] = {}
 
     def run(self) -> tuple[Floats, list[Stop]]:
         """Dwells (f, v), s, and each stop's noise (f, nests, n, 3) with how many (f) of its readings count."""
         f, v = len(self.density), len(self.aim)
         done_s, readings = np.zeros((f, v)), list[Stop]()
-        plan_s = np.tile(adaptive_dwell.start_s(self.aim, DENSITY**2 / 2), (f, 1))
+        plan_s = np.tile(adaptive_dwell.initial_dwells_s(self.aim, DENSITY**2 / 2), (f, 1))
         for stop in range(v):
             noise = self.noise()
             lasted_s, plan_s = self.dwell(stop, noise, readings, done_s, plan_s)
@@ -264,14 +271,14 @@ class Line:
         past = np.array([count for _, count in readings]).reshape(stop, len(done_s))
         while len(going):
             now = self.count(lasted_s)
-            reaches = np.array([reach_of(n, self.prior) for n in np.max([*past, now], axis=0)])
+            reaches = np.array([family_length(n, self.prior) for n in np.max([*past, now], axis=0)])
             for reach in np.unique(reaches[going]).tolist():
                 rows = going[reaches[going] == reach]
                 curves = self.curves(rows, reach, (noise, now), readings)
                 seen_s = done_s[rows].sum(axis=1) + lasted_s[rows]
-                so_far = SoFar(adaptive_dwell.fixture(curves), done_s[rows], np.arange(stop + 1), seen_s)
-                plan_s[rows] = adaptive_dwell.plan(self.aim, so_far, plan_s[rows]).dwell_s
-            again_s = adaptive_dwell.ask_again_s(plan_s[going, stop], lasted_s[going])
+                so_far = DwellProgress(adaptive_dwell.worst_curve(curves), done_s[rows], np.arange(stop + 1), seen_s)
+                plan_s[rows] = adaptive_dwell.plan_dwells(self.aim, so_far, plan_s[rows]).dwell_s
+            again_s = adaptive_dwell.next_check_s(plan_s[going, stop], lasted_s[going])
             # A reading is whole; the run's clock is not that coarse.
             again_s = np.ceil(again_s * self.aim.rate_hz - 1e-6) / self.aim.rate_hz
             more = (again_s > lasted_s[going]) & (lasted_s[going] < self.aim.longest_s)
@@ -279,7 +286,7 @@ class Line:
             going = going[more]
         return lasted_s, plan_s
 
-    def curves(self, rows: Whole, reach: int, present: Stop, readings: list[Stop]) -> list[Curve]:
+    def curves(self, rows: Whole, reach: int, present: Stop, readings: list[Stop]) -> list[NoiseCurve]:
         """What every nest of the fixtures `rows` has told; earlier stops are told once for each reach."""
         found = []
         for nest in range(self.density.shape[1]):
@@ -287,14 +294,16 @@ class Line:
                 if (nest, stop, reach) not in self.told:
                     self.told[nest, stop, reach] = dwelt_of(done, nest, np.arange(len(self.density)), reach)
             earlier = [some(self.told[nest, stop, reach], rows) for stop in range(len(readings))]
-            found.append(curve([*earlier, dwelt_of(present, nest, rows, reach)], reach, self.prior))
+            found.append(noise_curve([*earlier, dwelt_of(present, nest, rows, reach)], reach, self.prior))
         return found
 
-    def told_of_kind(self, readings: list[Stop]) -> Prior | None:
+    def told_of_kind(self, readings: list[Stop]) -> NoisePrior | None:
         """What the first nests tell of the next units, as the log keeps it."""
-        longest = adaptive_dwell.prior_for(self.aim.recipe)
-        units = seen([dwelt_of(done, 0, np.arange(len(self.density)), longest) for done in readings], longest)
-        return learnt(noise_document.all_seen({"noise": noise_document.of_seen(u)} for u in units), longest)
+        longest = adaptive_dwell.prior_length(self.aim.recipe)
+        units = likelihoods([dwelt_of(done, 0, np.arange(len(self.density)), longest) for done in readings], longest)
+        return learn_prior(
+            noise_document.all_likelihoods({"noise": noise_document.of_likelihood(u)} for u in units), longest
+        )
 
     def count(self, lasted_s: Floats) -> Whole:
         """Readings of dwells."""
@@ -340,21 +349,21 @@ class Line:
         )
 
 
-def dwelt_of(dwells: Stop, nest: int, rows: Whole, reach: int) -> Dwelt:
+def dwelt_of(dwells: Stop, nest: int, rows: Whole, reach: int) -> DwellNoise:
     """What dwells of different length tell; those of one length together."""
     noise, count = dwells
     found = [
-        (at, dwelt(noise[rows[at], nest, :n], reach))
+        (at, dwell_noise(noise[rows[at], nest, :n], reach))
         for n in np.unique(count[rows])
         for at in [np.flatnonzero(count[rows] == n)]
     ]
     back = np.argsort(np.concatenate([at for at, _ in found]))
-    return Dwelt(*(np.concatenate([getattr(d, name) for _, d in found])[back] for name in Dwelt.__slots__))
+    return DwellNoise(*(np.concatenate([getattr(d, name) for _, d in found])[back] for name in DwellNoise.__slots__))
 
 
-def some(d: Dwelt, rows: Whole) -> Dwelt:
+def some(d: DwellNoise, rows: Whole) -> DwellNoise:
     """Some of the units."""
-    return Dwelt(*(getattr(d, name)[rows] for name in Dwelt.__slots__))
+    return DwellNoise(*(getattr(d, name)[rows] for name in DwellNoise.__slots__))
 
 
 if __name__ == "__main__":

@@ -39,16 +39,15 @@ import wires
 from station.adapters.bus.socketcan import STREAM_BUFFER_BYTES, _Channel, _enlarge
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
-from station.config.places import shipped
 from station.config.recipes import load_recipe
+from station.config.search_path import shipped_folder
 from station.domain.core.types import Frames
 from station.domain.evaluation import pipeline
-from station.domain.run.progress import StopStarted
-from station.model.simulate import Job as Simulated
-from station.model.simulate import simulate
-from station.service.itinerary import tumble, verification
+from station.domain.run.progress import VisitStarted
+from station.model.simulate import SimulationJob, simulate
+from station.service.itinerary import tumble_visits, verification_visits
 from station.service.runner import Runner
-from station.wiring import Bench, Order, bench, open_bench
+from station.wiring import Bench, RunOrder, bench, open_bench
 from station.wiring.live_device import LiveDevices, Population
 
 NODES, SERIALS = (0x11, 0x12, 0x13, 0x14), ("SN0001", "SN0002", "SN0003", "SN0004")
@@ -184,21 +183,23 @@ def beside(database: Path, folder: Path) -> Iterator[Counter[str]]:
 def calibrate(over: threading.Event, done: Counter[str]) -> None:
     """Fits the same samples again and again."""
     recipe = load_recipe("six-point")
-    table = simulate(Simulated(recipe, SERIALS, seed=1)).table
+    table = simulate(SimulationJob(recipe, SERIALS, seed=1)).table
     while not over.is_set():
         done["calibrations"] += sum(1 for _ in pipeline.calibrate(recipe, table, "2026-01-01", 0.0))
 
 
-def order(folder: Path) -> Order:
+def order(folder: Path) -> RunOrder:
     """The station: six short stops, a drive that is there at once."""
-    recipe, config = (yaml.safe_load((shipped() / f).read_text()) for f in ("recipes/six-point.yaml", "config.yaml"))
+    recipe, config = (
+        yaml.safe_load((shipped_folder() / f).read_text()) for f in ("recipes/six-point.yaml", "config.yaml")
+    )
     sheet = {**recipe["device"], "rate_hz": RATE_HZ, "clock_tolerance_ppm": 1000}
     limits = {"rule": "simple", "offset": 0.2, "residual": 0.05}
     (folder / "recipe.yaml").write_text(yaml.safe_dump({**recipe, "device": sheet, "limits": limits}))
     drive = {"kind": "simulated", "speed_deg_s": 3600, "acceleration_deg_s2": 36000}
     bus = {"interface": "socketcan", "channel": "full-bus"}  # whose place the UDP sockets take
     (folder / "config.yaml").write_text(yaml.safe_dump({**config, "bus": bus, "positioner": drive}))
-    return Order(str(folder / "recipe.yaml"), folder / "config.yaml", folder / "station.db")
+    return RunOrder(str(folder / "recipe.yaml"), folder / "config.yaml", folder / "station.db")
 
 
 def measure(seconds: float, buffer: int, *, idle: bool) -> dict[str, Any]:
@@ -226,11 +227,11 @@ def measure(seconds: float, buffer: int, *, idle: bool) -> dict[str, Any]:
 def one_load(station: Bench, turn: Callable[[str], None]) -> list[str]:
     """Outcomes of a fixture load; the devices feel what the stop says."""
     recipe = station.job.recipe
-    true = {s.position: s.true for s in [*tumble(recipe, 0), *verification(recipe)]}
+    true = {s.position: s.true for s in [*tumble_visits(recipe, 0), *verification_visits(recipe)]}
     (seats,) = station.loads(SERIALS)
     with closing(Runner(station.station, station.job).run(seats)) as events:
         for event in events:
-            if isinstance(event, StopStarted):
+            if isinstance(event, VisitStarted):
                 turn("true " + " ".join(f"{float(v):.9f}" for v in np.asarray(true[event.position])))
             last = event
     return [str(r.outcome) for r in last.results]  # type: ignore[attr-defined]

@@ -10,7 +10,7 @@ import yaml
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from station.config.places import shipped
+from station.config.search_path import shipped_folder
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.recipe import directions
 from tests.fakes import tumble
@@ -41,7 +41,7 @@ def stops(folder: Path, size: int) -> None:
 
 def config(folder: Path, size: int) -> None:
     """A fixture with so many nests."""
-    said = yaml.safe_load((shipped() / "config.yaml").read_text(encoding="utf-8"))
+    said = yaml.safe_load((shipped_folder() / "config.yaml").read_text(encoding="utf-8"))
     said["nests"] = [{"name": f"N{i}", "node": i + 1} for i in range(size)]
     (folder / f"nests-{size}.yaml").write_text(yaml.safe_dump(said), encoding="utf-8")
 

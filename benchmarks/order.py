@@ -19,7 +19,7 @@ from figures import keep, spread
 from station.config.recipes import load_recipe
 from station.domain.core.types import Floats
 from station.domain.recipe import directions, moves, ordering, plan
-from station.domain.recipe.ordering import Moves, Path
+from station.domain.recipe.ordering import MoveTimes, Path
 from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
@@ -88,12 +88,14 @@ def recipe(ups: Floats) -> Recipe:
     return tumble.recipe("n-point", ups={f"p{i:02d}": up for i, up in enumerate(ups)})
 
 
-def moves_of(asked: Recipe) -> Moves:
+def moves_of(asked: Recipe) -> MoveTimes:
     """The moves of a recipe's first run, from the parking place and back."""
-    return moves.allowed(moves.usual(asked.positions, *plan.ends(asked, 0)), asked.positions, asked.runs[0])
+    return moves.allowed_moves(
+        moves.bench_move_times(asked.positions, *plan.ends(asked, 0)), asked.positions, asked.runs[0]
+    )
 
 
-def timed(work: Callable[[Moves], Path], asked: Moves) -> tuple[Path, float]:
+def timed(work: Callable[[MoveTimes], Path], asked: MoveTimes) -> tuple[Path, float]:
     """A path and the milliseconds of processor time it took, median of three."""
     took = []
     for _ in range(3):
@@ -103,7 +105,7 @@ def timed(work: Callable[[Moves], Path], asked: Moves) -> tuple[Path, float]:
     return path, statistics.median(took)
 
 
-def one_tree(asked: Moves, rounds: int = 2000) -> float:
+def one_tree(asked: MoveTimes, rounds: int = 2000) -> float:
     """Lower bound: the closed tour through the parking place, every node's degree priced towards 2.
 
     Moves must take as long both ways.

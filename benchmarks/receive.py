@@ -23,13 +23,13 @@ from can.interfaces.socketcan.socketcan import SocketcanBus
 
 from station.adapters.bus._recvmmsg import Receiver
 from station.adapters.dbc import read_layouts
-from station.adapters.memory import keep_freed
+from station.adapters.malloc_tuning import retain_freed_memory
 from station.adapters.store.sqlite import SqliteStore
-from station.domain.can.decode import Samples, samples
+from station.domain.can.decode import Samples, decode_samples
 from station.domain.can.encode import sample_frames
 from station.domain.can.sensor_layout import FrameMap, SensorLayout, resolve
 from station.domain.core.types import Frames
-from station.ports.store import Begin, VisitRecord
+from station.ports.store import AttemptStart, VisitRecord
 
 DBC = Path(__file__).resolve().parents[1] / "dbc" / "accelerometer.dbc"
 ROLES = {
@@ -52,7 +52,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=5.0)
     options = parser.parse_args()
     print(f"{wires.machine()}; over {wires.medium()}")
-    keep_freed()  # as a station's process does, and to the good of every contestant
+    retain_freed_memory()  # as a station's process does, and to the good of every contestant
     layout = resolve(FrameMap.model_validate(ROLES), read_layouts(DBC))
     if 1 in options.rows:
         row_1(layout, options.runs)
@@ -154,7 +154,7 @@ def _receive_and_store(
                 idle_since_s = time.monotonic()
         if time.monotonic() >= stop_s or min(had) >= count:
             stops = [Frames.join(parts) for parts in waiting]
-            read = [samples(frames, layout, 1) for frames in stops]
+            read = [decode_samples(frames, layout, 1) for frames in stops]
             store.visit(attempts, [_visit(visit, f, s) for f, s in zip(stops, read, strict=True)])
             found += read
             waiting, visit, stop_s = [[] for _ in receivers], visit + 1, stop_s + 1.0
@@ -188,7 +188,7 @@ def _station(wire: wires.Wire, layout: SensorLayout) -> Callable[[int], int]:
             got += len(parts[-1])
             if not len(parts[-1]):
                 time.sleep(LOOK_S)
-        return int(np.count_nonzero(samples(Frames.join(parts), layout, 1).usable))
+        return int(np.count_nonzero(decode_samples(Frames.join(parts), layout, 1).usable))
 
     return receive
 
@@ -285,8 +285,8 @@ def _datagrams(frames: Frames) -> list[bytes]:
     return [wires.FRAME.pack(0x181, 8, data.tobytes()) for data in frames.data]
 
 
-def _begin(nest: int) -> Begin:
-    return Begin(
+def _begin(nest: int) -> AttemptStart:
+    return AttemptStart(
         serial=f"SN{nest:04d}",
         station="bench",
         nest=str(nest),

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from station import plugins
 from station.config.recipes import load_recipe
-from station.model.simulate import Job, effect_of, parts, simulate
+from station.model.simulate import SimulationJob, parse_effect, simulate, simulate_in_parts
 
 GOAL_S = 0.1
 
@@ -51,17 +51,17 @@ def main() -> None:
     options = ask.parse_args()
     recipe = load_recipe("tilt-24")
     four = tuple(f"SN{i:04d}" for i in range(4))
-    everything = tuple(effect_of(name, recipe) for name in plugins.names("station.model.effects"))
-    samples = len(simulate(Job(recipe, four, 1)).table)
+    everything = tuple(parse_effect(name, recipe) for name in plugins.names("station.model.effects"))
+    samples = len(simulate(SimulationJob(recipe, four, 1)).table)
     rng = np.random.default_rng(1)
     limit_s = statistics.median(timed(lambda: rng.standard_normal((samples, 3)).copy(), options.runs))
     for what, effects in (("no cause", ()), (f"all {len(everything)} causes", everything)):
-        job = Job(recipe, four, 1, effects)
+        job = SimulationJob(recipe, four, 1, effects)
         seconds = timed(lambda job=job: simulate(job), options.runs)
         told(f"{samples} samples, {what}", seconds, limit_s, f"goal ≤ {GOAL_S * 1e3:.0f} ms")
-    fleet = Job(recipe, tuple(f"SN{i:04d}" for i in range(options.units)), 1)
+    fleet = SimulationJob(recipe, tuple(f"SN{i:04d}" for i in range(options.units)), 1)
     begun = time.perf_counter()
-    rows = sum(len(part.table) for part in parts(fleet))
+    rows = sum(len(part.table) for part in simulate_in_parts(fleet))
     spent = time.perf_counter() - begun
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"{rows} samples of {options.units} units in parts: {spent:.2f} s, {rows / spent / 1e6:.2f} million a second")

@@ -23,8 +23,8 @@ from scipy.optimize import least_squares
 
 from station.domain.core.types import Floats
 from station.domain.methods import method, scatter
-from station.domain.methods.method import Problem
-from station.domain.methods.scatter import Solved
+from station.domain.methods.method import FitProblem
+from station.domain.methods.scatter import SolvedUnits
 from station.domain.methods.uncertainty import covariance_of_noise
 from station.domain.recipe import directions
 from station.domain.recipe.recipe import Recipe
@@ -78,7 +78,7 @@ def tell(rates: dict[str, float], peer: str, more: str, runs: int) -> None:
     print(f"  bulk / {peer:<25} {ratio:>10.0f}   goal >= {GOAL:g}   {'met' if ratio >= GOAL else 'MISSED'}{more}")
 
 
-def fleet(recipe: Recipe, units: int) -> tuple[method.Method, list[Problem]]:
+def fleet(recipe: Recipe, units: int) -> tuple[method.Method, list[FitProblem]]:
     """A recipe's method, and the problems of so many units, as many at a time as a backtest takes."""
     rng = np.random.default_rng(1)
     true = tumble.truths(recipe)
@@ -87,7 +87,7 @@ def fleet(recipe: Recipe, units: int) -> tuple[method.Method, list[Problem]]:
     return method.of(recipe), [problem.take(slice(a, a + PORTION)) for a in range(0, units, PORTION)]
 
 
-def check(kind: method.Method, problem: Problem) -> None:
+def check(kind: method.Method, problem: FitProblem) -> None:
     """Stops the benchmark if one unit alone gets another answer than among many."""
     together = whole(kind, problem)
     for u in range(50):
@@ -102,10 +102,10 @@ def timed(work: Callable[[], object]) -> float:
     return time.process_time() - begun
 
 
-def bench(mean: Floats, true: Floats) -> Problem:
+def bench(mean: Floats, true: Floats) -> FitProblem:
     """The problem of units (u) with equal noise."""
     u, v, _ = mean.shape
-    return Problem(
+    return FitProblem(
         mean=mean,
         cov=np.tile(NOISE**2 * np.eye(3), (u, v, 1, 1)),
         quantisation=np.zeros((u, v, 3)),
@@ -116,27 +116,27 @@ def bench(mean: Floats, true: Floats) -> Problem:
         pose=np.arange(v),
         pose_std_rad=0.0,
         scatter_pose=np.zeros(u),
-        scatter_stop=np.zeros(u),
+        scatter_visit=np.zeros(u),
         nuisance=np.zeros((v, 0)),
         model="matrix",
         pose_known=True,
     )
 
 
-def solved(kind: method.Method, problem: Problem) -> Iterator[tuple[Solved, Floats]]:
+def solved(kind: method.Method, problem: FitProblem) -> Iterator[tuple[SolvedUnits, Floats]]:
     """Part by part, with the covariances of its rows (u, 12, 12)."""
     for part in scatter.solve(kind, problem):
         yield part, covariance_of_noise(part.fit, part.problem.cov)
 
 
-def in_turn(kind: method.Method, batches: list[Problem]) -> None:
+def in_turn(kind: method.Method, batches: list[FitProblem]) -> None:
     """Batch after batch, each answer dropped as the pipeline drops it once it is judged."""
     for batch in batches:
         for _ in solved(kind, batch):
             pass
 
 
-def whole(kind: method.Method, problem: Problem) -> Floats:
+def whole(kind: method.Method, problem: FitProblem) -> Floats:
     """Coefficients and covariance side by side (u, 12 + 144)."""
     answers = np.full((len(problem.mean), 12 + 144), np.nan)
     for part, covariance in solved(kind, problem):

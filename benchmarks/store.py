@@ -26,14 +26,14 @@ import zstandard
 
 from station.adapters.bus import write_log
 from station.adapters.dbc import read_layouts
-from station.adapters.store import plain
+from station.adapters.store import column_values
 from station.adapters.store.sqlite import SqliteStore
 from station.domain.can.encode import sample_frames, temperature_frames
 from station.domain.can.sensor_layout import FrameMap, SensorLayout, resolve
 from station.domain.core.types import Frames
 from station.domain.records.framepack import codec
 from station.domain.records.framepack import plain as raw
-from station.ports.store import Begin, VisitRecord
+from station.ports.store import AttemptStart, VisitRecord
 
 DBC = Path(__file__).resolve().parents[1] / "dbc" / "accelerometer.dbc"
 ROLES = {
@@ -99,7 +99,7 @@ def row_7(layout: SensorLayout, rate_hz: int, stops: int, folder: str | None) ->
         for setting in ("journal_mode = WAL", "synchronous = FULL"):
             peer.execute(f"PRAGMA {setting}")
         peer.execute("CREATE TABLE visit (id INTEGER PRIMARY KEY, statistics TEXT, frames BLOB)")
-        same = [(plain.document(s), raw.to_bytes(f)) for s, f in zip(statistics, frames, strict=True)]
+        same = [(column_values.document(s), raw.to_bytes(f)) for s, f in zip(statistics, frames, strict=True)]
         for number in range(stops):
             records = [
                 VisitRecord(0, number, "z-up", "home", "tumble", 1, 2, f, s, kept)
@@ -129,14 +129,14 @@ def row_7(layout: SensorLayout, rate_hz: int, stops: int, folder: str | None) ->
     figures.keep(7, f"{what}; {ahead}", f"{ratio:.2f} × ({how})", peer, "<= 1.3 ×", ratio <= 1.3)
 
 
-def _laid(frames: Sequence[Frames]) -> tuple[float, list[raw.Laid]]:
+def _laid(frames: Sequence[Frames]) -> tuple[float, list[raw.PlainFrames]]:
     """Median processor time, s, of laying out and hashing the frames of all nests look by look; what they come to."""
     used: list[float] = []
-    laid: list[raw.Laid] = []
+    laid: list[raw.PlainFrames] = []
     for _ in range(20):
         begun, laid = time.process_time(), []
         for one in frames:
-            laying = raw.Laying()
+            laying = raw.PlainFramesBuilder()
             cuts = np.searchsorted(one.time_ns, one.time_ns[0] + np.array(LOOKS_S[:-1]) * 1e9)
             for first, last in pairwise((0, *cuts.tolist(), len(one))):
                 laying.add(one[first:last])
@@ -184,9 +184,9 @@ def _peers(frames: Frames) -> tuple[int, int]:
         return len(zstandard.ZstdCompressor(level=19).compress(log.read_bytes())), blf.stat().st_size
 
 
-def _begin(nest: int) -> Begin:
+def _begin(nest: int) -> AttemptStart:
     told = {"recipe_hash": "", "recipe_json": "", "config_hash": "", "software": "", "operator": "", "started_ns": 1}
-    return Begin(f"SN{nest}", "bench", str(nest), 17 + nest, "tilt-24", 1, **told)
+    return AttemptStart(f"SN{nest}", "bench", str(nest), 17 + nest, "tilt-24", 1, **told)
 
 
 def _statistics(rng: np.random.Generator) -> dict[str, object]:

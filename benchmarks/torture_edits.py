@@ -25,7 +25,7 @@ from station.adapters.store.keys import Signer
 from station.adapters.store.schema import COLUMNS
 from station.adapters.store.sqlite import SqliteStore
 from station.domain.core.types import Frames
-from station.ports.store import Begin, VisitRecord, WriteRecord
+from station.ports.store import AttemptStart, VisitRecord, WriteRecord
 
 Rng = np.random.Generator
 Edit = Callable[[sqlite3.Connection, Rng], str]
@@ -49,10 +49,12 @@ def make(path: Path, signer: Signer | None = None, attempts: int = 4) -> None:
                 store.tidy()
 
 
-def begin(serial: str) -> Begin:
+def begin(serial: str) -> AttemptStart:
     """What the station would say of a unit."""
     told = {"recipe_hash": "ab" * 32, "recipe_json": '{"name": "six-point"}', "config_hash": "cd" * 32}
-    return Begin(serial, "bench-1", "A", 1, "six-point", 1, software="0.1.0", operator="op", started_ns=1, **told)
+    return AttemptStart(
+        serial, "bench-1", "A", 1, "six-point", 1, software="0.1.0", operator="op", started_ns=1, **told
+    )
 
 
 def visit(number: int, rng: Rng) -> VisitRecord:

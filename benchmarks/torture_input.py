@@ -33,11 +33,11 @@ from station.adapters.samples import read_samples, write_samples
 from station.adapters.simulated_device import device_fault
 from station.config.documents import load_document, validate
 from station.config.models import load_model
-from station.config.places import shipped
 from station.config.products import load_product
 from station.config.recipes import load_recipe
+from station.config.search_path import shipped_folder
 from station.config.settings import load_config
-from station.domain.can.decode import samples
+from station.domain.can.decode import decode_samples
 from station.domain.can.sensor_layout import SensorLayout, resolve
 from station.domain.core.types import Frames, SampleTable
 from station.domain.product.product import Product
@@ -47,7 +47,7 @@ from station.errors import ProductError, StationError
 MOST_S, MOST_BYTES = 5.0, 1 << 30
 #: A recording that is read in a process of its own takes half a second: its turn comes once in so many rounds.
 SELDOM = {"mf4": 40}
-RECIPE = shipped() / "recipes" / "six-point.yaml"
+RECIPE = shipped_folder() / "recipes" / "six-point.yaml"
 
 #: What has broken parsers before.
 TOKENS: Sequence[bytes] = (
@@ -73,7 +73,7 @@ class Target:
 def targets(folder: Path) -> Mapping[str, Target]:
     """Everything that reads what people hand in."""
     product = load_product("accelerometer")
-    files = shipped() / "dbc"
+    files = shipped_folder() / "dbc"
     layout = resolve(product.frames, dbc.read_layouts(files / "accelerometer.dbc"))
     recipe = load_recipe(RECIPE)
 
@@ -84,7 +84,7 @@ def targets(folder: Path) -> Mapping[str, Target]:
     frames = _frames()
     return {
         "recipe": Target(RECIPE.read_bytes(), "r.yaml", load_recipe),
-        "config": Target((shipped() / "config.yaml").read_bytes(), "c.yaml", load_config),
+        "config": Target((shipped_folder() / "config.yaml").read_bytes(), "c.yaml", load_config),
         "product": Target((files / "accelerometer.yaml").read_bytes(), "p.yaml", _product),
         "model": Target(b"schema: station.model/1\neffects: []\n", "m.yaml", load_model),
         "dbc": Target((files / "accelerometer.dbc").read_bytes(), "a.dbc", dbc.read_layouts),
@@ -130,7 +130,9 @@ def _decode(layout: SensorLayout, path: Path) -> object:
     rows = np.frombuffer(whole[: len(whole) // 13 * 13], np.uint8).reshape(-1, 13)
     can_id = np.ascontiguousarray(rows[:, :4]).view("<u4")[:, 0].astype(np.uint32)
     length = np.minimum(rows[:, 4], 8)
-    return samples(Frames(np.arange(len(rows)) * 10**7, can_id, length, np.ascontiguousarray(rows[:, 5:])), layout, 5)
+    return decode_samples(
+        Frames(np.arange(len(rows)) * 10**7, can_id, length, np.ascontiguousarray(rows[:, 5:])), layout, 5
+    )
 
 
 def _product(path: Path) -> object:
@@ -143,9 +145,9 @@ def _fault(path: Path) -> object:
 
 def _written(folder: Path, name: str) -> bytes:
     path = folder / name
-    from station.model.simulate import Job, simulate
+    from station.model.simulate import SimulationJob, simulate
 
-    table: SampleTable = simulate(Job(load_recipe(RECIPE), ("SN0001",), seed=1)).table
+    table: SampleTable = simulate(SimulationJob(load_recipe(RECIPE), ("SN0001",), seed=1)).table
     write_samples(table[:40], path)
     return path.read_bytes()
 

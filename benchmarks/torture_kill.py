@@ -36,8 +36,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.canopen.network import ServiceNetwork
-from station.adapters.simulated_device.memory import NonVolatile
-from station.adapters.store.life import result
+from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
+from station.adapters.store.audit_document import result
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.adapters.store.sqlite import SqliteStore
@@ -46,8 +46,8 @@ from station.domain.core.types import Outcome
 from station.domain.product.writeback import classify
 from station.domain.run.progress import Phase, PhaseEntered, UnitDone
 from station.service.runner import Runner
-from station.service.stop_request import Stop
-from station.wiring import Order, open_bench
+from station.service.stop_request import StopRequest
+from station.wiring import RunOrder, open_bench
 
 SERIAL = "SN0001"
 #: What is a point: before and after each of these calls.
@@ -55,7 +55,7 @@ CALLS: Sequence[tuple[type, tuple[str, ...]]] = (
     (SqliteStore, ("begin", "event", "visit", "write", "result", "finish", "tidy")),
     (CanopenDevice, ("upload", "download", "nmt", "wait_boot_up")),
     (ServiceNetwork, ("send",)),
-    (NonVolatile, ("store",)),
+    (NonVolatileMemory, ("store",)),
 )
 #: Store call → where `life` tells what it kept.
 _KEPT = {"visit": "visits", "write": "writes", "result": "results"}
@@ -141,8 +141,8 @@ def forked(work: Callable[[int], None]) -> Iterator[tuple[int, int]]:
 def run(folder: Path, seed: int, *, torn: bool = False, until: Phase | None = None, death: Death | None = None) -> None:
     """A whole simulated run, or one that the operator stops on entering the phase `until`."""
     faults = ("save-torn",) if torn else ()
-    order = Order(simulate=True, database=folder / "station.db", device_state=folder / "devices", seed=seed)
-    stop = Stop()
+    order = RunOrder(simulate=True, database=folder / "station.db", device_state=folder / "devices", seed=seed)
+    stop = StopRequest()
     with open_bench(replace(order, faults=faults)) as bench:
         (seats,) = bench.loads([SERIAL])
         bench.fixture.place(seats)

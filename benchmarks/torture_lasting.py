@@ -23,10 +23,10 @@ import yaml
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from station.config.places import shipped
+from station.config.search_path import shipped_folder
 from station.domain.core.types import Outcome
 from station.service.runner import Runner
-from station.wiring import Bench, Order, open_bench
+from station.wiring import Bench, RunOrder, open_bench
 
 GOAL, WAL_MIB = 0.05, 64
 #: The shortest run there is: what could grow does so by the unit, not by the second.
@@ -65,14 +65,16 @@ def one_load(bench: Bench, first: int) -> int:
     return sum(r.outcome is Outcome.PASS for r in results)
 
 
-def order(folder: Path, seed: int) -> Order:
+def order(folder: Path, seed: int) -> RunOrder:
     """A simulated station with the short recipe and a quick positioner."""
-    recipe, config = (yaml.safe_load((shipped() / f).read_text()) for f in ("recipes/one-point.yaml", "config.yaml"))
+    recipe, config = (
+        yaml.safe_load((shipped_folder() / f).read_text()) for f in ("recipes/one-point.yaml", "config.yaml")
+    )
     files = {"recipe.yaml": recipe | SHORT, "config.yaml": config | {"positioner": QUICK, "nests": config["nests"][:1]}}
     for name, document in files.items():
         (folder / name).write_text(yaml.safe_dump(document))
     given = {"recipe": str(folder / "recipe.yaml"), "config": folder / "config.yaml"}
-    return Order(simulate=True, database=folder / "station.db", seed=seed, **given)  # type: ignore[arg-type]
+    return RunOrder(simulate=True, database=folder / "station.db", seed=seed, **given)  # type: ignore[arg-type]
 
 
 def lasting(units: int, after: int, seed: int) -> dict[str, Any]:

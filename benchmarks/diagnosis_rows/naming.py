@@ -10,7 +10,7 @@ from benchmarks.diagnosis_rows import oracle, peers
 from benchmarks.diagnosis_rows.figures import Figure, Judge, at_least, at_most, bootstrapped, share
 from benchmarks.diagnosis_rows.same_noise import gain_of_the_true_form
 from benchmarks.diagnosis_rows.trials import Ask, Trial, named_ids, tell_misses, trial, tried
-from station.diagnosis.data.residuals import View
+from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.results.diagnose import Diagnosis
 from station.model.forward import forward
 from station.model.scene import scene_of_table
@@ -62,10 +62,10 @@ def gained(made: Trial, found: Diagnosis) -> float:
     scene = scene_of_table(of, quiet)
     sigma = WHITE.density * np.sqrt(of.device.rate_hz / 2)
 
-    def off(view: View) -> float:
+    def off(view: ResidualView) -> float:
         return float(np.sum((quiet.reading - forward(scene, view.base, view.active)) ** 2)) / sigma**2
 
-    return off(found.searched.first.view) - off(found.last.view)
+    return off(found.search_result.first.view) - off(found.last.view)
 
 
 def naming(seed: int, sets: int) -> list[Figure]:

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from station.diagnosis.candidates.bank import Candidate, candidates, library, testable
-from station.diagnosis.data.residuals import View
+from station.diagnosis.candidates.bank import Candidate, candidates, cause_library, is_testable
+from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.results.diagnose import Diagnosis
 
 Array = Any
@@ -30,13 +30,13 @@ class Readings:
     """Stops' means and contrasts in units of their noise, free of each unit's offset and gain: data (v, m); free
     turns columns (v, m, k) into the same."""
 
-    view: View
+    view: ResidualView
     data: Array
     scale: Array
     basis: tuple[tuple[Array, Array], ...]
 
     @staticmethod
-    def of(view: View) -> "Readings":
+    def of(view: ResidualView) -> "Readings":
         """The readings of a view of the ideal simulation."""
         r = view.reduced
         scale = np.sqrt(r.count.sum(1)) / r.sigma
@@ -83,7 +83,7 @@ class Fit:
 
 def named(d: Diagnosis, seed: int = 1) -> Mapping[str, str]:
     """The cause that each way names."""
-    readings = Readings.of(d.searched.first.view)
+    readings = Readings.of(d.search_result.first.view)
     fits = list(_fits(readings))
     rss, n = float(np.sum(readings.data**2)), readings.count
     log_left = {id(f): float(np.log(max(rss - f.drop, 1e-9 * rss))) for f in fits}
@@ -108,7 +108,7 @@ def named(d: Diagnosis, seed: int = 1) -> Mapping[str, str]:
 
 def omnibus(d: Diagnosis) -> bool:
     """Whether χ² of all stops' means is beyond its 99 % quantile."""
-    readings = Readings.of(d.searched.first.view)
+    readings = Readings.of(d.search_result.first.view)
     means = readings.data[:, :3]
     return bool(stats.chi2.sf(np.sum(means**2), means.size - sum(Q.shape[1] for _, Q in readings.basis)) < 0.01)
 
@@ -116,7 +116,7 @@ def omnibus(d: Diagnosis) -> bool:
 def _fits(readings: Readings) -> Iterator[Fit]:
     """Least squares for every cause at every shape and level that leaves anything; of many groups the best one."""
     view = readings.view
-    effects = [e for e in library(view.scene.recipe) if testable(e, view)]
+    effects = [e for e in cause_library(view.scene.recipe) if is_testable(e, view)]
     y = readings.data.ravel()
     for candidate in (c for e in effects for c in candidates(e, view)):
         X = readings.white(candidate.stop, candidate.dwell)

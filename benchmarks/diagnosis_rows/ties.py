@@ -181,7 +181,7 @@ def parted(name: str, seed: int, d: float = 12.0) -> Parted | None:
 
 
 def _set_of(name: str, found: Diagnosis) -> tuple[str, ...]:
-    sets = [(c.finding.name, *c.finding.alike) for c in found.causes]
+    sets = [(c.finding.name, *c.finding.indistinguishable_from) for c in found.causes]
     return next((s for s in sets if name in s), ())
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from station.diagnosis.results.diagnose import Diagnosis, diagnose
-from station.diagnosis.search.alarm import Null
+from station.diagnosis.search.alarm import NullDistribution
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
@@ -97,9 +97,9 @@ def table_of(ask: Ask) -> tuple[Recipe, SampleTable, Mapping[str, float]]:
 
 def told(ask: Ask, found: Diagnosis, truth: Mapping[str, float]) -> Trial:
     """A diagnosis as a trial."""
-    searched = found.searched
-    sets = [(f.effect, *f.alike) for f in found.faults]
-    sets += [(c.finding.name, *c.finding.alike) for c in found.causes]
+    searched = found.search_result
+    sets = [(f.effect, *f.indistinguishable_from) for f in found.faults]
+    sets += [(c.finding.name, *c.finding.indistinguishable_from) for c in found.causes]
     alarmed = bool(found.faults) or searched.statistics[0] > searched.threshold
     probability = searched.findings[0].probability if searched.findings else {}
     likely = credible(probability)
@@ -144,14 +144,14 @@ def first_look(ask: Ask) -> First:
     """The first look at the samples; the search that would follow an alarm is left out."""
     threshold = [np.inf]
 
-    def never(problem: Any, fitted: Any, now: Any) -> Null:
+    def never(problem: Any, fitted: Any, now: Any) -> NullDistribution:
         null = null_of(problem, fitted, now)
         threshold[0] = null.threshold
         return replace(null, threshold=np.inf)
 
     recipe, table, _ = table_of(ask)
     found = diagnose(recipe, table, Model(), never)
-    return First(found.searched.statistics[0], threshold[0], bool(found.faults))
+    return First(found.search_result.statistics[0], threshold[0], bool(found.faults))
 
 
 def named_ids() -> list[str]:

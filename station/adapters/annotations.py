@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from station.domain.capture.annotations import Mark, Marks
+from station.domain.capture.annotations import Annotation, Annotations
 from station.errors import LogError
 
 COLUMNS = ("unit", "node", "run", "visit", "position", "start_s", "end_s", "seating")
@@ -15,7 +15,7 @@ COLUMNS = ("unit", "node", "run", "visit", "position", "start_s", "end_s", "seat
 MOST_BYTES = 50_000_000
 
 
-def beside(log: Path) -> Path | None:
+def find_marks_file(log: Path) -> Path | None:
     """The marks of a log, when there are some."""
     for ending in (".marks.json", ".marks.csv"):
         for path in (log.with_name(log.name + ending), log.with_suffix(ending)):
@@ -24,7 +24,7 @@ def beside(log: Path) -> Path | None:
     return None
 
 
-def read_marks(path: Path) -> Marks:
+def read_marks(path: Path) -> Annotations:
     """Reads marks by the file's ending. Errors: LogError with file, line and column."""
     try:
         if path.stat().st_size > MOST_BYTES:
@@ -37,7 +37,7 @@ def read_marks(path: Path) -> Marks:
     return _of_csv(path, text) if path.suffix.lower() == ".csv" else _of_json(path, text)
 
 
-def write_marks(path: Path, marks: Marks) -> None:
+def write_marks(path: Path, marks: Annotations) -> None:
     """Writes marks by the file's ending."""
     if path.suffix.lower() == ".csv":
         with path.open("w", encoding="utf-8", newline="") as file:
@@ -48,9 +48,9 @@ def write_marks(path: Path, marks: Marks) -> None:
         path.write_text(json.dumps(marks.model_dump(by_alias=True), indent=1), encoding="utf-8")
 
 
-def _of_json(path: Path, text: str) -> Marks:
+def _of_json(path: Path, text: str) -> Annotations:
     try:
-        return Marks.model_validate(json.loads(text))
+        return Annotations.model_validate(json.loads(text))
     except json.JSONDecodeError as exc:
         raise LogError(f"{path} line {exc.lineno}: this is not JSON: {exc.msg}") from None
     except ValidationError as exc:
@@ -59,7 +59,7 @@ def _of_json(path: Path, text: str) -> Marks:
         raise LogError(f"{path} is nested too deeply; these are no marks") from None
 
 
-def _of_csv(path: Path, text: str) -> Marks:
+def _of_csv(path: Path, text: str) -> Annotations:
     rows = csv.DictReader(text.splitlines())
     missing = [c for c in COLUMNS[:-1] if c not in (rows.fieldnames or ())]
     if missing:
@@ -69,10 +69,10 @@ def _of_csv(path: Path, text: str) -> Marks:
     for row in rows:
         told: dict[str, Any] = {c: row[c] for c in COLUMNS if row.get(c)}
         try:
-            marks.append(Mark.model_validate(told))
+            marks.append(Annotation.model_validate(told))
         except ValidationError as exc:
             raise LogError(f"{path} line {rows.line_num}: {_first(exc)}") from None
-    return Marks(marks=tuple(marks))
+    return Annotations(marks=tuple(marks))
 
 
 def _first(exc: ValidationError) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from station.domain.can.dbc_rules import Finding, lint
+from station.domain.can.dbc_rules import DbcIssue, lint
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import EXTENDED
 from station.errors import ProductError
@@ -31,7 +31,7 @@ def read_layouts(path: Path) -> Mapping[str, FrameLayout]:
     layouts = [_frame(m) for m in _messages(path, text)]
     found = lint(layouts)
     if found:
-        told = [_told(text, finding) for finding in found[:MOST_FINDINGS]]
+        told = [_finding_sentence(text, finding) for finding in found[:MOST_FINDINGS]]
         more = [f"and {len(found) - MOST_FINDINGS} more"] if len(found) > MOST_FINDINGS else []
         raise ProductError(f"{path}, " + "; ".join([*told, *more]))
     return {layout.name: layout for layout in layouts}
@@ -57,11 +57,11 @@ def _messages(path: Path, text: str) -> list[Any]:
     try:
         parsed: Any = database.load_string(text, "dbc", strict=True, sort_signals=None)
     except Error as error:
-        raise ProductError(_refused(path, text, str(getattr(error, "e_dbc", error)))) from None
+        raise ProductError(_syntax_error_sentence(path, text, str(getattr(error, "e_dbc", error)))) from None
     return list(parsed.messages)
 
 
-def _refused(path: Path, text: str, why: str) -> str:
+def _syntax_error_sentence(path: Path, text: str, why: str) -> str:
     """cantools' complaint as a sentence with a line."""
     at = _AT_LINE.search(why)
     if at is not None:
@@ -103,12 +103,12 @@ def _number(value: float) -> int | float:
     return value
 
 
-def _told(text: str, finding: Finding) -> str:
+def _finding_sentence(text: str, finding: DbcIssue) -> str:
     name = finding.message if finding.signal is None else f"{finding.message}.{finding.signal}"
     return f"line {_line_of(text, finding)}, {name}: {finding.text}"
 
 
-def _line_of(text: str, finding: Finding) -> int:
+def _line_of(text: str, finding: DbcIssue) -> int:
     """Where a message or signal stands; of two with one name the second."""
     message, line = "", 1
     for start in _STARTS.finditer(text):

@@ -6,18 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from station.adapters.store.search import Query
-from station.cli import _audit_text, _face
+from station.cli import _audit_text, _output
 from station.errors import LogError, UsageError
 
 if TYPE_CHECKING:
     from station.adapters.store.reader import LogReader
 
 #: Something is wrong with the data: an edited log, or coefficients that do not come out again.
-WRONG_DATA = 2
+WRONG_DATA_EXIT_CODE = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class AuditRequest:
     """What is asked. key: file of the public key; known: seals by number, from a certificate."""
 
     query: Query
@@ -33,7 +33,7 @@ class Ask:
         return self.query != Query() or not self.verify or self.recompute
 
 
-def answer(log: "LogReader", ask: Ask, *, as_json: bool) -> int:
+def run_audit(log: "LogReader", ask: AuditRequest, *, as_json: bool) -> int:
     """Prints the answer; the exit code. Errors: LogError, UsageError."""
     if (ask.key or ask.known) and not ask.verify:
         raise UsageError("--key and --head are for checking the chain; add --verify")
@@ -45,27 +45,27 @@ def answer(log: "LogReader", ask: Ask, *, as_json: bool) -> int:
     if ask.recompute:
         document["recompute"] = _recompute(log, ask)
     if as_json:
-        _face.say_json(document)
+        _output.print_json(document)
     else:
-        _audit_text.show(document)
+        _audit_text.print_audit(document)
     whole = not document.get("verify", {}).get("findings")
     same = all(r["identical"] for r in document.get("recompute", ()))
-    return 0 if whole and same else WRONG_DATA
+    return 0 if whole and same else WRONG_DATA_EXIT_CODE
 
 
-def _verify(log: "LogReader", ask: Ask) -> dict[str, Any]:
+def _verify(log: "LogReader", ask: AuditRequest) -> dict[str, Any]:
     from station.adapters.store import keys
     from station.adapters.store.verify import Trust
 
-    trust = Trust(ask.known, keys.public(ask.key) if ask.key else None)
+    trust = Trust(ask.known, keys.load_public_key(ask.key) if ask.key else None)
     head = log.head()
-    with _face.progress() as bar:
+    with _output.progress() as bar:
         task = bar.add_task("checking the chain", total=max(head.number, 1))
         findings = [asdict(f) for f in log.findings(trust, lambda number: bar.update(task, completed=number))]
     return {"records": head.number, "whole": not findings, "findings": findings}
 
 
-def _attempts(log: "LogReader", ask: Ask) -> dict[str, Any]:
+def _attempts(log: "LogReader", ask: AuditRequest) -> dict[str, Any]:
     serial = ask.query.serial
     if serial is None:
         found = [_row(asdict(a)) for a in log.attempts(ask.query, ask.limit)]
@@ -77,18 +77,18 @@ def _attempts(log: "LogReader", ask: Ask) -> dict[str, Any]:
 
 
 def _row(attempt: dict[str, Any]) -> dict[str, Any]:
-    from station.adapters.store.life import utc
+    from station.adapters.store.audit_document import utc
 
     ended = attempt["ended_ns"]
     attempt["record"] = attempt.pop("number")
     return {**attempt, "started": utc(attempt["started_ns"]), "ended": None if ended is None else utc(ended)}
 
 
-def _recompute(log: "LogReader", ask: Ask) -> list[dict[str, Any]]:
+def _recompute(log: "LogReader", ask: AuditRequest) -> list[dict[str, Any]]:
     from station.wiring.recompute import recompute
 
     found = log.attempts(ask.query, ask.limit)
-    with _face.progress() as bar:
+    with _output.progress() as bar:
         task = bar.add_task("computing again", total=len(found))
         done = []
         for attempt in found:

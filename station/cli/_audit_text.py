@@ -4,14 +4,14 @@ from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any
 
-from station.cli import _face
+from station.cli import _output
 
 Document = Mapping[str, Any]
 
-_DROPS = ("lost", "gaps", "repeats", "crc_errors", "kernel_drops")
+_LOSS_COUNTERS = ("lost", "gaps", "repeats", "crc_errors", "kernel_drops")
 
 
-def show(document: Document) -> None:
+def print_audit(document: Document) -> None:
     """Prints an answer of `station audit`."""
     if "verify" in document:
         _show_check(document["verify"])
@@ -21,13 +21,13 @@ def show(document: Document) -> None:
     elif "attempts" in document:
         _show_list(document["attempts"])
     for one in document.get("recompute", ()):
-        _line(_recomputed(one))
+        _line(_recompute_sentence(one))
     _line(f"head of {document['log']}: {document['head']['number']}:{document['head']['hash']}")
 
 
 def _line(text: str = "") -> None:
     """Serials and sentences come from outside: nothing in them may steer the terminal."""
-    _face.say("".join(c if c.isprintable() else " " for c in text))
+    _output.print_line("".join(c if c.isprintable() else " " for c in text))
 
 
 def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -64,7 +64,7 @@ def _show_list(attempts: Sequence[Document]) -> None:
         _line("no such attempt")
 
 
-def _recomputed(one: Document) -> str:
+def _recompute_sentence(one: Document) -> str:
     name = f"{one['serial']} {one['attempt']}"
     if one["skipped"]:
         return f"{name}: nothing to compute again, {one['skipped']}"
@@ -105,7 +105,7 @@ def _show_visits(visits: Sequence[Document]) -> None:
     rows = []
     for v in visits:
         s = v["statistics"]
-        drops = "/".join(_cell(s.get(name)) for name in _DROPS)
+        drops = "/".join(_cell(s.get(name)) for name in _LOSS_COUNTERS)
         place = [v["run"], v["visit"], v["position"], v["seating"], v["kind"], v["frame_count"]]
         rows.append([*place, s.get("mean"), s.get("std"), s.get("temperature_degC"), drops])
     _table("visits", columns, rows)

@@ -6,20 +6,20 @@ from typing import Any
 
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt, Query
-from station.cli import _face
+from station.cli import _output
 from station.config.recipes import recipe_hash
 from station.domain.evaluation import backtest
-from station.domain.evaluation.backtest import Compared
+from station.domain.evaluation.backtest import BacktestResult
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError
 from station.wiring.backtest import run
-from station.wiring.recompute import known
+from station.wiring.recompute import parse_recipe_and_product
 
-_SHOWN = 20
+_MOST_LISTED = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class BacktestRequest:
     """What is asked."""
 
     recipe: Recipe
@@ -28,7 +28,7 @@ class Ask:
     processes: int | None
 
 
-def answer(log: LogReader, ask: Ask, *, as_json: bool) -> int:
+def run_backtest(log: LogReader, ask: BacktestRequest, *, as_json: bool) -> int:
     """Prints what would change. Errors: LogError, RecipeError."""
     attempts = log.attempts(ask.query)
     if not attempts:
@@ -37,7 +37,7 @@ def answer(log: LogReader, ask: Ask, *, as_json: bool) -> int:
             f"name the one they were made with by --of"
         )
     from_frames = ask.from_frames or _windows_differ(log, attempts, ask.recipe)
-    with _face.progress() as bar:
+    with _output.progress() as bar:
         task = bar.add_task("computing again", total=len(attempts))
         compared = run(
             log,
@@ -49,7 +49,7 @@ def answer(log: LogReader, ask: Ask, *, as_json: bool) -> int:
         )
     document = _document(log, ask, attempts, compared, "frames" if from_frames else "stops")
     if as_json:
-        _face.say_json(document)
+        _output.print_json(document)
     else:
         _show(document)
     return 0
@@ -58,12 +58,12 @@ def answer(log: LogReader, ask: Ask, *, as_json: bool) -> int:
 def _windows_differ(log: LogReader, attempts: Sequence[Attempt], changed: Recipe) -> bool:
     """Whether any of the recipes in use then cut its dwells otherwise."""
     one_of_each = {a.recipe_hash: a for a in attempts}.values()
-    used = (known(*log.recipe_and_product(a))[0] for a in one_of_each)
-    return any(backtest.windows_differ(old, changed) for old in used)
+    used = (parse_recipe_and_product(*log.recipe_and_product(a))[0] for a in one_of_each)
+    return any(backtest.dwells_differ(old, changed) for old in used)
 
 
 def _document(
-    log: LogReader, ask: Ask, attempts: Sequence[Attempt], compared: Compared, computed_from: str
+    log: LogReader, ask: BacktestRequest, attempts: Sequence[Attempt], compared: BacktestResult, computed_from: str
 ) -> dict[str, Any]:
     done = compared.verdicts.total()
     return {
@@ -84,17 +84,21 @@ def _document(
 
 def _show(d: dict[str, Any]) -> None:
     name = f"{d['recipe']['name']} version {d['recipe']['version']}"
-    _face.say(f"{d['compared']} of {d['attempts']} attempts with recipe {d['of']}, computed again under {name}")
+    _output.print_line(
+        f"{d['compared']} of {d['attempts']} attempts with recipe {d['of']}, computed again under {name}"
+    )
     source = "raw frames" if d["computed_from"] == "frames" else "reduced stops"
-    _face.say(f"from {source}; {d['without_calibration']} never came to a calibration")
+    _output.print_line(f"from {source}; {d['without_calibration']} never came to a calibration")
     for row in d["verdicts"]:
         same = "stay" if row["before"] == row["after"] else "become"
-        _face.say(f"  {row['count']:>8}  {row['before']} {same} {row['after']}")
-    for change in d["changed"][:_SHOWN]:
+        _output.print_line(f"  {row['count']:>8}  {row['before']} {same} {row['after']}")
+    for change in d["changed"][:_MOST_LISTED]:
         why = "; ".join(change["reasons"]) or "nothing speaks against it any more"
-        _face.say(f"  {change['serial']}: {change['before']} becomes {change['after']}: {why}")
-    if len(d["changed"]) > _SHOWN:
-        _face.say(f"  … and {len(d['changed']) - _SHOWN} more; --json lists them all")
-    _face.say("  coefficient              rms change   largest   in its uncertainty")
+        _output.print_line(f"  {change['serial']}: {change['before']} becomes {change['after']}: {why}")
+    if len(d["changed"]) > _MOST_LISTED:
+        _output.print_line(f"  … and {len(d['changed']) - _MOST_LISTED} more; --json lists them all")
+    _output.print_line("  coefficient              rms change   largest   in its uncertainty")
     for c in d["coefficients"]:
-        _face.say(f"  {c['name']:<22} {c['rms_change']:>12.3g} {c['max_change']:>9.3g} {c['max_change_in_std']:>12.3g}")
+        _output.print_line(
+            f"  {c['name']:<22} {c['rms_change']:>12.3g} {c['max_change']:>9.3g} {c['max_change_in_std']:>12.3g}"
+        )

@@ -7,24 +7,24 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from station.adapters.memory import keep_all
+from station.adapters.malloc_tuning import retain_all_memory
 from station.adapters.samples import by_units
-from station.cli import _calibrate_table, _face
-from station.cli._calibrate_json import JsonUnits
-from station.cli._calibrate_table import Told
+from station.cli import _calibrate_table, _output
+from station.cli._calibrate_json import CalibrationJsonWriter
+from station.cli._calibrate_table import CalibrationSummary
 from station.config.products import load_product
 from station.config.recipes import load_recipe, recipe_path
 from station.domain.core.types import Floats, Outcome
 from station.domain.evaluation import calibration_document, model_comparison, pipeline
-from station.domain.evaluation.model_comparison import Larger
-from station.domain.evaluation.pipeline import Result
+from station.domain.evaluation.model_comparison import LargerModel
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.product import writeback
 from station.domain.recipe.recipe import Recipe
 from station.errors import InputError, SamplesError, UsageError
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class CalibrateOutputs:
     """What is to be told: where the JSON document goes, a folder for pictures, and what else is printed."""
 
     json: Path | None
@@ -33,12 +33,12 @@ class Wanted:
     compare_models: bool = False
 
 
-def calibrate_file(samples: Path, recipe_name: str, wanted: Wanted) -> int:
+def calibrate_file(samples: Path, recipe_name: str, wanted: CalibrateOutputs) -> int:
     """Calibrates every unit of a file; returns the exit code. Errors: InputError, ReferenceOverdue."""
-    keep_all()
+    retain_all_memory()
     recipe = load_recipe(recipe_name)
-    told = Told()
-    with JsonUnits(wanted.json, calibration_document.head(recipe)) as file:
+    told = CalibrationSummary()
+    with CalibrationJsonWriter(wanted.json, calibration_document.head(recipe)) as file:
         for result in _calibrate(recipe, samples, _rounding(recipe, recipe_path(recipe_name))):
             larger = model_comparison.of_unit(recipe, result) if wanted.compare_models else ()
             told.add(result, larger)
@@ -48,19 +48,19 @@ def calibrate_file(samples: Path, recipe_name: str, wanted: Wanted) -> int:
         if told.calibrated == 0:
             raise SamplesError(f"{samples}: {told.first[0].verdict.reasons[0].sentence}")
     if str(wanted.json) != "-":
-        _calibrate_table.show(recipe, told, with_budget=wanted.budget)
+        _calibrate_table.print_calibrations(recipe, told, with_budget=wanted.budget)
     for sentence in told.refused:
-        _face.remark(f"station: {samples}: {sentence}")
+        _output.print_remark(f"station: {samples}: {sentence}")
     return _exit_code(told)
 
 
-def _exit_code(told: Told) -> int:
+def _exit_code(told: CalibrationSummary) -> int:
     if told.outcomes[Outcome.ERROR]:
         return InputError.exit_code
     return 1 if told.outcomes[Outcome.FAIL] else 0
 
 
-def _unit(result: Result, larger: Sequence[Larger]) -> dict[str, Any]:
+def _unit(result: CalibrationResult, larger: Sequence[LargerModel]) -> dict[str, Any]:
     found = calibration_document.unit(result)
     if larger:
         # JSON knows no NaN: what cannot be fitted is null.
@@ -71,9 +71,9 @@ def _unit(result: Result, larger: Sequence[Larger]) -> dict[str, Any]:
     return found
 
 
-def _calibrate(recipe: Recipe, samples: Path, rounding: Floats) -> Iterator[Result]:
+def _calibrate(recipe: Recipe, samples: Path, rounding: Floats) -> Iterator[CalibrationResult]:
     today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
-    with _face.progress() as bar:
+    with _output.progress() as bar:
         task = bar.add_task("calibrating", total=None)
         for done, result in enumerate(pipeline.calibrate_portions(recipe, by_units(samples), today, rounding), start=1):
             bar.update(task, description=f"calibrated {done} units")
@@ -87,13 +87,13 @@ def _rounding(recipe: Recipe, path: Path) -> Floats:
     return writeback.rounding_std(load_product(recipe.product, path).map)
 
 
-def _draw(folder: Path, recipe: Recipe, result: Result) -> None:
-    from station.cli._pictures import of_unit
+def _draw(folder: Path, recipe: Recipe, result: CalibrationResult) -> None:
+    from station.cli._calibrate_figures import unit_figures
 
     safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in result.serial)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, svg in of_unit(recipe, result).items():
+        for name, svg in unit_figures(recipe, result).items():
             (folder / f"{safe}-{name}.svg").write_text(svg, encoding="utf-8")
     except OSError as exc:
         raise UsageError(f"--pictures {folder} cannot be written ({exc.strerror}); name another folder") from exc

@@ -9,11 +9,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
-from station.cli import _face
+from station.cli import _output
 from station.errors import UsageError
 
 
-class JsonUnits:
+class CalibrationJsonWriter:
     """A context that takes units with `add`. path: a file, `-` for standard output, or None for nowhere.
 
     Nothing appears under that name, or on standard output, before the last unit is in. Errors: UsageError.
@@ -24,7 +24,7 @@ class JsonUnits:
         self._file: IO[str] | None = None
         self._first = True
 
-    def __enter__(self) -> "JsonUnits":
+    def __enter__(self) -> "CalibrationJsonWriter":
         if self._path is not None:
             self._file = self._open(self._path)
             self._file.write(f'{dumps(self._head, ensure_ascii=False)[:-1]}, "units": [')
@@ -75,4 +75,4 @@ class JsonUnits:
             shutil.copyfileobj(file, sys.stdout)
             sys.stdout.flush()
         except BrokenPipeError:
-            _face.say()
+            _output.print_line()

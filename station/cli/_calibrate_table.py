@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from station.cli import _budget_table, _face
+from station.cli import _budget_table, _output
 from station.domain.core.types import Outcome
-from station.domain.evaluation.model_comparison import Larger
-from station.domain.evaluation.pipeline import Result
+from station.domain.evaluation.model_comparison import LargerModel
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.methods import decision_rule
 from station.domain.recipe.recipe import Recipe
 
@@ -19,43 +19,43 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 #: Units whose details are printed; all of them stand in the JSON document.
-SHOWN = 20
+MOST_DETAILED = 20
 #: A pipe has no width; this holds every column on one line.
 PIPE_WIDTH = 130
 
 
 @dataclass(slots=True)
-class Told:
+class CalibrationSummary:
     """What is kept of the units for people: the first few whole, the rest as counts.
 
     refused: sentences of units that could not be calibrated, as many as a person reads.
     """
 
-    first: list[Result] = field(default_factory=list)
-    larger: list[Sequence[Larger]] = field(default_factory=list)
+    first: list[CalibrationResult] = field(default_factory=list)
+    larger: list[Sequence[LargerModel]] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
     outcomes: Counter[Outcome] = field(default_factory=Counter)
     calibrated: int = 0
     worst_false_accept: float = 0.0
 
-    def add(self, result: Result, larger: Sequence[Larger]) -> None:
+    def add(self, result: CalibrationResult, larger: Sequence[LargerModel]) -> None:
         """Counts one unit."""
         verdict = result.verdict
         self.outcomes[verdict.outcome] += 1
         self.calibrated += result.calibration is not None
-        if len(self.first) < SHOWN:
+        if len(self.first) < MOST_DETAILED:
             # Samples of the units shown may go; nobody prints them.
             self.first.append(replace(result, visits=None))
             self.larger.append(larger)
         if verdict.outcome is Outcome.PASS:
             self.worst_false_accept = max(self.worst_false_accept, verdict.false_accept)
-        if verdict.outcome is Outcome.ERROR and len(self.refused) < SHOWN:
+        if verdict.outcome is Outcome.ERROR and len(self.refused) < MOST_DETAILED:
             self.refused.append(verdict.reasons[0].sentence)
 
 
-def show(recipe: Recipe, told: Told, *, with_budget: bool) -> None:
+def print_calibrations(recipe: Recipe, told: CalibrationSummary, *, with_budget: bool) -> None:
     """Prints the table, then for each unit every reason and note, its budget, and whether larger models pay."""
-    console = _face.console()
+    console = _output.console()
     width = None if console.is_terminal else PIPE_WIDTH
     console.print(_table(recipe, told.first), width=width)
     rest = told.outcomes.total() - len(told.first)
@@ -70,7 +70,7 @@ def show(recipe: Recipe, told: Told, *, with_budget: bool) -> None:
     console.print(_summary(recipe, told), markup=False)
 
 
-def _larger(recipe: Recipe, models: Sequence[Larger]) -> Iterator[str]:
+def _larger(recipe: Recipe, models: Sequence[LargerModel]) -> Iterator[str]:
     for m in models:
         if isnan(m.p):
             yield f"{m.terms} terms: these positions cannot tell them"
@@ -81,7 +81,7 @@ def _larger(recipe: Recipe, models: Sequence[Larger]) -> Iterator[str]:
         )
 
 
-def _table(recipe: Recipe, results: Sequence[Result]) -> "Table":
+def _table(recipe: Recipe, results: Sequence[CalibrationResult]) -> "Table":
     """Three rows a unit: x, y, z."""
     from rich.table import Table
 
@@ -97,7 +97,7 @@ def _table(recipe: Recipe, results: Sequence[Result]) -> "Table":
     return shown
 
 
-def _cells(r: Result, i: int) -> tuple[str, ...]:
+def _cells(r: CalibrationResult, i: int) -> tuple[str, ...]:
     found = r.calibration
     if found is None or r.budget is None:
         return ("",) * 6
@@ -111,11 +111,11 @@ def _cells(r: Result, i: int) -> tuple[str, ...]:
     return (*axis, *last)
 
 
-def _notes(r: Result) -> tuple[str, ...]:
+def _notes(r: CalibrationResult) -> tuple[str, ...]:
     return () if r.calibration is None else r.calibration.notes
 
 
-def _summary(recipe: Recipe, told: Told) -> str:
+def _summary(recipe: Recipe, told: CalibrationSummary) -> str:
     limits, passed = recipe.limits, told.outcomes[Outcome.PASS]
     text = f"{passed} of {told.outcomes.total()} units pass"
     if all(v is None for v in (limits.offset, limits.gain, limits.cross_axis)):

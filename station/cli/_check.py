@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from station.cli import _budget_table, _face
+from station.cli import _budget_table, _output
 from station.config.recipes import load_recipe, recipe_path
 from station.domain.core.types import Floats
 from station.domain.evaluation.pipeline import NO_ROUNDING
@@ -24,7 +24,7 @@ PIPE_WIDTH = 130
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class CheckSection:
     """One part of the answer: key and value in the document; lines (or a rich table) for people."""
 
     key: str
@@ -33,7 +33,7 @@ class Section:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class CheckSubject:
     """What is checked: a recipe that stands, its file, and how its product rounds coefficients (12)."""
 
     recipe: Recipe
@@ -48,7 +48,7 @@ def check_recipe(name: str, count: int | None, *, order: bool, config: Path | No
     if config is not None and not order:
         raise UsageError("--config tells --order the positioner's own moving times; add --order")
     recipe = load_recipe(name)
-    asked = Asked(recipe, recipe_path(name), _rounding(recipe, recipe_path(name)))
+    asked = CheckSubject(recipe, recipe_path(name), _rounding(recipe, recipe_path(name)))
     if count is None:
         design.check(recipe)
     chosen = SECTIONS if count is None else (_proposal(count),)
@@ -57,9 +57,9 @@ def check_recipe(name: str, count: int | None, *, order: bool, config: Path | No
     sections = [s for s in (make(asked) for make in chosen) if s is not None]
     if as_json:
         head = {"schema": SCHEMA, "recipe": {"name": recipe.name, "version": recipe.version}}
-        _face.say_json(head | {s.key: s.document for s in sections})
+        _output.print_json(head | {s.key: s.document for s in sections})
         return 0
-    console = _face.console()
+    console = _output.console()
     for section in sections:
         for line in section.lines:
             wide = None if console.is_terminal or isinstance(line, str) else PIPE_WIDTH
@@ -74,24 +74,24 @@ def _rounding(recipe: Recipe, path: Path) -> Floats:
     return NO_ROUNDING if recipe.product is None else writeback.rounding_std(load_product(recipe.product, path).map)
 
 
-def _head(asked: Asked) -> Section:
+def _summary(asked: CheckSubject) -> CheckSection:
     r = asked.recipe
     stops = sum(len(r.positions) for _ in r.runs)
     told = f"{r.name} version {r.version}: {r.sensor}, {r.method}, {len(r.positions)} positions, {stops} stops"
-    return Section("method", r.method, (told,))
+    return CheckSection("method", r.method, (told,))
 
 
-def _cycle_time(asked: Asked) -> Section:
+def _cycle_time(asked: CheckSubject) -> CheckSection:
     """Moves as the simulated line makes them; the bench's own positioner may be slower."""
-    from station.model.timeline import round_of
+    from station.model.timeline import run_timeline
 
-    rounds = [round_of(asked.recipe, run) for run in range(len(asked.recipe.runs))]
+    rounds = [run_timeline(asked.recipe, run) for run in range(len(asked.recipe.runs))]
     tumble = sum(r.duration_s + r.prewarm_s for r in rounds)
     told = f"cycle time: {tumble:.0f} s" + ("" if len(rounds) == 1 else f" in {len(rounds)} runs, prewarming included")
-    return Section("cycle_s", tumble, (told,))
+    return CheckSection("cycle_s", tumble, (told,))
 
 
-def _observability(asked: Asked) -> Section | None:
+def _observability(asked: CheckSubject) -> CheckSection | None:
     recipe = asked.recipe
     if not recipe.pose_known:
         return None
@@ -109,14 +109,14 @@ def _observability(asked: Asked) -> Section | None:
     )
     if found["next_position"]:
         lines = (*lines, f"next best position: {found['next_position']}")
-    return Section("design", found, lines)
+    return CheckSection("design", found, lines)
 
 
-def _uncertainty(asked: Asked) -> Section | None:
+def _uncertainty(asked: CheckSubject) -> CheckSection | None:
     recipe = asked.recipe
     if not recipe.pose_known:
         told = "hand-held stops: the uncertainty depends on where they will be, so it is told with the result"
-        return Section("predicted", None, (told,))
+        return CheckSection("predicted", None, (told,))
     found = forecast(recipe, asked.rounding)
     std = found.budget.std()
     predicted = [
@@ -133,13 +133,13 @@ def _uncertainty(asked: Asked) -> Section | None:
         "coefficients": predicted,
         "decisions": [_decision(d) for d in found.decisions],
     }
-    words = tuple(_told(d, recipe.unit) for d in found.decisions) or ("limits: none in the recipe",)
-    return Section(
-        "predicted", document, (_dwell(found), _budget_table.table(found.budget, recipe.unit, title), *words)
+    words = tuple(_decision_sentence(d, recipe.unit) for d in found.decisions) or ("limits: none in the recipe",)
+    return CheckSection(
+        "predicted", document, (_dwell_sentence(found), _budget_table.table(found.budget, recipe.unit, title), *words)
     )
 
 
-def _dwell(found: Any) -> str:
+def _dwell_sentence(found: Any) -> str:
     """How long the stops last by the sheet's noise, and whether that is enough."""
     least, most = float(found.dwell_s.min()), float(found.dwell_s.max())
     each = f"{least:.2g} s a stop" if most - least < 0.005 else f"{least:.2g} to {most:.2g} s a stop"
@@ -151,7 +151,7 @@ def _decision(d: Any) -> dict[str, Any]:
     return {k: getattr(d, k) for k in ("kind", "coefficient", "limit", "expanded", "guard", "verdict")}
 
 
-def _told(d: Any, unit: str) -> str:
+def _decision_sentence(d: Any, unit: str) -> str:
     of = f" {unit}" if d.kind == "offset" else ""
     ratio = d.limit / d.expanded if d.expanded > 0 else np.inf
     words = {
@@ -164,35 +164,41 @@ def _told(d: Any, unit: str) -> str:
     )
 
 
-def _proposal(count: int) -> Callable[[Asked], Section]:
-    def propose(asked: Asked) -> Section:
+def _proposal(count: int) -> Callable[[CheckSubject], CheckSection]:
+    def propose(asked: CheckSubject) -> CheckSection:
         recipe = asked.recipe
         true = optimal.search(recipe, count)
         positions = [optimal.as_yaml(f"p{i + 1:02d}", t, recipe) for i, t in enumerate(true)]
         lines = ("positions:", *(f"  - {p}" for p in positions))
-        return Section(
+        return CheckSection(
             "positions", [{"yaml": p, "true": t.tolist()} for p, t in zip(positions, true, strict=True)], lines
         )
 
     return propose
 
 
-def _order(config: Path | None, asked: Asked) -> Section:
-    from station.cli._order import ordered
+def _order(config: Path | None, asked: CheckSubject) -> CheckSection:
+    from station.cli._check_order import order_proposal
 
     if not asked.recipe.pose_known:
         raise UsageError(f"recipe {asked.recipe.name} is held by hand, in any order; --order needs known poses")
-    return Section("order", *ordered(asked.recipe, config))
+    return CheckSection("order", *order_proposal(asked.recipe, config))
 
 
-def _causes(asked: Asked) -> Section | None:
+def _causes(asked: CheckSubject) -> CheckSection | None:
     """Which causes of trouble the recipe shows and tells apart; nothing where nobody knows the pose."""
     if not asked.recipe.pose_known:
         return None
-    from station.cli._apart import told_apart
+    from station.cli._check_causes import distinguishable_causes
 
-    return Section("causes", *told_apart(asked.recipe))
+    return CheckSection("causes", *distinguishable_causes(asked.recipe))
 
 
 #: What a check tells, in order. A section returns None where it does not apply.
-SECTIONS: tuple[Callable[[Asked], Section | None], ...] = (_head, _cycle_time, _observability, _uncertainty, _causes)
+SECTIONS: tuple[Callable[[CheckSubject], CheckSection | None], ...] = (
+    _summary,
+    _cycle_time,
+    _observability,
+    _uncertainty,
+    _causes,
+)

@@ -5,15 +5,15 @@ import sys
 import time
 from pathlib import Path
 
-from station.cli._live_state import Live, Pace
+from station.cli._live_state import LiveStateWriter, RealTimePacer
 from station.cli._presence import is_served
 from station.errors import UsageError
-from station.service.stop_request import Stop
+from station.service.stop_request import StopRequest
 
 #: How often the page's answer is looked for, s.
-_LOOK_S = 0.05
+_POLL_S = 0.05
 #: A page that is started again is back well within this time, s; longer without one, nobody can answer or stop.
-_PATIENCE_S = 30.0
+_PAGE_TIMEOUT_S = 30.0
 
 
 def wait_for_person(sentence: str) -> None:
@@ -24,15 +24,22 @@ def wait_for_person(sentence: str) -> None:
     sys.stdin.readline()
 
 
-class AtPage:
+class PageConfirmation:
     """Asks on the page: the sentence stands in the live file with a mark, and `<log>.answer.json` gives the mark back.
 
     Waits as long as it takes; a stop ends the wait, and so does a page that is gone for patience_s: the fixture is
     parked as after any stop. Time that a person takes counts neither as pace nor as progress.
     """
 
-    def __init__(self, database: Path, live: Live, held: Pace, stop: Stop, patience_s: float = _PATIENCE_S) -> None:
-        self._database, self._patience_s = database, patience_s
+    def __init__(
+        self,
+        database: Path,
+        live: LiveStateWriter,
+        held: RealTimePacer,
+        stop: StopRequest,
+        patience_s: float = _PAGE_TIMEOUT_S,
+    ) -> None:
+        self._database, self._page_timeout_s = database, patience_s
         self._path = database.with_name(database.name + ".answer.json")
         self._live, self._held, self._stop = live, held, stop
 
@@ -41,13 +48,13 @@ class AtPage:
         began_s = served_s = time.monotonic()
         mark = self._live.ask(sentence)
         try:
-            while self._answer() != mark:
+            while self._answered_mark() != mark:
                 served_s = self._seen(served_s)
                 self._stop.check()
-                time.sleep(_LOOK_S)
+                time.sleep(_POLL_S)
         finally:
             waited_s = time.monotonic() - began_s
-            self._live.answered(waited_s)
+            self._live.clear_question(waited_s)
             self._held.skip(waited_s)
 
     def _seen(self, served_s: float) -> float:
@@ -55,11 +62,11 @@ class AtPage:
         now_s = time.monotonic()
         if is_served(self._database):
             return now_s
-        if now_s - served_s > self._patience_s:
+        if now_s - served_s > self._page_timeout_s:
             self._stop.request("nobody serves the operator's page any more; start `station panel` and begin again")
         return served_s
 
-    def _answer(self) -> str:
+    def _answered_mark(self) -> str:
         """The mark of the last question that was answered, or ''; half a file is none, the page replaces it whole."""
         try:
             return str(json.loads(self._path.read_bytes())["question"])

@@ -6,16 +6,16 @@ import sys
 import time
 from collections.abc import Iterator
 
-from station.cli._face import remark, say_json
+from station.cli._output import print_json, print_remark
 from station.errors import UsageError
 from station.wiring.live_device import LiveDevices, Population, World
 
 
-def live(wanted: Population, seconds: float | None) -> int:
+def serve_devices(wanted: Population, seconds: float | None) -> int:
     """Serves until the time is over, or Ctrl-C, which is the way to stop it and no failure."""
     devices = LiveDevices.open(wanted)
     bodies = {s: {"offset": b.offset.tolist(), "matrix": b.matrix.tolist()} for s, b in devices.bodies.items()}
-    say_json({"schema": "station.device/1", "units": bodies})
+    print_json({"schema": "station.device/1", "units": bodies})
     commands = _Commands(devices.world)
     until_s = None if seconds is None else time.monotonic() + seconds
 
@@ -26,11 +26,11 @@ def live(wanted: Population, seconds: float | None) -> int:
     try:
         devices.live(go_on)
     except KeyboardInterrupt:
-        remark("the devices left the bus")
+        print_remark("the devices left the bus")
     return 0
 
 
-def node_id(text: str) -> int:
+def parse_node_id(text: str) -> int:
     """A node id as people write it: 17 or 0x11. Errors: UsageError."""
     try:
         return int(text, 0)
@@ -52,7 +52,7 @@ class _Commands:
             try:
                 self._world.obey(line)
             except UsageError as exc:
-                remark(exc.sentence)
+                print_remark(exc.sentence)
 
     def _lines(self) -> Iterator[str]:
         while self._open and select.select([sys.stdin], [], [], 0)[0]:

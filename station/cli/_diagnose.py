@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from station.adapters.memory import keep_all
-from station.cli import _face
+from station.adapters.malloc_tuning import retain_all_memory
+from station.cli import _output
 from station.config.models import load_model
 from station.config.recipes import load_recipe
 from station.diagnosis.planning.next_run import next_run
@@ -21,10 +21,10 @@ from station.diagnosis.planning.proposal import SECOND_NEST, Proposal
 from station.diagnosis.results import line_impact
 from station.diagnosis.results.diagnose import Diagnosis, diagnose
 from station.diagnosis.results.diagnosis_document import document
-from station.diagnosis.results.extend import extended
+from station.diagnosis.results.extend import extend_model
 from station.diagnosis.search import alarm
-from station.diagnosis.search.alarm import Null
-from station.diagnosis.search.cause_search import NullOf
+from station.diagnosis.search.alarm import NullDistribution
+from station.diagnosis.search.cause_search import NullFactory
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError, SamplesError, UsageError
@@ -37,7 +37,7 @@ MOST_ROWS = 10_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class DiagnoseOutputs:
     """Files to write, or None; json may be - for standard output."""
 
     json: Path | None
@@ -47,26 +47,26 @@ class Wanted:
     next_run: Path | None
 
 
-def diagnose_to(
+def run_diagnose(
     samples: Path | None, db: Path | None, since: str | None, recipe_name: str, model: Path | None,
-    wanted: Wanted, seed: int,
+    wanted: DiagnoseOutputs, seed: int,
 ) -> int:  # fmt: skip
     """Diagnoses and tells; returns the exit code. Errors: InputError."""
-    keep_all()
+    retain_all_memory()
     recipe, simulation = load_recipe(recipe_name), load_model(model)
     for option, path in (("--report", wanted.report), ("--extend", wanted.extend), ("--next-run", wanted.next_run)):
         if path is not None and not path.parent.is_dir():
             raise UsageError(f"{option} {path}: there is no folder {path.parent}; make it first")
-    table = _whole_columns(_table(samples, db, since, recipe_name, recipe))
-    found = diagnose(recipe, table, simulation, _kept(seed))
+    table = _without_gaps(_table(samples, db, since, recipe_name, recipe))
+    found = diagnose(recipe, table, simulation, _cached_null(seed))
     proposed, proposal = next_run(found)
     today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
-    told = document(found, proposed, line_impact.document(line_impact.line_of(found, today), recipe.unit))
+    told = document(found, proposed, line_impact.document(line_impact.assess_line_impact(found, today), recipe.unit))
     _write(wanted, told, found, simulation)
     if wanted.next_run is not None:
-        _propose(wanted.next_run, proposal)
+        _write_next_run(wanted.next_run, proposal)
     if str(wanted.json) != "-":
-        _show(told)
+        _print_diagnosis(told)
     return 0 if found.verdict == "none" else 1
 
 
@@ -77,9 +77,9 @@ def _table(samples: Path | None, db: Path | None, since: str | None, recipe_name
     if since is not None and db is None:
         raise UsageError("--since chooses from the station's log; add --db FILE or leave it out")
     if samples is None:
-        return _logged(db, since, recipe)
+        return _table_of_store(db, since, recipe)
     if samples.suffix.lower() in CAN_LOGS:
-        return _recorded(samples, recipe_name)
+        return _table_of_recording(samples, recipe_name)
     from station.adapters.samples import read_samples, rows_about
 
     rows = rows_about(samples)
@@ -95,7 +95,7 @@ def _table(samples: Path | None, db: Path | None, since: str | None, recipe_name
 
 def _check_names(table: SampleTable, recipe: Recipe, path: Path) -> None:
     """Errors: SamplesError with the line of the first position or seating that the recipe does not know."""
-    from station.adapters.samples.checks import Place
+    from station.adapters.samples.checks import PieceOrigin
 
     seating = table.labels.get("seating")
     columns = [("seating", seating, ["home", *recipe.seatings])] if seating is not None else []
@@ -108,30 +108,31 @@ def _check_names(table: SampleTable, recipe: Recipe, path: Path) -> None:
             name = labels.names[labels.code[rows[0]]]
             near = get_close_matches(name, known, 1, 0)[0]
             raise SamplesError(
-                f"{Place(path, 0).of(int(rows[0]))}, column {column}: {name!r} is not in recipe {recipe.name}; the "
+                f"{PieceOrigin(path, 0).of(int(rows[0]))}, column {column}: {name!r} is not in recipe "
+                f"{recipe.name}; the "
                 f"nearest there is {near!r}"
             )
 
 
-def _recorded(log: Path, recipe_name: str) -> SampleTable:
+def _table_of_recording(log: Path, recipe_name: str) -> SampleTable:
     """All samples of a recorded CAN log, by the marks beside it."""
     from station.adapters.samples import join
-    from station.cli._replay import opened
+    from station.cli._replay import open_recording
     from station.service.replay import tables
 
-    job, frames, marks = opened(log, recipe_name, None)
+    job, frames, marks = open_recording(log, recipe_name, None)
     return join(list(tables(frames, marks, job)))
 
 
-def _logged(db: Path | None, since: str | None, recipe: Recipe) -> SampleTable:
+def _table_of_store(db: Path | None, since: str | None, recipe: Recipe) -> SampleTable:
     """All samples of this recipe in the log."""
     from station.adapters.samples import join
     from station.adapters.store.search import Query
-    from station.cli._log import open_log, time_ns
+    from station.cli._log_options import open_log, parse_time_ns
     from station.wiring import stored_attempts as stored
 
     with open_log(db, None) as log:
-        query = Query(recipe_name=recipe.name, since_ns=time_ns(since, "--since"))
+        query = Query(recipe_name=recipe.name, since_ns=parse_time_ns(since, "--since"))
         attempts = log.attempts(query)[::-1]
         tables = list(stored.samples(log, attempts))
         if not tables:
@@ -141,37 +142,37 @@ def _logged(db: Path | None, since: str | None, recipe: Recipe) -> SampleTable:
         return join(tables)
 
 
-def _whole_columns(table: SampleTable) -> SampleTable:
+def _without_gaps(table: SampleTable) -> SampleTable:
     """The table without optional columns that have gaps: a cause cannot be laid to what is not always known."""
     gaps = [name for name, values in table.values.items() if not np.all(np.isfinite(values))]
     if gaps:
-        _face.remark(f"station: {', '.join(gaps)} is not known in every row, so no cause is laid to it")
+        _output.print_remark(f"station: {', '.join(gaps)} is not known in every row, so no cause is laid to it")
     return replace(table, values={name: v for name, v in table.values.items() if name not in gaps})
 
 
-def _kept(seed: int) -> NullOf:
+def _cached_null(seed: int) -> NullFactory:
     """Null distributions, drawn once for each kind of campaign and kept in the user's cache."""
 
-    def null_of(problem: Any, fitted: Any, now: Any) -> Null:
-        name = hashlib.sha256(alarm.key(problem, fitted, now, seed).encode()).hexdigest()[:32]
-        path = _cache() / f"{name}.json"
+    def null_of(problem: Any, fitted: Any, now: Any) -> NullDistribution:
+        name = hashlib.sha256(alarm.cache_key(problem, fitted, now, seed).encode()).hexdigest()[:32]
+        path = _cache_folder() / f"{name}.json"
         try:
-            return Null.of_document(json.loads(path.read_text(encoding="utf-8")))
+            return NullDistribution.from_document(json.loads(path.read_text(encoding="utf-8")))
         except (OSError, ValueError, KeyError, TypeError):
             # Not there, or not whole: it is drawn anew.
             null = alarm.bootstrap(problem, fitted, now, seed)
-        _keep(path, null)
+        _store_null(path, null)
         return null
 
     return null_of
 
 
-def _cache() -> Path:
+def _cache_folder() -> Path:
     root = os.environ.get("XDG_CACHE_HOME")
     return (Path(root) if root else Path.home() / ".cache") / "station" / "null"
 
 
-def _keep(path: Path, null: Null) -> None:
+def _store_null(path: Path, null: NullDistribution) -> None:
     """Keeps a null distribution; a cache that cannot be written only costs time."""
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
@@ -182,30 +183,30 @@ def _keep(path: Path, null: Null) -> None:
         part.unlink(missing_ok=True)
 
 
-def _write(wanted: Wanted, told: Mapping[str, Any], found: Diagnosis, model: Model) -> None:
+def _write(wanted: DiagnoseOutputs, told: Mapping[str, Any], found: Diagnosis, model: Model) -> None:
     if str(wanted.json) == "-":
-        _face.say_json(told)
+        _output.print_json(told)
     elif wanted.json is not None:
-        _text(wanted.json, "--json", json.dumps(told, allow_nan=False, ensure_ascii=False))
+        _write_text(wanted.json, "--json", json.dumps(told, allow_nan=False, ensure_ascii=False))
     if wanted.report is not None or wanted.figures is not None:
         from station.cli._diagnosis_page import html, page_of_diagnosis, write_figures
 
         page = page_of_diagnosis(found, told)
         if wanted.report is not None:
-            _text(wanted.report, "--report", html(page))
+            _write_text(wanted.report, "--report", html(page))
         if wanted.figures is not None:
             write_figures(wanted.figures, page)
     if wanted.extend is not None:
         import yaml
 
-        lines = yaml.safe_dump(extended(model, found).document(), sort_keys=False, allow_unicode=True, width=120)
-        _text(wanted.extend, "--extend", lines)
+        lines = yaml.safe_dump(extend_model(model, found).document(), sort_keys=False, allow_unicode=True, width=120)
+        _write_text(wanted.extend, "--extend", lines)
 
 
-def _propose(path: Path, proposal: Proposal | None) -> None:
+def _write_next_run(path: Path, proposal: Proposal | None) -> None:
     """Writes the recipe of the next run; nothing where no run would help."""
     if proposal is None:
-        _face.remark(
+        _output.print_remark(
             f"station: --next-run {path}: nothing is tied that another run would tell apart; nothing is written"
         )
         return
@@ -214,7 +215,7 @@ def _propose(path: Path, proposal: Proposal | None) -> None:
     recipe = proposal.recipe.model_copy(update={"version": proposal.recipe.version + 1})
     told = recipe.model_dump(mode="json", by_alias=True, exclude_defaults=True)
     text = yaml.safe_dump({"schema": "station.recipe/1", **told}, sort_keys=False, allow_unicode=True, width=120)
-    _text(path, "--next-run", f"{_heading(recipe.name, proposal)}{text}")
+    _write_text(path, "--next-run", f"{_heading(recipe.name, proposal)}{text}")
 
 
 def _heading(name: str, proposal: Proposal) -> str:
@@ -230,7 +231,7 @@ def _heading(name: str, proposal: Proposal) -> str:
     return "".join(f"# {line}\n" for line in lines)
 
 
-def _text(path: Path, option: str, text: str) -> None:
+def _write_text(path: Path, option: str, text: str) -> None:
     part = path.with_name(f"{path.name}.part")
     try:
         part.write_text(text, encoding="utf-8")
@@ -241,7 +242,7 @@ def _text(path: Path, option: str, text: str) -> None:
         ) from exc
 
 
-def _in_words_of_the_line(told: Mapping[str, Any]) -> Iterator[str]:
+def _line_sentences(told: Mapping[str, Any]) -> Iterator[str]:
     """What the causes do to calibrations and verdicts."""
     found = told["line"]
     if found is None:
@@ -256,39 +257,39 @@ def _in_words_of_the_line(told: Mapping[str, Any]) -> Iterator[str]:
         )
 
 
-def _show(told: Mapping[str, Any]) -> None:
+def _print_diagnosis(told: Mapping[str, Any]) -> None:
     """The finding for a person."""
     data, unit = told["data"], told["baseline"]["unit"]
-    _face.say(f"{data['units']} units, {data['runs']} runs, {data['visits']} stops, {data['samples']} samples")
-    _face.say(f"verdict: {told['verdict']}. {told['sentence']}")
+    _output.print_line(f"{data['units']} units, {data['runs']} runs, {data['visits']} stops, {data['samples']} samples")
+    _output.print_line(f"verdict: {told['verdict']}. {told['sentence']}")
     base = told["baseline"]
     left = f", {told['extended']['residual_rms']:.3g} {unit} with what was found" if told["causes"] else ""
     # What is unknown is in the fitted floor too; the samples within the stops know nothing of it.
     noise = told["floor"]["within_stops"] if told["verdict"] == "unknown" else base["floor_rms"]
     floor = f"the noise floor alone makes {noise:.3g} {unit}"
-    _face.say(f"residual {base['residual_rms']:.3g} {unit} rms{left}; {floor}")
+    _output.print_line(f"residual {base['residual_rms']:.3g} {unit} rms{left}; {floor}")
     for cause in told["causes"]:
         gain = cause["gain"]
         also = cause["indistinguishable_from"]
         names = cause["effect"] + (f" (or {', '.join(also)})" if also else "")
-        _face.say(
+        _output.print_line(
             f"  {names}: probability {cause['probability']:.3f}; held-out residual {gain['rms_before']:.3g} → "
             f"{gain['rms_after']:.3g} {unit}, {gain['log_score']:.0f} ± {gain['std_error']:.0f} nats"
         )
         for p in cause["parameters"][:12]:
             value = p["value"] if isinstance(p["value"], str) else f"{p['value']:.4g} ± {p['std'] or 0:.2g} {p['unit']}"
-            _face.say(f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}")
+            _output.print_line(f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}")
         if len(cause["parameters"]) > 12:
-            _face.say(f"    and {len(cause['parameters']) - 12} more; --json has all")
-    for sentence in _in_words_of_the_line(told):
-        _face.say(sentence)
+            _output.print_line(f"    and {len(cause['parameters']) - 12} more; --json has all")
+    for sentence in _line_sentences(told):
+        _output.print_line(sentence)
     if told["next_run"]:
         run = told["next_run"]
-        _face.say(
+        _output.print_line(
             f"next: {run['recipe_change']}, {run['minutes']} minutes, would name the right one of two with "
             f"{run['certainty']:.0%}"
             if run["separates"]
             else f"next: {run['recipe_change']}"
         )
     if told["not_testable"]:
-        _face.say(f"not testable with these data: {', '.join(told['not_testable'])}")
+        _output.print_line(f"not testable with these data: {', '.join(told['not_testable'])}")

@@ -11,29 +11,29 @@ from markupsafe import Markup, escape
 from station.diagnosis.results.diagnose import Diagnosis
 from station.errors import UsageError
 from station.reporting.diagnosis.gather import report_data
-from station.reporting.diagnosis.page import Page, page_of
+from station.reporting.diagnosis.page import ReportPage, build_page
 
 _FOLDER = Path(__file__).parent / "templates"
 
 
-def page_of_diagnosis(found: Diagnosis, told: Mapping[str, Any]) -> Page:
+def page_of_diagnosis(found: Diagnosis, told: Mapping[str, Any]) -> ReportPage:
     """The report of a diagnosis and its document."""
-    return page_of(report_data(found, told))
+    return build_page(report_data(found, told))
 
 
-def html(page: Page) -> str:
+def html(page: ReportPage) -> str:
     """The page as HTML; every text is escaped, only the figures, whose makers escape, go in as they are."""
     made = Environment(loader=FileSystemLoader(_FOLDER), autoescape=True, undefined=StrictUndefined)
-    made.filters |= {"drawing": Markup, "words": _words}
+    made.filters |= {"drawing": Markup, "words": _mark_code}
     return made.get_template("diagnosis.html").render(page=page)
 
 
-def _words(text: str) -> Markup:
+def _mark_code(text: str) -> Markup:
     """A text, escaped; what stands between backticks is a name of a column or key."""
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
-def write_figures(folder: Path, page: Page) -> None:
+def write_figures(folder: Path, page: ReportPage) -> None:
     """Every figure as NAME.svg. UsageError where the folder cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)

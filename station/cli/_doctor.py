@@ -13,7 +13,7 @@ from station.adapters.canopen import eds
 from station.adapters.store import keys
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
-from station.cli import _face
+from station.cli import _output
 from station.config.settings import Settings, load_settings
 from station.domain.product.map_check import mismatches
 from station.errors import BusFault, ConfigError, ReferenceOverdue, StationError, StationFault, StoreFault, UsageError
@@ -23,13 +23,13 @@ from station.wiring.jobs import load_job
 #: A transmit queue shorter than this fills up in bursts; how long the bus is listened to, s.
 SHORT_QUEUE, LISTEN_S = 100, 1.0
 #: Checks that a simulated station has no use for.
-ON_A_BUS = ("bus", "traffic")
+BUS_CHECKS = ("bus", "traffic")
 #: Less free space than this is soon none, bytes.
-LITTLE = 2 * 1024**3
+LOW_DISK_BYTES = 2 * 1024**3
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class DoctorRequest:
     """What the command line says."""
 
     recipe: str | None
@@ -39,7 +39,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Station:
+class DoctorContext:
     """What the checks look at."""
 
     settings: Settings
@@ -47,39 +47,39 @@ class Station:
     recipe: str
 
 
-def examine(asked: Question, *, as_json: bool) -> int:
+def run_checks(asked: DoctorRequest, *, as_json: bool) -> int:
     """Every check, each told in a line; 0 when all are well, 3 otherwise. Errors: ConfigError."""
     settings = load_settings(asked.config)
-    station = Station(settings, asked.db or Path(settings.database), asked.recipe or settings.recipe)
-    checks = {k: v for k, v in CHECKS.items() if not (k in ON_A_BUS and _simulated(asked, settings))}
-    found = [_one(name, check, station) for name, check in checks.items()]
+    station = DoctorContext(settings, asked.db or Path(settings.database), asked.recipe or settings.recipe)
+    checks = {k: v for k, v in CHECKS.items() if not (k in BUS_CHECKS and _simulated(asked, settings))}
+    found = [_run_check(name, check, station) for name, check in checks.items()]
     well = all(f["well"] for f in found)
     if as_json:
-        _face.say_json({"schema": "station.doctor/1", "well": well, "checks": found})
+        _output.print_json({"schema": "station.doctor/1", "well": well, "checks": found})
     else:
         for f in found:
-            _face.say(f"{'✔' if f['well'] else '✘'} {f['check']}: {f['said']}")
+            _output.print_line(f"{'✔' if f['well'] else '✘'} {f['check']}: {f['said']}")
     return 0 if well else StationFault.exit_code
 
 
-def _simulated(asked: Question, settings: Settings) -> bool:
+def _simulated(asked: DoctorRequest, settings: Settings) -> bool:
     return asked.simulate or settings.bus.interface != "socketcan"
 
 
-def _one(name: str, check: Callable[[Station], str], station: Station) -> dict[str, Any]:
+def _run_check(name: str, check: Callable[[DoctorContext], str], station: DoctorContext) -> dict[str, Any]:
     try:
         return {"check": name, "well": True, "said": check(station)}
     except StationError as exc:
         return {"check": name, "well": False, "said": exc.sentence}
 
 
-def _bus(station: Station) -> str:
+def _bus(station: DoctorContext) -> str:
     bus = station.settings.bus
-    from station.adapters.bus._netlink import ask
+    from station.adapters.bus._netlink import query_link
 
     setup = f"ip link set {bus.channel} type can bitrate {bus.bitrate} && ip link set {bus.channel} up"
     try:
-        link = ask(bus.channel)
+        link = query_link(bus.channel)
     except OSError:
         known = ", ".join(n for _, n in socket.if_nameindex() if "can" in n) or "none"
         raise BusFault(
@@ -98,7 +98,7 @@ def _bus(station: Station) -> str:
     return f"{bus.channel} ({link.kind}) is up, state {link.can_state or 'not told'}{errors}{queue}"
 
 
-def _traffic(station: Station) -> str:
+def _traffic(station: DoctorContext) -> str:
     """Listens for a moment and sends nothing: another station may be at work. Error frames are somebody's trouble."""
     from station.adapters.bus.socketcan import SocketCan
     from station.domain.can.error_frames import error_frames
@@ -125,7 +125,7 @@ def _traffic(station: Station) -> str:
     return f"{len(plain) / LISTEN_S:.0f} frames/s on {name}, {heard}"
 
 
-def _rights(station: Station) -> str:
+def _rights(station: DoctorContext) -> str:
     folder = station.database.resolve().parent
     if not folder.is_dir():
         raise StoreFault(f"there is no folder {folder} for the log; make it, or change `database`")
@@ -136,7 +136,7 @@ def _rights(station: Station) -> str:
     return f"{folder} can be written"
 
 
-def _clock(station: Station) -> str:
+def _clock(station: DoctorContext) -> str:
     now_s = time.time()
     if now_s < 1.7e9:
         raise StationFault("the clock stands before 2024; set it, or let NTP set it: `timedatectl set-ntp true`")
@@ -150,22 +150,22 @@ def _clock(station: Station) -> str:
     return f"not before the newest record; {'NTP has set it' if synchronised else 'whether NTP sets it is not known'}"
 
 
-def _disk(station: Station) -> str:
+def _disk(station: DoctorContext) -> str:
     folder = station.database.resolve().parent
     if not folder.is_dir():
         raise StoreFault(f"there is no folder {folder} for the log; make it, or change `database`")
     free = shutil.disk_usage(folder).free
-    if free < LITTLE:
+    if free < LOW_DISK_BYTES:
         raise StoreFault(f"{folder} has {free / 1024**3:.1f} GiB left; free some, a full disk stops the line")
     return f"{free / 1024**3:.0f} GiB free at {folder}"
 
 
-def _recipe(station: Station) -> str:
+def _recipe(station: DoctorContext) -> str:
     _, source = load_job(station.recipe)
     return f"{source.recipe}, product {source.product}, frames {source.dbc}"
 
 
-def _map(station: Station) -> str:
+def _map(station: DoctorContext) -> str:
     job, source = load_job(station.recipe)
     if source.eds is None:
         return f"{source.product} names no EDS to hold the map against"
@@ -175,17 +175,17 @@ def _map(station: Station) -> str:
     return f"{source.product} fits {source.eds}"
 
 
-def _key(station: Station) -> str:
+def _key(station: DoctorContext) -> str:
     path = station.settings.signing_key
     if not path:
         return "none; the chain shows edits, but a `signing_key` would also show a rebuilt log"
     mode = Path(path).stat().st_mode & 0o077 if Path(path).exists() else 0
     if mode:
         raise ConfigError(f"others may read the station key {path}; `chmod 600 {path}`")
-    return f"{path}, public half {keys.signer(Path(path)).public_key.hex()[:16]}…"
+    return f"{path}, public half {keys.load_signer(Path(path)).public_key.hex()[:16]}…"
 
 
-def _golden(station: Station) -> str:
+def _golden(station: DoctorContext) -> str:
     if station.settings.golden is None:
         return "not wanted by config.yaml"
     found = golden_register.standings(station.settings, station.database)
@@ -197,7 +197,7 @@ def _golden(station: Station) -> str:
     return f"{len(found)} units as registered"
 
 
-CHECKS: dict[str, Callable[[Station], str]] = {
+CHECKS: dict[str, Callable[[DoctorContext], str]] = {
     "bus": _bus,
     "traffic": _traffic,
     "rights": _rights,

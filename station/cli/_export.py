@@ -13,7 +13,7 @@ from typing import Any
 
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt, Query
-from station.cli import _face
+from station.cli import _output
 from station.errors import LogError, UsageError
 from station.wiring import stored_attempts
 
@@ -22,7 +22,7 @@ _ENDINGS = {"samples": (".parquet", ".csv"), "results": (".parquet", ".csv", ".j
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class ExportFiles:
     """Files to write, or None."""
 
     samples: Path | None
@@ -41,7 +41,7 @@ class Wanted:
                 raise UsageError(f"--{name} {path}: there is no folder {path.parent}; make it first")
 
 
-def choose(log: LogReader, query: Query, serials: Sequence[str], ids: Sequence[str]) -> list[Attempt]:
+def select_attempts(log: LogReader, query: Query, serials: Sequence[str], ids: Sequence[str]) -> list[Attempt]:
     """The attempts meant, oldest first. Errors: LogError when there is none."""
     queries = [replace(query, serial=serial) for serial in serials] or [query]
     found = {a.number: a for q in queries for a in log.attempts(q) if not ids or a.attempt in ids}
@@ -50,7 +50,7 @@ def choose(log: LogReader, query: Query, serials: Sequence[str], ids: Sequence[s
     return [found[number] for number in sorted(found)]
 
 
-def export(log: LogReader, attempts: Sequence[Attempt], wanted: Wanted, *, as_json: bool) -> int:
+def export(log: LogReader, attempts: Sequence[Attempt], wanted: ExportFiles, *, as_json: bool) -> int:
     """Writes what is wanted and says so; the exit code."""
     wanted.check()
     files = []
@@ -62,17 +62,19 @@ def export(log: LogReader, attempts: Sequence[Attempt], wanted: Wanted, *, as_js
         files.append(_file(log, attempts, wanted.frames, lambda path: _frames(log, attempts, path)))
         files[-1]["marks"] = str(_marks_of(wanted.frames))
     if as_json:
-        _face.say_json({"schema": "station.export/1", "files": files})
+        _output.print_json({"schema": "station.export/1", "files": files})
         return 0
     for told in files:
-        _face.say(f"{told['path']}: {told['rows']} {told['what']} of {len(attempts)} attempts, sha256 {told['sha256']}")
-    _face.say(f"head of {log.path}: {files[0]['head']['number']}:{files[0]['head']['hash']}")
+        _output.print_line(
+            f"{told['path']}: {told['rows']} {told['what']} of {len(attempts)} attempts, sha256 {told['sha256']}"
+        )
+    _output.print_line(f"head of {log.path}: {files[0]['head']['number']}:{files[0]['head']['hash']}")
     return 0
 
 
 def _file(log: LogReader, attempts: Sequence[Attempt], path: Path, write: Any) -> dict[str, Any]:
     """Writes one file and, beside it, what it is and what log it came from."""
-    with _moved_there(path) as unfinished:
+    with _atomic_file(path) as unfinished:
         what, rows = write(unfinished)
     told = {
         "path": str(path),
@@ -84,7 +86,7 @@ def _file(log: LogReader, attempts: Sequence[Attempt], path: Path, write: Any) -
         "attempts": [a.attempt for a in attempts],
     }
     beside = path.with_name(path.name + ".export.json")
-    with _moved_there(beside) as unfinished:
+    with _atomic_file(beside) as unfinished:
         unfinished.write_text(json.dumps({"schema": "station.export/1", **told}, indent=1), encoding="utf-8")
     return told
 
@@ -96,7 +98,7 @@ def _samples(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[s
 
     def counted() -> Iterator[Any]:
         nonlocal rows
-        with _face.progress() as bar:
+        with _output.progress() as bar:
             task = bar.add_task("samples", total=len(attempts))
             for table in stored_attempts.samples(log, attempts):
                 rows += len(table)
@@ -121,13 +123,13 @@ def _results(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[s
         with path.open("w", encoding="utf-8", newline="") as file:
             table = csv.DictWriter(file, list(rows[0]))
             table.writeheader()
-            table.writerows({name: _harmless(value) for name, value in row.items()} for row in rows)
+            table.writerows({name: _escape_formula(value) for name, value in row.items()} for row in rows)
     else:
         _results_parquet(rows, log, path)
     return "results", len(rows)
 
 
-def _harmless(value: Any) -> Any:
+def _escape_formula(value: Any) -> Any:
     """A text that a spreadsheet would take for a formula, marked as text; figures are no text."""
     return f"'{value}" if isinstance(value, str) and value[:1] in "=+-@\t\r" and value else value
 
@@ -149,7 +151,7 @@ def _frames(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[st
 
     found, marks = stored_attempts.frames(log, attempts)
     write_log(path, found)
-    with _moved_there(_marks_of(path.with_name(path.name.removeprefix(".writing-")))) as unfinished:
+    with _atomic_file(_marks_of(path.with_name(path.name.removeprefix(".writing-")))) as unfinished:
         write_marks(unfinished, marks)
     return "frames", len(found)
 
@@ -159,7 +161,7 @@ def _marks_of(path: Path) -> Path:
 
 
 @contextmanager
-def _moved_there(path: Path) -> Iterator[Path]:
+def _atomic_file(path: Path) -> Iterator[Path]:
     """A place to write to; the file appears under its name only when it is whole and on the disk."""
     unfinished = path.with_name(f".writing-{path.name}")
     try:

@@ -5,15 +5,15 @@ from datetime import date
 from pathlib import Path
 
 from station.adapters.store.reader import LogReader
-from station.cli import _face
+from station.cli import _output
 from station.config.settings import load_settings
-from station.domain.line_quality.golden import Expected
+from station.domain.line_quality.golden import RegisteredUnit
 from station.errors import ConfigError, ReferenceOverdue, UsageError
 from station.wiring import golden_register
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class RegisterOptions:
     """Options of `register`."""
 
     bad: bool
@@ -21,7 +21,9 @@ class Said:
     due: str
 
 
-def act(action: str, serial: str | None, said: Said, where: tuple[Path | None, Path | None], *, as_json: bool) -> int:
+def manage_golden_units(
+    action: str, serial: str | None, said: RegisterOptions, where: tuple[Path | None, Path | None], *, as_json: bool
+) -> int:
     """Does what is asked; where: log and config. Errors: UsageError, ConfigError, LogError."""
     db, config = where
     settings = load_settings(config)
@@ -30,32 +32,36 @@ def act(action: str, serial: str | None, said: Said, where: tuple[Path | None, P
     database, register = db or Path(settings.database), Path(settings.golden.file)
     units = golden_register.load(register)
     if action in ("register", "remove"):
-        _change(units, action, serial, said, database)
+        _update_register(units, action, serial, said, database)
         golden_register.save(register, units)
     elif action not in ("check", "list"):
         raise UsageError(f"there is no action {action[:20]!r}; use register, remove, check or list")
     standings = golden_register.standings(settings, database)
     if as_json:
         document = {"schema": golden_register.SCHEMA, "units": [asdict(u) for u in units.values()]}
-        _face.say_json({**document, "standings": [asdict(s) for s in standings]})
+        _output.print_json({**document, "standings": [asdict(s) for s in standings]})
     else:
         for s in standings:
-            _face.say(f"{s.serial} ({s.kind}): {s.problem or 'as registered'}")
+            _output.print_line(f"{s.serial} ({s.kind}): {s.problem or 'as registered'}")
     problem = any(s.problem for s in standings) or not standings
     return ReferenceOverdue.exit_code if action == "check" and problem else 0
 
 
-def _change(units: dict[str, Expected], action: str, serial: str | None, said: Said, database: Path) -> None:
+def _update_register(
+    units: dict[str, RegisteredUnit], action: str, serial: str | None, said: RegisterOptions, database: Path
+) -> None:
     if serial is None:
         raise UsageError(f"say which unit: station golden {action} SERIAL")
     if action == "register":
         with LogReader(database) as log:
-            units[serial] = golden_register.expect(log, serial, bad=said.bad, share=said.within, due=_day(said.due))
+            units[serial] = golden_register.expect(
+                log, serial, bad=said.bad, share=said.within, due=_parse_day(said.due)
+            )
     elif units.pop(serial, None) is None:
         raise UsageError(f"the register holds no unit {serial!r}; it holds {', '.join(units) or 'none'}")
 
 
-def _day(text: str) -> str:
+def _parse_day(text: str) -> str:
     if not text:
         return ""
     try:

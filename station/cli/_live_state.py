@@ -9,22 +9,22 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from station.cli import _face
+from station.cli import _output
 from station.domain.recipe.recipe import Recipe
-from station.domain.run.progress import Event, Reading
+from station.domain.run.progress import Event, LiveReading
 from station.domain.run.run_state import RunState
 from station.ports.bus import Bus
-from station.service.itinerary import tumble, verification
-from station.service.stop_request import Stop
+from station.service.itinerary import tumble_visits, verification_visits
+from station.service.stop_request import StopRequest
 
 SCHEMA = "station.live/1"
 #: A paced run looks this often whether it was stopped, s.
-_LOOK_S = 0.02
+_POLL_S = 0.02
 #: Readings within a dwell come to the page no more often, s: each write costs a rename on the disk.
-_READING_S = 0.2
+_READING_INTERVAL_S = 0.2
 
 
-class Live:
+class LiveStateWriter:
     """Folds events into a RunState and writes `<log>.live.json` (tmp and rename).
 
     The log is the record and this only a view of it: a view that cannot be written is said once and stops nothing.
@@ -32,7 +32,10 @@ class Live:
 
     def __init__(self, database: Path, recipe: Recipe, told: Mapping[str, Any], bus: Bus | None = None) -> None:
         self._path = database.with_name(database.name + ".live.json")
-        stops = [*(s for run in range(len(recipe.runs)) for s in tumble(recipe, run)), *verification(recipe)]
+        stops = [
+            *(s for run in range(len(recipe.runs)) for s in tumble_visits(recipe, run)),
+            *verification_visits(recipe),
+        ]
         self._failed = False
         self._bus = bus
         self._written_s = 0.0
@@ -49,7 +52,7 @@ class Live:
     def event(self, event: Event) -> None:
         """Takes one event in and shows the state after it."""
         self._state = self._state.after(event, time.time())
-        if not isinstance(event, Reading) or time.monotonic() - self._written_s > _READING_S:
+        if not isinstance(event, LiveReading) or time.monotonic() - self._written_s > _READING_INTERVAL_S:
             self._write()
 
     def ask(self, sentence: str) -> str:
@@ -59,7 +62,7 @@ class Live:
         self._write()
         return mark
 
-    def answered(self, waited_s: float) -> None:
+    def clear_question(self, waited_s: float) -> None:
         """Nothing is asked any more; the time that it took is no part of the estimate."""
         self._state = replace(self._state, confirm="", question="", began_s=self._state.began_s + waited_s)
         self._write()
@@ -67,35 +70,39 @@ class Live:
     def _write(self) -> None:
         self._written_s = time.monotonic()
         try:
-            write(self._path, {**self._head, "at_s": time.time(), "bus": self._of_bus(), "state": self._state})
+            write_atomically(
+                self._path, {**self._head, "at_s": time.time(), "bus": self._bus_status(), "state": self._state}
+            )
         except OSError as exc:
             if not self._failed:
-                _face.remark(f"{self._path} cannot be written ({exc.strerror}); the page does not follow this run")
+                _output.print_remark(
+                    f"{self._path} cannot be written ({exc.strerror}); the page does not follow this run"
+                )
             self._failed = True
 
-    def _of_bus(self) -> dict[str, Any] | None:
+    def _bus_status(self) -> dict[str, Any] | None:
         """State and error counters of the bus right now."""
         if self._bus is None:
             return None
         return {"name": self._bus.name, "state": self._bus.state(), "counters": self._bus.counters()}
 
 
-def write(path: Path, document: Mapping[str, Any]) -> None:
+def write_atomically(path: Path, document: Mapping[str, Any]) -> None:
     """The document in one piece or not at all; a page must never read half of it. Errors: OSError."""
     beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_text(json.dumps(document, allow_nan=False, default=_plain), encoding="utf-8")
+    beside.write_text(json.dumps(document, allow_nan=False, default=_field_values), encoding="utf-8")
     beside.replace(path)
 
 
-def _plain(value: Any) -> dict[str, Any]:
+def _field_values(value: Any) -> dict[str, Any]:
     """A frozen value by its fields; asdict would copy every number in it."""
     return {f.name: getattr(value, f.name) for f in fields(value)}
 
 
-class Pace:
+class RealTimePacer:
     """Holds a run on virtual time back to `factor` times real time, so that a person can watch and stop it."""
 
-    def __init__(self, factor: float | None, virtual_s: Callable[[], float], stop: Stop) -> None:
+    def __init__(self, factor: float | None, virtual_s: Callable[[], float], stop: StopRequest) -> None:
         self._factor, self._virtual_s, self._stop = factor, virtual_s, stop
         self._began = (virtual_s(), time.monotonic())
 
@@ -109,4 +116,4 @@ class Pace:
             return
         until_s = self._began[1] + (self._virtual_s() - self._began[0]) / self._factor
         while not self._stop.requested and (left_s := until_s - time.monotonic()) > 0:
-            time.sleep(min(_LOOK_S, left_s))
+            time.sleep(min(_POLL_S, left_s))

@@ -12,23 +12,23 @@ import numpy as np
 
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
-from station.cli import _face
-from station.cli._msa_runs import Cell, make
+from station.cli import _output
+from station.cli._msa_runs import StudyCell, measure_missing
 from station.config.settings import load_settings
 from station.domain.core.types import Floats
 from station.domain.line_quality import msa
 from station.errors import UsageError
-from station.web.line_statistics import VALUES, limits_of, measured
-from station.wiring import Order
+from station.web.line_statistics import VALUE_NAMES, attempt_values, limits_of
+from station.wiring import RunOrder
 from station.wiring.jobs import load_job
 
 SCHEMA = "station.msa/1"
 #: Parts of a study on the simulated station that names none.
-PARTS = tuple(f"SN{i + 1:04d}" for i in range(10))
+SIMULATED_PARTS = tuple(f"SN{i + 1:04d}" for i in range(10))
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class MsaRequest:
     """What is asked; see the command's options. makes: missing readings are made."""
 
     study: str
@@ -43,16 +43,16 @@ class Ask:
     spread: float
     resolution: float
     samples: Path | None
-    makes: bool
+    measures_missing: bool
 
 
-def study_to(order: Order, ask: Ask, *, as_json: bool) -> int:
+def run_study(order: RunOrder, ask: MsaRequest, *, as_json: bool) -> int:
     """Does the study, keeps it and tells it; the exit code. Errors: UsageError, LogError, those of a run."""
     if ask.study not in ("type1", "grr"):
         raise UsageError(f"there is no study {ask.study[:20]!r}; use type1 or grr")
-    if ask.value not in VALUES:
-        raise UsageError(f"there is no value {ask.value[:40]!r}; use one of {', '.join(VALUES)}")
-    readings = _of_table(ask) if ask.samples is not None else _of_log(order, ask)
+    if ask.value not in VALUE_NAMES:
+        raise UsageError(f"there is no value {ask.value[:40]!r}; use one of {', '.join(VALUE_NAMES)}")
+    readings = _readings_of_table(ask) if ask.samples is not None else _readings_of_log(order, ask)
     told = _type1(ask, order, readings) if ask.study == "type1" else _grr(ask, order, readings)
     document = {
         "schema": SCHEMA,
@@ -63,16 +63,16 @@ def study_to(order: Order, ask: Ask, *, as_json: bool) -> int:
         "readings": readings.tolist(),
         **told,
     }
-    kept = _keep(document, ask.samples or _database(order))
+    kept = _store_study(document, ask.samples or _database(order))
     if as_json:
-        _face.say_json(document)
+        _output.print_json(document)
     else:
-        _show(document)
-        _face.say(f"study: {kept}")
+        _print_study(document)
+        _output.print_line(f"study: {kept}")
     return 0
 
 
-def _type1(ask: Ask, order: Order, readings: Floats) -> dict[str, Any]:
+def _type1(ask: MsaRequest, order: RunOrder, readings: Floats) -> dict[str, Any]:
     if ask.reference is None:
         raise UsageError("a type-1 study compares with the unit's known value; add --reference VALUE")
     found = msa.type1(
@@ -89,7 +89,7 @@ def _type1(ask: Ask, order: Order, readings: Floats) -> dict[str, Any]:
     return {"settings": settings, "type1": asdict(found), "judgement": "capable" if capable else "not capable"}
 
 
-def _grr(ask: Ask, order: Order, readings: Floats) -> dict[str, Any]:
+def _grr(ask: MsaRequest, order: RunOrder, readings: Floats) -> dict[str, Any]:
     tolerance = _tolerance(ask, order) if ask.tolerance is not None or ask.samples is None else None
     found: dict[str, Any] = {"anova": asdict(a := msa.anova(readings, tolerance))}
     try:
@@ -99,7 +99,7 @@ def _grr(ask: Ask, order: Order, readings: Floats) -> dict[str, Any]:
     return {"settings": {"tolerance": tolerance}, **found, "judgement": a.judgement}
 
 
-def _tolerance(ask: Ask, order: Order) -> float:
+def _tolerance(ask: MsaRequest, order: RunOrder) -> float:
     """The full width T: as said, or between the recipe's limits of this value."""
     if ask.tolerance is not None:
         return ask.tolerance
@@ -110,7 +110,7 @@ def _tolerance(ask: Ask, order: Order) -> float:
     return upper - lower
 
 
-def _of_table(ask: Ask) -> Floats:
+def _readings_of_table(ask: MsaRequest) -> Floats:
     """Readings of a CSV: (n), or (parts, appraisers, trials)."""
     assert ask.samples is not None
     try:
@@ -119,7 +119,7 @@ def _of_table(ask: Ask) -> Floats:
         values = [float(row["value"]) for row in rows]
         if ask.study == "type1":
             return np.array(values)
-        cells: dict[Cell, list[float]] = {}
+        cells: dict[StudyCell, list[float]] = {}
         for row, value in zip(rows, values, strict=True):
             cells.setdefault((row["part"], row["appraiser"]), []).append(value)
     except OSError as exc:
@@ -127,12 +127,14 @@ def _of_table(ask: Ask) -> Floats:
     except (KeyError, ValueError, TypeError) as exc:
         columns = "value" if ask.study == "type1" else "part,appraiser,trial,value"
         raise UsageError(f"{ask.samples} is not a table with the columns {columns} ({exc}); see --help") from exc
-    return crossed(cells, min(map(len, cells.values()), default=0), str(ask.samples))
+    return crossed_readings(cells, min(map(len, cells.values()), default=0), str(ask.samples))
 
 
-def _of_log(order: Order, ask: Ask) -> Floats:
+def _readings_of_log(order: RunOrder, ask: MsaRequest) -> Floats:
     """Readings of the log, the missing ones made first where that is asked for."""
-    serials = ask.serials or ((PARTS[:1] if ask.study == "type1" else PARTS) if order.simulate else ())
+    serials = ask.serials or (
+        (SIMULATED_PARTS[:1] if ask.study == "type1" else SIMULATED_PARTS) if order.simulate else ()
+    )
     if not serials:
         raise UsageError("say which units are studied: --serial S, repeatable")
     nests = [n.name for n in load_settings(order.config).nests]
@@ -144,13 +146,13 @@ def _of_log(order: Order, ask: Ask) -> Floats:
         if ask.nests > len(nests) or ask.nests > len(serials):
             raise UsageError(f"{ask.nests} nests need as many parts, and a station with as many; lower --nests")
         wanted = {(s, n): ask.trials for s in serials for n in nests[: ask.nests]}
-    if ask.makes:
-        make(order, wanted, _counts(order, ask, serials))
-    return _read(order, ask, wanted)
+    if ask.measures_missing:
+        measure_missing(order, wanted, _reading_counts(order, ask, serials))
+    return _complete_readings(order, ask, wanted)
 
 
-def _read(order: Order, ask: Ask, wanted: Mapping[Cell, int]) -> Floats:
-    cells = _cells(order, ask, sorted({serial for serial, _ in wanted}))
+def _complete_readings(order: RunOrder, ask: MsaRequest, wanted: Mapping[StudyCell, int]) -> Floats:
+    cells = _readings_by_cell(order, ask, sorted({serial for serial, _ in wanted}))
     for cell, count in wanted.items():
         there = len(cells.get(cell, ()))
         if there < count:
@@ -161,28 +163,28 @@ def _read(order: Order, ask: Ask, wanted: Mapping[Cell, int]) -> Floats:
     if ask.study == "type1":
         ((cell, count),) = wanted.items()
         return np.array(cells[cell][-count:])
-    return crossed({cell: cells[cell] for cell in wanted}, ask.trials, "the log")
+    return crossed_readings({cell: cells[cell] for cell in wanted}, ask.trials, "the log")
 
 
-def _counts(order: Order, ask: Ask, serials: Sequence[str]) -> dict[Cell, int]:
-    return {cell: len(values) for cell, values in _cells(order, ask, serials).items()}
+def _reading_counts(order: RunOrder, ask: MsaRequest, serials: Sequence[str]) -> dict[StudyCell, int]:
+    return {cell: len(values) for cell, values in _readings_by_cell(order, ask, serials).items()}
 
 
-def _cells(order: Order, ask: Ask, serials: Sequence[str]) -> dict[Cell, list[float]]:
+def _readings_by_cell(order: RunOrder, ask: MsaRequest, serials: Sequence[str]) -> dict[StudyCell, list[float]]:
     """(serial, nest) → readings in the log, oldest first."""
     database = _database(order)
     if not database.exists():
         return {}
-    cells: dict[Cell, list[float]] = {}
+    cells: dict[StudyCell, list[float]] = {}
     with LogReader(database) as log:
-        made = [m for serial in serials for m in measured(log, Query(serial=serial), 10_000)]
+        made = [m for serial in serials for m in attempt_values(log, Query(serial=serial), 10_000)]
     for m in made:
         if ask.value in m.values and m.outcome in ("PASS", "FAIL"):
             cells.setdefault((m.serial, m.nest.partition("/")[2]), []).append(m.values[ask.value])
     return cells
 
 
-def crossed(cells: Mapping[Cell, Sequence[float]], trials: int, where: str) -> Floats:
+def crossed_readings(cells: Mapping[StudyCell, Sequence[float]], trials: int, where: str) -> Floats:
     """Readings (parts, appraisers, trials) of a crossed study. UsageError where a cell is missing."""
     parts, appraisers = (sorted({cell[i] for cell in cells}) for i in (0, 1))
     missing = [f"{p} × {a}" for p in parts for a in appraisers if len(cells.get((p, a), ())) < max(trials, 2)]
@@ -193,11 +195,11 @@ def crossed(cells: Mapping[Cell, Sequence[float]], trials: int, where: str) -> F
     return np.array([[list(cells[p, a])[-trials:] for a in appraisers] for p in parts])
 
 
-def _database(order: Order) -> Path:
+def _database(order: RunOrder) -> Path:
     return order.database or Path(load_settings(order.config).database)
 
 
-def _keep(document: Mapping[str, Any], source: Path) -> Path:
+def _store_study(document: Mapping[str, Any], source: Path) -> Path:
     """Keeps the study beside its readings; a study is never written over."""
     folder = source.with_name(f"{source.name}.studies")
     stem = f"{document['at'].replace(':', '').replace('+0000', 'Z')}-{document['study']}"
@@ -213,7 +215,7 @@ def _keep(document: Mapping[str, Any], source: Path) -> Path:
     raise UsageError(f"{folder} holds a thousand studies of this second; clear it up")
 
 
-def _show(document: Mapping[str, Any]) -> None:
+def _print_study(document: Mapping[str, Any]) -> None:
     from rich import box
     from rich.table import Table
 
@@ -221,10 +223,10 @@ def _show(document: Mapping[str, Any]) -> None:
     table = Table("", *methods, box=box.SIMPLE)
     for key in document[methods[0]]:
         if key != "method":
-            table.add_row(key, *(_figure(document[m][key]) for m in methods))
-    _face.console().print(table)
-    _face.say(f"{document['study']} of {document['value']}: {document['judgement']}")
+            table.add_row(key, *(_format_value(document[m][key]) for m in methods))
+    _output.console().print(table)
+    _output.print_line(f"{document['study']} of {document['value']}: {document['judgement']}")
 
 
-def _figure(value: Any) -> str:
+def _format_value(value: Any) -> str:
     return "–" if value is None else str(value) if isinstance(value, int) else f"{value:.5g}"

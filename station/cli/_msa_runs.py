@@ -4,31 +4,31 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 
-from station.cli import _face
+from station.cli import _output
 from station.cli._confirm import wait_for_person
-from station.domain.core.types import Seat
+from station.domain.core.types import NestAssignment
 from station.domain.run.progress import LoadDone
 from station.service.runner import Runner
-from station.service.stop_request import Stop
-from station.wiring import Bench, Order, open_bench
+from station.service.stop_request import StopRequest
+from station.wiring import Bench, RunOrder, open_bench
 
 #: A serial and a nest's name.
-Cell = tuple[str, str]
+StudyCell = tuple[str, str]
 
 
-def make(order: Order, wanted: Mapping[Cell, int], there: Mapping[Cell, int]) -> None:
+def measure_missing(order: RunOrder, wanted: Mapping[StudyCell, int], there: Mapping[StudyCell, int]) -> None:
     """Runs every load that is missing. Errors: those of a run; what was measured until then stays."""
-    loads = list(missing(wanted, there))
+    loads = list(missing_loads(wanted, there))
     if not loads:
         return
-    with open_bench(order) as bench, _face.progress() as bar:
+    with open_bench(order) as bench, _output.progress() as bar:
         task = bar.add_task("loads of the study", total=len(loads))
         for cells in loads:
-            _load(bench, cells)
+            _run_load(bench, cells)
             bar.advance(task)
 
 
-def missing(wanted: Mapping[Cell, int], there: Mapping[Cell, int]) -> Iterator[list[Cell]]:
+def missing_loads(wanted: Mapping[StudyCell, int], there: Mapping[StudyCell, int]) -> Iterator[list[StudyCell]]:
     """Loads that bring every cell to its count: each nest and each part at most once in a load, cyclic Latin square."""
     left = Counter({cell: count - there.get(cell, 0) for cell, count in wanted.items()})
     parts, nests = (list(dict.fromkeys(cell[i] for cell in wanted)) for i in (0, 1))
@@ -41,14 +41,14 @@ def missing(wanted: Mapping[Cell, int], there: Mapping[Cell, int]) -> Iterator[l
                 yield load
 
 
-def _load(bench: Bench, cells: Sequence[Cell]) -> None:
+def _run_load(bench: Bench, cells: Sequence[StudyCell]) -> None:
     nodes = {n.name: n.node for n in bench.station.settings.nests}
-    seats = [Seat(serial, nest, nodes[nest]) for serial, nest in cells]
+    seats = [NestAssignment(serial, nest, nodes[nest]) for serial, nest in cells]
     if not bench.simulated:
         wait_for_person("put in " + ", ".join(f"{s.serial} ({s.nest})" for s in seats))
     bench.fixture.place(seats)
     confirm = (lambda _: None) if bench.simulated else wait_for_person
-    with closing(Runner(bench.station, bench.job, Stop(), confirm).run(seats)) as events:
+    with closing(Runner(bench.station, bench.job, StopRequest(), confirm).run(seats)) as events:
         for event in events:
             if isinstance(event, LoadDone) and event.fault is not None:
                 raise event.fault

@@ -7,14 +7,14 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from station.cli import _face
+from station.cli import _output
 from station.cli._presence import serving
 from station.config.settings import Settings, load_settings
 from station.errors import ConfigError, StationFault, UsageError
 from station.web import accounts
 from station.web.accounts import Account, Role
 from station.web.panel import Panel
-from station.web.runs import Order
+from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 
 #: More screens than any line has.
@@ -22,7 +22,7 @@ MOST_CONNECTIONS = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Where:
+class PanelFiles:
     """What the command line says about files; None: as config.yaml says, or beside the log."""
 
     recipe: str | None
@@ -40,7 +40,7 @@ class Where:
 
 
 @dataclass(frozen=True, slots=True)
-class Listen:
+class ListenAddress:
     """Where the server listens."""
 
     host: str
@@ -48,7 +48,7 @@ class Listen:
     secure: bool
 
 
-def change_people(where: Where, add: str | None, remove: str | None, role: str) -> int:
+def change_accounts(where: PanelFiles, add: str | None, remove: str | None, role: str) -> int:
     """Adds or removes one person. Errors: UsageError, ConfigError."""
     path = where.people(load_settings(where.config))
     people = accounts.load(path)
@@ -59,39 +59,41 @@ def change_people(where: Where, add: str | None, remove: str | None, role: str) 
             raise UsageError("a name has 1 to 64 printable characters")
         if role not in list(Role):
             raise UsageError(f"there is no role {role!r}; use {', '.join(Role)}")
-        people[add] = Account(add, Role(role), accounts.hash_password(_password(add)))
+        people[add] = Account(add, Role(role), accounts.hash_password(_read_password(add)))
     accounts.save(path, people)
-    _face.say(f"{path}: {', '.join(f'{p.name} ({p.role})' for p in people.values()) or 'nobody'}")
+    _output.print_line(f"{path}: {', '.join(f'{p.name} ({p.role})' for p in people.values()) or 'nobody'}")
     return 0
 
 
-def serve(where: Where, listen: Listen, *, pace: float | None, faults: tuple[str, ...] = ()) -> int:
+def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, faults: tuple[str, ...] = ()) -> int:
     """Serves until it is stopped. pace: of simulated runs; None: runs on the bench; faults: of simulated units."""
     settings = load_settings(where.config)
     recipe = where.recipe or settings.recipe
     job, _ = load_job(recipe)
-    order = Order(where.database(settings), recipe, where.config, simulate=pace is not None, pace=pace, faults=faults)
+    order = LaunchOptions(
+        where.database(settings), recipe, where.config, simulate=pace is not None, pace=pace, faults=faults
+    )
     people = where.people(settings)
     if not accounts.load(people):
         if pace is None:
             raise ConfigError(
                 f"{people}: nobody may log in yet; `station panel --add NAME --role engineer` adds a person"
             )
-        _demonstrate(people)
+        _add_demo_account(people)
     panel = Panel(settings, job.recipe, order, people, secure=listen.secure)
     with serving(order.database):
         _serve(panel, listen)
     return 0
 
 
-def _serve(panel: Panel, listen: Listen) -> None:
+def _serve(panel: Panel, listen: ListenAddress) -> None:
     import uvicorn
 
     from station.web.app import create_app
 
-    door = _bound(listen)
+    door = _listening_socket(listen)
     host, port = door.getsockname()[:2]
-    _face.say(f"http://{f'[{host}]' if ':' in host else host}:{port}")
+    _output.print_line(f"http://{f'[{host}]' if ':' in host else host}:{port}")
 
     class Server(uvicorn.Server):
         """Stopping is its regular end: the open event streams end first, and no signal is raised again."""
@@ -111,7 +113,7 @@ def _serve(panel: Panel, listen: Listen) -> None:
     Server(options).run(sockets=[door])
 
 
-def _bound(listen: Listen) -> socket.socket:
+def _listening_socket(listen: ListenAddress) -> socket.socket:
     """A socket that already takes connections: whoever reads the address may come at once. Errors: StationFault."""
     try:
         family, _, _, _, address = socket.getaddrinfo(listen.host, listen.port, type=socket.SOCK_STREAM)[0]
@@ -131,14 +133,14 @@ def _bound(listen: Listen) -> socket.socket:
     return door
 
 
-def _demonstrate(people: Path) -> None:
+def _add_demo_account(people: Path) -> None:
     """One engineer with a password that is said once, so that a demonstration needs no preparation."""
     password = secrets.token_urlsafe(9)
     accounts.save(people, {"demo": Account("demo", Role.ENGINEER, accounts.hash_password(password))})
-    _face.remark(f"log in as demo with the password {password} (kept in {people} as a hash; said only now)")
+    _output.print_remark(f"log in as demo with the password {password} (kept in {people} as a hash; said only now)")
 
 
-def _password(name: str) -> str:
+def _read_password(name: str) -> str:
     if not sys.stdin.isatty():
         return sys.stdin.readline(1000).rstrip("\r\n")
     first = getpass.getpass(f"password of {name}: ")

@@ -9,14 +9,14 @@ from pathlib import Path
 from station.errors import StationFault
 
 
-def _lock(database: Path) -> Path:
+def _lock_path(database: Path) -> Path:
     return database.with_name(database.name + ".panel.lock")
 
 
 @contextmanager
 def serving(database: Path) -> Iterator[None]:
     """While it lasts, the page of this log is there; several may be. Errors: StationFault where no file can be made."""
-    path = _lock(database)
+    path = _lock_path(database)
     try:
         handle = os.open(path, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
     except OSError as exc:
@@ -31,7 +31,7 @@ def serving(database: Path) -> Iterator[None]:
 def is_served(database: Path) -> bool:
     """Whether a page of this log is there right now."""
     try:
-        handle = os.open(_lock(database), os.O_RDONLY | os.O_CLOEXEC)
+        handle = os.open(_lock_path(database), os.O_RDONLY | os.O_CLOEXEC)
     except OSError:
         return False
     try:

@@ -1,37 +1,39 @@
 """The face of a recovery: find the nest, ask the service, say what the unit holds."""
 
-from station.cli import _face
-from station.domain.core.types import Seat
+from station.cli import _output
+from station.domain.core.types import NestAssignment
 from station.errors import UsageError
 from station.service import recovery
 from station.service.identify import identify_for_recovery
 from station.service.unit import Unit
-from station.wiring import Bench, Order, open_bench
+from station.wiring import Bench, RunOrder, open_bench
 
 #: A unit that holds a mixture fails; one that holds all old or all new values is sound.
-_CODES = {"old": 0, "new": 0, "mixed": 1, "other": 1}
+_EXIT_CODES = {"old": 0, "new": 0, "mixed": 1, "other": 1}
 
 
-def recover_unit(order: Order, serial: str, nest: str | None, how: str | None, *, as_json: bool) -> int:
+def recover_unit(order: RunOrder, serial: str, nest: str | None, how: str | None, *, as_json: bool) -> int:
     """Looks at the unit, and recovers it when told how; the exit code."""
     if order.database is not None and not order.database.exists():
         raise UsageError(f"there is no log {order.database}; name the one of the attempt that was broken off")
     with open_bench(order) as bench:
         for sentence in bench.told:
-            _face.remark(sentence)
+            _output.print_remark(sentence)
         suspect = bench.station.store.suspect(serial)
         if suspect is None:
             raise UsageError(f"the log {bench.database} knows no attempt that may have left {serial!r} half written")
         unit = _unit(bench, serial, nest, suspect.attempt)
         identify_for_recovery(unit, bench.job)
-        state = recovery.look(unit, suspect, bench.station)
+        state = recovery.read_device_state(unit, suspect, bench.station)
         if how is not None:
             state = recovery.recover(unit, suspect, bench.station, bench.job, restore=how == "restore")
     if as_json:
-        _face.say_json({"schema": "station.recovery/1", "serial": serial, "attempt": suspect.attempt, "state": state})
+        _output.print_json(
+            {"schema": "station.recovery/1", "serial": serial, "attempt": suspect.attempt, "state": state}
+        )
     else:
-        _face.say(f"{serial}: {recovery.SENTENCES[state]}")
-    return _CODES[state]
+        _output.print_line(f"{serial}: {recovery.STATE_SENTENCES[state]}")
+    return _EXIT_CODES[state]
 
 
 def _unit(bench: Bench, serial: str, nest: str | None, attempt: str) -> Unit:
@@ -39,6 +41,6 @@ def _unit(bench: Bench, serial: str, nest: str | None, attempt: str) -> Unit:
     name = nest or next(iter(nests))
     if name not in nests:
         raise UsageError(f"there is no nest {name!r}; the known ones are {', '.join(nests)}")
-    seat = Seat(serial, name, nests[name].node)
+    seat = NestAssignment(serial, name, nests[name].node)
     bench.fixture.place([seat])
     return Unit(seat, attempt, bench.station.device(seat.node), bench.station.clock.monotonic_s())

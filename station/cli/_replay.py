@@ -7,43 +7,43 @@ from typing import Any
 
 import numpy as np
 
-from station.adapters.annotations import beside, read_marks
+from station.adapters.annotations import find_marks_file, read_marks
 from station.adapters.bus import read_log
 from station.adapters.dbc import read_layouts
-from station.cli import _face
-from station.cli._results import Row, table, unit_document
+from station.cli import _output
+from station.cli._results import Row, print_results, unit_document
 from station.config.settings import load_settings
 from station.domain.can.signals import FrameLayout, decode
 from station.domain.capture import position_matching
-from station.domain.capture.annotations import Marks
+from station.domain.capture.annotations import Annotations
 from station.domain.core.types import ERROR, Frames, Outcome
 from station.errors import LogError, UsageError
-from station.service.replay import Replayed, replay
+from station.service.replay import ReplayedUnit, replay
 from station.service.station import Job
 from station.wiring import load_job
 
 
 def replay_log(log: Path, recipe: str | None, marks: Path | None, *, as_json: bool) -> int:
     """Calibrates every unit of a log; the exit code."""
-    job, frames, told = opened(log, recipe, marks)
+    job, frames, told = open_recording(log, recipe, marks)
     units = list(replay(frames, told, job))
     if as_json:
-        _face.say_json(_document(units, job))
+        _output.print_json(_document(units, job))
     else:
-        table([_row(u) for u in units], job.recipe)
-        _face.say(f"{len(frames)} frames of {log}; nothing was written to a device")
+        print_results([_row(u) for u in units], job.recipe)
+        _output.print_line(f"{len(frames)} frames of {log}; nothing was written to a device")
     outcomes = {u.outcome for u in units}
     return 3 if Outcome.ERROR in outcomes else 1 if Outcome.FAIL in outcomes else 0
 
 
-def opened(log: Path, recipe: str | None, marks: Path | None) -> tuple[Job, Frames, Marks]:
+def open_recording(log: Path, recipe: str | None, marks: Path | None) -> tuple[Job, Frames, Annotations]:
     """A log with its recipe and its marks: those given, those beside it, or those found in the frames themselves."""
-    given = marks or beside(log)
+    given = marks or find_marks_file(log)
     told = read_marks(given) if given is not None else None
     name = recipe or (told.recipe if told is not None else None) or load_settings().recipe
     job, _ = load_job(name)
     frames = read_log(log)
-    return job, frames, _recognised(log, frames, job) if told is None else told
+    return job, frames, _recognised_marks(log, frames, job) if told is None else told
 
 
 def decode_log(log: Path, dbc: Path, out: Path | None, *, as_json: bool) -> int:
@@ -54,37 +54,37 @@ def decode_log(log: Path, dbc: Path, out: Path | None, *, as_json: bool) -> int:
     if out is not None:
         _write_signals(out, frames, layouts)
     if as_json:
-        _face.say_json(document)
+        _output.print_json(document)
         return 0
-    _face.say(f"{len(frames)} frames, {document['unknown_frames']} with identifiers that are not in {dbc}")
+    _output.print_line(f"{len(frames)} frames, {document['unknown_frames']} with identifiers that are not in {dbc}")
     for message in document["messages"]:
-        _face.say(f"{message['name']} (0x{message['can_id']:X}): {message['frames']} frames")
+        _output.print_line(f"{message['name']} (0x{message['can_id']:X}): {message['frames']} frames")
         for signal in message["signals"]:
             low, high, unit = signal["min"], signal["max"], signal["unit"]
-            _face.say(f"  {signal['name']}: {low:g} to {high:g} {unit}".rstrip())
+            _output.print_line(f"  {signal['name']}: {low:g} to {high:g} {unit}".rstrip())
     return 0
 
 
-def _recognised(log: Path, frames: Frames, job: Job) -> Marks:
+def _recognised_marks(log: Path, frames: Frames, job: Job) -> Annotations:
     """Marks found in the frames themselves. Errors: LogError when no node shows every position at rest."""
-    found = [m for node in position_matching.nodes_in(frames, job.layout) for m in _of_node(frames, node, job)]
+    found = [m for node in position_matching.nodes_in(frames, job.layout) for m in _marks_of_node(frames, node, job)]
     if not found:
         raise LogError(
             f"{log} has no marks beside it, and no device in it was held still in every position of "
             f"{job.recipe.name}; write {log.name}.marks.csv, or look at it with --dbc"
         )
-    return Marks(marks=tuple(found))
+    return Annotations(marks=tuple(found))
 
 
-def _of_node(frames: Frames, node: int, job: Job) -> Sequence[Any]:
-    return position_matching.marks(frames, job.layout, node, job.recipe)
+def _marks_of_node(frames: Frames, node: int, job: Job) -> Sequence[Any]:
+    return position_matching.annotate_log(frames, job.layout, node, job.recipe)
 
 
-def _row(u: Replayed) -> Row:
+def _row(u: ReplayedUnit) -> Row:
     return Row(u.seat.serial, f"node {u.seat.node}", u.outcome, u.reasons, u.result, u.noise, u.duration_s)
 
 
-def _document(units: Sequence[Replayed], job: Job) -> dict[str, Any]:
+def _document(units: Sequence[ReplayedUnit], job: Job) -> dict[str, Any]:
     return {
         "schema": "station.calibration/1",
         "recipe": {"name": job.recipe.name, "version": job.recipe.version},

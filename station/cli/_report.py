@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from station.adapters.store.search import Query
-from station.cli import _face
+from station.cli import _output
 from station.errors import UsageError
 from station.web import charts
-from station.web.line_statistics import gather
+from station.web.line_statistics import gather_statistics
 from station.web.render import environment
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class ReportRequest:
     """What is asked; out: the page's file, or None."""
 
     query: Query
@@ -26,22 +26,22 @@ class Ask:
     out: Path | None
 
 
-def answer(log: "LogReader", ask: Ask, *, as_json: bool) -> int:
+def run_report(log: "LogReader", ask: ReportRequest, *, as_json: bool) -> int:
     """Writes and prints the report. Errors: LogError, UsageError."""
-    line = gather(log, ask.query, ask.most)
+    line = gather_statistics(log, ask.query, ask.most)
     drawn = charts.draw(line, ask.value, ask.size)
     if ask.out is not None:
         _write(ask.out, _page(log, drawn, len(line.attempts)))
     if as_json:
-        _face.say_json(charts.document(line, drawn))
+        _output.print_json(charts.document(line, drawn))
         return 0
     for table in drawn.tables:
-        _face.say(f"\n{table.title}")
-        _print(table)
+        _output.print_line(f"\n{table.title}")
+        _print_table(table)
     if drawn.problem:
-        _face.remark(drawn.problem)
+        _output.print_remark(drawn.problem)
     if ask.out is not None:
-        _face.say(f"\nreport: {ask.out}")
+        _output.print_line(f"\nreport: {ask.out}")
     return 0
 
 
@@ -60,11 +60,11 @@ def _write(path: Path, text: str) -> None:
         raise UsageError(f"{path} cannot be written ({exc.strerror}); choose another --out") from exc
 
 
-def _print(table: charts.Table) -> None:
+def _print_table(table: charts.ChartTable) -> None:
     from rich import box
     from rich.table import Table
 
     shown = Table(*table.columns, box=box.SIMPLE)
     for row in table.rows:
         shown.add_row(*row)
-    _face.console().print(shown)
+    _output.console().print(shown)

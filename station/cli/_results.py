@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from station.cli import _face
+from station.cli import _output
 from station.domain.core.types import Calibration, Outcome, Reason
 from station.domain.evaluation import calibration_document
-from station.domain.evaluation.pipeline import Result
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.recipe.recipe import Recipe
 from station.domain.run.progress import UnitResult
 
 #: Colour and symbol: colour alone tells nothing to one man in twelve.
-LOOK = {
+OUTCOME_STYLES = {
     Outcome.PASS: ("green", "✔"),
     Outcome.FAIL: ("red", "✘"),
     Outcome.ERROR: ("yellow", "!"),
@@ -31,7 +31,7 @@ class Row:
     place: str
     outcome: Outcome
     reasons: tuple[Reason, ...]
-    fit: Result | None
+    fit: CalibrationResult | None
     noise: float | None
     duration_s: float
     verification: Mapping[str, Any] | None = None
@@ -42,12 +42,12 @@ class Row:
         return None if self.fit is None else self.fit.calibration
 
 
-def row(r: UnitResult) -> Row:
+def run_row(r: UnitResult) -> Row:
     """The row of a run's unit."""
     return Row(r.seat.serial, r.seat.nest, r.outcome, r.reasons, r.fit, r.noise, r.duration_s, r.verification)
 
 
-def table(rows: Sequence[Row], recipe: Recipe) -> None:
+def print_results(rows: Sequence[Row], recipe: Recipe) -> None:
     """Prints the table, then every reason of those that did not pass."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
@@ -60,28 +60,28 @@ def table(rows: Sequence[Row], recipe: Recipe) -> None:
         shown.add_column(name, justify="right")
     digits = max(0, 4 - int(np.log10(max(recipe.reference.strength(), 1.0))))
     for r in rows:
-        colour, symbol = LOOK[r.outcome]
+        colour, symbol = OUTCOME_STYLES[r.outcome]
         shown.add_row(
             r.serial,
             r.place,
             f"[{colour}]{symbol} {r.outcome}[/{colour}]",
-            "" if r.calibration is None else _numbers(r.calibration.offset, f"+.{digits}f"),
-            "" if r.calibration is None else _numbers(np.diagonal(r.calibration.matrix), ".4f"),
+            "" if r.calibration is None else _format_numbers(r.calibration.offset, f"+.{digits}f"),
+            "" if r.calibration is None else _format_numbers(np.diagonal(r.calibration.matrix), ".4f"),
             "" if r.noise is None else f"{r.noise:.1e}",
             f"{r.duration_s:.1f}",
         )
-    console = _face.console()
+    console = _output.console()
     console.print(shown)
     for r in rows:
         if r.outcome is not Outcome.PASS:
             for reason in r.reasons:
                 console.print(f"{r.serial}: {reason.sentence}", markup=False)
     for r in rows:
-        if told := _gained(r):
+        if told := _gain_sentence(r):
             console.print(f"{r.serial}: {told}", markup=False)
 
 
-def _gained(r: Row) -> str:
+def _gain_sentence(r: Row) -> str:
     """What a model's causes in the calibration gain at the verify positions; nothing where there is nothing to say."""
     if r.verification is None or not r.verification.get("takes_in"):
         return ""
@@ -116,7 +116,7 @@ def run_document(results: Sequence[UnitResult], recipe: Recipe) -> dict[str, Any
         "unit": recipe.unit,
         "units": [
             {
-                **unit_document(row(r)),
+                **unit_document(run_row(r)),
                 "nest": r.seat.nest,
                 "attempt": r.attempt,
                 "written": r.written,
@@ -130,5 +130,5 @@ def run_document(results: Sequence[UnitResult], recipe: Recipe) -> dict[str, Any
     }
 
 
-def _numbers(values: Any, how: str) -> str:
+def _format_numbers(values: Any, how: str) -> str:
     return " ".join(format(float(v), how) for v in values)

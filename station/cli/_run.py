@@ -7,30 +7,30 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from station.cli import _face
-from station.cli._confirm import AtPage, wait_for_person
-from station.cli._live_state import Live, Pace
-from station.cli._results import row, run_document, table
-from station.cli._serials import ask_serials, seats_of
+from station.cli import _output
+from station.cli._confirm import PageConfirmation, wait_for_person
+from station.cli._live_state import LiveStateWriter, RealTimePacer
+from station.cli._results import print_results, run_document, run_row
+from station.cli._serials import ask_serials, assign_nests
 from station.domain.core.types import Outcome
 from station.domain.recipe import serial as serials_of
 from station.domain.run.progress import (
     Event,
-    LoadBegun,
     LoadDone,
+    LoadStarted,
+    Notice,
     Phase,
     PhaseEntered,
-    StopDone,
-    StopStarted,
-    Told,
     UnitDone,
     UnitResult,
+    VisitDone,
     VisitRejected,
+    VisitStarted,
 )
 from station.errors import Aborted, StationError, UsageError
 from station.service.runner import Runner
-from station.service.stop_request import Stop
-from station.wiring import Bench, Order, open_bench
+from station.service.stop_request import StopRequest
+from station.wiring import Bench, RunOrder, open_bench
 from station.wiring.golden_register import refuse_unless_checked
 
 PHASES = {
@@ -45,17 +45,17 @@ PHASES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Face:
+class RunOptions:
     """How a run meets people. pace: of virtual time, None as fast as it goes; nests: one for each serial, or none said;
     at_page: somebody at the page confirms what a person has to do."""
 
     as_json: bool = False
     pace: float | None = None
     nests: tuple[str, ...] = ()
-    at_page: bool = False
+    confirm_at_page: bool = False
 
 
-def run_units(order: Order, given: Sequence[str], units: int | None, face: Face) -> int:
+def run_units(order: RunOrder, given: Sequence[str], units: int | None, face: RunOptions) -> int:
     """Opens the station, takes every unit through it, and says how it went; the exit code."""
     with open_bench(order) as bench:
         serials = ask_serials(bench, given, units)
@@ -63,21 +63,21 @@ def run_units(order: Order, given: Sequence[str], units: int | None, face: Face)
         _check_faults(order, serials)
         refuse_unless_checked(bench.station.settings, bench.database, serials)
         for sentence in bench.told:
-            _face.remark(sentence)
+            _output.print_remark(sentence)
         results, fault = _run(bench, serials, face)
         place = {serial: i for i, serial in enumerate(serials)}
         results.sort(key=lambda r: place[r.seat.serial])
         if face.as_json:
-            _face.say_json(run_document(results, bench.job.recipe))
+            _output.print_json(run_document(results, bench.job.recipe))
         else:
-            table([row(r) for r in results], bench.job.recipe)
-            _face.say(f"log: {bench.database}")
+            print_results([run_row(r) for r in results], bench.job.recipe)
+            _output.print_line(f"log: {bench.database}")
     if fault is not None:
-        _face.remark(f"station: {fault.sentence}")
+        _output.print_remark(f"station: {fault.sentence}")
     return exit_code(results, fault)
 
 
-def _check_faults(order: Order, serials: Sequence[str]) -> None:
+def _check_faults(order: RunOrder, serials: Sequence[str]) -> None:
     """A fault of a unit that is not there would be tried in vain, and its run be taken for a proof."""
     for text in order.faults:
         whose, slash, _ = text.partition("/")
@@ -96,21 +96,21 @@ def exit_code(results: Sequence[UnitResult], fault: StationError | None) -> int:
     return 0
 
 
-def _run(bench: Bench, serials: Sequence[str], face: Face) -> tuple[list[UnitResult], StationError | None]:
-    stop = Stop()
+def _run(bench: Bench, serials: Sequence[str], face: RunOptions) -> tuple[list[UnitResult], StationError | None]:
+    stop = StopRequest()
     settings = bench.station.settings
     told = {"station": settings.station, "operator": settings.operator, "simulated": bench.simulated}
-    live = Live(bench.database, bench.job.recipe, told, bench.station.bus)
-    held = Pace(face.pace, bench.station.clock.monotonic_s, stop)
+    live = LiveStateWriter(bench.database, bench.job.recipe, told, bench.station.bus)
+    held = RealTimePacer(face.pace, bench.station.clock.monotonic_s, stop)
     results: list[UnitResult] = []
-    loads = seats_of(bench, serials, face.nests)
+    loads = assign_nests(bench, serials, face.nests)
     confirm: Callable[[str], None]
-    if face.at_page:
-        confirm = AtPage(bench.database, live, held, stop)
+    if face.confirm_at_page:
+        confirm = PageConfirmation(bench.database, live, held, stop)
     else:
         _check_person(bench, len(loads))
         confirm = (lambda _: None) if bench.simulated else wait_for_person
-    with _face.progress() as bar, _stops(stop):
+    with _output.progress() as bar, _stop_signals(stop):
         for number, seats in enumerate(loads):
             if number:
                 try:
@@ -120,7 +120,7 @@ def _run(bench: Bench, serials: Sequence[str], face: Face) -> tuple[list[UnitRes
                     return results, exc
             bench.fixture.place(seats)
             runner = Runner(bench.station, bench.job, stop, confirm)
-            show = _Show(bar, f"load {number + 1} of {len(loads)}" if len(loads) > 1 else "run")
+            show = _ProgressLines(bar, f"load {number + 1} of {len(loads)}" if len(loads) > 1 else "run")
             with closing(runner.run(seats)) as events:
                 for event in events:
                     held.keep()
@@ -133,7 +133,7 @@ def _run(bench: Bench, serials: Sequence[str], face: Face) -> tuple[list[UnitRes
     return results, None
 
 
-class _Show:
+class _ProgressLines:
     """Events as a bar and as lines for the person; both only where a person watches."""
 
     def __init__(self, bar: Any, title: str) -> None:
@@ -143,16 +143,16 @@ class _Show:
 
     def event(self, event: Event) -> None:
         """Shows one event."""
-        if isinstance(event, LoadBegun):
+        if isinstance(event, LoadStarted):
             self._bar.update(self._task, total=event.stops + len(PHASES))
         elif isinstance(event, PhaseEntered) and event.phase in PHASES:
             self._step(PHASES[event.phase])
-        elif isinstance(event, StopStarted):
+        elif isinstance(event, VisitStarted):
             self._bar.update(self._task, description=f"{self._title}: {event.position}")
             self._tell(event.sentence)
-        elif isinstance(event, StopDone):
+        elif isinstance(event, VisitDone):
             self._step(event.position)
-        elif isinstance(event, Told):
+        elif isinstance(event, Notice):
             self._tell(f"{event.serial}: {event.sentence}" if event.serial else event.sentence)
         elif isinstance(event, VisitRejected):
             more = "; measuring it again" if event.again else ""
@@ -167,7 +167,7 @@ class _Show:
 
 
 @contextmanager
-def _stops(stop: Stop) -> Iterator[None]:
+def _stop_signals(stop: StopRequest) -> Iterator[None]:
     """Ctrl-C, SIGTERM and a terminal that hangs up ask for a stop; a third Ctrl-C no longer asks.
 
     Only a hang-up may have been made harmless before (nohup). A shell makes SIGINT so for what it starts in the

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from station.adapters.samples import write_samples
-from station.cli import _face
+from station.cli import _output
 from station.config.recipes import load_recipe
 from station.domain.capture import rest_segments
 from station.domain.core.types import Floats
@@ -28,7 +28,7 @@ class Recording:
 
 def segment(recording: Recording, serial: str, recipe_name: str | None, out: Path) -> int:
     """Writes the still stretches of a recording as visits. Errors: SamplesError, UsageError, RecipeError."""
-    time_s, reading = read(recording)
+    time_s, reading = read_recording(recording)
     stretches = rest_segments.find(time_s, reading)
     names = [f"still-{i + 1:02d}" for i in range(len(stretches))]
     if recipe_name is not None:
@@ -38,7 +38,7 @@ def segment(recording: Recording, serial: str, recipe_name: str | None, out: Pat
     if not names:
         raise SamplesError(f"{recording.path} lies still nowhere that counts; record each stop for some seconds")
     write_samples(rest_segments.table(time_s, reading, stretches, serial, names), out)
-    _face.remark(f"{len(names)} still stretches of {recording.path} are visits of {out}: {', '.join(names)}")
+    _output.print_remark(f"{len(names)} still stretches of {recording.path} are visits of {out}: {', '.join(names)}")
     return 0
 
 
@@ -54,14 +54,14 @@ def _positions(recipe: Recipe, mean: Floats) -> list[str]:
     return [recipe.positions[b].name if ok else "" for b, ok in zip(best, near, strict=True)]
 
 
-def read(recording: Recording) -> tuple[Floats, Floats]:
+def read_recording(recording: Recording) -> tuple[Floats, Floats]:
     """Time (n) in s from 0, and readings (n, 3). Errors: SamplesError, UsageError."""
     if len(recording.columns) != 4:
         told = ",".join(recording.columns)
         raise UsageError(f"--columns {told} names {len(recording.columns)} columns; name time, x, y, z")
-    rows = _cells(recording.path)
+    rows = _split_lines(recording.path)
     header = rows[0][1] if rows and not _is_number(rows[0][1][0]) else None
-    places = [_place(recording.path, column, header) for column in recording.columns]
+    places = [_column_index(recording.path, column, header) for column in recording.columns]
     numbers = np.array([_numbers(recording.path, row, places) for row in (rows[1:] if header else rows)])
     if len(numbers) == 0:
         raise SamplesError(f"{recording.path} holds no readings; give a text file with a row a reading")
@@ -69,7 +69,7 @@ def read(recording: Recording) -> tuple[Floats, Floats]:
     return time_s, (numbers[:, 1:] - recording.zero) * recording.scale
 
 
-def _cells(path: Path) -> list[tuple[int, list[str]]]:
+def _split_lines(path: Path) -> list[tuple[int, list[str]]]:
     """Line numbers and cells of a text; split at commas where there are any, else at blanks."""
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -80,7 +80,7 @@ def _cells(path: Path) -> list[tuple[int, list[str]]]:
     return [(i, [c.strip() for c in line.split(",")] if comma else line.split()) for i, line in lines]
 
 
-def _place(path: Path, column: str, header: list[str] | None) -> int:
+def _column_index(path: Path, column: str, header: list[str] | None) -> int:
     if header is not None and column in header:
         return header.index(column)
     if column.isdigit():

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator, Sequence
 
-from station.domain.core.types import Seat
+from station.domain.core.types import NestAssignment
 from station.domain.recipe import serial
 from station.errors import UsageError
 from station.wiring import Bench
@@ -26,7 +26,7 @@ def ask_serials(bench: Bench, given: Sequence[str], units: int | None) -> tuple[
     return found
 
 
-def seats_of(bench: Bench, serials: Sequence[str], nests: Sequence[str]) -> list[tuple[Seat, ...]]:
+def assign_nests(bench: Bench, serials: Sequence[str], nests: Sequence[str]) -> list[tuple[NestAssignment, ...]]:
     """The loads: each serial in the nest said for it, or nest by nest where none is. Errors: UsageError."""
     if not nests:
         return bench.loads(serials)
@@ -36,7 +36,7 @@ def seats_of(bench: Bench, serials: Sequence[str], nests: Sequence[str]) -> list
         raise UsageError(f"there is no nest {unknown[0][:40]!r}; config.yaml names {', '.join(nodes)}")
     if len(nests) != len(serials) or len(set(nests)) != len(nests):
         raise UsageError(f"{len(serials)} times --serial need as many different --nest; or leave --nest out")
-    return [tuple(Seat(s, n, nodes[n]) for s, n in zip(serials, nests, strict=True))]
+    return [tuple(NestAssignment(s, n, nodes[n]) for s, n in zip(serials, nests, strict=True))]
 
 
 def _scanned(bench: Bench, units: int | None) -> Iterator[str]:

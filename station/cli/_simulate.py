@@ -6,23 +6,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from station.cli import _face
+from station.cli import _output
 from station.config.models import load_model
 from station.config.recipes import load_recipe, recipe_path
 from station.config.settings import load_settings
 from station.errors import UsageError
 from station.model import truth
-from station.model.line import Line
-from station.model.simulate import Job, Made, effects_of, parts
+from station.model.simulate import SimulatedUnits, SimulationJob, parse_effects, simulate_in_parts
+from station.model.simulated_line import SimulatedLine
 
 if TYPE_CHECKING:
     from station.domain.can.sensor_layout import SensorLayout
 
-TABLES, LOGS = (".parquet", ".csv"), (".log", ".blf")
+TABLE_ENDINGS, LOG_ENDINGS = (".parquet", ".csv"), (".log", ".blf")
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class SimulateRequest:
     """What the command line asks for; recipe and product by name or path."""
 
     recipe: str | None
@@ -31,55 +31,55 @@ class Asked:
     model: Path | None
     effects: tuple[str, ...]
     product: str | None
-    line: Line
+    line: SimulatedLine
     gold: bool
 
 
-def simulate_to(out: Path, asked: Asked, *, as_json: bool) -> int:
+def run_simulate(out: Path, asked: SimulateRequest, *, as_json: bool) -> int:
     """Writes the campaign and its truth; returns the exit code. Errors: InputError."""
     ending = out.suffix.lower()
-    if ending not in (*TABLES, *LOGS):
-        known = ", ".join((*TABLES, *LOGS))
+    if ending not in (*TABLE_ENDINGS, *LOG_ENDINGS):
+        known = ", ".join((*TABLE_ENDINGS, *LOG_ENDINGS))
         raise UsageError(f"--out {out}: the ending says what to write, and {ending or 'none'} is none of {known}")
     if not out.parent.is_dir():
         raise UsageError(f"--out {out}: there is no folder {out.parent}; make it first")
     name = asked.recipe or load_settings().recipe
     job = _job(asked, name)
     try:
-        told = _write_table(out, job) if ending in TABLES else _write_log(out, job, name, asked.product)
+        told = _write_table(out, job) if ending in TABLE_ENDINGS else _write_log(out, job, name, asked.product)
         beside = out.with_suffix(".truth.json")
         beside.write_text(json.dumps(told, ensure_ascii=False, allow_nan=False, indent=1), encoding="utf-8")
     except OSError as exc:
         raise UsageError(f"--out {out} cannot be written ({exc.strerror or exc}); choose another place") from None
-    _tell(out, beside, told, as_json=as_json)
+    _print_summary(out, beside, told, as_json=as_json)
     return 0
 
 
-def _job(asked: Asked, name: str) -> Job:
+def _job(asked: SimulateRequest, name: str) -> SimulationJob:
     recipe = load_recipe(name)
     model = load_model(asked.model)
-    return Job(
+    return SimulationJob(
         recipe=recipe,
         units=tuple(f"SN{i + 1:04d}" for i in range(asked.units)),
         seed=asked.seed,
-        effects=effects_of(asked.effects, recipe),
+        effects=parse_effects(asked.effects, recipe),
         model=model,
         line=asked.line,
         gold=asked.gold,
     )
 
 
-def _write_table(out: Path, job: Job) -> dict[str, Any]:
+def _write_table(out: Path, job: SimulationJob) -> dict[str, Any]:
     """Samples, some units at a time."""
     from station.adapters.samples import write_parts
 
     known = truth.Truth(job)
 
     def tables() -> Iterator[Any]:
-        with _face.progress() as bar:
+        with _output.progress() as bar:
             task = bar.add_task("simulating", total=len(job.units))
-            for part in parts(job):
-                known.add(Made(part.units, part.base, part.active, part.scene.without_rows()))
+            for part in simulate_in_parts(job):
+                known.add(SimulatedUnits(part.units, part.base, part.active, part.scene.without_rows()))
                 yield part.table
                 bar.advance(task, len(part.units))
 
@@ -87,19 +87,19 @@ def _write_table(out: Path, job: Job) -> dict[str, Any]:
     return known.document()
 
 
-def _write_log(out: Path, job: Job, name: str, product: str | None) -> dict[str, Any]:
+def _write_log(out: Path, job: SimulationJob, name: str, product: str | None) -> dict[str, Any]:
     """CAN frames, and their marks."""
     from station.adapters.annotations import write_marks
     from station.adapters.bus import write_log
-    from station.model.frames_out import frames_of
+    from station.model.frame_recording import simulate_frames
 
-    recorded = frames_of(job, _layout(job, name, product))
+    recorded = simulate_frames(job, _layout(job, name, product))
     write_log(out, recorded.frames)
     write_marks(out.with_name(f"{out.name}.marks.csv"), recorded.marks)
     return truth.document(job, [recorded.made])
 
 
-def _layout(job: Job, name: str, product: str | None) -> "SensorLayout":
+def _layout(job: SimulationJob, name: str, product: str | None) -> "SensorLayout":
     """The frames of the product."""
     from station.adapters.dbc import read_layouts
     from station.config.products import load_product, product_path
@@ -112,11 +112,11 @@ def _layout(job: Job, name: str, product: str | None) -> "SensorLayout":
     return resolve(frames, read_layouts(product_path(said, near).parent / frames.dbc))
 
 
-def _tell(out: Path, beside: Path, told: dict[str, Any], *, as_json: bool) -> None:
+def _print_summary(out: Path, beside: Path, told: dict[str, Any], *, as_json: bool) -> None:
     names = [effect["effect"] for effect in told["effects"]]
     if as_json:
         document = {"schema": "station.simulation/1", "out": str(out), "truth": str(beside), "effects": names}
-        _face.say_json({**document, "units": len(told["units"]), "seed": told["seed"]})
+        _output.print_json({**document, "units": len(told["units"]), "seed": told["seed"]})
         return
     causes = ", ".join(names) or "no cause"
-    _face.say(f"{len(told['units'])} units with {causes}, seed {told['seed']}: {out}; the truth: {beside}")
+    _output.print_line(f"{len(told['units'])} units with {causes}, seed {told['seed']}: {out}; the truth: {beside}")

@@ -17,17 +17,17 @@ from station.errors import Aborted, StationError, UsageError
 _FOLDER = Path(__file__).parent
 
 #: A start makes a hundred thousand objects that stay: looking for garbage after every 700 takes a tenth of its time.
-_GARBAGE = (50_000, 20, 100)
+_GC_THRESHOLDS = (50_000, 20, 100)
 #: What typer answers to Ctrl-C, and what the contracts ask for.
 _INTERRUPTED, _ABORTED_CODE, _BUG_CODE, _NOBODY_READS_CODE = 130, 4, 70, 3
 
 
 def main(args: Sequence[str] | None = None) -> None:
     """The entry point: the one place that catches. Exit codes: contracts, section 1."""
-    gc.set_threshold(*_GARBAGE)
+    gc.set_threshold(*_GC_THRESHOLDS)
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:
-            signal.signal(number, _as_ctrl_c)
+            signal.signal(number, _raise_interrupt)
     sys.exit(_guarded(list(sys.argv[1:] if args is None else args)))
 
 
@@ -54,7 +54,7 @@ def _guarded(args: list[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _NOBODY_READS_CODE
     except Exception as exc:  # noqa: BLE001 - the last face: a bug becomes a sentence and a file
-        return _fail(_crash(exc, args), _BUG_CODE)
+        return _fail(_write_crash_report(exc, args), _BUG_CODE)
     return code
 
 
@@ -125,7 +125,7 @@ def _fail(sentence: str, code: int) -> int:
     return code
 
 
-def _crash(exc: Exception, args: list[str]) -> str:
+def _write_crash_report(exc: Exception, args: list[str]) -> str:
     import platform
     import tempfile
     import traceback
@@ -136,5 +136,5 @@ def _crash(exc: Exception, args: list[str]) -> str:
     return f"this is a bug in the station ({type(exc).__name__}); please report it with the file {file.name}"
 
 
-def _as_ctrl_c(_number: int, _frame: Any) -> None:
+def _raise_interrupt(_number: int, _frame: Any) -> None:
     raise KeyboardInterrupt

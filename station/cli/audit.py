@@ -47,7 +47,7 @@ def command(
     """
     from station.adapters.store.search import Query
     from station.cli import _audit
-    from station.cli._log import known_head, open_log, time_ns
+    from station.cli._log_options import open_log, parse_head, parse_time_ns
 
     query = Query(
         serial=serial,
@@ -60,9 +60,9 @@ def command(
         recipe_hash=recipe_hash,
         firmware=firmware,
         outcome=None if outcome is None else outcome.upper(),
-        since_ns=time_ns(since, "--since"),
-        until_ns=time_ns(until, "--until"),
+        since_ns=parse_time_ns(since, "--since"),
+        until_ns=parse_time_ns(until, "--until"),
     )
     with open_log(db, config) as log:
-        ask = _audit.Ask(query, limit, verify=verify, recompute=recompute, key=key, known=known_head(head))
-        return _audit.answer(log, ask, as_json=json)
+        ask = _audit.AuditRequest(query, limit, verify=verify, recompute=recompute, key=key, known=parse_head(head))
+        return _audit.run_audit(log, ask, as_json=json)

@@ -32,7 +32,7 @@ def command(
     """
     from station.adapters.store.search import Query
     from station.cli import _backtest
-    from station.cli._log import open_log, time_ns
+    from station.cli._log_options import open_log, parse_time_ns
     from station.config.recipes import load_recipe
 
     changed = load_recipe(recipe)
@@ -40,9 +40,9 @@ def command(
         recipe_name=of or changed.name,
         nest=nest,
         lot=lot,
-        since_ns=time_ns(since, "--since"),
-        until_ns=time_ns(until, "--until"),
+        since_ns=parse_time_ns(since, "--since"),
+        until_ns=parse_time_ns(until, "--until"),
     )
     with open_log(db, config) as log:
-        ask = _backtest.Ask(changed, query, from_frames=from_frames, processes=processes)
-        return _backtest.answer(log, ask, as_json=json)
+        ask = _backtest.BacktestRequest(changed, query, from_frames=from_frames, processes=processes)
+        return _backtest.run_backtest(log, ask, as_json=json)

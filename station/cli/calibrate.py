@@ -26,7 +26,7 @@ def command(
 
         station calibrate --samples samples.parquet --recipe tilt-24 --budget --pictures pictures
     """
-    from station.cli._calibrate import Wanted, calibrate_file
+    from station.cli._calibrate import CalibrateOutputs, calibrate_file
 
-    wanted = Wanted(json, pictures, budget=budget, compare_models=compare_models)
+    wanted = CalibrateOutputs(json, pictures, budget=budget, compare_models=compare_models)
     return calibrate_file(samples, recipe, wanted)

@@ -29,13 +29,13 @@ def command(
     Lines on standard input turn the world they feel: `up +x`, `true 0 0 -1`, `temperature 31`. The first line of
     standard output tells their true errors as JSON, once they are on the bus.
     """
-    from station.cli._device import live, node_id
+    from station.cli._device import parse_node_id, serve_devices
     from station.wiring.live_device import Population
 
     wanted = Population(
         product=product,
         channel=channel,
-        nodes=tuple(map(node_id, node)),
+        nodes=tuple(map(parse_node_id, node)),
         serials=tuple(serial),
         rate_hz=rate_hz,
         seed=seed,
@@ -43,4 +43,4 @@ def command(
         faults=tuple(fault or ()),
         flash_s=flash_s,
     )
-    return live(wanted, seconds)
+    return serve_devices(wanted, seconds)

@@ -37,7 +37,7 @@ def command(
     """
     # Many small matrices: a second thread of the linear algebra only waits for the first.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from station.cli._diagnose import Wanted, diagnose_to
+    from station.cli._diagnose import DiagnoseOutputs, run_diagnose
 
-    wanted = Wanted(json, report, figures, extend, next_run)
-    return diagnose_to(samples, db, since, recipe, model, wanted, seed)
+    wanted = DiagnoseOutputs(json, report, figures, extend, next_run)
+    return run_diagnose(samples, db, since, recipe, model, wanted, seed)

@@ -23,6 +23,6 @@ def command(
 
         station doctor --simulate --recipe tilt-24
     """
-    from station.cli._doctor import Question, examine
+    from station.cli._doctor import DoctorRequest, run_checks
 
-    return examine(Question(recipe, config, db, simulate), as_json=json)
+    return run_checks(DoctorRequest(recipe, config, db, simulate), as_json=json)

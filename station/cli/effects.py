@@ -15,19 +15,19 @@ def command(
 
         station effects
     """
-    from station.cli import _face
+    from station.cli import _output as _face
     from station.model import catalogue
 
     if markdown:
-        _face.say(catalogue.page().rstrip("\n"))
+        _face.print_line(catalogue.page().rstrip("\n"))
         return 0
     rows = catalogue.rows()
     if json:
-        _face.say_json({"schema": "station.effects/1", "effects": rows})
+        _face.print_json({"schema": "station.effects/1", "effects": rows})
         return 0
     width = max(len(row["effect"]) for row in rows)
     for row in rows:
         first = row["parameters"][0]
         size = first["typical"] if isinstance(first["typical"], str) else f"{first['typical']:g} {first['unit']}"
-        _face.say(f"{row['effect']:<{width}}  {size:<14}  {row['physics']}")
+        _face.print_line(f"{row['effect']:<{width}}  {size:<14}  {row['physics']}")
     return 0

@@ -37,7 +37,7 @@ def command(
     """
     from station.adapters.store.search import Query
     from station.cli import _export
-    from station.cli._log import open_log, time_ns
+    from station.cli._log_options import open_log, parse_time_ns
 
     query = Query(
         station=station,
@@ -45,10 +45,10 @@ def command(
         lot=lot,
         recipe_name=recipe,
         outcome=None if outcome is None else outcome.upper(),
-        since_ns=time_ns(since, "--since"),
-        until_ns=time_ns(until, "--until"),
+        since_ns=parse_time_ns(since, "--since"),
+        until_ns=parse_time_ns(until, "--until"),
     )
-    wanted = _export.Wanted(samples, results, frames)
+    wanted = _export.ExportFiles(samples, results, frames)
     with open_log(db, config) as log:
-        found = _export.choose(log, query, serial or [], attempt or [])
+        found = _export.select_attempts(log, query, serial or [], attempt or [])
         return _export.export(log, found, wanted, as_json=json)

@@ -30,6 +30,6 @@ def command(
         station run --serial GOLD01 --serial BAD01
         station golden check
     """
-    from station.cli._golden import Said, act
+    from station.cli._golden import RegisterOptions, manage_golden_units
 
-    return act(action, serial, Said(bad, within, due), (db, config), as_json=json)
+    return manage_golden_units(action, serial, RegisterOptions(bad, within, due), (db, config), as_json=json)

@@ -42,11 +42,11 @@ def command(
 
         station msa grr --samples readings.csv --tolerance 0.2
     """
-    from station.cli._msa import Ask, study_to
-    from station.wiring import Order
+    from station.cli._msa import MsaRequest, run_study
+    from station.wiring import RunOrder
 
-    order = Order(recipe=recipe, config=config, database=db, simulate=simulate, seed=seed)
-    ask = Ask(
+    order = RunOrder(recipe=recipe, config=config, database=db, simulate=simulate, seed=seed)
+    ask = MsaRequest(
         study=study,
         value=value,
         serials=tuple(serial or ()),
@@ -59,6 +59,6 @@ def command(
         spread=spread,
         resolution=resolution,
         samples=samples,
-        makes=run or simulate,
+        measures_missing=run or simulate,
     )
-    return study_to(order, ask, as_json=json)
+    return run_study(order, ask, as_json=json)

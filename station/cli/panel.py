@@ -40,10 +40,10 @@ def command(
     from station.cli import _panel
     from station.errors import UsageError
 
-    where = _panel.Where(recipe, config, db, accounts)
+    where = _panel.PanelFiles(recipe, config, db, accounts)
     if add is not None or remove is not None:
-        return _panel.change_people(where, add, remove, role)
+        return _panel.change_accounts(where, add, remove, role)
     if fault and not simulate:
         raise UsageError("--fault changes simulated units; add --simulate or leave it out")
-    listen = _panel.Listen(host, port, secure=secure)
+    listen = _panel.ListenAddress(host, port, secure=secure)
     return _panel.serve(where, listen, pace=pace if simulate else None, faults=tuple(fault or ()))

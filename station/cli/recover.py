@@ -33,11 +33,11 @@ def command(
         station recover SN0042 --restore
     """
     from station.cli._recover import recover_unit
-    from station.wiring import Order
+    from station.wiring import RunOrder
 
     if restore and go_on:
         raise UsageError("--restore and --continue are two ways; choose one")
-    order = Order(
+    order = RunOrder(
         recipe=recipe,
         config=config,
         database=db,

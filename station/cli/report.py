@@ -34,16 +34,16 @@ def command(
         station report --value "gain z" --size 4 --json
     """
     from station.adapters.store.search import Query
-    from station.cli._log import open_log, time_ns
-    from station.cli._report import Ask, answer
+    from station.cli._log_options import open_log, parse_time_ns
+    from station.cli._report import ReportRequest, run_report
 
     query = Query(
         station=station,
         nest=nest,
         recipe_name=recipe,
         lot=lot,
-        since_ns=time_ns(since, "--since"),
-        until_ns=time_ns(until, "--until"),
+        since_ns=parse_time_ns(since, "--since"),
+        until_ns=parse_time_ns(until, "--until"),
     )
     with open_log(db, config) as log:
-        return answer(log, Ask(query, value, size, most, out), as_json=json)
+        return run_report(log, ReportRequest(query, value, size, most, out), as_json=json)

@@ -48,11 +48,11 @@ def command(
 
         station run --recipe six-point --serial SN0042 --serial SN0043
     """
-    from station.cli._run import Face, run_units
+    from station.cli._run import RunOptions, run_units
     from station.errors import UsageError
-    from station.wiring import Order
+    from station.wiring import RunOrder
 
-    order = Order(
+    order = RunOrder(
         recipe=recipe,
         config=config,
         database=db,
@@ -69,5 +69,5 @@ def command(
     )
     if pace is not None and not simulate:
         raise UsageError("--pace holds virtual time back; add --simulate or leave it out")
-    face = Face(as_json=json, pace=pace, nests=tuple(nest or ()), at_page=ask_at_page)
+    face = RunOptions(as_json=json, pace=pace, nests=tuple(nest or ()), confirm_at_page=ask_at_page)
     return run_units(order, tuple(serial or ()), units, face)

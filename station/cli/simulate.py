@@ -30,17 +30,17 @@ def command(
 
         station simulate --recipe six-point --units 4 --effect lost-frames=0.02 --out frames.log
     """
-    from station.cli._simulate import Asked, simulate_to
-    from station.model.line import Line
+    from station.cli._simulate import SimulateRequest, run_simulate
+    from station.model.simulated_line import SimulatedLine
 
-    asked = Asked(
+    asked = SimulateRequest(
         recipe=recipe,
         units=units,
         seed=seed,
         model=model,
         effects=tuple(effect or ()),
         product=product,
-        line=Line(nests=nests, operators=operators, lots=lots),
+        line=SimulatedLine(nests=nests, operators=operators, lots=lots),
         gold=gold,
     )
-    return simulate_to(out, asked, as_json=json)
+    return run_simulate(out, asked, as_json=json)

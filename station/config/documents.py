@@ -11,15 +11,15 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from station.config.sentences import sentences
+from station.config.validation_sentences import sentences
 from station.errors import InputError
 
 Model = TypeVar("Model", bound=BaseModel)
-Place = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 
 #: Beyond these a file is not a recipe but an accident or an attack.
 MOST_BYTES, BYTES_A_NODE, MOST_DEPTH = 1_000_000, 50, 32
-TOO_MUCH = "there is too much nested or listed here; this cannot be the right file"
+TOO_LARGE = "there is too much nested or listed here; this cannot be the right file"
 
 #: C0 and C1 controls but tab and line ends, and the marks that reorder text on a screen.
 CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
@@ -36,9 +36,9 @@ class Document:
 
     path: Path
     data: Any
-    lines: Mapping[Place, int]
+    lines: Mapping[KeyPath, int]
 
-    def line(self, place: Place) -> int:
+    def line(self, place: KeyPath) -> int:
         """Line of a part, or of the nearest part around it."""
         while place and place not in self.lines:
             place = place[:-1]
@@ -116,7 +116,7 @@ class _Builder:
 
     def __init__(self, path: Path, error: type[InputError], most_nodes: int) -> None:
         self.path, self.error, self.most_nodes = path, error, most_nodes
-        self.lines: dict[Place, int] = {}
+        self.lines: dict[KeyPath, int] = {}
         self.nodes = 0
         self.anchors: dict[str, tuple[Any, int]] = {}
 
@@ -131,7 +131,7 @@ class _Builder:
                 data = self.node(next(events), events, ())
         return data
 
-    def node(self, event: yaml.Event, events: Iterator[yaml.Event], place: Place) -> Any:
+    def node(self, event: yaml.Event, events: Iterator[yaml.Event], place: KeyPath) -> Any:
         self.check(event, place)
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event)
@@ -141,7 +141,7 @@ class _Builder:
             self.anchors[event.anchor] = data, self.nodes - before
         return data
 
-    def content(self, event: yaml.Event, events: Iterator[yaml.Event], place: Place) -> Any:
+    def content(self, event: yaml.Event, events: Iterator[yaml.Event], place: KeyPath) -> Any:
         if isinstance(event, yaml.SequenceStartEvent):
             return self.sequence(events, place)
         if isinstance(event, yaml.MappingStartEvent):
@@ -156,26 +156,26 @@ class _Builder:
         self.count(event, size)
         return data
 
-    def check(self, event: yaml.Event, place: Place) -> None:
+    def check(self, event: yaml.Event, place: KeyPath) -> None:
         self.count(event, 1)
         self.lines.setdefault(place, _line(event))
         if (tag := getattr(event, "tag", None)) is not None:
             raise self.refusal(event, f"tag {tag} is not allowed here; remove it")
         if len(place) > MOST_DEPTH:
-            raise self.refusal(event, TOO_MUCH)
+            raise self.refusal(event, TOO_LARGE)
 
     def count(self, event: yaml.Event, nodes: int) -> None:
         self.nodes += nodes
         if self.nodes > self.most_nodes:
-            raise self.refusal(event, TOO_MUCH)
+            raise self.refusal(event, TOO_LARGE)
 
-    def sequence(self, events: Iterator[yaml.Event], place: Place) -> list[Any]:
+    def sequence(self, events: Iterator[yaml.Event], place: KeyPath) -> list[Any]:
         out: list[Any] = []
         while not isinstance(event := next(events), yaml.SequenceEndEvent):
             out.append(self.node(event, events, (*place, len(out))))
         return out
 
-    def mapping(self, events: Iterator[yaml.Event], place: Place) -> dict[str, Any]:
+    def mapping(self, events: Iterator[yaml.Event], place: KeyPath) -> dict[str, Any]:
         out: dict[str, Any] = {}
         while not isinstance(event := next(events), yaml.MappingEndEvent):
             if not isinstance(event, yaml.ScalarEvent):
@@ -192,13 +192,13 @@ class _Builder:
         text = str(event.value)
         if bad := CONTROL.search(text):
             raise self.refusal(event, f"control character U+{ord(bad[0]):04X} in a value; remove it")
-        return text if event.style not in (None, "") else plain(text)
+        return text if event.style not in (None, "") else parse_plain_scalar(text)
 
     def refusal(self, event: yaml.Event, why: str) -> InputError:
         return self.error(f"{self.path} line {_line(event)}: {why}")
 
 
-def plain(text: str) -> Any:
+def parse_plain_scalar(text: str) -> Any:
     """An unquoted scalar as YAML 1.2's core schema reads it."""
     if _INT.fullmatch(text):
         return int(text, 0) if text[:2] in ("0x", "0o") else int(text)

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from station.config.documents import load_document, validate
-from station.config.places import find
+from station.config.search_path import find_file
 from station.domain.product.product import Product
 from station.errors import ProductError
 
@@ -15,7 +15,7 @@ def product_path(name: str, near: Path | None = None) -> Path:
         raise ProductError(
             f"product {name[:40]!r} is not a plain name; write the name of a file in dbc/, such as gs-21"
         )
-    return find(f"{name}.yaml", "dbc", near, ProductError)
+    return find_file(f"{name}.yaml", "dbc", near, ProductError)
 
 
 def load_product(name: str, near: Path | None = None) -> Product:

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from station.config.documents import content_hash, load_document, validate
-from station.config.places import find
+from station.config.search_path import find_file
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 
@@ -13,7 +13,7 @@ def recipe_path(name: str | Path) -> Path:
     """The file of a recipe given by path or by name (`tilt-24` is `recipes/tilt-24.yaml`)."""
     text = str(name)
     bare = re.fullmatch(r"[\w+\-]+", text) is not None and not Path(text).is_file()
-    return find(f"{text}.yaml" if bare else text, "recipes", None, RecipeError)
+    return find_file(f"{text}.yaml" if bare else text, "recipes", None, RecipeError)
 
 
 def load_recipe(name: str | Path) -> Recipe:

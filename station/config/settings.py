@@ -6,25 +6,25 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from station.config.documents import Document, load_document, validate
-from station.config.places import shipped
-from station.domain.recipe.recipe import Name, Part, Positive
+from station.config.search_path import shipped_folder
+from station.domain.recipe.recipe import Name, Positive, StrictModel
 from station.errors import ConfigError
 
 Node = Annotated[int, Field(ge=1, le=127)]
-Place = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f]*$")]
-Line = Annotated[str, Field(max_length=64, pattern=r"^[^\x00-\x1f\x7f]*$")]
+PathText = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f]*$")]
+ShortText = Annotated[str, Field(max_length=64, pattern=r"^[^\x00-\x1f\x7f]*$")]
 
 
-class BusSettings(Part):
+class BusSettings(StrictModel):
     """Which CAN interface: python-can's name for its kind, its channel, and its bit rate in bit/s."""
 
     interface: Literal["socketcan", "simulated", "replay"] = "socketcan"
-    channel: Line = "can0"
+    channel: ShortText = "can0"
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 500_000
     receive_buffer_bytes: Annotated[int, Field(ge=65_536, le=1 << 30)] = 16 << 20
 
 
-class Nest(Part):
+class Nest(StrictModel):
     """One seat of the fixture and the node id of the device in it."""
 
     name: Name
@@ -44,7 +44,7 @@ class PositionerSettings(BaseModel):
         return dict(self.model_extra or {})
 
 
-class Timeouts(Part):
+class Timeouts(StrictModel):
     """How long each thing may take before it counts as failed, s."""
 
     sdo_s: Positive = 1.0
@@ -56,29 +56,29 @@ class Timeouts(Part):
     park_s: Positive = 20.0
 
 
-class Golden(Part):
+class GoldenSettings(StrictModel):
     """Golden and known-bad units that must come out as registered, every so many hours, before anything is made."""
 
-    file: Place = "golden.json"
+    file: PathText = "golden.json"
     every_h: Positive = 8.0
 
 
-class Settings(Part):
+class Settings(StrictModel):
     """Everything about this station that no recipe says."""
 
     schema_: Annotated[Literal["station.config/1"], Field(alias="schema")] = "station.config/1"
     station: Name = "station-1"
-    operator: Line = ""
-    lot: Line = ""
+    operator: ShortText = ""
+    lot: ShortText = ""
     bus: BusSettings = BusSettings()
     nests: Annotated[tuple[Nest, ...], Field(min_length=1, max_length=127)]
     positioner: PositionerSettings = PositionerSettings()
-    recipe: Line = "six-point"
-    database: Place = "station.db"
-    signing_key: Place = ""
+    recipe: ShortText = "six-point"
+    database: PathText = "station.db"
+    signing_key: PathText = ""
     arrival_tolerance_deg: Positive = 2.0
     timeouts: Timeouts = Timeouts()
-    golden: Golden | None = None
+    golden: GoldenSettings | None = None
 
     @model_validator(mode="after")
     def _nests_differ(self) -> Self:
@@ -95,7 +95,7 @@ class Settings(Part):
 def config_path(path: Path | None = None) -> Path:
     """The config file: the one given, else config.yaml here, else the one shipped."""
     here = Path("config.yaml")
-    return path or (here if here.is_file() else shipped() / "config.yaml")
+    return path or (here if here.is_file() else shipped_folder() / "config.yaml")
 
 
 def load_config(path: Path | None = None) -> tuple[Settings, Document]:

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from station.domain.core import rotation
 from station.domain.core.types import Array, Floats, Labels
 from station.domain.recipe.recipe import Recipe
-from station.model.climate import climate, drive
-from station.model.effect import stream
-from station.model.line import Line
+from station.model.climate import climate, motor_level
+from station.model.effect import random_stream
 from station.model.scene import Scene
-from station.model.timeline import Batch, Round, round_of
-from station.model.visits import Visits, visits_of
+from station.model.simulated_line import SimulatedLine
+from station.model.timeline import FleetPart, RunTimeline, run_timeline
+from station.model.visit_table import VisitTable, visit_table
 
-Rows = NDArray[np.intp]
+RowIndex = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,11 +24,11 @@ class Campaign:
     """Every unit of a batch goes once through every run of the recipe; visits (v) hold all stops."""
 
     recipe: Recipe
-    batch: Batch
-    line: Line
+    batch: FleetPart
+    line: SimulatedLine
     seed: int
-    rounds: tuple[Round, ...]
-    visits: Visits
+    rounds: tuple[RunTimeline, ...]
+    visits: VisitTable
 
     def arrival_s(self) -> Floats:
         """Arrival at each stop (v), s from the start of its run."""
@@ -40,7 +40,7 @@ class Campaign:
         begun = np.concatenate([[0.0], np.cumsum(lasts)])
         run = self.visits.run
         prewarm = np.array([r.prewarm_s for r in self.rounds])[run]
-        return np.asarray(self.line.changeover_s + self._load() * begun[-1] + begun[run] + prewarm)
+        return np.asarray(self.line.changeover_s + self._load_index() * begun[-1] + begun[run] + prewarm)
 
     def dwell_s(self) -> Floats:
         """How long each stop (v) is measured, s."""
@@ -51,7 +51,7 @@ class Campaign:
         since = [self._grid(float(stay_s), rate) for rate in rate_hz for done in self.rounds for stay_s in done.dwell_s]
         return self.scene(np.repeat(np.arange(len(self.visits)), [len(s) for s in since]), np.concatenate(since))
 
-    def scene(self, visit: Rows, since_arrival_s: Floats) -> Scene:
+    def scene(self, visit: RowIndex, since_arrival_s: Floats) -> Scene:
         """Samples (n) at stops; since_arrival_s (n) is negative on the way there."""
         time_s = self.arrival_s()[visit] + since_arrival_s
         run = self.visits.run[visit]
@@ -60,42 +60,44 @@ class Campaign:
         offset = np.array([r.offset_degC for r in self.rounds])[run]
         known = climate(time_s, self.started_s()[visit], powered, clamped, offset, line=self.line, seed=self.seed)
         since = np.maximum(since_arrival_s, 0.0)
-        return Scene(self.recipe, self.visits, visit, time_s, since, motor=self._motor()[visit], **known)
+        return Scene(self.recipe, self.visits, visit, time_s, since, motor=self._motor_level()[visit], **known)
 
     def _grid(self, dwell_s: float, rate_hz: float) -> Floats:
         """Sample times of one dwell, s since arrival."""
         return self.recipe.settle.time_s + np.arange(max(1, round(dwell_s * rate_hz))) / rate_hz
 
-    def _load(self) -> Array:
+    def _load_index(self) -> Array:
         """Which load of the fixture each stop (v) belongs to."""
         return self.batch.number()[self.visits.unit.code] // self.line.nests
 
-    def _motor(self) -> Floats:
+    def _motor_level(self) -> Floats:
         """Drive level (v) of the line's motors: another at each stop, the same for all units of a fixture load."""
         visits = self.visits
         on = np.array([r.motors for r in self.rounds])[visits.run]
-        key, inverse = np.unique(np.stack([self._load(), visits.run, visits.visit]), axis=1, return_inverse=True)
-        level = np.array([drive(self.seed, *k) for k in key.T])
+        key, inverse = np.unique(np.stack([self._load_index(), visits.run, visits.visit]), axis=1, return_inverse=True)
+        level = np.array([motor_level(self.seed, *k) for k in key.T])
         return np.where(on, level[inverse], 0.0)
 
 
-def campaign_of(recipe: Recipe, units: Sequence[str] | Batch, seed: int, line: Line | None = None) -> Campaign:
+def campaign_of(
+    recipe: Recipe, units: Sequence[str] | FleetPart, seed: int, line: SimulatedLine | None = None
+) -> Campaign:
     """The campaign that a recipe plans for these units."""
-    line = line or Line()
-    batch = units if isinstance(units, Batch) else Batch(tuple(units))
-    rounds = tuple(round_of(recipe, run, line) for run in range(len(recipe.runs)))
+    line = line or SimulatedLine()
+    batch = units if isinstance(units, FleetPart) else FleetPart(tuple(units))
+    rounds = tuple(run_timeline(recipe, run, line) for run in range(len(recipe.runs)))
     visits = _visits(recipe, batch, rounds, line)
     if not recipe.pose_known:
-        visits = replace(visits, nest_R=_by_hand(visits, seed))
+        visits = replace(visits, nest_R=_random_orientations(visits, seed))
     return Campaign(recipe, batch, line, seed, rounds, visits)
 
 
-def scene_of_plan(recipe: Recipe, units: Sequence[str], seed: int, line: Line | None = None) -> Scene:
+def scene_of_plan(recipe: Recipe, units: Sequence[str], seed: int, line: SimulatedLine | None = None) -> Scene:
     """The dwells of a planned campaign whose devices sample at the rate of their data sheet."""
     return campaign_of(recipe, units, seed, line).dwells(np.full(len(units), recipe.device.rate_hz))
 
 
-def _visits(recipe: Recipe, batch: Batch, rounds: Sequence[Round], line: Line) -> Visits:
+def _visits(recipe: Recipe, batch: FleetPart, rounds: Sequence[RunTimeline], line: SimulatedLine) -> VisitTable:
     """Every stop of every unit, with who worked where."""
     units = len(batch.units)
     stops = [len(done.position) for done in rounds]
@@ -111,7 +113,7 @@ def _visits(recipe: Recipe, batch: Batch, rounds: Sequence[Round], line: Line) -
         "lot": _numbered("L", batch.lot(line.lots)[unit.code]),
         "operator": _numbered("O", (at // line.nests + run) % line.operators),
     }
-    return visits_of(recipe, unit, run, visit, labels)
+    return visit_table(recipe, unit, run, visit, labels)
 
 
 def _numbered(letter: str, number: Array) -> Labels:
@@ -119,8 +121,8 @@ def _numbered(letter: str, number: Array) -> Labels:
     return Labels.of([f"{letter}{int(n) + 1}" for n in number])
 
 
-def _by_hand(visits: Visits, seed: int) -> Floats:
+def _random_orientations(visits: VisitTable, seed: int) -> Floats:
     """Any orientation at each stop (v, 3, 3): a person turned the part."""
     _, names = visits.group("visit", 1)
-    q = np.array([stream(seed, "hand", name).standard_normal(4) for name in names])
+    q = np.array([random_stream(seed, "hand", name).standard_normal(4) for name in names])
     return np.array([rotation.from_quaternion(one) for one in q])

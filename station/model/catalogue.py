@@ -6,7 +6,7 @@ from station import plugins
 from station.model.effect import Effect, Parameter
 from station.model.model_file import EFFECTS
 
-HEAD = """# Causes that the simulation knows
+PAGE_HEAD = """# Causes that the simulation knows
 
 This page is written by `station effects --markdown > docs/effects.md` from the effect files themselves; a test fails
 when it is old. One cause is one file in `station/model/effects/`; its name is the cause's id.
@@ -19,19 +19,19 @@ when it is old. One cause is one file in `station/model/effects/`; its name is t
 * **Needs.** What must be known of the samples to see the cause: columns of the table, but for `since_arrival_s`, which
   follows from `time_s`, and `temperature_rate`, which follows from `temperature_degC`.
 """
-LEVELS = {"device": "The device", "rig": "The rig", "bus": "The bus"}
+LEVEL_TITLES = {"device": "The device", "rig": "The rig", "bus": "The bus"}
 
 
 def rows() -> list[dict[str, Any]]:
     """One row for each cause, in the order of level and id."""
     kinds: list[type[Effect]] = list(plugins.load_all(EFFECTS).values())
-    return [_row(kind) for level in LEVELS for kind in kinds if kind.level == level]
+    return [_row(kind) for level in LEVEL_TITLES for kind in kinds if kind.level == level]
 
 
 def page() -> str:
     """The page, Markdown."""
-    told, parts = rows(), [HEAD]
-    for level, title in LEVELS.items():
+    told, parts = rows(), [PAGE_HEAD]
+    for level, title in LEVEL_TITLES.items():
         parts.append(f"## {title}\n")
         parts.append("| id | physics | parameter | typical (range) | of | needs |\n|---|---|---|---|---|---|")
         parts.extend(_line(row) for row in told if row["level"] == level)

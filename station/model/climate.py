@@ -5,11 +5,11 @@ from typing import TypedDict
 import numpy as np
 
 from station.domain.core.types import Array, Floats
-from station.model.effect import stream
-from station.model.line import Line
+from station.model.effect import random_stream
+from station.model.simulated_line import SimulatedLine
 
 #: Angular frequencies of the room, rad/s: waves of 10 minutes to 8 hours.
-WAVES = 2 * np.pi / np.geomspace(600.0, 28800.0, 5)
+ROOM_WAVES_RAD_S = 2 * np.pi / np.geomspace(600.0, 28800.0, 5)
 
 
 class Climate(TypedDict):
@@ -29,7 +29,7 @@ def climate(
     clamped_s: Array,
     offset_degC: Array,
     *,
-    line: Line,
+    line: SimulatedLine,
     seed: int,
 ) -> Climate:
     """What holds for samples (n) at time_s from the start of a run that started at started_s (n).
@@ -38,7 +38,7 @@ def climate(
     much warmer it is kept.
     """
     powered = time_s + powered_s
-    room_degC, drift = room(time_s + started_s, line, seed)
+    room_degC, drift = room_temperature(time_s + started_s, line, seed)
     left = line.heating_degC * np.exp(-powered / line.heating_tau_s)
     return Climate(
         started_s=started_s,
@@ -49,17 +49,20 @@ def climate(
     )
 
 
-def room(time_s: Floats, line: Line, seed: int) -> tuple[Floats, Floats]:
+def room_temperature(time_s: Floats, line: SimulatedLine, seed: int) -> tuple[Floats, Floats]:
     """Room temperature (n), degC, and its rate, degC/s: a few slow waves."""
-    rng = stream(seed, "room")
-    phase, size = rng.uniform(0, 2 * np.pi, len(WAVES)), line.wander_degC * np.sqrt(2 / len(WAVES))
+    rng = random_stream(seed, "room")
+    phase, size = (
+        rng.uniform(0, 2 * np.pi, len(ROOM_WAVES_RAD_S)),
+        line.wander_degC * np.sqrt(2 / len(ROOM_WAVES_RAD_S)),
+    )
     temperature, rate = np.full(len(time_s), line.room_degC), np.zeros(len(time_s))
-    for w, p in zip(WAVES, phase, strict=True):
+    for w, p in zip(ROOM_WAVES_RAD_S, phase, strict=True):
         temperature += size * np.sin(w * time_s + p)
         rate += size * w * np.cos(w * time_s + p)
     return temperature, rate
 
 
-def drive(seed: int, load: int, run: int, visit: int) -> float:
+def motor_level(seed: int, load: int, run: int, visit: int) -> float:
     """Drive level of the line's motors at one stop of one fixture load, where they are on: 0 … 1."""
-    return round(float(stream(seed, "motor", load, run, visit).uniform()), 2)
+    return round(float(random_stream(seed, "motor", load, run, visit).uniform()), 2)

@@ -16,20 +16,20 @@ from station.domain.recipe.recipe import Position, Recipe, Run
 from station.errors import RecipeError
 from station.model.campaign import campaign_of
 from station.model.effect import Effect
-from station.model.forward import Base, resting, signature
-from station.model.line import Line
+from station.model.forward import BaseResponse, resting_stimulus, signature
 from station.model.model_file import Model
 from station.model.scene import Scene
-from station.model.timeline import Batch
+from station.model.simulated_line import SimulatedLine
+from station.model.timeline import FleetPart
 
 #: Share of a signature that rounding may leave outside offset and matrix.
-ROUNDING = 1e-9
+ROUNDING_SHARE = 1e-9
 #: Poses that it is tried on.
-POSES = 16
+PROBE_POSES = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TakenIn:
+class CompensatedRecipe:
     """recipe: as it is to be run; causes: ids that its calibration holds; left: why each other cause stays."""
 
     recipe: Recipe
@@ -37,7 +37,7 @@ class TakenIn:
     left: tuple[str, ...]
 
 
-def taken_in(recipe: Recipe, model: Model, *, gains_only: bool) -> TakenIn:
+def compensate(recipe: Recipe, model: Model, *, gains_only: bool) -> CompensatedRecipe:
     """The recipe with every cause of the model in its calibration that belongs there.
 
     gains_only: the product keeps no cross-axis terms. Errors: RecipeError where the matrix is needed, but the
@@ -45,15 +45,15 @@ def taken_in(recipe: Recipe, model: Model, *, gains_only: bool) -> TakenIn:
     """
     whole = recipe.model_copy(update={"model": "matrix"})
     effects = {told.effect: told.build() for told in model.effects}
-    why = {name: _why_not(effect, whole, gains_only=gains_only) for name, effect in effects.items()}
+    why = {name: _reason_against(effect, whole, gains_only=gains_only) for name, effect in effects.items()}
     causes = tuple(name for name, reason in why.items() if not reason)
     if causes:
         _check(whole, causes)
     left = tuple(f"{name} {reason}" for name, reason in why.items() if reason)
-    return TakenIn(whole if causes else recipe, causes, left)
+    return CompensatedRecipe(whole if causes else recipe, causes, left)
 
 
-def _why_not(effect: Effect, whole: Recipe, *, gains_only: bool) -> str:
+def _reason_against(effect: Effect, whole: Recipe, *, gains_only: bool) -> str:
     """Why the calibration cannot hold a cause; empty where it can."""
     if effect.level != "device":
         return f"is of the {effect.level} and not of the device, so no calibration takes it in; have it put right"
@@ -68,21 +68,21 @@ def _why_not(effect: Effect, whole: Recipe, *, gains_only: bool) -> str:
 
 def in_matrix(effect: Effect, recipe: Recipe) -> bool:
     """Whether an offset and a matrix hold all that a cause does to the readings, in whatever pose."""
-    scene = _anywhere(recipe)
-    felt = resting(scene)[scene.visit]
+    scene = _random_scene(recipe)
+    felt = resting_stimulus(scene)[scene.visit]
     columns = np.concatenate([np.tile(np.eye(3), (len(felt), 1)), np.kron(felt, np.eye(3))], axis=1)
-    done = np.stack(signature(scene, Base.ideal(1), effect), axis=-1).reshape(len(columns), -1)
+    done = np.stack(signature(scene, BaseResponse.ideal(1), effect), axis=-1).reshape(len(columns), -1)
     total = float(np.sum(done**2))
-    return total > 0 and float(np.sum(_outside(columns, done) ** 2)) < ROUNDING * total
+    return total > 0 and float(np.sum(_outside(columns, done) ** 2)) < ROUNDING_SHARE * total
 
 
 def _outside(columns: Floats, done: Floats) -> Floats:
     return np.asarray(done - columns @ np.linalg.lstsq(columns, done, rcond=None)[0])
 
 
-def _anywhere(recipe: Recipe) -> Scene:
+def _random_scene(recipe: Recipe) -> Scene:
     """One unit through poses (and rates) at random."""
-    draws = np.random.default_rng(0).standard_normal((POSES, 7))
+    draws = np.random.default_rng(0).standard_normal((PROBE_POSES, 7))
     size = recipe.reference.strength()
     positions = tuple(
         Position(
@@ -95,7 +95,7 @@ def _anywhere(recipe: Recipe) -> Scene:
     reference = recipe.reference.model_copy(update={"pose": "known"})
     said = {"positions": positions, "runs": (Run(),), "seatings": {}, "reference": reference}
     probing = recipe.model_copy(update=said)
-    return campaign_of(probing, Batch(("any",)), 1, Line()).dwells(np.array([recipe.device.rate_hz]))
+    return campaign_of(probing, FleetPart(("any",)), 1, SimulatedLine()).dwells(np.array([recipe.device.rate_hz]))
 
 
 def _fits_matrix(whole: Recipe) -> bool:

@@ -31,11 +31,11 @@ from station.errors import UsageError
 from station.model.scene import Scene, Signal
 
 XYZ = ("x", "y", "z")
-ALONE = ("",)
+SINGLE_COEFFICIENT = ("",)
 _U = re.compile(r"(?<![A-Za-z])u(?![A-Za-z])")
 
 
-class Stage(StrEnum):
+class EffectStage(StrEnum):
     """Where in the chain from clock to bus a cause acts."""
 
     CLOCK = "clock"
@@ -77,16 +77,16 @@ class Parameter:
         """What a size given for 1 g is multiplied by in this recipe: its stimulus, to the power that u has."""
         above, _, below = self.unit.partition("/")
         power = bool(_U.search(above)) - bool(_U.search(below)) * (2 if "²" in below else 1)
-        return float(strength(recipe) ** power)
+        return float(stimulus_strength(recipe) ** power)
 
 
-def strength(recipe: Recipe) -> float:
+def stimulus_strength(recipe: Recipe) -> float:
     """Size of the recipe's stimulus in its unit: the magnitude, or the fastest of its rates."""
     rates = [float(np.linalg.norm(p.rate)) for p in recipe.positions if p.rate is not None]
     return max(rates, default=0.0) or recipe.reference.strength()
 
 
-def stream(seed: int, *key: object) -> np.random.Generator:
+def random_stream(seed: int, *key: object) -> np.random.Generator:
     """The random numbers that belong to `key` alone, so that removing one cause leaves all others as they were."""
     digest = hashlib.blake2b("/".join(map(str, (seed, *key))).encode(), digest_size=16).digest()
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest, "little")))
@@ -106,7 +106,7 @@ class Effect(ABC):
 
     id: ClassVar[str]
     physics: ClassVar[str]
-    stage: ClassVar[Stage]
+    stage: ClassVar[EffectStage]
     level: ClassVar[Literal["device", "rig", "bus"]]
     of: ClassVar[tuple[str, ...]]
     axes: ClassVar[tuple[str, ...]] = XYZ
@@ -150,16 +150,16 @@ class Effect(ABC):
         """
         if tuple(names) == ("common",) and len(self.axes) == 1:
             return np.full((1, 1), self.size)
-        return np.concatenate([self.draw(1, stream(seed, self.id, name)) for name in names])
+        return np.concatenate([self.draw(1, random_stream(seed, self.id, name)) for name in names])
 
-    def settled(self, recipe: Recipe, seed: int) -> Self:
+    def with_drawn_form(self, recipe: Recipe, seed: int) -> Self:
         """This cause with the parameters of its form drawn for a recipe; most have them fixed already."""
         del recipe, seed
         return self
 
-    def picked(self, names: Sequence[str], seed: int, share: float) -> Array:
+    def draw_hits(self, names: Sequence[str], seed: int, share: float) -> Array:
         """Which of the groups (groups) a rare cause hits: about `share` of them, and at least one."""
-        chance = np.array([stream(seed, self.id, "pick", name).uniform() for name in names])
+        chance = np.array([random_stream(seed, self.id, "pick", name).uniform() for name in names])
         return np.asarray(chance < max(share, chance.min() * 1.000001))
 
     def gather(self, scene: Scene, coefficients: Floats, level: str) -> Floats:
@@ -189,7 +189,7 @@ class Effect(ABC):
 class ClockEffect(Effect):
     """Changes the rate at which the device samples."""
 
-    stage: ClassVar[Stage] = Stage.CLOCK
+    stage: ClassVar[EffectStage] = EffectStage.CLOCK
 
     @abstractmethod
     def apply(self, rate_hz: Floats, c: Floats) -> Floats:
@@ -200,7 +200,7 @@ class ClockEffect(Effect):
 class PoseEffect(Effect):
     """Turns a part by a rotation vector (rad, right-handed) in `frame`."""
 
-    stage: ClassVar[Stage] = Stage.POSE
+    stage: ClassVar[EffectStage] = EffectStage.POSE
     frame: ClassVar[Literal["device", "nest", "station"]]
 
     def apply(self, c: Floats) -> Floats:
@@ -214,7 +214,7 @@ class PoseEffect(Effect):
 class StimulusEffect(Effect):
     """Adds to what the sensor truly feels."""
 
-    stage: ClassVar[Stage] = Stage.STIMULUS
+    stage: ClassVar[EffectStage] = EffectStage.STIMULUS
 
     @abstractmethod
     def apply(self, signal: Signal, c: Floats) -> Floats:
@@ -225,7 +225,7 @@ class StimulusEffect(Effect):
 class SensorEffect(Effect):
     """Adds to what the sensor reads. Every one is given the same true vector, so their order does not matter."""
 
-    stage: ClassVar[Stage] = Stage.SENSOR
+    stage: ClassVar[EffectStage] = EffectStage.SENSOR
 
     @abstractmethod
     def apply(self, signal: Signal, c: Floats) -> Floats:
@@ -236,7 +236,7 @@ class SensorEffect(Effect):
 class GoldEffect(Effect):
     """Adds to what the gold reference reads."""
 
-    stage: ClassVar[Stage] = Stage.GOLD
+    stage: ClassVar[EffectStage] = EffectStage.GOLD
 
     @abstractmethod
     def apply(self, c: Floats) -> Floats:
@@ -247,7 +247,7 @@ class GoldEffect(Effect):
 class OutputEffect(Effect):
     """Makes a new reading of a reading. They act in the order of `place`: converter first, decoding last."""
 
-    stage: ClassVar[Stage] = Stage.OUTPUT
+    stage: ClassVar[EffectStage] = EffectStage.OUTPUT
     place: ClassVar[int]
 
     @abstractmethod
@@ -264,10 +264,10 @@ class OutputEffect(Effect):
 class BusEffect(Effect):
     """Changes which frames arrive, and in which order. `size` is the fraction of frames it hits."""
 
-    stage: ClassVar[Stage] = Stage.TABLE
+    stage: ClassVar[EffectStage] = EffectStage.TABLE
     level = "bus"
     of = ("unit",)
-    axes = ALONE
+    axes = SINGLE_COEFFICIENT
 
     @abstractmethod
     def apply(self, block: NDArray[np.int_], fraction: Floats, rng: np.random.Generator) -> NDArray[np.int_]:

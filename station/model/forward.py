@@ -18,7 +18,7 @@ from station.model.effect import Effect, GoldEffect, OutputEffect, PoseEffect, S
 from station.model.scene import Scene, Signal
 
 
-class Acting(NamedTuple):
+class ActiveEffect(NamedTuple):
     """A cause at work: its coefficients (groups, axes), groups as `scene.group(of)` orders them."""
 
     effect: Effect
@@ -35,29 +35,29 @@ class Acting(NamedTuple):
 
 
 #: Which causes act; the key is the effect's id, or any other name where one effect acts at two levels.
-Active = Mapping[str, Acting]
-NOTHING: Active = {}
+ActiveEffects = Mapping[str, ActiveEffect]
+NO_EFFECTS: ActiveEffects = {}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Base:
+class BaseResponse:
     """What is no defect: offset (U, 3) and matrix (U, 3, 3) of each unit, ordered as `visits.unit.names`."""
 
     offset: Floats
     matrix: Floats
 
     @staticmethod
-    def ideal(units: int) -> "Base":
+    def ideal(units: int) -> "BaseResponse":
         """Units without any error."""
-        return Base(np.zeros((units, 3)), np.tile(np.eye(3), (units, 1, 1)))
+        return BaseResponse(np.zeros((units, 3)), np.tile(np.eye(3), (units, 1, 1)))
 
 
-def forward(scene: Scene, base: Base, active: Active = NOTHING) -> Floats:
+def forward(scene: Scene, base: BaseResponse, active: ActiveEffects = NO_EFFECTS) -> Floats:
     """Readings (n, 3) in the recipe's unit, before noise, converter and bus."""
-    return read(feel(scene, active), base, active)
+    return sensor_reading(sensor_signal(scene, active), base, active)
 
 
-def read(signal: Signal, base: Base, active: Active = NOTHING) -> Floats:
+def sensor_reading(signal: Signal, base: BaseResponse, active: ActiveEffects = NO_EFFECTS) -> Floats:
     """What the sensors read (n, 3) of what they feel."""
     scene = signal.scene
     unit = scene.visits.unit.code
@@ -72,9 +72,9 @@ def read(signal: Signal, base: Base, active: Active = NOTHING) -> Floats:
     return reading
 
 
-def feel(scene: Scene, active: Active = NOTHING) -> Signal:
+def sensor_signal(scene: Scene, active: ActiveEffects = NO_EFFECTS) -> Signal:
     """What the sensors feel, at rest and with everything that still moves."""
-    at_stop = resting(scene, active)
+    at_stop = resting_stimulus(scene, active)
     rest = Signal(scene, at_stop[scene.visit], at_stop)
     true = rest.true
     for acting in active.values():
@@ -83,7 +83,7 @@ def feel(scene: Scene, active: Active = NOTHING) -> Signal:
     return Signal(scene, true, at_stop, moving=true is not rest.true)
 
 
-def on_the_way(signal: Signal, moving: NDArray[np.bool_], plate: Floats) -> Signal:
+def signal_during_moves(signal: Signal, moving: NDArray[np.bool_], plate: Floats) -> Signal:
     """The same, but rows where `moving` (n) are still on their way to their stop.
 
     plate (m, 3, 3): nest → station rotation of the positioner at those rows. What is felt at the stop is turned back
@@ -100,14 +100,16 @@ def on_the_way(signal: Signal, moving: NDArray[np.bool_], plate: Floats) -> Sign
     return replace(signal, true=true, moving=True)
 
 
-def resting(scene: Scene, active: Active = NOTHING) -> Floats:
+def resting_stimulus(scene: Scene, active: ActiveEffects = NO_EFFECTS) -> Floats:
     """What each sensor feels at rest at each visit (v, 3), in the device's frame."""
-    at_nest = in_nest(scene, active) if scene.visits.gold is None else scene.visits.gold - gold_error(scene, active)
+    at_nest = (
+        stimulus_in_nest(scene, active) if scene.visits.gold is None else scene.visits.gold - gold_error(scene, active)
+    )
     seated = np.einsum("vji,vj->vi", scene.visits.seat_R, at_nest)
     return _turned_back(scene, active, "device", seated)
 
 
-def in_nest(scene: Scene, active: Active = NOTHING) -> Floats:
+def stimulus_in_nest(scene: Scene, active: ActiveEffects = NO_EFFECTS) -> Floats:
     """The stimulus at rest at each visit (v, 3) in the frame of the nest, every tilt of the rig included."""
     stimulus = scene.visits.stimulus
     # A rate is given about the nest's axes: how the rig stands on its base does not matter to it.
@@ -116,7 +118,7 @@ def in_nest(scene: Scene, active: Active = NOTHING) -> Floats:
     return _turned_back(scene, active, "nest", np.einsum("vji,vj->vi", scene.visits.nest_R, stimulus))
 
 
-def gold_error(scene: Scene, active: Active) -> Floats:
+def gold_error(scene: Scene, active: ActiveEffects) -> Floats:
     """What the gold reads too much at each visit (v, 3), in the frame of the nest."""
     error = np.zeros((len(scene.visits), 3))
     for acting in active.values():
@@ -125,7 +127,7 @@ def gold_error(scene: Scene, active: Active) -> Floats:
     return error
 
 
-def convert(scene: Scene, reading: Floats, active: Active) -> Floats:
+def convert_output(scene: Scene, reading: Floats, active: ActiveEffects) -> Floats:
     """The reading (n, 3) after the faults of converter and decoding, in the order of their places."""
     faults = [(a.effect, a.by_row(scene)) for a in active.values() if isinstance(a.effect, OutputEffect)]
     for effect, c in sorted(faults, key=lambda fault: fault[0].place):
@@ -133,7 +135,9 @@ def convert(scene: Scene, reading: Floats, active: Active) -> Floats:
     return reading
 
 
-def signature(scene: Scene, base: Base, effect: Effect, of: str = "", active: Active = NOTHING) -> list[Floats]:
+def signature(
+    scene: Scene, base: BaseResponse, effect: Effect, of: str = "", active: ActiveEffects = NO_EFFECTS
+) -> list[Floats]:
     """Derivative (n, 3) of `forward` by each axis' coefficient, all groups of level `of` at once: one array an axis.
 
     Central differences about zero, with a step of a tenth of the typical size. A coefficient acts on its own
@@ -143,11 +147,11 @@ def signature(scene: Scene, base: Base, effect: Effect, of: str = "", active: Ac
     of = of or effect.of[0]
     h = 0.1 * effect.parameter.typical * effect.parameter.scale(scene.recipe)
     groups = len(scene.group(of)[1])
-    signal = feel(scene, active)
+    signal = sensor_signal(scene, active)
     rest = Signal(scene, signal.at_stop[scene.visit], signal.at_stop)
     derivatives = []
     for step in np.eye(len(effect.axes)) * h:
-        acting = Acting(effect, np.tile(step, (groups, 1)), of)
+        acting = ActiveEffect(effect, np.tile(step, (groups, 1)), of)
         if isinstance(effect, SensorEffect):
             # It adds to the reading: all else is the same on both sides.
             c = acting.by_row(scene)
@@ -155,16 +159,16 @@ def signature(scene: Scene, base: Base, effect: Effect, of: str = "", active: Ac
         elif isinstance(effect, StimulusEffect):
             c = acting.by_row(scene)
             felt = (replace(signal, true=signal.true + effect.apply(rest, x), moving=True) for x in (c, -c))
-            apart = _apart(next(felt), next(felt), base, active)
+            apart = _difference(next(felt), next(felt), base, active)
         else:
             both = (acting, acting._replace(coefficients=-acting.coefficients))
-            felt = (feel(scene, {**active, "?": one}) for one in both)
-            apart = _apart(next(felt), next(felt), base, active)
+            felt = (sensor_signal(scene, {**active, "?": one}) for one in both)
+            apart = _difference(next(felt), next(felt), base, active)
         derivatives.append(apart / (2 * h))
     return derivatives
 
 
-def _apart(one: Signal, two: Signal, base: Base, active: Active) -> Floats:
+def _difference(one: Signal, two: Signal, base: BaseResponse, active: ActiveEffects) -> Floats:
     """`read` (n, 3) of one signal less that of another, of the same scene."""
     visits, visit = one.scene.visits, one.scene.visit
     matrix = base.matrix[visits.unit.code]
@@ -179,7 +183,7 @@ def _apart(one: Signal, two: Signal, base: Base, active: Active) -> Floats:
     return np.asarray(apart)
 
 
-def _turned_back(scene: Scene, active: Active, frame: str, vectors: Floats) -> Floats:
+def _turned_back(scene: Scene, active: ActiveEffects, frame: str, vectors: Floats) -> Floats:
     """Vectors (v, 3) as seen from a frame that the pose effects of `frame` have turned."""
     turns = [
         acting.effect.apply(acting.by_visit(scene))

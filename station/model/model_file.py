@@ -13,23 +13,23 @@ from pydantic import Field
 
 from station import plugins
 from station.domain.core.types import Floats
-from station.domain.recipe.recipe import Finite, NotNegative, Part
+from station.domain.recipe.recipe import Finite, NotNegative, StrictModel
 from station.errors import InputError
-from station.model.effect import Effect, Stage
-from station.model.forward import Acting
+from station.model.effect import Effect, EffectStage
+from station.model.forward import ActiveEffect
 from station.model.scene import Scene
 
 EFFECTS = "station.model.effects"
 
 
-class ModelNoise(Part):
+class ModelNoise(StrictModel):
     """Recipe's unit: density per √Hz, flicker rms; None: as the data sheet says."""
 
     density: NotNegative | None = None
     flicker: NotNegative | None = None
 
 
-class ModelSpread(Part):
+class ModelSpread(StrictModel):
     """Spread between units: offset in the recipe's unit, gain and cross-axis gain in 1; None: as usual."""
 
     offset_std: NotNegative | None = None
@@ -37,7 +37,7 @@ class ModelSpread(Part):
     cross_std: NotNegative | None = None
 
 
-class ModelParameter(Part):
+class ModelParameter(StrictModel):
     """One number of a cause, as contracts section 6 names it."""
 
     name: str
@@ -48,7 +48,7 @@ class ModelParameter(Part):
     unit: str = ""
 
 
-class ModelEffect(Part):
+class ModelEffect(StrictModel):
     """A cause with its parameters; shape: parameters of its form by field, such as time_constant_s."""
 
     effect: str
@@ -69,7 +69,7 @@ class ModelEffect(Part):
                 raise InputError(f"model: {self.effect} has no shape parameter {name!r}; it has {listed}")
         return replace(kind.example(), **shape)
 
-    def acting(self, scene: Scene, seed: int | None) -> list[Acting]:
+    def acting(self, scene: Scene, seed: int | None) -> list[ActiveEffect]:
         """This cause at work in a scene, once for each level its parameters speak of.
 
         Groups it does not speak of get coefficients of the same rms drawn with the seed, or none when it is None;
@@ -79,9 +79,9 @@ class ModelEffect(Part):
         levels: dict[str, dict[str, Floats]] = defaultdict(dict)
         for p in self.parameters:
             if p.name == effect.parameter.name:
-                at = levels[p.of.partition(":")[0]].setdefault(p.of, neutral(effect))
+                at = levels[p.of.partition(":")[0]].setdefault(p.of, neutral_coefficients(effect))
                 at[self._axis(effect, p)] = effect.read_size(p.value) if isinstance(p.value, str) else p.value
-        return [_spread_out(effect, level, known, scene, seed) for level, known in levels.items()]
+        return [_for_all_groups(effect, level, known, scene, seed) for level, known in levels.items()]
 
     def _axis(self, effect: Effect, p: ModelParameter) -> Any:
         """Which of the coefficients a parameter is; a missing axis means all."""
@@ -93,7 +93,7 @@ class ModelEffect(Part):
         return effect.axes.index(p.axis)
 
 
-class Model(Part):
+class Model(StrictModel):
     """A whole model file."""
 
     schema_: Annotated[Literal["station.model/1"], Field(alias="schema")] = "station.model/1"
@@ -107,24 +107,26 @@ class Model(Part):
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-def neutral(effect: Effect) -> Floats:
+def neutral_coefficients(effect: Effect) -> Floats:
     """Coefficients (axes) that do nothing."""
     return np.full(len(effect.axes), effect.parameter.neutral)
 
 
-def _spread_out(effect: Effect, level: str, known: dict[str, Floats], scene: Scene, seed: int | None) -> Acting:
+def _for_all_groups(
+    effect: Effect, level: str, known: dict[str, Floats], scene: Scene, seed: int | None
+) -> ActiveEffect:
     """Coefficients of every group of a level in the scene, from those of the known groups."""
     rms = float(np.sqrt(np.mean([c**2 for c in known.values()])))
     if level == "common" and effect.of[0] == "visit":
         # A standard deviation of what differs at each stop: the model knows no more, and draws it.
         level, known = "visit", {}
     names = scene.group(level)[1]
-    c = np.tile(neutral(effect), (len(names), 1))
+    c = np.tile(neutral_coefficients(effect), (len(names), 1))
     strange = [i for i, name in enumerate(names) if name not in known]
     # A swapped axis is one unit's fault, a bumped stop is past: neither says anything of the others.
-    spreads = effect.stage is not Stage.OUTPUT and not (known and level in ("run", "visit"))
+    spreads = effect.stage is not EffectStage.OUTPUT and not (known and level in ("run", "visit"))
     if strange and seed is not None and spreads:
         c[strange] = replace(effect, size=rms).coefficients([names[i] for i in strange], seed)
     for i, name in enumerate(names):
         c[i] = known.get(name, c[i])
-    return Acting(effect, c, level)
+    return ActiveEffect(effect, c, level)

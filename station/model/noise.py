@@ -20,7 +20,7 @@ class Noise:
     def draw(self, time_s: Floats, rate_hz: float, rng: np.random.Generator) -> Floats:
         """Noise (n, 3) of the samples of a run at time_s (n); the bandwidth is half the rate."""
         slow = self.slow(float(time_s.max(initial=0.0)), rng)
-        return np.asarray(self.white(len(time_s), rate_hz, rng) + at(slow, time_s))
+        return np.asarray(self.white(len(time_s), rate_hz, rng) + flicker_at(slow, time_s))
 
     def white(self, samples: int, rate_hz: float, rng: np.random.Generator) -> Floats:
         """White noise (n, 3)."""
@@ -37,7 +37,7 @@ class Noise:
         return np.asarray(np.fft.irfft(waves, size) * self.flicker / rms)
 
 
-def at(slow: Floats, time_s: Floats) -> Floats:
+def flicker_at(slow: Floats, time_s: Floats) -> Floats:
     """Flicker (n, 3) at any time, between its points on a straight line."""
     place = time_s / FLICKER_STEP_S
     before = np.floor(place).astype(int)

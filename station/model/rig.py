@@ -11,17 +11,25 @@ from numpy.typing import NDArray
 
 from station.domain.core.types import Floats, Frames
 from station.domain.recipe import plan
-from station.domain.recipe.plan import Stop
+from station.domain.recipe.plan import PlannedVisit
 from station.errors import UsageError
-from station.model.climate import climate, drive
-from station.model.forward import Active, convert, feel, gold_error, in_nest, on_the_way, read
-from station.model.live_unit import Seat, Went
-from station.model.record import THERMOMETER_STD
+from station.model.climate import climate, motor_level
+from station.model.forward import (
+    ActiveEffects,
+    convert_output,
+    gold_error,
+    sensor_reading,
+    sensor_signal,
+    signal_during_moves,
+    stimulus_in_nest,
+)
+from station.model.live_unit import FixtureMove, LiveUnit
+from station.model.recording import THERMOMETER_STD
 from station.model.scene import Scene, Signal
-from station.model.simulate import Job
+from station.model.simulate import SimulationJob
 
 #: Instants (n) → nest → station rotations (n, 3, 3) of the positioner's plate.
-Plate = Callable[[Floats], Floats]
+FixtureRotation = Callable[[Floats], Floats]
 
 
 class Rig:
@@ -30,10 +38,10 @@ class Rig:
     Instants are seconds of one clock, the same for all calls.
     """
 
-    def __init__(self, job: Job, plate: Plate) -> None:
-        self._job = job.settled()
+    def __init__(self, job: SimulationJob, plate: FixtureRotation) -> None:
+        self._job = job.with_drawn_form()
         self._plate = plate
-        self._seats: dict[str, Seat] = {}
+        self._units: dict[str, LiveUnit] = {}
         self._loads = -1
         self._powered_s = self._clamped_s = 0.0
         self._begin(0.0)
@@ -42,21 +50,23 @@ class Rig:
         """Clamps and powers a unit in each nest (nest → serial). labels: station, lot and operator, where known."""
         self._loads += 1
         self._powered_s = self._clamped_s = now_s
-        self._seats = {nest: Seat(self._job, unit, {"nest": nest, **(labels or {})}) for nest, unit in units.items()}
+        self._units = {
+            nest: LiveUnit(self._job, unit, {"nest": nest, **(labels or {})}) for nest, unit in units.items()
+        }
         self._begin(now_s)
 
-    def go(self, stop: Stop, departs_s: float, arrives_s: float) -> None:
+    def go(self, stop: PlannedVisit, departs_s: float, arrives_s: float) -> None:
         """The fixture moves to a stop. A stop of another run starts that run; another seating is clamped before the
         warming up that the run asks for, and the power stays on."""
-        if self._went and self._went[-1].arrives_s == np.inf:
-            self._went.clear()
-        if self._went and stop.run != self._went[-1].stop.run:
-            if stop.seating != self._went[-1].stop.seating:
-                self._clamped_s = departs_s - plan.of_run(self._job.recipe, stop.run).prewarm_s
+        if self._moves_done and self._moves_done[-1].arrives_s == np.inf:
+            self._moves_done.clear()
+        if self._moves_done and stop.run != self._moves_done[-1].stop.run:
+            if stop.seating != self._moves_done[-1].stop.seating:
+                self._clamped_s = departs_s - plan.run_of_pass(self._job.recipe, stop.run).prewarm_s
             self._begin(departs_s)
-        on = plan.of_run(self._job.recipe, stop.run).motors == "on"
-        level = drive(self._job.seed, self._loads, stop.run, stop.visit) if on else 0.0
-        self._went.append(Went(stop, departs_s, arrives_s, level))
+        on = plan.run_of_pass(self._job.recipe, stop.run).motors == "on"
+        level = motor_level(self._job.seed, self._loads, stop.run, stop.visit) if on else 0.0
+        self._moves_done.append(FixtureMove(stop, departs_s, arrives_s, level))
         self._scenes.clear()
 
     def sense(self, nest: str, time_s: Floats) -> Floats:
@@ -64,89 +74,89 @@ class Rig:
 
         In the recipe's unit, before the converter. UsageError when the nest is empty.
         """
-        seat = self._seat(nest)
+        seat = self._unit(nest)
         signal, active = self._signal(nest, np.asarray(time_s, float))
-        reading = read(signal, seat.base, active) + seat.noise(signal.scene.time_s)
-        return convert(signal.scene, reading, active)
+        reading = sensor_reading(signal, seat.base, active) + seat.noise(signal.scene.time_s)
+        return convert_output(signal.scene, reading, active)
 
     def gold(self, nest: str, time_s: Floats) -> Floats:
         """Readings (n, 3) of a gold reference in a nest, in the nest's frame, without noise."""
         signal, active = self._signal(nest, np.asarray(time_s, float))
         seat_R = signal.scene.visits.seat_R[signal.scene.visit]
         moving = np.einsum("nij,nj->ni", seat_R, signal.true - signal.at_stop[signal.scene.visit])
-        felt = (in_nest(signal.scene, active) + gold_error(signal.scene, active))[signal.scene.visit] + moving
+        felt = (stimulus_in_nest(signal.scene, active) + gold_error(signal.scene, active))[signal.scene.visit] + moving
         own = self._job.recipe.reference.gold
         return np.asarray(felt if own is None else felt @ np.array(own.matrix).T + own.offset)
 
     def temperature_degC(self, nest: str, time_s: Floats) -> Floats:
         """What the thermometer of the unit in a nest shows (n)."""
         scene = self._at(nest, np.asarray(time_s, float))[0]
-        noise = THERMOMETER_STD * self._seat(nest).thermometer.standard_normal(len(scene))
-        return scene.need("temperature_degC") + noise
+        noise = THERMOMETER_STD * self._unit(nest).thermometer.standard_normal(len(scene))
+        return scene.require("temperature_degC") + noise
 
     def rate_error(self, nest: str) -> float:
         """How much faster than its data sheet the unit in a nest samples, relative."""
-        return self._seat(nest).rate_error
+        return self._unit(nest).rate_error
 
     def deliver(self, nest: str, frames: Frames) -> Frames:
         """The frames of a nest as they arrive: payloads in the order of arrival, times still in order."""
-        return self._seat(nest).delivered(frames)
+        return self._unit(nest).delivered(frames)
 
     def _begin(self, now_s: float) -> None:
         """A run starts: no stop yet."""
         self._started_s = now_s
-        self._went: list[Went] = []
-        self._scenes: dict[str, tuple[Scene, Active]] = {}
+        self._moves_done: list[FixtureMove] = []
+        self._scenes: dict[str, tuple[Scene, ActiveEffects]] = {}
 
-    def _seat(self, nest: str) -> Seat:
-        if nest not in self._seats:
-            loaded = ", ".join(self._seats) or "none"
+    def _unit(self, nest: str) -> LiveUnit:
+        if nest not in self._units:
+            loaded = ", ".join(self._units) or "none"
             raise UsageError(f"there is no unit in nest {nest!r} of the simulated rig; the loaded nests are {loaded}")
-        return self._seats[nest]
+        return self._units[nest]
 
-    def _signal(self, nest: str, time_s: Floats) -> tuple[Signal, Active]:
+    def _signal(self, nest: str, time_s: Floats) -> tuple[Signal, ActiveEffects]:
         """What a unit feels at instants (n), the moves included."""
         scene, active = self._at(nest, time_s)
-        signal = feel(scene, active)
+        signal = sensor_signal(scene, active)
         moving = time_s < self._arrivals()[scene.visit]
-        return on_the_way(signal, moving, self._plate(time_s[moving])), active
+        return signal_during_moves(signal, moving, self._plate(time_s[moving])), active
 
-    def _at(self, nest: str, time_s: Floats) -> tuple[Scene, Active]:
+    def _at(self, nest: str, time_s: Floats) -> tuple[Scene, ActiveEffects]:
         """The scene of instants (n) for a nest, and the causes at work in it."""
-        seat = self._seat(nest)
-        if not self._went:
+        seat = self._unit(nest)
+        if not self._moves_done:
             # Parked: as if on the way to the first stop, not yet left.
-            self._went.append(Went(self._first(), self._started_s, np.inf))
+            self._moves_done.append(FixtureMove(self._first(), self._started_s, np.inf))
         self._come_to_rest(float(time_s[-1]) if len(time_s) else self._started_s)
         if nest not in self._scenes:
             none = np.zeros(0, np.intp)
-            bare = Scene(self._job.recipe, seat.visits(self._went), none, np.zeros(0))
+            bare = Scene(self._job.recipe, seat.visits(self._moves_done), none, np.zeros(0))
             self._scenes[nest] = bare, seat.active(bare)
         bare, active = self._scenes[nest]
-        departs = np.array([w.departs_s for w in self._went])
+        departs = np.array([w.departs_s for w in self._moves_done])
         visit = np.maximum(np.searchsorted(departs, time_s, side="right") - 1, 0)
         return self._conditions(bare, visit, time_s), active
 
-    def _first(self) -> Stop:
+    def _first(self) -> PlannedVisit:
         """The recipe's first stop."""
         if not self._job.recipe.positions:
             raise UsageError("the simulated rig cannot guess how a person holds a unit; list positions in the recipe")
-        return plan.stops(self._job.recipe, 0)[0]
+        return plan.planned_visits(self._job.recipe, 0)[0]
 
     def _come_to_rest(self, now_s: float) -> None:
         """Looks how the plate stands once it has arrived."""
-        last = self._went[-1]
+        last = self._moves_done[-1]
         if last.plate is None and now_s >= last.arrives_s:
-            self._went[-1] = replace(last, plate=self._plate(np.array([max(last.arrives_s, now_s)]))[0])
+            self._moves_done[-1] = replace(last, plate=self._plate(np.array([max(last.arrives_s, now_s)]))[0])
             self._scenes.clear()
 
     def _arrivals(self) -> Floats:
-        return np.array([w.arrives_s for w in self._went])
+        return np.array([w.arrives_s for w in self._moves_done])
 
     def _conditions(self, bare: Scene, visit: NDArray[np.intp], time_s: Floats) -> Scene:
         """The scene at instants (n), with what thermometer, clock and motors would tell."""
         job, one = self._job, np.ones(len(time_s))
-        how = plan.of_run(job.recipe, int(bare.visits.run[0]))
+        how = plan.run_of_pass(job.recipe, int(bare.visits.run[0]))
         started = self._started_s * one
         since = np.maximum(time_s - started, 0.0)
         powered, clamped = started - self._powered_s, started - self._clamped_s
@@ -156,6 +166,6 @@ class Rig:
             visit=visit,
             time_s=since,
             since_arrival_s=np.maximum(time_s - self._arrivals()[visit], 0.0),
-            motor=np.array([w.motor for w in self._went])[visit],
+            motor=np.array([w.motor for w in self._moves_done])[visit],
             **climate(since, started, powered, clamped, offset, line=job.line, seed=job.seed),
         )

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from station.domain.core.types import Array, Floats, Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
-from station.model.slope import Slope, slopes
-from station.model.visits import Visits, visits_of
+from station.model.temperature_slope import TemperatureSlope, temperature_slopes
+from station.model.visit_table import VisitTable, visit_table
 
 #: Covariates of a sample, None in a scene where nobody recorded them.
 COVARIATES = (
@@ -37,7 +37,7 @@ class Scene:
     """
 
     recipe: Recipe
-    visits: Visits
+    visits: VisitTable
     visit: NDArray[np.intp]
     time_s: Floats
     since_arrival_s: Floats | None = None
@@ -57,7 +57,7 @@ class Scene:
         count = len(units)
         one = Labels((recipe.positions[0].name if recipe.positions else "any",), np.zeros(count, np.int32))
         code, zero = np.arange(count, dtype=np.int32), np.zeros(count, np.int32)
-        visits = visits_of(recipe, Labels(units, code), zero, zero, {"position": one})
+        visits = visit_table(recipe, Labels(units, code), zero, zero, {"position": one})
         return Scene(recipe, visits, np.zeros(0, np.intp), np.zeros(0))
 
     def without_rows(self) -> "Scene":
@@ -76,13 +76,13 @@ class Scene:
         """Group codes (v) alone, without the names, which take long to write."""
         return self.visits.codes(level, len(self.recipe.runs))
 
-    def knows(self, name: str) -> bool:
+    def is_recorded(self, name: str) -> bool:
         """Whether this covariate, this label of the visits, or the gold was recorded."""
         if name == "gold":
             return self.visits.gold is not None
         return name in self.visits.groups if name not in COVARIATES else getattr(self, name) is not None
 
-    def need(self, covariate: str) -> Floats:
+    def require(self, covariate: str) -> Floats:
         """A covariate (n); SamplesError when nobody recorded it."""
         values: Floats | None = getattr(self, covariate)
         if values is None:
@@ -114,22 +114,22 @@ class Signal:
 
 def scene_of_table(recipe: Recipe, table: SampleTable) -> Scene:
     """The scene of measured samples. SamplesError when a position or seating is not in the recipe."""
-    scene = stops_of_table(recipe, table)
+    scene = visits_scene_of_table(recipe, table)
     arrived = np.full(len(scene.visits), np.inf)
     np.minimum.at(arrived, scene.visit, table.time_s)
     known: dict[str, Any] = {k: table.values[k] for k in COVARIATES if k in table.values}
     if "temperature_degC" in known:
-        rate = rate_of(known["temperature_degC"], table.time_s, scene.visit, scene.visits)
+        rate = estimate_temperature_rate(known["temperature_degC"], table.time_s, scene.visit, scene.visits)
         known["temperature_rate"] = rate
     since = table.time_s - arrived[scene.visit] + recipe.settle.time_s
     return replace(scene, since_arrival_s=since, **known)
 
 
-def stops_of_table(recipe: Recipe, table: SampleTable) -> Scene:
+def visits_scene_of_table(recipe: Recipe, table: SampleTable) -> Scene:
     """The same without covariates: what was done, and when."""
-    first, visit = _stops(_key(np.stack([table.unit.code, table.run, table.visit])))
+    first, visit = _first_rows(_key(np.stack([table.unit.code, table.run, table.visit])))
     at = table[first]
-    visits = visits_of(recipe, at.unit, at.run, at.visit, {**at.labels, "position": at.position})
+    visits = visit_table(recipe, at.unit, at.run, at.visit, {**at.labels, "position": at.position})
     if recipe.reference.source == "gold" and table.gold is not None:
         visits = visits.with_gold(recipe, _means(table.gold, visit, len(visits)))
     return Scene(recipe, visits, visit, table.time_s)
@@ -143,7 +143,7 @@ def _key(codes: Array) -> NDArray[np.int64]:
     return key
 
 
-def _stops(key: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _first_rows(key: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """First row of each key (v) in the order of the keys, and the number of each row's (n)."""
     step = np.diff(key, prepend=key[0] - 1 if len(key) else 0)
     if np.all(step >= 0):
@@ -158,12 +158,14 @@ def _means(values: Floats, visit: NDArray[Any], visits: int) -> Floats:
     return np.stack([np.bincount(visit, column, visits) / count for column in values.T], 1)
 
 
-def rate_of(temperature_degC: Floats, time_s: Floats, visit: NDArray[Any], visits: Visits) -> Floats:
+def estimate_temperature_rate(
+    temperature_degC: Floats, time_s: Floats, visit: NDArray[Any], visits: VisitTable
+) -> Floats:
     """dT/dt (n) in degC/s: the slope of a smooth course through the visits' mean temperatures."""
     mean = _means(np.stack([time_s, temperature_degC], 1), visit, len(visits))
-    return np.asarray(np.concatenate([s.slope for s in slopes_of(mean[:, 0], mean[:, 1], visits)])[visit])
+    return np.asarray(np.concatenate([s.slope for s in fit_temperature_slopes(mean[:, 0], mean[:, 1], visits)])[visit])
 
 
-def slopes_of(time_s: Floats, temperature_degC: Floats, visits: Visits) -> list[Slope]:
+def fit_temperature_slopes(time_s: Floats, temperature_degC: Floats, visits: VisitTable) -> list[TemperatureSlope]:
     """The temperature's slope in each run, from times and means (v) of the stops."""
-    return slopes([(time_s[rows], temperature_degC[rows]) for rows in visits.passes()])
+    return temperature_slopes([(time_s[rows], temperature_degC[rows]) for rows in visits.run_slices()])

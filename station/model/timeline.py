@@ -10,15 +10,15 @@ from station.domain.core.types import Array, Floats
 from station.domain.planning import adaptive_dwell
 from station.domain.recipe import plan
 from station.domain.recipe.recipe import Recipe
-from station.model.effect import strength
-from station.model.line import Line
+from station.model.effect import stimulus_strength
+from station.model.simulated_line import SimulatedLine
 
 #: White noise of a device whose data sheet gives none, of the stimulus per √Hz: 100 µg/√Hz.
-DENSITY = 1e-4
+DEFAULT_NOISE_DENSITY = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Round:
+class RunTimeline:
     """One run of the recipe as every unit lives it: names, arrivals (s from the run's start) and dwells of its stops
     (v)."""
 
@@ -32,31 +32,31 @@ class Round:
     motors: bool
 
 
-def dwells_of(recipe: Recipe) -> Floats:
+def visit_dwells_s(recipe: Recipe) -> Floats:
     """How long each stop of all runs is measured, s; with `until_std` as long as the sheet's white noise needs."""
-    return adaptive_dwell.planned_s(recipe, density_of(recipe) ** 2 / 2)
+    return adaptive_dwell.planned_dwells_s(recipe, noise_density_of(recipe) ** 2 / 2)
 
 
-def density_of(recipe: Recipe) -> float:
+def noise_density_of(recipe: Recipe) -> float:
     """White noise of the device, recipe's unit per √Hz."""
     sheet = recipe.device.noise_density
-    return DENSITY * strength(recipe) if sheet is None else sheet
+    return DEFAULT_NOISE_DENSITY * stimulus_strength(recipe) if sheet is None else sheet
 
 
-def round_of(recipe: Recipe, run: int, line: Line | None = None) -> Round:
+def run_timeline(recipe: Recipe, run: int, line: SimulatedLine | None = None) -> RunTimeline:
     """The timeline of a pass; a repeated pass goes round again."""
-    line = line or Line()
-    how = plan.of_run(recipe, run)
+    line = line or SimulatedLine()
+    how = plan.run_of_pass(recipe, run)
     run %= len(recipe.runs)
-    stops = plan.stops(recipe, run) if recipe.pose_known else ()
-    names, first = plan.names(recipe, run), plan.place(recipe, run, 0)
+    stops = plan.planned_visits(recipe, run) if recipe.pose_known else ()
+    names, first = plan.names(recipe, run), plan.visit_index(recipe, run, 0)
     turns = [90.0] * len(names)
     for i, (a, b) in enumerate(pairwise(stops)):
         if recipe.reference.source != "rate":
             turns[i + 1] = float(np.rad2deg(np.linalg.norm(rotation.to_vector(a.nest.T @ b.nest))))
-    dwell_s = dwells_of(recipe)[first : first + len(names)]
+    dwell_s = visit_dwells_s(recipe)[first : first + len(names)]
     leaves = np.cumsum([line.move_s(angle) for angle in turns]) + np.cumsum(recipe.settle.time_s + dwell_s)
-    return Round(
+    return RunTimeline(
         names,
         leaves - recipe.settle.time_s - dwell_s,
         dwell_s,
@@ -69,7 +69,7 @@ def round_of(recipe: Recipe, run: int, line: Line | None = None) -> Round:
 
 
 @dataclass(frozen=True, slots=True)
-class Batch:
+class FleetPart:
     """Units simulated together: the numbers `first`, `first` + 1, … of a fleet of `fleet`."""
 
     units: tuple[str, ...]

@@ -5,18 +5,18 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from station import __version__
-from station.model.simulate import Job, Made
+from station.model.simulate import SimulatedUnits, SimulationJob
 
 
 @dataclass(slots=True)
 class Truth:
     """The truth about all parts of a job, taken in part by part: of each unit only what the document says is kept."""
 
-    job: Job
+    job: SimulationJob
     units: list[dict[str, Any]] = field(default_factory=list)
     effects: dict[str, dict[tuple[object, ...], dict[str, object]]] = field(default_factory=dict)
 
-    def add(self, part: Made) -> None:
+    def add(self, part: SimulatedUnits) -> None:
         """Takes in some units."""
         for name, offset, matrix in zip(part.units, part.base.offset, part.base.matrix, strict=True):
             self.units.append({"serial": name, "offset": offset.tolist(), "matrix": matrix.tolist()})
@@ -47,7 +47,7 @@ class Truth:
         }
 
 
-def document(job: Job, made: Iterable[Made]) -> dict[str, Any]:
+def document(job: SimulationJob, made: Iterable[SimulatedUnits]) -> dict[str, Any]:
     """The truth about all parts of a job."""
     truth = Truth(job)
     for part in made:

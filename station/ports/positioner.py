@@ -3,7 +3,7 @@
 from typing import Protocol
 
 from station.domain.core.types import Floats
-from station.domain.recipe.plan import Stop
+from station.domain.recipe.plan import PlannedVisit
 
 
 class Positioner(Protocol):
@@ -13,13 +13,13 @@ class Positioner(Protocol):
     def by_hand(self) -> bool:
         """True when a person turns the fixture: the run then waits for the right face in the frames."""
 
-    def move(self, stop: Stop, timeout_s: float) -> None:
+    def move(self, stop: PlannedVisit, timeout_s: float) -> None:
         """Brings the fixture to a stop and returns when it is there (by hand: asks for it and returns at once)."""
 
     def where(self) -> Floats | None:
         """Nest → station rotation (3, 3) as the positioner itself measures it; None when it cannot tell."""
 
-    def estimate_s(self, origin: Stop | None, stop: Stop) -> float:
+    def estimate_s(self, origin: PlannedVisit | None, stop: PlannedVisit) -> float:
         """Time the move is expected to take, s; origin None is the parked place."""
 
     def park(self, timeout_s: float) -> None:

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from station.domain.core.types import Frames
-from station.domain.records.framepack.plain import Laid
+from station.domain.records.framepack.plain import PlainFrames
 
 
 @dataclass(frozen=True, slots=True)
-class Begin:
+class AttemptStart:
     """What is known before the device is touched.
 
     recipe_json, product_json: the recipe and the product (frames and device map) as used, so that the attempt
@@ -50,7 +50,7 @@ class VisitRecord:
     left_ns: int
     frames: Frames
     statistics: Mapping[str, Any]
-    laid: Laid | None = None
+    laid: PlainFrames | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class WriteRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class Unfinished:
+class UnfinishedAttempt:
     """An attempt that has begun and not ended, as a start-up finds it; last_event: kind of its newest event."""
 
     attempt: str
@@ -84,7 +84,7 @@ class Unfinished:
 
 
 @dataclass(frozen=True, slots=True)
-class Suspect:
+class SuspectAttempt:
     """The last attempt that was going to change a unit, of which nobody knows that it left all old or all new.
 
     state: the last word about the device's objects: '' (none), mixed, other or unknown. old, planned: objects as
@@ -100,7 +100,7 @@ class Suspect:
 
 
 @dataclass(frozen=True, slots=True)
-class Head:
+class LogHead:
     """The newest record of the log: its number (0: an empty log) and the hash that seals all before it."""
 
     number: int
@@ -110,7 +110,7 @@ class Head:
 class Store(Protocol):
     """Where attempts go. Every method is one durable transaction. Errors: StoreFault when it cannot be kept."""
 
-    def begin(self, begin: Begin) -> str:
+    def begin(self, begin: AttemptStart) -> str:
         """Creates the attempt before the device is touched; returns its id (UUID)."""
 
     def event(self, attempt: str, kind: str, detail: Mapping[str, Any]) -> None:
@@ -132,10 +132,10 @@ class Store(Protocol):
     def tidy(self) -> None:
         """Makes evidence smaller, in a moment when nobody waits; nothing is lost where it is left out."""
 
-    def unfinished(self) -> Sequence[Unfinished]:
+    def unfinished(self) -> Sequence[UnfinishedAttempt]:
         """Attempts without an end, oldest first, with every stage of their object writes in order."""
 
-    def suspect(self, serial: str) -> Suspect | None:
+    def suspect(self, serial: str) -> SuspectAttempt | None:
         """The unit's last attempt with a `write-plan`, unless its last `device-state` says old or new.
 
         Both are results; a `device-state` event that came after the attempt's end counts too.
@@ -145,7 +145,7 @@ class Store(Protocol):
         """Results `dwell` of the newest so many attempts with this recipe, oldest first; attempts without one count,
         and are left out."""
 
-    def head(self) -> Head:
+    def head(self) -> LogHead:
         """The newest record, for certificates and exports."""
 
     def close(self) -> None:

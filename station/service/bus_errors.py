@@ -6,7 +6,7 @@ from station.errors import BusFault, DeviceSilent, StationError
 from station.ports.bus import Bus
 
 #: States in which a device's silence is the bus's doing, with what to look at.
-_TELLING = {
+_STATE_REMEDIES = {
     "down": "is down: bring it up",
     "bus-off": "is bus-off: look at bit rate, wiring and termination first",
     "passive": "is passive, nobody acknowledges its frames: look at cable, termination and bit rate first",
@@ -20,8 +20,8 @@ def refuse_bus_off(frames: Frames, bus: Bus) -> Frames:
     return frames
 
 
-def blamed(fault: StationError, bus: Bus) -> StationError:
+def with_bus_state(fault: StationError, bus: Bus) -> StationError:
     """A device's silence with the state of the bus, where that tells why."""
-    if isinstance(fault, DeviceSilent) and (state := bus.state()) in _TELLING:
-        return DeviceSilent(f"{fault.sentence}; {bus.name} {_TELLING[state]}")
+    if isinstance(fault, DeviceSilent) and (state := bus.state()) in _STATE_REMEDIES:
+        return DeviceSilent(f"{fault.sentence}; {bus.name} {_STATE_REMEDIES[state]}")
     return fault

@@ -7,23 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from station.domain.can.decode import samples
+from station.domain.can.decode import decode_samples
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.capture.assemble import KeptVisit, dwell_frames, table_of
-from station.domain.core.types import Floats, Reason, SampleTable, Seat
+from station.domain.capture.assemble import CapturedVisit, dwell_frames, sample_table
+from station.domain.core.types import Floats, NestAssignment, Reason, SampleTable
 from station.domain.evaluation import pipeline, verification
-from station.domain.evaluation.pipeline import Result
-from station.domain.noise.noise_prior import Prior
+from station.domain.evaluation.pipeline import CalibrationResult
+from station.domain.noise.noise_prior import NoisePrior
 from station.domain.product import writeback
 from station.domain.product.product import Product
 from station.domain.recipe import references
-from station.domain.recipe.plan import Stop
+from station.domain.recipe.plan import PlannedVisit
 from station.domain.recipe.recipe import Recipe
 from station.service.station import Job, Station
 from station.service.unit import Unit
 
 
-def calibrate(unit: Unit, job: Job, station: Station, prior: Prior | None) -> Result:
+def calibrate(unit: Unit, job: Job, station: Station, prior: NoisePrior | None) -> CalibrationResult:
     """Calibration, budget and verdict of a unit; where its samples cannot be calibrated, a verdict ERROR alone.
 
     prior: what was known of its noise. Errors: ReferenceOverdue.
@@ -35,11 +35,15 @@ def calibrate(unit: Unit, job: Job, station: Station, prior: Prior | None) -> Re
 
 
 def samples_of(
-    seat: Seat, visits: Sequence[KeptVisit], recipe: Recipe, layout: SensorLayout, labels: Mapping[str, str]
+    seat: NestAssignment,
+    visits: Sequence[CapturedVisit],
+    recipe: Recipe,
+    layout: SensorLayout,
+    labels: Mapping[str, str],
 ) -> SampleTable:
     """The samples table of a unit's tumble, with the gold reference where the recipe takes its truth from one."""
     gold = recipe.reference.gold if recipe.reference.source == "gold" else None
-    return table_of(
+    return sample_table(
         seat.serial,
         seat.node,
         visits,
@@ -50,7 +54,9 @@ def samples_of(
     )
 
 
-def refit(table: SampleTable, recipe: Recipe, product: Product, measured_ns: int, prior: Prior | None = None) -> Result:
+def refit(
+    table: SampleTable, recipe: Recipe, product: Product, measured_ns: int, prior: NoisePrior | None = None
+) -> CalibrationResult:
     """Calibrates the one unit of a table as the run does; the same table gives the same bits, today or in a year.
 
     measured_ns: when it was measured, for the gold reference's due date; prior: what was known of its noise.
@@ -60,7 +66,7 @@ def refit(table: SampleTable, recipe: Recipe, product: Product, measured_ns: int
     return result
 
 
-def verify(unit: Unit, job: Job, stops: Sequence[Stop]) -> tuple[tuple[Reason, ...], dict[str, Any]]:
+def verify(unit: Unit, job: Job, stops: Sequence[PlannedVisit]) -> tuple[tuple[Reason, ...], dict[str, Any]]:
     """Reasons against the unit's own corrected output, and the document for the record, which the unit keeps too."""
     strength = job.recipe.reference.strength()
     found = tuple(
@@ -72,15 +78,15 @@ def verify(unit: Unit, job: Job, stops: Sequence[Stop]) -> tuple[tuple[Reason, .
         for position, before in zip(positions, _without_model(unit, job, job.plain, found), strict=True):
             position["error_before"] = before.error
     shown: dict[str, Any] = {"limit": job.recipe.verify.limit, "unit": job.recipe.unit, "positions": positions}
-    if job.takes_in:
-        shown["takes_in"] = list(job.takes_in)
+    if job.compensated_causes:
+        shown["takes_in"] = list(job.compensated_causes)
     unit.verification = shown
     return verification.check(found, job.recipe), shown
 
 
 def _without_model(
-    unit: Unit, job: Job, plain: Recipe, found: Sequence[verification.Verified]
-) -> list[verification.Verified]:
+    unit: Unit, job: Job, plain: Recipe, found: Sequence[verification.VerifiedPosition]
+) -> list[verification.VerifiedPosition]:
     """What the same dwells would have come to, had the calibration not been told of the model's causes."""
     table = samples_of(unit.seat, unit.visits, plain, job.layout, {})
     now, before = unit.fit, refit(table, plain, job.product, unit.visits[0].arrived_ns)
@@ -90,29 +96,31 @@ def _without_model(
     return [replace(v, mean=before.calibration.correct(r), cov=None) for v, r in zip(found, raw, strict=True)]
 
 
-def _true(kept: KeptVisit, planned: Stop, job: Job) -> Floats:
+def _true(kept: CapturedVisit, planned: PlannedVisit, job: Job) -> Floats:
     """True vector (3) at a verify stop: the recipe's, or what the gold reference says it was."""
     if job.gold_node is None:
         return planned.true
-    told = samples(dwell_frames(kept), job.layout, job.gold_node)
+    told = decode_samples(dwell_frames(kept), job.layout, job.gold_node)
     mean = told.xyz[told.usable].mean(axis=0, keepdims=True)
     true, _ = references.gold_vectors(job.recipe, (mean, np.zeros((1, 3, 3))), (kept.seating,))
     return np.asarray(true[0])
 
 
-def _verified(kept: KeptVisit, true: Floats, strength: float, unit: Unit, job: Job) -> verification.Verified:
+def _verified(
+    kept: CapturedVisit, true: Floats, strength: float, unit: Unit, job: Job
+) -> verification.VerifiedPosition:
     """Mean output at a verify stop, with its forecast; of a product without a switch the station corrects it itself."""
-    told = samples(dwell_frames(kept), job.layout, unit.seat.node)
+    told = decode_samples(dwell_frames(kept), job.layout, unit.seat.node)
     output, fit = told.xyz[told.usable], unit.fit
     if fit is None or fit.calibration is None:
-        return verification.Verified(kept.position, np.asarray(output.mean(axis=0)), true, strength)
+        return verification.VerifiedPosition(kept.position, np.asarray(output.mean(axis=0)), true, strength)
     if job.product.map.output is None:
         output = fit.calibration.correct(output)
-    cov = verification.forecast(fit, job.recipe, true, output)
-    return verification.Verified(kept.position, np.asarray(output.mean(axis=0)), true, strength, cov)
+    cov = verification.error_covariance(fit, job.recipe, true, output)
+    return verification.VerifiedPosition(kept.position, np.asarray(output.mean(axis=0)), true, strength, cov)
 
 
-def _document(v: verification.Verified) -> dict[str, Any]:
+def _document(v: verification.VerifiedPosition) -> dict[str, Any]:
     """A verify position for the record; its error's forecast as standard deviations of the axes."""
     std = None if v.cov is None else np.sqrt(np.diagonal(v.cov)).tolist()
     measured = {"name": v.position, "mean": v.mean.tolist(), "true": v.true.tolist(), "error": v.error}

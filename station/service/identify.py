@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 
 from station.domain.product import number_format, writeback
-from station.domain.product.device_map import DeviceMap, Setting
-from station.domain.product.product import kept_serial, read_serial
+from station.domain.product.device_map import DeviceMap, DeviceSetting
+from station.domain.product.product import decode_serial, stored_serial
 from station.errors import DeviceRefused, ReadBackDiffers, StationError, WrongProduct, WrongUnit
 from station.ports.device import Identity
 from station.ports.store import Store
@@ -19,7 +19,7 @@ def identify(unit: Unit, job: Job, store: Store) -> None:
     raw = unit.device.upload(*place.address)
     unit.identity, unit.old = identity, {place.address: raw}
     document = {name: getattr(identity, name) for name in identity.__slots__}
-    store.result(unit.attempt, "identity", {**document, "kept_serial": read_serial(place, raw)})
+    store.result(unit.attempt, "identity", {**document, "kept_serial": decode_serial(place, raw)})
     _check(unit, job, identity)
 
 
@@ -42,7 +42,7 @@ def _check(unit: Unit, job: Job, identity: Identity) -> None:
     if wrong:
         raise WrongProduct(f"{unit.name} is no {job.product.name}: {', '.join(wrong)}; take it out")
     place = job.product.map.serial
-    found, wanted = read_serial(place, unit.old[place.address]), kept_serial(place, unit.seat.serial)
+    found, wanted = decode_serial(place, unit.old[place.address]), stored_serial(place, unit.seat.serial)
     if found != wanted:
         raise WrongUnit(
             f"nest {unit.seat.nest} holds a unit that calls itself {found}, but the label "
@@ -50,13 +50,13 @@ def _check(unit: Unit, job: Job, identity: Identity) -> None:
         )
 
 
-def read_old(unit: Unit, job: Job, store: Store) -> None:
+def read_old_values(unit: Unit, job: Job, store: Store) -> None:
     """Reads every object that the calibration may change, and keeps the values before anything is touched."""
     device_map = job.product.map
     old = {at: unit.device.upload(*at) for at in _changed(device_map)}
     unit.old = {**unit.old, **old}
     unit.settings_old = {s.address: unit.device.upload(*s.address) for s in device_map.settings}
-    store.result(unit.attempt, "old-calibration", {"objects": as_text({**unit.old, **unit.settings_old})})
+    store.result(unit.attempt, "old-calibration", {"objects": objects_to_text({**unit.old, **unit.settings_old})})
 
 
 def make_ready(unit: Unit, job: Job) -> None:
@@ -92,7 +92,7 @@ def set_compensated(unit: Unit, job: Job) -> None:
         set_checked(unit, switch.address, switch.raw, switch.name)
 
 
-def leave(unit: Unit, job: Job) -> str:
+def restore_as_found(unit: Unit, job: Job) -> str:
     """Puts output and settings back as they were found, as far as the device still answers; '' or what failed."""
     try:
         if unit.switched:
@@ -126,15 +126,15 @@ def _changed(device_map: DeviceMap) -> Iterator[Address]:
         yield from ((device_map.configuration.index, sub) for sub in (1, 2))
 
 
-def _raw(setting: Setting, value: float) -> bytes:
+def _raw(setting: DeviceSetting, value: float) -> bytes:
     return number_format.parse(setting.type).encode(setting.sign * value / setting.scale)
 
 
-def as_text(raws: Mapping[Address, bytes]) -> dict[str, str]:
+def objects_to_text(raws: Mapping[Address, bytes]) -> dict[str, str]:
     """Objects as the log writes them: `2101:01` → bytes in hexadecimal."""
     return {f"{index:04X}:{sub:02X}": raw.hex() for (index, sub), raw in raws.items()}
 
 
-def of_text(objects: Mapping[str, str]) -> dict[Address, bytes]:
+def objects_from_text(objects: Mapping[str, str]) -> dict[Address, bytes]:
     """What `as_text` wrote."""
     return {(int(key[:4], 16), int(key[5:], 16)): bytes.fromhex(raw) for key, raw in objects.items()}

@@ -8,43 +8,52 @@ from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.domain.planning import adaptive_dwell
 from station.domain.recipe import plan
-from station.domain.recipe.plan import STOPS_BY_HAND, Stop
+from station.domain.recipe.plan import HAND_HELD_VISITS, PlannedVisit
 from station.domain.recipe.recipe import Recipe
 from station.ports.positioner import Positioner
 
 
-def tumble(recipe: Recipe, run: int) -> tuple[Stop, ...]:
+def tumble_visits(recipe: Recipe, run: int) -> tuple[PlannedVisit, ...]:
     """The stops of one run; of a hand-held run, so many nameless ones, spread evenly where a drive turns it."""
     if recipe.pose_known or recipe.positions:
-        return plan.stops(recipe, run)
+        return plan.planned_visits(recipe, run)
     unknown = np.full(3, np.nan)
     names = plan.names(recipe, run)
     up = np.array([0.0, 0.0, 1.0])
     return tuple(
-        Stop(run, i, name, "home", rotation.shortest(_spread(i), up), np.eye(3), unknown, names[i - 1] if i else None)
+        PlannedVisit(
+            run,
+            i,
+            name,
+            "home",
+            rotation.shortest(_spread_direction(i), up),
+            np.eye(3),
+            unknown,
+            names[i - 1] if i else None,
+        )
         for i, name in enumerate(names)
     )
 
 
-def _spread(number: int) -> Floats:
+def _spread_direction(number: int) -> Floats:
     """One of STOPS_BY_HAND directions (3) spread evenly over the sphere: the golden spiral."""
-    z = 1 - (2 * number + 1) / STOPS_BY_HAND
+    z = 1 - (2 * number + 1) / HAND_HELD_VISITS
     angle = number * np.pi * (3 - np.sqrt(5))
     return np.array([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z])
 
 
-def verification(recipe: Recipe) -> tuple[Stop, ...]:
+def verification_visits(recipe: Recipe) -> tuple[PlannedVisit, ...]:
     """The stops measured again after the write, in the seating in which the unit sits then."""
     last = len(recipe.runs) - 1
-    return plan.verification(recipe, last, len(tumble(recipe, last)))
+    return plan.verification_visits(recipe, last, len(tumble_visits(recipe, last)))
 
 
 def estimate_s(recipe: Recipe, positioner: Positioner) -> float:
     """Expected time of a load from its first move to parking, s; SDO traffic is not in it."""
-    runs = [tumble(recipe, run) for run in range(len(recipe.runs))]
-    stops = [*(stop for run in runs for stop in run), *verification(recipe)]
+    runs = [tumble_visits(recipe, run) for run in range(len(recipe.runs))]
+    stops = [*(stop for run in runs for stop in run), *verification_visits(recipe)]
     moves = sum(positioner.estimate_s(a, b) for a, b in pairwise([None, *stops]) if b is not None)
-    dwell_s = adaptive_dwell.by_sheet_s(recipe)
+    dwell_s = adaptive_dwell.dwells_by_sheet_s(recipe)
     verified = len(stops) - len(dwell_s)
     stay = len(stops) * recipe.settle.time_s + dwell_s.sum() + verified * dwell_s.mean()
     return float(moves + stay + sum(run.prewarm_s for run in recipe.runs))

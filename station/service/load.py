@@ -4,18 +4,18 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from station.domain.capture import thermometer
-from station.domain.core.types import Outcome, Seat
+from station.domain.core.types import NestAssignment, Outcome
 from station.domain.evaluation import calibration_document, reduced_visits_document
 from station.domain.product import writeback
 from station.domain.run.progress import (
     Event,
     Identified,
     Judged,
-    LoadBegun,
     LoadDone,
+    LoadStarted,
+    Notice,
     Phase,
     PhaseEntered,
-    Told,
     UnitDone,
     UnitResult,
     follow,
@@ -32,25 +32,25 @@ from station.errors import (
     WrongUnit,
 )
 from station.service import compute, record
-from station.service.bus_errors import blamed
+from station.service.bus_errors import with_bus_state
 from station.service.capture import Capture
-from station.service.identify import identify, leave, make_ready, read_old
-from station.service.itinerary import estimate_s, tumble, verification
-from station.service.measure import Bad, Measure
-from station.service.recovery import check_seen_again
+from station.service.identify import identify, make_ready, read_old_values, restore_as_found
+from station.service.itinerary import estimate_s, tumble_visits, verification_visits
+from station.service.measure import RejectedUnits, VisitMeasurement
+from station.service.recovery import check_suspect_unit
 from station.service.station import Job, Station
-from station.service.stop_request import Stop
-from station.service.unit import Unit, reason
+from station.service.stop_request import StopRequest
+from station.service.unit import Unit, reason_of
 from station.service.write_back import WriteBack
 
 #: Errors of one unit, which stop no other.
-OF_ONE_UNIT = (UnitFault, DeviceSilent, WrongUnit)
+UNIT_ERRORS = (UnitFault, DeviceSilent, WrongUnit)
 
 
 class Load:
     """Use `run()` once, and `leave()` whatever happened."""
 
-    def __init__(self, station: Station, job: Job, stop: Stop, confirm: Callable[[str], None]) -> None:
+    def __init__(self, station: Station, job: Job, stop: StopRequest, confirm: Callable[[str], None]) -> None:
         self._station, self._job, self._stop, self._confirm = station, job, stop, confirm
         self._units: list[Unit] = []
         self._writers: dict[str, WriteBack] = {}
@@ -59,7 +59,7 @@ class Load:
         self._parked = True
         self._fault: StationError | None = None
 
-    def run(self, seats: Sequence[Seat]) -> Iterator[Event]:
+    def run(self, seats: Sequence[NestAssignment]) -> Iterator[Event]:
         """Everything from the first record to the parked fixture."""
         try:
             yield from self._begin(seats)
@@ -112,24 +112,26 @@ class Load:
         self._phase = follow(self._phase, phase)
         return PhaseEntered(phase)
 
-    def _begin(self, seats: Sequence[Seat]) -> Iterator[Event]:
+    def _begin(self, seats: Sequence[NestAssignment]) -> Iterator[Event]:
         """Every attempt stands in the log before any device is touched."""
         self._stop.check()
         for seat in seats:
-            attempt = self._station.store.begin(record.begin(seat, self._station, self._job))
+            attempt = self._station.store.begin(record.attempt_start(seat, self._station, self._job))
             self._units.append(Unit(seat, attempt, self._station.device(seat.node), self._station.clock.monotonic_s()))
         self._seated(0, "home", powered=True)
         recipe = self._job.recipe
-        stops = sum(len(tumble(recipe, run)) for run in range(len(recipe.runs))) + len(verification(recipe))
-        yield LoadBegun(tuple(seats), stops, estimate_s(recipe, self._station.positioner))
+        stops = sum(len(tumble_visits(recipe, run)) for run in range(len(recipe.runs))) + len(
+            verification_visits(recipe)
+        )
+        yield LoadStarted(tuple(seats), stops, estimate_s(recipe, self._station.positioner))
 
     def _each(self, step: Callable[[Unit], Iterator[Event]]) -> Iterator[Event]:
         """One step for every unit that is left; an error of one unit ends that unit only."""
         for unit in self._alive:
             try:
                 yield from step(unit)
-            except OF_ONE_UNIT as fault:
-                yield from self._end(unit, blamed(explained(unit, fault), self._station.bus))
+            except UNIT_ERRORS as fault:
+                yield from self._end(unit, with_bus_state(attribute_silence(unit, fault), self._station.bus))
 
     def _identify(self) -> Iterator[Event]:
         yield from self._each(self._identify_one)
@@ -139,9 +141,9 @@ class Load:
         self._stop.check()
         store = self._station.store
         identify(unit, self._job, store)
-        if told := check_seen_again(unit, self._station):
-            yield Told(told, unit.seat.serial)
-        read_old(unit, self._job, store)
+        if told := check_suspect_unit(unit, self._station):
+            yield Notice(told, unit.seat.serial)
+        read_old_values(unit, self._job, store)
         make_ready(unit, self._job)
         if unit.identity is not None:
             yield Identified(unit.seat, unit.identity.name, unit.identity.software, unit.identity.serial)
@@ -149,15 +151,15 @@ class Load:
     def _measure(self) -> Iterator[Event]:
         self._start_gold()
         self._capture = Capture(self._station, self._job, self._stop, self._alive)
-        measure = Measure(self._station, self._job, self._stop, self._capture)
+        measure = VisitMeasurement(self._station, self._job, self._stop, self._capture)
         recipe = self._job.recipe
-        done, total, seating = 0, sum(len(tumble(recipe, run)) for run in range(len(recipe.runs))), "home"
+        done, total, seating = 0, sum(len(tumble_visits(recipe, run)) for run in range(len(recipe.runs))), "home"
         for number, run in enumerate(recipe.runs):
             if run.seating != seating:
                 seating = run.seating
                 yield from self._reseat(number, seating)
             yield from self._conditions(number)
-            for planned in tumble(recipe, number):
+            for planned in tumble_visits(recipe, number):
                 if not self._alive:
                     return
                 done += 1
@@ -205,12 +207,12 @@ class Load:
         if run.motors == "off":
             yield from self._ask(f"run {number}: switch the line's motors off")
         if run.prewarm_s and self._capture is not None:
-            yield Told(f"run {number}: warming up for {run.prewarm_s:g} s")
+            yield Notice(f"run {number}: warming up for {run.prewarm_s:g} s")
             self._capture.wait(run.prewarm_s)
 
     def _ask(self, sentence: str) -> Iterator[Event]:
         """Waits until a person has done it."""
-        yield Told(sentence)
+        yield Notice(sentence)
         with self._stop:  # nothing is being written: a signal may end the wait at once
             self._confirm(sentence)
         self._stop.check()
@@ -219,9 +221,9 @@ class Load:
         yield from self._each(self._judge_one)
 
     def _judge_one(self, unit: Unit) -> Iterator[Event]:
-        if stands := thermometer.frozen(unit.visits, unit.seat.node, self._job.layout):
+        if stands := thermometer.frozen_warning(unit.visits, unit.seat.node, self._job.layout):
             self._station.store.event(unit.attempt, "thermometer-frozen", {"sentence": stands})
-            yield Told(f"{unit.name}: {stands}", unit.seat.serial)
+            yield Notice(f"{unit.name}: {stands}", unit.seat.serial)
         prior = None if self._capture is None else self._capture.pace.prior
         fit = compute.calibrate(unit, self._job, self._station, prior)
         unit.fit = replace(fit, visits=None)  # the log keeps the stops; a long batch must not keep them in memory too
@@ -244,19 +246,19 @@ class Load:
         yield from self._each(lambda unit: self._writers[unit.attempt].write())
 
     def _save(self) -> Iterator[Event]:
-        yield from self._each(lambda unit: _quietly(self._writers[unit.attempt].save))
+        yield from self._each(lambda unit: _without_events(self._writers[unit.attempt].save))
 
     def _restart(self) -> Iterator[Event]:
-        yield from self._each(lambda unit: _quietly(self._writers[unit.attempt].restart))
-        yield from self._each(lambda unit: _quietly(self._writers[unit.attempt].read_again))
+        yield from self._each(lambda unit: _without_events(self._writers[unit.attempt].restart))
+        yield from self._each(lambda unit: _without_events(self._writers[unit.attempt].read_again))
 
     def _verify(self) -> Iterator[Event]:
-        stops = verification(self._job.recipe)
-        yield from self._each(lambda unit: _quietly(lambda: unit.device.nmt("start")))
+        stops = verification_visits(self._job.recipe)
+        yield from self._each(lambda unit: _without_events(lambda: unit.device.nmt("start")))
         for number, planned in enumerate(stops, 1):
             if not self._alive or self._capture is None:
                 return
-            measure = Measure(self._station, self._job, self._stop, self._capture)
+            measure = VisitMeasurement(self._station, self._job, self._stop, self._capture)
             bad = yield from measure.at_stop(self._alive, planned, (number, len(stops)), "verify")
             yield from self._drop(bad)
         for unit in self._alive:
@@ -266,27 +268,27 @@ class Load:
             unit.verified = not reasons
             yield from self._end(unit, None, Outcome.FAIL if reasons else Outcome.PASS)
 
-    def _drop(self, bad: Bad) -> Iterator[Event]:
+    def _drop(self, bad: RejectedUnits) -> Iterator[Event]:
         """Ends the units whose stop stayed bad; a wrong face in every nest is the positioner's."""
         for unit in self._alive:
             if unit.seat.serial in bad:
                 unit.reasons.extend(bad[unit.seat.serial])
-                yield from self._end(unit, None, record.blame(bad, unit.seat.serial, len(self._alive)))
+                yield from self._end(unit, None, record.rejection_outcome(bad, unit.seat.serial, len(self._alive)))
 
     def _end(self, unit: Unit, fault: StationError | None, outcome: Outcome = Outcome.ERROR) -> Iterator[Event]:
         """Leaves the device, closes the attempt, and only then says how it ended."""
         if fault is not None:
-            unit.reasons.append(reason(fault))
+            unit.reasons.append(reason_of(fault))
             outcome = Outcome(fault.outcome)
-        failed = leave(unit, self._job)
+        failed = restore_as_found(unit, self._job)
         try:
             if failed:
                 self._station.store.event(unit.attempt, "not-left-as-found", {"sentence": failed})
-            self._station.store.result(unit.attempt, "verdict", record.verdict(unit, outcome))
+            self._station.store.result(unit.attempt, "verdict", record.verdict_document(unit, outcome))
             self._station.store.finish(unit.attempt, outcome, self._station.clock.epoch_ns())
         except StoreFault as lost:
             self._fault = self._fault or lost
-            unit.reasons.append(reason(lost))
+            unit.reasons.append(reason_of(lost))
             outcome = Outcome.ERROR
         yield UnitDone(unit.end(outcome, self._station.clock.monotonic_s() - unit.began_s))
 
@@ -300,14 +302,14 @@ class Load:
             self._fault = self._fault or fault
 
 
-def explained(unit: Unit, fault: StationError) -> StationError:
+def attribute_silence(unit: Unit, fault: StationError) -> StationError:
     """A silence that came of a restart is the unit's own."""
     if isinstance(fault, DeviceSilent) and 0 < unit.boot_ups != unit.device.boot_ups():
         return UnitFault(f"{unit.name} restarted by itself ({fault.sentence})")
     return fault
 
 
-def _quietly(step: Callable[[], None]) -> Iterator[Event]:
+def _without_events(step: Callable[[], None]) -> Iterator[Event]:
     """A step that has nothing to tell."""
     step()
     yield from ()

@@ -4,50 +4,50 @@ from collections.abc import Generator, Mapping, Sequence
 
 import numpy as np
 
-from station.domain.can.decode import samples, temperatures
+from station.domain.can.decode import decode_samples, decode_temperatures
 from station.domain.can.error_frames import error_frames
-from station.domain.capture.assemble import KeptVisit
+from station.domain.capture.assemble import CapturedVisit
 from station.domain.capture.rest_detection import face
-from station.domain.capture.visit_check import Dwelled, check, statistics
+from station.domain.capture.visit_check import Visit, check, statistics
 from station.domain.core import rotation
 from station.domain.core.types import Reason
 from station.domain.recipe import plan
-from station.domain.recipe.plan import Stop as Planned
-from station.domain.records.framepack.plain import Laid
-from station.domain.run.progress import Event, StopDone, StopStarted, VisitRejected
+from station.domain.recipe.plan import PlannedVisit as Planned
+from station.domain.records.framepack.plain import PlainFrames
+from station.domain.run.progress import Event, VisitDone, VisitRejected, VisitStarted
 from station.errors import PositionerFault
 from station.ports.store import VisitRecord
-from station.service.capture import Capture, Taken
+from station.service.capture import Capture, CapturedDwell
 from station.service.station import Job, Station
-from station.service.stop_request import Stop
+from station.service.stop_request import StopRequest
 from station.service.unit import Unit
 
 #: So many heartbeats may be late before the device counts as dead.
-HEARTBEATS = 3
+MAX_LATE_HEARTBEATS = 3
 #: Of a gold reference's readings so many must come. It has no counter that tells of each one that is missing.
-GOLD_LEAST = 0.9
+GOLD_MIN_SHARE = 0.9
 
 Reasons = tuple[Reason, ...]
 #: Units whose stop stayed bad, by serial, with every reason.
-Bad = Mapping[str, Reasons]
-Found = Mapping[str, tuple[Dwelled, Reasons]]
+RejectedUnits = Mapping[str, Reasons]
+CheckedVisits = Mapping[str, tuple[Visit, Reasons]]
 
 
-class Measure:
+class VisitMeasurement:
     """Goes to stops and measures them. Errors of its calls are those of the whole fixture: PositionerFault,
     BusFault, StoreFault, Aborted."""
 
-    def __init__(self, station: Station, job: Job, stop: Stop, capture: Capture) -> None:
+    def __init__(self, station: Station, job: Job, stop: StopRequest, capture: Capture) -> None:
         self._station, self._job, self._stop, self._capture = station, job, stop, capture
 
     def at_stop(
         self, units: Sequence[Unit], planned: Planned, place: tuple[int, int], kind: str
-    ) -> Generator[Event, None, Bad]:
+    ) -> Generator[Event, None, RejectedUnits]:
         """Moves there and measures; place: (number, total). A bad stop is measured again as the recipe allows."""
         asked = self._asked(planned)
-        yield StopStarted(*place, planned.position, asked)
+        yield VisitStarted(*place, planned.position, asked)
         self._move(planned)
-        number = plan.place(self._job.recipe, planned.run, planned.visit) if kind == "tumble" else None
+        number = plan.visit_index(self._job.recipe, planned.run, planned.visit) if kind == "tumble" else None
         means: dict[str, tuple[float, ...]] = {}
         bad: dict[str, Reasons] = {}
         waiting = list(units)
@@ -66,7 +66,7 @@ class Measure:
             waiting = [unit for unit in waiting if unit.seat.serial in bad]
             if not waiting:
                 break
-        yield StopDone(*place, planned.position, means)
+        yield VisitDone(*place, planned.position, means)
         return bad
 
     def _move(self, planned: Planned) -> None:
@@ -83,44 +83,44 @@ class Measure:
                 "nothing measured there counts: reference it again and check its load"
             )
 
-    def _judge(self, unit: Unit, planned: Planned, taken: Taken, gold: Reasons) -> tuple[Dwelled, Reasons]:
+    def _judge(self, unit: Unit, planned: Planned, taken: CapturedDwell, gold: Reasons) -> tuple[Visit, Reasons]:
         mine = taken.intake.frames_of(unit)
         inside = (mine.time_ns >= taken.from_ns) & (mine.time_ns < taken.to_ns)
-        told = temperatures(mine, self._job.layout, unit.seat.node)[1]
+        told = decode_temperatures(mine, self._job.layout, unit.seat.node)[1]
         unit.temperature_degC = float(told[-1]) if len(told) else unit.temperature_degC
-        dwelled = Dwelled(
+        dwelled = Visit(
             position=planned.position,
-            samples=samples(mine[inside], self._job.layout, unit.seat.node),
+            samples=decode_samples(mine[inside], self._job.layout, unit.seat.node),
             true=planned.true,
             lasted_s=taken.lasted_s,
             drops=taken.drops,
             temperature_degC=unit.temperature_degC,
             emergencies=self._emergencies(unit),
         )
-        return dwelled, (*gold, *self._life(unit, planned), *check(dwelled, self._job.recipe, self._job.layout))
+        return dwelled, (*gold, *self._check_alive(unit, planned), *check(dwelled, self._job.recipe, self._job.layout))
 
-    def _gold_silent(self, planned: Planned, taken: Taken) -> Reasons:
+    def _gold_silent(self, planned: Planned, taken: CapturedDwell) -> Reasons:
         """Why no unit's dwell counts: the gold reference does not say what the truth was."""
         node = self._job.gold_node
         gold = self._job.recipe.reference.gold
         if node is None or gold is None:
             return ()
-        told = samples(taken.intake.frames(), self._job.layout, node)
+        told = decode_samples(taken.intake.frames(), self._job.layout, node)
         inside = told.usable & (told.time_ns >= taken.from_ns) & (told.time_ns < taken.to_ns)
         count, due = int(np.count_nonzero(inside)), taken.lasted_s * self._job.recipe.device.rate_hz
-        if count >= due * GOLD_LEAST:
+        if count >= due * GOLD_MIN_SHARE:
             return ()
         sentence = (
             f"the gold reference {gold.serial} (node {node}) gave {count} of {due:.0f} readings at "
             f"{planned.position!r}; without it nothing measured there counts: check its cable and power"
         )
-        return (Reason("gold-silent", sentence, count, due * GOLD_LEAST, "1"),)
+        return (Reason("gold-silent", sentence, count, due * GOLD_MIN_SHARE, "1"),)
 
-    def _life(self, unit: Unit, planned: Planned) -> Reasons:
+    def _check_alive(self, unit: Unit, planned: Planned) -> Reasons:
         """What boot-up and heartbeat say against the device."""
         if unit.device.boot_ups() != unit.boot_ups:
             return (Reason("rebooted", f"the device restarted by itself at {planned.position!r}"),)
-        age_s, limit_s = unit.device.heartbeat_age_s(), HEARTBEATS * unit.heartbeat_s
+        age_s, limit_s = unit.device.heartbeat_age_s(), MAX_LATE_HEARTBEATS * unit.heartbeat_s
         if unit.heartbeat_s and age_s > limit_s:
             told = f"no heartbeat for {age_s:.1f} s at {planned.position!r}; one is due every {unit.heartbeat_s:g} s"
             return (Reason("heartbeat", told, age_s, limit_s, "s"),)
@@ -135,7 +135,9 @@ class Measure:
             unit.emergency = f"emergency 0x{e.code:04X} (register 0x{e.register:02X})" if e.code else ""
         return (unit.emergency,) if unit.emergency else ()
 
-    def _keep(self, units: Sequence[Unit], planned: Planned, taken: Taken, found: Found, kind: str) -> None:
+    def _keep(
+        self, units: Sequence[Unit], planned: Planned, taken: CapturedDwell, found: CheckedVisits, kind: str
+    ) -> None:
         """Every nest's stop in one transaction; a rejected one is kept too, under its own kind."""
         records = []
         for unit in units:
@@ -149,8 +151,8 @@ class Measure:
                 unit.noise = max(unit.noise or 0.0, float(std.max()))
         self._station.store.visit([u.attempt for u in units], records)
 
-    def _kept(self, unit: Unit, planned: Planned, taken: Taken) -> KeptVisit:
-        return KeptVisit(
+    def _kept(self, unit: Unit, planned: Planned, taken: CapturedDwell) -> CapturedVisit:
+        return CapturedVisit(
             run=planned.run,
             visit=planned.visit,
             position=planned.position,
@@ -170,7 +172,7 @@ class Measure:
         return f"bring position {planned.position!r} up ({face(planned.true)} of the unit) and let go"
 
 
-def _record(kept: KeptVisit, laid: Laid, kind: str, dwelled: Dwelled, reasons: Reasons) -> VisitRecord:
+def _record(kept: CapturedVisit, laid: PlainFrames, kind: str, dwelled: Visit, reasons: Reasons) -> VisitRecord:
     more = {
         "from_ns": kept.from_ns,
         "to_ns": kept.to_ns,
@@ -191,6 +193,6 @@ def _record(kept: KeptVisit, laid: Laid, kind: str, dwelled: Dwelled, reasons: R
     )
 
 
-def _mean(dwelled: Dwelled) -> tuple[float, ...]:
+def _mean(dwelled: Visit) -> tuple[float, ...]:
     told = dwelled.samples
     return tuple(float(v) for v in told.xyz[told.usable].mean(axis=0))

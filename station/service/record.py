@@ -6,16 +6,16 @@ from typing import Any
 
 from station import __version__
 from station.domain.capture.visit_check import STATION_CHECKS
-from station.domain.core.types import Outcome, Reason, Seat
-from station.ports.store import Begin
-from station.service.measure import Bad
+from station.domain.core.types import NestAssignment, Outcome, Reason
+from station.ports.store import AttemptStart
+from station.service.measure import RejectedUnits
 from station.service.station import Job, Station
 from station.service.unit import Unit
 
 
-def begin(seat: Seat, station: Station, job: Job) -> Begin:
+def attempt_start(seat: NestAssignment, station: Station, job: Job) -> AttemptStart:
     """The attempt's first record."""
-    return Begin(
+    return AttemptStart(
         serial=seat.serial,
         station=station.settings.station,
         nest=seat.nest,
@@ -33,7 +33,7 @@ def begin(seat: Seat, station: Station, job: Job) -> Begin:
     )
 
 
-def verdict(unit: Unit, outcome: Outcome) -> dict[str, Any]:
+def verdict_document(unit: Unit, outcome: Outcome) -> dict[str, Any]:
     """How the attempt ended, with every reason, the decision rule and its risks."""
     found = None if unit.fit is None else unit.fit.verdict
     return {
@@ -52,7 +52,7 @@ def _reasons(found: Sequence[Reason]) -> list[dict[str, Any]]:
     return [asdict(r) for r in found]
 
 
-def blame(bad: Bad, serial: str, alive: int) -> Outcome:
+def rejection_outcome(bad: RejectedUnits, serial: str, alive: int) -> Outcome:
     """Whether a bad stop is the unit's (FAIL) or the station's (ERROR).
 
     A wrong face in one nest of several is that unit, seated wrongly or with its axes swapped; in all of them, or in

@@ -6,13 +6,13 @@ from datetime import UTC, datetime
 from station.domain.core.types import Outcome
 from station.domain.product import writeback
 from station.errors import DeviceRefused, ReadBackDiffers
-from station.ports.store import Suspect
-from station.service.identify import of_text
+from station.ports.store import SuspectAttempt
+from station.service.identify import objects_from_text
 from station.service.station import Job, Station
 from station.service.unit import Address, Unit
 from station.service.write_back import flag_last, put_back
 
-SENTENCES = {
+STATE_SENTENCES = {
     "old": "all its objects hold the old values: nothing of that attempt is left in it",
     "new": "all its objects hold the new values, which were never verified",
     "mixed": "some of its objects hold old values and some new ones: it must not be used as it is",
@@ -31,21 +31,21 @@ def close_unfinished(station: Station) -> tuple[str, ...]:
     return tuple(told)
 
 
-def look(unit: Unit, suspect: Suspect, station: Station) -> str:
+def read_device_state(unit: Unit, suspect: SuspectAttempt, station: Station) -> str:
     """Resets the device, reads every planned object back and says which values they are; the log keeps the answer.
 
     The reset brings what the flash holds: working memory may still show what was never saved.
     """
     reset(unit, station)
-    old = {at: raw for at, raw in of_text(suspect.old).items() if raw}
+    old = {at: raw for at, raw in objects_from_text(suspect.old).items() if raw}
     # An object that was empty before (a text) says nothing about the calibration, and SDO cannot make it empty again.
-    planned = {at: raw for at, raw in of_text(suspect.planned).items() if at in old}
+    planned = {at: raw for at, raw in objects_from_text(suspect.planned).items() if at in old}
     state = str(writeback.classify(old, planned, {at: unit.device.upload(*at) for at in planned}))
     station.store.event(suspect.attempt, "device-state", {"state": state, "seen": "read back after a reset"})
     return state
 
 
-def check_seen_again(unit: Unit, station: Station) -> str:
+def check_suspect_unit(unit: Unit, station: Station) -> str:
     """The first look at a unit that an earlier attempt may have left half written; '' or a sentence to tell.
 
     Errors: ReadBackDiffers with the remedy when it holds a mixture; nothing is guessed.
@@ -53,8 +53,8 @@ def check_seen_again(unit: Unit, station: Station) -> str:
     suspect = station.store.suspect(unit.seat.serial)
     if suspect is None:
         return ""
-    state = look(unit, suspect, station)
-    said = f"{unit.name} was left in an attempt of {_when(suspect.started_ns)}; {SENTENCES[state]}"
+    state = read_device_state(unit, suspect, station)
+    said = f"{unit.name} was left in an attempt of {_when(suspect.started_ns)}; {STATE_SENTENCES[state]}"
     if state == "mixed":
         serial = unit.seat.serial
         raise ReadBackDiffers(
@@ -64,13 +64,13 @@ def check_seen_again(unit: Unit, station: Station) -> str:
     return said
 
 
-def recover(unit: Unit, suspect: Suspect, station: Station, job: Job, *, restore: bool) -> str:
+def recover(unit: Unit, suspect: SuspectAttempt, station: Station, job: Job, *, restore: bool) -> str:
     """Brings the unit to all old or all new values, saves, resets and reads back; the state it then holds.
 
     Errors: those of SDO; ReadBackDiffers when it does not keep them.
     """
-    wanted = {at: raw for at, raw in of_text(suspect.old if restore else suspect.planned).items() if raw}
-    objects: Mapping[Address, bytes] = {at: wanted[at] for at in of_text(suspect.planned) if at in wanted}
+    wanted = {at: raw for at, raw in objects_from_text(suspect.old if restore else suspect.planned).items() if raw}
+    objects: Mapping[Address, bytes] = {at: wanted[at] for at in objects_from_text(suspect.planned) if at in wanted}
     station.store.event(suspect.attempt, "recovery", {"restore": restore})
     device_map = job.product.map
     put_back(unit, writeback.unlock(device_map), flag_last(device_map, objects), objects)
@@ -80,9 +80,11 @@ def recover(unit: Unit, suspect: Suspect, station: Station, job: Job, *, restore
     except DeviceRefused as exc:
         station.store.event(suspect.attempt, "recovery-failed", {"sentence": exc.sentence})
         raise
-    state = look(unit, suspect, station)
+    state = read_device_state(unit, suspect, station)
     if state != ("old" if restore else "new"):
-        raise ReadBackDiffers(f"{unit.name} does not keep what it is told: {SENTENCES[state]}; take it out of the line")
+        raise ReadBackDiffers(
+            f"{unit.name} does not keep what it is told: {STATE_SENTENCES[state]}; take it out of the line"
+        )
     return state
 
 

@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from station.domain.can.decode import samples
-from station.domain.capture.annotations import Mark, Marks, kept_visits
-from station.domain.capture.assemble import KeptVisit, dwell_frames
-from station.domain.capture.visit_check import Dwelled, check
-from station.domain.core.types import Frames, Outcome, Reason, SampleTable, Seat, Verdict
-from station.domain.evaluation.pipeline import Result
+from station.domain.can.decode import decode_samples
+from station.domain.capture.annotations import Annotation, Annotations, captured_visits
+from station.domain.capture.assemble import CapturedVisit, dwell_frames
+from station.domain.capture.visit_check import Visit, check
+from station.domain.core.types import Frames, NestAssignment, Outcome, Reason, SampleTable, Verdict
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.recipe import plan
 from station.errors import LogError
 from station.service.compute import refit, samples_of
@@ -16,38 +16,40 @@ from station.service.station import Job
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Replayed:
+class ReplayedUnit:
     """One unit of a log. reasons: of bad stops, then of the verdict; seat.nest is '' where nobody knows it."""
 
-    seat: Seat
-    result: Result
+    seat: NestAssignment
+    result: CalibrationResult
     outcome: Outcome
     reasons: tuple[Reason, ...]
     noise: float | None
     duration_s: float
 
 
-def replay(frames: Frames, marks: Marks, job: Job) -> Iterator[Replayed]:
+def replay(frames: Frames, marks: Annotations, job: Job) -> Iterator[ReplayedUnit]:
     """Every unit of a log, one after the other. Errors: LogError when a mark lies outside the log or the recipe."""
     for seat, visits, table in _units(frames, marks, job):
         bad = tuple(reason for visit in visits for reason in _check(visit, seat, job))
         result = refit(table, job.recipe, job.product, int(frames.time_ns[0]))
-        yield _told(seat, result, bad, visits)
+        yield _replayed_unit(seat, result, bad, visits)
 
 
-def tables(frames: Frames, marks: Marks, job: Job) -> Iterator[SampleTable]:
+def tables(frames: Frames, marks: Annotations, job: Job) -> Iterator[SampleTable]:
     """The uncalibrated samples of every unit of a log; `nest` says at which node it answered. Errors: as `replay`."""
     return (table for _, _, table in _units(frames, marks, job))
 
 
-def _units(frames: Frames, marks: Marks, job: Job) -> Iterator[tuple[Seat, list[KeptVisit], SampleTable]]:
+def _units(
+    frames: Frames, marks: Annotations, job: Job
+) -> Iterator[tuple[NestAssignment, list[CapturedVisit], SampleTable]]:
     """Every unit with its marked visits, and the samples of those that it is calibrated by."""
     for serial, own in marks.units().items():
-        seat = Seat(serial, "", own[0].node)
+        seat = NestAssignment(serial, "", own[0].node)
         _check_marks(own, frames, job)
-        visits = list(kept_visits(own, frames))
+        visits = list(captured_visits(own, frames))
         labels = {"nest": f"node-{seat.node}"}
-        table = samples_of(seat, [v for v in visits if _tumble(v, job)], job.recipe, job.layout, labels)
+        table = samples_of(seat, [v for v in visits if _is_tumble(v, job)], job.recipe, job.layout, labels)
         if not len(table):
             raise LogError(
                 f"no readings of unit {serial} (node {seat.node}) lie within its marks; check node and times"
@@ -55,7 +57,7 @@ def _units(frames: Frames, marks: Marks, job: Job) -> Iterator[tuple[Seat, list[
         yield seat, visits, table
 
 
-def _check_marks(marks: Sequence[Mark], frames: Frames, job: Job) -> None:
+def _check_marks(marks: Sequence[Annotation], frames: Frames, job: Job) -> None:
     lasts_s = (int(frames.time_ns[-1]) - int(frames.time_ns[0])) / 1e9
     known = {p.name for p in (*job.recipe.positions, *job.recipe.verify.positions)}
     for mark in marks:
@@ -68,20 +70,20 @@ def _check_marks(marks: Sequence[Mark], frames: Frames, job: Job) -> None:
             raise LogError(f"{what} names position {mark.position!r}, which the recipe {job.recipe.name} does not have")
 
 
-def _tumble(visit: KeptVisit, job: Job) -> bool:
+def _is_tumble(visit: CapturedVisit, job: Job) -> bool:
     return not job.recipe.pose_known or visit.position in {p.name for p in job.recipe.positions}
 
 
-def _check(visit: KeptVisit, seat: Seat, job: Job) -> tuple[Reason, ...]:
+def _check(visit: CapturedVisit, seat: NestAssignment, job: Job) -> tuple[Reason, ...]:
     """The checks of a live stop; what only a live bus tells (drops, heartbeat) a log cannot say."""
     recipe = job.recipe
-    told = samples(dwell_frames(visit), job.layout, seat.node)
-    around = samples(visit.frames, job.layout, seat.node).temperature_degC
-    stops = plan.stops(recipe, visit.run % len(recipe.runs)) if recipe.pose_known else ()
+    told = decode_samples(dwell_frames(visit), job.layout, seat.node)
+    around = decode_samples(visit.frames, job.layout, seat.node).temperature_degC
+    stops = plan.planned_visits(recipe, visit.run % len(recipe.runs)) if recipe.pose_known else ()
     true = {s.position: s.true for s in stops}
     if visit.position not in true:
         return ()
-    dwelled = Dwelled(
+    dwelled = Visit(
         position=visit.position,
         samples=told,
         true=true[visit.position],
@@ -92,9 +94,11 @@ def _check(visit: KeptVisit, seat: Seat, job: Job) -> tuple[Reason, ...]:
     return check(dwelled, recipe, job.layout)
 
 
-def _told(seat: Seat, result: Result, bad: tuple[Reason, ...], visits: Sequence[KeptVisit]) -> Replayed:
+def _replayed_unit(
+    seat: NestAssignment, result: CalibrationResult, bad: tuple[Reason, ...], visits: Sequence[CapturedVisit]
+) -> ReplayedUnit:
     verdict: Verdict = result.verdict
     outcome = Outcome.FAIL if bad and verdict.outcome is Outcome.PASS else verdict.outcome
     noise = None if result.stops is None else float(result.stops.std.max())
     duration_s = (visits[-1].to_ns - visits[0].from_ns) / 1e9
-    return Replayed(seat, result, outcome, (*bad, *verdict.reasons), noise, duration_s)
+    return ReplayedUnit(seat, result, outcome, (*bad, *verdict.reasons), noise, duration_s)

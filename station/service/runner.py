@@ -2,24 +2,28 @@
 
 from collections.abc import Callable, Generator, Sequence
 
-from station.domain.core.types import Seat
+from station.domain.core.types import NestAssignment
 from station.domain.run.progress import Event
 from station.service.load import Load
 from station.service.station import Job, Station
-from station.service.stop_request import Stop
+from station.service.stop_request import StopRequest
 
 
 class Runner:
     """Takes fixture loads through the recipe. stop: the operator's; confirm: asks a person for something and waits."""
 
     def __init__(
-        self, station: Station, job: Job, stop: Stop | None = None, confirm: Callable[[str], None] = lambda _: None
+        self,
+        station: Station,
+        job: Job,
+        stop: StopRequest | None = None,
+        confirm: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._station, self._job = station, job
-        self._stop = stop or Stop()
+        self._stop = stop or StopRequest()
         self._confirm = confirm
 
-    def run(self, seats: Sequence[Seat]) -> Generator[Event, None, None]:
+    def run(self, seats: Sequence[NestAssignment]) -> Generator[Event, None, None]:
         """One fixture load of 1..N units. Whatever happens, and whoever stops listening, attempts end in the log
         and the positioner is parked."""
         load = Load(self._station, self._job, self._stop, self._confirm)

@@ -28,7 +28,7 @@ class Job:
     product: Product
     product_json: str
     layout: SensorLayout
-    takes_in: tuple[str, ...] = ()
+    compensated_causes: tuple[str, ...] = ()
     plain: Recipe | None = None
 
     @property

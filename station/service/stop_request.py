@@ -3,7 +3,7 @@
 from station.errors import Aborted
 
 
-class Stop:
+class StopRequest:
     """A request to stop, from a signal handler or from another thread.
 
     The runner calls check() wherever stopping is safe. A signal handler may raise at once while `waiting` is
@@ -26,7 +26,7 @@ class Stop:
         if self.requested:
             raise Aborted(self.why)
 
-    def __enter__(self) -> "Stop":
+    def __enter__(self) -> "StopRequest":
         """From here on a signal may interrupt."""
         self.check()
         self.waiting = True

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from station.domain.capture.assemble import KeptVisit
-from station.domain.core.types import Floats, Outcome, Reason, Seat
-from station.domain.evaluation.pipeline import Result
-from station.domain.product.product import read_serial
+from station.domain.capture.assemble import CapturedVisit
+from station.domain.core.types import Floats, NestAssignment, Outcome, Reason
+from station.domain.evaluation.pipeline import CalibrationResult
+from station.domain.product.product import decode_serial
 from station.domain.run.progress import UnitResult
 from station.errors import StationError, UnitFault, WrongUnit
 from station.ports.device import Device, Identity
@@ -25,7 +25,7 @@ class Unit:
     none; emergency: an error that the device has reported and not taken back; last_mean (3): of the last good stop.
     """
 
-    seat: Seat
+    seat: NestAssignment
     attempt: str
     device: Device
     began_s: float
@@ -42,9 +42,9 @@ class Unit:
     last_mean: Floats | None = None
     noise: float | None = None
     temperature_degC: float | None = None
-    visits: list[KeptVisit] = field(default_factory=list)
-    verify_visits: list[KeptVisit] = field(default_factory=list)
-    fit: Result | None = None
+    visits: list[CapturedVisit] = field(default_factory=list)
+    verify_visits: list[CapturedVisit] = field(default_factory=list)
+    fit: CalibrationResult | None = None
     verification: Mapping[str, Any] | None = None
     reasons: list[Reason] = field(default_factory=list)
     result: UnitResult | None = None
@@ -77,7 +77,7 @@ class Unit:
         return self.result
 
 
-def reason(error: StationError) -> Reason:
+def reason_of(error: StationError) -> Reason:
     """An error as a reason of the record: wrong-product, device-silent, …"""
     name = type(error).__name__
     check = "".join(f"-{c.lower()}" if c.isupper() else c for c in name).lstrip("-")
@@ -87,8 +87,8 @@ def reason(error: StationError) -> Reason:
 def check_same_unit(unit: Unit, job: Job) -> None:
     """Reads the serial again; WrongUnit when another unit sits there now than at the start."""
     place = job.product.map.serial
-    now = read_serial(place, unit.device.upload(*place.address))
-    before = read_serial(place, unit.old[place.address])
+    now = decode_serial(place, unit.device.upload(*place.address))
+    before = decode_serial(place, unit.old[place.address])
     if now != before:
         raise WrongUnit(
             f"nest {unit.seat.nest} now holds a unit that calls itself {now}, but it was {before} at the start: "

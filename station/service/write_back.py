@@ -9,12 +9,12 @@ from station.domain.product.writeback import ObjectWrite
 from station.domain.run.progress import Event, ObjectWritten
 from station.errors import DeviceRefused, DeviceSilent, ReadBackDiffers, StationError, StationFault, UnitFault
 from station.ports.store import WriteRecord
-from station.service.identify import as_text, set_compensated
+from station.service.identify import objects_to_text, set_compensated
 from station.service.station import Job, Station
 from station.service.unit import Address, Unit, check_not_rebooted, check_same_unit
 
 #: A write, how far it has come, and what was read back.
-Stage = tuple[ObjectWrite, str, bytes | None]
+WriteStage = tuple[ObjectWrite, str, bytes | None]
 
 
 class WriteBack:
@@ -44,7 +44,7 @@ class WriteBack:
         check_not_rebooted(unit, "while it was measured")
         check_same_unit(unit, self._job)
         # The whole plan stands in the log before the first write: a crash in between is then recognised.
-        self._station.store.result(unit.attempt, "write-plan", {"objects": as_text(self._wanted())})
+        self._station.store.result(unit.attempt, "write-plan", {"objects": objects_to_text(self._wanted())})
         done = False
         try:
             self._keep(*((first, "intent", None) for first in self._writes[:1]))
@@ -71,7 +71,7 @@ class WriteBack:
             unit.device.download(*command.address, command.raw, command.timeout_s)
         except DeviceRefused:
             self._keep((command, "refused", None))
-            self._look_after_reset()
+            self._read_state_after_reset()
             raise
         except DeviceSilent as exc:
             self._keep((command, "unknown", None))
@@ -141,12 +141,12 @@ class WriteBack:
             put_back(unit, writeback.unlock(self._map), flag_last(self._map, wanted), wanted)
         except StationError as exc:
             self._station.store.event(unit.attempt, "put-back-failed", {"sentence": exc.sentence})
-            self._look_after_reset()
+            self._read_state_after_reset()
         else:
             unit.touched = False
             self._state("old")
 
-    def _look_after_reset(self) -> None:
+    def _read_state_after_reset(self) -> None:
         """What the flash holds is known only after a reset."""
         wanted, state = self._wanted(), "unknown"
         try:
@@ -175,7 +175,7 @@ class WriteBack:
     def _state(self, state: str) -> None:
         self._station.store.result(self._unit.attempt, "device-state", {"state": state})
 
-    def _keep(self, *stages: Stage) -> None:
+    def _keep(self, *stages: WriteStage) -> None:
         """Stages of writes, in one commit."""
         self._station.store.write(
             self._unit.attempt,

@@ -16,7 +16,7 @@ from station.errors import ConfigError, UsageError
 _N, _R, _P = 2**17, 8, 1
 
 
-LONGEST = 200
+MAX_LENGTH = 200
 
 
 class Role(StrEnum):
@@ -53,14 +53,14 @@ class Account:
 
 def hash_password(password: str) -> str:
     """`scrypt$N$r$p$salt$key`, salt and key in base64."""
-    if not 8 <= len(password) <= LONGEST:
-        raise UsageError(f"a password has 8 to {LONGEST} characters; choose another one")
+    if not 8 <= len(password) <= MAX_LENGTH:
+        raise UsageError(f"a password has 8 to {MAX_LENGTH} characters; choose another one")
     salt = secrets.token_bytes(16)
     key = _scrypt(password, salt, _N, _R, _P)
     return f"scrypt${_N}${_R}${_P}${_b64(salt)}${_b64(key)}"
 
 
-def verify(password: str, kept: str) -> bool:
+def verify_password(password: str, kept: str) -> bool:
     """Whether the password is the kept one, in time that does not tell how nearly."""
     try:
         _, n, r, p, salt, key = kept.split("$")
@@ -71,7 +71,7 @@ def verify(password: str, kept: str) -> bool:
 
 
 #: Verified when the name is unknown, so that the answer takes as long as for a known one.
-NOBODY = f"scrypt${_N}${_R}${_P}${base64.b64encode(bytes(16)).decode()}${base64.b64encode(bytes(64)).decode()}"
+DUMMY_HASH = f"scrypt${_N}${_R}${_P}${base64.b64encode(bytes(16)).decode()}${base64.b64encode(bytes(64)).decode()}"
 
 
 def load(path: Path) -> dict[str, Account]:

@@ -15,8 +15,8 @@ from starlette.routing import Mount
 from starlette.staticfiles import StaticFiles
 
 from station.errors import InputError, StationError
-from station.web import audit, diagnosis, language, line_page, login, metrics, operator, render
-from station.web.guard import Closed, session_of
+from station.web import audit, charts_page, diagnosis, language, login, metrics, operator, render
+from station.web.guard import SecurityMiddleware, session_of
 from station.web.panel import Panel
 from station.web.sentences import translate
 
@@ -29,12 +29,12 @@ def create_app(panel: Panel) -> Starlette:
             *operator.ROUTES,
             *audit.ROUTES,
             *diagnosis.ROUTES,
-            *line_page.ROUTES,
+            *charts_page.ROUTES,
             *metrics.ROUTES,
             Mount("/static", StaticFiles(directory=Path(__file__).parent / "static")),
         ],
-        middleware=[Middleware(Closed)],
-        exception_handlers={HTTPException: _refused, StationError: _sentence},
+        middleware=[Middleware(SecurityMiddleware)],
+        exception_handlers={HTTPException: _http_error, StationError: _station_error},
         lifespan=_lifespan,
     )
     app.state.panel = panel
@@ -44,22 +44,22 @@ def create_app(panel: Panel) -> Starlette:
 @asynccontextmanager
 async def _lifespan(app: Starlette) -> AsyncIterator[None]:
     """While the page serves: the charts are counted once beside it, so that nobody waits for the first look."""
-    counting = asyncio.create_task(run_in_threadpool(line_page.warm, app.state.panel))
+    counting = asyncio.create_task(run_in_threadpool(charts_page.warm_cache, app.state.panel))
     yield
     await counting
 
 
-async def _refused(request: Request, exc: Exception) -> Response:
+async def _http_error(request: Request, exc: Exception) -> Response:
     assert isinstance(exc, HTTPException)
-    return _told(request, exc.detail, exc.status_code)
+    return _error_response(request, exc.detail, exc.status_code)
 
 
-async def _sentence(request: Request, exc: Exception) -> Response:
+async def _station_error(request: Request, exc: Exception) -> Response:
     assert isinstance(exc, StationError)
-    return _told(request, exc.sentence, 400 if isinstance(exc, InputError) else 503)
+    return _error_response(request, exc.sentence, 400 if isinstance(exc, InputError) else 503)
 
 
-def _told(request: Request, sentence: str, status: int) -> Response:
+def _error_response(request: Request, sentence: str, status: int) -> Response:
     """One sentence in the reader's language: a page for a browser, JSON for a script."""
     sentence = translate(sentence, language.of_request(request))
     if "text/html" in request.headers.get("accept", ""):

@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
-from station.adapters.store.life import result
+from station.adapters.store.audit_document import result
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt, Query
 from station.domain.methods import coefficients
@@ -17,42 +17,42 @@ from station.errors import LogError
 from station.reporting.drawing.figure import Figure, Series, svg
 from station.web import certificate, language, render
 from station.web.certificate_pdf import pdf
-from station.web.guard import form_of, person
+from station.web.guard import form_of, require_right
 from station.web.panel import Panel
-from station.web.questions import FIELDS, query_of
+from station.web.query_form import QUERY_FIELDS, query_of
 from station.web.sentences import translate
 from station.web.sessions import Session
 
 #: Attempts on one page; the next page begins where this one ends.
-PAGE = 100
+PAGE_SIZE = 100
 
 
-@person("audit")
+@require_right("audit")
 async def search(request: Request, session: Session) -> Response:
     """The form and what it found; `as=text` gives every serial, one a line: the list of a recall."""
     panel: Panel = request.app.state.panel
     asked = dict(request.query_params)
     query = query_of(asked)
-    said = {k: v[:200] for k, v in asked.items() if k in FIELDS and v}
+    said = {k: v[:200] for k, v in asked.items() if k in QUERY_FIELDS and v}
     if asked.get("as") == "text":
         serials = await run_in_threadpool(_serials, panel, query)
         panel.journal.add(session.account.name, "containment", question=said, units=len(serials))
         return PlainTextResponse("".join(f"{s}\n" for s in serials))
-    found, head = await run_in_threadpool(_found, panel, query)
-    more = urlencode({**said, "before": found[PAGE - 1].number}) if len(found) > PAGE else ""
-    shown = {k: asked.get(k, "") for k in FIELDS}
+    found, head = await run_in_threadpool(_matching_attempts, panel, query)
+    more = urlencode({**said, "before": found[PAGE_SIZE - 1].number}) if len(found) > PAGE_SIZE else ""
+    shown = {k: asked.get(k, "") for k in QUERY_FIELDS}
     return render.page(
         *(request, "audit.html", session),
-        asked=shown, found=found[:PAGE], more=more, head=head, text=urlencode({**said, "as": "text"}),
+        asked=shown, found=found[:PAGE_SIZE], more=more, head=head, text=urlencode({**said, "as": "text"}),
     )  # fmt: skip
 
 
-@person("audit")
+@require_right("audit")
 async def unit(request: Request, session: Session) -> Response:
     """Everything ever done to one serial."""
     panel: Panel = request.app.state.panel
     serial, code = request.query_params.get("serial", ""), language.of_request(request)
-    lives = await run_in_threadpool(_lives, panel, serial)
+    lives = await run_in_threadpool(_unit_history, panel, serial)
     history = [(a, result(a, "calibration")) for a in lives]
     history = [(a, fit) for a, fit in history if fit and fit.get("offset") is not None]
     rows = [
@@ -70,12 +70,12 @@ async def unit(request: Request, session: Session) -> Response:
     )  # fmt: skip
 
 
-@person("audit")
+@require_right("audit")
 async def show_certificate(request: Request, session: Session) -> Response:
     """The certificate of one attempt, as a page or, at `.pdf`, as a document."""
     panel: Panel = request.app.state.panel
     code = language.of_request(request)
-    made = await run_in_threadpool(_certificate, panel, *_which(dict(request.query_params)), code)
+    made = await run_in_threadpool(_certificate, panel, *_unit_and_attempt(dict(request.query_params)), code)
     panel.journal.add(session.account.name, "certificate", serial=made.serial, attempt=made.attempt)
     if not request.url.path.endswith(".pdf"):
         return render.page(request, "certificate.html", session, made=made)
@@ -89,20 +89,20 @@ def file_name(serial: str) -> str:
     return f"certificate-{''.join(c if (c.isascii() and c.isalnum()) or c in '-_' else '_' for c in serial)}.pdf"
 
 
-@person("audit")
+@require_right("audit")
 async def recompute(request: Request, session: Session) -> Response:
     """Refits one attempt from its raw frames, and says whether every bit comes out again."""
     form = await form_of(request, session)
     panel: Panel = request.app.state.panel
-    which = _which({k: str(v) for k, v in form.items()})
-    done = await run_in_threadpool(_recomputed, panel, *which)
+    which = _unit_and_attempt({k: str(v) for k, v in form.items()})
+    done = await run_in_threadpool(_recompute, panel, *which)
     panel.journal.add(
         session.account.name, "recompute", serial=which[0], attempt=which[1], differences=done["differences"]
     )
     return render.page(request, "recomputed.html", session, done=done)
 
 
-@person("audit")
+@require_right("audit")
 async def journal(request: Request, session: Session) -> Response:
     """What people did at this page, newest first; an edited journal says where."""
     panel: Panel = request.app.state.panel
@@ -110,9 +110,9 @@ async def journal(request: Request, session: Session) -> Response:
     return render.page(request, "journal.html", session, lines=lines[::-1][:500])
 
 
-def _found(panel: Panel, query: Query) -> tuple[list[Attempt], dict[str, Any]]:
+def _matching_attempts(panel: Panel, query: Query) -> tuple[list[Attempt], dict[str, Any]]:
     with panel.log() as log:
-        return log.attempts(query, PAGE + 1), asdict(log.head())
+        return log.attempts(query, PAGE_SIZE + 1), asdict(log.head())
 
 
 def _serials(panel: Panel, query: Query) -> list[str]:
@@ -120,7 +120,7 @@ def _serials(panel: Panel, query: Query) -> list[str]:
         return sorted({a.serial for a in log.attempts(replace(query, before=None))})
 
 
-def _lives(panel: Panel, serial: str) -> list[dict[str, Any]]:
+def _unit_history(panel: Panel, serial: str) -> list[dict[str, Any]]:
     with panel.log() as log:
         found = log.life(Query(serial=serial))
     if not found:
@@ -135,7 +135,7 @@ def _attempt(log: LogReader, serial: str, attempt: str) -> Attempt:
     raise LogError(f"the log holds no attempt {attempt[:40]!r} of {serial[:40]!r}")
 
 
-def _which(asked: dict[str, str]) -> tuple[str, str]:
+def _unit_and_attempt(asked: dict[str, str]) -> tuple[str, str]:
     return asked.get("serial", ""), asked.get("attempt", "")
 
 
@@ -144,7 +144,7 @@ def _certificate(panel: Panel, serial: str, attempt: str, code: str) -> certific
         return certificate.build(log, _attempt(log, serial, attempt), code)
 
 
-def _recomputed(panel: Panel, serial: str, attempt: str) -> dict[str, Any]:
+def _recompute(panel: Panel, serial: str, attempt: str) -> dict[str, Any]:
     from station.wiring.recompute import recompute as again
 
     with panel.log() as log:

@@ -4,20 +4,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from station.adapters.store import life
+from station.adapters.store import audit_document
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError
 from station.web import language
-from station.web.render import moment, number, quoted
+from station.web.render import format_number, format_time, format_to_uncertainty
 from station.web.sentences import translate
 
 Rows = tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class CertificateTable:
     """A titled table."""
 
     title: str
@@ -34,7 +34,7 @@ class Certificate:
     outcome: str
     language: str
     texts: Mapping[str, str]
-    sections: tuple[Section, ...]
+    sections: tuple[CertificateTable, ...]
 
     @property
     def title(self) -> str:
@@ -45,7 +45,7 @@ class Certificate:
 def build(log: LogReader, attempt: Attempt, code: str = "en") -> Certificate:
     """The certificate of one ended attempt in that language. Errors: LogError where it came to no calibration."""
     kept = log.attempt(attempt)
-    fit, verdict = life.result(kept, "calibration"), life.result(kept, "verdict")
+    fit, verdict = audit_document.result(kept, "calibration"), audit_document.result(kept, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
         raise LogError(
             f"the attempt {attempt.attempt} of {attempt.serial} came to no calibration; it has no certificate"
@@ -57,7 +57,7 @@ def build(log: LogReader, attempt: Attempt, code: str = "en") -> Certificate:
         w.section("cert_unit", (), _unit(w, kept)),
         w.section("cert_result", (), _result(w, kept, fit, verdict)),
         w.section("cert_calibration", ("cert_coefficient", "cert_value", "", "", "cert_unit_of"), _values(w, fit)),
-        w.section("cert_stops", stops, _stops(fit), f" {recipe.unit}"),
+        w.section("cert_stops", stops, _positions(fit), f" {recipe.unit}"),
         w.section("cert_verification", ("cert_position", "cert_error", "cert_limit"), _verification(kept)),
         w.section("cert_reference", (), _reference(w, recipe)),
         w.section("cert_provenance", (), _provenance(w, kept, asdict(log.head()))),
@@ -80,21 +80,23 @@ class _Writer:
         """A sentence of the station."""
         return translate(sentence, self.code)
 
-    def section(self, title: str, columns: Sequence[str], rows: Rows, more: str = "") -> Section:
+    def section(self, title: str, columns: Sequence[str], rows: Rows, more: str = "") -> CertificateTable:
         """A table with its heads; more: goes behind the last one."""
         heads = [
             self.texts[c] if c else u for c, u in zip(columns, ("", "", "u (k = 1)", "U (k = 2)", ""), strict=False)
         ]
-        return Section(self.texts[title], tuple(h + more * (i == len(heads) - 1) for i, h in enumerate(heads)), rows)
+        return CertificateTable(
+            self.texts[title], tuple(h + more * (i == len(heads) - 1) for i, h in enumerate(heads)), rows
+        )
 
 
 def _unit(w: _Writer, kept: Mapping[str, Any]) -> Rows:
-    identity = life.result(dict(kept), "identity") or {}
+    identity = audit_document.result(dict(kept), "identity") or {}
     device = " ".join(str(identity[k]) for k in ("name", "hardware", "software") if identity.get(k))
     return (
         (w("serial"), str(kept["serial"])),
         (w("device"), device or "–"),
-        (w("measured"), f"{moment(kept['started'])} – {moment(kept['ended']) if kept['ended'] else '…'}"),
+        (w("measured"), f"{format_time(kept['started'])} – {format_time(kept['ended']) if kept['ended'] else '…'}"),
         (w("place"), f"{kept['station']} / {kept['nest']} ({w('node')} {kept['node']})"),
         (w("operator"), str(kept["operator"]) or "–"),
         (w("lot"), str(kept["lot"]) or "–"),
@@ -107,9 +109,9 @@ def _result(w: _Writer, kept: Mapping[str, Any], fit: Mapping[str, Any], verdict
         (w("outcome"), outcome),
         *((w("reason"), w.say(str(r["sentence"]))) for r in verdict["reasons"]),
         (w("rule"), w.say(str(verdict["rule"] or "–"))),
-        *((w(key), number(verdict.get(key), 3)) for key in ("false_accept", "false_reject")),
-        (w("residual_rms"), f"{number(fit['residual_rms'], 3)} {fit['budget'][0]['unit']}"),
-        (w("temperature"), f"{number(fit.get('temperature_degC'), 4)} °C"),
+        *((w(key), format_number(verdict.get(key), 3)) for key in ("false_accept", "false_reject")),
+        (w("residual_rms"), f"{format_number(fit['residual_rms'], 3)} {fit['budget'][0]['unit']}"),
+        (w("temperature"), f"{format_number(fit.get('temperature_degC'), 4)} °C"),
         (w("written"), w("yes") if verdict["written"] else w("no")),
         (w("verified"), w("yes") if verdict["verified"] else w("no")),
         *((w("note"), w.say(str(note))) for note in fit.get("notes", ())),
@@ -121,37 +123,45 @@ def _values(w: _Writer, fit: Mapping[str, Any]) -> Rows:
     rows = zip(fit["budget"], theta, strict=True)
     return tuple(
         (
-            *(w.say(str(b["coefficient"])), quoted(v, b["expanded"])),
-            *(quoted(b["std"], b["std"]), quoted(b["expanded"], b["expanded"]), str(b["unit"])),
+            *(w.say(str(b["coefficient"])), format_to_uncertainty(v, b["expanded"])),
+            *(
+                format_to_uncertainty(b["std"], b["std"]),
+                format_to_uncertainty(b["expanded"], b["expanded"]),
+                str(b["unit"]),
+            ),
         )
         for b, v in rows
     )
 
 
-def _stops(fit: Mapping[str, Any]) -> Rows:
+def _positions(fit: Mapping[str, Any]) -> Rows:
     return tuple(
         (
-            *(str(p["name"]), quoted(p["tilt_deg"], p["tilt_std_deg"]), quoted(p["tilt_std_deg"], p["tilt_std_deg"])),
-            "   ".join(quoted(v, fit["residual_rms"]) for v in p["residual"]),
+            *(
+                str(p["name"]),
+                format_to_uncertainty(p["tilt_deg"], p["tilt_std_deg"]),
+                format_to_uncertainty(p["tilt_std_deg"], p["tilt_std_deg"]),
+            ),
+            "   ".join(format_to_uncertainty(v, fit["residual_rms"]) for v in p["residual"]),
         )
         for p in fit["positions"]
     )
 
 
 def _verification(kept: Mapping[str, Any]) -> Rows:
-    found = life.result(dict(kept), "verification")
+    found = audit_document.result(dict(kept), "verification")
     if not found:
         return ()
-    limit = f"{number(found.get('limit'), 4)} {found.get('unit', '')}"
-    return tuple((str(p["name"]), number(p.get("error"), 3), limit) for p in found.get("positions", ()))
+    limit = f"{format_number(found.get('limit'), 4)} {found.get('unit', '')}"
+    return tuple((str(p["name"]), format_number(p.get("error"), 3), limit) for p in found.get("positions", ()))
 
 
 def _reference(w: _Writer, recipe: Recipe) -> Rows:
     reference = recipe.reference
     rows = [(w("source"), w.texts[f"source_{reference.source}"])]
-    rows.append((w("magnitude"), f"{number(reference.strength(), 8)} {recipe.unit}"))
-    rows.append((w("relative"), number(reference.relative_std(), 2)))
-    rows.append((w("direction"), f"{number(reference.pose_std_deg, 3)} {w('degrees')}"))
+    rows.append((w("magnitude"), f"{format_number(reference.strength(), 8)} {recipe.unit}"))
+    rows.append((w("relative"), format_number(reference.relative_std(), 2)))
+    rows.append((w("direction"), f"{format_number(reference.pose_std_deg, 3)} {w('degrees')}"))
     if reference.site is not None:
         site = reference.site
         rows.append((w("site"), w("at", f"{site.latitude_deg:g}", f"{site.altitude_m:g}")))

@@ -6,7 +6,7 @@ from io import BytesIO
 from itertools import groupby
 from typing import Any
 
-from station.web.certificate import Certificate, Section
+from station.web.certificate import Certificate, CertificateTable
 
 _WIDTH = 511.0
 #: Widths of a table's columns, by how many it has.
@@ -40,7 +40,7 @@ def pdf(certificate: Certificate) -> bytes:
     return paper.getvalue()
 
 
-def _table(section: Section, fonts: frozenset[int], cell: Any) -> Any:
+def _table(section: CertificateTable, fonts: frozenset[int], cell: Any) -> Any:
     from reportlab.lib import colors
     from reportlab.platypus import Paragraph, Table
 

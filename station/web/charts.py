@@ -6,20 +6,20 @@ from statistics import fmean
 
 import numpy as np
 
-from station.adapters.store.life import utc
+from station.adapters.store.audit_document import utc
 from station.domain.core.types import Floats
 from station.domain.line_quality import spc
 from station.errors import UsageError
 from station.reporting.drawing.figure import Figure, Series, svg
-from station.reporting.drawing.tables import bars
+from station.reporting.drawing.tables import bar_chart
 from station.web import language
-from station.web.line_statistics import PARTS, SPLITS, VALUES, Line, limits_of
-from station.web.render import number
+from station.web.line_statistics import CYCLE_PARTS, VALUE_NAMES, YIELD_SPLITS, LineStatistics, limits_of
+from station.web.render import format_number
 from station.web.sentences import translate
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ChartTable:
     """A titled table of text. words: its cells are words of the station, not names."""
 
     title: str
@@ -33,15 +33,15 @@ class Charts:
     """What is shown, in its order. problem: why a control chart could not be drawn, or ''."""
 
     figures: tuple[str, ...]
-    tables: tuple[Table, ...]
+    tables: tuple[ChartTable, ...]
     problem: str = ""
 
 
 #: English words → those of the reader's language.
-Say = Callable[[str], str]
+Translate = Callable[[str], str]
 
 
-def draw(line: Line, value: str, size: int, code: str = "en") -> Charts:
+def draw(line: LineStatistics, value: str, size: int, code: str = "en") -> Charts:
     """All figures. value: what the control chart follows, in subgroups of `size` attempts; code: the language."""
 
     def say(words: str) -> str:
@@ -49,17 +49,17 @@ def draw(line: Line, value: str, size: int, code: str = "en") -> Charts:
 
     control, capability, problem = _control(line, value, size, say)
     figures = [_yield(line, say), _pareto(line, code), _cycle(line, say), *control, *_tilts(line, say)]
-    tables = [*(_yields(by, line) for by in SPLITS), *capability, _tilt_table(line)]
-    return Charts(tuple(f for f in figures if f), tuple(_told(table, say) for table in tables), say(problem))
+    tables = [*(_yields(by, line) for by in YIELD_SPLITS), *capability, _tilt_table(line)]
+    return Charts(tuple(f for f in figures if f), tuple(_translated(table, say) for table in tables), say(problem))
 
 
-def _told(table: Table, say: Say) -> Table:
+def _translated(table: ChartTable, say: Translate) -> ChartTable:
     """The table in the reader's language; names of stations, recipes and positions are nobody's words to translate."""
     rows = tuple(tuple(say(cell) for cell in row) for row in table.rows) if table.words else table.rows
-    return Table(say(table.title), tuple(say(c) for c in table.columns), rows, table.words)
+    return ChartTable(say(table.title), tuple(say(c) for c in table.columns), rows, table.words)
 
 
-def _yield(line: Line, say: Say) -> str:
+def _yield(line: LineStatistics, say: Translate) -> str:
     days = list(line.yields["day"])[-31:]
     x = [float(i) for i in range(len(days))]
     first = _shares(x, [d.first_pass_yield for d in days], say("first pass"), 0)
@@ -74,23 +74,23 @@ def _shares(x: Sequence[float], shares: Sequence[float], name: str, colour: int)
     return Series([a for a, _ in kept], [b for _, b in kept], name, "dots", colour=colour)
 
 
-def _pareto(line: Line, code: str) -> str:
+def _pareto(line: LineStatistics, code: str) -> str:
     """Reasons by their names in the reader's language; one that it has no name for, by its code."""
     names = language.all_texts()[code]
     rows = [(names.get(f"check_{check}", check), float(count)) for check, count in line.reasons.items()]
     title = translate("Reasons of attempts that did not pass", code)
-    return bars(title, rows, translate("attempts", code)) if rows else ""
+    return bar_chart(title, rows, translate("attempts", code)) if rows else ""
 
 
-def _cycle(line: Line, say: Say) -> str:
+def _cycle(line: LineStatistics, say: Translate) -> str:
     passed = [m for m in line.attempts if m.outcome == "PASS"]
-    rows = [(say(part), fmean(m.parts[part] for m in passed)) for part in PARTS] if passed else []
-    return bars(say("Cycle time of a unit that passes, mean"), rows, "s") if rows else ""
+    rows = [(say(part), fmean(m.parts[part] for m in passed)) for part in CYCLE_PARTS] if passed else []
+    return bar_chart(say("Cycle time of a unit that passes, mean"), rows, "s") if rows else ""
 
 
-def _control(line: Line, value: str, size: int, say: Say) -> tuple[list[str], list[Table], str]:
-    if value not in VALUES:
-        raise UsageError(f"there is no value {value[:40]!r}; use one of {', '.join(VALUES)}")
+def _control(line: LineStatistics, value: str, size: int, say: Translate) -> tuple[list[str], list[ChartTable], str]:
+    if value not in VALUE_NAMES:
+        raise UsageError(f"there is no value {value[:40]!r}; use one of {', '.join(VALUE_NAMES)}")
     if not 1 <= size <= 25:
         raise UsageError(f"a subgroup has 1 to 25 attempts, not {size}")
     kept = [
@@ -105,12 +105,14 @@ def _control(line: Line, value: str, size: int, say: Say) -> tuple[list[str], li
     unit = "s" if value == "cycle time" else unit
     drawn = [_chart(chart, value, unit, size, say) for chart in spc.charts(groups)]
     alarms = [(chart.name, utc(used[i * size][0]), rule) for chart in spc.charts(groups) for i, rule in chart.alarms]
-    tables = [Table(f"Out of control: {value}", ("chart", "from", "rule"), tuple(alarms), words=True)] if alarms else []
+    tables = (
+        [ChartTable(f"Out of control: {value}", ("chart", "from", "rule"), tuple(alarms), words=True)] if alarms else []
+    )
     capability, problem = _capability(line, value, groups)
     return drawn, [*tables, *capability], problem
 
 
-def _chart(chart: spc.Chart, value: str, unit: str, size: int, say: Say) -> str:
+def _chart(chart: spc.Chart, value: str, unit: str, size: int, say: Translate) -> str:
     x = [float(i + 1) for i in range(len(chart.points))]
     out = sorted({i for i, _ in chart.alarms})
     series = (
@@ -119,16 +121,16 @@ def _chart(chart: spc.Chart, value: str, unit: str, size: int, say: Say) -> str:
         Series([x[i] for i in out], [float(chart.points[i]) for i in out], say("out of control"), "dots", colour=1),
     )
     levels = (
-        (chart.upper, f"UCL {number(chart.upper, 4)}"),
+        (chart.upper, f"UCL {format_number(chart.upper, 4)}"),
         (chart.centre, ""),
-        (chart.lower, f"LCL {number(chart.lower, 4)}"),
+        (chart.lower, f"LCL {format_number(chart.lower, 4)}"),
     )
     named = say(f"{chart.name} of {size}") if size > 1 else say(chart.name)
     title = f"{say(value)}: {named}"
     return svg(Figure(title, say("subgroup"), f"{say(value)} {unit}".strip(), series, levels=levels, zero=False))
 
 
-def _capability(line: Line, value: str, groups: Floats) -> tuple[list[Table], str]:
+def _capability(line: LineStatistics, value: str, groups: Floats) -> tuple[list[ChartTable], str]:
     lower, upper = limits_of(value, line.recipe.limits) if line.recipe else (None, None)
     if lower is None and upper is None:
         return [], ""
@@ -136,14 +138,20 @@ def _capability(line: Line, value: str, groups: Floats) -> tuple[list[Table], st
         c = spc.capability(groups, lower, upper)
     except UsageError as exc:
         return [], exc.sentence
-    rows = [("limits", f"{number(lower)} … {number(upper)}"), ("n", str(c.n)), ("mean", number(c.mean))]
-    rows += [("σ within", number(c.sigma_within, 4)), ("σ overall", number(c.sigma_overall, 4))]
+    rows = [
+        ("limits", f"{format_number(lower)} … {format_number(upper)}"),
+        ("n", str(c.n)),
+        ("mean", format_number(c.mean)),
+    ]
+    rows += [("σ within", format_number(c.sigma_within, 4)), ("σ overall", format_number(c.sigma_overall, 4))]
     for name, index in (("Cp", c.cp), ("Cpk", c.cpk), ("Pp", c.pp), ("Ppk", c.ppk)):
-        rows.append((name, "–" if index is None else "{} ({} … {}, 95 %)".format(*(number(v, 4) for v in index))))
-    return [Table(f"Capability: {value}", ("quantity", "value"), tuple(rows), words=True)], ""
+        rows.append(
+            (name, "–" if index is None else "{} ({} … {}, 95 %)".format(*(format_number(v, 4) for v in index)))
+        )
+    return [ChartTable(f"Capability: {value}", ("quantity", "value"), tuple(rows), words=True)], ""
 
 
-def _tilts(line: Line, say: Say) -> list[str]:
+def _tilts(line: LineStatistics, say: Translate) -> list[str]:
     """One figure: the tilt found at each position, attempt by attempt; a fixture that wears shows here."""
     names = sorted({name for m in line.attempts for name in m.tilts})
     if len(line.attempts) < 2 or not names:
@@ -153,12 +161,12 @@ def _tilts(line: Line, say: Say) -> list[str]:
     return [svg(Figure(say("Tilt of each position over time"), say("attempt"), say("tilt, degrees"), tuple(series)))]
 
 
-def _tilt_of(line: Line, name: str, colour: int) -> Series:
+def _tilt_of(line: LineStatistics, name: str, colour: int) -> Series:
     points = [(float(i + 1), m.tilts[name]) for i, m in enumerate(line.attempts) if name in m.tilts]
     return Series([x for x, _ in points], [y for _, y in points], name, "line", colour=colour)
 
 
-def _yields(by: str, line: Line) -> Table:
+def _yields(by: str, line: LineStatistics) -> ChartTable:
     columns = (by, "units", "first pass", "first-pass yield", "final yield", "FAIL", "ERROR", "mean time, s")
     rows = tuple(
         (
@@ -169,18 +177,18 @@ def _yields(by: str, line: Line) -> Table:
             _percent(y.final_yield),
             str(y.failed),
             str(y.errors),
-            number(y.mean_duration_s, 4),
+            format_number(y.mean_duration_s, 4),
         )
         for y in line.yields[by][-31:]
     )
-    return Table(f"Yield by {by}", columns, rows)
+    return ChartTable(f"Yield by {by}", columns, rows)
 
 
 def _percent(share: float) -> str:
     return f"{100 * share:.1f} %" if np.isfinite(share) else "–"
 
 
-def _tilt_table(line: Line) -> Table:
+def _tilt_table(line: LineStatistics) -> ChartTable:
     """Mean tilt of every position, and how it moved from the first half of the attempts to the second."""
     rows = []
     names: Sequence[str] = sorted({name for m in line.attempts for name in m.tilts})
@@ -188,13 +196,21 @@ def _tilt_table(line: Line) -> Table:
         found = [m.tilts[name] for m in line.attempts if name in m.tilts]
         half = len(found) // 2
         moved = fmean(found[half:]) - fmean(found[:half]) if half else 0.0
-        rows.append((name, str(len(found)), number(fmean(found), 4), number(max(found), 4), number(moved, 3)))
-    return Table(
+        rows.append(
+            (
+                name,
+                str(len(found)),
+                format_number(fmean(found), 4),
+                format_number(max(found), 4),
+                format_number(moved, 3),
+            )
+        )
+    return ChartTable(
         "Tilt of each position, degrees", ("position", "n", "mean", "largest", "second half − first"), tuple(rows)
     )
 
 
-def document(line: Line, charts: Charts) -> Mapping[str, object]:
+def document(line: LineStatistics, charts: Charts) -> Mapping[str, object]:
     """The same as JSON: schema station.report/1."""
     tables = [{"title": t.title, "columns": list(t.columns), "rows": [list(r) for r in t.rows]} for t in charts.tables]
     return {

@@ -14,37 +14,37 @@ from station.adapters.samples import join, write_samples
 from station.adapters.store.search import Attempt, Query
 from station.errors import LogError, UsageError
 from station.web import render
-from station.web.guard import form_of, person
+from station.web.guard import form_of, require_right
 from station.web.panel import Panel
-from station.web.runs import beside
+from station.web.run_launcher import companion_file
 from station.web.sessions import Session
 from station.wiring import stored_attempts
 
 #: So many units at most in one selection.
-MOST = 200
+MOST_UNITS = 200
 #: So many diagnoses at a time: each keeps a core busy, and the station works beside it.
-AT_ONCE = 1
+MOST_PARALLEL = 1
 #: The report is one page with its style and figures in it, and no script.
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; sandbox"
 
 
-@person("diagnose")
+@require_right("diagnose")
 async def begin(request: Request, session: Session) -> Response:
     """Starts the diagnosis of the serials picked."""
     form = await form_of(request, session)
     panel: Panel = request.app.state.panel
     serials = sorted({str(s) for s in form.getlist("serial")})
-    if not 0 < len(serials) <= MOST:
-        raise UsageError(f"pick 1 to {MOST} units, then diagnose them")
-    if sum(child.poll() is None for child in panel.children.values()) >= AT_ONCE:
-        raise UsageError(f"{AT_ONCE} diagnosis is under way; wait until it is done")
+    if not 0 < len(serials) <= MOST_UNITS:
+        raise UsageError(f"pick 1 to {MOST_UNITS} units, then diagnose them")
+    if sum(child.poll() is None for child in panel.children.values()) >= MOST_PARALLEL:
+        raise UsageError(f"{MOST_PARALLEL} diagnosis is under way; wait until it is done")
     name = secrets.token_hex(8)
     panel.journal.add(session.account.name, "diagnose", serials=serials, report=name)
-    await run_in_threadpool(_begin, panel, serials, name)
+    await run_in_threadpool(_start_diagnosis, panel, serials, name)
     return RedirectResponse(f"/diagnosis?name={name}", 303)
 
 
-@person("diagnose")
+@require_right("diagnose")
 async def show(request: Request, session: Session) -> Response:
     """The report, when it is there; until then a page that looks again, or what went wrong."""
     panel: Panel = request.app.state.panel
@@ -59,7 +59,7 @@ async def show(request: Request, session: Session) -> Response:
     return render.page(request, "diagnosis.html", session, working=working, words=words)
 
 
-def _begin(panel: Panel, serials: list[str], name: str) -> None:
+def _start_diagnosis(panel: Panel, serials: list[str], name: str) -> None:
     """Writes the samples of the newest recipe's attempts, and starts the child. Errors: LogError."""
     with panel.log() as log:
         found = [a for serial in serials for a in log.attempts(Query(serial=serial))]
@@ -68,7 +68,7 @@ def _begin(panel: Panel, serials: list[str], name: str) -> None:
         recipe_json = log.recipe_and_product(attempts[-1])[0] if attempts else ""
     if not tables:
         raise LogError("these units have no stops in the log; there is nothing to diagnose")
-    folder = beside(panel.order.database, ".diagnoses") / name
+    folder = companion_file(panel.order.database, ".diagnoses") / name
     folder.mkdir(parents=True)
     (folder / "recipe.yaml").write_text(recipe_json, encoding="utf-8")  # JSON is YAML
     write_samples(join(tables), folder / "samples.parquet")
@@ -87,7 +87,7 @@ def _of_one_recipe(found: list[Attempt]) -> list[Attempt]:
 
 
 def _folder(panel: Panel, name: str) -> Path:
-    folder = beside(panel.order.database, ".diagnoses") / name
+    folder = companion_file(panel.order.database, ".diagnoses") / name
     if len(name) != 16 or set(name) - set("0123456789abcdef") or not folder.is_dir():
         raise UsageError("there is no such diagnosis; begin one from the audit page")
     return folder

@@ -14,7 +14,7 @@ _HALF = np.array([1.0, 0.75, 0.4])
 _VIEW = rotation.about(np.array([1.0, 0, 0]), 24.0) @ rotation.about(np.array([0, 0, 1.0]), -26.0)
 _SIZE, _SCALE = 220.0, 62.0
 #: A face that is seen almost from its edge bears no name; it would lie on its neighbours.
-_SMALLEST = 9
+_SMALLEST_LABEL = 9
 _FILL = {"x": "#cfe3f5", "y": "#fbe3c0", "z": "#d3ecd9"}
 
 
@@ -24,14 +24,14 @@ def picture(pose: Sequence[Sequence[float]] | None, title: str) -> str:
     if pose is None:
         parts.append(_text(_SIZE / 2, _SIZE / 2, "?", 60))
     else:
-        parts += [_face(np.asarray(pose, float), i, s) for i in range(3) for s in (1, -1) if _seen(pose, i, s)]
+        parts += [_face(np.asarray(pose, float), i, s) for i in range(3) for s in (1, -1) if _is_visible(pose, i, s)]
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_SIZE:g} {_SIZE:g}" role="img" '
         f'font-family="system-ui, sans-serif"><title>{escape(title)}</title>{"".join(parts)}</svg>'
     )
 
 
-def _seen(pose: Sequence[Sequence[float]], axis: int, sign: int) -> bool:
+def _is_visible(pose: Sequence[Sequence[float]], axis: int, sign: int) -> bool:
     """Whether the face looks towards the viewer, who looks along +y."""
     normal = _VIEW @ np.asarray(pose, float)[:, axis] * sign
     return bool(normal[1] < -1e-6)
@@ -43,13 +43,13 @@ def _face(pose: Floats, axis: int, sign: int) -> str:
     for u, v in ((1, 1), (1, -1), (-1, -1), (-1, 1)):
         corner = np.zeros(3)
         corner[[axis, a, b]] = sign * _HALF[axis], u * _HALF[a], v * _HALF[b]
-        corners.append(_paper(pose @ corner))
+        corners.append(_project(pose @ corner))
     centre = np.mean(corners, axis=0)
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
     name = f"{'+' if sign > 0 else '−'}{'xyz'[axis]}"
     block = f'<polygon points="{points}" fill="{_FILL["xyz"[axis]]}" stroke="#222" stroke-width="2"/>'
     size = min(18, round(0.9 * _narrowest(corners)))
-    return block + (_text(centre[0], centre[1] + size / 3, name, size) if size >= _SMALLEST else "")
+    return block + (_text(centre[0], centre[1] + size / 3, name, size) if size >= _SMALLEST_LABEL else "")
 
 
 def _narrowest(corners: Sequence[Floats]) -> float:
@@ -59,7 +59,7 @@ def _narrowest(corners: Sequence[Floats]) -> float:
     return area / max(float(np.linalg.norm(a)), float(np.linalg.norm(b)), 1e-9)
 
 
-def _paper(point: Floats) -> Floats:
+def _project(point: Floats) -> Floats:
     x, _, z = _VIEW @ point
     return np.array([_SIZE / 2 + _SCALE * x, _SIZE / 2 - _SCALE * z])
 

@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from station.web.sessions import Session, same_token
 
-COOKIE = "station_session"
+SESSION_COOKIE = "station_session"
 #: A form of this page is never larger; a body that is gets 413 before it is read.
 MOST_BODY_BYTES = 64 * 1024
 
@@ -27,19 +27,19 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 
-_WHOLE = re.compile("[0-9]{1,18}")
+_WHOLE_NUMBER = re.compile("[0-9]{1,18}")
 Endpoint = Callable[[Request], Awaitable[Response]]
 
 
-def whole(text: str) -> int | None:
+def parse_whole_number(text: str) -> int | None:
     """A whole number as it came over the wire; None for anything else, also for digits of other scripts."""
-    return int(text) if _WHOLE.fullmatch(text) else None
+    return int(text) if _WHOLE_NUMBER.fullmatch(text) else None
 
 
 def session_of(request: Request) -> Session | None:
     """The live session of this request, or None; who was removed or given another role has none any more."""
     panel = request.app.state.panel
-    found = panel.sessions.find(request.cookies.get(COOKIE))
+    found = panel.sessions.find(request.cookies.get(SESSION_COOKIE))
     if not isinstance(found, Session):
         return None
     if panel.people.get(found.account.name) != found.account:
@@ -48,7 +48,7 @@ def session_of(request: Request) -> Session | None:
     return found
 
 
-def person(right: str) -> Callable[[Callable[[Request, Session], Awaitable[Response]]], Endpoint]:
+def require_right(right: str) -> Callable[[Callable[[Request, Session], Awaitable[Response]]], Endpoint]:
     """Lets only a logged-in person with this right through; a page sends others to the log-in, an action refuses."""
 
     def decorate(endpoint: Callable[[Request, Session], Awaitable[Response]]) -> Endpoint:
@@ -76,7 +76,7 @@ async def form_of(request: Request, session: Session | None) -> FormData:
     return form
 
 
-class Closed:
+class SecurityMiddleware:
     """Refuses large bodies and foreign origins before anything reads them, and closes the answer's headers."""
 
     def __init__(self, app: ASGIApp) -> None:
@@ -95,16 +95,16 @@ class Closed:
                     headers.setdefault(name, value)
             await send(message)
 
-        refused = _refusal(str(scope["method"]), Headers(scope=scope))
+        refused = _refusal_response(str(scope["method"]), Headers(scope=scope))
         await (refused or self._app)(scope, receive, closed)
 
 
-def _refusal(method: str, headers: Headers) -> Response | None:
+def _refusal_response(method: str, headers: Headers) -> Response | None:
     if method in ("GET", "HEAD"):
         return None
     if method != "POST":
         return Response("only GET and POST", 405)
-    length = whole(headers.get("content-length", ""))
+    length = parse_whole_number(headers.get("content-length", ""))
     if length is None:
         return Response("a body needs its length", 411)
     if length > MOST_BODY_BYTES:

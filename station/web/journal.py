@@ -13,7 +13,7 @@ from typing import IO, Any
 from station.errors import LogError, StoreFault
 
 SCHEMA = "station.panel-journal/1"
-_FIRST = "0" * 64
+_FIRST_PREVIOUS = "0" * 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Journal:
                     "person": person,
                     "deed": deed,
                     "detail": detail,
-                    "previous": _last(file.fileno()),
+                    "previous": _last_hash(file.fileno()),
                 }
                 file.write(json.dumps(line, ensure_ascii=False).encode() + b"\n")
                 os.fsync(file.fileno())
@@ -47,19 +47,19 @@ class Journal:
 
         Errors: LogError at the first line that does not follow from the one before.
         """
-        previous = _FIRST
+        previous = _FIRST_PREVIOUS
         if not self.path.exists():
             return
         with self.path.open("rb") as file:
             for number, raw in enumerate(file, 1):
-                line = _read(raw, previous)
+                line = _parse_line(raw, previous)
                 if line["previous"] != previous:
                     raise LogError(f"{self.path}: line {number} does not follow from the one before; it was edited")
                 previous = hashlib.sha256(raw).hexdigest()
                 yield line
 
 
-def _read(raw: bytes, previous: str) -> dict[str, Any]:
+def _parse_line(raw: bytes, previous: str) -> dict[str, Any]:
     """A line; one that is none stands as torn, and whether it always did, the line after it tells."""
     try:
         line: dict[str, Any] = json.loads(raw)
@@ -76,11 +76,11 @@ def _end_torn_line(file: IO[bytes]) -> None:
         file.write(b"\n")
 
 
-def _last(handle: int) -> str:
+def _last_hash(handle: int) -> str:
     """SHA-256 of the newest line, however long it is."""
     size = os.fstat(handle).st_size
     if size == 0:
-        return _FIRST
+        return _FIRST_PREVIOUS
     back = 65536
     while True:
         tail = os.pread(handle, back, max(0, size - back))

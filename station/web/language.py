@@ -8,7 +8,7 @@ from pathlib import Path
 from starlette.requests import Request
 
 _FOLDER = Path(__file__).parent / "languages"
-COOKIE = "station_language"
+LANGUAGE_COOKIE = "station_language"
 
 
 @lru_cache(maxsize=1)
@@ -20,7 +20,7 @@ def all_texts() -> Mapping[str, Mapping[str, str]]:
 def of_request(request: Request) -> str:
     """The language asked for by link, remembered by cookie, or wished by the browser; English otherwise."""
     known = all_texts()
-    wished = [request.query_params.get("language", ""), request.cookies.get(COOKIE, "")]
+    wished = [request.query_params.get("language", ""), request.cookies.get(LANGUAGE_COOKIE, "")]
     wished += [
         part.partition(";")[0].strip()[:2].lower() for part in request.headers.get("accept-language", "").split(",")
     ]

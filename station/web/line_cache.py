@@ -8,7 +8,7 @@ from threading import Lock
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt, Query
 from station.adapters.store.yields import Yield
-from station.web.line_statistics import Measured, measure
+from station.web.line_statistics import AttemptValues, values_and_checks
 
 DAY_NS = 86_400 * 10**9
 #: So many attempts and so many questions are remembered.
@@ -16,26 +16,26 @@ MOST_ATTEMPTS, MOST_QUESTIONS = 4000, 16
 
 # Days (UTC) whose counts may differ since record :seen: of attempts that ended since, and of earlier attempts of units
 # that came again since, which are no longer the unit's last.
-_TOUCHED = f"""
+_CHANGED_DAYS = f"""
     SELECT a.started_ns / {DAY_NS} FROM finish f JOIN attempt a ON a.seq = f.attempt WHERE f.seq > :seen
     UNION SELECT p.started_ns / {DAY_NS} FROM attempt a JOIN attempt p INDEXED BY attempt_serial
         ON p.serial = a.serial AND p.recipe_name = a.recipe_name AND p.seq < a.seq WHERE a.seq > :seen"""
 
 
 @dataclass(slots=True)
-class Memory:
+class LineCache:
     """One log's. Safe to call from several threads."""
 
-    _attempts: dict[int, tuple[Measured, tuple[str, ...]]] = field(default_factory=dict)
+    _attempts: dict[int, tuple[AttemptValues, tuple[str, ...]]] = field(default_factory=dict)
     _days: dict[Query, dict[int, list[Yield]]] = field(default_factory=dict)
     _seen: int = 0
     _turn: Lock = field(default_factory=Lock)
 
-    def measured(self, log: LogReader, attempt: Attempt) -> tuple[Measured, tuple[str, ...]]:
+    def measured(self, log: LogReader, attempt: Attempt) -> tuple[AttemptValues, tuple[str, ...]]:
         """A finished attempt's values, and the checks that speak against it. Errors: LogError."""
         known = self._attempts.get(attempt.number)
         if known is None:
-            known = measure(log.attempt(attempt))
+            known = values_and_checks(log.attempt(attempt))
             with self._turn:
                 self._attempts = dict([*self._attempts.items(), (attempt.number, known)][-MOST_ATTEMPTS:])
         return known
@@ -46,7 +46,7 @@ class Memory:
         assert query.since_ns is not None
         assert query.since_ns % DAY_NS == 0
         with self._turn:
-            self._forget_what_changed(log)
+            self._drop_changed_days(log)
             asked = replace(query, since_ns=None)
             days = self._days.pop(asked, {})
             self._days = dict([*self._days.items(), (asked, days)][-MOST_QUESTIONS:])
@@ -61,13 +61,13 @@ class Memory:
                     days[day] = log.yields(one, "cell")
             return list(_in_order(days))
 
-    def _forget_what_changed(self, log: LogReader) -> None:
+    def _drop_changed_days(self, log: LogReader) -> None:
         """Read before anything is counted: what comes in between is looked at the next time."""
         newest = log.head().number
         if newest == self._seen:
             return
         if self._days:
-            touched = {day for (day,) in log.db.execute(_TOUCHED, {"seen": self._seen})}
+            touched = {day for (day,) in log.db.execute(_CHANGED_DAYS, {"seen": self._seen})}
             self._days = {q: {d: y for d, y in days.items() if d not in touched} for q, days in self._days.items()}
         self._seen = newest
 

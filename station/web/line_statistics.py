@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from typing import Any, Protocol
 
-from station.adapters.store import life
+from station.adapters.store import audit_document
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt, Query
 from station.adapters.store.yields import CELL, SEPARATOR, Yield
@@ -15,15 +15,15 @@ from station.domain.methods import coefficients
 from station.domain.recipe.recipe import Limits, Recipe
 
 #: What the yields are split by.
-SPLITS = CELL
+YIELD_SPLITS = CELL
 #: Parts of a cycle, in their order.
-PARTS = ("identify", "measure", "compute and write", "verify", "close")
+CYCLE_PARTS = ("identify", "measure", "compute and write", "verify", "close")
 #: Values that a control chart can follow.
-VALUES = (*coefficients.NAMES, "residual rms", "noise", "cycle time")
+VALUE_NAMES = (*coefficients.NAMES, "residual rms", "noise", "cycle time")
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class AttemptValues:
     """One finished attempt: its values by name, its parts of the cycle (s), and the tilt of each position (degrees)."""
 
     serial: str
@@ -36,33 +36,33 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LineStatistics:
     """Everything that the charts show. attempts: oldest first; reasons: check → how often; recipe: the newest's."""
 
     recipe: Recipe | None
-    attempts: tuple[Measured, ...]
+    attempts: tuple[AttemptValues, ...]
     yields: Mapping[str, Sequence[Yield]]
     reasons: Mapping[str, int] = field(default_factory=dict)
 
 
-class Known(Protocol):
+class StatisticsCache(Protocol):
     """What may be remembered of a log between two looks."""
 
-    def measured(self, log: LogReader, attempt: Attempt) -> tuple[Measured, tuple[str, ...]]:
+    def measured(self, log: LogReader, attempt: Attempt) -> tuple[AttemptValues, tuple[str, ...]]:
         """A finished attempt's values, and the checks that speak against it."""
 
     def yields(self, log: LogReader, query: Query) -> list[Yield]:
         """Cells of the attempts that the query names."""
 
 
-def gather(log: LogReader, query: Query, most: int, known: Known | None = None) -> Line:
+def gather_statistics(log: LogReader, query: Query, most: int, known: StatisticsCache | None = None) -> LineStatistics:
     """The newest `most` finished attempts that the query names. known: what is remembered of the log, where the query
     spans whole days up to now. Errors: LogError."""
     found = _finished(log, query, most)
-    lives = [known.measured(log, a) if known else measure(log.attempt(a)) for a in reversed(found)]
+    lives = [known.measured(log, a) if known else values_and_checks(log.attempt(a)) for a in reversed(found)]
     reasons = Counter(check for _, checks in lives for check in checks)
     recipe = Recipe.model_validate_json(log.recipe_and_product(found[0])[0]) if found else None
-    return Line(
+    return LineStatistics(
         recipe=recipe,
         attempts=tuple(m for m, _ in lives),
         yields=_yields(known.yields(log, query) if known else log.yields(query, "cell")),
@@ -70,14 +70,14 @@ def gather(log: LogReader, query: Query, most: int, known: Known | None = None) 
     )
 
 
-def measure(kept: dict[str, Any]) -> tuple[Measured, tuple[str, ...]]:
+def values_and_checks(kept: dict[str, Any]) -> tuple[AttemptValues, tuple[str, ...]]:
     """One finished attempt's values, and the checks that speak against it."""
-    return _measured(kept), tuple(_checks(kept))
+    return _values_of(kept), tuple(_checks(kept))
 
 
-def measured(log: LogReader, query: Query, most: int) -> list[Measured]:
+def attempt_values(log: LogReader, query: Query, most: int) -> list[AttemptValues]:
     """The newest `most` finished attempts that the query names, oldest first, without anything around them."""
-    return [_measured(log.attempt(a)) for a in reversed(_finished(log, query, most))]
+    return [_values_of(log.attempt(a)) for a in reversed(_finished(log, query, most))]
 
 
 def _finished(log: LogReader, query: Query, most: int) -> list[Attempt]:
@@ -99,7 +99,7 @@ def limits_of(name: str, limits: Limits) -> tuple[float | None, float | None]:
 def _yields(cells: Sequence[Yield]) -> dict[str, list[Yield]]:
     """Yields by each split: a unit is first or last wherever it is counted, so the cells' counts only add up."""
     found: dict[str, list[Yield]] = {}
-    for place, by in enumerate(SPLITS):
+    for place, by in enumerate(YIELD_SPLITS):
         groups: dict[str, list[Yield]] = {}
         for cell in cells:
             groups.setdefault(cell.group.split(SEPARATOR)[place], []).append(cell)
@@ -114,12 +114,12 @@ def _sum(name: str, cells: Sequence[Yield]) -> Yield:
 
 
 def _checks(kept: dict[str, Any]) -> list[str]:
-    verdict = life.result(kept, "verdict") or {}
+    verdict = audit_document.result(kept, "verdict") or {}
     return sorted({str(r["check"]) for r in verdict.get("reasons", ())})
 
 
-def _measured(kept: dict[str, Any]) -> Measured:
-    fit, verdict = life.result(kept, "calibration") or {}, life.result(kept, "verdict") or {}
+def _values_of(kept: dict[str, Any]) -> AttemptValues:
+    fit, verdict = audit_document.result(kept, "calibration") or {}, audit_document.result(kept, "verdict") or {}
     values: dict[str, float] = {}
     if fit.get("offset") is not None:
         theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
@@ -129,7 +129,7 @@ def _measured(kept: dict[str, Any]) -> Measured:
     values["cycle time"] = (kept["ended_ns"] - kept["started_ns"]) / 1e9
     tilts = {p["name"]: p["tilt_deg"] for p in fit.get("positions") or () if p["tilt_deg"] is not None}
     known = {k: float(v) for k, v in values.items() if math.isfinite(v)}
-    return Measured(
+    return AttemptValues(
         serial=kept["serial"],
         nest=f"{kept['station']}/{kept['nest']}",
         started_ns=kept["started_ns"],
@@ -150,4 +150,4 @@ def _parts(kept: dict[str, Any]) -> dict[str, float]:
     marks.append(verify[0]["arrived_ns"] if verify else marks[-1])
     marks.append(verify[-1]["left_ns"] if verify else marks[-1])
     marks.append(kept["ended_ns"])
-    return {name: (b - a) / 1e9 for name, (a, b) in zip(PARTS, pairwise(marks), strict=True)}
+    return {name: (b - a) / 1e9 for name, (a, b) in zip(CYCLE_PARTS, pairwise(marks), strict=True)}

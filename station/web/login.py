@@ -8,7 +8,7 @@ from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
 from station.web import accounts, render
-from station.web.guard import COOKIE, form_of, person, session_of
+from station.web.guard import SESSION_COOKIE, form_of, require_right, session_of
 from station.web.panel import Panel
 from station.web.sessions import Session
 
@@ -24,31 +24,34 @@ async def log_in(request: Request) -> Response:
     """Checks name and password; a cookie that no script reads, or the form again with the reason."""
     panel: Panel = request.app.state.panel
     form = await form_of(request, None)
-    name, password = str(form.get("name", ""))[: accounts.LONGEST], str(form.get("password", ""))[: accounts.LONGEST]
+    name, password = (
+        str(form.get("name", ""))[: accounts.MAX_LENGTH],
+        str(form.get("password", ""))[: accounts.MAX_LENGTH],
+    )
     keys = (f"name {name}", f"address {request.client.host if request.client else ''}")
-    wait_s = panel.guesses.wait_s(*keys)
+    wait_s = panel.login_throttle.wait_s(*keys)
     if wait_s > 0:
         answer = render.page(request, "login.html", None, 429, error="too_many")
         answer.headers["Retry-After"] = str(math.ceil(wait_s))
         return answer
     # Counted before it is known: tries that come at the same time all count.
-    panel.guesses.failed(*keys)
+    panel.login_throttle.failed(*keys)
     account = panel.people.get(name)
-    kept = account.password if account else accounts.NOBODY
-    right = await to_thread.run_sync(accounts.verify, password, kept, limiter=panel.hashing)
+    kept = account.password if account else accounts.DUMMY_HASH
+    right = await to_thread.run_sync(accounts.verify_password, password, kept, limiter=panel.hashing)
     if account is None or not right:
         panel.journal.add(name, "log-in-refused")
         return render.page(request, "login.html", None, 401, error="wrong_password")
-    panel.guesses.forget(*keys)
+    panel.login_throttle.clear_failures(*keys)
     panel.journal.add(name, "log-in", role=str(account.role))
     inside = RedirectResponse("/", 303)
-    panel.sessions.end(request.cookies.get(COOKIE, ""))  # whoever was logged in here before is no more
+    panel.sessions.end(request.cookies.get(SESSION_COOKIE, ""))  # whoever was logged in here before is no more
     token = panel.sessions.begin(account).token
-    inside.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=panel.secure, path="/")
+    inside.set_cookie(SESSION_COOKIE, token, httponly=True, samesite="strict", secure=panel.secure, path="/")
     return inside
 
 
-@person("watch")
+@require_right("watch")
 async def log_out(request: Request, session: Session) -> Response:
     """Ends the session here and in the browser."""
     await form_of(request, session)
@@ -56,7 +59,7 @@ async def log_out(request: Request, session: Session) -> Response:
     panel.sessions.end(session.token)
     panel.journal.add(session.account.name, "log-out")
     answer = RedirectResponse("/login", 303)
-    answer.delete_cookie(COOKIE, path="/")
+    answer.delete_cookie(SESSION_COOKIE, path="/")
     return answer
 
 

@@ -21,7 +21,7 @@ from station.wiring.golden_register import standings
 #: States of a controller, as station.ports.bus names them.
 STATES = ("active", "warning", "passive", "bus-off", "down", "unknown")
 #: Stops and units that the figures of the present look back over.
-STOPS, UNITS = 200, 50
+RECENT_VISITS, RECENT_UNITS = 200, 50
 
 _OUTCOMES = "SELECT outcome, count(*) FROM finish GROUP BY outcome"
 # The + keeps the walk on the newest records; by the index of outcomes every PASS there is would be sorted.
@@ -77,12 +77,14 @@ def _of_log(registry: CollectorRegistry, log: LogReader) -> None:
     units = Gauge("station_attempts", "finished attempts in the log", ["outcome"], registry=registry)
     for outcome, count in log.db.execute(_OUTCOMES):
         units.labels(outcome).set(count)
-    cycle, last = log.db.execute(_CYCLE, [UNITS]).fetchone()
+    cycle, last = log.db.execute(_CYCLE, [RECENT_UNITS]).fetchone()
     if cycle is not None:
-        _gauge(registry, "station_cycle_seconds", f"mean cycle time of the newest {UNITS} units that passed").set(cycle)
+        _gauge(
+            registry, "station_cycle_seconds", f"mean cycle time of the newest {RECENT_UNITS} units that passed"
+        ).set(cycle)
         _gauge(registry, "station_last_pass_timestamp_seconds", "when a unit passed last").set(last)
-    drops, lost, crc, rejected, stops, bus = log.db.execute(_STREAM, [STOPS]).fetchone()
-    recent = f"in the newest {STOPS} stops"
+    drops, lost, crc, rejected, stops, bus = log.db.execute(_STREAM, [RECENT_VISITS]).fetchone()
+    recent = f"in the newest {RECENT_VISITS} stops"
     _gauge(registry, "station_recent_stops", "stops that the recent figures look at").set(stops)
     _gauge(registry, "station_recent_kernel_drops", f"frames that the kernel dropped {recent}").set(drops or 0)
     _gauge(registry, "station_recent_frames_lost", f"frames missing by their counters {recent}").set(lost or 0)

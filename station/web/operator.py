@@ -15,18 +15,18 @@ from starlette.routing import Route
 from station.errors import StationError, UsageError
 from station.web import language, render
 from station.web.accounts import Account
-from station.web.guard import form_of, person
-from station.web.operator_actions import DEEDS, PassedAlready, Said
+from station.web.guard import form_of, require_right
+from station.web.operator_actions import ACTIONS, ActionForm, PassedAlready
 from station.web.panel import Panel
 from station.web.sentences import translate
 from station.web.sessions import Session
 
 #: How often the state is looked at, and how often an unchanged one is confirmed, s.
-LOOK_S, BEAT_S = 0.04, 0.5
+POLL_S, HEARTBEAT_S = 0.04, 0.5
 _ABSENT = object()
 
 
-@person("watch")
+@require_right("watch")
 async def show(request: Request, session: Session) -> Response:
     """The page; everything that moves on it comes by /events."""
     panel: Panel = request.app.state.panel
@@ -34,7 +34,7 @@ async def show(request: Request, session: Session) -> Response:
     return render.page(request, "operator.html", session, nests=nests, simulated=panel.order.simulate)
 
 
-@person("watch")
+@require_right("watch")
 async def events(request: Request, session: Session) -> Response:
     """Server-sent events: first everything, then only what changed; a beat every half second."""
     headers = {"X-Accel-Buffering": "no"}
@@ -51,19 +51,19 @@ async def _stream(panel: Panel, session: Session, code: str) -> AsyncIterator[st
         changed = {k: v for k, v in shown.items() if sent.get(k, _ABSENT) != v}
         if changed:
             sent.update(changed)
-            said = {k: _said(k, v, code) for k, v in changed.items()}
+            said = {k: _translated(k, v, code) for k, v in changed.items()}
             yield f"event: change\ndata: {json.dumps({**said, 'now_s': time.time()})}\n\n"
-        if changed or time.monotonic() - said_s > BEAT_S:
+        if changed or time.monotonic() - said_s > HEARTBEAT_S:
             said_s = time.monotonic()
             if panel.people.get(session.account.name) != session.account:
                 break
             yield f"event: beat\ndata: {time.time():.3f}\n\n"
-        await asyncio.sleep(LOOK_S)
+        await asyncio.sleep(POLL_S)
     if not panel.over:
         yield "event: out\ndata: 0\n\n"
 
 
-def _said(key: str, value: Any, code: str) -> Any:
+def _translated(key: str, value: Any, code: str) -> Any:
     """What a screen shows, its sentences in the reader's language."""
     if key in ("fault", "golden", "asked"):
         return translate(value, code)
@@ -76,17 +76,17 @@ def _said(key: str, value: Any, code: str) -> Any:
     return value
 
 
-@person("run")
+@require_right("run")
 async def command(request: Request, session: Session) -> Response:
     """One deed of a person; it is in the journal before it is done. A stop waits for no other deed."""
     form = await form_of(request, session)
     panel: Panel = request.app.state.panel
-    said = Said(*(str(form.get(f.name, "")).strip() for f in fields(Said)))
+    said = ActionForm(*(str(form.get(f.name, "")).strip() for f in fields(ActionForm)))
     action = str(form.get("action", ""))
     try:
-        if action not in DEEDS:
-            raise UsageError(f"there is no action {action[:20]!r}; use one of {', '.join(DEEDS)}")
-        told = await run_in_threadpool(_do, panel, action, session.account, said)
+        if action not in ACTIONS:
+            raise UsageError(f"there is no action {action[:20]!r}; use one of {', '.join(ACTIONS)}")
+        told = await run_in_threadpool(_perform, panel, action, session.account, said)
     except StationError as exc:
         answer = {"error": translate(exc.sentence, language.of_request(request))}
         if isinstance(exc, PassedAlready):
@@ -95,11 +95,11 @@ async def command(request: Request, session: Session) -> Response:
     return JSONResponse({"told": told})
 
 
-def _do(panel: Panel, action: str, who: Account, said: Said) -> str:
+def _perform(panel: Panel, action: str, who: Account, said: ActionForm) -> str:
     if action == "stop":
-        return DEEDS[action](panel, who, said)
+        return ACTIONS[action](panel, who, said)
     with panel.turn:
-        return DEEDS[action](panel, who, said)
+        return ACTIONS[action](panel, who, said)
 
 
 ROUTES = [

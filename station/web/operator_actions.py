@@ -6,21 +6,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from station.adapters.store.life import utc
+from station.adapters.store.audit_document import utc
 from station.adapters.store.search import Attempt, Query
 from station.domain.recipe import serial as serials_of
 from station.errors import StoreFault, UsageError
 from station.web.accounts import Account
 from station.web.panel import Panel
-from station.web.queue import Waiting
-from station.web.runs import beside
+from station.web.queue import WaitingUnit
+from station.web.run_launcher import companion_file
 from station.wiring import golden_register
 
 LONGEST_REASON = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class ActionForm:
     """What the form says: serial, the mark of the question that is confirmed, why a unit is taken again."""
 
     serial: str = ""
@@ -32,45 +32,45 @@ class PassedAlready(UsageError):
     """The unit has passed this recipe; an engineer may take it again on purpose."""
 
 
-def scan(panel: Panel, who: Account, said: Said) -> str:
+def scan(panel: Panel, who: Account, said: ActionForm) -> str:
     """The serial goes to the first nest that is free in the next load."""
-    _fits_the_load(panel, said.serial)
-    passed = _passed(panel, said.serial)
+    _check_fits_load(panel, said.serial)
+    passed = _newest_pass(panel, said.serial)
     if passed is not None:
         raise PassedAlready(
             f"serial {said.serial!r} passed {passed.recipe_name} already on {utc(passed.started_ns)[:10]} in nest "
             f"{passed.nest}; an engineer may take it again on purpose"
         )
-    nest = _free(panel)
+    nest = _free_nest(panel)
     panel.journal.add(who.name, "scan", serial=said.serial, nest=nest)
-    panel.queue.put({nest: Waiting(said.serial, panel.screen.load_in_nests())})
+    panel.queue.put({nest: WaitingUnit(said.serial, panel.screen.load_pid())})
     return f"{said.serial}: {nest}"
 
 
-def again(panel: Panel, who: Account, said: Said) -> str:
+def take_again(panel: Panel, who: Account, said: ActionForm) -> str:
     """A unit that passed is taken once more, by an engineer's choice and with the reason."""
     if not who.may("again"):
         raise UsageError(f"the role {who.role} may not take a unit again that has passed; ask an engineer")
     if not 3 <= len(said.reason) <= LONGEST_REASON or not said.reason.isprintable():
         raise UsageError(f"say in 3 to {LONGEST_REASON} printable characters why the unit is taken again")
-    _fits_the_load(panel, said.serial)
-    passed, nest = _passed(panel, said.serial), _free(panel)
+    _check_fits_load(panel, said.serial)
+    passed, nest = _newest_pass(panel, said.serial), _free_nest(panel)
     of = passed.attempt if passed else ""
     panel.journal.add(who.name, "again", serial=said.serial, nest=nest, reason=said.reason, passed=of)
-    panel.queue.put({nest: Waiting(said.serial, panel.screen.load_in_nests())})
+    panel.queue.put({nest: WaitingUnit(said.serial, panel.screen.load_pid())})
     return f"{said.serial}: {nest}"
 
 
-def clear(panel: Panel, who: Account, _said: Said) -> str:
+def clear(panel: Panel, who: Account, _said: ActionForm) -> str:
     """Nothing waits for the start any more."""
     panel.journal.add(who.name, "clear", serials=panel.queue.serials())
     panel.queue.clear()
     return ""
 
 
-def resume(panel: Panel, who: Account, _said: Said) -> str:
+def resume(panel: Panel, who: Account, _said: ActionForm) -> str:
     """The units of the last load that came to no verdict are taken up again, each in its nest."""
-    _idle(panel)
+    _check_idle(panel)
     left = panel.screen.unfinished()
     if not left:
         raise UsageError("every unit of the last load has its verdict; scan new ones")
@@ -78,24 +78,24 @@ def resume(panel: Panel, who: Account, _said: Said) -> str:
         raise UsageError("units of another load are scanned; start them or clear the list, then take up the others")
     serials_of.check_all(list(left.values()), panel.recipe)
     panel.journal.add(who.name, "resume", serials=list(left.values()))
-    panel.queue.put({nest: Waiting(serial) for nest, serial in left.items()})
+    panel.queue.put({nest: WaitingUnit(serial) for nest, serial in left.items()})
     return ", ".join(left.values())
 
 
-def start(panel: Panel, who: Account, _said: Said) -> str:
+def start(panel: Panel, who: Account, _said: ActionForm) -> str:
     """Every unit that waits goes to a run of its own process, each in its nest."""
-    _idle(panel)
+    _check_idle(panel)
     waiting = panel.queue.waiting
     units = {n.name: waiting[n.name].serial for n in panel.settings.nests if n.name in waiting}
     if not units:
         raise UsageError("no unit is scanned; scan one, then start")
     serials_of.check_all(list(units.values()), panel.recipe)
     panel.journal.add(who.name, "start", serials=list(units.values()), recipe=panel.order.recipe)
-    panel.queue.hand(panel.runs.start(units, who.name))
+    panel.queue.hand_over(panel.runs.start(units, who.name))
     return ", ".join(units.values())
 
 
-def stop(panel: Panel, who: Account, _said: Said) -> str:
+def stop(panel: Panel, who: Account, _said: ActionForm) -> str:
     """The run stops at the next safe place and parks."""
     pid = panel.runs.stop()
     panel.screen.stopping = True
@@ -103,13 +103,13 @@ def stop(panel: Panel, who: Account, _said: Said) -> str:
     return ""
 
 
-def confirm(panel: Panel, who: Account, said: Said) -> str:
+def confirm(panel: Panel, who: Account, said: ActionForm) -> str:
     """What the run asked a person to do is done; an old screen cannot confirm a later question."""
     asked, mark = panel.screen.question()
     if not mark or said.question != mark:
         raise UsageError("nothing is asked any more; look at the page again")
     panel.journal.add(who.name, "confirm", sentence=asked)
-    answer = beside(panel.order.database, ".answer.json")
+    answer = companion_file(panel.order.database, ".answer.json")
     part = answer.with_name(f".{answer.name}.{os.getpid()}")
     try:
         part.write_text(json.dumps({"schema": "station.answer/1", "question": mark}), encoding="utf-8")
@@ -119,15 +119,15 @@ def confirm(panel: Panel, who: Account, said: Said) -> str:
     return ""
 
 
-def _fits_the_load(panel: Panel, serial: str) -> None:
+def _check_fits_load(panel: Panel, serial: str) -> None:
     """UsageError for a serial that is none of the recipe's, waits already, or is being measured."""
     serials_of.check_all([*panel.queue.serials(), serial], panel.recipe)
-    nest = panel.screen.in_work().get(serial)
+    nest = panel.screen.units_in_progress().get(serial)
     if nest is not None:
         raise UsageError(f"serial {serial!r} is in nest {nest} right now; wait for its verdict")
 
 
-def _free(panel: Panel) -> str:
+def _free_nest(panel: Panel) -> str:
     waiting = panel.queue.waiting
     free = next((n.name for n in panel.settings.nests if n.name not in waiting), None)
     if free is None:
@@ -135,7 +135,7 @@ def _free(panel: Panel) -> str:
     return free
 
 
-def _passed(panel: Panel, serial: str) -> Attempt | None:
+def _newest_pass(panel: Panel, serial: str) -> Attempt | None:
     """The unit's newest PASS with this recipe; golden units are there to be measured again and again."""
     kept = panel.settings.golden
     if (kept is not None and serial in golden_register.load(Path(kept.file))) or not panel.order.database.exists():
@@ -145,14 +145,14 @@ def _passed(panel: Panel, serial: str) -> Attempt | None:
     return found[0] if found else None
 
 
-def _idle(panel: Panel) -> None:
+def _check_idle(panel: Panel) -> None:
     if panel.runs.pid() is not None:
         raise UsageError("a run is under way; wait for its end or stop it")
 
 
-DEEDS: Mapping[str, Callable[[Panel, Account, Said], str]] = {
+ACTIONS: Mapping[str, Callable[[Panel, Account, ActionForm], str]] = {
     "scan": scan,
-    "again": again,
+    "again": take_again,
     "clear": clear,
     "resume": resume,
     "start": start,

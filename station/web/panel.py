@@ -16,14 +16,14 @@ from station.domain.recipe.recipe import Recipe
 from station.errors import LogError
 from station.web.accounts import Account, load
 from station.web.journal import Journal
-from station.web.line_cache import Memory
-from station.web.queue import Queue
-from station.web.runs import Order, Runs, beside
+from station.web.line_cache import LineCache
+from station.web.queue import LoadQueue
+from station.web.run_launcher import LaunchOptions, RunLauncher, companion_file
 from station.web.screen import Screen
-from station.web.sessions import Guesses, Sessions
+from station.web.sessions import LoginThrottle, Sessions
 
 #: Passwords checked at the same time.
-HASHES = 2
+MOST_PARALLEL_HASHES = 2
 
 
 @dataclass(slots=True)
@@ -38,29 +38,29 @@ class Panel:
 
     settings: Settings
     recipe: Recipe
-    order: Order
+    order: LaunchOptions
     accounts: Path
     secure: bool = False
     monotonic_s: Callable[[], float] = time.monotonic
     over: bool = False
     sessions: Sessions = field(init=False)
-    guesses: Guesses = field(init=False)
+    login_throttle: LoginThrottle = field(init=False)
     journal: Journal = field(init=False)
-    runs: Runs = field(init=False)
-    queue: Queue = field(init=False)
-    hashing: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(HASHES))
-    _people: tuple[tuple[int, int, int], Mapping[str, Account]] = ((-1, 0, 0), MappingProxyType({}))
-    memory: Memory = field(default_factory=Memory)
+    runs: RunLauncher = field(init=False)
+    queue: LoadQueue = field(init=False)
+    hashing: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(MOST_PARALLEL_HASHES))
+    _accounts_by_name: tuple[tuple[int, int, int], Mapping[str, Account]] = ((-1, 0, 0), MappingProxyType({}))
+    memory: LineCache = field(default_factory=LineCache)
     screen: Screen = field(init=False)
     turn: Lock = field(default_factory=Lock)
     children: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.sessions = Sessions(self.monotonic_s)
-        self.guesses = Guesses(self.monotonic_s)
-        self.journal = Journal(beside(self.order.database, ".panel.jsonl"))
-        self.runs = Runs(self.order)
-        self.queue = Queue(beside(self.order.database, ".queue.json"))
+        self.login_throttle = LoginThrottle(self.monotonic_s)
+        self.journal = Journal(companion_file(self.order.database, ".panel.jsonl"))
+        self.runs = RunLauncher(self.order)
+        self.queue = LoadQueue(companion_file(self.order.database, ".queue.json"))
         self.screen = Screen(self.settings, self.runs, self.queue)
 
     @property
@@ -71,9 +71,9 @@ class Panel:
             stamp = (stat.st_ino, stat.st_mtime_ns, stat.st_size)
         except FileNotFoundError:
             stamp = (0, 0, 0)
-        if stamp != self._people[0]:
-            self._people = (stamp, load(self.accounts))
-        return self._people[1]
+        if stamp != self._accounts_by_name[0]:
+            self._accounts_by_name = (stamp, load(self.accounts))
+        return self._accounts_by_name[1]
 
     def log(self) -> LogReader:
         """The log, opened for one question. Errors: LogError; nothing was ever run where there is no file."""

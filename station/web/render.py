@@ -12,7 +12,7 @@ from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import HTMLResponse
 
-from station.adapters.store.life import utc
+from station.adapters.store.audit_document import utc
 from station.web import language
 from station.web.accounts import RIGHTS
 from station.web.sentences import translate
@@ -26,31 +26,38 @@ SYMBOLS = {"PASS": "✔", "FAIL": "✘", "ERROR": "⚠", "ABORTED": "■", "INTE
 def environment() -> Environment:
     """The templates; a name that is not there is an error, not an empty place."""
     made = Environment(loader=FileSystemLoader(_FOLDER), autoescape=True, undefined=StrictUndefined)
-    made.filters |= {"utc": utc, "number": number, "drawing": Markup, "said": _said, "quoted": quoted, "moment": moment}
+    made.filters |= {
+        "utc": utc,
+        "number": format_number,
+        "drawing": Markup,
+        "said": _translated,
+        "quoted": format_to_uncertainty,
+        "moment": format_time,
+    }
     made.globals["symbols"] = SYMBOLS
     return made
 
 
 @pass_context
-def _said(context: Context, sentence: str) -> str:
+def _translated(context: Context, sentence: str) -> str:
     """A sentence of the station in the page's language."""
     return translate(sentence, str(context["language"]))
 
 
-def number(value: Any, digits: int = 6) -> str:
+def format_number(value: Any, digits: int = 6) -> str:
     """A figure for a person: short, with a real minus; '–' where there is none."""
     return "–" if value is None else f"{value:.{digits}g}".replace("-", "−")
 
 
-def quoted(value: Any, spread: float | None) -> str:
+def format_to_uncertainty(value: Any, spread: float | None) -> str:
     """A figure to the decimal place of the second digit of its uncertainty (GUM 7.2.6), as a person reads it."""
     if value is None or not spread or not 1e-9 < spread < 1e3:
-        return number(value, 7)
+        return format_number(value, 7)
     places = max(0, 1 - math.floor(math.log10(spread)))
     return f"{value:.{places}f}".replace("-", "−")
 
 
-def moment(stamp: str) -> str:
+def format_time(stamp: str) -> str:
     """An ISO time stamp in UTC as a person reads it, to the second."""
     return stamp[:19].replace("T", " ") + " UTC"
 
@@ -80,5 +87,5 @@ def page(request: Request, name: str, session: Session | None, status: int = 200
     )
     answer = HTMLResponse(html, status)
     if request.query_params.get("language") == code:
-        answer.set_cookie(language.COOKIE, code, max_age=365 * 86400, samesite="strict")
+        answer.set_cookie(language.LANGUAGE_COOKIE, code, max_age=365 * 86400, samesite="strict")
     return answer

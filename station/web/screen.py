@@ -10,26 +10,26 @@ from station.adapters.bus.socketcan import state_of
 from station.config.settings import Settings
 from station.errors import StationError, StoreFault
 from station.web import fixture
-from station.web.queue import Queue
-from station.web.runs import Runs, beside
+from station.web.queue import LoadQueue
+from station.web.run_launcher import RunLauncher, companion_file
 from station.wiring.golden_register import standings
 
 #: A value older than this is looked up again, s: the rate at which all screens together look.
-FRESH_S = 0.03
+LIVE_MAX_AGE_S = 0.03
 #: So often the kernel is asked for the state of the bus between runs, s.
-BUS_S = 0.5
+BUS_POLL_S = 0.5
 #: And so often whether the golden units are due, s.
-GOLDEN_S = 5.0
+GOLDEN_POLL_S = 5.0
 
 
 class Screen:
     """Folds the run's live file, the lock and the queue together. Every look is at most FRESH_S old."""
 
-    def __init__(self, settings: Settings, runs: Runs, queue: Queue) -> None:
-        self._golden: tuple[float, str] = (-GOLDEN_S, "")
+    def __init__(self, settings: Settings, runs: RunLauncher, queue: LoadQueue) -> None:
+        self._golden: tuple[float, str] = (-GOLDEN_POLL_S, "")
         self._settings, self._runs, self._queue = settings, runs, queue
-        self._between: tuple[float, dict[str, Any]] = (-BUS_S, {})
-        self._path = beside(runs.order.database, ".live.json")
+        self._between: tuple[float, dict[str, Any]] = (-BUS_POLL_S, {})
+        self._path = companion_file(runs.order.database, ".live.json")
         self._stamp: tuple[int, int] | None = None
         self._live: dict[str, Any] = {}
         self._shown: dict[str, Any] = {}
@@ -40,7 +40,7 @@ class Screen:
     def shown(self) -> Mapping[str, Any]:
         """Key → value; a key's value is replaced as a whole."""
         now_s = time.monotonic()
-        if now_s - self._looked_s > FRESH_S:
+        if now_s - self._looked_s > LIVE_MAX_AGE_S:
             self._looked_s = now_s
             self._look()
             self._shown = self._compose()
@@ -57,11 +57,11 @@ class Screen:
         state = self.state() if self._live.get("pid") == self._runs.pid() else {}
         return state.get("confirm", ""), state.get("question", "")
 
-    def load_in_nests(self) -> int:
+    def load_pid(self) -> int:
         """Pid of the run whose units are in the nests at this moment, 0 when none is under way."""
         return self._runs.pid() or 0
 
-    def in_work(self) -> dict[str, str]:
+    def units_in_progress(self) -> dict[str, str]:
         """Serial → nest of what a run was given and has not ended."""
         state = self.state() if self._live.get("pid") == self._runs.pid() else {}
         measured = {n["serial"]: n["nest"] for n in state.get("nests", ()) if not n["outcome"]}
@@ -88,7 +88,7 @@ class Screen:
         pid = self._runs.pid()
         running = pid is not None
         state: dict[str, Any] = self._live.get("state", {})
-        unkept = self._settled(pid)
+        unkept = self._settle_queue(pid)
         mine = running and self._live.get("pid") == pid
         self.stopping = self.stopping and running
         poses, at = self._live.get("poses", ()), state.get("at", -1)
@@ -114,11 +114,11 @@ class Screen:
             "recipe": self._live.get("recipe", self._runs.order.recipe),
             "sentences": state.get("sentences", []) if mine or not running else [],
             "fault": self._fault(state, running=running) or unkept,
-            "golden": self._due(),
+            "golden": self._golden_problem(),
             **{f"nest {n.name}": self._nest(n.name, state, running=running, mine=mine) for n in self._settings.nests},
         }
 
-    def _settled(self, pid: int | None) -> str:
+    def _settle_queue(self, pid: int | None) -> str:
         """Lets go of the units that the run has begun; '' or why that could not be kept."""
         try:
             self._queue.settle(begun=self._live.get("pid"), running=pid)
@@ -149,10 +149,10 @@ class Screen:
             return self._runs.last_words() or "the run ended without a word; its units count as interrupted"
         return str(state.get("fault", ""))
 
-    def _due(self) -> str:
+    def _golden_problem(self) -> str:
         """What is due or wrong with the golden units, looked up every few seconds; '' when all is well."""
         at_s, told = self._golden
-        if time.monotonic() - at_s > GOLDEN_S:
+        if time.monotonic() - at_s > GOLDEN_POLL_S:
             try:
                 found = standings(self._settings, self._runs.order.database)
                 told = "; ".join(s.problem for s in found if s.problem)
@@ -167,7 +167,7 @@ class Screen:
             return dict(self._live.get("bus") or {})
         if self._runs.order.simulate or self._settings.bus.interface != "socketcan":
             return {}
-        if time.monotonic() - self._between[0] > BUS_S:
+        if time.monotonic() - self._between[0] > BUS_POLL_S:
             name = self._settings.bus.channel
             state, counters = state_of(name)
             told = {"name": name, "state": state, "counters": asdict(counters) if counters else None}

@@ -13,24 +13,24 @@ from functools import lru_cache
 from pathlib import Path
 
 _FOLDER = Path(__file__).parent / "languages" / "sentences"
-_HOLE = re.compile(r"\{(\d_?)\}")
+_PLACEHOLDER = re.compile(r"\{(\d_?)\}")
 #: Taking apart costs the square of the length, so a longer one is only split; how deep one may stand in another.
 _LONGEST, _DEEPEST = 600, 4
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class CatalogueEntry:
     """One sentence: its longest words, without which nothing need be tried; how it is recognised (values as short, and
     as long as they can be); the numbers of its values in their order; and how it is said."""
 
     words: str
     patterns: tuple[re.Pattern[str], re.Pattern[str]]
-    holes: tuple[str, ...]
+    placeholders: tuple[str, ...]
     said: str
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class Translation:
     """A sentence said again, and how many characters of it stayed as they were."""
 
     text: str
@@ -50,18 +50,18 @@ def translate(sentence: str, code: str) -> str:
     if not catalogue(code):
         return sentence
     parts = [sentence] if len(sentence) <= _LONGEST else sentence.split("; ")
-    return "; ".join(_best(part, code, _DEEPEST).text if len(part) <= _LONGEST else part for part in parts)
+    return "; ".join(_best_translation(part, code, _DEEPEST).text if len(part) <= _LONGEST else part for part in parts)
 
 
 @lru_cache(maxsize=8)
-def _entries(code: str) -> tuple[Entry, ...]:
+def _entries(code: str) -> tuple[CatalogueEntry, ...]:
     return tuple(_entry(english, said) for english, said in catalogue(code).items())
 
 
-def _entry(english: str, said: str) -> Entry:
-    parts = _HOLE.split(english)
+def _entry(english: str, said: str) -> CatalogueEntry:
+    parts = _PLACEHOLDER.split(english)
     lazy, greedy = (_pattern(parts, hole) for hole in ("(.+?)", "(.+)"))
-    return Entry(max(parts[::2], key=len), (lazy, greedy), tuple(hole[0] for hole in parts[1::2]), said)
+    return CatalogueEntry(max(parts[::2], key=len), (lazy, greedy), tuple(hole[0] for hole in parts[1::2]), said)
 
 
 def _pattern(parts: Sequence[str], value: str) -> re.Pattern[str]:
@@ -71,32 +71,35 @@ def _pattern(parts: Sequence[str], value: str) -> re.Pattern[str]:
 
 
 @lru_cache(maxsize=16384)
-def _best(sentence: str, code: str, depth: int) -> Said:
+def _best_translation(sentence: str, code: str, depth: int) -> Translation:
     """Of all ways to take the sentence apart, the one that leaves the least of it untranslated."""
-    ways = [Said(sentence, len(sentence))]
+    ways = [Translation(sentence, len(sentence))]
     if depth:
-        ways += _whole(sentence, code, depth)
-        ways += _joined(sentence, code, depth)
+        ways += _match_whole(sentence, code, depth)
+        ways += _split_joined(sentence, code, depth)
     return min(ways, key=lambda way: way.left)
 
 
-def _whole(sentence: str, code: str, depth: int) -> Iterator[Said]:
+def _match_whole(sentence: str, code: str, depth: int) -> Iterator[Translation]:
     """As one sentence of the catalogue, others perhaps standing in it."""
     for entry in _entries(code):
         for pattern in entry.patterns if entry.words in sentence else ():
             if found := pattern.fullmatch(sentence):
-                values = {h: _best(v, code, depth - 1) for h, v in zip(entry.holes, found.groups(), strict=True)}
-                said = _HOLE.sub(lambda hole, known=values: known[hole[1]].text, entry.said)  # type: ignore[misc]
-                yield Said(said, sum(v.left for v in values.values()))
+                values = {
+                    h: _best_translation(v, code, depth - 1)
+                    for h, v in zip(entry.placeholders, found.groups(), strict=True)
+                }
+                said = _PLACEHOLDER.sub(lambda hole, known=values: known[hole[1]].text, entry.said)  # type: ignore[misc]
+                yield Translation(said, sum(v.left for v in values.values()))
 
 
-def _joined(sentence: str, code: str, depth: int) -> Iterator[Said]:
+def _split_joined(sentence: str, code: str, depth: int) -> Iterator[Translation]:
     """As several sentences one after the other, or as one about somebody: `SN0042: …`."""
     for joint in ("; ", ", ", ": "):
         at = sentence.find(joint)
         while at > 0:
             head, rest = sentence[:at], sentence[at + len(joint) :]
             if joint == ": " or any(e.words in head and e.patterns[0].fullmatch(head) for e in _entries(code)):
-                first, after = _best(head, code, depth - 1), _best(rest, code, depth - 1)
-                yield Said(f"{first.text}{joint}{after.text}", first.left + after.left + len(joint))
+                first, after = _best_translation(head, code, depth - 1), _best_translation(rest, code, depth - 1)
+                yield Translation(f"{first.text}{joint}{after.text}", first.left + after.left + len(joint))
             at = sentence.find(joint, at + 1)

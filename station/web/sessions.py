@@ -66,7 +66,7 @@ def same_token(session: Session, given: str) -> bool:
 
 
 @dataclass(slots=True)
-class Guesses:
+class LoginThrottle:
     """Failed log-ins by key (name, and address): after `most` within `window_s`, no further try counts."""
 
     monotonic_s: Callable[[], float]
@@ -88,7 +88,7 @@ class Guesses:
         for key in keys:
             self._failed.setdefault(key, []).append(self.monotonic_s())
 
-    def forget(self, *keys: str) -> None:
+    def clear_failures(self, *keys: str) -> None:
         """A success clears the name."""
         for key in keys:
             self._failed.pop(key, None)

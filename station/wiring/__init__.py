@@ -2,6 +2,6 @@
 
 from station.wiring.bench import Bench, open_bench
 from station.wiring.jobs import load_job
-from station.wiring.run_order import Order
+from station.wiring.run_order import RunOrder
 
-__all__ = ["Bench", "Order", "load_job", "open_bench"]
+__all__ = ["Bench", "RunOrder", "load_job", "open_bench"]

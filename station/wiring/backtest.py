@@ -13,18 +13,18 @@ import numpy as np
 
 from station.adapters.store import reduced
 from station.adapters.store.reader import LogReader
-from station.adapters.store.reduced import Reduced
+from station.adapters.store.reduced import ReducedAttempt
 from station.adapters.store.search import Attempt, Query
 from station.domain.core.types import Floats
 from station.domain.evaluation import backtest, pipeline, reduced_visits_document
-from station.domain.evaluation.backtest import Before, Compared
-from station.domain.evaluation.pipeline import Result
+from station.domain.evaluation.backtest import BacktestResult, PreviousResult
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.planning import design
 from station.domain.product import product_record, writeback
 from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
 from station.errors import StationFault
-from station.wiring.recompute import kept_visits, known, refit
+from station.wiring.recompute import parse_recipe_and_product, refit_attempt, stored_visits
 
 #: Attempts of one task: enough to be solved together, few enough to show progress.
 PORTION, PORTION_OF_FRAMES = 1024, 32
@@ -48,7 +48,7 @@ def run(
     from_frames: bool = False,
     processes: int | None = None,
     progress: Callable[[int], None] = lambda _done: None,
-) -> Compared:
+) -> BacktestResult:
     """Compares all attempts; from_frames: from raw frames, not from the reduced stops. progress: attempts done.
 
     Errors: RecipeError when the recipe cannot be computed at all, LogError, StationFault.
@@ -61,11 +61,11 @@ def run(
     tasks = [Task(log.path, text, part, from_frames) for part in parts]
     workers = min(processes or os.cpu_count() or 1, len(tasks))
     if workers <= 1:
-        return Compared.join([_told(work(task), task, progress) for task in tasks])
+        return BacktestResult.join([_with_progress(compute_portion(task), task, progress) for task in tasks])
     try:
         with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-            done = zip(pool.map(work, tasks), tasks, strict=True)
-            return Compared.join([_told(part, task, progress) for part, task in done])
+            done = zip(pool.map(compute_portion, tasks), tasks, strict=True)
+            return BacktestResult.join([_with_progress(part, task, progress) for part, task in done])
     except BrokenProcessPool as exc:
         raise StationFault(
             "a process of the backtest was ended from outside, by a person or for want of memory; "
@@ -73,7 +73,7 @@ def run(
         ) from exc
 
 
-def work(task: Task) -> Compared:
+def compute_portion(task: Task) -> BacktestResult:
     """One portion, in whatever process."""
     recipe = Recipe.model_validate_json(task.recipe)
     with LogReader(task.path) as log:
@@ -82,21 +82,21 @@ def work(task: Task) -> Compared:
     return backtest.compare([_before(row) for row in rows], results, from_samples=task.from_frames)
 
 
-def _told(part: Compared, task: Task, progress: Callable[[int], None]) -> Compared:
+def _with_progress(part: BacktestResult, task: Task, progress: Callable[[int], None]) -> BacktestResult:
     progress(len(task.numbers))
     return part
 
 
-def _from_stops(log: LogReader, rows: Sequence[Reduced], recipe: Recipe) -> list[Result]:
+def _from_stops(log: LogReader, rows: Sequence[ReducedAttempt], recipe: Recipe) -> list[CalibrationResult]:
     truths: references.Truths = {}
-    results: dict[str, Result] = {}
-    by_product: dict[int | None, list[Reduced]] = {}
+    results: dict[str, CalibrationResult] = {}
+    by_product: dict[int | None, list[ReducedAttempt]] = {}
     for row in rows:
         by_product.setdefault(row.product, []).append(row)
     for product, own in by_product.items():
         rounding = _rounding(log, product)
         units = {r.attempt: reduced_visits_document.from_document(json.loads(r.stops), recipe, truths) for r in own}
-        solved = pipeline.calibrate_stops(recipe, units, rounding)
+        solved = pipeline.calibrate_reduced(recipe, units, rounding)
         results |= dict(zip(units, solved, strict=True))
     return [results[row.attempt] for row in rows]
 
@@ -107,23 +107,23 @@ def _rounding(log: LogReader, product: int | None) -> Floats:
     return writeback.rounding_std(product_record.load(reduced.document(log.db.conn, product))[0].map)
 
 
-def _from_frames(log: LogReader, rows: Sequence[Reduced], recipe: Recipe) -> list[Result]:
+def _from_frames(log: LogReader, rows: Sequence[ReducedAttempt], recipe: Recipe) -> list[CalibrationResult]:
     found = {a.attempt: a for row in rows for a in log.attempts(Query(serial=row.serial))}
-    return [_again(log, found[row.attempt], recipe) for row in rows]
+    return [_recompute_attempt(log, found[row.attempt], recipe) for row in rows]
 
 
-def _again(log: LogReader, attempt: Attempt, recipe: Recipe) -> Result:
-    old, product, layout = known(*log.recipe_and_product(attempt))
+def _recompute_attempt(log: LogReader, attempt: Attempt, recipe: Recipe) -> CalibrationResult:
+    old, product, layout = parse_recipe_and_product(*log.recipe_and_product(attempt))
     kept = log.attempt(attempt)
-    visits = kept_visits(kept["visits"], log.frames(attempt))
-    if backtest.windows_differ(old, recipe):
-        visits = backtest.rewindow(visits, old, recipe)
+    visits = stored_visits(kept["visits"], log.frames(attempt))
+    if backtest.dwells_differ(old, recipe):
+        visits = backtest.recut_dwells(visits, old, recipe)
     positions = {p.name for p in recipe.positions}
     at_positions = [v for v in visits if not recipe.pose_known or v.position in positions]
-    return refit(attempt, at_positions, recipe, (product, layout), kept)
+    return refit_attempt(attempt, at_positions, recipe, (product, layout), kept)
 
 
-def _before(row: Reduced) -> Before:
+def _before(row: ReducedAttempt) -> PreviousResult:
     outcome, offset, matrix, checks = json.loads(row.before)
     theta = None if offset is None else np.array([*offset, *(v for part in matrix for v in part)])
-    return Before(row.attempt, row.serial, outcome, theta, tuple((c["check"], c["sentence"]) for c in checks))
+    return PreviousResult(row.attempt, row.serial, outcome, theta, tuple((c["check"], c["sentence"]) for c in checks))

@@ -15,13 +15,13 @@ from station.adapters.bus import open_bus
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import SystemClock
-from station.adapters.memory import keep_freed
+from station.adapters.malloc_tuning import retain_freed_memory
 from station.adapters.store import keys
 from station.adapters.store.sqlite import SqliteStore
 from station.config.documents import content_hash
-from station.config.sentences import sentences
 from station.config.settings import Settings, load_config
-from station.domain.core.types import Seat
+from station.config.validation_sentences import sentences
+from station.domain.core.types import NestAssignment
 from station.domain.recipe import references
 from station.errors import RecipeError, UsageError
 from station.ports.bus import Bus
@@ -31,25 +31,25 @@ from station.ports.positioner import Positioner
 from station.ports.store import Store
 from station.service.recovery import close_unfinished
 from station.service.station import Job, Station
-from station.wiring.bus_owner import own_bus
+from station.wiring.bus_owner import claim_bus
 from station.wiring.jobs import Source, load_job
 from station.wiring.learnt_model import with_model
 from station.wiring.positioners import positioner
-from station.wiring.run_order import Order
+from station.wiring.run_order import RunOrder
 from station.wiring.simulated import SimulatedFixture
 
 
 class Fixture(Protocol):
     """Where units come into the nests: by hand, or out of the simulation."""
 
-    def place(self, seats: Sequence[Seat]) -> None:
+    def place(self, seats: Sequence[NestAssignment]) -> None:
         """The units of a load sit in their nests from now on."""
 
 
 class _ByHand:
     """People place units; nothing to do."""
 
-    def place(self, seats: Sequence[Seat]) -> None:
+    def place(self, seats: Sequence[NestAssignment]) -> None:
         """Nothing to do."""
 
 
@@ -69,12 +69,12 @@ class Bench:
     told: tuple[str, ...]
     _open: ExitStack = field(repr=False)
 
-    def loads(self, serials: Sequence[str]) -> list[tuple[Seat, ...]]:
+    def loads(self, serials: Sequence[str]) -> list[tuple[NestAssignment, ...]]:
         """Serials in the order given, nest by nest; more than there are nests make several fixture loads."""
         nests = self.station.settings.nests
         count = math.ceil(len(serials) / len(nests))
         parts = [serials[i * len(nests) : (i + 1) * len(nests)] for i in range(count)]
-        return [tuple(Seat(s, n.name, n.node) for s, n in zip(part, nests, strict=False)) for part in parts]
+        return [tuple(NestAssignment(s, n.name, n.node) for s, n in zip(part, nests, strict=False)) for part in parts]
 
     def close(self) -> None:
         """Closes bus and log; closing twice is harmless."""
@@ -89,7 +89,7 @@ class Bench:
         self.close()
 
 
-def open_bench(order: Order) -> Bench:
+def open_bench(order: RunOrder) -> Bench:
     """Opens everything. Errors: those of recipe, config, product, bus and log, each before anything moves."""
     settings, document = load_config(order.config)
     settings = _overridden(settings, order)
@@ -97,7 +97,7 @@ def open_bench(order: Order) -> Bench:
     _check_simulation_options(order)
     job, learnt = with_model(job, order.model)
     _check_gold(job, settings)
-    keep_freed()
+    retain_freed_memory()
     with ExitStack() as opened:
         if order.simulate:
             fixture: Fixture = (made := SimulatedFixture(settings, document, job, source, order))
@@ -111,7 +111,7 @@ def open_bench(order: Order) -> Bench:
             at = settings.bus
             _check_interface(at.interface)
             if at.interface == "socketcan":
-                opened.callback(own_bus(at, settings.station).release)
+                opened.callback(claim_bus(at, settings.station).release)
             bus = open_bus(at.interface, at.channel, clock, receive_buffer_bytes=at.receive_buffer_bytes)
         opened.callback(bus.close)
         database = order.database or Path(settings.database)
@@ -123,7 +123,7 @@ def open_bench(order: Order) -> Bench:
     raise AssertionError("unreachable: ExitStack swallows nothing")
 
 
-def _overridden(settings: Settings, order: Order) -> Settings:
+def _overridden(settings: Settings, order: RunOrder) -> Settings:
     """Settings with what the order says otherwise, checked again."""
     bus = {k: v for k, v in {"interface": order.interface, "channel": order.channel}.items() if v is not None}
     own = {k: v for k, v in {"operator": order.operator, "lot": order.lot}.items() if v is not None}
@@ -134,7 +134,7 @@ def _overridden(settings: Settings, order: Order) -> Settings:
         raise UsageError("; ".join(sentences(exc, Settings, lambda _: 1)).replace("line 1, ", "")) from None
 
 
-def _check_simulation_options(order: Order) -> None:
+def _check_simulation_options(order: RunOrder) -> None:
     given = {
         "--effect": order.effects,
         "--fault": order.faults,
@@ -166,7 +166,7 @@ def _check_gold(job: Job, settings: Settings) -> None:
 
 
 def _store(path: Path, settings: Settings, clock: Clock, opened: ExitStack) -> Store:
-    signer = keys.signer(Path(settings.signing_key)) if settings.signing_key else None
+    signer = keys.load_signer(Path(settings.signing_key)) if settings.signing_key else None
     store = SqliteStore(path, owner=settings.station, epoch_ns=clock.epoch_ns, signer=signer)
     opened.callback(store.close)
     return store

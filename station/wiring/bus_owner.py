@@ -4,7 +4,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from station.adapters.store.owner import Owner
+from station.adapters.store.owner import OwnerLock
 from station.config.settings import BusSettings
 from station.errors import BusFault
 
@@ -12,12 +12,12 @@ from station.errors import BusFault
 _LOCKS = Path("/run/lock")
 
 
-def own_bus(bus: BusSettings, name: str) -> Owner:
+def claim_bus(bus: BusSettings, name: str) -> OwnerLock:
     """Takes the interface for the station of that name, until it is released or dies.
 
     Errors: BusFault with the name, process and start of the station that has it.
     """
-    return Owner(lock_path(bus.channel), f"the bus {bus.channel}", name, time.time_ns(), BusFault)
+    return OwnerLock(lock_path(bus.channel), f"the bus {bus.channel}", name, time.time_ns(), BusFault)
 
 
 def lock_path(channel: str) -> Path:

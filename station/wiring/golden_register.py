@@ -9,11 +9,11 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from station.adapters.store import life
+from station.adapters.store import audit_document
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt, Query
 from station.config.settings import Settings
-from station.domain.line_quality.golden import Expected, Shown, Standing, standing
+from station.domain.line_quality.golden import GoldenStatus, LatestResult, RegisteredUnit, golden_status
 from station.domain.methods import coefficients
 from station.domain.recipe.recipe import Recipe
 from station.errors import ConfigError, LogError, ReferenceOverdue
@@ -21,7 +21,7 @@ from station.errors import ConfigError, LogError, ReferenceOverdue
 SCHEMA = "station.golden/1"
 
 
-def load(path: Path) -> dict[str, Expected]:
+def load(path: Path) -> dict[str, RegisteredUnit]:
     """The register by serial; empty where there is no file. Errors: ConfigError."""
     if not path.exists():
         return {}
@@ -33,7 +33,7 @@ def load(path: Path) -> dict[str, Expected]:
         raise ConfigError(f"{path}: the register of golden units cannot be read ({exc}); {remedy}") from exc
 
 
-def save(path: Path, units: dict[str, Expected]) -> None:
+def save(path: Path, units: dict[str, RegisteredUnit]) -> None:
     """Writes the register whole or not at all. Errors: ConfigError."""
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     text = json.dumps({"schema": SCHEMA, "units": [asdict(u) for u in units.values()]}, indent=1, allow_nan=False)
@@ -44,7 +44,7 @@ def save(path: Path, units: dict[str, Expected]) -> None:
         raise ConfigError(f"{path} cannot be written ({exc.strerror}); check golden.file") from exc
 
 
-def expect(log: LogReader, serial: str, *, bad: bool, share: float, due: str) -> Expected:
+def expect(log: LogReader, serial: str, *, bad: bool, share: float, due: str) -> RegisteredUnit:
     """What a unit's newest judged attempt came to, as what it must come to again.
 
     share: half-width of each value, as a share of the recipe's limit. Errors: LogError.
@@ -55,10 +55,10 @@ def expect(log: LogReader, serial: str, *, bad: bool, share: float, due: str) ->
     wanted = "FAIL" if bad else "PASS"
     if attempt.outcome != wanted:
         raise LogError(f"{serial} came out {attempt.outcome} last, so it is no {'known-bad' if bad else 'golden'} unit")
-    shown = _shown(log, attempt)
+    shown = _golden_result(log, attempt)
     recipe = Recipe.model_validate_json(log.recipe_and_product(attempt)[0])
-    halves = _halves(recipe, share)
-    return Expected(
+    halves = _half_widths(recipe, share)
+    return RegisteredUnit(
         serial=serial,
         kind="known-bad" if bad else "golden",
         recipe=attempt.recipe_name,
@@ -69,21 +69,21 @@ def expect(log: LogReader, serial: str, *, bad: bool, share: float, due: str) ->
     )
 
 
-def standings(settings: Settings, database: Path) -> list[Standing]:
+def standings(settings: Settings, database: Path) -> list[GoldenStatus]:
     """Every registered unit; nothing where config.yaml has no golden block. Errors: ConfigError, LogError."""
     if settings.golden is None:
         return []
     units = load(Path(settings.golden.file))
     if not units:
         return []
-    shown: dict[str, Shown | None] = dict.fromkeys(units)
+    shown: dict[str, LatestResult | None] = dict.fromkeys(units)
     if database.exists():
         with LogReader(database) as log:
             for serial, unit in units.items():
                 attempt = _newest(log, serial, unit.recipe)
-                shown[serial] = None if attempt is None else _shown(log, attempt)
+                shown[serial] = None if attempt is None else _golden_result(log, attempt)
     now_s, today = time.time(), date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall here
-    return [standing(u, shown[s], now_s, today, settings.golden.every_h) for s, u in units.items()]
+    return [golden_status(u, shown[s], now_s, today, settings.golden.every_h) for s, u in units.items()]
 
 
 def refuse_unless_checked(settings: Settings, database: Path, serials: Sequence[str]) -> None:
@@ -107,24 +107,24 @@ def _newest(log: LogReader, serial: str, recipe: str | None) -> Attempt | None:
     return next((a for a in found if a.outcome in ("PASS", "FAIL")), None)
 
 
-def _shown(log: LogReader, attempt: Attempt) -> Shown:
+def _golden_result(log: LogReader, attempt: Attempt) -> LatestResult:
     kept = log.attempt(attempt)
-    fit, verdict = life.result(kept, "calibration") or {}, life.result(kept, "verdict") or {}
+    fit, verdict = audit_document.result(kept, "calibration") or {}, audit_document.result(kept, "verdict") or {}
     values: dict[str, float] = {}
     if fit.get("offset") is not None:
         theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
         values = dict(zip(coefficients.NAMES, theta, strict=True))
     checks = tuple(sorted({str(r["check"]) for r in verdict.get("reasons", ())}))
-    return Shown((attempt.ended_ns or attempt.started_ns) / 1e9, str(attempt.outcome), values, checks)
+    return LatestResult((attempt.ended_ns or attempt.started_ns) / 1e9, str(attempt.outcome), values, checks)
 
 
-def _halves(recipe: Recipe, share: float) -> dict[str, float]:
+def _half_widths(recipe: Recipe, share: float) -> dict[str, float]:
     limits = recipe.limits
     half = {"offset": limits.offset, "gain": limits.gain, "cross-axis": limits.cross_axis}
     said = {name: half[name.partition(" ")[0]] for name in coefficients.NAMES}
     return {name: share * limit for name, limit in said.items() if limit is not None}
 
 
-def _expected(unit: dict[str, Any]) -> Expected:
+def _expected(unit: dict[str, Any]) -> RegisteredUnit:
     values = {k: (float(v), float(half)) for k, (v, half) in unit["values"].items()}
-    return Expected(**{**unit, "values": values, "checks": tuple(unit["checks"])})
+    return RegisteredUnit(**{**unit, "values": values, "checks": tuple(unit["checks"])})

@@ -6,7 +6,7 @@ from pathlib import Path
 from station.config.documents import canonical
 from station.config.models import load_model
 from station.config.recipes import recipe_hash
-from station.model.compensated import taken_in
+from station.model.compensated import compensate
 from station.service.station import Job
 
 
@@ -17,19 +17,19 @@ def with_model(job: Job, path: Path | None) -> tuple[Job, tuple[str, ...]]:
     """
     if path is None:
         return job, ()
-    found = taken_in(job.recipe, load_model(path), gains_only=job.product.map.matrix.order == "diagonal")
+    found = compensate(job.recipe, load_model(path), gains_only=job.product.map.matrix.order == "diagonal")
     told = [f"{path}: {reason}" for reason in found.left]
     if found.causes:
         names = ", ".join(found.causes)
         told.insert(0, f"{path}: {names}, the device's own, goes into the calibration: offset and the whole matrix")
     if found.recipe == job.recipe:
-        return replace(job, takes_in=found.causes), tuple(told)
+        return replace(job, compensated_causes=found.causes), tuple(told)
     whole = replace(
         job,
         recipe=found.recipe,
         recipe_hash=recipe_hash(found.recipe),
         recipe_json=canonical(found.recipe),
-        takes_in=found.causes,
+        compensated_causes=found.causes,
         plain=job.recipe,
     )
     return whole, tuple(told)

@@ -11,14 +11,14 @@ from station.adapters.canopen import eds
 from station.adapters.clock import SystemClock
 from station.adapters.dbc import read_layouts
 from station.adapters.simulated_device import device_fault
-from station.adapters.simulated_device.device import SimulatedDevice, Timing, listens_to
+from station.adapters.simulated_device.device import SimulatedDevice, Timing, received_ids
 from station.adapters.simulated_device.live import Hub, serve
-from station.adapters.simulated_device.memory import NonVolatile
-from station.adapters.simulated_device.stream import Sensor
+from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
+from station.adapters.simulated_device.stream import SimulatedSensor
 from station.config.products import load_product, product_path
 from station.domain.can.sensor_layout import SensorLayout, resolve
 from station.domain.core.types import Floats
-from station.domain.product.product import kept_serial
+from station.domain.product.product import stored_serial
 from station.domain.recipe.recipe import UP
 from station.errors import ProductError, UsageError
 from station.ports.bus import Endpoint
@@ -68,7 +68,7 @@ class World:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Body:
+class TrueErrors:
     """One unit's true errors: measured = matrix · true + offset + noise; offset (3), noise in the sensor's unit."""
 
     matrix: Floats
@@ -93,7 +93,7 @@ class LiveDevices:
         product = load_product(wanted.product)
         if product.eds is None:
             raise ProductError(f"{where} names no eds, so no such device can be simulated; add eds: FILE")
-        self.world, self.bodies = World(), dict[str, Body]()
+        self.world, self.bodies = World(), dict[str, TrueErrors]()
         self._wanted, self._map, self._eds = wanted, product.map, where.parent / product.eds
         self._layout: SensorLayout = resolve(product.frames, read_layouts(where.parent / product.frames.dbc))
         self._clock = SystemClock()
@@ -105,7 +105,7 @@ class LiveDevices:
         """The devices on their CAN interface."""
         _check(wanted)
         product_path(wanted.product)
-        return cls(wanted, SocketCan(wanted.channel).service(listens(wanted)))
+        return cls(wanted, SocketCan(wanted.channel).service(population_ids(wanted)))
 
     def live(self, go_on: Callable[[], bool]) -> None:
         """Serves the bus for as long as `go_on()`, then leaves it."""
@@ -119,24 +119,24 @@ class LiveDevices:
         full_scale = self._layout.axes[0].raw_limits()[1] * self._layout.axes[0].scale
         matrix = np.eye(3) + _GAIN_STD * rng.standard_normal((3, 3))
         offset = _OFFSET_STD * full_scale * rng.standard_normal(3)
-        body = self.bodies[serial] = Body(matrix, offset, _NOISE_STD * full_scale)
+        body = self.bodies[serial] = TrueErrors(matrix, offset, _NOISE_STD * full_scale)
         sense = body.sensed(self.world, rng)
         return SimulatedDevice(
             self._hub.endpoint(),
             self._clock,
             eds.load(self._eds, node),
             self._map,
-            Sensor(self._layout, sense, lambda _: self.world.temperature_degC, wanted.rate_hz),
-            serial=kept_serial(self._map.serial, serial),
-            memory=None if wanted.memory is None else NonVolatile.of_serial(wanted.memory, serial),
+            SimulatedSensor(self._layout, sense, lambda _: self.world.temperature_degC, wanted.rate_hz),
+            serial=stored_serial(self._map.serial, serial),
+            memory=None if wanted.memory is None else NonVolatileMemory.of_serial(wanted.memory, serial),
             timing=Timing(turnaround_s=0.0, flash_s=wanted.flash_s, block_s=wanted.block_s),
             faults=[device_fault.parse(text) for text in wanted.faults],
         )
 
 
-def listens(wanted: Population) -> tuple[int, ...]:
+def population_ids(wanted: Population) -> tuple[int, ...]:
     """Identifiers that the devices' channel must receive."""
-    return tuple(sorted({can_id for node in wanted.nodes for can_id in listens_to(node)}))
+    return tuple(sorted({can_id for node in wanted.nodes for can_id in received_ids(node)}))
 
 
 def _check(wanted: Population) -> None:

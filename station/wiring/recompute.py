@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from station.adapters.store import life, plain
+from station.adapters.store import audit_document, column_values
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.capture.assemble import KeptVisit
-from station.domain.core.types import Frames, Seat
+from station.domain.capture.assemble import CapturedVisit
+from station.domain.core.types import Frames, NestAssignment
 from station.domain.evaluation import calibration_document
-from station.domain.evaluation.pipeline import Result
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.noise import noise_document
 from station.domain.product import product_record
 from station.domain.product.product import Product
@@ -45,13 +45,13 @@ class Recomputed:
 def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
     """Refits one attempt and compares. Errors: LogError where its record cannot be read."""
     kept = reader.attempt(attempt)
-    stored = life.result(kept, "calibration")
+    stored = audit_document.result(kept, "calibration")
     if stored is None:
         return Recomputed(attempt.attempt, attempt.serial, 0, (), "it came to no calibration")
-    recipe, product, layout = known(*reader.recipe_and_product(attempt))
-    visits = kept_visits(kept["visits"], reader.frames(attempt))
-    result = refit(attempt, visits, recipe, (product, layout), kept)
-    again = json.loads(plain.document(calibration_document.unit(result)))
+    recipe, product, layout = parse_recipe_and_product(*reader.recipe_and_product(attempt))
+    visits = stored_visits(kept["visits"], reader.frames(attempt))
+    result = refit_attempt(attempt, visits, recipe, (product, layout), kept)
+    again = json.loads(column_values.document(calibration_document.unit(result)))
     before, after = dict(_leaves("", stored)), dict(_leaves("", again))
     names = {**before, **after}
     different = tuple(name for name in names if before.get(name, ...) != after.get(name, ...))
@@ -59,31 +59,31 @@ def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
 
 
 @lru_cache(maxsize=16)
-def known(recipe_json: str, product_json: str) -> tuple[Recipe, Product, SensorLayout]:
+def parse_recipe_and_product(recipe_json: str, product_json: str) -> tuple[Recipe, Product, SensorLayout]:
     """Recipe, product and frames as an attempt used them. Errors: LogError where they were not kept."""
     if not recipe_json or not product_json:
         raise LogError("this attempt was kept without its recipe and product, so it cannot be computed again")
     return Recipe.model_validate_json(recipe_json), *product_record.load(product_json)
 
 
-def kept_visits(rows: Sequence[Mapping[str, Any]], frames: Sequence[Frames]) -> list[KeptVisit]:
+def stored_visits(rows: Sequence[Mapping[str, Any]], frames: Sequence[Frames]) -> list[CapturedVisit]:
     """The tumble's visits with their raw frames, each checked against its sealed digest. Errors: LogError."""
     if len(rows) != len(frames):
         raise LogError(f"{len(rows)} visits have {len(frames)} sets of raw frames; run `station audit --verify`")
-    return [_kept(row, own) for row, own in zip(rows, frames, strict=True) if row["kind"] == "tumble"]
+    return [_stored_visit(row, own) for row, own in zip(rows, frames, strict=True) if row["kind"] == "tumble"]
 
 
-def refit(
+def refit_attempt(
     attempt: Attempt,
-    visits: Sequence[KeptVisit],
+    visits: Sequence[CapturedVisit],
     recipe: Recipe,
     product: tuple[Product, SensorLayout],
     kept: Mapping[str, Any],
-) -> Result:
+) -> CalibrationResult:
     """The run's own computation over kept visits, on its day and with what it knew of the noise; kept: the attempt."""
-    seat = Seat(attempt.serial, attempt.nest, attempt.node)
+    seat = NestAssignment(attempt.serial, attempt.nest, attempt.node)
     table = compute.samples_of(seat, visits, recipe, product[1], {})
-    prior = noise_document.to_prior(life.result(kept, "dwell"))
+    prior = noise_document.to_prior(audit_document.result(kept, "dwell"))
     return compute.refit(table, recipe, product[0], judged_ns(kept), prior)
 
 
@@ -92,11 +92,11 @@ def judged_ns(kept: Mapping[str, Any]) -> int:
     return int(next(r["at_ns"] for r in reversed(kept["results"]) if r["name"] == "calibration"))
 
 
-def _kept(row: Mapping[str, Any], frames: Frames) -> KeptVisit:
-    if not raw.sealed_by(frames, row["frames_sha256"]):
+def _stored_visit(row: Mapping[str, Any], frames: Frames) -> CapturedVisit:
+    if not raw.digest_matches(frames, row["frames_sha256"]):
         raise LogError(f"the raw frames of visit record {row['record']} are not those that were sealed")
     told = row["statistics"]
-    return KeptVisit(
+    return CapturedVisit(
         run=row["run"],
         visit=row["visit"],
         position=row["position"],

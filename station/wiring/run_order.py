@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class RunOrder:
     """What the command line or the page asks for; None: as config.yaml says.
 
     effects: `ID` or `ID=SIZE`; faults: `KIND[:key=value,…]`, of every unit, or of one as `SERIAL/KIND…`.

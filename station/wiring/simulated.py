@@ -5,30 +5,29 @@ from functools import cache, partial
 
 import numpy as np
 
-from station.adapters.bus.simulated import Simulated as SimulatedBus
+from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.canopen import eds
 from station.adapters.clock import SystemClock, VirtualClock
-from station.adapters.positioner.simulated import Simulated as SimulatedPositioner
+from station.adapters.positioner.simulated import SimulatedPositioner
 from station.adapters.simulated_device import device_fault
-from station.adapters.simulated_device.device import SimulatedDevice, Timing, listens_to
-from station.adapters.simulated_device.memory import NonVolatile
-from station.adapters.simulated_device.stream import Sensor
+from station.adapters.simulated_device.device import SimulatedDevice, Timing, received_ids
+from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
+from station.adapters.simulated_device.stream import SimulatedSensor
 from station.config.documents import Document
 from station.config.models import load_model
 from station.config.settings import Settings
-from station.domain.core.types import Frames, Seat
-from station.domain.product.product import kept_serial
-from station.domain.recipe.plan import Stop
+from station.domain.core.types import Frames, NestAssignment
+from station.domain.product.product import stored_serial
+from station.domain.recipe.plan import PlannedVisit
 from station.errors import ProductError
 from station.model.effect import Effect
 from station.model.rig import Rig
-from station.model.simulate import Job as Campaign
-from station.model.simulate import effect_of
+from station.model.simulate import SimulationJob, parse_effect
 from station.ports.bus import Endpoint
 from station.service.station import Job
 from station.wiring.jobs import Source
 from station.wiring.positioners import options_of
-from station.wiring.run_order import Order
+from station.wiring.run_order import RunOrder
 
 #: How well the simulated positioner repeats, degrees, where config.yaml does not describe it: 3.6″, a dividing head.
 #: More of it is a cause of its own, which nobody asked for: `--effect repeatability`.
@@ -36,13 +35,13 @@ ERROR_DEG = 0.001
 #: Readings of this long leave a simulated device together, s, while nobody looks (during a move).
 BLOCK_S = 0.5
 #: In place of a serial in `--fault`: the bus itself; the gold reference.
-BUS, GOLD = "BUS/", "GOLD"
+BUS_PREFIX, GOLD_SERIAL = "BUS/", "GOLD_SERIAL"
 
 
 class SimulatedFixture:
     """Everything that `station run --simulate` needs in place of a bench."""
 
-    def __init__(self, settings: Settings, document: Document, job: Job, source: Source, order: Order) -> None:
+    def __init__(self, settings: Settings, document: Document, job: Job, source: Source, order: RunOrder) -> None:
         if source.eds is None:
             raise ProductError(f"{source.product} names no eds, so no such device can be simulated; add eds: FILE")
         self._settings, self._job, self._order = settings, job, order
@@ -51,15 +50,17 @@ class SimulatedFixture:
         self.bus = SimulatedBus(self.clock)
         self.positioner = SimulatedPositioner(self._positioner_settings(document), self.clock, self._go)
         effects = tuple(_effect(text, job) for text in order.effects)
-        self._rig = Rig(Campaign(job.recipe, (), order.seed, effects, load_model(order.model)), self.positioner.plate)
+        self._rig = Rig(
+            SimulationJob(job.recipe, (), order.seed, effects, load_model(order.model)), self.positioner.plate
+        )
         for text in order.faults:
-            if text.startswith(BUS):
-                self.bus.break_wire(text.removeprefix(BUS))
-        self._faults = [_split(text) for text in order.faults if not text.startswith(BUS)]
-        self._devices: list[tuple[SimulatedDevice, _Delivered]] = []
+            if text.startswith(BUS_PREFIX):
+                self.bus.break_wire(text.removeprefix(BUS_PREFIX))
+        self._faults = [_parse_fault(text) for text in order.faults if not text.startswith(BUS_PREFIX)]
+        self._devices: list[tuple[SimulatedDevice, _DisturbedEndpoint]] = []
         self._dictionary = cache(partial(eds.load, source.eds))  # a long batch places many units
 
-    def place(self, seats: Sequence[Seat]) -> None:
+    def place(self, seats: Sequence[NestAssignment]) -> None:
         """Takes the old units out, and puts a new device for each seat into its nest."""
         for device, channel in self._devices:
             self.clock.detach(device)
@@ -76,39 +77,41 @@ class SimulatedFixture:
         for device, _ in self._devices:
             self.clock.attach(device)
 
-    def _device(self, seat: Seat) -> "tuple[SimulatedDevice, _Delivered]":
+    def _device(self, seat: NestAssignment) -> "tuple[SimulatedDevice, _DisturbedEndpoint]":
         sheet, folder = self._job.recipe.device, self._order.device_state
-        sensor = Sensor(
+        sensor = SimulatedSensor(
             layout=self._job.layout,
             sense=partial(self._rig.sense, seat.nest),
             temperature=lambda time_s: float(self._rig.temperature_degC(seat.nest, np.array([time_s]))[0]),
             rate_hz=sheet.rate_hz * (1 + self._rig.rate_error(seat.nest)),
         )
-        memory = NonVolatile() if folder is None else NonVolatile.of_serial(folder, seat.serial)
+        memory = NonVolatileMemory() if folder is None else NonVolatileMemory.of_serial(folder, seat.serial)
         faults = [f for serial, f in self._faults if serial in ("", seat.serial)]
-        serial = kept_serial(self._job.product.map.serial, seat.serial)
-        return self._made(seat.nest, seat.node, sensor, serial, memory, faults)
+        serial = stored_serial(self._job.product.map.serial, seat.serial)
+        return self._build_device(seat.nest, seat.node, sensor, serial, memory, faults)
 
-    def _gold(self, nest: str, node: int) -> "tuple[SimulatedDevice, _Delivered]":
+    def _gold(self, nest: str, node: int) -> "tuple[SimulatedDevice, _DisturbedEndpoint]":
         """A gold reference beside the first nest; a fault of serial GOLD is its own."""
-        sensor = Sensor(
+        sensor = SimulatedSensor(
             layout=self._job.layout,
             sense=partial(self._rig.gold, nest),
             temperature=lambda time_s: float(self._rig.temperature_degC(nest, np.array([time_s]))[0]),
             rate_hz=self._job.recipe.device.rate_hz,
         )
-        return self._made(nest, node, sensor, 0, NonVolatile(), [f for s, f in self._faults if s == GOLD])
+        return self._build_device(
+            nest, node, sensor, 0, NonVolatileMemory(), [f for s, f in self._faults if s == GOLD_SERIAL]
+        )
 
-    def _made(
+    def _build_device(
         self,
         nest: str,
         node: int,
-        sensor: Sensor,
+        sensor: SimulatedSensor,
         serial: int | str,
-        memory: NonVolatile,
-        faults: list[device_fault.Fault],
-    ) -> "tuple[SimulatedDevice, _Delivered]":
-        channel = _Delivered(self.bus.endpoint(listens_to(node)), self._rig, nest)
+        memory: NonVolatileMemory,
+        faults: list[device_fault.InjectedFault],
+    ) -> "tuple[SimulatedDevice, _DisturbedEndpoint]":
+        channel = _DisturbedEndpoint(self.bus.endpoint(received_ids(node)), self._rig, nest)
         device = SimulatedDevice(
             channel,
             self.clock,
@@ -127,11 +130,11 @@ class SimulatedFixture:
             return SimulatedPositioner.Settings(error_deg=ERROR_DEG, seed=self._order.seed)
         return options_of(self._settings, document, SimulatedPositioner.Settings)
 
-    def _go(self, stop: Stop, departs_s: float, arrives_s: float) -> None:
+    def _go(self, stop: PlannedVisit, departs_s: float, arrives_s: float) -> None:
         self._rig.go(stop, departs_s, arrives_s)
 
 
-class _Delivered:
+class _DisturbedEndpoint:
     """A device's endpoint; what it sends in blocks arrives as the simulated bus faults let it."""
 
     def __init__(self, channel: Endpoint, rig: Rig, nest: str) -> None:
@@ -160,10 +163,10 @@ class _Delivered:
 
 def _effect(text: str, job: Job) -> Effect:
     name, _, size = text.partition("=")
-    return effect_of(name, job.recipe, size or None)
+    return parse_effect(name, job.recipe, size or None)
 
 
-def _split(text: str) -> tuple[str, device_fault.Fault]:
+def _parse_fault(text: str) -> tuple[str, device_fault.InjectedFault]:
     """`SERIAL/KIND:…` or `KIND:…` → (serial or '', fault)."""
     head, slash, rest = text.partition("/")
     return (head, device_fault.parse(rest)) if slash else ("", device_fault.parse(text))

@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from station.adapters.store import life
+from station.adapters.store import audit_document
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt
-from station.domain.capture.annotations import Mark, Marks, marks_of
-from station.domain.capture.assemble import KeptVisit, starts_ns, table_of
-from station.domain.core.types import Floats, Frames, Labels, SampleTable, Seat
+from station.domain.capture.annotations import Annotation, Annotations, annotate_visits
+from station.domain.capture.assemble import CapturedVisit, run_starts_ns, sample_table
+from station.domain.core.types import Floats, Frames, Labels, NestAssignment, SampleTable
 from station.domain.methods import coefficients
 from station.errors import UsageError
-from station.wiring.recompute import kept_visits, known
+from station.wiring.recompute import parse_recipe_and_product, stored_visits
 
 #: Columns that a log of this software can always fill.
-ALWAYS = ("started_s", "since_clamp_s", "since_power_s")
+ALWAYS_COLUMNS = ("started_s", "since_clamp_s", "since_power_s")
 
 
 def samples(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[SampleTable]:
@@ -30,21 +30,21 @@ def samples(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[SampleTable
     wanted = _columns(log, attempts)
     runs: dict[str, int] = {}
     for attempt in attempts:
-        recipe, _, layout = known(*log.recipe_and_product(attempt))
+        recipe, _, layout = parse_recipe_and_product(*log.recipe_and_product(attempt))
         kept = log.attempt(attempt)
-        visits = kept_visits(kept["visits"], log.frames(attempt))
+        visits = stored_visits(kept["visits"], log.frames(attempt))
         if not visits:
             continue
         labels = {"station": attempt.station, "nest": attempt.nest, "lot": attempt.lot, "operator": attempt.operator}
         bits = recipe.device.counter_bits
-        table = table_of(attempt.serial, attempt.node, visits, layout, counter_bits=bits, everything=True)
+        table = sample_table(attempt.serial, attempt.node, visits, layout, counter_bits=bits, everything=True)
         table = replace(table, values={**table.values, **_clocks(table, visits, kept["events"])})
         before = runs.get(attempt.serial, 0)
         runs[attempt.serial] = before + len(recipe.runs)
         yield _complete(table, labels, wanted, before, (visits[0].arrived_ns - zero_ns) / 1e9)
 
 
-def frames(log: LogReader, attempts: Sequence[Attempt]) -> tuple[Frames, Marks]:
+def frames(log: LogReader, attempts: Sequence[Attempt]) -> tuple[Frames, Annotations]:
     """All raw frames of the attempts in the order of time, and marks of their dwells.
 
     Errors: UsageError when two attempts overlap in time on one node, so that marks could not part them.
@@ -53,11 +53,11 @@ def frames(log: LogReader, attempts: Sequence[Attempt]) -> tuple[Frames, Marks]:
     joined = Frames.join([part for _, parts in kept for part in parts])
     joined = joined[np.argsort(joined.time_ns, kind="stable")]
     zero_ns = int(joined.time_ns[0]) if len(joined) else 0
-    dwells = [(a, kept_visits(log.attempt(a)["visits"], parts)) for a, parts in kept]
+    dwells = [(a, stored_visits(log.attempt(a)["visits"], parts)) for a, parts in kept]
     _check_apart([(a, visit) for a, visits in dwells for visit in visits])
     names = {a.recipe_name for a in attempts}
     made = tuple(mark for a, visits in dwells for mark in _marks(log, a, visits, zero_ns))
-    return joined, Marks(recipe=names.pop() if len(names) == 1 else None, marks=made)
+    return joined, Annotations(recipe=names.pop() if len(names) == 1 else None, marks=made)
 
 
 def results(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[dict[str, Any]]:
@@ -68,15 +68,15 @@ def results(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[dict[str, A
 
 def _columns(log: LogReader, attempts: Sequence[Attempt]) -> tuple[str, ...]:
     """Columns of numbers that any of the attempts can fill."""
-    layouts = [known(*texts)[2] for texts in {log.recipe_and_product(a) for a in attempts}]
+    layouts = [parse_recipe_and_product(*texts)[2] for texts in {log.recipe_and_product(a) for a in attempts}]
     counter = any(layout.counter is not None for layout in layouts)
     temperature = any(layout.temperature is not None for layout in layouts)
-    return (*ALWAYS, *["counter"] * counter, *["temperature_degC"] * temperature)
+    return (*ALWAYS_COLUMNS, *["counter"] * counter, *["temperature_degC"] * temperature)
 
 
-def _clocks(table: SampleTable, visits: Sequence[KeptVisit], events: Sequence[dict[str, Any]]) -> dict[str, Floats]:
+def _clocks(table: SampleTable, visits: Sequence[CapturedVisit], events: Sequence[dict[str, Any]]) -> dict[str, Floats]:
     """Seconds since each row's unit was clamped, and since it was powered; NaN where the log does not say so."""
-    starts = starts_ns(visits)
+    starts = run_starts_ns(visits)
     zero = min(starts.values())
     at = table.time_s + np.array([(starts.get(run, zero) - zero) / 1e9 for run in range(max(starts) + 1)])[table.run]
     seated = [e for e in events if e["kind"] == "seated"]
@@ -101,15 +101,15 @@ def _complete(
     return replace(table, run=table.run + np.int32(runs), labels={**table.labels, **texts}, values=values)
 
 
-def _marks(log: LogReader, attempt: Attempt, visits: Sequence[KeptVisit], zero_ns: int) -> list[Mark]:
-    _, _, layout = known(*log.recipe_and_product(attempt))
+def _marks(log: LogReader, attempt: Attempt, visits: Sequence[CapturedVisit], zero_ns: int) -> list[Annotation]:
+    _, _, layout = parse_recipe_and_product(*log.recipe_and_product(attempt))
     try:
-        return marks_of(Seat(attempt.serial, attempt.nest, attempt.node), visits, layout, zero_ns)
+        return annotate_visits(NestAssignment(attempt.serial, attempt.nest, attempt.node), visits, layout, zero_ns)
     except ValidationError as exc:
         raise UsageError(f"unit {attempt.serial!r} cannot be marked: a mark's text allows no such characters") from exc
 
 
-def _check_apart(marks: Sequence[tuple[Attempt, KeptVisit]]) -> None:
+def _check_apart(marks: Sequence[tuple[Attempt, CapturedVisit]]) -> None:
     last: dict[int, tuple[int, Attempt]] = {}
     for attempt, visit in sorted(marks, key=lambda m: m[1].from_ns):
         until, other = last.get(attempt.node, (visit.from_ns, attempt))
@@ -122,9 +122,9 @@ def _check_apart(marks: Sequence[tuple[Attempt, KeptVisit]]) -> None:
 
 
 def _result(attempt: Attempt, kept: dict[str, Any]) -> dict[str, Any]:
-    fit = life.result(kept, "calibration") or {}
-    verdict = life.result(kept, "verdict") or {}
-    identity = life.result(kept, "identity") or {}
+    fit = audit_document.result(kept, "calibration") or {}
+    verdict = audit_document.result(kept, "verdict") or {}
+    identity = audit_document.result(kept, "identity") or {}
     theta, std = _theta(fit)
     return {
         "serial": attempt.serial,

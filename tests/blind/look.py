@@ -4,17 +4,17 @@ from typing import Any
 
 from station.diagnosis.results.diagnose import Diagnosis, diagnose
 from station.diagnosis.search import alarm
-from station.diagnosis.search.alarm import Null
+from station.diagnosis.search.alarm import NullDistribution
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 
-_NULLS: dict[str, Null] = {}
+_NULLS: dict[str, NullDistribution] = {}
 
 
-def null_of(problem: Any, fitted: Any, now: Any) -> Null:
+def null_of(problem: Any, fitted: Any, now: Any) -> NullDistribution:
     """The null distribution of a kind of campaign."""
-    key = alarm.key(problem, fitted, now, 1)
+    key = alarm.cache_key(problem, fitted, now, 1)
     if key not in _NULLS:
         _NULLS[key] = alarm.bootstrap(problem, fitted, now, 1)
     return _NULLS[key]

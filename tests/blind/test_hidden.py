@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from station.diagnosis.results.diagnosis_document import document
-from station.diagnosis.results.extend import extended
+from station.diagnosis.results.extend import extend_model
 from station.model.model_file import Model
 from tests.blind.bench import FULL, WHITE, hide
 from tests.blind.hidden import KNOWN, UNKNOWN, WRONG_FORM
@@ -27,10 +27,10 @@ def test_a_known_cause_is_named_sized_paid_for_and_then_silent(name: str) -> Non
     found = look(recipe(), table)
     assert found.causes, (found.verdict, truth)
     first = found.causes[0].finding
-    assert name == first.name or name in first.alike
-    assert first.name == name or first.alike
+    assert name == first.name or name in first.indistinguishable_from
+    assert first.name == name or first.indistinguishable_from
     assert found.causes[0].gain.log_score > 0
-    model = extended(Model(), found)
+    model = extend_model(Model(), found)
     assert [e.effect for e in model.effects][:1] == [first.name]
     if found.verdict == "named":
         assert look(recipe(), table, model).verdict == "none"
@@ -43,7 +43,7 @@ def test_a_cause_of_another_form_is_named_all_the_same(name: str) -> None:
     found = look(recipe(), table)
     assert found.causes
     first = found.causes[0].finding
-    assert right == first.name or right in first.alike
+    assert right == first.name or right in first.indistinguishable_from
 
 
 def test_a_cause_that_explains_nothing_is_not_named_for_an_alarm_of_something_else() -> None:
@@ -51,7 +51,7 @@ def test_a_cause_that_explains_nothing_is_not_named_for_an_alarm_of_something_el
     table, _ = hide(recipe(), WRONG_FORM["ringing"][1], 4408029, floor=WHITE, d=8.0)
     found = look(recipe(), table)
     assert not found.causes
-    assert found.verdict == ("unknown" if found.searched.findings else "none")
+    assert found.verdict == ("unknown" if found.search_result.findings else "none")
 
 
 @pytest.mark.parametrize("name", sorted(UNKNOWN))
@@ -67,8 +67,8 @@ def test_what_nobody_knows_is_called_unknown_and_says_on_what_it_depends(name: s
 def test_nothing_hidden_is_nothing_found(seed: int) -> None:
     table, _ = hide(recipe(), None, 4000 + 10 * SEED + seed, floor=FULL if seed % 2 else WHITE)
     found = look(recipe(), table)
-    assert found.searched.statistics[0] < found.searched.threshold + 1.0
-    assert found.verdict == "none" or found.searched.statistics[0] > found.searched.threshold
+    assert found.search_result.statistics[0] < found.search_result.threshold + 1.0
+    assert found.verdict == "none" or found.search_result.statistics[0] > found.search_result.threshold
 
 
 def test_in_one_seat_a_nest_tilt_cannot_be_told_from_turned_packages() -> None:
@@ -108,7 +108,7 @@ def test_jumps_at_another_time_in_each_run_are_one_cause_with_a_time_of_each_run
     sized = {p["of"]: abs(p["value"]) for p in told[0]["parameters"] if p["axis"] == "x"}
     # A mean of seven stops, each known to 71 µg, less that of the others.
     assert sized == pytest.approx(dict.fromkeys(at, 6e-4), abs=1.5e-4)
-    assert look(recipe(), table, extended(Model(), found)).verdict == "none"
+    assert look(recipe(), table, extend_model(Model(), found)).verdict == "none"
 
 
 def test_a_cause_whose_covariate_was_not_recorded_is_not_testable() -> None:

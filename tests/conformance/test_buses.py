@@ -9,8 +9,8 @@ from station import plugins
 from station.adapters.bus import write_log
 from station.adapters.bus._messages import to_message
 from station.adapters.bus._python_can import mf4
-from station.adapters.bus.replay import Replay
-from station.adapters.bus.simulated import Simulated
+from station.adapters.bus.replay import ReplayBus
+from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.clock import VirtualClock
 from station.domain.core.types import Frames
 from tests.conformance.bus_suite import BusSuite, Rig, rows_of
@@ -23,9 +23,9 @@ def test_every_bus_is_under_the_suite() -> None:
 class _SimulatedRig(Rig):
     """The first half sent frame by frame as simulated time goes on, the rest as one block."""
 
-    def bus(self, coming: Frames) -> Simulated:
+    def bus(self, coming: Frames) -> SimulatedBus:
         self._clock = VirtualClock(start_ns=int(coming.time_ns[0]))
-        self._bus = Simulated(self._clock)
+        self._bus = SimulatedBus(self._clock)
         self._endpoint, self._frames = self._bus.service(()), coming
         return self._bus
 
@@ -54,12 +54,12 @@ class _ReplayRig(Rig):
         self._path = path
         self.keeps_errors = path.suffix in (".log", ".blf")
 
-    def bus(self, coming: Frames) -> Replay:
+    def bus(self, coming: Frames) -> ReplayBus:
         if self._path.suffix in (".log", ".blf"):
             write_log(self._path, coming)
         else:
             self._write_by_python_can(coming)
-        return Replay(self._path)
+        return ReplayBus(self._path)
 
     def play(self) -> None:
         """The frames are in the log already."""

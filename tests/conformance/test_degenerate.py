@@ -7,7 +7,7 @@ from station.config.recipes import load_recipe
 from station.diagnosis.results.diagnose import Diagnosis
 from station.domain.recipe.recipe import Recipe
 from station.model.effects.axis_permutation import matrix_of
-from station.model.simulate import Job, effects_of, simulate
+from station.model.simulate import SimulationJob, parse_effects, simulate
 from tests.blind.look import look
 from tests.blind.recipes import RATE_HZ, recipe
 
@@ -22,14 +22,14 @@ def six() -> Recipe:
 
 def found(kind: Recipe, units: int, *asked: str, seed: int = 21) -> Diagnosis:
     """The diagnosis of a simulated campaign."""
-    return look(kind, simulate(Job(kind, UNITS[:units], seed, effects_of(asked, kind))).table)
+    return look(kind, simulate(SimulationJob(kind, UNITS[:units], seed, parse_effects(asked, kind))).table)
 
 
 def first(d: Diagnosis) -> set[str]:
     """What is named first, with all that it cannot be told from."""
     if d.faults:
-        return {d.faults[0].effect, *d.faults[0].alike}
-    return {d.causes[0].finding.name, *d.causes[0].finding.alike} if d.causes else set()
+        return {d.faults[0].effect, *d.faults[0].indistinguishable_from}
+    return {d.causes[0].finding.name, *d.causes[0].finding.indistinguishable_from} if d.causes else set()
 
 
 @pytest.mark.parametrize(

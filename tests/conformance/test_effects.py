@@ -11,13 +11,13 @@ import pytest
 from station import plugins
 from station.domain.recipe.recipe import Recipe
 from station.model.campaign import scene_of_plan
-from station.model.effect import Effect, GoldEffect, OutputEffect, PoseEffect, SensorEffect, Stage, StimulusEffect
-from station.model.forward import Acting, Base, convert, forward, gold_error, signature
+from station.model.effect import Effect, EffectStage, GoldEffect, OutputEffect, PoseEffect, SensorEffect, StimulusEffect
+from station.model.forward import ActiveEffect, BaseResponse, convert_output, forward, gold_error, signature
 from station.model.scene import COVARIATES, Scene
-from station.model.simulate import Job, effect_of, simulate
+from station.model.simulate import SimulationJob, parse_effect, simulate
 
 IDS = plugins.names("station.model.effects")
-SMOOTH = {Stage.POSE, Stage.STIMULUS, Stage.SENSOR}
+SMOOTH = {EffectStage.POSE, EffectStage.STIMULUS, EffectStage.SENSOR}
 LEVELS = ("common", "unit", "run", "visit", "nest", "position", "station", "lot", "operator")
 
 #: Contracts, section 6: name, unit, axes, frame of the parameters of each id.
@@ -107,24 +107,24 @@ def scene(recipe: Recipe) -> Scene:
 
 
 @pytest.fixture(scope="module")
-def base() -> Base:
+def base() -> BaseResponse:
     rng = np.random.default_rng(5)
-    base = Base(rng.normal(0, 0.02, (2, 3)), np.eye(3) + rng.normal(0, 0.01, (2, 3, 3)))
+    base = BaseResponse(rng.normal(0, 0.02, (2, 3)), np.eye(3) + rng.normal(0, 0.01, (2, 3, 3)))
     base.offset.flags.writeable = base.matrix.flags.writeable = False
     return base
 
 
-def acting(effect: Effect, scene: Scene, factor: float = 1.0, seed: int = 3) -> Acting:
+def acting(effect: Effect, scene: Scene, factor: float = 1.0, seed: int = 3) -> ActiveEffect:
     names = scene.group(effect.of[0])[1]
     neutral = effect.parameter.neutral if effect.stage in SMOOTH else 0.0
     c = neutral + factor * (effect.coefficients(names, seed) - neutral)
     c.flags.writeable = False
-    return Acting(effect, c, effect.of[0])
+    return ActiveEffect(effect, c, effect.of[0])
 
 
-def still(effect: Effect, scene: Scene) -> Acting:
+def still(effect: Effect, scene: Scene) -> ActiveEffect:
     c = np.full((len(scene.group(effect.of[0])[1]), len(effect.axes)), effect.parameter.neutral)
-    return Acting(effect, c, effect.of[0])
+    return ActiveEffect(effect, c, effect.of[0])
 
 
 def test_every_id_of_the_contracts_has_its_file() -> None:
@@ -172,16 +172,16 @@ def test_an_effect_is_a_frozen_value(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", IDS)
-def test_neutral_coefficients_do_nothing(name: str, scene: Scene, base: Base) -> None:
+def test_neutral_coefficients_do_nothing(name: str, scene: Scene, base: BaseResponse) -> None:
     active = {name: still(kind(name).example(), scene)}
     np.testing.assert_array_equal(forward(scene, base, active), forward(scene, base))
     reading = forward(scene, base)
-    np.testing.assert_array_equal(convert(scene, reading, active), reading)
+    np.testing.assert_array_equal(convert_output(scene, reading, active), reading)
     np.testing.assert_array_equal(gold_error(scene, active), np.zeros((len(scene.visits), 3)))
 
 
 @pytest.mark.parametrize("name", IDS)
-def test_pure_and_visible_at_its_typical_size(name: str, scene: Scene, base: Base) -> None:
+def test_pure_and_visible_at_its_typical_size(name: str, scene: Scene, base: BaseResponse) -> None:
     """The scene is locked: writing into it raises. Called twice it gives the same, and it changes something."""
     effect = kind(name).example()
     active = {name: acting(effect, scene)}
@@ -189,7 +189,7 @@ def test_pure_and_visible_at_its_typical_size(name: str, scene: Scene, base: Bas
     reading.flags.writeable = False
     results: list[Any] = []
     for _ in range(2):
-        out = convert(scene, forward(scene, base, active) if effect.stage in SMOOTH else reading, active)
+        out = convert_output(scene, forward(scene, base, active) if effect.stage in SMOOTH else reading, active)
         results.append((out, gold_error(scene, active)))
     np.testing.assert_array_equal(results[0][0], results[1][0])
     if isinstance(effect, PoseEffect | StimulusEffect | SensorEffect | OutputEffect):
@@ -199,7 +199,7 @@ def test_pure_and_visible_at_its_typical_size(name: str, scene: Scene, base: Bas
 
 
 @pytest.mark.parametrize("name", [n for n in IDS if kind(n).stage in SMOOTH])
-def test_additive_at_small_size(name: str, scene: Scene, base: Base) -> None:
+def test_additive_at_small_size(name: str, scene: Scene, base: BaseResponse) -> None:
     """Twice the coefficient gives twice the change, up to the square of the size."""
     effect = kind(name).example()
     off = forward(scene, base)
@@ -211,7 +211,7 @@ def test_additive_at_small_size(name: str, scene: Scene, base: Base) -> None:
 
 
 @pytest.mark.parametrize("name", [n for n in IDS if kind(n).stage in SMOOTH])
-def test_signature_predicts_the_effect(name: str, scene: Scene, base: Base) -> None:
+def test_signature_predicts_the_effect(name: str, scene: Scene, base: BaseResponse) -> None:
     """The derivative by each axis, times the coefficients, is what switching it on does: all alike, then each."""
     effect = kind(name).example()
     groups = len(scene.group(effect.of[0])[1])
@@ -219,14 +219,14 @@ def test_signature_predicts_the_effect(name: str, scene: Scene, base: Base) -> N
     alike = np.tile(0.01 * effect.size * np.arange(1, len(effect.axes) + 1), (groups, 1))
     each = acting(effect, scene, 0.01).coefficients
     for c in (alike, each) if type(effect).gather is Effect.gather else (alike,):
-        change = forward(scene, base, {name: Acting(effect, c, effect.of[0])}) - forward(scene, base)
+        change = forward(scene, base, {name: ActiveEffect(effect, c, effect.of[0])}) - forward(scene, base)
         rows = c[scene.group(effect.of[0])[0]][scene.visit]
         predicted = sum(part * rows[:, [k]] for k, part in enumerate(parts))
         tolerance = 0.03 * max(effect.size, 0.01) * np.abs(change).max() + 1e-12
         np.testing.assert_allclose(predicted, change, atol=tolerance)
 
 
-def test_effects_compose(scene: Scene, base: Base) -> None:
+def test_effects_compose(scene: Scene, base: BaseResponse) -> None:
     """All smooth causes together do what they do apart, up to products of small sizes."""
     effects = [kind(n).example() for n in IDS if kind(n).stage in SMOOTH]
     small = {e.id: acting(e, scene, 1e-3) for e in effects}
@@ -241,22 +241,22 @@ def test_effects_compose(scene: Scene, base: Base) -> None:
 @pytest.mark.parametrize("name", IDS)
 def test_own_random_stream(name: str, recipe: Recipe) -> None:
     """Switching a cause on leaves the coefficients of all others as they were; off, the readings are the same."""
-    others = tuple(effect_of(n, recipe) for n in ("quadratic", "repeatability", "disturbed-visit") if n != name)
+    others = tuple(parse_effect(n, recipe) for n in ("quadratic", "repeatability", "disturbed-visit") if n != name)
     units = ("A", "B")
-    with_it = simulate(Job(recipe, units, 7, (*others, effect_of(name, recipe))))
-    without = simulate(Job(recipe, units, 7, others))
+    with_it = simulate(SimulationJob(recipe, units, 7, (*others, parse_effect(name, recipe))))
+    without = simulate(SimulationJob(recipe, units, 7, others))
     for a, b in zip(without.active.values(), with_it.active.values(), strict=False):
         np.testing.assert_array_equal(a.coefficients, b.coefficients)
     np.testing.assert_array_equal(with_it.base.matrix, without.base.matrix)
     off = dataclasses.replace(kind(name).example(), size=kind(name).parameter.neutral)
-    again = simulate(Job(recipe, units, 7, (*others, off)))
+    again = simulate(SimulationJob(recipe, units, 7, (*others, off)))
     np.testing.assert_array_equal(again.table.reading, without.table.reading)
 
 
 @pytest.mark.parametrize("name", IDS)
 def test_coefficients_belong_to_their_groups(name: str, recipe: Recipe) -> None:
     """A group keeps its coefficients when others join; the size is their rms; equal seeds give equal numbers."""
-    effect = effect_of(name, recipe)
+    effect = parse_effect(name, recipe)
     of = effect.of[0]
     names = ("common",) if of == "common" else tuple(f"{of}:G{i}" for i in range(400))
     c = effect.coefficients(names, 11)
@@ -273,7 +273,7 @@ def test_coefficients_belong_to_their_groups(name: str, recipe: Recipe) -> None:
 
 @pytest.mark.parametrize("name", IDS)
 def test_told_in_the_contracts_form(name: str, recipe: Recipe, scene: Scene) -> None:
-    effect = effect_of(name, recipe)
+    effect = parse_effect(name, recipe)
     on = acting(effect, scene)
     told = effect.told(scene.group(on.of)[1], on.coefficients, recipe.unit)
     assert told

@@ -83,14 +83,14 @@ def test_its_derivative_is_that_of_its_answer(name: str, rng: np.random.Generato
         assert (moved[0] - moved[1]) / (2 * step) == pytest.approx(jacobian[:, at[0], at[1]], abs=2e-3)
 
 
-def problem_of(recipe: Recipe, rng: np.random.Generator) -> method.Problem:
+def problem_of(recipe: Recipe, rng: np.random.Generator) -> method.FitProblem:
     theta = tumble.units(rng, 1)
     table = tumble.table(recipe, tumble.readings(theta, tumble.truths(recipe)), 1e-4, 40, rng)
     (result,) = calibrated(recipe, table)
-    return method.problem(recipe, [result.stops])
+    return method.fit_problem(recipe, [result.stops])
 
 
-def nudged(problem: method.Problem, at: tuple[int, int], step: float) -> method.Problem:
+def nudged(problem: method.FitProblem, at: tuple[int, int], step: float) -> method.FitProblem:
     from dataclasses import replace
 
     mean = problem.mean.copy()
@@ -231,8 +231,8 @@ def test_scatter_is_a_fixed_point(rng: np.random.Generator) -> None:
     theta = tumble.units(rng, 5)
     mean = tumble.readings(theta, tumble.truths(recipe)) + 0.004 * rng.standard_normal((5, 18, 3))
     stops = [r.stops for r in calibrated(recipe, tumble.table(recipe, mean, 1e-4, 40, rng))]
-    (part,) = scatter.solve(method.of(recipe), method.problem(recipe, stops))
-    lack = scatter.lack(part.problem, part.fit)
+    (part,) = scatter.solve(method.of(recipe), method.fit_problem(recipe, stops))
+    lack = scatter.lack_of_fit(part.problem, part.fit)
     chi2 = (lack.between / (lack.of_between + part.problem.scatter_pose[:, None])).sum(axis=1)
     assert chi2 == pytest.approx(lack.dof_between, rel=0.02)
     assert np.sqrt(part.problem.scatter_pose) == pytest.approx(np.full(5, 0.004), rel=0.4)

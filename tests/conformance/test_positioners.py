@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from station import plugins
 from station.adapters.clock import VirtualClock
 from station.domain.core import rotation
-from station.domain.recipe.plan import Stop
+from station.domain.recipe.plan import PlannedVisit
 from station.domain.recipe.recipe import UP
 from station.ports.positioner import Positioner
 
@@ -17,10 +17,10 @@ PACKAGE = "station.adapters.positioner"
 KINDS = plugins.names(PACKAGE)
 
 
-def stop(up: str, seat_deg: float = 0.0) -> Stop:
+def stop(up: str, seat_deg: float = 0.0) -> PlannedVisit:
     nest = rotation.shortest(UP[up], UP["+z"])
     seat = rotation.about(np.array([0.0, 0.0, 1.0]), seat_deg)
-    return Stop(0, 0, up, "home", nest, seat, (nest @ seat).T @ UP["+z"], None)
+    return PlannedVisit(0, 0, up, "home", nest, seat, (nest @ seat).T @ UP["+z"], None)
 
 
 def make(kind: str, clock: VirtualClock, **options: Any) -> Positioner:

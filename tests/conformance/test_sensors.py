@@ -90,7 +90,7 @@ def test_a_gold_reference_brings_its_own_uncertainty(kind: str, rng: np.random.G
     patterns = sensor.of(recipe).truth_errors(recipe, names, seats, true)["gold reference"]
     problem = _problem(recipe, true, rng, size)
     fit = method.of(recipe).fit(problem)
-    part = uncertainty.shared(fit, patterns)[0]
+    part = uncertainty.covariance_of_patterns(fit, patterns)[0]
     std = np.sqrt(np.diagonal(part))
     assert std[:3] == pytest.approx(np.full(3, 0.002 * size), rel=1e-6)
     matrix = std[3:].reshape(3, 3)
@@ -98,10 +98,10 @@ def test_a_gold_reference_brings_its_own_uncertainty(kind: str, rng: np.random.G
     assert matrix[0, 1] == pytest.approx(np.deg2rad(0.05), rel=1e-6)
 
 
-def _problem(recipe: Recipe, true: Any, rng: np.random.Generator, size: float) -> method.Problem:
+def _problem(recipe: Recipe, true: Any, rng: np.random.Generator, size: float) -> method.FitProblem:
     v = len(true)
     ideal = np.tile([0.0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1], (1, 1))
-    return method.Problem(
+    return method.FitProblem(
         mean=tumble.readings(ideal, true),
         cov=np.tile(1e-8 * size**2 * np.eye(3), (1, v, 1, 1)),
         quantisation=np.zeros((1, v, 3)),
@@ -112,7 +112,7 @@ def _problem(recipe: Recipe, true: Any, rng: np.random.Generator, size: float) -
         pose=np.arange(v),
         pose_std_rad=0.0,
         scatter_pose=np.zeros(1),
-        scatter_stop=np.zeros(1),
+        scatter_visit=np.zeros(1),
         nuisance=np.zeros((v, 0)),
         model="matrix",
         pose_known=True,

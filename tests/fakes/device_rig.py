@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from station.adapters import dbc
-from station.adapters.bus.simulated import Simulated
+from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.canopen import eds
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import VirtualClock
 from station.adapters.simulated_device import device_fault
-from station.adapters.simulated_device.device import SimulatedDevice, Timing, listens_to
-from station.adapters.simulated_device.memory import NonVolatile
-from station.adapters.simulated_device.stream import Sensor
+from station.adapters.simulated_device.device import SimulatedDevice, Timing, received_ids
+from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
+from station.adapters.simulated_device.stream import SimulatedSensor
 from station.config.products import load_product
 from station.domain.can.sensor_layout import SensorLayout, resolve
 from station.domain.core.types import Floats, Frames
@@ -42,22 +42,22 @@ class DeviceRig:
     temperature: Callable[[float], float] = lambda _: 23.5
     rate_hz: float | None = None
     serial: int = 42
-    memory: NonVolatile = field(default_factory=NonVolatile)
+    memory: NonVolatileMemory = field(default_factory=NonVolatileMemory)
     timing: Timing = field(default_factory=Timing)
     answer_s: float = 0.5
 
     def __post_init__(self) -> None:
         self.clock = VirtualClock()
-        self.bus = Simulated(self.clock)
+        self.bus = SimulatedBus(self.clock)
         self.product: Product = load_product(self.product_name)
         self.layout: SensorLayout = resolve(self.product.frames, dbc.read_layouts(DBC / self.product.frames.dbc))
         self.dictionary = eds.load(DBC / f"{self.product_name}.eds", self.node)
         self.device = SimulatedDevice(
-            self.bus.service(listens_to(self.node)),
+            self.bus.service(received_ids(self.node)),
             self.clock,
             self.dictionary,
             self.product.map,
-            Sensor(self.layout, self.sense, self.temperature, self.rate_hz),
+            SimulatedSensor(self.layout, self.sense, self.temperature, self.rate_hz),
             serial=self.serial,
             memory=self.memory,
             timing=self.timing,

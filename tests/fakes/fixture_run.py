@@ -8,17 +8,17 @@ from typing import Any
 
 import yaml
 
-from station.adapters.store.life import result
+from station.adapters.store.audit_document import result
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
-from station.config.places import shipped
+from station.config.search_path import shipped_folder
 from station.domain.run.progress import Event, LoadDone, UnitResult
 from station.errors import StationError
 from station.service.runner import Runner
-from station.service.stop_request import Stop
-from station.wiring import Bench, Order, open_bench
+from station.service.stop_request import StopRequest
+from station.wiring import Bench, RunOrder, open_bench
 
-Hook = Callable[[Event, Stop, Bench], None]
+Hook = Callable[[Event, StopRequest, Bench], None]
 
 
 @dataclass(slots=True)
@@ -79,8 +79,8 @@ def run(
     """Takes units through a simulated run in `folder`; hook sees every event and may ask for a stop."""
     order = {"simulate": True, "database": folder / "station.db", "device_state": folder / "devices", **order}
     ran = Ran(folder)
-    stop = Stop()
-    with open_bench(Order(**order)) as opened:
+    stop = StopRequest()
+    with open_bench(RunOrder(**order)) as opened:
         bench = wrap(opened)
         ran.told = bench.told
         for seats in bench.loads(names or serials(units)):
@@ -101,7 +101,7 @@ def run(
 
 def recipe(folder: Path, name: str = "six-point", **changes: Any) -> str:
     """A shipped recipe with top-level blocks changed, as a file in `folder`; a block None is taken out."""
-    document = yaml.safe_load((shipped() / "recipes" / f"{name}.yaml").read_text())
+    document = yaml.safe_load((shipped_folder() / "recipes" / f"{name}.yaml").read_text())
     document.update(changes)
     path = folder / f"{name}-changed.yaml"
     path.write_text(yaml.safe_dump({k: v for k, v in document.items() if v is not None}))
@@ -110,7 +110,7 @@ def recipe(folder: Path, name: str = "six-point", **changes: Any) -> str:
 
 def config(folder: Path, **changes: Any) -> Path:
     """The shipped config.yaml with blocks changed."""
-    document = yaml.safe_load((shipped() / "config.yaml").read_text())
+    document = yaml.safe_load((shipped_folder() / "config.yaml").read_text())
     document.update(changes)
     path = folder / "config.yaml"
     path.write_text(yaml.safe_dump({k: v for k, v in document.items() if v is not None}))

@@ -11,14 +11,14 @@ import numpy as np
 
 from station.adapters.store.sqlite import SqliteStore
 from station.domain.core.types import Frames
-from station.ports.store import Begin, VisitRecord, WriteRecord
+from station.ports.store import AttemptStart, VisitRecord, WriteRecord
 
 NOBODY = 65534
 
 
-def begin(serial: str = "SN1", **changes: object) -> Begin:
+def begin(serial: str = "SN1", **changes: object) -> AttemptStart:
     """What is known of a unit before its device is touched."""
-    plain = Begin(
+    plain = AttemptStart(
         serial=serial,
         station="bench-1",
         nest="A",

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from station.adapters.positioner.simulated import Simulated
+from station.adapters.positioner.simulated import SimulatedPositioner
 from station.cli import app
 
 MOVE_S, PARK_S = 0.4, 0.7
@@ -37,8 +37,8 @@ def main() -> None:
     """See the top of the file."""
     folder = Path(sys.argv[1])
     deeds = folder / "deeds"
-    Simulated.move = slow("moving", "moved", MOVE_S, Simulated.move, deeds)  # type: ignore[method-assign]
-    Simulated.park = slow("parking", "parked", PARK_S, Simulated.park, deeds)  # type: ignore[method-assign]
+    SimulatedPositioner.move = slow("moving", "moved", MOVE_S, SimulatedPositioner.move, deeds)  # type: ignore[method-assign]
+    SimulatedPositioner.park = slow("parking", "parked", PARK_S, SimulatedPositioner.park, deeds)  # type: ignore[method-assign]
     log, devices = str(folder / "station.db"), str(folder / "devices")
     app.main(["run", "--simulate", "--serial", "SN0001", "--db", log, "--device-state", devices])
 

@@ -62,7 +62,7 @@ def recipe(method: str, sensor: str = "accelerometer", ups: Mapping[str, Any] | 
 
 def truths(of: Recipe) -> Floats:
     """Truth (v, 3) of every planned stop of all runs."""
-    return np.array([s.true for run in range(len(of.runs)) for s in plan.stops(of, run)])
+    return np.array([s.true for run in range(len(of.runs)) for s in plan.planned_visits(of, run)])
 
 
 def units(rng: np.random.Generator, count: int, size: float = 1.0) -> Floats:
@@ -85,7 +85,7 @@ def table(of: Recipe, mean: Floats, noise: Floats | float, count: int, rng: np.r
     """A samples table with `count` readings a visit about the means (u, v, 3); noise: standard deviation, or
     ready-made noise (u, v, count, 3)."""
     u, v, _ = mean.shape
-    stops = [s for run in range(len(of.runs)) for s in plan.stops(of, run)]
+    stops = [s for run in range(len(of.runs)) for s in plan.planned_visits(of, run)]
     added = noise if isinstance(noise, np.ndarray) else noise * rng.standard_normal((u, v, count, 3))
     names = tuple(dict.fromkeys(s.position for s in stops))
     seats = tuple(dict.fromkeys(s.seating for s in stops))

@@ -22,11 +22,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from station.adapters.store.owner import Owner
+from station.adapters.store.owner import OwnerLock
 from station.adapters.store.sqlite import SqliteStore
-from station.domain.core.types import Seat
-from station.domain.run.progress import Event, PhaseEntered, Reading, StopStarted
-from station.service.stop_request import Stop
+from station.domain.core.types import NestAssignment
+from station.domain.run.progress import Event, LiveReading, PhaseEntered, VisitStarted
+from station.service.stop_request import StopRequest
 from station.wiring import Bench
 from tests.fakes import fixture_run
 from tests.fakes.bus_trouble import troubled
@@ -102,7 +102,7 @@ def _log(made: Injected, how: str, folder: Path) -> None:
     elif how == "nowhere":
         made.order["database"] = folder / "no such folder" / "station.db"
     elif how == "in use":
-        made.opened.callback(Owner(folder / "station.db.lock", f"the log {path}", "bench-7", _STARTED_NS).release)
+        made.opened.callback(OwnerLock(folder / "station.db.lock", f"the log {path}", "bench-7", _STARTED_NS).release)
     else:
         trouble, number = _match(r"(\S+) at stop (\d+)", how)
         made.order["hook"] = _at_stop(int(number), lambda bench: _STORE[trouble](made, bench, path))
@@ -129,10 +129,10 @@ def _clock(made: Injected, how: str, _folder: Path) -> None:
     by_s, number = _match(r"steps back (\d+) s at stop (\d+)", how)
     waiting = [int(number)]
 
-    def hook(event: Event, _stop: Stop, bench: Bench) -> None:
-        if isinstance(event, StopStarted) and event.number == int(number) and event.total > event.number:
+    def hook(event: Event, _stop: StopRequest, bench: Bench) -> None:
+        if isinstance(event, VisitStarted) and event.number == int(number) and event.total > event.number:
             waiting.append(0)
-        if isinstance(event, Reading) and len(waiting) == 2:
+        if isinstance(event, LiveReading) and len(waiting) == 2:
             waiting.append(0)
             bench.station.clock._start_ns -= int(by_s) * 10**9  # type: ignore[attr-defined]
 
@@ -151,7 +151,7 @@ class _Swapped:
     def __init__(self, fixture: Any) -> None:
         self._fixture = fixture
 
-    def place(self, seats: Sequence[Seat]) -> None:
+    def place(self, seats: Sequence[NestAssignment]) -> None:
         """Places them, each label with another unit."""
         units = [seat.serial for seat in seats]
         moved = [replace(s, serial=unit) for s, unit in zip(seats, units[1:] + units[:1], strict=True)]
@@ -161,16 +161,16 @@ class _Swapped:
 def _stop(made: Injected, how: str, _folder: Path) -> None:
     (phase,) = _match(r"at (\w+)", how)
 
-    def hook(event: Event, stop: Stop, _bench: Bench) -> None:
+    def hook(event: Event, stop: StopRequest, _bench: Bench) -> None:
         if isinstance(event, PhaseEntered) and event.phase == phase:
             stop.request()
 
     made.order["hook"] = hook
 
 
-def _at_stop(number: int, deed: Callable[[Bench], None]) -> Callable[[Event, Stop, Bench], None]:
-    def hook(event: Event, _stop: Stop, bench: Bench) -> None:
-        if isinstance(event, StopStarted) and event.number == number and event.total > number:
+def _at_stop(number: int, deed: Callable[[Bench], None]) -> Callable[[Event, StopRequest, Bench], None]:
+    def hook(event: Event, _stop: StopRequest, bench: Bench) -> None:
+        if isinstance(event, VisitStarted) and event.number == number and event.total > number:
             deed(bench)
 
     return hook

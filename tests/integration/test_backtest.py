@@ -11,7 +11,7 @@ from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.cli.app import main
 from station.config.recipes import load_recipe
-from station.domain.core.types import Stops
+from station.domain.core.types import ReducedVisits
 from station.domain.evaluation import backtest
 from station.domain.evaluation.reduced_visits_document import from_document, to_document
 from station.errors import LogError, RecipeError
@@ -116,7 +116,7 @@ def test_reduced_stops_come_back_bit_for_bit_and_without_what_the_recipe_leaves_
     recipe = load_recipe("six-point")
     names = tuple(p.name for p in recipe.positions)
     rng = np.random.default_rng(5)
-    stops = Stops(
+    stops = ReducedVisits(
         position=names,
         seating=("home",) * 6,
         run=np.zeros(6, np.int32),
@@ -143,16 +143,16 @@ def test_reduced_stops_come_back_bit_for_bit_and_without_what_the_recipe_leaves_
 
 
 def test_a_longer_settling_cuts_later_and_never_before_the_arrival() -> None:
-    from station.domain.capture.assemble import KeptVisit
+    from station.domain.capture.assemble import CapturedVisit
     from station.domain.core.types import Frames
 
     recipe = load_recipe("six-point")
-    visit = KeptVisit(0, 0, "z-up", "home", 100, 100 + 300_000_000, 100 + 1_300_000_000, Frames.empty())
+    visit = CapturedVisit(0, 0, "z-up", "home", 100, 100 + 300_000_000, 100 + 1_300_000_000, Frames.empty())
 
     def window(settle_s: float, dwell_s: float) -> tuple[int, int]:
         parts = {"settle": {"time_s": settle_s}, "dwell": {"time_s": dwell_s}}
         new = type(recipe).model_validate({**recipe.model_dump(by_alias=True), **parts})
-        (made,) = backtest.rewindow([visit], recipe, new)
+        (made,) = backtest.recut_dwells([visit], recipe, new)
         return made.from_ns - 100, made.to_ns - 100
 
     assert window(0.3, 1.0) == (300_000_000, 1_300_000_000)

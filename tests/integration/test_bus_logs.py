@@ -10,7 +10,7 @@ import pytest
 
 from station.adapters.bus import _logs, _recorded, read_blocks, read_log, write_log
 from station.adapters.bus._python_can import mf4
-from station.adapters.bus.replay import Replay
+from station.adapters.bus.replay import ReplayBus
 from station.adapters.dbc import read_layouts
 from station.domain.can.signals import decode
 from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
@@ -145,10 +145,10 @@ def test_names_that_cannot_be_are_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot be written"):
         write_log(tmp_path / "absent" / "a.log", Frames.empty())
     with pytest.raises(LogError, match="does not exist"):
-        Replay(tmp_path / "absent.blf")
+        ReplayBus(tmp_path / "absent.blf")
     (tmp_path / "empty.log").touch()
     with pytest.raises(LogError, match="holds no CAN frames"):
-        Replay(tmp_path / "empty.log")
+        ReplayBus(tmp_path / "empty.log")
 
 
 def test_a_long_log_comes_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,7 +158,7 @@ def test_a_long_log_comes_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     for name in ("a.log", "a.blf"):
         write_log(tmp_path / name, frames)
         assert [len(b) for b in read_blocks(tmp_path / name)] == [100] * 9 + [50]
-        channel = Replay(tmp_path / name).stream((0x101,))
+        channel = ReplayBus(tmp_path / name).stream((0x101,))
         parts = [channel.receive(1.0) for _ in range(12)]
         assert [len(p) for p in parts[10:]] == [0, 0]
         assert rows_of(Frames.join(parts)) == rows_of(frames[frames.can_id == 0x101])
@@ -167,14 +167,14 @@ def test_a_long_log_comes_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_nothing_can_be_sent_to_a_recording(tmp_path: Path) -> None:
     write_log(tmp_path / "a.log", frames_of(*MIXED))
     with pytest.raises(BusFault, match=r"a\.log is a recording"):
-        Replay(tmp_path / "a.log").service(()).send(0x601, bytes(8))
+        ReplayBus(tmp_path / "a.log").service(()).send(0x601, bytes(8))
 
 
 @pytest.mark.parametrize(("name", "shift"), CSS)
 def test_a_real_recording_decodes_frame_for_frame_as_cantools_does(name: str, shift: int, reference_data: Path) -> None:
     folder = reference_data / "css_canmod"
     database = cantools.database.load_file(folder / "canmod-gps.dbc")
-    frames = Replay(folder / name).stream(()).receive(1.0)
+    frames = ReplayBus(folder / name).stream(()).receive(1.0)
     decoded, place = {}, {}
     for layout in read_layouts(folder / "canmod-gps.dbc").values():
         moved = replace(layout, can_id=layout.can_id + shift)

@@ -8,7 +8,7 @@ import pytest
 
 from station.config.settings import BusSettings
 from station.errors import BusFault
-from station.wiring.bus_owner import lock_path, own_bus
+from station.wiring.bus_owner import claim_bus, lock_path
 
 CHANNEL = f"can{os.getpid()}"
 
@@ -20,17 +20,17 @@ def bus() -> Iterator[BusSettings]:
 
 
 def test_the_second_station_is_refused_with_the_firsts_name_and_time(bus: BusSettings) -> None:
-    with own_bus(bus, "bench-1"), pytest.raises(BusFault) as refused:
-        own_bus(bus, "bench-2")
+    with claim_bus(bus, "bench-1"), pytest.raises(BusFault) as refused:
+        claim_bus(bus, "bench-2")
     told = refused.value.sentence
     assert told.startswith(f"the bus {CHANNEL} is in use by bench-1 (pid {os.getpid()}) since 20")
     assert told.endswith("stop that one first")
 
 
 def test_another_interface_is_nobodys_business(bus: BusSettings) -> None:
-    with own_bus(bus, "bench-1"):
+    with claim_bus(bus, "bench-1"):
         other = bus.model_copy(update={"channel": CHANNEL + "x"})
-        own_bus(other, "bench-2").release()
+        claim_bus(other, "bench-2").release()
         lock_path(CHANNEL + "x").unlink()
 
 
@@ -38,20 +38,20 @@ def test_a_killed_station_lets_go(bus: BusSettings) -> None:
     reads, writes = os.pipe()
     child = os.fork()
     if child == 0:
-        own_bus(bus, "bench-1")
+        claim_bus(bus, "bench-1")
         os.write(writes, b"mine")
         signal.pause()
         os._exit(0)
     try:
         assert os.read(reads, 4) == b"mine"
         with pytest.raises(BusFault, match=f"bench-1 .pid {child}."):
-            own_bus(bus, "bench-2")
+            claim_bus(bus, "bench-2")
     finally:
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         os.close(reads)
         os.close(writes)
-    own_bus(bus, "bench-2").release()
+    claim_bus(bus, "bench-2").release()
 
 
 def test_a_name_cannot_leave_the_folder() -> None:

@@ -72,10 +72,10 @@ def test_a_frame_is_as_large_as_the_kernels() -> None:
 
 
 def test_netlink_tells_the_loopback_from_nothing() -> None:
-    link = _netlink.ask("lo")
+    link = _netlink.query_link("lo")
     assert (link.kind, link.can_state) == ("", None)
     with pytest.raises(OSError):
-        _netlink.ask("can77")
+        _netlink.query_link("can77")
 
 
 def _attribute(kind: int, payload: bytes) -> bytes:
@@ -93,13 +93,13 @@ def test_the_controllers_state_is_read_from_the_kernels_answer(code: int, word: 
     head = struct.pack("=BxHiII", 0, 280, 3, 1, 0)
     body = head + _attribute(3, b"can0\0") + _attribute(13, struct.pack("=I", 10)) + info
     message = struct.pack("=IHHII", 16 + len(body), 16, 0, 1, 0) + body
-    assert _netlink.parse(message) == _netlink.Link(
+    assert _netlink.parse_link(message) == _netlink.Link(
         up=True, kind="can", can_state=word, counters=ErrorCounters(96, 135), bitrate=250_000, queue=10
     )
 
 
 def test_an_error_answer_is_an_oserror() -> None:
     with pytest.raises(OSError) as refused:
-        _netlink.parse(struct.pack("=IHHIIi", 36, 2, 0, 1, 0, -19) + bytes(16))
+        _netlink.parse_link(struct.pack("=IHHIIi", 36, 2, 0, 1, 0, -19) + bytes(16))
     assert refused.value.errno == 19
     assert refused.value.strerror == os.strerror(19)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from station.adapters.bus import open_bus
-from station.adapters.bus.simulated import Simulated
+from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.clock import SystemClock, VirtualClock
 from station.domain.core.types import ERROR, Frames
 from station.errors import ConfigError
@@ -46,15 +46,15 @@ def clock() -> VirtualClock:
 
 
 @pytest.fixture
-def bus(clock: VirtualClock) -> Iterator[Simulated]:
+def bus(clock: VirtualClock) -> Iterator[SimulatedBus]:
     """One bus with one device on it."""
-    bus = Simulated(clock)
+    bus = SimulatedBus(clock)
     clock.attach(Device(clock, bus.service((0x601,))))
     yield bus
     bus.close()
 
 
-def test_an_answer_comes_after_the_devices_own_time(bus: Simulated, clock: VirtualClock) -> None:
+def test_an_answer_comes_after_the_devices_own_time(bus: SimulatedBus, clock: VirtualClock) -> None:
     service = bus.service((0x581,))
     service.send(0x601, b"\x40")
     answer = service.receive(1.0)
@@ -63,17 +63,17 @@ def test_an_answer_comes_after_the_devices_own_time(bus: Simulated, clock: Virtu
     assert answer.time_ns.tolist() == [clock.at_ns(0.002)]
 
 
-def test_a_time_out_takes_exactly_its_time(bus: Simulated, clock: VirtualClock) -> None:
+def test_a_time_out_takes_exactly_its_time(bus: SimulatedBus, clock: VirtualClock) -> None:
     assert not len(bus.service((0x581,)).receive(0.3))
     assert clock.monotonic_s() == pytest.approx(0.3, abs=1e-12)
 
 
-def test_receiving_nothing_at_once_moves_no_time(bus: Simulated, clock: VirtualClock) -> None:
+def test_receiving_nothing_at_once_moves_no_time(bus: SimulatedBus, clock: VirtualClock) -> None:
     assert not len(bus.stream((0x181,)).receive(0.0))
     assert clock.monotonic_s() == 0.0
 
 
-def test_blocks_and_single_frames_are_merged_by_time(bus: Simulated, clock: VirtualClock) -> None:
+def test_blocks_and_single_frames_are_merged_by_time(bus: SimulatedBus, clock: VirtualClock) -> None:
     everything, service = bus.stream(()), bus.service(())
     for _ in range(20):
         service.send(0x601, b"\x40")
@@ -89,7 +89,7 @@ def test_blocks_and_single_frames_are_merged_by_time(bus: Simulated, clock: Virt
 
 
 def test_a_sent_frame_is_stamped_with_the_present(clock: VirtualClock) -> None:
-    bus = Simulated(clock)
+    bus = SimulatedBus(clock)
     listener, sender = bus.service((0x700,)), bus.service(())
     clock.sleep(86_400.123_456_789)
     sender.send(0x700, b"\x05")
@@ -98,7 +98,7 @@ def test_a_sent_frame_is_stamped_with_the_present(clock: VirtualClock) -> None:
 
 
 def test_error_frames_reach_streams_only(clock: VirtualClock) -> None:
-    bus = Simulated(clock)
+    bus = SimulatedBus(clock)
     stream, service, endpoint = bus.stream((0x181,)), bus.service(()), bus.service(())
     one = np.ones(1, np.int64)
     frame = Frames(one, np.array([ERROR | 0x40], np.uint32), np.array([8], np.uint8), np.zeros((1, 8), np.uint8))
@@ -109,7 +109,7 @@ def test_error_frames_reach_streams_only(clock: VirtualClock) -> None:
 
 
 def test_two_rigs_of_one_name_do_not_hear_each_other(clock: VirtualClock) -> None:
-    here, there = Simulated(clock, "rig"), Simulated(clock, "rig")
+    here, there = SimulatedBus(clock, "rig"), SimulatedBus(clock, "rig")
     listener = there.stream(())
     here.service(()).send(0x1, b"")
     here.service(()).send_many(Frames(*(a[:1] for a in _one())))
@@ -122,7 +122,7 @@ def _one() -> tuple[np.ndarray, ...]:
     return np.zeros(1, np.int64), np.ones(1, np.uint32), np.zeros(1, np.uint8), np.zeros((1, 8), np.uint8)
 
 
-def test_three_minutes_at_one_kilohertz_take_no_time_worth_speaking_of(bus: Simulated, clock: VirtualClock) -> None:
+def test_three_minutes_at_one_kilohertz_take_no_time_worth_speaking_of(bus: SimulatedBus, clock: VirtualClock) -> None:
     """180,000 frames; the bound is forty times what it takes, so only a change of kind breaks it."""
     stream = bus.stream((0x181,))
     started_s, received = time.process_time(), 0

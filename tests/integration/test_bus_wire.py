@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from station.adapters.bus._wire import QUEUE
-from station.adapters.bus.simulated import Simulated
+from station.adapters.bus._wire import TX_QUEUE_FRAMES
+from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.clock import VirtualClock
 from station.domain.core.types import Frames
 from station.errors import BusFault, UsageError
@@ -19,8 +19,8 @@ def clock() -> VirtualClock:
 
 
 @pytest.fixture
-def bus(clock: VirtualClock) -> Iterator[Simulated]:
-    bus = Simulated(clock)
+def bus(clock: VirtualClock) -> Iterator[SimulatedBus]:
+    bus = SimulatedBus(clock)
     yield bus
     bus.close()
 
@@ -32,7 +32,7 @@ def readings(clock: VirtualClock, *times_s: float) -> Frames:
 
 
 def test_with_the_cable_out_requests_wait_in_the_queue_and_readings_are_lost(
-    bus: Simulated, clock: VirtualClock
+    bus: SimulatedBus, clock: VirtualClock
 ) -> None:
     bus.break_wire("cable-out:after_s=1,seconds=2")
     station, stream, device = bus.service((0x581,)), bus.stream((0x181,)), bus.endpoint((0x601,))
@@ -49,10 +49,10 @@ def test_with_the_cable_out_requests_wait_in_the_queue_and_readings_are_lost(
     assert bus.state() == "active"
 
 
-def test_more_than_the_queue_holds_is_refused_after_a_second_of_waiting(bus: Simulated, clock: VirtualClock) -> None:
+def test_more_than_the_queue_holds_is_refused_after_a_second_of_waiting(bus: SimulatedBus, clock: VirtualClock) -> None:
     bus.break_wire("cable-out")
     station = bus.service(())
-    for _ in range(QUEUE):
+    for _ in range(TX_QUEUE_FRAMES):
         station.send(0x601, b"")
     assert clock.monotonic_s() == 0.0
     with pytest.raises(BusFault, match="could not send for 1 s, its queue is full"):
@@ -61,7 +61,7 @@ def test_more_than_the_queue_holds_is_refused_after_a_second_of_waiting(bus: Sim
 
 
 def test_a_link_that_went_down_is_told_once_by_each_channel_and_by_every_send(
-    bus: Simulated, clock: VirtualClock
+    bus: SimulatedBus, clock: VirtualClock
 ) -> None:
     bus.break_wire("link-down:after_s=1,seconds=1")
     station, stream, device = bus.service(()), bus.stream(()), bus.endpoint(())
@@ -89,7 +89,7 @@ def test_a_link_that_went_down_is_told_once_by_each_channel_and_by_every_send(
         ("cable-out:after_s=nan", "'after_s' is not"),
     ],
 )
-def test_a_wire_fault_that_cannot_be_is_refused(bus: Simulated, text: str, says: str) -> None:
+def test_a_wire_fault_that_cannot_be_is_refused(bus: SimulatedBus, text: str, says: str) -> None:
     with pytest.raises(UsageError) as refused:
         bus.break_wire(text)
     assert says in refused.value.sentence
@@ -104,7 +104,7 @@ def test_a_wire_fault_that_cannot_be_is_refused(bus: Simulated, text: str, says:
     ],
 )
 def test_the_error_counters_stand_where_the_state_says(
-    bus: Simulated, clock: VirtualClock, fault: str, state: str, counters: ErrorCounters
+    bus: SimulatedBus, clock: VirtualClock, fault: str, state: str, counters: ErrorCounters
 ) -> None:
     bus.break_wire(f"{fault}:after_s=1")
     assert bus.counters() == ErrorCounters(0, 0)

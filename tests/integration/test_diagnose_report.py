@@ -101,7 +101,7 @@ def test_a_folder_that_cannot_be_is_one_sentence(
 
 def of(samples: Path) -> tuple[Diagnosis, ReportData]:
     recipe = load_recipe("tilt-24")
-    found = diagnose(recipe, read_samples(samples), Model(), _diagnose._kept(1))
+    found = diagnose(recipe, read_samples(samples), Model(), _diagnose._cached_null(1))
     return found, report_data(found, document(found))
 
 

@@ -18,8 +18,8 @@ from station.config.settings import load_settings
 from station.ports.bus import ErrorCounters
 from station.web.app import create_app
 from station.web.panel import Panel
-from station.web.queue import Waiting
-from station.web.runs import Order
+from station.web.queue import WaitingUnit
+from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
 
@@ -76,15 +76,15 @@ def test_a_controller_with_another_bit_rate_or_a_short_queue_is_named(
     bus = {"interface": "socketcan", "channel": "can0", "bitrate": 500000}
     fixture_run.config(folder, database="station.db", bus=bus)
     link = Link(True, "can", "active", ErrorCounters(3, 0), bitrate=250000, queue=10)
-    monkeypatch.setattr(_netlink, "ask", lambda _: link)
+    monkeypatch.setattr(_netlink, "query_link", lambda _: link)
     well, said = doctor(capsys)[1]["bus"]
     assert not well
     assert "can0 runs at 250000 bit/s, but config.yaml says 500000" in said
-    monkeypatch.setattr(_netlink, "ask", lambda _: replace(link, bitrate=500000))
+    monkeypatch.setattr(_netlink, "query_link", lambda _: replace(link, bitrate=500000))
     well, said = doctor(capsys)[1]["bus"]
     assert well
     assert "errors sending 3, receiving 0; its queue holds 10 frames, `ip link set can0 txqueuelen 1000`" in said
-    monkeypatch.setattr(_netlink, "ask", lambda _: replace(link, bitrate=500000, can_state="passive"))
+    monkeypatch.setattr(_netlink, "query_link", lambda _: replace(link, bitrate=500000, can_state="passive"))
     assert "can0 is passive, errors sending 3" in doctor(capsys)[1]["bus"][1]
 
 
@@ -101,7 +101,7 @@ def test_a_clock_that_was_set_back_is_seen(
 def panel(folder: Path) -> Panel:
     job, _ = load_job("six-point")
     return Panel(
-        load_settings(), job.recipe, Order(folder / "station.db", "six-point", simulate=True), folder / "a.json"
+        load_settings(), job.recipe, LaunchOptions(folder / "station.db", "six-point", simulate=True), folder / "a.json"
     )
 
 
@@ -119,7 +119,7 @@ def test_figures_of_an_empty_and_of_a_working_station(folder: Path, panel: Panel
     fixture_run.run(folder, ["SN0001", "SN0002"], faults=("SN0002/stuck-axis:value=2",))
     with pytest.raises(SystemExit):
         main(["golden", "register", "SN0001"])
-    panel.queue.put({"A": Waiting("SN0009")})
+    panel.queue.put({"A": WaitingUnit("SN0009")})
     found = figures(client)
     assert found["station_attempts PASS"] == found["station_attempts FAIL"] == 1
     assert 20 < found["station_cycle_seconds"] < 60
@@ -148,7 +148,7 @@ def test_between_runs_the_kernel_is_asked_for_its_interface(folder: Path) -> Non
     job, _ = load_job("six-point")
     bus = {"interface": "socketcan", "channel": "lo", "bitrate": 500000}
     settings = load_settings(fixture_run.config(folder, bus=bus))
-    real = Panel(settings, job.recipe, Order(folder / "station.db", "six-point"), folder / "a.json")
+    real = Panel(settings, job.recipe, LaunchOptions(folder / "station.db", "six-point"), folder / "a.json")
     assert real.screen.shown()["bus"] == {"name": "lo", "state": "unknown", "counters": None}
     found = figures(TestClient(create_app(real), client=("127.0.0.1", 1)))
     assert found["station_bus_state lo unknown"] == 1

@@ -11,11 +11,11 @@ from station.adapters.canopen import eds
 from station.adapters.clock import SystemClock
 from station.adapters.simulated_device.device import SimulatedDevice, Timing
 from station.adapters.simulated_device.live import Hub, serve
-from station.adapters.simulated_device.stream import Sensor
-from station.cli._device import node_id
+from station.adapters.simulated_device.stream import SimulatedSensor
+from station.cli._device import parse_node_id
 from station.domain.core.types import Frames
 from station.errors import ConfigError, StationError, UsageError
-from station.wiring.live_device import Body, LiveDevices, Population, World
+from station.wiring.live_device import LiveDevices, Population, TrueErrors, World
 from tests.fakes.device_rig import DBC, DeviceRig, still
 from tests.fakes.loop_channel import LoopChannel
 
@@ -30,7 +30,7 @@ def test_two_devices_share_one_channel_in_real_time(rig: Callable[..., DeviceRig
             clock,
             eds.load(DBC / "accelerometer.eds", node),
             pattern.product.map,
-            Sensor(pattern.layout, still(), lambda _: 25.0),
+            SimulatedSensor(pattern.layout, still(), lambda _: 25.0),
             serial=node,
             timing=Timing(turnaround_s=0.0, block_s=0.0),
         )
@@ -72,7 +72,7 @@ def test_a_command_that_is_none_changes_nothing(line: str) -> None:
 
 
 def test_a_unit_senses_by_the_stations_model() -> None:
-    world, body = World(), Body(np.diag([1.0, 1.0, 1.1]), np.array([0.1, 0.0, 0.0]), 0.0)
+    world, body = World(), TrueErrors(np.diag([1.0, 1.0, 1.1]), np.array([0.1, 0.0, 0.0]), 0.0)
     np.testing.assert_allclose(body.sensed(world, np.random.default_rng(1))(np.zeros(2)), [[0.1, 0, 1.1]] * 2)
 
 
@@ -98,9 +98,9 @@ def test_an_interface_that_is_not_there_is_told() -> None:
 
 
 def test_node_ids_as_people_write_them() -> None:
-    assert (node_id("17"), node_id("0x11")) == (17, 17)
+    assert (parse_node_id("17"), parse_node_id("0x11")) == (17, 17)
     with pytest.raises(UsageError, match="write 1 to 127"):
-        node_id("eleven")
+        parse_node_id("eleven")
 
 
 def test_frames_are_not_lost_between_the_taps() -> None:

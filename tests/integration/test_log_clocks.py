@@ -7,7 +7,7 @@ import yaml
 
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
-from station.config.places import shipped
+from station.config.search_path import shipped_folder
 from station.domain.core.types import SampleTable
 from station.wiring import stored_attempts
 from tests.fakes import fixture_run
@@ -15,7 +15,7 @@ from tests.fakes import fixture_run
 
 def turned(folder: Path) -> Path:
     """Six faces, then warmed up for a minute, turned, and six faces again."""
-    text = (shipped() / "recipes" / "six-point.yaml").read_text(encoding="utf-8")
+    text = (shipped_folder() / "recipes" / "six-point.yaml").read_text(encoding="utf-8")
     recipe = yaml.safe_load(text)
     recipe["name"] = "turned"
     recipe["seatings"] = {"turned": {"axis": [0, 0, 1], "angle_deg": 180}}

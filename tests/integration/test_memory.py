@@ -8,7 +8,7 @@ import pytest
 _MEASURED = """
 import resource
 import numpy as np
-from station.adapters.memory import {how}
+from station.adapters.malloc_tuning import {how}
 assert {how}()
 def faults():
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt

@@ -8,7 +8,7 @@ import pytest
 
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
-from station.cli._msa_runs import missing
+from station.cli._msa_runs import missing_loads
 from station.cli.app import main
 from tests.unit.test_msa import AIAG
 
@@ -23,7 +23,7 @@ def station(*words: str) -> int:
 @pytest.mark.parametrize(("parts", "nests", "trials"), [(10, 3, 3), (2, 2, 2), (5, 4, 2)])
 def test_every_part_goes_through_every_nest_as_often_as_wanted(parts: int, nests: int, trials: int) -> None:
     wanted = {(f"P{p}", f"N{n}"): trials for p in range(parts) for n in range(nests)}
-    loads = list(missing(wanted, {}))
+    loads = list(missing_loads(wanted, {}))
     assert Counter(cell for load in loads for cell in load) == wanted
     assert len(loads) == parts * trials, "no load is wasted"
     for load in loads:
@@ -32,8 +32,8 @@ def test_every_part_goes_through_every_nest_as_often_as_wanted(parts: int, nests
 
 def test_what_is_there_is_not_measured_again() -> None:
     wanted = {("P0", "A"): 2, ("P1", "A"): 2}
-    assert list(missing(wanted, {("P0", "A"): 2, ("P1", "A"): 1})) == [[("P1", "A")]]
-    assert list(missing(wanted, {("P0", "A"): 5, ("P1", "A"): 2})) == []
+    assert list(missing_loads(wanted, {("P0", "A"): 2, ("P1", "A"): 1})) == [[("P1", "A")]]
+    assert list(missing_loads(wanted, {("P0", "A"): 5, ("P1", "A"): 2})) == []
 
 
 def test_a_table_gives_the_published_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

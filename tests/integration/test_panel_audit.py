@@ -15,8 +15,8 @@ from station.web.accounts import Account, Role
 from station.web.app import create_app
 from station.web.certificate_pdf import pdf
 from station.web.panel import Panel
-from station.web.questions import query_of
-from station.web.runs import Order
+from station.web.query_form import query_of
+from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
 
@@ -35,7 +35,7 @@ def client(folder: Path) -> Iterator[TestClient]:
     people = {"ada": Account("ada", Role.AUDITOR, accounts.hash_password("correct horse"))}
     accounts.save(folder / "accounts.json", people)
     job, _ = load_job("six-point")
-    order = Order(folder / "station.db", "six-point", simulate=True)
+    order = LaunchOptions(folder / "station.db", "six-point", simulate=True)
     panel = Panel(load_settings(), job.recipe, order, folder / "accounts.json")
     made = TestClient(create_app(panel))
     made.post("/login", data={"name": "ada", "password": "correct horse"})
@@ -120,7 +120,7 @@ _SAME = {"", "u (k = 1)", "U (k = 2)", "Software"}
 def test_a_name_in_chinese_stands_on_a_german_certificate(folder: Path) -> None:
     with LogReader(folder / "station.db") as log:
         made = certificate.build(log, log.attempts(Query(serial="SN0001"))[0], "de")
-    section = certificate.Section("Gerät", ("", ""), (("Bediener", "王 <b>小</b>\x07"),))
+    section = certificate.CertificateTable("Gerät", ("", ""), (("Bediener", "王 <b>小</b>\x07"),))
     plain, named = pdf(replace(made, sections=())), pdf(replace(made, sections=(section,)))
     assert len(named) > len(plain)
 

@@ -15,8 +15,8 @@ from station.web import accounts
 from station.web.accounts import Account, Role
 from station.web.app import create_app
 from station.web.panel import Panel
-from station.web.queue import Waiting
-from station.web.runs import Order
+from station.web.queue import WaitingUnit
+from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
 from tests.fakes.waiting import until
@@ -76,7 +76,7 @@ def make(tmp_path: Path, people: dict[str, Account]) -> Iterator[Callable[..., P
 
     def panel(recipe: str = "six-point", config: Path | None = None, **more: Any) -> Panel:
         job, _ = load_job(recipe)
-        order = Order(tmp_path / "station.db", recipe, config, simulate=True, **more)
+        order = LaunchOptions(tmp_path / "station.db", recipe, config, simulate=True, **more)
         made.append(Panel(load_settings(config), job.recipe, order, tmp_path / "accounts.json"))
         return made[-1]
 
@@ -187,7 +187,7 @@ def test_a_golden_unit_may_come_as_often_as_it_likes(
 def test_units_are_taken_up_again_in_the_nests_where_they_sit(make: Callable[..., Panel], tmp_path: Path) -> None:
     panel = make()
     page = Page(panel, "operator")
-    panel.queue.put({"B": Waiting("SN0002")})
+    panel.queue.put({"B": WaitingUnit("SN0002")})
     page.do("start")
     page.wait_for_end()
     with LogReader(tmp_path / "station.db") as log:

@@ -10,7 +10,7 @@ from station.web import accounts
 from station.web.accounts import Account, Role
 from station.web.app import create_app
 from station.web.panel import Panel
-from station.web.runs import Order
+from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
 
@@ -21,7 +21,7 @@ def test_picked_units_are_diagnosed_and_the_report_opens(tmp_path: Path) -> None
     people = {"emil": Account("emil", Role.ENGINEER, accounts.hash_password("correct horse"))}
     accounts.save(tmp_path / "accounts.json", people)
     job, _ = load_job("six-point")
-    order = Order(tmp_path / "station.db", "six-point", simulate=True)
+    order = LaunchOptions(tmp_path / "station.db", "six-point", simulate=True)
     panel = Panel(load_settings(), job.recipe, order, tmp_path / "accounts.json")
     with TestClient(create_app(panel), follow_redirects=False) as client:
         client.post("/login", data={"name": "emil", "password": "correct horse"})

@@ -4,19 +4,22 @@ import socket
 
 import pytest
 
-from station.cli._panel import Listen, _bound
+from station.cli._panel import ListenAddress, _listening_socket
 from station.errors import StationFault
 
 
 def test_whoever_reads_the_address_may_come_at_once() -> None:
-    with _bound(Listen("127.0.0.1", 0, secure=False)) as door, socket.create_connection(door.getsockname(), 5):
+    with (
+        _listening_socket(ListenAddress("127.0.0.1", 0, secure=False)) as door,
+        socket.create_connection(door.getsockname(), 5),
+    ):
         accepted, _ = door.accept()
         with accepted:
             assert accepted.proto == socket.IPPROTO_TCP, "asyncio sends without delay only where it sees TCP"
 
 
 def test_a_door_that_is_taken_is_said() -> None:
-    with _bound(Listen("127.0.0.1", 0, secure=False)) as door:
-        taken = Listen("127.0.0.1", door.getsockname()[1], secure=False)
+    with _listening_socket(ListenAddress("127.0.0.1", 0, secure=False)) as door:
+        taken = ListenAddress("127.0.0.1", door.getsockname()[1], secure=False)
         with pytest.raises(StationFault, match="choose another --port"):
-            _bound(taken)
+            _listening_socket(taken)

@@ -11,17 +11,17 @@ from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.adapters.store.sqlite import SqliteStore
 from station.config.settings import load_settings
-from station.ports.store import Begin
+from station.ports.store import AttemptStart
 from station.web.app import create_app
-from station.web.line_cache import DAY_NS, Memory
-from station.web.line_statistics import gather
+from station.web.line_cache import DAY_NS, LineCache
+from station.web.line_statistics import gather_statistics
 from station.web.panel import Panel
-from station.web.runs import Order
+from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
 
 FIRST_DAY = 20_400
-BEGIN = Begin(
+BEGIN = AttemptStart(
     serial="", station="bench-1", nest="A", node=17, recipe_name="six-point", recipe_version=1, recipe_hash="r",
     recipe_json='{"schema": "station.recipe/1"}', config_hash="c", software="1", operator="", started_ns=0,
 )  # fmt: skip
@@ -34,7 +34,7 @@ def day(number: int, second: int) -> int:
 @pytest.mark.parametrize("seed", range(4))
 def test_remembered_yields_are_those_counted_anew(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    memory, late = Memory(), list[str]()
+    memory, late = LineCache(), list[str]()
     whole = Query(since_ns=day(0, 0))
     with SqliteStore(tmp_path / "s.db") as store:
         for step in range(120):
@@ -60,7 +60,7 @@ def _table(cells: list[object]) -> list[str]:
 
 
 def test_a_day_that_is_over_is_not_counted_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    memory, counted = Memory(), list[Query]()
+    memory, counted = LineCache(), list[Query]()
     real = LogReader.yields
 
     def spy(self: LogReader, query: Query, by: str = "all") -> list[object]:
@@ -92,24 +92,30 @@ def test_a_day_that_is_over_is_not_counted_again(tmp_path: Path, monkeypatch: py
 def test_the_page_counts_before_anybody_asks(tmp_path: Path) -> None:
     fixture_run.run(tmp_path, ["SN0001"])
     job, _ = load_job("six-point")
-    order = Order(tmp_path / "station.db", "six-point", simulate=True)
+    order = LaunchOptions(tmp_path / "station.db", "six-point", simulate=True)
     panel = Panel(load_settings(), job.recipe, order, tmp_path / "accounts.json")
     with TestClient(create_app(panel)):
         pass
     assert len(panel.memory._days) == 1
-    empty = Panel(load_settings(), job.recipe, Order(tmp_path / "none.db", "six-point"), tmp_path / "accounts.json")
+    empty = Panel(
+        load_settings(), job.recipe, LaunchOptions(tmp_path / "none.db", "six-point"), tmp_path / "accounts.json"
+    )
     with TestClient(create_app(empty)) as client:
         assert client.get("/health").status_code == 200, "no log yet is no reason not to serve"
 
 
 def test_finished_attempts_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fixture_run.run(tmp_path, ["SN0001", "SN0002"])
-    memory, read = Memory(), list[str]()
+    memory, read = LineCache(), list[str]()
     real = LogReader.attempt
     monkeypatch.setattr(LogReader, "attempt", lambda self, a: read.append(a.serial) or real(self, a))
     with LogReader(tmp_path / "station.db") as log:
         since = log.attempts(Query())[-1].started_ns // DAY_NS * DAY_NS
-        first = gather(log, Query(since_ns=since), 50, memory)
+        first = gather_statistics(log, Query(since_ns=since), 50, memory)
         assert sorted(read) == ["SN0001", "SN0002"]
-        assert gather(log, Query(since_ns=since), 50, memory) == first == gather(log, Query(since_ns=since), 50)
+        assert (
+            gather_statistics(log, Query(since_ns=since), 50, memory)
+            == first
+            == gather_statistics(log, Query(since_ns=since), 50)
+        )
     assert len(read) == 4, "twice for the counting without memory, twice for the first look"

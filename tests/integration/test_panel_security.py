@@ -16,7 +16,7 @@ from station.web.accounts import RIGHTS, Account, Role
 from station.web.app import create_app
 from station.web.guard import MOST_BODY_BYTES
 from station.web.panel import Panel
-from station.web.runs import Order
+from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
 
@@ -88,7 +88,7 @@ def people() -> dict[str, Account]:
 @pytest.fixture
 def house(tmp_path: Path, people: dict[str, Account]) -> Iterator[House]:
     accounts.save(tmp_path / "accounts.json", people)
-    order = Order(tmp_path / "station.db", "six-point", simulate=True)
+    order = LaunchOptions(tmp_path / "station.db", "six-point", simulate=True)
     clock = Clock()
     job, _ = load_job("six-point")
     yield House(Panel(load_settings(), job.recipe, order, tmp_path / "accounts.json", monotonic_s=clock), clock)
@@ -253,7 +253,7 @@ def test_a_form_that_the_browser_says_is_foreign_is_refused(house: House) -> Non
 def test_a_secure_page_has_secure_cookies(tmp_path: Path, people: dict[str, Account]) -> None:
     accounts.save(tmp_path / "accounts.json", people)
     job, _ = load_job("six-point")
-    order = Order(tmp_path / "station.db", "six-point", simulate=True)
+    order = LaunchOptions(tmp_path / "station.db", "six-point", simulate=True)
     panel = Panel(load_settings(), job.recipe, order, tmp_path / "accounts.json", secure=True)
     client = TestClient(create_app(panel), follow_redirects=False)
     answer = client.post("/login", data={"name": "operator", "password": PASSWORD})

@@ -8,20 +8,20 @@ import cantools
 import numpy as np
 import pytest
 
-from station.adapters.annotations import beside, read_marks, write_marks
+from station.adapters.annotations import find_marks_file, read_marks, write_marks
 from station.adapters.bus import write_log
 from station.adapters.bus._python_can import mf4
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Query
 from station.cli._replay import decode_log, replay_log
-from station.domain.capture.annotations import Mark, Marks, marks_of
-from station.domain.capture.assemble import KeptVisit
-from station.domain.core.types import Frames, Seat
+from station.domain.capture.annotations import Annotation, Annotations, annotate_visits
+from station.domain.capture.assemble import CapturedVisit
+from station.domain.core.types import Frames, NestAssignment
 from station.domain.product import product_record
 from station.domain.run.progress import Event, LoadDone
 from station.errors import LogError
 from station.ports.bus import Channel
-from station.service.stop_request import Stop
+from station.service.stop_request import StopRequest
 from station.wiring import Bench
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
@@ -37,7 +37,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
         listening.append(bench.station.bus.stream(()))
         return bench
 
-    def keep(event: Event, _stop: Stop, _bench: Bench) -> None:
+    def keep(event: Event, _stop: StopRequest, _bench: Bench) -> None:
         if isinstance(event, LoadDone):
             write_log(folder / "whole.log", listening[0].receive(0.0))
 
@@ -47,7 +47,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
         for attempt in log.attempts(Query()):
             visits = log.attempt(attempt)["visits"]
             kept = [
-                KeptVisit(
+                CapturedVisit(
                     v["run"], v["visit"], v["position"], v["seating"], v["arrived_ns"],
                     v["statistics"]["from_ns"], v["statistics"]["to_ns"], frames,
                 )
@@ -55,15 +55,15 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
                 if v["kind"] == "tumble"
             ]  # fmt: skip
             _, layout = product_record.load(log.recipe_and_product(attempt)[1])
-            stops.append((Seat(attempt.serial, attempt.nest, attempt.node), kept, layout))
+            stops.append((NestAssignment(attempt.serial, attempt.nest, attempt.node), kept, layout))
             parts += [v.frames for v in kept]
     frames = Frames.join(parts)
     frames = frames[np.argsort(frames.time_ns, kind="stable")]
-    marks = [m for seat, kept, layout in stops for m in marks_of(seat, kept, layout, int(frames.time_ns[0]))]
+    marks = [m for seat, kept, layout in stops for m in annotate_visits(seat, kept, layout, int(frames.time_ns[0]))]
     write_log(folder / "two.log", frames)
     write_log(folder / "two.blf", frames)
-    write_marks(folder / "two.log.marks.json", Marks(recipe="six-point", marks=tuple(marks)))
-    write_marks(folder / "two-by-hand.csv", Marks(marks=tuple(marks)))
+    write_marks(folder / "two.log.marks.json", Annotations(recipe="six-point", marks=tuple(marks)))
+    write_marks(folder / "two-by-hand.csv", Annotations(marks=tuple(marks)))
     return folder, ran
 
 
@@ -95,7 +95,7 @@ def test_marks_beside_the_log_are_found_and_name_the_recipe(
     recorded: tuple[Path, Ran], capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, _ = recorded
-    assert beside(folder / "two.log") == folder / "two.log.marks.json"
+    assert find_marks_file(folder / "two.log") == folder / "two.log.marks.json"
     assert len(replayed(capsys, folder / "two.log", None, None)) == 2
 
 
@@ -127,9 +127,9 @@ def test_a_log_that_shows_too_little_says_what_to_do(recorded: tuple[Path, Ran],
         replay_log(tmp_path / "short.log", "six-point", None, as_json=False)
 
 
-def mark(**change: object) -> Mark:
+def mark(**change: object) -> Annotation:
     told = {"unit": "SN1", "node": 17, "run": 0, "visit": 0, "position": "z-up", "start_s": 0.3, "end_s": 1.3}
-    return Mark.model_validate({**told, **change})
+    return Annotation.model_validate({**told, **change})
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def mark(**change: object) -> Mark:
 def test_marks_that_do_not_fit_are_named(
     recorded: tuple[Path, Ran], tmp_path: Path, change: dict[str, object], words: str
 ) -> None:
-    write_marks(tmp_path / "bad.json", Marks(marks=(mark(**change),)))
+    write_marks(tmp_path / "bad.json", Annotations(marks=(mark(**change),)))
     with pytest.raises(LogError) as caught:
         replay_log(recorded[0] / "two.log", "six-point", tmp_path / "bad.json", as_json=False)
     assert words in caught.value.sentence

@@ -12,7 +12,7 @@ from station.cli.app import main
 from station.domain.line_quality import spc
 from station.errors import UsageError
 from station.web import charts
-from station.web.line_statistics import PARTS, Line, gather, limits_of
+from station.web.line_statistics import CYCLE_PARTS, LineStatistics, gather_statistics, limits_of
 from tests.fakes import fixture_run
 
 
@@ -25,19 +25,19 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def line(database: Path) -> Line:
+def line(database: Path) -> LineStatistics:
     with LogReader(database) as log:
-        return gather(log, Query(), 100)
+        return gather_statistics(log, Query(), 100)
 
 
-def test_a_unit_that_fails_first_and_passes_then_is_no_first_pass(line: Line) -> None:
+def test_a_unit_that_fails_first_and_passes_then_is_no_first_pass(line: LineStatistics) -> None:
     (all_of_it,) = line.yields["station"]
     assert (all_of_it.units, all_of_it.first_pass, all_of_it.final_pass, all_of_it.failed) == (8, 7, 8, 1)
     assert sum(line.reasons.values()) == 1
     assert [m.outcome for m in line.attempts].count("PASS") == 8
 
 
-def test_every_split_is_what_the_log_says_by_itself(database: Path, line: Line) -> None:
+def test_every_split_is_what_the_log_says_by_itself(database: Path, line: LineStatistics) -> None:
     with LogReader(database) as log:
         for by, found in line.yields.items():
             alone = log.yields(Query(), by)
@@ -47,14 +47,14 @@ def test_every_split_is_what_the_log_says_by_itself(database: Path, line: Line) 
             assert [y.mean_duration_s for y in found] == pytest.approx([y.mean_duration_s for y in alone])
 
 
-def test_parts_of_the_cycle_make_the_cycle(line: Line) -> None:
+def test_parts_of_the_cycle_make_the_cycle(line: LineStatistics) -> None:
     for m in line.attempts:
-        assert set(m.parts) == set(PARTS)
+        assert set(m.parts) == set(CYCLE_PARTS)
         assert sum(m.parts.values()) == pytest.approx(m.values["cycle time"], abs=1e-6)
         assert min(m.parts.values()) >= 0
 
 
-def test_the_capability_is_that_of_the_values_in_the_log(line: Line) -> None:
+def test_the_capability_is_that_of_the_values_in_the_log(line: LineStatistics) -> None:
     drawn = charts.draw(line, "offset x", 2)
     table = dict(next(t for t in drawn.tables if t.title == "Capability: offset x").rows)
     values = np.array([m.values["offset x"] for m in line.attempts if "offset x" in m.values])
@@ -66,7 +66,7 @@ def test_the_capability_is_that_of_the_values_in_the_log(line: Line) -> None:
     assert table["Cp"].split()[0] == f"{expected.cp[0]:.4g}"
 
 
-def test_every_figure_is_there(line: Line) -> None:
+def test_every_figure_is_there(line: LineStatistics) -> None:
     titles = "".join(charts.draw(line, "gain z", 2).figures)
     for wanted in (
         "Yield by day",
@@ -80,7 +80,7 @@ def test_every_figure_is_there(line: Line) -> None:
     assert "moving range" in "".join(charts.draw(line, "noise", 1).figures)
 
 
-def test_too_few_values_are_said_and_wrong_ones_refused(line: Line) -> None:
+def test_too_few_values_are_said_and_wrong_ones_refused(line: LineStatistics) -> None:
     assert "needs two subgroups" in charts.draw(line, "offset x", 20).problem
     with pytest.raises(UsageError, match="there is no value"):
         charts.draw(line, "offset q", 1)
@@ -88,7 +88,7 @@ def test_too_few_values_are_said_and_wrong_ones_refused(line: Line) -> None:
 
 def test_an_empty_log_has_an_empty_report(database: Path) -> None:
     with LogReader(database) as log:
-        nothing = gather(log, Query(station="elsewhere"), 100)
+        nothing = gather_statistics(log, Query(station="elsewhere"), 100)
     drawn = charts.draw(nothing, "offset x", 1)
     assert drawn.figures == ()
     assert drawn.problem

@@ -14,15 +14,15 @@ from station.domain.run.progress import (
     Identified,
     Judged,
     LoadDone,
+    Notice,
     ObjectWritten,
     Phase,
     PhaseEntered,
-    StopDone,
-    StopStarted,
-    Told,
     UnitDone,
+    VisitDone,
+    VisitStarted,
 )
-from station.wiring.recompute import kept_visits, known, recompute, refit
+from station.wiring.recompute import parse_recipe_and_product, recompute, refit_attempt, stored_visits
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
 
@@ -45,10 +45,10 @@ def test_phases_come_in_order_and_pass_is_said_last(four: Ran) -> None:
     phases = [e.phase for e in four.of(PhaseEntered)]
     assert phases == [p for p in Phase if p is not Phase.BEGIN]
     kinds = [type(e) for e in four.events]
-    assert kinds.index(UnitDone) > max(i for i, k in enumerate(kinds) if k is StopDone)
+    assert kinds.index(UnitDone) > max(i for i, k in enumerate(kinds) if k is VisitDone)
     assert kinds[-1] is LoadDone
     assert [len(four.of(k)) for k in (Identified, Judged, UnitDone)] == [4, 4, 4]
-    assert len(four.of(StopDone)) == len(four.of(StopStarted)) == 8
+    assert len(four.of(VisitDone)) == len(four.of(VisitStarted)) == 8
     assert {e.number for e in four.of(ObjectWritten)} == set(range(1, max(e.total for e in four.of(ObjectWritten)) + 1))
 
 
@@ -93,10 +93,10 @@ def test_every_write_is_an_intent_first(four: Ran) -> None:
 def test_coefficients_are_the_truth_within_their_uncertainty(four: Ran, tmp_path: Path) -> None:
     from station.config.recipes import load_recipe
     from station.domain.recipe.recipe import Recipe
-    from station.model.simulate import Job
+    from station.model.simulate import SimulationJob
 
     recipe: Recipe = load_recipe("six-point")
-    base = Job(recipe, tuple(four.results), 1).base(tuple(four.results))
+    base = SimulationJob(recipe, tuple(four.results), 1).base(tuple(four.results))
     z = []
     for u, r in enumerate(four.results.values()):
         assert r.fit is not None
@@ -164,7 +164,7 @@ def test_several_runs_and_seatings_ask_for_reseating_once(tmp_path: Path) -> Non
     assert ran.results["SN0001"].outcome is Outcome.PASS, ran.results["SN0001"].reasons
     turn = "turn every unit in its nest to seating 'turned', then go on"
     assert asked == [turn, "run 1: switch the line's motors off"], "nothing goes on before a person has done it"
-    told = [e.sentence for e in ran.of(Told)]
+    told = [e.sentence for e in ran.of(Notice)]
     assert any("motors off" in t for t in told)
     visits = [v for v in ran.life("SN0001")["visits"] if v["kind"] == "tumble"]
     assert [(v["run"], v["seating"]) for v in visits] == [(0, "home")] * 6 + [(1, "turned")] * 6
@@ -214,9 +214,11 @@ def test_earlier_units_tell_the_noise_of_the_next(tmp_path: Path, capsys: pytest
             again = recompute(log, attempt)
             assert again.identical and again.compared > 100, again.differences
         (third,) = log.attempts(Query(serial="SN0003"))
-        life, (as_used, product, layout) = log.attempt(third), known(*log.recipe_and_product(third))
+        life, (as_used, product, layout) = log.attempt(third), parse_recipe_and_product(*log.recipe_and_product(third))
         forgot = life | {"results": [r for r in life["results"] if r["name"] != "dwell"]}
-        alone = refit(third, kept_visits(life["visits"], log.frames(third)), as_used, (product, layout), forgot)
+        alone = refit_attempt(
+            third, stored_visits(life["visits"], log.frames(third)), as_used, (product, layout), forgot
+        )
     told = then.results["SN0003"].fit
     assert told is not None and told.calibration is not None and alone.calibration is not None
     assert not np.array_equal(told.calibration.covariance, alone.calibration.covariance)

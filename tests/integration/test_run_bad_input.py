@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from station.config.places import shipped
 from station.config.recipes import load_recipe
+from station.config.search_path import shipped_folder
 from station.domain.core.types import Outcome
 from station.domain.recipe import serial
 from station.errors import (
@@ -23,8 +23,8 @@ from station.errors import (
     StoreFault,
     UsageError,
 )
-from station.model.simulate import Job
-from station.wiring import Order, open_bench
+from station.model.simulate import SimulationJob
+from station.wiring import RunOrder, open_bench
 from tests.fakes import fixture_run
 
 SIX = [{"name": f, "up": f} for f in ("+z", "-z", "+x", "-x", "+y", "-y")]
@@ -34,7 +34,7 @@ def refused(folder: Path, kind: type[StationError] | tuple[type[StationError], .
     """Opens the station with an order that cannot be; the sentence. Nothing may be left behind."""
     database = folder / "station.db"
     with pytest.raises(kind) as caught:
-        open_bench(Order(**{"simulate": True, "database": database, **order})).close()  # type: ignore[arg-type]
+        open_bench(RunOrder(**{"simulate": True, "database": database, **order})).close()  # type: ignore[arg-type]
     assert not database.exists(), "no log is begun for what cannot run"
     said = caught.value.sentence
     assert "\n" not in said
@@ -101,13 +101,13 @@ def test_an_absent_interface(tmp_path: Path) -> None:
 
 def product(folder: Path, change: Callable[[dict[str, object]], None] = lambda _: None) -> Path:
     """A copy of the shipped product beside a recipe of its own, changed; the recipe's path."""
-    shutil.copytree(shipped() / "dbc", folder / "dbc")
+    shutil.copytree(shipped_folder() / "dbc", folder / "dbc")
     path = folder / "dbc" / "accelerometer.yaml"
     document = yaml.safe_load(path.read_text())
     change(document)
     path.write_text(yaml.safe_dump(document))
     (folder / "recipes").mkdir()
-    shutil.copy(shipped() / "recipes" / "six-point.yaml", folder / "recipes")
+    shutil.copy(shipped_folder() / "recipes" / "six-point.yaml", folder / "recipes")
     return folder / "recipes" / "six-point.yaml"
 
 
@@ -164,7 +164,7 @@ def test_a_simulation_without_an_eds(tmp_path: Path) -> None:
 )
 def test_serials_that_cannot_be(tmp_path: Path, serials: list[str], words: str) -> None:
     with (
-        open_bench(Order(simulate=True, database=tmp_path / "station.db")) as bench,
+        open_bench(RunOrder(simulate=True, database=tmp_path / "station.db")) as bench,
         pytest.raises(UsageError) as caught,
     ):
         serial.check_all(serials, bench.job.recipe)
@@ -194,7 +194,7 @@ def test_a_gold_reference_is_the_truth_and_when_it_dies_nothing_counts(tmp_path:
     assert r.fit is not None
     assert r.fit.calibration is not None
     # A base that leans by 20 mrad would stand in the offsets of a unit calibrated against nominal poses.
-    base = Job(load_recipe("six-point"), ("SN0001",), 1).base(("SN0001",))
+    base = SimulationJob(load_recipe("six-point"), ("SN0001",), 1).base(("SN0001",))
     assert abs(r.fit.calibration.offset - base.offset[0]).max() < 0.001
     blind = fixture_run.run(tmp_path, seed=2, recipe=fixture_run.recipe(tmp_path), effects=("base-tilt=0.02",))
     assert blind.results["SN0001"].outcome is Outcome.FAIL
@@ -214,22 +214,22 @@ def test_a_simulated_bus_without_simulated_units(tmp_path: Path) -> None:
 def test_a_log_that_is_no_file(tmp_path: Path, where: str, what: str) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(StoreFault, match=what):
-        open_bench(Order(simulate=True, database=tmp_path / where))
+        open_bench(RunOrder(simulate=True, database=tmp_path / where))
     assert (tmp_path / "pipe").is_fifo(), "nothing takes the place of what is there"
 
 
 def test_a_fault_of_a_unit_that_is_not_there_is_not_tried_in_vain(tmp_path: Path) -> None:
-    from station.cli._run import Face, run_units
+    from station.cli._run import RunOptions, run_units
 
-    order = Order(simulate=True, database=tmp_path / "station.db", faults=("SN9999/silent",))
+    order = RunOrder(simulate=True, database=tmp_path / "station.db", faults=("SN9999/silent",))
     with pytest.raises(UsageError, match="'SN9999' is not among the units of this run, SN0001"):
-        run_units(order, (), 1, Face())
+        run_units(order, (), 1, RunOptions())
 
 
 def test_a_recovery_makes_no_log(tmp_path: Path) -> None:
     from station.cli._recover import recover_unit
 
-    order = Order(simulate=True, database=tmp_path / "station.db")
+    order = RunOrder(simulate=True, database=tmp_path / "station.db")
     with pytest.raises(UsageError, match="there is no log"):
         recover_unit(order, "SN0001", None, "restore", as_json=False)
     assert list(tmp_path.iterdir()) == []

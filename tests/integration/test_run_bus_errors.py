@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from station.domain.core.types import Outcome
-from station.domain.run.progress import StopDone
+from station.domain.run.progress import VisitDone
 from station.errors import BusFault, DeviceRefused, DeviceSilent
-from station.service.bus_errors import blamed
+from station.service.bus_errors import with_bus_state
 from tests.fakes import fixture_run
 from tests.fakes.bus_trouble import troubled
 from tests.fakes.fixture_run import Ran
@@ -37,7 +37,7 @@ def test_bus_off_at_any_moment_of_the_tumble_ends_the_run_and_names_the_bus(tmp_
         assert "simulated: the controller is bus-off" in result.reasons[0].sentence
         assert ran.life(serial)["outcome"] == "ERROR"
         assert ran.memory(serial) == {}
-    assert len(ran.of(StopDone)) < 8
+    assert len(ran.of(VisitDone)) < 8
     assert ran.parked
 
 
@@ -64,11 +64,11 @@ class Bus:
     ("state", "remedy"), [("bus-off", ": look at bit rate"), ("passive", ", nobody ack"), ("down", ": bring it up")]
 )
 def test_a_silence_that_is_the_bus_s_doing_says_so(state: str, remedy: str) -> None:
-    told = blamed(DeviceSilent("node 5 did not answer"), Bus(state))  # type: ignore[arg-type]
+    told = with_bus_state(DeviceSilent("node 5 did not answer"), Bus(state))  # type: ignore[arg-type]
     assert told.sentence.startswith(f"node 5 did not answer; can0 is {state}{remedy}")
 
 
 def test_any_other_fault_and_any_good_bus_leave_the_sentence_alone() -> None:
     silent, refused = DeviceSilent("node 5 did not answer"), DeviceRefused("value too high", code=0x06090030)
-    assert blamed(silent, Bus("active")) is silent  # type: ignore[arg-type]
-    assert blamed(refused, Bus("bus-off")) is refused  # type: ignore[arg-type]
+    assert with_bus_state(silent, Bus("active")) is silent  # type: ignore[arg-type]
+    assert with_bus_state(refused, Bus("bus-off")) is refused  # type: ignore[arg-type]

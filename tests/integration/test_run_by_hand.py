@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from station.adapters.positioner.manual import Manual
-from station.adapters.positioner.simulated import Simulated
+from station.adapters.positioner.manual import ManualPositioner
+from station.adapters.positioner.simulated import SimulatedPositioner
 from station.domain.core.types import Outcome
 from station.domain.recipe import plan
-from station.domain.recipe.plan import Stop
+from station.domain.recipe.plan import PlannedVisit
 from station.domain.recipe.recipe import Recipe
-from station.domain.run.progress import StopStarted, Told
+from station.domain.run.progress import Notice, VisitStarted
 from station.errors import PositionerFault
 from station.wiring import Bench
 from tests.fakes import fixture_run
@@ -24,15 +24,17 @@ class Person:
 
     by_hand = True
 
-    def __init__(self, rig: Simulated, clock: object, recipe: Recipe, wrong: dict[str, str], delay_s: float) -> None:
+    def __init__(
+        self, rig: SimulatedPositioner, clock: object, recipe: Recipe, wrong: dict[str, str], delay_s: float
+    ) -> None:
         self._rig, self._clock, self._wrong, self._delay_s = rig, clock, wrong, delay_s
-        every = [*plan.stops(recipe, 0), *plan.verification(recipe, 0, len(recipe.positions))]
+        every = [*plan.planned_visits(recipe, 0), *plan.verification_visits(recipe, 0, len(recipe.positions))]
         self._stops = {s.position: s for s in every}
-        self._todo: list[tuple[float, Stop]] = []
-        self._estimate = Manual(Manual.Settings(), None)  # type: ignore[arg-type]
+        self._todo: list[tuple[float, PlannedVisit]] = []
+        self._estimate = ManualPositioner(ManualPositioner.Settings(), None)  # type: ignore[arg-type]
         clock.attach(self)  # type: ignore[attr-defined]
 
-    def move(self, stop: Stop, timeout_s: float) -> None:
+    def move(self, stop: PlannedVisit, timeout_s: float) -> None:
         now = self._clock.monotonic_s()  # type: ignore[attr-defined]
         first = self._wrong.get(stop.position)
         if first is not None:
@@ -43,7 +45,7 @@ class Person:
     def where(self) -> None:
         return None
 
-    def estimate_s(self, origin: Stop | None, stop: Stop) -> float:
+    def estimate_s(self, origin: PlannedVisit | None, stop: PlannedVisit) -> float:
         return self._estimate.estimate_s(origin, stop)
 
     def park(self, timeout_s: float) -> None:
@@ -60,30 +62,30 @@ class Person:
 def by_hand(wrong: dict[str, str] | None = None, delay_s: float = 2.0):  # type: ignore[no-untyped-def]
     def wrap(bench: Bench) -> Bench:
         station = bench.station
-        assert isinstance(station.positioner, Simulated)
+        assert isinstance(station.positioner, SimulatedPositioner)
         person = Person(station.positioner, station.clock, bench.job.recipe, wrong or {}, delay_s)
         return replace(bench, station=replace(station, positioner=person))
 
     return wrap
 
 
-def sentences(events: Iterator[Told]) -> list[str]:
+def sentences(events: Iterator[Notice]) -> list[str]:
     return [e.sentence for e in events]
 
 
 def test_each_face_is_asked_for_and_recognised(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, units=2, wrap=by_hand())
     assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
-    asked = [e.sentence for e in ran.of(StopStarted)]
+    asked = [e.sentence for e in ran.of(VisitStarted)]
     assert asked[2] == "bring position 'x-up' up (+x of the unit) and let go"
     assert len(asked) == 8
-    assert not ran.of(Told)
+    assert not ran.of(Notice)
 
 
 def test_a_wrong_face_gets_a_sentence_and_not_a_failed_unit(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, units=2, wrap=by_hand({"x-up": "y-down", "z-down": "x-down"}))
     assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
-    told = sentences(ran.of(Told))
+    told = sentences(ran.of(Notice))
     assert told == [
         "nest A shows -x up; bring position 'z-down' up (-z of the unit) and let go",
         "nest B shows -x up; bring position 'z-down' up (-z of the unit) and let go",

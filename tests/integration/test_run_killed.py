@@ -78,10 +78,10 @@ def test_a_half_written_unit_is_held_and_the_remedy_named(tmp_path: Path) -> Non
 @pytest.mark.parametrize("restore", [True, False])
 def test_recovery_makes_it_whole_and_the_next_run_takes_it(tmp_path: Path, restore: bool) -> None:
     from station.cli._recover import recover_unit
-    from station.wiring import Order
+    from station.wiring import RunOrder
 
     old = half_written(tmp_path)
-    order = Order(simulate=True, database=tmp_path / "station.db", device_state=tmp_path / "devices")
+    order = RunOrder(simulate=True, database=tmp_path / "station.db", device_state=tmp_path / "devices")
     assert recover_unit(order, "SN0001", None, None, as_json=False) == 1
     assert recover_unit(order, "SN0001", None, "restore" if restore else "continue", as_json=False) == 0
     kept = Ran(tmp_path).coefficients("SN0001")
@@ -102,9 +102,9 @@ def test_recovery_makes_it_whole_and_the_next_run_takes_it(tmp_path: Path, resto
 def test_a_unit_nobody_interrupted_needs_no_recovery(tmp_path: Path) -> None:
     from station.cli._recover import recover_unit
     from station.errors import UsageError
-    from station.wiring import Order
+    from station.wiring import RunOrder
 
     fixture_run.run(tmp_path)
-    order = Order(simulate=True, database=tmp_path / "station.db", device_state=tmp_path / "devices")
+    order = RunOrder(simulate=True, database=tmp_path / "station.db", device_state=tmp_path / "devices")
     with pytest.raises(UsageError, match="knows no attempt that may have left 'SN0001' half written"):
         recover_unit(order, "SN0001", None, "restore", as_json=False)

@@ -7,7 +7,7 @@ from typing import Any
 
 from station.domain.core.types import Outcome
 from station.domain.run.progress import Event, UnitDone
-from station.service.stop_request import Stop
+from station.service.stop_request import StopRequest
 from station.wiring import Bench
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
@@ -50,7 +50,7 @@ def watching(seen: list[tuple[Any, ...]]) -> Callable[[Bench], Bench]:
 def test_pass_is_shown_only_after_its_record_is_kept(tmp_path: Path) -> None:
     shown = []
 
-    def hook(event: Event, _stop: Stop, _bench: Bench) -> None:
+    def hook(event: Event, _stop: StopRequest, _bench: Bench) -> None:
         if isinstance(event, UnitDone):
             serial = event.result.seat.serial
             # Another reader of the file, at the moment at which anybody can first know of the PASS.

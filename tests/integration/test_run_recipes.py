@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from station.config.places import shipped
 from station.config.recipes import load_recipe
+from station.config.search_path import shipped_folder
 from station.domain.core.types import Outcome
-from station.model.simulate import Job
+from station.model.simulate import SimulationJob
 from tests.fakes import fixture_run
 
-RECIPES = sorted(p.stem for p in (shipped() / "recipes").glob("*.yaml") if load_recipe(p).product is not None)
+RECIPES = sorted(p.stem for p in (shipped_folder() / "recipes").glob("*.yaml") if load_recipe(p).product is not None)
 
 
 @pytest.mark.parametrize("name", RECIPES)
@@ -24,7 +24,7 @@ def test_a_good_unit_passes_and_keeps_its_calibration(tmp_path: Path, name: str)
     assert r.fit.calibration is not None
     assert len(ran.coefficients("SN0001")) == 12
     found = r.fit.calibration
-    base = Job(load_recipe(name), ("SN0001",), 1).base(("SN0001",))
+    base = SimulationJob(load_recipe(name), ("SN0001",), 1).base(("SN0001",))
     std = np.sqrt(np.diagonal(found.covariance))
     estimated = std > 0
     found_all = np.concatenate([found.offset, found.matrix.ravel()])

@@ -11,14 +11,14 @@ from station.domain.run.progress import (
     ObjectWritten,
     Phase,
     PhaseEntered,
-    StopDone,
-    StopStarted,
     UnitDone,
+    VisitDone,
+    VisitStarted,
 )
 from station.errors import Aborted, BusFault, PositionerFault, StoreFault
 from station.service.runner import Runner
-from station.service.stop_request import Stop
-from station.wiring import Bench, Order, open_bench
+from station.service.stop_request import StopRequest
+from station.wiring import Bench, RunOrder, open_bench
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
 
@@ -32,7 +32,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Ran:
 def stopped_at(folder: Path, number: int) -> Ran:
     seen = 0
 
-    def hook(_event: Event, stop: Stop, _bench: Bench) -> None:
+    def hook(_event: Event, stop: StopRequest, _bench: Bench) -> None:
         nonlocal seen
         if seen == number:
             stop.request()
@@ -61,7 +61,7 @@ def test_a_stop_at_any_event_leaves_a_true_record(whole: Ran, tmp_path: Path) ->
         i
         for i, e in enumerate(whole.events)
         if isinstance(e, PhaseEntered | Judged | UnitDone)
-        or (isinstance(e, StopStarted | StopDone) and e.number in (1, 6))
+        or (isinstance(e, VisitStarted | VisitDone) and e.number in (1, 6))
         or (isinstance(e, ObjectWritten) and e.number in (1, e.total))
     ]
     aborted = 0
@@ -80,7 +80,7 @@ def test_a_stop_at_any_event_leaves_a_true_record(whole: Ran, tmp_path: Path) ->
 
 
 def test_while_it_writes_a_stop_waits_until_every_unit_is_whole(tmp_path: Path) -> None:
-    def hook(event: Event, stop: Stop, _bench: Bench) -> None:
+    def hook(event: Event, stop: StopRequest, _bench: Bench) -> None:
         if isinstance(event, ObjectWritten) and event.number == 5:
             stop.request()
 
@@ -92,7 +92,7 @@ def test_while_it_writes_a_stop_waits_until_every_unit_is_whole(tmp_path: Path) 
 
 
 def test_a_signal_may_end_the_wait_for_a_person_at_once(tmp_path: Path) -> None:
-    held: list[Stop] = []
+    held: list[StopRequest] = []
     interruptible: list[bool] = []
 
     def confirm(_: str) -> None:
@@ -111,9 +111,9 @@ def test_a_signal_may_end_the_wait_for_a_person_at_once(tmp_path: Path) -> None:
 
 
 def test_a_stop_before_the_first_unit_touches_nothing(tmp_path: Path) -> None:
-    stop = Stop()
+    stop = StopRequest()
     stop.request("cover opened")
-    with open_bench(Order(simulate=True, database=tmp_path / "station.db")) as bench:
+    with open_bench(RunOrder(simulate=True, database=tmp_path / "station.db")) as bench:
         (seats,) = bench.loads(["SN0001"])
         bench.fixture.place(seats)
         events = list(Runner(bench.station, bench.job, stop).run(seats))
@@ -125,7 +125,7 @@ def test_whoever_stops_listening_leaves_a_finished_record_and_a_parked_fixture(w
     for number in (0, 4, len(whole.events) // 2, len(whole.events) - 4):
         folder = tmp_path / str(number)
         folder.mkdir()
-        order = Order(simulate=True, database=folder / "station.db", device_state=folder / "devices")
+        order = RunOrder(simulate=True, database=folder / "station.db", device_state=folder / "devices")
         with open_bench(order) as bench:
             (seats,) = bench.loads(["SN0001"])
             bench.fixture.place(seats)
@@ -193,7 +193,7 @@ def test_an_attempt_that_cannot_begin_touches_no_device(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, units=2, wrap=broken("store", "begin", 1, full))
     assert isinstance(ran.fault, StoreFault)
     assert {r.outcome for r in ran.results.values()} == {Outcome.ERROR}
-    assert not ran.of(StopStarted)
+    assert not ran.of(VisitStarted)
 
 
 def test_a_fixture_that_does_not_park_is_said_and_changes_no_verdict(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from station.adapters.simulated_device.device import Timing
-from station.adapters.simulated_device.memory import NonVolatile
+from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.domain.can import encode
-from station.domain.can.decode import Samples, samples
+from station.domain.can.decode import Samples, decode_samples
 from station.domain.core.types import Calibration
 from station.domain.product import writeback
 from station.errors import ConfigError, DeviceRefused, DeviceSilent, UsageError
@@ -63,7 +63,7 @@ def held(rig: DeviceRig, addresses: dict[tuple[int, int], bytes]) -> dict[tuple[
 
 
 def decoded(rig: DeviceRig, duration_s: float) -> Samples:
-    return samples(rig.readings(duration_s), rig.layout, rig.node)
+    return decode_samples(rig.readings(duration_s), rig.layout, rig.node)
 
 
 # ---- identity, flash, power ----
@@ -133,7 +133,7 @@ def test_restore_takes_effect_at_the_reset(rig: Rig) -> None:
 
 
 def test_the_memory_is_a_file_that_the_next_process_reads(rig: Rig, tmp_path: Path) -> None:
-    device = rig(memory=NonVolatile.of_serial(tmp_path, "SN0042"))
+    device = rig(memory=NonVolatileMemory.of_serial(tmp_path, "SN0042"))
     written = write(device)
     assert not (tmp_path / "SN0042.json").exists()  # nothing was saved yet
     save(device)
@@ -141,17 +141,17 @@ def test_the_memory_is_a_file_that_the_next_process_reads(rig: Rig, tmp_path: Pa
     assert objects["2101:01"] == struct.unpack("<f", struct.pack("<f", 1.01))[0]
     assert (objects["2107:00"], objects["2100:00"]) == (1, "r-1")
     assert [p.name for p in tmp_path.iterdir()] == ["SN0042.json"]
-    again = rig(memory=NonVolatile.of_serial(tmp_path, "SN0042"))
+    again = rig(memory=NonVolatileMemory.of_serial(tmp_path, "SN0042"))
     assert held(again, written) == written
 
 
 def test_a_damaged_memory_file_and_a_hostile_serial_get_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "SN1.json").write_text("{")
     with pytest.raises(ConfigError, match="delete it to start afresh"):
-        NonVolatile.of_serial(tmp_path, "SN1")
+        NonVolatileMemory.of_serial(tmp_path, "SN1")
     for serial in ("../x", "a/b", "", ".hidden", "a\0b"):
         with pytest.raises(UsageError, match="cannot name a file"):
-            NonVolatile.of_serial(tmp_path, serial)
+            NonVolatileMemory.of_serial(tmp_path, serial)
 
 
 def test_a_power_cut_loses_what_was_not_saved(rig: Rig) -> None:
@@ -244,7 +244,7 @@ def test_readings_come_at_the_rate_counted_and_protected(rig: Rig, rate_hz: floa
     device.station.nmt("start")
     got = decoded(device, 2.0)
     assert len(got) == pytest.approx(2.0 * (rate_hz or 100.0), abs=1)
-    assert got.trouble.clean, got.trouble
+    assert got.frame_errors.clean, got.frame_errors
     period_ns = 1e9 / (rate_hz or 100.0)
     assert np.all(np.abs(np.diff(got.time_ns) - period_ns) <= 1)
     assert got.temperature_degC.tolist() == [23.5, 23.5] or got.temperature_degC.tolist() == [23.5]
@@ -321,9 +321,9 @@ def test_readings_on_sync(rig: Rig) -> None:
     for _ in range(10):
         device.raw.send(0x080, b"")
         device.clock.sleep(0.005)
-    got = samples(device.stream.receive(0.0), device.layout, device.node)
+    got = decode_samples(device.stream.receive(0.0), device.layout, device.node)
     assert len(got) == 5
-    assert got.trouble.clean
+    assert got.frame_errors.clean
 
 
 def test_a_pdo_is_switched_off_by_its_cob_id_and_paced_by_its_timer(rig: Rig) -> None:

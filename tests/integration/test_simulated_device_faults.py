@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from station.adapters.simulated_device.device_fault import KINDS, Fault, parse
-from station.domain.can.decode import Samples, samples
+from station.adapters.simulated_device.device_fault import KINDS, InjectedFault, parse
+from station.domain.can.decode import Samples, decode_samples
 from station.errors import BusFault, DeviceRefused, DeviceSilent, UsageError
 from tests.fakes.device_rig import DeviceRig
 
@@ -18,7 +18,7 @@ RATE = 1000.0
 
 def got(rig: DeviceRig, duration_s: float = 2.0) -> Samples:
     rig.station.nmt("start")
-    return samples(rig.readings(duration_s), rig.layout, rig.node)
+    return decode_samples(rig.readings(duration_s), rig.layout, rig.node)
 
 
 def deaf(rig: DeviceRig) -> None:
@@ -183,30 +183,30 @@ def spontaneous_reset(rig: DeviceRig) -> None:
 
 
 def counter_stuck(rig: DeviceRig) -> None:
-    assert got(rig).trouble.counter.stuck
+    assert got(rig).frame_errors.counter.stuck
 
 
 def crc_errors(rig: DeviceRig) -> None:
     found = got(rig)
     # 2,000 trials at 5 %: mean 100, standard deviation 9.7; five of those.
-    assert abs(found.trouble.crc_errors - 100) < 49
-    assert found.usable.sum() == len(found) - found.trouble.crc_errors
+    assert abs(found.frame_errors.crc_errors - 100) < 49
+    assert found.usable.sum() == len(found) - found.frame_errors.crc_errors
 
 
 def frames_lost(rig: DeviceRig) -> None:
     found = got(rig)
     # The counter sees all but runs of 15 and the ends of the recording.
-    assert abs(found.trouble.counter.lost - (2000 - len(found))) <= 2
-    assert found.trouble.counter.lost > 50
+    assert abs(found.frame_errors.counter.lost - (2000 - len(found))) <= 2
+    assert found.frame_errors.counter.lost > 50
 
 
 def frames_repeated(rig: DeviceRig) -> None:
     found = got(rig)
-    assert found.trouble.counter.repeats == len(found) - len(np.unique(found.time_ns)) > 50
+    assert found.frame_errors.counter.repeats == len(found) - len(np.unique(found.time_ns)) > 50
 
 
 def frames_swapped(rig: DeviceRig) -> None:
-    assert got(rig).trouble.counter.late > 50
+    assert got(rig).frame_errors.counter.late > 50
 
 
 def stream_stops(rig: DeviceRig) -> None:
@@ -310,7 +310,7 @@ def test_times_bounds_a_fault(rig: Rig) -> None:
 
 
 def test_text_form() -> None:
-    assert parse("refuse:index=0x2101,sub=1,code=0x06090030,access=write") == Fault(
+    assert parse("refuse:index=0x2101,sub=1,code=0x06090030,access=write") == InjectedFault(
         "refuse", index=0x2101, sub=1, code=0x06090030, access="write"
     )
     for text, said in (

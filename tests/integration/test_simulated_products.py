@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from station.adapters.simulated_device.stream import Readings, Sensor
+from station.adapters.simulated_device.stream import SignalChain, SimulatedSensor
 from station.adapters.simulated_device.stream_faults import StreamFaults
 from station.domain.can import signals
-from station.domain.can.decode import samples
+from station.domain.can.decode import decode_samples
 from station.domain.core.types import Calibration
 from station.domain.product import writeback
 from tests.fakes.device_rig import DBC, DeviceRig, still
@@ -47,9 +47,9 @@ def test_it_corrects_its_readings_to_the_truth(rig: Rig, name: str) -> None:
     written = {write.address: write.raw for write in writes if write.read_back}
     assert device.station.upload(0x2105, 0) == writeback.expected_checksum(device.product.map, written)
     device.station.nmt("start")
-    got = samples(device.readings(0.1), device.layout, device.node)
+    got = decode_samples(device.readings(0.1), device.layout, device.node)
     assert len(got)
-    assert got.trouble.clean
+    assert got.frame_errors.clean
     step = device.layout.axes[0].scale
     rounding = writeback.rounding_std(device.product.map, b, A)
     # Half a step of converter and output each; √3 standard deviations of every kept number, times what it multiplies.
@@ -78,7 +78,7 @@ def test_a_product_that_sends_floats_is_neither_rounded_nor_clipped(rig: Rig) ->
     pattern = rig()
     layout = replace(pattern.layout, sample=_as_floats(pattern.layout.sample))
     frames = StreamFaults((), layout, 5, 0.0)
-    readings = Readings(Sensor(layout, still((1e-4, -40_000.0, 3.25)), lambda _: 20.0), frames)
+    readings = SignalChain(SimulatedSensor(layout, still((1e-4, -40_000.0, 3.25)), lambda _: 20.0), frames)
     sent = readings.frames(np.zeros(2), np.zeros(2, np.int64), None, 0.0)
     got = signals.decode(sent, replace(layout.sample, can_id=int(sent.can_id[0]))).values
     # Halves: a reading of a ten-thousandth is no whole step, and one beyond 16 bits is not clipped.

@@ -69,7 +69,7 @@ def test_everything_that_was_kept_comes_back(path: Path) -> None:
 def test_plain_frames_of_an_earlier_log_are_checked_and_packed_as_they_were_sealed(path: Path) -> None:
     told = logs.visit(0, np.random.default_rng(3))
     by_columns = plain.to_bytes(told.frames, plain.COLUMNS)
-    earlier = replace(told, laid=plain.Laid(by_columns, plain.digest(by_columns), len(told.frames)))
+    earlier = replace(told, laid=plain.PlainFrames(by_columns, plain.digest(by_columns), len(told.frames)))
     with SqliteStore(path) as store:
         attempt = store.begin(logs.begin())
         store.visit([attempt], [earlier])
@@ -84,7 +84,10 @@ def test_plain_frames_of_an_earlier_log_are_checked_and_packed_as_they_were_seal
         )
         (row,) = log.attempts(Query())
         raw, (life,) = log.frames(row), log.life(Query())
-    assert [plain.sealed_by(f, v["frames_sha256"]) for f, v in zip(raw, life["visits"], strict=True)] == [True, True]
+    assert [plain.digest_matches(f, v["frames_sha256"]) for f, v in zip(raw, life["visits"], strict=True)] == [
+        True,
+        True,
+    ]
     assert life["visits"][0]["frames_sha256"] == plain.digest(by_columns)
     assert whole(path)
 

@@ -12,13 +12,13 @@ from station.adapters.store import keys
 from station.adapters.store.reader import LogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.adapters.store.verify import Trust
-from station.domain.records.chain import Finding
+from station.domain.records.chain import IntegrityFinding
 from station.errors import ConfigError, UsageError
 from tests.conftest import SEED
 from tests.fakes import logs
 
 
-def findings(path: Path, trust: Trust = Trust()) -> list[Finding]:  # noqa: B008 - frozen
+def findings(path: Path, trust: Trust = Trust()) -> list[IntegrityFinding]:  # noqa: B008 - frozen
     with LogReader(path) as log:
         return list(log.findings(trust))
 
@@ -42,7 +42,7 @@ def test_every_random_edit_is_found(tmp_path: Path) -> None:
 
 def test_every_random_edit_of_a_signed_log_is_found(tmp_path: Path, key_file: Path) -> None:
     path = tmp_path / "station.db"
-    torture_edits.make(path, keys.signer(key_file))
+    torture_edits.make(path, keys.load_signer(key_file))
     assert torture_edits.torture(path, 150, SEED)[1] == []
 
 
@@ -78,12 +78,12 @@ def test_a_guard_that_was_taken_off_is_named(tmp_path: Path) -> None:
 def test_a_log_rebuilt_by_somebody_else_shows_against_key_and_printed_head(tmp_path: Path, key_file: Path) -> None:
     real, forged = tmp_path / "station.db", tmp_path / "forged" / "station.db"
     forged.parent.mkdir()
-    with SqliteStore(real, signer=keys.signer(key_file)) as store:
+    with SqliteStore(real, signer=keys.load_signer(key_file)) as store:
         logs.unit(store, outcome="FAIL")
         head = store.head()
     with SqliteStore(forged) as store:
         logs.unit(store, outcome="PASS")
-    public = keys.public(key_file)
+    public = keys.load_public_key(key_file)
     printed = {head.number: bytes.fromhex(head.hash)}
     assert findings(real, Trust(printed, public)) == []
     assert findings(real) == []
@@ -92,11 +92,11 @@ def test_a_log_rebuilt_by_somebody_else_shows_against_key_and_printed_head(tmp_p
 
 
 def test_a_key_that_is_none_is_one_sentence(tmp_path: Path, key_file: Path) -> None:
-    assert keys.public(key_file) == keys.signer(key_file).public_key
+    assert keys.load_public_key(key_file) == keys.load_signer(key_file).public_key
     wrong = tmp_path / "wrong.key"
     wrong.write_text("hello")
     for broken in (wrong, tmp_path / "none.key"):
         with pytest.raises(ConfigError, match="openssl genpkey"):
-            keys.signer(broken)
+            keys.load_signer(broken)
         with pytest.raises(UsageError, match="openssl genpkey"):
-            keys.public(broken)
+            keys.load_public_key(broken)

@@ -246,4 +246,4 @@ def test_a_recording_that_is_none_is_one_sentence(
 def test_a_plan_and_its_recipe_agree_on_the_truth() -> None:
     """Guards the helper above: truths of a recipe are those of its plan."""
     recipe: Recipe = load_recipe("gyroscope-n-point")
-    assert tumble.truths(recipe)[0] == pytest.approx(plan.stops(recipe, 0)[0].true)
+    assert tumble.truths(recipe)[0] == pytest.approx(plan.planned_visits(recipe, 0)[0].true)

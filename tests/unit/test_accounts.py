@@ -18,10 +18,10 @@ def hashed() -> str:
 def test_a_password_is_kept_only_as_a_salted_hash(hashed: str) -> None:
     assert "correct horse" not in hashed
     assert hashed != accounts.hash_password("correct horse")
-    assert accounts.verify("correct horse", hashed)
-    assert not accounts.verify("correct horsE", hashed)
-    assert not accounts.verify("anything", accounts.NOBODY)
-    assert not accounts.verify("correct horse", "not a hash")
+    assert accounts.verify_password("correct horse", hashed)
+    assert not accounts.verify_password("correct horsE", hashed)
+    assert not accounts.verify_password("anything", accounts.DUMMY_HASH)
+    assert not accounts.verify_password("correct horse", "not a hash")
 
 
 def test_a_short_password_is_refused() -> None:
@@ -86,7 +86,7 @@ def test_a_form_token_belongs_to_one_session() -> None:
 
 def test_guessing_is_slowed_and_a_success_forgives() -> None:
     clock = HandClock()
-    guesses = sessions.Guesses(clock, most=3, window_s=60)
+    guesses = sessions.LoginThrottle(clock, most=3, window_s=60)
     for clock.now_s in (0, 10, 20):
         assert guesses.wait_s("name") == 0
         guesses.failed("name", "10.0.0.1")
@@ -96,5 +96,5 @@ def test_guessing_is_slowed_and_a_success_forgives() -> None:
     clock.now_s = 61
     assert guesses.wait_s("name") == 0
     guesses.failed("name")
-    guesses.forget("name")
+    guesses.clear_failures("name")
     assert guesses.wait_s("name") == 0

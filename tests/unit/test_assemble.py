@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from station.adapters.dbc import read_layouts
-from station.config.places import shipped
 from station.config.products import load_product
+from station.config.search_path import shipped_folder
 from station.domain.can import encode
 from station.domain.can.sensor_layout import SensorLayout, resolve
-from station.domain.capture.assemble import KeptVisit, dwell_frames, table_of
+from station.domain.capture.assemble import CapturedVisit, dwell_frames, sample_table
 from station.domain.core.types import Frames
 
 NODE, LSB, START = 17, 1e-4, 1_767_225_600_000_000_000
@@ -19,7 +19,7 @@ NODE, LSB, START = 17, 1e-4, 1_767_225_600_000_000_000
 @pytest.fixture(scope="module")
 def layout() -> SensorLayout:
     product = load_product("accelerometer", None)
-    return resolve(product.frames, read_layouts(Path(shipped(), "dbc", product.frames.dbc)))
+    return resolve(product.frames, read_layouts(Path(shipped_folder(), "dbc", product.frames.dbc)))
 
 
 def frames_at(layout: SensorLayout, begin_s: float, xyz: tuple[float, float, float], n: int = 50) -> Frames:
@@ -27,9 +27,11 @@ def frames_at(layout: SensorLayout, begin_s: float, xyz: tuple[float, float, flo
     return encode.sample_frames(layout, NODE, time_ns, np.tile(xyz, (n, 1)))
 
 
-def visit(layout: SensorLayout, number: int, run: int, begin_s: float, xyz: tuple[float, float, float]) -> KeptVisit:
+def visit(
+    layout: SensorLayout, number: int, run: int, begin_s: float, xyz: tuple[float, float, float]
+) -> CapturedVisit:
     begin = START + round(begin_s * 1e9)
-    return KeptVisit(
+    return CapturedVisit(
         run, number, f"p{number}", "home", begin, begin + 200_000_000, begin + 400_000_000,
         frames_at(layout, begin_s, xyz),
     )  # fmt: skip
@@ -41,7 +43,7 @@ def test_only_the_dwell_is_in_the_table_on_the_clock_of_its_run(layout: SensorLa
         visit(layout, 1, 0, 9.0, (0, 1, 0)),
         visit(layout, 0, 1, 30.0, (1, 0, 0)),
     ]
-    table = table_of("SN0042", NODE, visits, layout, {"nest": "A", "lot": ""})
+    table = sample_table("SN0042", NODE, visits, layout, {"nest": "A", "lot": ""})
     assert len(table) == 60
     assert list(table.unit.text()[:1]) == ["SN0042"]
     assert table.run.tolist() == [0] * 40 + [1] * 20
@@ -58,26 +60,26 @@ def test_a_bad_crc_is_left_out_and_a_repeat_only_kept_for_exports(layout: Sensor
     data = kept.frames.data.copy()
     data[22, 3] ^= 1  # broken on the way
     data[25] = data[24]  # the same frame once more
-    broken = KeptVisit(0, 0, "p0", "home", kept.arrived_ns, kept.from_ns, kept.to_ns,
+    broken = CapturedVisit(0, 0, "p0", "home", kept.arrived_ns, kept.from_ns, kept.to_ns,
                        Frames(kept.frames.time_ns, kept.frames.can_id, kept.frames.length, data))  # fmt: skip
     assert len(dwell_frames(broken)) == 20
-    assert len(table_of("SN1", NODE, [broken], layout)) == 18
-    assert len(table_of("SN1", NODE, [broken], layout, everything=True)) == 19
+    assert len(sample_table("SN1", NODE, [broken], layout)) == 18
+    assert len(sample_table("SN1", NODE, [broken], layout, everything=True)) == 19
 
 
 def test_no_visits_make_an_empty_table(layout: SensorLayout) -> None:
-    assert len(table_of("SN1", NODE, [], layout)) == 0
+    assert len(sample_table("SN1", NODE, [], layout)) == 0
 
 
 def test_the_counter_counts_on_modulo_what_the_recipe_says(layout: SensorLayout) -> None:
     frames = frames_at(layout, 0.0, (0, 0, 1), 400)
     kept = [
-        KeptVisit(
+        CapturedVisit(
             0, i, f"p{i}", "home", START + i * 2 * 10**9, START + i * 2 * 10**9, START + (2 * i + 1) * 10**9, frames
         )
         for i in range(2)
     ]
-    table = table_of("SN1", NODE, kept, layout, counter_bits=8)
+    table = sample_table("SN1", NODE, kept, layout, counter_bits=8)
     # Two dwells of 100 frames, 100 frames of moving between them: the count goes on as if nobody had looked away.
     wanted = np.concatenate([np.arange(100), np.arange(200, 300)]) % 256
     assert table.values["counter"].tolist() == wanted.tolist()
@@ -87,6 +89,6 @@ def test_moves_longer_than_the_stops_do_not_bend_the_count(layout: SensorLayout)
     """The counter of the end-to-end profile goes round ten times while the fixture moves."""
     frames = frames_at(layout, 0.0, (0, 0, 1), 3000)
     starts = [START + i * 2_510_000_000 for i in range(10)]
-    kept = [KeptVisit(0, i, f"p{i}", "home", t, t, t + 10**9, frames) for i, t in enumerate(starts)]
-    table = table_of("SN1", NODE, kept, layout, counter_bits=16)
+    kept = [CapturedVisit(0, i, f"p{i}", "home", t, t, t + 10**9, frames) for i, t in enumerate(starts)]
+    table = sample_table("SN1", NODE, kept, layout, counter_bits=16)
     assert table.values["counter"].tolist() == np.concatenate([i * 251 + np.arange(100) for i in range(10)]).tolist()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from station.domain.core.types import Floats, Stops
+from station.domain.core.types import Floats, ReducedVisits
 from station.domain.evaluation import pipeline
 from station.domain.methods import coefficients, method, scatter
 from station.domain.recipe.recipe import Recipe
@@ -16,7 +16,7 @@ NOISE = 1e-3
 UNITS = 40
 
 
-def fleet(recipe: Recipe, rng: np.random.Generator) -> dict[str, Stops]:
+def fleet(recipe: Recipe, rng: np.random.Generator) -> dict[str, ReducedVisits]:
     """Units of all sorts: calm, with a stop that was bumped, with loose poses, with stops that do not count alike."""
     theta = tumble.units(rng, UNITS)
     if recipe.method == "three-point":
@@ -28,7 +28,7 @@ def fleet(recipe: Recipe, rng: np.random.Generator) -> dict[str, Stops]:
     return {s: mishap(stops, i % 8, rng) for i, (s, stops) in enumerate(found.items()) if stops is not None}
 
 
-def mishap(stops: Stops, kind: int, rng: np.random.Generator) -> Stops:
+def mishap(stops: ReducedVisits, kind: int, rng: np.random.Generator) -> ReducedVisits:
     v = len(stops)
     if kind == 0:
         return replace(stops, mean=stops.mean + 0.05 * (np.arange(v) == v // 2)[:, None])
@@ -39,7 +39,7 @@ def mishap(stops: Stops, kind: int, rng: np.random.Generator) -> Stops:
     return stops
 
 
-def numbers(result: pipeline.Result) -> list[Floats]:
+def numbers(result: pipeline.CalibrationResult) -> list[Floats]:
     found, budget = result.calibration, result.budget
     assert found is not None and budget is not None
     fitted = [found.offset, found.matrix, found.covariance, found.residual, found.tilt_deg, found.tilt_std_deg]
@@ -53,9 +53,9 @@ def test_each_unit_has_the_bits_that_it_has_alone(
 ) -> None:
     recipe = tumble.recipe(name)
     units = fleet(recipe, rng)
-    alone = [pipeline.calibrate_stops(recipe, {serial: stops})[0] for serial, stops in units.items()]
+    alone = [pipeline.calibrate_reduced(recipe, {serial: stops})[0] for serial, stops in units.items()]
     monkeypatch.setattr(scatter, "PORTION", portion * len(next(iter(units.values()))))
-    together = pipeline.calibrate_stops(recipe, units)
+    together = pipeline.calibrate_reduced(recipe, units)
     assert [r.serial for r in together] == list(units)
     for one, same in zip(alone, together, strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(numbers(one), numbers(same), strict=True)), one.serial
@@ -66,11 +66,11 @@ def test_each_unit_has_the_bits_that_it_has_alone(
 def test_the_short_way_and_the_long_one_differ_by_rounding_alone(name: str, rng: np.random.Generator) -> None:
     """Normal equations of v rows and k columns lose v·k roundings, magnified by the design's condition squared."""
     recipe = tumble.recipe(name)
-    problem = method.problem(recipe, list(fleet(recipe, rng).values()))
+    problem = method.fit_problem(recipe, list(fleet(recipe, rng).values()))
     kind = method.of(recipe)
     short, long = kind.together(problem), kind.fit(problem)
     assert short is not None
-    calm = short.calm
+    calm = short.consistent
     assert calm.sum() >= 0.5 * UNITS
     rows, _ = kind.design(problem.true[0], recipe, problem.nuisance)
     bound = rows.size * np.finfo(float).eps * np.linalg.cond(rows) ** 2
@@ -82,7 +82,7 @@ def test_the_short_way_and_the_long_one_differ_by_rounding_alone(name: str, rng:
 
 def test_every_unit_is_in_one_part_once(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
     recipe = tumble.recipe("n-point")
-    problem = method.problem(recipe, list(fleet(recipe, rng).values()))
+    problem = method.fit_problem(recipe, list(fleet(recipe, rng).values()))
     monkeypatch.setattr(scatter, "PORTION", 9 * problem.mean.shape[1])
     parts = list(scatter.solve(method.of(recipe), problem))
     assert len(parts) == 1 + -(-UNITS // 9)

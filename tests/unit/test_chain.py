@@ -7,30 +7,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station.domain.records import chain
-from station.domain.records.chain import Finding, Sealed, Walk
+from station.domain.records.chain import ChainVerifier, IntegrityFinding, SealedRecord
 
 START = chain.genesis("a-log")
 VALUES = st.one_of(st.none(), st.integers(), st.floats(allow_nan=False), st.text(), st.binary())
 
 
-def records(n: int) -> list[Sealed]:
+def records(n: int) -> list[SealedRecord]:
     made, previous = [], START
     for number in range(1, n + 1):
         body = chain.canonical("event", ("attempt", "detail"), (number, f"what {number}"))
-        made.append(Sealed(number, "event", previous, chain.link(previous, body), body))
+        made.append(SealedRecord(number, "event", previous, chain.link(previous, body), body))
         previous = made[-1].hash
     return made
 
 
-def findings(found: list[Sealed], anchors: dict[int, bytes] | None = None) -> list[Finding]:
-    return list(Walk(START, anchors or {}).run(found))
+def findings(found: list[SealedRecord], anchors: dict[int, bytes] | None = None) -> list[IntegrityFinding]:
+    return list(ChainVerifier(START, anchors or {}).run(found))
 
 
 def test_a_whole_chain_has_no_findings_and_ends_at_its_head() -> None:
-    walk = Walk(START, {3: records(5)[2].hash})
+    walk = ChainVerifier(START, {3: records(5)[2].hash})
     assert list(walk.run(records(5))) == []
     assert (walk.number, walk.hash) == (5, records(5)[4].hash)
-    assert list(chain.tail(5, {5: b""})) == []
+    assert list(chain.check_tail(5, {5: b""})) == []
 
 
 def test_the_seal_of_the_first_records_is_pinned() -> None:
@@ -63,7 +63,7 @@ def test_a_deleted_record_is_named(at: int) -> None:
 def test_records_cut_off_at_the_end_show_against_an_anchor() -> None:
     anchors = {6: records(6)[5].hash}
     assert findings(records(4), anchors) == []
-    assert [f.number for f in chain.tail(4, anchors)] == [5]
+    assert [f.number for f in chain.check_tail(4, anchors)] == [5]
 
 
 def test_a_swap_names_both_places() -> None:
@@ -85,7 +85,7 @@ def test_a_chain_rebuilt_from_an_edit_on_shows_against_an_anchor() -> None:
     previous = forged[1].hash
     for number in range(3, 7):
         body = b"forged %d" % number
-        forged[number - 1 :] = [Sealed(number, "event", previous, chain.link(previous, body), body)]
+        forged[number - 1 :] = [SealedRecord(number, "event", previous, chain.link(previous, body), body)]
         previous = forged[-1].hash
     assert findings(forged) == []
     assert [(f.what, f.number) for f in findings(forged, {6: records(6)[5].hash})] == [("replaced", 6)]
@@ -95,9 +95,9 @@ def test_after_the_first_signature_every_record_needs_a_right_one() -> None:
     made = records(5)
     signed = [made[0], *(replace(r, signature=b"s" + r.hash) for r in made[1:])]
     verify = lambda signature, seal: signature == b"s" + seal  # noqa: E731
-    assert list(Walk(START, verify=verify).run(signed)) == []
+    assert list(ChainVerifier(START, verify=verify).run(signed)) == []
     lost = [*signed[:3], replace(signed[3], signature=None), signed[4]]
-    assert [(f.what, f.number) for f in Walk(START, verify=verify).run(lost)] == [("unsigned", 4)]
-    assert [(f.what, f.number) for f in Walk(START).run(signed)] == [("forged", n) for n in range(2, 6)]
+    assert [(f.what, f.number) for f in ChainVerifier(START, verify=verify).run(lost)] == [("unsigned", 4)]
+    assert [(f.what, f.number) for f in ChainVerifier(START).run(signed)] == [("forged", n) for n in range(2, 6)]
     wrong = [*signed[:3], replace(signed[3], signature=b"x"), signed[4]]
-    assert [(f.what, f.number) for f in Walk(START, verify=verify).run(wrong)] == [("forged", 4)]
+    assert [(f.what, f.number) for f in ChainVerifier(START, verify=verify).run(wrong)] == [("forged", 4)]

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from station.cli._confirm import AtPage
-from station.cli._live_state import Live, Pace
+from station.cli._confirm import PageConfirmation
+from station.cli._live_state import LiveStateWriter, RealTimePacer
 from station.cli._presence import is_served, serving
 from station.errors import Aborted
-from station.service.stop_request import Stop
+from station.service.stop_request import StopRequest
 from station.wiring.jobs import load_job
 
 PAGE = """
@@ -24,10 +24,12 @@ with serving(pathlib.Path(sys.argv[1])):
 """
 
 
-def asked(database: Path, patience_s: float) -> AtPage:
+def asked(database: Path, patience_s: float) -> PageConfirmation:
     job, _ = load_job("six-point")
-    stop = Stop()
-    return AtPage(database, Live(database, job.recipe, {}), Pace(None, lambda: 0.0, stop), stop, patience_s)
+    stop = StopRequest()
+    return PageConfirmation(
+        database, LiveStateWriter(database, job.recipe, {}), RealTimePacer(None, lambda: 0.0, stop), stop, patience_s
+    )
 
 
 def test_a_page_that_is_killed_is_gone_at_once_and_a_second_one_counts(tmp_path: Path) -> None:

@@ -5,51 +5,59 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from station.diagnosis.linear.evidence import RATIOS, Pattern, Sets, Spectrum, spectrum
-from station.diagnosis.linear.projection import Covariance, Known, Rows, Space, space
+from station.diagnosis.linear.evidence import AMPLITUDE_RATIOS, DataSets, EigenSpectrum, Pattern, spectrum
+from station.diagnosis.linear.projection import (
+    DataColumns,
+    FloorCovariance,
+    NuisanceColumns,
+    ResidualSpace,
+    residual_space,
+)
 from station.diagnosis.search.cause_search import is_unknown
-from station.diagnosis.search.null_simulation import dealt_orders
+from station.diagnosis.search.null_simulation import copy_orders
 from station.domain.core.types import Floats
 
 U, M = 3, 20
 
 
-def a_covariance(units: int) -> Covariance:
+def a_covariance(units: int) -> FloorCovariance:
     """White rows."""
-    return Covariance(np.eye(M)[None], np.zeros((units, 1), np.intp), np.ones((units, M), bool), 0.0)
+    return FloorCovariance(np.eye(M)[None], np.zeros((units, 1), np.intp), np.ones((units, M), bool), 0.0)
 
 
-def a_known(rng: np.random.Generator, shared: int) -> Known:
+def a_known(rng: np.random.Generator, shared: int) -> NuisanceColumns:
     """One known column of each unit's own, and some in common."""
     own, common = rng.standard_normal((U, 1, M, 1)), rng.standard_normal((U, 1, M, shared))
-    return Known(Rows(own), np.zeros((U, 1)), np.zeros((U, 1)), Rows(common), np.zeros(shared), np.zeros(shared))
+    return NuisanceColumns(
+        DataColumns(own), np.zeros((U, 1)), np.zeros((U, 1)), DataColumns(common), np.zeros(shared), np.zeros(shared)
+    )
 
 
-def tiled(known: Known, times: int) -> Known:
+def tiled(known: NuisanceColumns, times: int) -> NuisanceColumns:
     """The same of so many times the units."""
     return known.of_units(np.tile(np.arange(U), times))
 
 
-def a_space(rng: np.random.Generator, shared: int) -> Space:
+def a_space(rng: np.random.Generator, shared: int) -> ResidualSpace:
     """White rows of three units with one known column each, and some known ones in common."""
     known = a_known(rng, shared)
-    return space(a_covariance(U), known, Rows(rng.standard_normal((U, 1, M, 1))), U * M)
+    return residual_space(a_covariance(U), known, DataColumns(rng.standard_normal((U, 1, M, 1))), U * M)
 
 
-def random_columns(seen: Space, rng: np.random.Generator, count: int) -> Floats:
+def random_columns(seen: ResidualSpace, rng: np.random.Generator, count: int) -> Floats:
     """Columns of a cause as the space sees them."""
-    return seen.see(Rows(rng.standard_normal((U, 1, M, count))))
+    return seen.project(DataColumns(rng.standard_normal((U, 1, M, count))))
 
 
-def dense(seen: Space, Z: Floats) -> Floats:
+def dense(seen: ResidualSpace, Z: Floats) -> Floats:
     """L(ρ) with everything written out: known columns projected out, V = I + ρ Z Zᵀ."""
     rows = seen.data.shape[1]
     own = np.zeros((U * rows, U))
     for u in range(U):
         own[u * rows : (u + 1) * rows, u] = seen.basis[u, :, 0]
-    X = np.concatenate([own, seen.border.reshape(U * rows, -1)], axis=1)
+    X = np.concatenate([own, seen.shared_basis.reshape(U * rows, -1)], axis=1)
     y = seen.data.reshape(-1)
-    rho = RATIOS / spectrum_mean(seen, Z)
+    rho = AMPLITUDE_RATIOS / spectrum_mean(seen, Z)
     found = []
     for r in (0.0, *rho):
         V = np.eye(len(y)) + r * Z @ Z.T
@@ -61,23 +69,25 @@ def dense(seen: Space, Z: Floats) -> Floats:
     return np.asarray(np.array(found[1:]) - found[0], float)
 
 
-def spectrum_mean(seen: Space, Z: Floats) -> float:
+def spectrum_mean(seen: ResidualSpace, Z: Floats) -> float:
     """The mean eigenvalue by which the bank scales amplitudes; own causes are scaled before shared ones are known."""
     if Z.shape[1] == 2:
-        P = seen.border.reshape(len(Z), -1)
+        P = seen.shared_basis.reshape(len(Z), -1)
         Z = Z - P @ np.linalg.lstsq(P, Z, rcond=None)[0] if P.shape[1] else Z
     return float(np.mean(np.linalg.eigvalsh(Z.T @ Z)))
 
 
-def found(seen: Space, columns: Floats, pattern: Pattern, most: float = np.inf) -> tuple[Spectrum, Floats, Sets]:
+def found(
+    seen: ResidualSpace, columns: Floats, pattern: Pattern, most: float = np.inf
+) -> tuple[EigenSpectrum, Floats, DataSets]:
     """The spectrum of columns (U, M, K), the components of the space's own readings, and these."""
-    cross, data = columns.transpose(0, 2, 1) @ seen.border, columns.transpose(0, 2, 1) @ seen.data[..., None]
+    cross, data = columns.transpose(0, 2, 1) @ seen.shared_basis, columns.transpose(0, 2, 1) @ seen.data[..., None]
     normal = columns.transpose(0, 2, 1) @ columns
     if pattern == "shared":
         normal = normal.sum(0) - cross.sum(0) @ cross.sum(0).T
         cross, data = cross.sum(0), data.sum(0)
     m, E = np.linalg.eigh(normal)
-    sets = Sets.of(seen, seen.data[None])
+    sets = DataSets.of(seen, seen.data[None])
     can = spectrum(seen, m, E.swapaxes(-1, -2) @ cross, pattern, most)
     return can, can.components((E.swapaxes(-1, -2) @ data)[..., 0][None], sets), sets
 
@@ -109,25 +119,26 @@ def test_copies_of_the_units_are_as_good_as_the_units(pattern: Pattern, shared: 
         rng.standard_normal((U, 1, M, 2)),
     )
     few, many = (
-        space(a_covariance(n * U), tiled(known, n), Rows(np.tile(readings, (n, 1, 1, 1))), n * U * M) for n in (1, 3)
+        residual_space(a_covariance(n * U), tiled(known, n), DataColumns(np.tile(readings, (n, 1, 1, 1))), n * U * M)
+        for n in (1, 3)
     )
-    whole, u, sets = found(many, many.see(Rows(np.tile(columns, (3, 1, 1, 1)))), pattern)
+    whole, u, sets = found(many, many.project(DataColumns(np.tile(columns, (3, 1, 1, 1)))), pattern)
     part = few.times(3)
     assert part.dof == many.dof
     assert part.logdet == pytest.approx(many.logdet)
-    Z = part.see(Rows(columns))
-    normal, cross, data = (Z.transpose(0, 2, 1) @ x for x in (Z, part.border, part.data[..., None]))
+    Z = part.project(DataColumns(columns))
+    normal, cross, data = (Z.transpose(0, 2, 1) @ x for x in (Z, part.shared_basis, part.data[..., None]))
     if pattern == "shared":
         normal, cross, data = 3 * normal.sum(0), 3 * cross.sum(0), data.sum(0)
         normal = normal - cross @ cross.T
     m, E = np.linalg.eigh(normal)
     can = spectrum(part, m, E.swapaxes(-1, -2) @ cross, pattern)
-    one = Sets.of(part, part.data[None])
+    one = DataSets.of(part, part.data[None])
     terms = can.terms(can.components((E.swapaxes(-1, -2) @ data)[..., 0][None], one), one)
     orders = np.zeros((3, 1), int)
     added = np.asarray(sum(terms[order] for order in orders))
-    assert can.judged(added, one.dealt(orders)) == pytest.approx(whole.evidence(u, sets), abs=1e-6)
-    assert one.dealt(orders).fits == pytest.approx(sets.fits)
+    assert can.judged(added, one.sum_over_copies(orders)) == pytest.approx(whole.evidence(u, sets), abs=1e-6)
+    assert one.sum_over_copies(orders).fits == pytest.approx(sets.fits)
 
 
 def test_evidence_favours_the_true_cause_and_not_noise() -> None:
@@ -149,7 +160,7 @@ def test_an_amplitude_beyond_what_is_thinkable_is_no_evidence() -> None:
         assert low < score(there, faint, most) < high
 
 
-def score(seen: Space, columns: Floats, most: float = np.inf) -> float:
+def score(seen: ResidualSpace, columns: Floats, most: float = np.inf) -> float:
     """Log evidence of a cause of each unit's own."""
     can, u, sets = found(seen, columns, "own", most)
     return float(can.evidence(u, sets)[0])
@@ -158,7 +169,7 @@ def score(seen: Space, columns: Floats, most: float = np.inf) -> float:
 @pytest.mark.parametrize(("copies", "sets"), [(2, 128), (31, 128), (128, 128)])
 def test_no_null_set_is_dealt_the_same_chance_twice(copies: int, sets: int) -> None:
     """A set that met itself would have its signal doubled: what is shared by all units would get a false tail."""
-    orders = dealt_orders(sets, copies, np.random.default_rng(1))
+    orders = copy_orders(sets, copies, np.random.default_rng(1))
     assert all(len(set(column)) == copies for column in orders.T)
     assert all(sorted(order) == list(range(sets)) for order in orders)
 

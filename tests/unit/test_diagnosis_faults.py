@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from station.diagnosis.data.faults import Fault, inspect
+from station.diagnosis.data.faults import GrossFault, inspect
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
@@ -27,7 +27,7 @@ def table(seed: int = 1) -> SampleTable:
     return replace(made, reading=grid, values={**made.values, "counter": counter.astype(float)})
 
 
-def found(made: SampleTable, recipe_: Recipe = RECIPE) -> dict[str, Fault]:
+def found(made: SampleTable, recipe_: Recipe = RECIPE) -> dict[str, GrossFault]:
     """Faults by effect."""
     return {f.effect: f for f in inspect(recipe_, made).faults}
 
@@ -145,7 +145,7 @@ def test_swapped_axes_are_named_and_put_right(mapping: str, alike: bool) -> None
     fault = looked.faults[0]
     assert [n.value for n in fault.numbers] == [mapping, mapping]
     # A proper rotation may as well be the mounting; a mirror image cannot.
-    assert bool(fault.alike) == alike
+    assert bool(fault.indistinguishable_from) == alike
     assert looked.table.reading == pytest.approx(made.reading)
 
 

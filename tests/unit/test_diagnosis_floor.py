@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 
 from station.config.recipes import load_recipe
-from station.diagnosis.data.reduce import calmed
+from station.diagnosis.data.reduce import clip_outliers
 from station.diagnosis.linear import noise_floor as floors
-from station.diagnosis.linear.grid import Grid
-from station.diagnosis.linear.projection import Known, Rows, space
-from station.model.simulate import Job, effects_of, simulate
-from station.model.timeline import density_of
+from station.diagnosis.linear.grid import VisitGrid
+from station.diagnosis.linear.projection import DataColumns, NuisanceColumns, residual_space
+from station.model.simulate import SimulationJob, parse_effects, simulate
+from station.model.timeline import noise_density_of
 from tests.blind.look import look
 
 UNITS, RUNS, STOPS, K = 4, 3, 24, 3
 
 
-def structure(rng: np.random.Generator) -> tuple[Grid, floors.Structure, np.ndarray]:
+def structure(rng: np.random.Generator) -> tuple[VisitGrid, floors.FloorStructure, np.ndarray]:
     """A campaign of random directions, the same in every unit."""
     slot = np.arange(UNITS * RUNS * STOPS).reshape(UNITS, RUNS, STOPS)
     a = rng.standard_normal((RUNS * STOPS, 3))
@@ -25,23 +25,25 @@ def structure(rng: np.random.Generator) -> tuple[Grid, floors.Structure, np.ndar
     turn = np.tile(turn - turn.transpose(0, 2, 1), (UNITS, 1, 1))
     n = slot.size
     steps = np.tile(np.arange(1.0, STOPS + 1), UNITS * RUNS)
-    grid = Grid(slot, K)
-    made = floors.structure(grid, np.ones(n), turn, steps, np.tile(np.eye(3), (n, 1, 1)))
+    grid = VisitGrid(slot, K)
+    made = floors.floor_structure(grid, np.ones(n), turn, steps, np.tile(np.eye(3), (n, 1, 1)))
     return grid, made, np.tile(a, (UNITS, 1))
 
 
-def offsets(grid: Grid) -> Known:
+def offsets(grid: VisitGrid) -> NuisanceColumns:
     """One offset a unit and axis."""
     columns = grid.spread(np.tile(np.eye(3), (grid.slot.size, 1, 1)))
-    none = Rows(columns[..., :0])
-    return Known(Rows(columns), np.zeros((UNITS, 3)), np.zeros((UNITS, 3)), none, np.zeros(0), np.zeros(0))
+    none = DataColumns(columns[..., :0])
+    return NuisanceColumns(
+        DataColumns(columns), np.zeros((UNITS, 3)), np.zeros((UNITS, 3)), none, np.zeros(0), np.zeros(0)
+    )
 
 
-def drawn(grid: Grid, made: floors.Structure, variances: np.ndarray, rng: np.random.Generator) -> Rows:
+def drawn(grid: VisitGrid, made: floors.FloorStructure, variances: np.ndarray, rng: np.random.Generator) -> DataColumns:
     """Readings with exactly this floor."""
     root = np.linalg.inv(made.covariance(variances).inverse)
     white = rng.standard_normal((UNITS, RUNS, STOPS * K, 1))
-    return Rows(root[made.member] @ white)
+    return DataColumns(root[made.member] @ white)
 
 
 @pytest.mark.parametrize("variances", [(4.0, 0.0, 0.0), (1.0, 4.0, 0.0), (1.0, 0.0, 0.5), (1.0, 2.0, 0.3)])
@@ -83,20 +85,24 @@ def test_known_columns_leave_nothing_of_themselves() -> None:
     rng = np.random.default_rng(8)
     grid, made, _ = structure(rng)
     known = offsets(grid)
-    seen = space(made.covariance(np.array([1.0, 0.5, 0.1])), known, drawn(grid, made, np.ones(3), rng), grid.data)
-    assert np.abs(seen.see(known.own)).max() < 1e-9
+    seen = residual_space(
+        made.covariance(np.array([1.0, 0.5, 0.1])), known, drawn(grid, made, np.ones(3), rng), grid.data
+    )
+    assert np.abs(seen.project(known.own)).max() < 1e-9
 
 
 def test_a_prior_lies_between_knowing_and_not_knowing() -> None:
     rng = np.random.default_rng(9)
     grid, made, _ = structure(rng)
-    rows = Rows(drawn(grid, made, np.array([1.0, 0.0, 0.0]), rng).stop + 5.0)
+    rows = DataColumns(drawn(grid, made, np.array([1.0, 0.0, 0.0]), rng).stop + 5.0)
     covariance = made.covariance(np.array([1.0, 0.0, 0.0]))
     free = offsets(grid)
     rests = []
     for precision in (0.0, 1.0, 1e9):
-        known = Known(free.own, np.full((UNITS, 3), precision), free.own_target, free.shared, np.zeros(0), np.zeros(0))
-        rests.append(space(covariance, known, rows, grid.data).rest)
+        known = NuisanceColumns(
+            free.own, np.full((UNITS, 3), precision), free.per_unit_target, free.shared, np.zeros(0), np.zeros(0)
+        )
+        rests.append(residual_space(covariance, known, rows, grid.data).rest)
     assert rests[0] < rests[1] < rests[2]
 
 
@@ -104,9 +110,9 @@ def test_a_prior_lies_between_knowing_and_not_knowing() -> None:
 def test_six_stops_a_unit_are_not_fitted_more_closely_than_their_samples_scatter(seed: int) -> None:
     """Six faces and one run part σ and repeatability only by luck; a floor near 0 judged every gain by chance."""
     six = load_recipe("six-point")
-    table = simulate(Job(six, ("A", "B", "C", "D"), seed, effects_of(("cross-axis",), six))).table
+    table = simulate(SimulationJob(six, ("A", "B", "C", "D"), seed, parse_effects(("cross-axis",), six))).table
     found = look(six, table)
-    white = float(density_of(six) / np.sqrt(2 * six.dwell.longest_s))
+    white = float(noise_density_of(six) / np.sqrt(2 * six.dwell.longest_s))
     assert white / 2.5 < found.floor.floor.noise < 3 * white
     (cause,) = found.causes
     assert cause.finding.name == "cross-axis"
@@ -122,9 +128,9 @@ def test_a_wild_sample_among_few_is_calmed_and_motion_is_not() -> None:
     few = late < 0.16
     wild = np.zeros((1000, 1))
     wild[[0, 26, 52, 78]] = 30.0
-    calm = calmed(noise + wild, visit, np.ones(1), few)
+    calm = clip_outliers(noise + wild, visit, np.ones(1), few)
     assert np.abs(calm[wild != 0]).max() < 6
     for moving in (50 * np.exp(-late / 0.1), 50 * np.cos(2 * np.pi * 6 * late) * np.exp(-late / 0.2), 50 * late):
         seen = noise + moving[:, None]
         # Five standard deviations: one normal sample in twenty thousand.
-        assert np.count_nonzero(calmed(seen, visit, np.ones(1), few) != seen) <= 3
+        assert np.count_nonzero(clip_outliers(seen, visit, np.ones(1), few) != seen) <= 3

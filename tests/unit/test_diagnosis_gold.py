@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from station.config.recipes import load_recipe
-from station.diagnosis.data.faults import Fault, inspect
-from station.diagnosis.results.extend import extended
+from station.diagnosis.data.faults import GrossFault, inspect
+from station.diagnosis.results.extend import extend_model
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
-from station.model.simulate import Job, effects_of, simulate
+from station.model.simulate import SimulationJob, parse_effects, simulate
 from tests.blind.look import look
 
 UNITS = ("A", "B", "C", "D")
@@ -28,9 +28,9 @@ def by_gold() -> Recipe:
     return Recipe.model_validate({**told, "reference": {"source": "gold", "magnitude": 1.0, "gold": CERTIFICATE}})
 
 
-def found(recipe: Recipe, *asked: str, seed: int = 3) -> dict[str, Fault]:
+def found(recipe: Recipe, *asked: str, seed: int = 3) -> dict[str, GrossFault]:
     """What a gold beside the units shows of causes."""
-    made = simulate(Job(recipe, UNITS, seed, effects_of(asked, recipe), gold=True)).table
+    made = simulate(SimulationJob(recipe, UNITS, seed, parse_effects(asked, recipe), gold=True)).table
     return {f.effect: f for f in inspect(recipe, made).faults}
 
 
@@ -59,27 +59,27 @@ def test_positions_that_do_not_tell_them_apart_give_both() -> None:
     assert len(up) == 3
     recipe = Recipe.model_validate({**told, "positions": up, "method": "three-point"})
     (fault,) = [f for f in found(recipe, "local-gravity=0.002").values() if f.effect in ("local-gravity", "gold-drift")]
-    assert {fault.effect, *fault.alike} == {"local-gravity", "gold-drift"}
+    assert {fault.effect, *fault.indistinguishable_from} == {"local-gravity", "gold-drift"}
 
 
 def test_a_diagnosis_names_gravity_and_is_silent_with_it_in_the_model() -> None:
     recipe = by_gold()
-    table = simulate(Job(recipe, UNITS, 5, effects_of(("local-gravity",), recipe))).table
+    table = simulate(SimulationJob(recipe, UNITS, 5, parse_effects(("local-gravity",), recipe))).table
     first = look(recipe, table)
     assert (first.verdict, [f.effect for f in first.faults]) == ("named", ["local-gravity"])
     assert not {"local-gravity", "gold-drift"} & set(first.not_testable)
-    assert look(recipe, table, extended(Model(), first)).verdict == "none"
+    assert look(recipe, table, extend_model(Model(), first)).verdict == "none"
 
 
 def test_a_gold_that_moved_does_no_harm_to_what_is_found_of_the_units() -> None:
     recipe = by_gold()
-    table = simulate(Job(recipe, UNITS, 6, effects_of(("gold-drift=0.003",), recipe))).table
+    table = simulate(SimulationJob(recipe, UNITS, 6, parse_effects(("gold-drift=0.003",), recipe))).table
     first = look(recipe, table)
     assert (first.verdict, [f.effect for f in first.faults], first.causes) == ("named", ["gold-drift"], ())
-    assert look(recipe, table, extended(Model(), first)).verdict == "none"
+    assert look(recipe, table, extend_model(Model(), first)).verdict == "none"
 
 
 def test_without_a_gold_neither_can_be_shown() -> None:
     recipe = load_recipe("six-point")
-    told = look(recipe, simulate(Job(recipe, UNITS[:2], 12)).table).not_testable
+    told = look(recipe, simulate(SimulationJob(recipe, UNITS[:2], 12)).table).not_testable
     assert {"local-gravity", "gold-drift"} <= set(told)

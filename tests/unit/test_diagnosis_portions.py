@@ -8,7 +8,7 @@ from station.diagnosis.data import reduce
 from station.diagnosis.data.faults import counters
 from station.domain.core.types import Floats, Labels, SampleTable
 
-STOPS, BLOCKS = 9, len(reduce.EDGES)
+STOPS, BLOCKS = 9, len(reduce.BLOCK_EDGES)
 
 
 def stops(rng: np.random.Generator) -> tuple[Floats, Floats, NDArray[np.intp], Floats]:
@@ -26,7 +26,7 @@ def test_means_in_portions_have_the_bits_of_one(
 ) -> None:
     values, time_s, cell, count = stops(rng)
     whole = reduce.huber_means(values, time_s, cell, count, np.ones(3))
-    monkeypatch.setattr(reduce, "TOGETHER", together)
+    monkeypatch.setattr(reduce, "SAMPLES_AT_ONCE", together)
     assert np.array_equal(reduce.huber_means(values, time_s, cell, count, np.ones(3)), whole)
 
 
@@ -36,7 +36,7 @@ def test_rows_of_stops_that_do_not_stand_together_are_taken_at_once(
     values, time_s, cell, count = stops(rng)
     order = rng.permutation(len(cell))
     whole = reduce.huber_means(values[order], time_s[order], cell[order], count, np.ones(3))
-    monkeypatch.setattr(reduce, "TOGETHER", 1)
+    monkeypatch.setattr(reduce, "SAMPLES_AT_ONCE", 1)
     assert np.array_equal(reduce.huber_means(values[order], time_s[order], cell[order], count, np.ones(3)), whole)
 
 
@@ -64,4 +64,4 @@ def test_frames_are_tallied_as_one_would_by_hand(rng: np.random.Generator) -> No
         assert found.arrived[u] == sum(map(len, own))
         assert found.different[u] == sum(len(set(x.tolist())) for x in own)
         assert found.sent[u] == sum(x.max() - x.min() + 1 for x in own)
-        assert found.back[u] == sum((np.diff(x) < 0).sum() for x in own)
+        assert found.stepped_back[u] == sum((np.diff(x) < 0).sum() for x in own)

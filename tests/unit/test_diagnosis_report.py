@@ -13,12 +13,12 @@ from station import plugins
 from station.cli._diagnosis_page import html
 from station.domain.core.types import Labels
 from station.model.model_file import EFFECTS
-from station.reporting.diagnosis.across import across, best_axis
-from station.reporting.diagnosis.data import Dwell, ReportData, Signature
-from station.reporting.diagnosis.page import Page, Section, page_of
-from station.reporting.diagnosis.remedies import DO, SHOW, makes_testable
-from station.reporting.diagnosis.smallest_effect import length_needed
-from station.reporting.diagnosis.units import number, size, with_std
+from station.reporting.diagnosis.data import CauseSignature, DwellCourse, ReportData
+from station.reporting.diagnosis.page import ReportPage, ReportSection, build_page
+from station.reporting.diagnosis.plot_axis import best_axis, plot_axis
+from station.reporting.diagnosis.quantity_format import format_interval, format_significant, format_size
+from station.reporting.diagnosis.remedies import REMEDIES, REVEALING_CHANGES, makes_testable
+from station.reporting.diagnosis.smallest_effect import detectable_length
 
 PLACES = ("z-up", "x-up", "y-up", "z-down")
 
@@ -79,16 +79,16 @@ def some_data(
         "measured": rng.normal(size=(stops, 3)),
         "before": after + (sign if causes else 0.0),
         "after": after,
-        "signatures": tuple(Signature(c["effect"], sign) for c in causes),
+        "signatures": tuple(CauseSignature(c["effect"], sign) for c in causes),
     }
     return ReportData(**{**fields, **more})
 
 
-def section(page: Page, name: str) -> Section:
+def section(page: ReportPage, name: str) -> ReportSection:
     return next(s for s in page.sections if s.name == name)
 
 
-def drawn(page: Page) -> dict[str, ET.Element]:
+def drawn(page: ReportPage) -> dict[str, ET.Element]:
     """Every figure, parsed: it must be well-formed and hold no number that is none."""
     found = page.pictures()
     assert not [name for name, svg in found.items() if "nan" in svg.lower().replace("nano", "") or "inf" in svg]
@@ -96,7 +96,7 @@ def drawn(page: Page) -> dict[str, ET.Element]:
 
 
 def test_the_sentence_says_what_how_big_on_whom_and_what_it_gains() -> None:
-    page = page_of(some_data("named", [a_cause("offset-temperature", ("unit:SN0000", "unit:SN0001"))]))
+    page = build_page(some_data("named", [a_cause("offset-temperature", ("unit:SN0000", "unit:SN0001"))]))
     assert page.sentence == (
         "The offset follows the temperature, by up to 900 µg/°C on 2 of 2 units, each its own; knowing it brings the "
         "error on stops not fitted from 210 to 80 µg rms."
@@ -107,7 +107,7 @@ def test_the_sentence_says_what_how_big_on_whom_and_what_it_gains() -> None:
 
 
 def test_the_first_picture_shows_the_signature_over_what_the_cause_needs() -> None:
-    hero = page_of(some_data("named", [a_cause("offset-temperature")])).hero
+    hero = build_page(some_data("named", [a_cause("offset-temperature")])).hero
     assert hero is not None
     words = [t.text for t in ET.fromstring(hero.svg).iter("{http://www.w3.org/2000/svg}text")]
     assert {"temperature, °C", "what the cause predicts", "measured − simulated"} <= set(words)
@@ -126,7 +126,7 @@ def test_a_signature_is_drawn_over_the_axis_that_orders_it() -> None:
 
 
 def test_none_says_how_small_an_effect_would_have_been_seen() -> None:
-    page = page_of(some_data("none", smallest={"cubic": 6.6e-5, "nest-tilt": 1.4e-5}))
+    page = build_page(some_data("none", smallest={"cubic": 6.6e-5, "nest-tilt": 1.4e-5}))
     assert page.sentence.startswith("Nothing is wrong that these data could show")
     (table,) = [t for t in section(page, "limits").tables if "4 of 5" in t.caption]
     assert [row[:2] for row in table.rows] == [("cubic", "66 ppm/g²"), ("nest-tilt", "14 µrad")]
@@ -137,7 +137,7 @@ def test_none_says_how_small_an_effect_would_have_been_seen() -> None:
 
 
 def test_unknown_says_on_what_it_depends_and_shows_it() -> None:
-    page = page_of(some_data("unknown", unknown={"depends_on": ["temperature", "order"]}))
+    page = build_page(some_data("unknown", unknown={"depends_on": ["temperature", "order"]}))
     assert "depends on the temperature and the order of the stops" in page.sentence
     assert page.hero is not None
     assert "temperature, °C" in page.hero.svg
@@ -145,7 +145,7 @@ def test_unknown_says_on_what_it_depends_and_shows_it() -> None:
 
 
 def test_incomplete_names_the_cause_and_what_is_left() -> None:
-    page = page_of(some_data("incomplete", [a_cause("warm-up")], unknown={"depends_on": ["time"]}))
+    page = build_page(some_data("incomplete", [a_cause("warm-up")], unknown={"depends_on": ["time"]}))
     assert page.sentence.endswith("What is left depends on the time within the run.")
     assert page.badge == "cause found, but not all of it"
 
@@ -158,14 +158,14 @@ def test_what_cannot_be_told_apart_is_never_named_as_if_certain() -> None:
     }
     run["certainty"] = 0.999
     cause = a_cause("warm-up", indistinguishable_from=["clamp-creep"])
-    page = page_of(some_data("named", [cause], next_run=run))
+    page = build_page(some_data("named", [cause], next_run=run))
     assert page.sentence.startswith("warm-up or clamp-creep: these data cannot tell which")
     assert page.do.startswith("To be sure, measure again with one run 10 degC warmer (3.1 minutes)")
     assert page.do.endswith("which tells warm-up from clamp-creep, right in 99 of 100 cases as predicted.")
     assert "d·√κ < 3.3" in section(page, "not-told-apart").text[0]
     assert section(page, "next-run").text == (page.do,)
     lost = {"recipe_change": "a level on the rig", "separates": [], "minutes": 0.0, "certainty": 0.5}
-    alone = page_of(some_data("named", [cause], next_run=lost))
+    alone = build_page(some_data("named", [cause], next_run=lost))
     assert section(alone, "next-run").text[0].endswith("would not help. What would: a level on the rig.")
     assert "If it is warm-up: " in alone.do
     assert "; if it is clamp-creep: " in alone.do
@@ -174,7 +174,7 @@ def test_what_cannot_be_told_apart_is_never_named_as_if_certain() -> None:
 def test_of_several_causes_the_largest_leads_and_each_has_its_section() -> None:
     small = a_cause("cubic")
     small["gain"] = {**small["gain"], "rms_before": 9e-5}
-    page = page_of(some_data("named", [small, a_cause("nest-tilt", ("nest:N1",))]))
+    page = build_page(some_data("named", [small, a_cause("nest-tilt", ("nest:N1",))]))
     assert page.sentence.startswith("The nest holds every part turned")
     assert "on nest N1" in page.sentence
     assert page.sentence.endswith("1 more cause was found: cubic.")
@@ -192,22 +192,22 @@ def test_of_several_causes_the_largest_leads_and_each_has_its_section() -> None:
     ],
 )
 def test_whom_it_concerns(of: tuple[str, ...], said: str) -> None:
-    assert f" on {said};" in page_of(some_data("named", [a_cause("step", of)])).sentence
+    assert f" on {said};" in build_page(some_data("named", [a_cause("step", of)])).sentence
 
 
 def test_a_gross_fault_shows_what_was_read_against_what_should_be() -> None:
     mapping = {"name": "mapping", "axis": None, "of": "unit:SN0000", "value": "-y,x,z", "std": None, "unit": "text"}
     cause = a_cause("axis-permutation", parameters=[mapping])
     expected = np.eye(3)[np.arange(16) % 3]
-    page = page_of(some_data("named", [cause], signatures=(), read=expected[:, [1, 0, 2]], expected=expected))
+    page = build_page(some_data("named", [cause], signatures=(), read=expected[:, [1, 0, 2]], expected=expected))
     assert "(-y,x,z on unit SN0000)" in page.sentence
     assert page.hero is not None
     assert "as it should be" in page.hero.svg
 
 
 def test_a_cause_within_the_dwell_is_shown_within_the_dwell() -> None:
-    course = Dwell(("0–6 %", "6–100 %"), np.array([1e-3, 0.0]), np.array([9e-4, 0.0]))
-    page = page_of(some_data("named", [a_cause("settling")], dwell=course))
+    course = DwellCourse(("0–6 %", "6–100 %"), np.array([1e-3, 0.0]), np.array([9e-4, 0.0]))
+    page = build_page(some_data("named", [a_cause("settling")], dwell=course))
     assert page.hero is not None
     assert "settling within the dwell" in page.hero.svg
 
@@ -224,7 +224,7 @@ def a_line(*serials: str) -> dict[str, Any]:
 
 def test_the_gain_is_told_in_the_words_of_the_line() -> None:
     data = some_data("named", [a_cause("cubic")], line=a_line())
-    page = page_of(data)
+    page = build_page(data)
     assert "it moves the calibration of SN0000 by 240 µg rms" in page.sentence
     assert "without it 2 of 2 units would pass instead of 0" in page.sentence
     gain = section(page, "gain")
@@ -237,23 +237,25 @@ def test_the_gain_is_told_in_the_words_of_the_line() -> None:
 def test_pose_unknown_has_one_number_a_stop() -> None:
     many = some_data("named", [a_cause("cross-axis")])
     one = {k: getattr(many, k)[:, :1] for k in ("measured", "before", "after")}
-    signs = (Signature("cross-axis", many.signatures[0].values[:, :1]),)
-    page = page_of(some_data("named", [a_cause("cross-axis")], axes=("along the stimulus",), signatures=signs, **one))
+    signs = (CauseSignature("cross-axis", many.signatures[0].values[:, :1]),)
+    page = build_page(
+        some_data("named", [a_cause("cross-axis")], axes=("along the stimulus",), signatures=signs, **one)
+    )
     assert {"first", "heat-map-along-the-stimulus", "residual-time"} <= set(drawn(page))
 
 
 def test_one_unit_and_nothing_recorded_but_time() -> None:
     data = some_data("named", [a_cause("cubic")], units=1, values={"time_s": np.arange(8.0)})
-    page = page_of(data)
+    page = build_page(data)
     assert "residual-temperature" not in drawn(page)
     assert "it was not recorded or never changes: temperature" in section(page, "residuals").text[1]
-    assert across(data, "unit") is None
+    assert plot_axis(data, "unit") is None
 
 
 def test_one_stop_only_still_makes_a_page() -> None:
     data = some_data("none", units=1)
     one = {k: getattr(data, k)[:1] for k in ("unit", "position", "run", "visit", "previous", "measured", "before")}
-    page = page_of(some_data("none", units=1, values={"time_s": np.zeros(1)}, after=data.after[:1], **one))
+    page = build_page(some_data("none", units=1, values={"time_s": np.zeros(1)}, after=data.after[:1], **one))
     assert page.hero is None
     assert "Nothing needs doing" in html(page)
 
@@ -263,7 +265,7 @@ def test_a_thousand_units_make_a_small_page_with_the_worst_of_them() -> None:
     data = some_data("named", [a_cause("offset-temperature", units)], units=1000)
     spike = data.before.copy()
     spike[8 * 777 + 3] = 0.05
-    page = page_of(some_data("named", [a_cause("offset-temperature", units)], units=1000, before=spike))
+    page = build_page(some_data("named", [a_cause("offset-temperature", units)], units=1000, before=spike))
     assert len(html(page).encode()) < 500_000
     figures = page.pictures()
     assert "SN0777" in figures["heat-map-x"]
@@ -279,14 +281,14 @@ def test_no_serial_number_becomes_a_part_of_the_page(serial: str) -> None:
     hostile = f"<script>alert(1)</script>{serial}"
     cause = a_cause("offset-temperature", (f"unit:{hostile}", f"unit:{hostile}2"))
     data = some_data("named", [cause], names=(hostile, hostile + "2"), line=a_line(hostile, hostile + "2"))
-    page = page_of(data)
+    page = build_page(data)
     drawn(page)
     assert "<script" not in html(page)
     assert "&lt;script&gt;" in html(page)
 
 
 def test_the_page_needs_nothing_from_elsewhere() -> None:
-    text = html(page_of(some_data("named", [a_cause("cubic")])))
+    text = html(build_page(some_data("named", [a_cause("cubic")])))
     outside = set(re.findall(r'(?:src|href)="([^"]*)"|url\(', text))
     assert not outside
     assert set(re.findall(r"https?://[^\"' <]+", text)) == {"http://www.w3.org/2000/svg"}
@@ -294,7 +296,7 @@ def test_the_page_needs_nothing_from_elsewhere() -> None:
 
 
 def test_names_of_columns_are_marked_and_nothing_else_is_let_through() -> None:
-    text = html(page_of(some_data("none", names=("`<b>x</b>`", "SN2"))))
+    text = html(build_page(some_data("none", names=("`<b>x</b>`", "SN2"))))
     assert "record <code>since_power_s</code> in the samples" in text
     assert "<b>" not in text
 
@@ -302,8 +304,8 @@ def test_names_of_columns_are_marked_and_nothing_else_is_let_through() -> None:
 def test_every_cause_has_advice_and_every_advice_a_cause() -> None:
     known = set(plugins.names(EFFECTS))
     # A new cause is one new file: without a line here, its level's advice stands.
-    assert set(DO) <= known
-    assert set(SHOW) <= known
+    assert set(REMEDIES) <= known
+    assert set(REVEALING_CHANGES) <= known
 
 
 @pytest.mark.parametrize(
@@ -323,30 +325,30 @@ def test_what_would_make_a_cause_testable(effect: str, recorded: tuple[str, ...]
 
 def test_lengths_needed_are_those_of_the_published_table() -> None:
     # Noncentral χ², 80 % power at 1 %: for 1, 3, 6, 12 and 36 free coefficients.
-    assert [round(length_needed(k), 2) for k in (1, 3, 6, 12, 36)] == [3.42, 3.93, 4.34, 4.85, 5.92]
+    assert [round(detectable_length(k), 2) for k in (1, 3, 6, 12, 36)] == [3.42, 3.93, 4.34, 4.85, 5.92]
 
 
 def test_numbers_are_said_as_on_the_line() -> None:
-    assert size(0.0021, "rad") == "2.1 mrad"
-    assert size(3.1e-4, "g/degC") == "310 µg/°C"
-    assert size(0.02, "1") == "2 %"
-    assert size(3e-4, "1/g") == "300 ppm/g"
-    assert size(-45.2, "uT") == "−45.2 µT"
-    assert size(0.02, "deg/s") == "20 mdeg/s"
-    assert size(40.0, "s") == "40 s"
-    assert with_std(-3.1e-4, 1e-5, "g") == "−310 ± 20 µg"
-    assert number(1e5) == "100000"
-    assert number(float("nan")) == "–"
+    assert format_size(0.0021, "rad") == "2.1 mrad"
+    assert format_size(3.1e-4, "g/degC") == "310 µg/°C"
+    assert format_size(0.02, "1") == "2 %"
+    assert format_size(3e-4, "1/g") == "300 ppm/g"
+    assert format_size(-45.2, "uT") == "−45.2 µT"
+    assert format_size(0.02, "deg/s") == "20 mdeg/s"
+    assert format_size(40.0, "s") == "40 s"
+    assert format_interval(-3.1e-4, 1e-5, "g") == "−310 ± 20 µg"
+    assert format_significant(1e5) == "100000"
+    assert format_significant(float("nan")) == "–"
 
 
 def test_an_unknown_is_not_called_noise() -> None:
     """The fitted floor has swallowed what is unknown; the samples within the stops have not."""
-    page = page_of(some_data("unknown", unknown={"depends_on": ["time"]}, floor={"within_stops": 4e-5}))
+    page = build_page(some_data("unknown", unknown={"depends_on": ["time"]}, floor={"within_stops": 4e-5}))
     assert "The residual is 210 µg rms where noise alone makes 40 µg." in page.sentence
     assert ("noise alone makes", "40 µg rms") in page.cards
 
 
 def test_many_causes_are_told_apart_in_a_row_of_names() -> None:
     run = {"recipe_change": "one run warmer", "separates": ["a", "b", "c"], "minutes": 2.0, "certainty": 0.95}
-    page = page_of(some_data("named", [a_cause("cubic", indistinguishable_from=["b", "c"])], next_run=run))
+    page = build_page(some_data("named", [a_cause("cubic", indistinguishable_from=["b", "c"])], next_run=run))
     assert "which tells a, b and c apart, right in 95 of 100 cases" in page.do

@@ -9,7 +9,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.config.documents import Document, content_hash, load_document, plain, validate
+from station.config.documents import Document, content_hash, load_document, parse_plain_scalar, validate
 from station.config.recipes import load_recipe, recipe_hash
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
@@ -171,8 +171,8 @@ def test_what_yaml_writes_is_read_back(tmp_path_factory: Any, data: Any) -> None
      ("True", True), ("-.inf", float("-inf")), ("1:30", "1:30"), (".", "."), ("1_000", "1_000")],
 )  # fmt: skip
 def test_plain_scalars_follow_yaml_1_2(text: str, value: object) -> None:
-    assert plain(text) == value
-    assert type(plain(text)) is type(value)
+    assert parse_plain_scalar(text) == value
+    assert type(parse_plain_scalar(text)) is type(value)
 
 
 def test_the_hash_is_of_the_content_not_of_the_text(tmp_path: Path) -> None:

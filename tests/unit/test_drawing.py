@@ -35,7 +35,7 @@ def test_every_kind_draws_with_a_spread(kind: str) -> None:
 def test_no_text_breaks_the_page(words: str) -> None:
     root = ET.fromstring(svg(Figure(words, words, words, (Series([0], [0], words),), x_names=(words,))))
     assert root.findtext(f"{NS}title") == words
-    ET.fromstring(tables.bars(words, [(words, 1.0)]))
+    ET.fromstring(tables.bar_chart(words, [(words, 1.0)]))
     ET.fromstring(tables.heat_map(words, [[1.0, math.nan]], [words], [words, "b"]))
 
 
@@ -49,7 +49,7 @@ def test_ticks_are_round_and_inside(low: float, width: float) -> None:
 
 def test_a_figure_without_data_still_draws() -> None:
     ET.fromstring(svg(Figure("empty", "x", "y", ())))
-    ET.fromstring(tables.bars("empty", []))
+    ET.fromstring(tables.bar_chart("empty", []))
 
 
 def test_a_cloud_is_one_stroke_however_many_points() -> None:

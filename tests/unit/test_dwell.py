@@ -8,10 +8,10 @@ from scipy.signal import lfilter
 
 from station.domain.core.types import Floats
 from station.domain.noise import dwell_statistics, noise
-from station.domain.noise.dwell_statistics import Dwells
+from station.domain.noise.dwell_statistics import DwellStatistics
 
 
-def measured(x: Floats) -> Dwells:
+def measured(x: Floats) -> DwellStatistics:
     """Dwells of readings (units, visits, n, 3)."""
     u, v, n, _ = x.shape
     at = np.arange(u * v) * n
@@ -66,7 +66,7 @@ def test_portions_of_dwells_give_the_same_bits(rng: np.random.Generator, monkeyp
     x = first_order(rng, 0.5, (7, 5, 300))
     whole = measured(x)
     for together in (1, 700, 1 << 20):
-        monkeypatch.setattr(dwell_statistics, "TOGETHER", together)
+        monkeypatch.setattr(dwell_statistics, "CHUNK_READINGS", together)
         found = measured(x)
         for field in fields(whole):
             assert np.array_equal(getattr(found, field.name), getattr(whole, field.name)), field.name

@@ -84,9 +84,9 @@ def test_nibble_mode_checks_the_nibble_that_is_sent() -> None:
     layout = _layout(EndToEnd(profile="P01", mode="nibble", data_id=0x0A55))
     data = np.zeros((16, 8), np.uint8)
     data[:, 1] = np.arange(16) << 4
-    assert np.flatnonzero(e2e.nibble_right(data, layout, 1)).tolist() == [0xA]
+    assert np.flatnonzero(e2e.nibble_ok(data, layout, 1)).tolist() == [0xA]
     both = _layout(EndToEnd(profile="P01", data_id=0x0A55))
-    assert e2e.nibble_right(data, both, 1).all()
+    assert e2e.nibble_ok(data, both, 1).all()
 
 
 @pytest.mark.parametrize(

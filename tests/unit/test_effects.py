@@ -10,10 +10,10 @@ from station import plugins
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
-from station.model.effect import Effect, Parameter, stream, strength
-from station.model.forward import Acting, Base, convert, forward
+from station.model.effect import Effect, Parameter, random_stream, stimulus_strength
+from station.model.forward import ActiveEffect, BaseResponse, convert_output, forward
 from station.model.scene import Scene, scene_of_table
-from station.model.simulate import effect_of
+from station.model.simulate import parse_effect
 
 FACES = {"z-up": "+z", "x-up": "+x", "y-up": "+y", "z-down": "-z", "x-down": "-x", "y-down": "-y"}
 
@@ -55,25 +55,27 @@ def scene(
     return scene_of_table(recipe(), table)
 
 
-def reads(effect: str, coefficients: Any, at: Scene, of: str = "", base: Base | None = None, **form: float) -> Floats:
+def reads(
+    effect: str, coefficients: Any, at: Scene, of: str = "", base: BaseResponse | None = None, **form: float
+) -> Floats:
     """Readings (n, 3) with one cause on; the same coefficients for all groups, or one row each."""
     kind: type[Effect] = plugins.load("station.model.effects", effect)
     cause = kind(kind.parameter.typical, **form)
     of = of or cause.of[0]
     groups = len(at.group(of)[1])
     c = np.broadcast_to(np.atleast_2d(np.array(coefficients, float)), (groups, len(cause.axes)))
-    return forward(at, base or Base.ideal(1), {effect: Acting(cause, c, of)})
+    return forward(at, base or BaseResponse.ideal(1), {effect: ActiveEffect(cause, c, of)})
 
 
 def test_at_rest_an_axis_that_points_up_reads_plus_one() -> None:
-    readings = forward(scene(list(FACES)), Base.ideal(1))
+    readings = forward(scene(list(FACES)), BaseResponse.ideal(1))
     np.testing.assert_allclose(
         readings, [[0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 0, -1], [-1, 0, 0], [0, -1, 0]], atol=1e-15
     )
 
 
 def test_measured_is_matrix_times_true_plus_offset() -> None:
-    base = Base(np.array([[0.1, 0.2, 0.3]]), np.array([[[1.0, 0.1, 0.0], [0.0, 1.0, 0.2], [0.3, 0.0, 1.0]]]))
+    base = BaseResponse(np.array([[0.1, 0.2, 0.3]]), np.array([[[1.0, 0.1, 0.0], [0.0, 1.0, 0.2], [0.3, 0.0, 1.0]]]))
     np.testing.assert_allclose(forward(scene(["z-up", "y-up"]), base), [[0.1, 0.4, 1.3], [0.2, 1.2, 0.3]], atol=1e-15)
 
 
@@ -126,7 +128,11 @@ def test_two_tilts_of_one_frame_are_one_rotation_by_their_sum() -> None:
     tilt: type[Effect] = plugins.load("station.model.effects", "nest-tilt")
     index: type[Effect] = plugins.load("station.model.effects", "index-error")
     one, two = np.array([[0.1, 0.2, 0.0]]), np.array([[0.0, -0.2, 0.3]])
-    both = forward(at, Base.ideal(1), {"a": Acting(tilt(1.0), one, "nest"), "b": Acting(index(1.0), two, "position")})
+    both = forward(
+        at,
+        BaseResponse.ideal(1),
+        {"a": ActiveEffect(tilt(1.0), one, "nest"), "b": ActiveEffect(index(1.0), two, "position")},
+    )
     np.testing.assert_allclose(both, reads("nest-tilt", one + two, at), atol=1e-15)
 
 
@@ -134,13 +140,13 @@ def test_two_tilts_of_one_frame_are_one_rotation_by_their_sum() -> None:
 
 
 def test_local_gravity_goes_through_the_gain() -> None:
-    base = Base(np.array([[0.5, 0.0, 0.0]]), 2 * np.eye(3)[None])
+    base = BaseResponse(np.array([[0.5, 0.0, 0.0]]), 2 * np.eye(3)[None])
     np.testing.assert_allclose(reads("local-gravity", 0.001, scene(["x-up"]), base=base), [[2.502, 0, 0]], atol=1e-15)
 
 
 def test_sensor_effects_are_added_after_the_gain() -> None:
     """c · a² of the true vector, whatever the unit's gain."""
-    base = Base(np.zeros((1, 3)), 2 * np.eye(3)[None])
+    base = BaseResponse(np.zeros((1, 3)), 2 * np.eye(3)[None])
     got = reads("quadratic", [0.01, 0.02, 0.03], scene(["x-up", "y-down"]), base=base)
     np.testing.assert_allclose(got, [[2.01, 0, 0], [0, -1.98, 0]], atol=1e-15)
 
@@ -161,13 +167,13 @@ def test_cross_quadratic_needs_two_axes_at_once() -> None:
     """Nothing at a face; half way between two faces each reads c · sin 45° · cos 45° more."""
     face = scene(["x-up"])
     np.testing.assert_allclose(
-        reads("cross-quadratic", [1.0] * 6, face), forward(face, Base.ideal(1)), atol=1e-15, rtol=0
+        reads("cross-quadratic", [1.0] * 6, face), forward(face, BaseResponse.ideal(1)), atol=1e-15, rtol=0
     )
     tilted = {"name": "tilted", "rotate": [{"axis": [1, 0, 0], "angle_deg": 45}]}
     zero = np.zeros(1, np.int32)
     table = SampleTable(Labels.of(["U"]), zero, zero, Labels.of(["tilted"]), np.zeros(1), np.zeros((1, 3)))
     between = scene_of_table(recipe(positions=[tilted]), table)
-    got = reads("cross-quadratic", [0, 0, 0, 0.2, 0, 0], between) - forward(between, Base.ideal(1))
+    got = reads("cross-quadratic", [0, 0, 0, 0.2, 0, 0], between) - forward(between, BaseResponse.ideal(1))
     np.testing.assert_allclose(got, [[0, 0.1, 0]], atol=1e-15)
 
 
@@ -182,10 +188,10 @@ def test_hysteresis_takes_the_true_previous_vector() -> None:
     at = scene(["z-up", "x-up"])
     effects = {name: plugins.load("station.model.effects", name) for name in ("hysteresis", "nest-tilt")}
     active = {
-        "h": Acting(effects["hysteresis"](1.0), np.full((1, 3), 0.1), "unit"),
-        "n": Acting(effects["nest-tilt"](1.0), np.array([[np.pi, 0, 0]]), "nest"),
+        "h": ActiveEffect(effects["hysteresis"](1.0), np.full((1, 3), 0.1), "unit"),
+        "n": ActiveEffect(effects["nest-tilt"](1.0), np.array([[np.pi, 0, 0]]), "nest"),
     }
-    np.testing.assert_allclose(forward(at, Base.ideal(1), active)[1], [0.9, 0, -0.1], atol=1e-15)
+    np.testing.assert_allclose(forward(at, BaseResponse.ideal(1), active)[1], [0.9, 0, -0.1], atol=1e-15)
 
 
 @pytest.mark.parametrize("name", ["settling", "filter-lag"])
@@ -268,7 +274,7 @@ def test_motor_tone_aliases_at_the_sample_rate() -> None:
 def test_lever_arm_dies_away_and_goes_through_the_gain() -> None:
     at = scene(["z-up", "z-up"])
     late = Scene(at.recipe, at.visits, at.visit, at.time_s, np.array([0.0, 0.3]))
-    base = Base(np.zeros((1, 3)), 2 * np.eye(3)[None])
+    base = BaseResponse(np.zeros((1, 3)), 2 * np.eye(3)[None])
     got = reads("lever-arm", [0.1, 0, 0], late, base=base, time_constant_s=0.15)[:, 0]
     np.testing.assert_allclose(got, [0.2, 0.2 * np.exp(-2)], atol=1e-15)
 
@@ -295,7 +301,7 @@ def test_gold_drift_passes_on_to_the_unit_where_gold_is_the_truth() -> None:
         np.array([[0.3, 0.0, 1.0]]),
     )
     at = scene_of_table(recipe(reference=gold), table)
-    np.testing.assert_allclose(forward(at, Base.ideal(1)), [[-0.3, 0, 1]], atol=1e-15)
+    np.testing.assert_allclose(forward(at, BaseResponse.ideal(1)), [[-0.3, 0, 1]], atol=1e-15)
     np.testing.assert_allclose(reads("gold-drift", [0.1, 0, 0], at), [[-0.2, 0, 1]], atol=1e-15)
 
 
@@ -308,10 +314,12 @@ def test_converter_first_then_decoding() -> None:
     }
     size = {"clipping": 1.0, "quantization": 0.25, "wrong-scale": 2.0}
     size["axis-permutation"] = kinds["axis-permutation"].read_size("y,-x,z")
-    active = {name: Acting(kinds[name](s), np.full((1, 1), s), "unit") for name, s in size.items()}
-    got = convert(at, np.array([[1.04, 0.13, -0.12]]), active)
+    active = {name: ActiveEffect(kinds[name](s), np.full((1, 1), s), "unit") for name, s in size.items()}
+    got = convert_output(at, np.array([[1.04, 0.13, -0.12]]), active)
     np.testing.assert_allclose(got, [[0.5, -2.0, 0.0]], atol=1e-15)
-    np.testing.assert_array_equal(convert(at, np.array([[1.04, 0.13, -0.12]]), dict(reversed(active.items()))), got)
+    np.testing.assert_array_equal(
+        convert_output(at, np.array([[1.04, 0.13, -0.12]]), dict(reversed(active.items()))), got
+    )
 
 
 # --- sizes, streams, names -----------------------------------------------------------------------------------------
@@ -335,19 +343,19 @@ def test_sizes_follow_the_stimulus(unit: str, in_gyro: str, power: int) -> None:
     parameter = Parameter("coefficient", unit, 1.0, 0.0, 2.0, "here")
     rates = [{"name": "a", "rate": [0, 0, 100.0]}, {"name": "b", "rate": [30.0, 40.0, 0]}]
     gyro = recipe(sensor="gyroscope", unit="deg/s", reference={"source": "rate"}, positions=rates)
-    assert strength(gyro) == 100.0
+    assert stimulus_strength(gyro) == 100.0
     assert parameter.scale(gyro) == pytest.approx(100.0**power)
     assert parameter.unit_in("deg/s") == in_gyro
 
 
 def test_streams_are_independent_and_repeatable() -> None:
-    one, again, other = (stream(1, key).standard_normal(1000) for key in ("a", "a", "b"))
+    one, again, other = (random_stream(1, key).standard_normal(1000) for key in ("a", "a", "b"))
     np.testing.assert_array_equal(one, again)
     assert abs(np.corrcoef(one, other)[0, 1]) < 4 / np.sqrt(1000)
 
 
 def test_a_common_scalar_is_exactly_the_size() -> None:
-    effect = effect_of("local-gravity", recipe(), "-0.002")
+    effect = parse_effect("local-gravity", recipe(), "-0.002")
     np.testing.assert_array_equal(effect.coefficients(("common",), 5), [[-0.002]])
 
 
@@ -362,12 +370,12 @@ def test_a_common_scalar_is_exactly_the_size() -> None:
 )
 def test_bad_sizes_and_names_are_sentences(name: str, size: str | None, said: str) -> None:
     with pytest.raises(UsageError, match=said.replace("(", r"\(").replace(")", r"\)")):
-        effect_of(name, recipe(), size)
+        parse_effect(name, recipe(), size)
 
 
 def test_a_cause_that_the_sensor_cannot_feel_is_refused() -> None:
     field = {"source": "field", "magnitude": 50.0}
     compass = recipe(sensor="magnetometer", unit="uT", reference=field)
     with pytest.raises(UsageError, match="local-gravity cannot act on a magnetometer, only on accelerometer"):
-        effect_of("local-gravity", compass)
-    assert effect_of("quadratic", compass).size == pytest.approx(3e-4 / 50)
+        parse_effect("local-gravity", compass)
+    assert parse_effect("quadratic", compass).size == pytest.approx(3e-4 / 50)

@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from station.domain.can.e2e import crc8
 from station.domain.core.types import Frames
 from station.domain.records.framepack import codec, columns, parity, plain, predict
-from station.domain.records.framepack.bytestream import Reader, Writer
+from station.domain.records.framepack.bytestream import ByteReader, ByteWriter
 from station.errors import LogError
 
 IDS = st.sampled_from([0x181, 0x182, 0x281, 0x8000_0000 | 0x1ABCDEF, 0x2000_0004, 0xFFFF_FFFF])
@@ -72,11 +72,11 @@ def test_plain_bytes_come_back_and_their_digest_tells_any_change(frames: Frames)
 @settings(max_examples=100, deadline=None)
 @given(any_frames(), st.lists(st.integers(0, 60), max_size=6))
 def test_frames_laid_out_piece_by_piece_are_those_laid_out_at_once(frames: Frames, cuts: list[int]) -> None:
-    laying, at = plain.Laying(), [0, *sorted(cuts), len(frames)]
+    laying, at = plain.PlainFramesBuilder(), [0, *sorted(cuts), len(frames)]
     for begin, end in pairwise(at):
         laying.add(frames[begin:end])
     whole = laying.frames()
-    assert laying.done() == plain.laid(whole)
+    assert laying.done() == plain.to_plain(whole)
     assert laying.done().count == len(frames)
     if len(frames):
         assert same([whole], [frames])
@@ -85,10 +85,10 @@ def test_frames_laid_out_piece_by_piece_are_those_laid_out_at_once(frames: Frame
 def test_a_long_frame_among_classic_ones_widens_all() -> None:
     classic = stop(np.random.default_rng(5), 20, (0, 0, 16000))
     long = Frames(classic.time_ns, classic.can_id, classic.length, np.pad(classic.data, ((0, 0), (0, 56))))
-    laying = plain.Laying()
+    laying = plain.PlainFramesBuilder()
     for part in (classic, long, classic):
         laying.add(part)
-    assert laying.done() == plain.laid(Frames.join([classic, long, classic]))
+    assert laying.done() == plain.to_plain(Frames.join([classic, long, classic]))
 
 
 @settings(max_examples=100, deadline=None)
@@ -98,9 +98,9 @@ def test_frames_of_an_earlier_log_are_read_and_checked_as_ever(frames: Frames) -
     assert by_columns.startswith(b"frames/1 %d " % len(frames))
     assert same([plain.from_bytes(by_columns)], [frames])
     assert plain.form_of(by_columns) == plain.COLUMNS
-    assert plain.sealed_by(frames, plain.digest(by_columns))
-    assert plain.sealed_by(frames, plain.laid(frames).sha256)
-    assert not plain.sealed_by(frames, plain.digest(by_columns + b"!"))
+    assert plain.digest_matches(frames, plain.digest(by_columns))
+    assert plain.digest_matches(frames, plain.to_plain(frames).sha256)
+    assert not plain.digest_matches(frames, plain.digest(by_columns + b"!"))
 
 
 @pytest.mark.parametrize("bad_crc", [False, True])
@@ -117,7 +117,7 @@ def test_a_typical_unit_packs_below_three_and_a_half_bytes_a_frame(bad_crc: bool
 def test_the_crc_byte_is_found_without_its_polynomial() -> None:
     frames = stop(np.random.default_rng(1), 300, (5, -5, 16000))
     words = frames.data.view("<u8")[:, 0].astype(np.uint64)
-    found = parity.find(words, 0)
+    found = parity.find_parity(words, 0)
     assert found is not None
     assert (found.predict(words, int(words[0])) == frames.data[:, 0]).all()
     described = found.to_bytes()
@@ -126,15 +126,15 @@ def test_the_crc_byte_is_found_without_its_polynomial() -> None:
 
 def test_a_byte_of_its_own_is_no_parity() -> None:
     words = np.random.default_rng(2).integers(0, 2**63, 300, dtype=np.uint64)
-    assert all(parity.find(words, byte) is None for byte in range(8))
+    assert all(parity.find_parity(words, byte) is None for byte in range(8))
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(hnp.arrays(np.uint64, st.integers(0, 40), elements=st.integers(0, 2**64 - 1)), max_size=5))
 def test_columns_come_back(kept: list[np.ndarray]) -> None:
-    out = Writer()
+    out = ByteWriter()
     columns.pack(out, kept)
-    again = columns.unpack(Reader(bytes(out)), [len(c) for c in kept])
+    again = columns.unpack(ByteReader(bytes(out)), [len(c) for c in kept])
     assert [c.tolist() for c in again] == [c.tolist() for c in kept]
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from station.domain.can.signals import FrameLayout, SignalLayout, decode, physical, raw, side_by_side
+from station.domain.can.signals import FrameLayout, SignalLayout, adjacent_words, decode, physical, raw
 from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
 from station.errors import ProductError
 from tests.unit.dbc_text import Text, messages
@@ -127,7 +127,7 @@ def test_words_side_by_side_are_read_at_once_as_one_by_one(big_endian: bool, len
     data = np.random.default_rng(length).integers(0, 256, (50, 8), dtype=np.uint8)
     starts = [n * length + (7 if big_endian else 0) for n in range(64 // length)]
     signals = [SignalLayout("s", s, length, big_endian, signed, scale=0.1, offset=-0.5) for s in starts]
-    together = side_by_side(data, signals)
+    together = adjacent_words(data, signals)
     assert together is not None
     one_by_one = np.stack([physical(raw(data, s), s) for s in signals], axis=1)
     np.testing.assert_array_equal(physical(together, signals[0]), one_by_one)
@@ -142,6 +142,6 @@ def test_signals_of_different_scale_place_or_kind_are_not_read_at_once() -> None
         SignalLayout("y", 16, 16, signed=True),
         SignalLayout("y", 16, 8),
     ]
-    assert [side_by_side(data, [word, other]) for other in others] == [None] * 4
-    assert side_by_side(data, [SignalLayout("x", 4, 16), SignalLayout("y", 20, 16)]) is None
-    assert side_by_side(np.zeros((3, 64), np.uint8), [word]) is None
+    assert [adjacent_words(data, [word, other]) for other in others] == [None] * 4
+    assert adjacent_words(data, [SignalLayout("x", 4, 16), SignalLayout("y", 20, 16)]) is None
+    assert adjacent_words(np.zeros((3, 64), np.uint8), [word]) is None

@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from station.domain.can.decode import samples
+from station.domain.can.decode import decode_samples
 from station.domain.can.sensor_layout import EndToEnd, FrameMap, SampleRoles, SensorLayout, TemperatureRole
 from station.domain.can.signals import FrameLayout, SignalLayout
-from station.domain.capture.annotations import kept_visits
-from station.domain.capture.assemble import table_of
+from station.domain.capture.annotations import captured_visits
+from station.domain.capture.assemble import sample_table
 from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 from station.model.forward import forward
-from station.model.frames_out import Recorded, frames_of, node_of
-from station.model.line import Line
+from station.model.frame_recording import FrameRecording, node_of, simulate_frames
 from station.model.model_file import Model
-from station.model.simulate import Job, effect_of
+from station.model.simulate import SimulationJob, parse_effect
+from station.model.simulated_line import SimulatedLine
 from tests.unit.tilt_recipe import THREE_RUNS, tilt
 
 STEP = 6.25e-5
@@ -36,9 +36,9 @@ def layout() -> SensorLayout:
     return SensorLayout(roles, sample, slow)
 
 
-def recorded(recipe: Recipe, *names: str, units: tuple[str, ...] = ("A", "B", "C"), nests: int = 2) -> Recorded:
-    effects = tuple(effect_of(name, recipe) for name in names)
-    return frames_of(Job(recipe, units, 5, effects, QUIET, Line(nests=nests)), layout())
+def recorded(recipe: Recipe, *names: str, units: tuple[str, ...] = ("A", "B", "C"), nests: int = 2) -> FrameRecording:
+    effects = tuple(parse_effect(name, recipe) for name in names)
+    return simulate_frames(SimulationJob(recipe, units, 5, effects, QUIET, SimulatedLine(nests=nests)), layout())
 
 
 def test_dwells_decode_to_the_calibrated_truth() -> None:
@@ -49,7 +49,7 @@ def test_dwells_decode_to_the_calibrated_truth() -> None:
     for i, (unit, own) in enumerate(made.marks.units().items()):
         node = node_of(i, 2)
         assert {m.node for m in own} == {node}
-        table = table_of(unit, node, kept_visits(own, made.frames), layout())
+        table = sample_table(unit, node, captured_visits(own, made.frames), layout())
         assert len(table) == pytest.approx(2 * 24 * 50, abs=48)
         visits = made.made.scene.visits
         mine = np.flatnonzero(visits.unit.code == i)
@@ -59,8 +59,8 @@ def test_dwells_decode_to_the_calibrated_truth() -> None:
 
 def test_frames_are_whole_and_counted_through_moves() -> None:
     made = recorded(tilt(), units=("A",))
-    told = samples(made.frames, layout(), 1)
-    assert told.crc_ok.all() and told.trouble.clean
+    told = decode_samples(made.frames, layout(), 1)
+    assert told.crc_ok.all() and told.frame_errors.clean
     assert told.counter is not None
     assert set(np.diff(told.counter.astype(int)) % 15) == {1}
     gaps_s = np.diff(told.time_ns) / 1e9
@@ -71,14 +71,14 @@ def test_moves_are_turns_of_the_true_vector() -> None:
     """On the way the vector keeps its length and passes between the stops; parked, z is up."""
     made = recorded(tilt(), units=("A",))
     base = made.made.base
-    true = np.linalg.solve(base.matrix[0], (samples(made.frames, layout(), 1).xyz - base.offset[0]).T).T
+    true = np.linalg.solve(base.matrix[0], (decode_samples(made.frames, layout(), 1).xyz - base.offset[0]).T).T
     np.testing.assert_allclose(np.linalg.norm(true, axis=1), 1.0, atol=3 * STEP)
     np.testing.assert_allclose(true[0], [0, 0, 1], atol=2 * STEP)
     assert np.linalg.norm(np.diff(true, axis=0), axis=1).max() < 0.05
 
 
 def test_thermometers_speak_once_a_second() -> None:
-    told = samples(recorded(tilt(dwell={"time_s": 1.0}), units=("A",)).frames, layout(), 1)
+    told = decode_samples(recorded(tilt(dwell={"time_s": 1.0}), units=("A",)).frames, layout(), 1)
     np.testing.assert_allclose(np.diff(told.temperature_time_ns) / 1e9, 1.0, atol=0.011)
     assert 20 < told.temperature_degC.mean() < 30
 
@@ -99,7 +99,7 @@ def test_units_of_a_load_share_the_bus_and_loads_follow_each_other() -> None:
 def test_faults_of_the_bus_are_in_the_log(name: str, trouble: str) -> None:
     """One frame in a hundred: within five standard deviations of a Poisson number."""
     made = recorded(tilt(), name, units=("A",))
-    told = samples(made.frames, layout(), 1).trouble
+    told = decode_samples(made.frames, layout(), 1).frame_errors
     expected = 0.01 * len(made.made.scene)
     assert getattr(told.counter, trouble) == pytest.approx(expected, abs=5 * np.sqrt(expected))
     assert told.crc_errors == 0

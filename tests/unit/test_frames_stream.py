@@ -11,10 +11,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from station.adapters.dbc import read_layouts
-from station.domain.can.decode import Trouble, samples
+from station.domain.can.decode import FrameErrors, decode_samples
 from station.domain.can.encode import payloads, sample_frames, temperature_frames, to_raw
 from station.domain.can.sensor_layout import FrameMap, SensorLayout, resolve
-from station.domain.can.sequence_counter import Count
+from station.domain.can.sequence_counter import CounterErrors
 from station.domain.can.signals import FrameLayout, SignalLayout, decode, raw
 from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
 from tests.unit.dbc_text import Text, messages
@@ -41,15 +41,15 @@ def _alter(frames: Frames, **columns: Any) -> Frames:
 
 
 def test_what_was_encoded_comes_back(layout: SensorLayout) -> None:
-    found = samples(_frames(layout, first_count=7, status=3), layout, NODE)
+    found = decode_samples(_frames(layout, first_count=7, status=3), layout, NODE)
     np.testing.assert_array_equal(found.raw, np.arange(300).reshape(100, 3) - 150)
     np.testing.assert_array_equal(found.xyz, found.raw * LSB_g)
     assert found.counter is not None and found.status is not None
     np.testing.assert_array_equal(found.counter, (7 + np.arange(100)) % 15)
     assert set(found.status) == {3}
     assert found.usable.all() and found.crc_ok.all()
-    assert found.trouble == Trouble(frames=100) and found.trouble.clean
-    assert found.trouble.sentences() == ()
+    assert found.frame_errors == FrameErrors(frames=100) and found.frame_errors.clean
+    assert found.frame_errors.sentences() == ()
 
 
 def test_cantools_reads_our_frames(layout: SensorLayout) -> None:
@@ -57,7 +57,7 @@ def test_cantools_reads_our_frames(layout: SensorLayout) -> None:
     message = cantools.database.load_file(DBC).get_message_by_name("ACCELERATION")
     for row in range(20):
         told = message.decode(frames.data[row].tobytes())
-        assert [told[axis] for axis in "XYZ"] == samples(frames[row : row + 1], layout, 1).xyz[0].tolist()
+        assert [told[axis] for axis in "XYZ"] == decode_samples(frames[row : row + 1], layout, 1).xyz[0].tolist()
         assert told["COUNTER"] == row % 15
 
 
@@ -65,14 +65,14 @@ def test_only_the_nodes_own_frames_count(layout: SensorLayout) -> None:
     mixed = Frames.join([_frames(layout, 10, node=n) for n in (4, 5, 6)])
     extended = _alter(_frames(layout, 3), can_id=np.full(3, 0x185 | EXTENDED, np.uint32))
     error = _alter(_frames(layout, 3), can_id=np.full(3, 0x185 | ERROR, np.uint32))
-    found = samples(Frames.join([mixed, extended, error]), layout, NODE)
-    assert (len(found), found.trouble) == (10, Trouble(frames=10))
+    found = decode_samples(Frames.join([mixed, extended, error]), layout, NODE)
+    assert (len(found), found.frame_errors) == (10, FrameErrors(frames=10))
 
 
 def test_a_frame_of_another_node_fails_the_crc(layout: SensorLayout) -> None:
     stray = _alter(_frames(layout, 5, node=4), can_id=np.full(5, 0x185, np.uint32))
-    found = samples(stray, layout, NODE)
-    assert found.trouble.crc_errors == 5
+    found = decode_samples(stray, layout, NODE)
+    assert found.frame_errors.crc_errors == 5
     assert not found.usable.any()
 
 
@@ -80,10 +80,10 @@ def test_a_frame_of_another_node_fails_the_crc(layout: SensorLayout) -> None:
 def test_a_flipped_bit_costs_one_sample_and_no_more(layout: SensorLayout, byte: int) -> None:
     frames = _frames(layout)
     frames.data[40, byte] ^= 0x10
-    found = samples(frames, layout, NODE)
-    assert found.trouble == Trouble(frames=100, crc_errors=1)
+    found = decode_samples(frames, layout, NODE)
+    assert found.frame_errors == FrameErrors(frames=100, crc_errors=1)
     assert np.flatnonzero(~found.usable).tolist() == [40]
-    assert found.trouble.sentences() == ("1 frames with a wrong CRC",)
+    assert found.frame_errors.sentences() == ("1 frames with a wrong CRC",)
 
 
 def test_wrong_lengths_and_remote_frames_are_counted_and_left_out(layout: SensorLayout) -> None:
@@ -91,35 +91,37 @@ def test_wrong_lengths_and_remote_frames_are_counted_and_left_out(layout: Sensor
     length, can_id = frames.length.copy(), frames.can_id.copy()
     length[[3, 4]] = [7, 0]
     can_id[90] |= np.uint32(REMOTE)
-    found = samples(_alter(frames, length=length, can_id=can_id), layout, NODE)
+    found = decode_samples(_alter(frames, length=length, can_id=can_id), layout, NODE)
     assert len(found) == 97
-    assert found.trouble == Trouble(frames=100, wrong_length=2, remote=1, counter=Count(lost=3, gaps=2))
-    assert not found.trouble.clean
+    assert found.frame_errors == FrameErrors(
+        frames=100, wrong_length=2, remote=1, counter=CounterErrors(lost=3, gaps=2)
+    )
+    assert not found.frame_errors.clean
 
 
 def test_lost_repeated_and_late_frames(layout: SensorLayout) -> None:
     frames = _frames(layout)
     order = [*range(20), *range(35, 50), 50, 50, *range(51, 70), 71, 70, *range(72, 100)]
-    found = samples(frames[order], layout, NODE)
-    assert found.trouble.counter == Count(lost=15, gaps=3, repeats=1, longest_repeat=1, late=1)
+    found = decode_samples(frames[order], layout, NODE)
+    assert found.frame_errors.counter == CounterErrors(lost=15, gaps=3, repeats=1, longest_repeat=1, late=1)
     assert np.flatnonzero(~found.usable).tolist() == [36]
-    assert found.trouble.sentences()[0] == "15 frames lost, at 3 places"
+    assert found.frame_errors.sentences()[0] == "15 frames lost, at 3 places"
 
 
 def test_a_frozen_sensor_is_stuck(layout: SensorLayout) -> None:
     frames = _frames(layout, 30)
     frozen = frames[[*range(20), *[20] * 10]]
-    found = samples(_alter(frozen, time_ns=np.arange(30) * MS), layout, NODE)
-    assert found.trouble.counter.stuck
+    found = decode_samples(_alter(frozen, time_ns=np.arange(30) * MS), layout, NODE)
+    assert found.frame_errors.counter.stuck
     assert found.usable.sum() == 21
-    assert found.trouble.sentences()[-1] == "the frame counter is stuck"
+    assert found.frame_errors.sentences()[-1] == "the frame counter is stuck"
 
 
 def test_a_counter_value_that_cannot_be_is_an_error(layout: SensorLayout) -> None:
     frames = _frames(layout, 1)
     frames.data[0, 1] = 15
     frames.data[0, 0] = _crc_p01(0x1A00 + NODE, frames.data[0].tobytes())
-    assert samples(frames, layout, NODE).trouble.crc_errors == 1
+    assert decode_samples(frames, layout, NODE).frame_errors.crc_errors == 1
 
 
 def _crc_p01(data_id: int, frame: bytes) -> int:
@@ -139,37 +141,37 @@ def test_long_division_agrees_with_what_we_send(layout: SensorLayout) -> None:
 def test_readings_are_quantised_half_to_even_and_clipped(layout: SensorLayout) -> None:
     xyz = np.array([[0.5, 1.5, -0.5], [40000, -40000, 32766.6]]) * LSB_g
     frames = sample_frames(layout, NODE, np.arange(2) * MS, xyz)
-    assert samples(frames, layout, NODE).raw.tolist() == [[0, 2, 0], [32767, -32768, 32767]]
+    assert decode_samples(frames, layout, NODE).raw.tolist() == [[0, 2, 0], [32767, -32768, 32767]]
 
 
 def test_temperature_comes_with_its_own_times(layout: SensorLayout) -> None:
     warm = temperature_frames(layout, NODE, np.array([5, 900]) * MS, np.array([23.456, -12.0]))
     assert set(warm.can_id) == {0x285} and set(warm.length) == {2}
-    found = samples(Frames.join([_frames(layout), warm]), layout, NODE)
+    found = decode_samples(Frames.join([_frames(layout), warm]), layout, NODE)
     assert found.temperature_time_ns.tolist() == [5 * MS, 900 * MS]
     np.testing.assert_allclose(found.temperature_degC, [23.46, -12.0], rtol=1e-12)
 
 
 def test_a_bare_sensor_needs_no_counter_crc_or_temperature() -> None:
     bare = resolve(FrameMap.model_validate(BARE), read_layouts(DBC))
-    found = samples(_frames(bare), bare, NODE)
-    assert (found.counter, found.status, found.trouble) == (None, None, Trouble(frames=100))
+    found = decode_samples(_frames(bare), bare, NODE)
+    assert (found.counter, found.status, found.frame_errors) == (None, None, FrameErrors(frames=100))
     assert found.usable.all() and not len(found.temperature_degC)
     assert not len(temperature_frames(bare, NODE, np.array([1]), np.array([20.0])))
 
 
 def test_no_frames_are_no_samples(layout: SensorLayout) -> None:
-    found = samples(Frames.empty(), layout, NODE)
-    assert (len(found), found.xyz.shape, found.trouble) == (0, (0, 3), Trouble())
+    found = decode_samples(Frames.empty(), layout, NODE)
+    assert (len(found), found.xyz.shape, found.frame_errors) == (0, (0, 3), FrameErrors())
 
 
 def test_a_reading_that_is_no_number_is_not_usable() -> None:
     signals = tuple(SignalLayout(n, 16 * i, 16, is_float=True) for i, n in enumerate("XYZ"))
     bare = resolve(FrameMap.model_validate(BARE), {"ACCELERATION": FrameLayout("ACCELERATION", 0x181, 6, signals)})
     xyz = np.array([[0.5, 1.0, -1.0], [np.nan, 0.0, 0.0], [np.inf, 0.0, 0.0]])
-    found = samples(sample_frames(bare, 1, np.arange(3) * MS, xyz), bare, 1)
+    found = decode_samples(sample_frames(bare, 1, np.arange(3) * MS, xyz), bare, 1)
     assert found.usable.tolist() == [True, False, False]
-    assert found.trouble == Trouble(frames=3, not_finite=2)
+    assert found.frame_errors == FrameErrors(frames=3, not_finite=2)
     np.testing.assert_array_equal(found.xyz, xyz)
 
 
@@ -179,16 +181,16 @@ def test_every_mode_protects_and_checks(mode: str) -> None:
     block = {**BLOCK, "sample": sample, "e2e": {"profile": "P01", "mode": mode, "data_id": 0x0A77}}
     layout = resolve(FrameMap.model_validate(block), read_layouts(DBC))
     frames = _frames(layout)
-    assert samples(frames, layout, NODE).trouble.clean
+    assert decode_samples(frames, layout, NODE).frame_errors.clean
     frames.data[::2, 2] ^= 1
-    assert samples(frames, layout, NODE).trouble.crc_errors == 50
+    assert decode_samples(frames, layout, NODE).frame_errors.crc_errors == 50
 
 
 def test_profile_2_counts_to_fifteen() -> None:
     block = {**BLOCK, "counter_values": None, "e2e": {"profile": "P02", "data_ids": list(range(16))}}
     layout = resolve(FrameMap.model_validate(block), read_layouts(DBC))
-    found = samples(_frames(layout), layout, NODE)
-    assert found.trouble.clean
+    found = decode_samples(_frames(layout), layout, NODE)
+    assert found.frame_errors.clean
     assert found.counter is not None and found.counter.max() == 15
 
 

@@ -2,22 +2,24 @@
 
 from dataclasses import replace
 
-from station.domain.line_quality.golden import Expected, Shown, standing
+from station.domain.line_quality.golden import LatestResult, RegisteredUnit, golden_status
 
-GOLD = Expected("G1", "golden", "six-point", "PASS", {"offset x": (0.02, 0.004)}, (), "2027-01-31")
-BAD = Expected("B1", "known-bad", "six-point", "FAIL", {}, ("stuck",), "")
-SHOWN = Shown(1000.0, "PASS", {"offset x": 0.0235}, ())
+GOLD = RegisteredUnit("G1", "golden", "six-point", "PASS", {"offset x": (0.02, 0.004)}, (), "2027-01-31")
+BAD = RegisteredUnit("B1", "known-bad", "six-point", "FAIL", {}, ("stuck",), "")
+SHOWN = LatestResult(1000.0, "PASS", {"offset x": 0.0235}, ())
 
 
-def problem(expected: Expected, shown: Shown | None, *, after_h: float = 1.0, today: str = "2026-11-21") -> str:
-    return standing(expected, shown, 1000.0 + 3600 * after_h, today, 8.0).problem
+def problem(
+    expected: RegisteredUnit, shown: LatestResult | None, *, after_h: float = 1.0, today: str = "2026-11-21"
+) -> str:
+    return golden_status(expected, shown, 1000.0 + 3600 * after_h, today, 8.0).problem
 
 
 def test_a_unit_that_comes_out_as_registered_is_well_until_it_is_due() -> None:
     assert problem(GOLD, SHOWN) == ""
     assert problem(GOLD, SHOWN, after_h=8.0) == ""
     assert "due every 8 h" in problem(GOLD, SHOWN, after_h=8.1)
-    assert standing(GOLD, SHOWN, 1360.0, "2026-11-21", 8).age_s == 360.0
+    assert golden_status(GOLD, SHOWN, 1360.0, "2026-11-21", 8).age_s == 360.0
 
 
 def test_a_unit_never_run_or_past_its_own_date_locks() -> None:
@@ -33,6 +35,6 @@ def test_a_drifted_or_failing_golden_unit_locks() -> None:
 
 
 def test_a_known_bad_unit_must_fail_for_its_own_reason() -> None:
-    assert problem(BAD, Shown(1000.0, "FAIL", {}, ("noise", "stuck"))) == ""
+    assert problem(BAD, LatestResult(1000.0, "FAIL", {}, ("noise", "stuck"))) == ""
     assert "PASS instead of FAIL" in problem(BAD, SHOWN)
-    assert "stuck was not found wanting" in problem(BAD, Shown(1000.0, "FAIL", {}, ("noise",)))
+    assert "stuck was not found wanting" in problem(BAD, LatestResult(1000.0, "FAIL", {}, ("noise",)))

@@ -21,12 +21,12 @@ PLACES = {
 @pytest.mark.parametrize("place", list(PLACES))
 def test_site_gravity_is_the_published_one(place: str) -> None:
     latitude, altitude, published = PLACES[place]
-    assert gravity.at(latitude, altitude) == pytest.approx(published, rel=20e-6)
+    assert gravity.normal_gravity(latitude, altitude) == pytest.approx(published, rel=20e-6)
 
 
 def test_up_is_lighter() -> None:
     """−31.5 ppm per 100 m (0.3086 mGal/m)."""
-    assert (gravity.at(45, 100) / gravity.at(45, 0) - 1) * 1e6 == pytest.approx(-31.5, abs=0.1)
+    assert (gravity.normal_gravity(45, 100) / gravity.normal_gravity(45, 0) - 1) * 1e6 == pytest.approx(-31.5, abs=0.1)
 
 
 def test_the_earth_turns_once_in_a_sidereal_day() -> None:

@@ -35,8 +35,8 @@ def unit(offset: Floats | list[float], std: float, dof: float = 1e9) -> tuple[Ca
     return found, Budget({"noise": covariance}, covariance, np.full(12, dof), 0.0)
 
 
-def within(limits: Limits, offset: float, std: float, dof: float = 1e9) -> decision_rule.Toleranced:
-    return decision_rule.toleranced(limits, *unit([offset, 0.0, 0.0], std, dof))
+def within(limits: Limits, offset: float, std: float, dof: float = 1e9) -> decision_rule.LimitedCoefficients:
+    return decision_rule.limited_coefficients(limits, *unit([offset, 0.0, 0.0], std, dof))
 
 
 def test_the_guard_band_of_each_rule() -> None:

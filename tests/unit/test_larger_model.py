@@ -8,7 +8,9 @@ from station.domain.evaluation import model_comparison, pipeline
 from tests.fakes import tumble
 
 
-def bent(rng: np.random.Generator, method: str, quadratic: float, cubic: float) -> dict[str, model_comparison.Larger]:
+def bent(
+    rng: np.random.Generator, method: str, quadratic: float, cubic: float
+) -> dict[str, model_comparison.LargerModel]:
     recipe = tumble.recipe(method, ups={**{f"v{i}": v for i, v in enumerate(tumble.VERTICES)}, **corners()})
     true = tumble.truths(recipe)
     theta = tumble.units(rng, 1)

@@ -6,21 +6,21 @@ from pathlib import Path
 
 import pytest
 
-from station.adapters.bus.simulated import Simulated
+from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.clock import VirtualClock
-from station.cli._live_state import Live, Pace
-from station.domain.core.types import Seat
-from station.domain.run.progress import LoadBegun, StopStarted
-from station.service.stop_request import Stop
+from station.cli._live_state import LiveStateWriter, RealTimePacer
+from station.domain.core.types import NestAssignment
+from station.domain.run.progress import LoadStarted, VisitStarted
+from station.service.stop_request import StopRequest
 from station.wiring.jobs import load_job
 
-BEGUN = LoadBegun((Seat("SN1", "A", 17),), 8, 25.0)
+BEGUN = LoadStarted((NestAssignment("SN1", "A", 17),), 8, 25.0)
 
 
 def test_the_live_file_holds_the_state_after_every_event(tmp_path: Path) -> None:
     job, _ = load_job("six-point")
-    live = Live(tmp_path / "s.db", job.recipe, {"operator": "anna"})
-    for event in (BEGUN, StopStarted(1, 6, "z-up", "")):
+    live = LiveStateWriter(tmp_path / "s.db", job.recipe, {"operator": "anna"})
+    for event in (BEGUN, VisitStarted(1, 6, "z-up", "")):
         live.event(event)
     told = json.loads((tmp_path / "s.db.live.json").read_text())
     assert (told["schema"], told["operator"], told["unit"]) == ("station.live/1", "anna", "g")
@@ -32,9 +32,9 @@ def test_the_live_file_holds_the_state_after_every_event(tmp_path: Path) -> None
 
 def test_the_live_file_tells_the_state_of_the_bus(tmp_path: Path) -> None:
     job, _ = load_job("six-point")
-    bus = Simulated(VirtualClock(), "sim0")
+    bus = SimulatedBus(VirtualClock(), "sim0")
     bus.break_wire("cable-out")
-    Live(tmp_path / "s.db", job.recipe, {}, bus).event(BEGUN)
+    LiveStateWriter(tmp_path / "s.db", job.recipe, {}, bus).event(BEGUN)
     told = json.loads((tmp_path / "s.db.live.json").read_text())["bus"]
     assert told == {"name": "sim0", "state": "passive", "counters": {"sending": 128, "receiving": 0}}
     bus.close()
@@ -44,7 +44,7 @@ def test_a_view_that_cannot_be_written_is_said_once_and_stops_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     job, _ = load_job("six-point")
-    live = Live(tmp_path / "none" / "s.db", job.recipe, {})
+    live = LiveStateWriter(tmp_path / "none" / "s.db", job.recipe, {})
     live.event(BEGUN)
     live.event(BEGUN)
     assert capsys.readouterr().err.count("cannot be written") == 1
@@ -52,8 +52,8 @@ def test_a_view_that_cannot_be_written_is_said_once_and_stops_nothing(
 
 def test_a_paced_run_waits_for_real_time_and_a_stop_ends_the_wait() -> None:
     virtual = [0.0]
-    stop = Stop()
-    pace = Pace(100.0, lambda: virtual[0], stop)
+    stop = StopRequest()
+    pace = RealTimePacer(100.0, lambda: virtual[0], stop)
     virtual[0] = 5.0
     began = time.monotonic()
     pace.keep()
@@ -66,7 +66,7 @@ def test_a_paced_run_waits_for_real_time_and_a_stop_ends_the_wait() -> None:
 
 def test_a_seating_turns_the_picture_of_the_same_position(tmp_path: Path) -> None:
     job, _ = load_job("tilt-24")
-    live = Live(tmp_path / "s.db", job.recipe, {})
+    live = LiveStateWriter(tmp_path / "s.db", job.recipe, {})
     live.event(BEGUN)
     told = json.loads((tmp_path / "s.db.live.json").read_text())
     stops = told["state"]["stops"]
@@ -76,7 +76,7 @@ def test_a_seating_turns_the_picture_of_the_same_position(tmp_path: Path) -> Non
 
 def test_a_question_bears_a_mark_and_the_time_it_takes_is_no_progress(tmp_path: Path) -> None:
     job, _ = load_job("six-point")
-    live = Live(tmp_path / "s.db", job.recipe, {})
+    live = LiveStateWriter(tmp_path / "s.db", job.recipe, {})
     live.event(BEGUN)
 
     def state() -> dict[str, object]:
@@ -86,13 +86,13 @@ def test_a_question_bears_a_mark_and_the_time_it_takes_is_no_progress(tmp_path: 
     mark = live.ask("turn it")
     assert (state()["confirm"], state()["question"]) == ("turn it", mark)
     assert live.ask("turn it") != mark, "an old answer does not fit a new question"
-    live.answered(40.0)
+    live.clear_question(40.0)
     assert (state()["confirm"], state()["question"], state()["began_s"]) == ("", "", began_s + 40.0)
 
 
 def test_time_that_a_person_takes_is_not_made_up_for() -> None:
     virtual = [0.0]
-    pace = Pace(100.0, lambda: virtual[0], Stop())
+    pace = RealTimePacer(100.0, lambda: virtual[0], StopRequest())
     pace.skip(-3600.0)  # as if the start lay an hour back
     virtual[0] = 5.0
     pace.skip(3600.0)

@@ -10,7 +10,7 @@ import pytest
 
 from station import plugins
 from station.model import catalogue, truth
-from station.model.simulate import Job, effect_of, simulate
+from station.model.simulate import SimulationJob, parse_effect, simulate
 from tests.unit.tilt_recipe import tilt
 
 FILE = '''
@@ -62,8 +62,8 @@ def ripple(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 def test_a_new_file_is_all_it_takes() -> None:
     recipe = tilt()
     assert "ripple" in plugins.names("station.model.effects")
-    plain = Job(recipe, ("A",), 3)
-    made = simulate(Job(recipe, ("A",), 3, (effect_of("ripple", recipe, "0.01"),)))
+    plain = SimulationJob(recipe, ("A",), 3)
+    made = simulate(SimulationJob(recipe, ("A",), 3, (parse_effect("ripple", recipe, "0.01"),)))
     told = truth.document(plain, [made])["effects"][0]
     c = np.array([p["value"] for p in told["parameters"]])
     assert told["effect"] == "ripple" and np.sqrt(np.mean(c**2)) == pytest.approx(0.01)

@@ -9,45 +9,53 @@ from scipy.signal import lfilter
 from station.domain.core.types import Floats
 from station.domain.noise import noise, noise_document, noise_prior
 from station.domain.noise.dwell_statistics import measure
-from station.domain.noise.noise_prior import FURTHER, OWN, SPREAD, Prior, Seen, general, learnt
-from station.domain.noise.running_noise import Dwelt, curve, dwelt, reach_of, seen
+from station.domain.noise.noise_prior import (
+    AXIS_SPREAD,
+    MAX_LENGTH_RATIO,
+    UNIT_SPREAD,
+    NoiseLikelihood,
+    NoisePrior,
+    general_log_weights,
+    learn_prior,
+)
+from station.domain.noise.running_noise import DwellNoise, dwell_noise, family_length, likelihoods, noise_curve
 from station.errors import LogError
 
 LONGEST, STOPS = 64, 6
 
 
-def told(density: Floats, rng: np.random.Generator, phi: float = 0.0, count: int = LONGEST) -> list[Dwelt]:
+def told(density: Floats, rng: np.random.Generator, phi: float = 0.0, count: int = LONGEST) -> list[DwellNoise]:
     """Dwells of units whose axes have so much long-run variance (u, 3), first-order noise."""
     e = rng.standard_normal((STOPS, len(density), 100 + count, 3))
     x = lfilter([1 - phi], [1, -phi], e, axis=2)[:, :, 100:] * np.sqrt(density)[:, None]
-    return [dwelt(stop, LONGEST) for stop in x]
+    return [dwell_noise(stop, LONGEST) for stop in x]
 
 
 def population(
     units: int, rng: np.random.Generator, spread: float = 0.5, own: float = 0.0, phi: float = 0.0
-) -> list[Seen]:
+) -> list[NoiseLikelihood]:
     """What ln-normal units have told, with spreads of ln variance between units and between a unit's axes."""
     ln = spread * rng.standard_normal((units, 1)) + own * rng.standard_normal((units, 3))
-    return seen(told(np.exp(ln), rng, phi), LONGEST)
+    return likelihoods(told(np.exp(ln), rng, phi), LONGEST)
 
 
-def prior_of(units: int, rng: np.random.Generator, **kind: float) -> Prior:
-    found = learnt(population(units, rng, **kind), LONGEST)
+def prior_of(units: int, rng: np.random.Generator, **kind: float) -> NoisePrior:
+    found = learn_prior(population(units, rng, **kind), LONGEST)
     assert found is not None
     return found
 
 
 def test_without_units_there_is_no_prior() -> None:
-    assert learnt([], LONGEST) is None
+    assert learn_prior([], LONGEST) is None
 
 
 def test_units_told_by_another_family_are_passed_over(rng: np.random.Generator) -> None:
-    assert learnt(population(3, rng), 2 * LONGEST) is None
+    assert learn_prior(population(3, rng), 2 * LONGEST) is None
 
 
 def test_units_whose_readings_never_change_tell_nothing() -> None:
-    still = [dwelt(np.zeros((2, LONGEST, 3)), LONGEST) for _ in range(STOPS)]
-    assert learnt(seen(still, LONGEST), LONGEST) is None
+    still = [dwell_noise(np.zeros((2, LONGEST, 3)), LONGEST) for _ in range(STOPS)]
+    assert learn_prior(likelihoods(still, LONGEST), LONGEST) is None
 
 
 def test_the_spread_of_a_population_is_found(rng: np.random.Generator) -> None:
@@ -55,12 +63,12 @@ def test_the_spread_of_a_population_is_found(rng: np.random.Generator) -> None:
     spread, which counts as 3 of 52 units. Axes' own spread tells apart from the common one."""
     for spread, own in ((0.5, 0.0), (0.1, 0.0), (0.5, 0.5)):
         found = prior_of(50, rng, spread=spread, own=own).covariance * 52 / 51 / 1.02
-        general_share = 3 * (SPREAD**2 + OWN**2) / 52
+        general_share = 3 * (UNIT_SPREAD**2 + AXIS_SPREAD**2) / 52
         expected = spread**2 + own**2
         assert np.diag(found).mean() == pytest.approx(
             expected + general_share, abs=4 * expected * np.sqrt(2 / 49) + 0.01
         )
-        apart = (np.diag(found).mean() - found[~np.eye(3, dtype=bool)].mean()) - 3 * OWN**2 / 52
+        apart = (np.diag(found).mean() - found[~np.eye(3, dtype=bool)].mean()) - 3 * AXIS_SPREAD**2 / 52
         # Between axes: 100 dof, and what 378 readings do not know of each level, 2/378.
         assert apart == pytest.approx(own**2, abs=4 * (own**2 + 2 / 378) * np.sqrt(2 / 100))
 
@@ -74,15 +82,15 @@ def test_the_shape_of_a_kind_is_found(rng: np.random.Generator, phi: float) -> N
     k = np.arange(1, LONGEST)
     exact = 1 + 2 * ((1 - k / LONGEST) * phi**k).sum()
     assert abs(np.exp(found.log_weight) @ np.log(long_run / exact)) < 0.12
-    assert abs(np.exp(general(LONGEST)) @ np.log(long_run / exact)) > 0.4
+    assert abs(np.exp(general_log_weights(LONGEST)) @ np.log(long_run / exact)) > 0.4
     assert np.exp(found.log_weight).sum() == pytest.approx(1.0, abs=2e-3)
 
 
 def test_a_prior_worth_nothing_leaves_what_the_unit_tells(rng: np.random.Generator) -> None:
     """With a spread without end and the general weights the posterior is the one without a prior."""
     dwells = told(np.ones((5, 3)), rng)
-    vague = Prior(LONGEST, 10**9, general(LONGEST), np.zeros(3), 1e9 * np.eye(3))
-    with_it, without = curve(dwells, LONGEST, vague), curve(dwells, LONGEST)
+    vague = NoisePrior(LONGEST, 10**9, general_log_weights(LONGEST), np.zeros(3), 1e9 * np.eye(3))
+    with_it, without = noise_curve(dwells, LONGEST, vague), noise_curve(dwells, LONGEST)
     # A prior of variance 1e9 counts as one reading (dof 1 + 2/∞) of the level expected.
     assert with_it.by_count == pytest.approx(without.by_count, rel=0.02)
 
@@ -92,7 +100,7 @@ def test_a_homogeneous_kind_settles_what_one_short_dwell_leaves_open(rng: np.ran
     does without a prior."""
     prior = prior_of(50, rng, spread=0.0, phi=0.8)
     first = told(np.ones((300, 3)), rng, phi=0.8, count=16)[:1]
-    known, unknown = (np.log(curve(first, LONGEST, p).at(np.full((300, 1), 64.0))[0]) for p in (prior, None))
+    known, unknown = (np.log(noise_curve(first, LONGEST, p).at(np.full((300, 1), 64.0))[0]) for p in (prior, None))
     assert known.std() < unknown.std() / 3
     assert np.median(known) == pytest.approx(np.log(1.0), abs=0.15)
 
@@ -103,7 +111,7 @@ def test_the_other_axes_tell_of_an_axis(rng: np.random.Generator) -> None:
     level = np.exp(rng.standard_normal((2000, 1))) * np.ones(3)
     first = told(level, rng, count=16)[:1]
     known, unknown = (
-        np.log(curve(first, LONGEST, p).at(np.full((2000, 1), 16.0))[0][:, 0] / level) for p in (prior, None)
+        np.log(noise_curve(first, LONGEST, p).at(np.full((2000, 1), 16.0))[0][:, 0] / level) for p in (prior, None)
     )
     assert known.std() == pytest.approx(np.sqrt(2 / 45), rel=0.3)
     assert known.std() < 0.75 * unknown.std()
@@ -113,14 +121,14 @@ def test_an_outlier_is_known_by_its_own_readings(rng: np.random.Generator) -> No
     """A hundred times the variance of a homogeneous kind, after a whole calibration: t widens the common variance of
     ln levels to ln²100/53 = 0.4 at least (six dof, among 378), so a tenth of the level is more than it can take."""
     prior = prior_of(50, rng, spread=0.0)
-    found = curve(told(np.full((50, 3), 100.0), rng), LONGEST, prior)
+    found = noise_curve(told(np.full((50, 3), 100.0), rng), LONGEST, prior)
     assert np.median(found.at(np.full((50, 1), 64.0))[0]) == pytest.approx(100.0, rel=0.1)
 
 
 def test_an_odd_shape_is_seen_for_what_it_is(rng: np.random.Generator) -> None:
     """A unit of phi 0.8 among white ones: its long-run variance is not taken for that of its neighbours' shape."""
     prior = prior_of(50, rng)
-    found = curve(told(np.full((50, 3), 1.0), rng, phi=0.8), LONGEST, prior)
+    found = noise_curve(told(np.full((50, 3), 1.0), rng, phi=0.8), LONGEST, prior)
     white = (1 - 0.8) ** 2 / (1 - 0.8**2)
     assert np.median(found.at(np.full((50, 1), 64.0))[0]) > 0.7 > 3 * white
 
@@ -148,12 +156,12 @@ def test_one_unit_gives_the_same_bits_alone_as_among_others(rng: np.random.Gener
 
 def test_a_unit_that_dwells_far_longer_goes_by_itself(rng: np.random.Generator) -> None:
     prior = prior_of(10, rng)
-    n = FURTHER * LONGEST + 1
+    n = MAX_LENGTH_RATIO * LONGEST + 1
     x = rng.standard_normal((3 * n, 3))
     args = (np.arange(3) * n, np.full(3, n), np.zeros(3, np.int64))
     assert np.array_equal(measure(x, *args, prior).variance, measure(x, *args).variance)
-    assert reach_of(n, prior) == reach_of(n)
-    assert reach_of(n - 1, prior) == LONGEST
+    assert family_length(n, prior) == family_length(n)
+    assert family_length(n - 1, prior) == LONGEST
 
 
 def test_what_the_log_keeps_gives_the_same_prior_bit_for_bit(rng: np.random.Generator) -> None:
@@ -171,8 +179,11 @@ def test_what_the_log_keeps_gives_the_same_prior_bit_for_bit(rng: np.random.Gene
 def test_what_the_log_keeps_of_a_unit_tells_the_same(rng: np.random.Generator) -> None:
     """Likelihoods are rounded to 0.01, levels to 1e-4; shapes left out are e⁻¹² as likely as the likeliest."""
     units = population(8, rng, phi=0.5)
-    kept = [json.loads(json.dumps({"noise": noise_document.of_seen(u)})) for u in units]
-    before, after = learnt(units, LONGEST), learnt(noise_document.all_seen([{"dwell_s": []}, *kept]), LONGEST)
+    kept = [json.loads(json.dumps({"noise": noise_document.of_likelihood(u)})) for u in units]
+    before, after = (
+        learn_prior(units, LONGEST),
+        learn_prior(noise_document.all_likelihoods([{"dwell_s": []}, *kept]), LONGEST),
+    )
     assert before is not None
     assert after is not None
     assert np.exp(after.log_weight) == pytest.approx(np.exp(before.log_weight), abs=0.02)
@@ -181,8 +192,8 @@ def test_what_the_log_keeps_of_a_unit_tells_the_same(rng: np.random.Generator) -
 
 
 def test_shapes_of_another_version_are_passed_over_and_never_taken_for_these(rng: np.random.Generator) -> None:
-    kept = noise_document.of_seen(population(1, rng)[0])
-    assert noise_document.all_seen([{"noise": kept | {"family": kept["family"] + 1}}]) == []
+    kept = noise_document.of_likelihood(population(1, rng)[0])
+    assert noise_document.all_likelihoods([{"noise": kept | {"family": kept["family"] + 1}}]) == []
     prior = noise_document.of_prior(prior_of(2, rng))
     with pytest.raises(LogError, match="other shapes than this version"):
         noise_document.to_prior({"prior": prior | {"log_weight": prior["log_weight"][:-1]}})
@@ -193,12 +204,12 @@ def test_shapes_of_another_version_are_passed_over_and_never_taken_for_these(rng
 def test_a_prior_expects_levels_as_a_normal_would() -> None:
     """Levels of a unit with readings without end in two axes: the third as normal theory says; its own says nothing."""
     covariance = np.array([[1.0, 0.5, 0.5], [0.5, 1.0, 0.5], [0.5, 0.5, 1.0]])
-    prior = Prior(LONGEST, 10**9, general(LONGEST), np.zeros(3), covariance)
+    prior = NoisePrior(LONGEST, 10**9, general_log_weights(LONGEST), np.zeros(3), covariance)
     mean, spread = np.array([[0.0, 0.9, 0.9]]), np.array([[1e9, 1e-12, 1e-12]])
-    expected, dof = prior._level(mean, spread)
+    expected, dof = prior._expected_variance(mean, spread)
     # E = ½/1.5 · (0.9 + 0.9) = 0.6, variance 1 − 2 · ½ · ⅓ = ⅔, so dof 1 + 2/⅔ = 4.
     assert dof[0, 0] == pytest.approx(4.0)
-    assert np.log(expected[0, 0]) == pytest.approx(0.6 - noise_prior._late(np.array(4.0)))
+    assert np.log(expected[0, 0]) == pytest.approx(0.6 - noise_prior._log_bias(np.array(4.0)))
 
 
 def test_an_axis_whose_readings_never_change_spoils_nothing(rng: np.random.Generator) -> None:

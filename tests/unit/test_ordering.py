@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.domain.recipe import directions, moves, ordering, plan
-from station.domain.recipe.ordering import NEVER, Moves
+from station.domain.recipe.ordering import FORBIDDEN_S, MoveTimes
 from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
@@ -25,15 +25,15 @@ def recipe(positions: list[dict[str, Any]] | None = None, *runs: dict[str, Any])
     return tumble.recipe("n-point", positions=positions or faces, runs=list(runs) or [{"order": "fastest"}])
 
 
-def random_moves(seed: int, n: int, *, even: bool = False) -> Moves:
+def random_moves(seed: int, n: int, *, even: bool = False) -> MoveTimes:
     """Moving times that differ both ways, or those of points on a sphere."""
     rng = np.random.default_rng(seed)
     if even:
         x = rng.standard_normal((n, 3))
         x /= np.linalg.norm(x, axis=1)[:, None]
         between = moves.turn_s(np.rad2deg(np.arccos(np.clip(x @ x.T, -1, 1))))
-        return Moves(between, between[0].copy(), np.zeros(n))
-    return Moves(rng.uniform(0, 1, (n, n)), rng.uniform(0, 1, n), rng.uniform(0, 1, n))
+        return MoveTimes(between, between[0].copy(), np.zeros(n))
+    return MoveTimes(rng.uniform(0, 1, (n, n)), rng.uniform(0, 1, n), rng.uniform(0, 1, n))
 
 
 @settings(max_examples=40, deadline=None)
@@ -64,7 +64,7 @@ def test_an_order_holds_every_position_once_and_is_never_slower_than_listed(seed
 
 
 def test_what_is_alike_stays_as_listed() -> None:
-    assert ordering.fastest(Moves(np.ones((20, 20)), np.ones(20), np.ones(20))).tolist() == list(range(20))
+    assert ordering.fastest(MoveTimes(np.ones((20, 20)), np.ones(20), np.ones(20))).tolist() == list(range(20))
 
 
 def test_a_turn_is_a_trapezium_of_speed() -> None:
@@ -82,7 +82,9 @@ def test_no_order_of_six_faces_is_faster() -> None:
 def moving_s(asked: Recipe, order: Any) -> float:
     """Moves of one run from the parking place and back."""
     names = [p.name for p in asked.positions]
-    return moves.usual(asked.positions, np.eye(3), np.eye(3)).of(np.array([names.index(p.name) for p in order]))
+    return moves.bench_move_times(asked.positions, np.eye(3), np.eye(3)).of(
+        np.array([names.index(p.name) for p in order])
+    )
 
 
 def test_ends_that_the_recipe_fixes_are_kept() -> None:
@@ -122,8 +124,8 @@ def test_many_positions_take_two_thirds_of_the_time() -> None:
 def test_forbidden_moves_are_not_made_where_others_are_open() -> None:
     asked = random_moves(5, 16)
     walls = np.triu(np.ones((16, 16), bool), 3)
-    blocked = Moves(np.where(walls, NEVER, asked.between), asked.start, asked.end)
-    assert blocked.of(ordering.search(blocked)) < NEVER
+    blocked = MoveTimes(np.where(walls, FORBIDDEN_S, asked.between), asked.start, asked.end)
+    assert blocked.of(ordering.search(blocked)) < FORBIDDEN_S
 
 
 @pytest.mark.parametrize(

@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 
 from station.adapters.clock import VirtualClock
-from station.adapters.positioner.simulated import Simulated
+from station.adapters.positioner.simulated import SimulatedPositioner
 from station.domain.core import rotation
-from station.domain.recipe.plan import Stop
+from station.domain.recipe.plan import PlannedVisit
 from station.domain.recipe.recipe import UP
 from station.errors import PositionerFault
 
 
-def stop(up: str) -> Stop:
+def stop(up: str) -> PlannedVisit:
     nest = rotation.shortest(UP[up], UP["+z"])
-    return Stop(0, 0, up, "home", nest, np.eye(3), nest.T @ UP["+z"], None)
+    return PlannedVisit(0, 0, up, "home", nest, np.eye(3), nest.T @ UP["+z"], None)
 
 
-def made(**options: object) -> tuple[Simulated, VirtualClock]:
+def made(**options: object) -> tuple[SimulatedPositioner, VirtualClock]:
     clock = VirtualClock()
-    return Simulated(Simulated.Settings.model_validate(options), clock), clock
+    return SimulatedPositioner(SimulatedPositioner.Settings.model_validate(options), clock), clock
 
 
 def test_a_quarter_turn_takes_the_time_of_the_trapezium() -> None:

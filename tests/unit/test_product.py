@@ -13,9 +13,9 @@ from station.adapters.canopen import eds
 from station.adapters.simulated_device.device_fault import KINDS
 from station.config.products import load_product
 from station.domain.product import map_check
-from station.domain.product.device_map import DeviceMap, Serial
-from station.domain.product.object_dictionary import Dictionary
-from station.domain.product.product import Product, kept_serial, read_serial
+from station.domain.product.device_map import DeviceMap, SerialObject
+from station.domain.product.object_dictionary import ObjectDictionary
+from station.domain.product.product import Product, decode_serial, stored_serial
 from station.domain.product.sdo_codes import ABORT, meaning, sentence
 from station.errors import ProductError, UsageError
 from station.wiring import load_job
@@ -54,13 +54,13 @@ def test_each_difference_is_said(product: Product, other: dict[str, Any], said: 
 
 
 def test_serial_as_printed_and_as_kept() -> None:
-    assert kept_serial(Serial(), "SN0042") == 42
-    assert read_serial(Serial(), (42).to_bytes(4, "little")) == 42
-    text = Serial(kind="text", printed="^(.*)$")
-    assert kept_serial(text, "A-7") == "A-7"
-    assert read_serial(text, b"A-7\0\0") == "A-7"
+    assert stored_serial(SerialObject(), "SN0042") == 42
+    assert decode_serial(SerialObject(), (42).to_bytes(4, "little")) == 42
+    text = SerialObject(kind="text", printed="^(.*)$")
+    assert stored_serial(text, "A-7") == "A-7"
+    assert decode_serial(text, b"A-7\0\0") == "A-7"
     with pytest.raises(UsageError, match="does not match"):
-        kept_serial(Serial(), "SN-none")
+        stored_serial(SerialObject(), "SN-none")
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -77,7 +77,7 @@ def test_a_map_that_contradicts_its_eds_is_told_so(product: Product) -> None:
     entries[0x2101, 1] = replace(entries[0x2101, 1], high=1.2)
     entries[0x2101, 2] = replace(entries[0x2101, 2], type=0x03)
     entries[0x2102, 1] = replace(entries[0x2102, 1], access="ro")
-    assert map_check.mismatches(product.map, Dictionary(1, entries)) == (
+    assert map_check.mismatches(product.map, ObjectDictionary(1, entries)) == (
         "matrix.xy at 0x2101:02 is REAL32 in the map but INT16 in the EDS",
         "offset.x at 0x2102:01 is ro in the EDS, so it cannot be written",
         "valid at 0x2107:00 is not in the EDS",

@@ -6,7 +6,7 @@ import pytest
 
 from station.domain.run.progress import TRANSITIONS, Phase, diagram, follow
 from station.errors import Aborted, StationFault
-from station.service.stop_request import Stop
+from station.service.stop_request import StopRequest
 
 
 def test_every_phase_is_in_the_table_and_can_be_closed() -> None:
@@ -40,7 +40,7 @@ def test_the_diagram_draws_every_transition_once() -> None:
 
 
 def test_a_stop_is_seen_at_the_next_check_and_keeps_its_first_reason() -> None:
-    stop = Stop()
+    stop = StopRequest()
     stop.check()
     stop.request("cover opened")
     stop.request("again")
@@ -49,7 +49,7 @@ def test_a_stop_is_seen_at_the_next_check_and_keeps_its_first_reason() -> None:
 
 
 def test_a_stop_asked_for_is_seen_before_waiting_begins() -> None:
-    stop = Stop()
+    stop = StopRequest()
     with stop:
         assert stop.waiting
     assert not stop.waiting

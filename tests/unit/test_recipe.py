@@ -85,13 +85,13 @@ def test_an_unknown_pose_needs_no_positions_and_has_no_true_vector() -> None:
 def test_orders_are_listed_reversed_and_shuffled_the_same_every_time() -> None:
     many = [{"name": f"p{i}", "rotate": [{"axis": [1, 0, 0], "angle_deg": 15 * i}]} for i in range(12)]
     r = recipe(positions=many, runs=[{"order": "listed"}, {"order": "reversed"}, {"order": "shuffled"}])
-    listed, reverse, shuffled = ([s.position for s in plan.stops(r, i)] for i in range(3))
+    listed, reverse, shuffled = ([s.position for s in plan.planned_visits(r, i)] for i in range(3))
     assert reverse == listed[::-1]
     assert sorted(shuffled) == sorted(listed)
     assert shuffled != listed
-    assert shuffled == [s.position for s in plan.stops(r, 2)]
-    assert plan.stops(r, 0)[0].previous is None
-    assert plan.stops(r, 1)[1].previous == "p11"
+    assert shuffled == [s.position for s in plan.planned_visits(r, 2)]
+    assert plan.planned_visits(r, 0)[0].previous is None
+    assert plan.planned_visits(r, 1)[1].previous == "p11"
 
 
 @pytest.mark.parametrize(
@@ -100,4 +100,4 @@ def test_orders_are_listed_reversed_and_shuffled_the_same_every_time() -> None:
     [(0, 0, 9.7803253359), (90, 0, 9.8321849378), (45, 0, 9.80619777), (0, 1000, 9.7772396)],
 )
 def test_normal_gravity_matches_published_values(latitude: float, altitude: float, published: float) -> None:
-    assert gravity.at(latitude, altitude) == pytest.approx(published, rel=2e-7)
+    assert gravity.normal_gravity(latitude, altitude) == pytest.approx(published, rel=2e-7)

@@ -7,7 +7,7 @@ from station.domain.core.types import Floats
 from station.domain.noise import dwell_statistics, resolution
 
 
-def dwells(x: Floats) -> dwell_statistics.Dwells:
+def dwells(x: Floats) -> dwell_statistics.DwellStatistics:
     v, n, _ = x.shape
     return dwell_statistics.measure(x.reshape(-1, 3), np.arange(v) * n, np.full(v, n), np.zeros(v, np.int64))
 

@@ -1,26 +1,26 @@
 """The state of a run, folded from its events."""
 
-from station.domain.core.types import Outcome, Reason, Seat
+from station.domain.core.types import NestAssignment, Outcome, Reason
 from station.domain.run.progress import (
     Identified,
-    LoadBegun,
+    LiveReading,
     LoadDone,
+    LoadStarted,
+    Notice,
     ObjectWritten,
     Phase,
     PhaseEntered,
-    Reading,
-    StopDone,
-    StopStarted,
-    Told,
     UnitDone,
     UnitResult,
+    VisitDone,
     VisitRejected,
+    VisitStarted,
 )
-from station.domain.run.run_state import MOST_SENTENCES, RunState
+from station.domain.run.run_state import MAX_SENTENCES, RunState
 from station.errors import BusFault
 
-SEATS = (Seat("SN1", "A", 17), Seat("SN2", "B", 18))
-BEGUN = RunState(stops=("z-up", "z-down", "verify-x")).after(LoadBegun(SEATS, 3, 25.0), 1000.0)
+SEATS = (NestAssignment("SN1", "A", 17), NestAssignment("SN2", "B", 18))
+BEGUN = RunState(stops=("z-up", "z-down", "verify-x")).after(LoadStarted(SEATS, 3, 25.0), 1000.0)
 
 
 def test_a_load_begins_with_its_nests_and_its_first_stop_next() -> None:
@@ -29,18 +29,18 @@ def test_a_load_begins_with_its_nests_and_its_first_stop_next() -> None:
 
 
 def test_stops_go_by_even_where_the_numbers_start_again_with_the_verification() -> None:
-    state = BEGUN.after(StopStarted(1, 2, "z-up", ""), 1001)
+    state = BEGUN.after(VisitStarted(1, 2, "z-up", ""), 1001)
     assert (state.position, state.following) == ("z-up", "z-down")
-    state = state.after(StopDone(1, 2, "z-up", {"SN1": (0.0, 0.0, 1.0)}), 1002)
-    state = state.after(StopStarted(2, 2, "z-down", ""), 1003).after(StopDone(2, 2, "z-down", {}), 1004)
-    state = state.after(StopStarted(1, 1, "verify-x", "turn it"), 1005)
+    state = state.after(VisitDone(1, 2, "z-up", {"SN1": (0.0, 0.0, 1.0)}), 1002)
+    state = state.after(VisitStarted(2, 2, "z-down", ""), 1003).after(VisitDone(2, 2, "z-down", {}), 1004)
+    state = state.after(VisitStarted(1, 1, "verify-x", "turn it"), 1005)
     assert (state.position, state.following, state.done, state.asked) == ("verify-x", "", 2, "turn it")
     assert state.nests[0].vector == (0.0, 0.0, 1.0)
     assert state.nests[1].vector == ()
 
 
 def test_readings_move_vector_and_noise_and_nothing_else() -> None:
-    state = BEGUN.after(Reading({"SN2": (0.1, 0.2, 0.3)}, {"SN2": 0.001}), 1001)
+    state = BEGUN.after(LiveReading({"SN2": (0.1, 0.2, 0.3)}, {"SN2": 0.001}), 1001)
     assert state.nests[0] == BEGUN.nests[0]
     assert (state.nests[1].vector, state.nests[1].noise, state.done) == ((0.1, 0.2, 0.3), 0.001, 0)
 
@@ -63,13 +63,13 @@ def test_phases_writes_and_the_end_with_its_fault() -> None:
     assert state.writing == ""
     state = state.after(LoadDone((), BusFault("the bus is off")), 1004)
     assert (state.over, state.fault, state.position, state.phase) == (True, "the bus is off", "", "done")
-    assert not state.after(LoadBegun(SEATS, 3, 25.0), 1005).over
+    assert not state.after(LoadStarted(SEATS, 3, 25.0), 1005).over
 
 
 def test_sentences_are_kept_but_never_without_end() -> None:
     state = BEGUN.after(VisitRejected("SN1", "z-up", (Reason("gaps", "frames were lost"),), True), 1001)
     assert state.sentences == ("SN1: frames were lost; measuring it again",)
-    for i in range(3 * MOST_SENTENCES):
-        state = state.after(Told(f"sentence {i}", "SN2"), 1002)
-    assert len(state.sentences) == MOST_SENTENCES
-    assert state.sentences[-1] == f"SN2: sentence {3 * MOST_SENTENCES - 1}"
+    for i in range(3 * MAX_SENTENCES):
+        state = state.after(Notice(f"sentence {i}", "SN2"), 1002)
+    assert len(state.sentences) == MAX_SENTENCES
+    assert state.sentences[-1] == f"SN2: sentence {3 * MAX_SENTENCES - 1}"

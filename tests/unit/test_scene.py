@@ -10,16 +10,16 @@ from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.planning.forecast import forecast
 from station.errors import SamplesError
 from station.model.campaign import campaign_of, scene_of_plan
-from station.model.line import Line
 from station.model.scene import scene_of_table
-from station.model.simulate import Job, simulate
-from station.model.timeline import Batch, round_of
+from station.model.simulate import SimulationJob, simulate
+from station.model.simulated_line import SimulatedLine
+from station.model.timeline import FleetPart, run_timeline
 from tests.unit.tilt_recipe import THREE_RUNS, tilt
 
 
 @pytest.fixture(scope="module")
 def made() -> Any:
-    return simulate(Job(tilt(runs=THREE_RUNS), ("A", "B", "C"), 4))
+    return simulate(SimulationJob(tilt(runs=THREE_RUNS), ("A", "B", "C"), 4))
 
 
 def test_plan_and_table_give_the_same_scene(made: Any) -> None:
@@ -63,17 +63,17 @@ def test_groups_read_as_the_contracts_write_them(made: Any) -> None:
     assert scene.group("visit")[1][25] == "visit:A/1/1"
     assert scene.group("common") == (pytest.approx(np.zeros(len(scene.visits))), ("common",))
     assert "nest:N2" in scene.group("nest")[1]
-    assert scene.knows("nest") and scene.knows("motor") and not scene.knows("gold")
+    assert scene.is_recorded("nest") and scene.is_recorded("motor") and not scene.is_recorded("gold")
 
 
 def test_what_nobody_recorded_is_not_known(made: Any) -> None:
     """Without labels all visits are one group; without a covariate a cause that needs it says so."""
     bare = scene_of_table(made.scene.recipe, replace(made.table, labels={}, values={}))
     assert bare.group("nest") == (pytest.approx(np.zeros(len(bare.visits))), ("common",))
-    assert not bare.knows("nest") and not bare.knows("temperature_rate")
+    assert not bare.is_recorded("nest") and not bare.is_recorded("temperature_rate")
     np.testing.assert_array_equal(bare.visits.seat_R, np.tile(np.eye(3), (len(bare.visits), 1, 1)))
     with pytest.raises(SamplesError, match="motor is not in the samples; record that column"):
-        bare.need("motor")
+        bare.require("motor")
 
 
 def _one(position: str, seating: str = "home") -> SampleTable:
@@ -113,9 +113,9 @@ def test_gold_is_corrected_by_its_own_calibration() -> None:
 
 def test_moves_follow_the_trapezium() -> None:
     """45 degrees at 90 deg/s and 180 deg/s²: the ramps alone take it, 2·√(45/180) = 1 s; 90 take 1.5, 180 take 2.5."""
-    line = Line()
+    line = SimulatedLine()
     assert [line.move_s(a) for a in (0, 45, 90, 180)] == pytest.approx([0.0, 1.0, 1.5, 2.5])
-    went = round_of(tilt(dwell={"time_s": 1.0}, settle={"time_s": 0.5}), 0, line)
+    went = run_timeline(tilt(dwell={"time_s": 1.0}, settle={"time_s": 0.5}), 0, line)
     assert went.arrival_s[0] == pytest.approx(1.5)
     np.testing.assert_allclose(np.diff(went.arrival_s)[:7], 1.0 + 1.5)
     assert went.duration_s == pytest.approx(went.arrival_s[-1] + 1.5)
@@ -125,26 +125,26 @@ def test_conditions_follow_the_runs() -> None:
     """+10 degC in run 1; 600 s of power before run 2, whose motors stand still; clamping knows nothing of power."""
     scene = scene_of_plan(tilt(runs=THREE_RUNS), ("A",), 3)
     run = scene.visits.run[scene.visit]
-    mean = [scene.need("temperature_degC")[run == r].mean() for r in range(3)]
+    mean = [scene.require("temperature_degC")[run == r].mean() for r in range(3)]
     assert mean[1] - mean[0] == pytest.approx(10, abs=1.5)
-    assert scene.need("since_power_s")[run == 2].min() > 600 > scene.need("since_power_s")[run == 1].max()
-    np.testing.assert_allclose(scene.need("since_clamp_s"), scene.time_s + 5.0)
-    assert scene.need("motor")[run == 2].max() == 0 < scene.need("motor")[run == 0].std()
-    begun = [np.unique(scene.need("started_s")[run == r]) for r in range(3)]
+    assert scene.require("since_power_s")[run == 2].min() > 600 > scene.require("since_power_s")[run == 1].max()
+    np.testing.assert_allclose(scene.require("since_clamp_s"), scene.time_s + 5.0)
+    assert scene.require("motor")[run == 2].max() == 0 < scene.require("motor")[run == 0].std()
+    begun = [np.unique(scene.require("started_s")[run == r]) for r in range(3)]
     assert all(len(b) == 1 for b in begun)
     assert begun[0] < begun[1] < begun[2]
 
 
 def test_rate_of_temperature_is_its_derivative() -> None:
     scene = scene_of_plan(tilt(dwell={"time_s": 1.0}), ("A",), 3)
-    slope = np.gradient(scene.need("temperature_degC"), scene.time_s)
+    slope = np.gradient(scene.require("temperature_degC"), scene.time_s)
     same = np.diff(scene.visit, prepend=-1) == 0
-    np.testing.assert_allclose(slope[same][1:-1], scene.need("temperature_rate")[same][1:-1], atol=1e-6)
+    np.testing.assert_allclose(slope[same][1:-1], scene.require("temperature_rate")[same][1:-1], atol=1e-6)
 
 
 def test_parts_of_a_fleet_are_numbered_through() -> None:
     whole = scene_of_plan(tilt(), [f"U{i}" for i in range(6)], 3)
-    part = campaign_of(tilt(), Batch(("U2", "U3"), 2, 6), 3).dwells(np.full(2, 100.0))
+    part = campaign_of(tilt(), FleetPart(("U2", "U3"), 2, 6), 3).dwells(np.full(2, 100.0))
     rows = (whole.visits.unit.code[whole.visit] >= 2) & (whole.visits.unit.code[whole.visit] < 4)
     for name in ("time_s", "temperature_degC", "started_s", "motor"):
         np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[rows])
@@ -158,12 +158,12 @@ def test_dwell_until_the_noise_is_low_enough() -> None:
     sheet = {"noise_density": 1e-4, "rate_hz": 100}
 
     def dwells(wanted: float) -> Floats:
-        return round_of(tilt(dwell={"until_std": wanted}, device=sheet), 0).dwell_s
+        return run_timeline(tilt(dwell={"until_std": wanted}, device=sheet), 0).dwell_s
 
     assert dwells(1e-3) == pytest.approx(0.2)
     assert 4 < np.median(dwells(1e-6)) < dwells(1e-6).max() <= 5
     told = forecast(tilt(dwell={"until_std": 4e-5}, device=sheet), np.zeros(12))
     assert told.dwell_s == pytest.approx(dwells(4e-5), rel=0.01)
     assert told.budget.std("noise").max() == pytest.approx(4e-5, rel=0.02)
-    went = round_of(tilt(dwell={"until_std": 4e-5}, device=sheet), 0)
+    went = run_timeline(tilt(dwell={"until_std": 4e-5}, device=sheet), 0)
     assert went.duration_s == pytest.approx(went.arrival_s[-1] + went.dwell_s[-1] + tilt().settle.time_s)

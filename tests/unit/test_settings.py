@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from station.config.places import find, shipped
 from station.config.products import load_product, product_path
 from station.config.recipes import recipe_path
+from station.config.search_path import find_file, shipped_folder
 from station.config.settings import load_config, load_settings
 from station.errors import ConfigError, ProductError, RecipeError
 
@@ -26,7 +26,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 def test_the_shipped_config_is_good() -> None:
-    settings = load_settings(shipped() / "config.yaml")
+    settings = load_settings(shipped_folder() / "config.yaml")
     assert [n.node for n in settings.nests] == [0x11, 0x12, 0x13, 0x14]
     assert settings.bus.interface == "socketcan"
 
@@ -76,18 +76,18 @@ def test_a_file_is_found_beside_what_names_it_then_here_then_as_shipped(
     recipe.write_text("x")
     own = tmp_path / "line" / "dbc" / "accelerometer.yaml"
     monkeypatch.chdir(tmp_path)
-    assert product_path("accelerometer", recipe) == shipped() / "dbc" / "accelerometer.yaml"
+    assert product_path("accelerometer", recipe) == shipped_folder() / "dbc" / "accelerometer.yaml"
     own.write_text("x")
     assert product_path("accelerometer", recipe).resolve() == own.resolve()
     monkeypatch.chdir(tmp_path / "line")
     assert recipe_path("mine") == Path("recipes/mine.yaml")
-    assert recipe_path("six-point") == shipped() / "recipes" / "six-point.yaml"
+    assert recipe_path("six-point") == shipped_folder() / "recipes" / "six-point.yaml"
     assert recipe_path(recipe) == recipe
 
 
 def test_what_is_nowhere_names_the_places_that_were_searched() -> None:
     with pytest.raises(RecipeError, match=r"there is no no-such\.yaml here nor in recipes, .*recipes; check the name"):
-        find("no-such.yaml", "recipes", None, RecipeError)
+        find_file("no-such.yaml", "recipes", None, RecipeError)
 
 
 @pytest.mark.parametrize("name", ["../secret", "/etc/passwd", "a/b", "..", ".", ""])

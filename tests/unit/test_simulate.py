@@ -11,23 +11,32 @@ from station.model import truth
 from station.model.effect import Effect
 from station.model.forward import forward
 from station.model.model_file import Model
-from station.model.noise import Noise, at
-from station.model.simulate import Job, Simulated, by_sheet, effect_of, parts, simulate
+from station.model.noise import Noise, flicker_at
+from station.model.simulate import (
+    SimulatedCampaign,
+    SimulationJob,
+    by_data_sheet,
+    parse_effect,
+    simulate,
+    simulate_in_parts,
+)
 from tests.unit.tilt_recipe import THREE_RUNS, tilt
 
 UNITS = ("A", "B", "C")
 
 
-def job(*effects: str | Effect, units: tuple[str, ...] = UNITS, seed: int = 6, **changes: Any) -> Job:
+def job(*effects: str | Effect, units: tuple[str, ...] = UNITS, seed: int = 6, **changes: Any) -> SimulationJob:
     recipe = tilt(**changes)
-    return Job(recipe, units, seed, tuple(effect_of(e, recipe) if isinstance(e, str) else e for e in effects))
+    return SimulationJob(
+        recipe, units, seed, tuple(parse_effect(e, recipe) if isinstance(e, str) else e for e in effects)
+    )
 
 
-def quiet(one: Job) -> Job:
+def quiet(one: SimulationJob) -> SimulationJob:
     return replace(one, model=Model.model_validate({"noise": {"density": 0.0, "flicker": 0.0}}))
 
 
-def counters(made: Simulated) -> Any:
+def counters(made: SimulatedCampaign) -> Any:
     """Steps of the counter between rows that follow each other within a stop."""
     table = made.table
     keys = np.stack([table.unit.code, table.run, table.visit])
@@ -57,7 +66,7 @@ def test_flicker_has_its_rms_and_falls_with_frequency() -> None:
     assert slow.std() == pytest.approx(1e-5, rel=0.05)
     power = np.mean(np.abs(np.fft.rfft(slow)) ** 2, axis=0)
     assert power[8:16].mean() / power[64:128].mean() == pytest.approx(8.0, rel=0.3)
-    points = at(slow[:3], np.array([0.5, 0.75, 1.0]))
+    points = flicker_at(slow[:3], np.array([0.5, 0.75, 1.0]))
     np.testing.assert_allclose(points[1], (points[0] + points[2]) / 2)
 
 
@@ -80,7 +89,7 @@ def test_a_unit_is_the_same_in_any_company() -> None:
 
 def test_fleet_in_parts_is_the_fleet() -> None:
     one = job("quadratic", "nest-tilt", "lost-frames", "clock-error", "step", "repeatability", units=tuple("ABCDE"))
-    whole, pieces = simulate(one), list(parts(one, 2))
+    whole, pieces = simulate(one), list(simulate_in_parts(one, 2))
     assert [p.units for p in pieces] == [("A", "B"), ("C", "D"), ("E",)]
     hit = {p["of"] for e in truth.document(one, pieces)["effects"] if e["effect"] == "step" for p in e["parameters"]}
     assert hit
@@ -88,7 +97,7 @@ def test_fleet_in_parts_is_the_fleet() -> None:
     np.testing.assert_array_equal(keep, whole.table.time_s)
     first = len(pieces[0].table)
     without_step = replace(one, effects=tuple(e for e in one.effects if e.id != "step"))
-    whole, pieces = simulate(without_step), list(parts(without_step, 2))
+    whole, pieces = simulate(without_step), list(simulate_in_parts(without_step, 2))
     np.testing.assert_array_equal(pieces[0].table.reading, whole.table.reading[:first])
 
 
@@ -96,8 +105,8 @@ def test_parts_hold_about_so_many_samples_whatever_the_fleet(monkeypatch: pytest
     one = job("quadratic", units=tuple("ABCDEFG"))
     of_a_unit = len(simulate(replace(one, units=("A",))).table)
     for wanted, units in ((of_a_unit // 2, 1), (3 * of_a_unit, 3), (100 * of_a_unit, 7)):
-        monkeypatch.setattr("station.model.simulate.PORTION", wanted)
-        found = list(parts(one))
+        monkeypatch.setattr("station.model.simulate.SAMPLES_PER_PART", wanted)
+        found = list(simulate_in_parts(one))
         assert [len(p.units) for p in found] == [units] * (7 // units) + [7 % units] * (7 % units > 0)
 
 
@@ -133,19 +142,19 @@ def test_a_good_clock_keeps_its_tolerance_and_a_wrong_one_does_not() -> None:
         return [1 / np.diff(table.time_s)[same & (table.unit.code[1:] == u)].mean() for u in range(3)]
 
     assert np.abs(np.array(rates()) / 100 - 1).max() <= 100e-6
-    off = np.abs(np.array(rates(replace(effect_of("clock-error", tilt()), size=0.05))) / 100 - 1)
+    off = np.abs(np.array(rates(replace(parse_effect("clock-error", tilt()), size=0.05))) / 100 - 1)
     np.testing.assert_allclose(off, 0.05, atol=2e-4)
 
 
 def test_wrong_clock_changes_how_many_samples_fit_into_a_dwell() -> None:
-    fast = job(replace(effect_of("clock-error", tilt()), size=0.1), dwell={"time_s": 1.0})
+    fast = job(replace(parse_effect("clock-error", tilt()), size=0.1), dwell={"time_s": 1.0})
     table = simulate(fast).table
     count = np.bincount(table.unit.code) / 24
     assert set(count) <= {90, 110}
 
 
 def test_lost_frames_leave_gaps_in_counter_and_time() -> None:
-    plain, made = simulate(job()), simulate(job(replace(effect_of("lost-frames", tilt()), size=0.1)))
+    plain, made = simulate(job()), simulate(job(replace(parse_effect("lost-frames", tilt()), size=0.1)))
     n = len(plain.table)
     # Binomial: four standard deviations.
     assert n - len(made.table) == pytest.approx(0.1 * n, abs=4 * np.sqrt(0.09 * n))
@@ -155,7 +164,7 @@ def test_lost_frames_leave_gaps_in_counter_and_time() -> None:
 
 
 def test_duplicated_frames_repeat_counter_and_payload() -> None:
-    made = simulate(job(replace(effect_of("duplicated-frames", tilt()), size=0.1)))
+    made = simulate(job(replace(parse_effect("duplicated-frames", tilt()), size=0.1)))
     table = made.table
     again = np.flatnonzero(np.diff(table.values["counter"]) == 0)
     assert len(again) == pytest.approx(0.1 * 3 * 24 * 20, abs=4 * np.sqrt(0.09 * 1440))
@@ -164,7 +173,7 @@ def test_duplicated_frames_repeat_counter_and_payload() -> None:
 
 
 def test_reordered_frames_swap_payloads_while_time_runs_on() -> None:
-    plain, made = simulate(job()), simulate(job(replace(effect_of("reordered-frames", tilt()), size=0.1)))
+    plain, made = simulate(job()), simulate(job(replace(parse_effect("reordered-frames", tilt()), size=0.1)))
     np.testing.assert_array_equal(made.table.time_s, plain.table.time_s)
     moved = np.flatnonzero(made.table.values["counter"] != plain.table.values["counter"])
     assert len(moved) % 2 == 0 and len(moved) > 100
@@ -185,7 +194,7 @@ def test_bus_faults_together_keep_rows_in_the_order_of_time() -> None:
 
 def test_data_sheet_gives_grid_and_full_scale() -> None:
     recipe = tilt(device={"lsb": 0.01, "full_scale": 0.9})
-    np.testing.assert_allclose(by_sheet(recipe, np.array([[0.014, 0.016, 2.0]])), [[0.01, 0.02, 0.9]])
+    np.testing.assert_allclose(by_data_sheet(recipe, np.array([[0.014, 0.016, 2.0]])), [[0.01, 0.02, 0.9]])
     reading = simulate(job(device={"lsb": 0.01, "full_scale": 0.9})).table.reading
     np.testing.assert_allclose(reading / 0.01, np.round(reading / 0.01), atol=1e-9)
     assert reading.max() == 0.9
@@ -198,7 +207,7 @@ def test_gold_sits_in_the_nest_and_knows_nothing_of_seat_and_unit() -> None:
     visits = made.scene.visits
     plain = np.einsum("vji,vj->vi", visits.nest_R, visits.stimulus)[made.scene.visit]
     np.testing.assert_allclose(made.table.gold, plain, atol=1e-12)
-    tilted = simulate(replace(one, effects=(effect_of("nest-tilt", one.recipe),))).table.gold
+    tilted = simulate(replace(one, effects=(parse_effect("nest-tilt", one.recipe),))).table.gold
     assert np.abs(tilted - plain).max() > 5e-4
 
 
@@ -261,7 +270,7 @@ def test_truth_tells_units_and_coefficients() -> None:
     assert effects["bias-walk"] == [{"name": "step_std", "axis": None, "of": "common", "value": 1e-5, "unit": "g"}]
 
 
-def _as_model(one: Job, made: Simulated) -> Model:
+def _as_model(one: SimulationJob, made: SimulatedCampaign) -> Model:
     effects = truth.document(one, [made])["effects"]
     return Model.model_validate({"noise": {"density": 0.0, "flicker": 0.0}, "effects": effects})
 

@@ -14,7 +14,7 @@ from station.errors import UsageError
 from station.model.effect import Effect
 from station.model.model_file import Model
 from station.model.rig import Rig
-from station.model.simulate import Job, effect_of, simulate
+from station.model.simulate import SimulationJob, parse_effect, simulate
 from tests.unit.tilt_recipe import THREE_RUNS, tilt
 
 QUIET = Model.model_validate({"noise": {"density": 0.0, "flicker": 0.0}})
@@ -39,14 +39,14 @@ class Plate:
 
 def rig_of(recipe: Recipe, *effects: str | Effect, seed: int = 2) -> tuple[Rig, Plate]:
     plate = Plate()
-    asked = tuple(effect_of(e, recipe) if isinstance(e, str) else e for e in effects)
-    return Rig(Job(recipe, (), seed, asked, QUIET), plate), plate
+    asked = tuple(parse_effect(e, recipe) if isinstance(e, str) else e for e in effects)
+    return Rig(SimulationJob(recipe, (), seed, asked, QUIET), plate), plate
 
 
 def tumble(rig: Rig, plate: Plate, recipe: Recipe, nests: list[str], run: int = 0, now_s: float = 0.0) -> Any:
     """Readings (nest, stop, sample, 3) of one run, 20 samples at each stop."""
     out = []
-    for stop in plan.stops(recipe, run):
+    for stop in plan.planned_visits(recipe, run):
         rig.go(stop, now_s, now_s + MOVE_S)
         plate.go(stop.nest, now_s)
         now_s += MOVE_S
@@ -67,7 +67,7 @@ def test_a_stop_reads_as_in_a_simulated_campaign(name: str) -> None:
     rig, plate = rig_of(recipe, name)
     rig.load({"N1": "A"}, 0.0)
     live = tumble(rig, plate, recipe, ["N1"])[0].reshape(-1, 3)
-    campaign = simulate(Job(recipe, ("A",), 2, (effect_of(name, recipe),), QUIET)).table.reading
+    campaign = simulate(SimulationJob(recipe, ("A",), 2, (parse_effect(name, recipe),), QUIET)).table.reading
     np.testing.assert_allclose(live, campaign, atol=1e-9)
 
 
@@ -77,12 +77,12 @@ def test_on_the_way_the_part_feels_where_it_is() -> None:
     rig, plate = rig_of(recipe)
     rig.load({"N1": "A"}, 0.0)
     parked = rig.sense("N1", np.array([0.0, 0.1]))
-    first, second = plan.stops(recipe, 0)
+    first, second = plan.planned_visits(recipe, 0)
     for stop, now_s in ((first, 1.0), (second, 4.0)):
         rig.go(stop, now_s, now_s + MOVE_S)
         plate.go(stop.nest, now_s)
         readings = rig.sense("N1", now_s + MOVE_S * np.array([0.5, 1.0]))
-    base = Job(recipe, (), 2).base(("A",))
+    base = SimulationJob(recipe, (), 2).base(("A",))
     true = np.linalg.solve(base.matrix[0], (readings - base.offset[0]).T).T
     np.testing.assert_allclose(true, [[np.sqrt(0.5), 0, np.sqrt(0.5)], [1, 0, 0]], atol=1e-12)
     np.testing.assert_allclose(np.linalg.solve(base.matrix[0], parked[1] - base.offset[0]), [0, 0, 1], atol=1e-12)
@@ -92,10 +92,10 @@ def test_an_arrival_error_of_the_positioner_is_felt() -> None:
     recipe = tilt()
     rig, plate = rig_of(recipe)
     rig.load({"N1": "A"}, 0.0)
-    stop = plan.stops(recipe, 0)[0]
+    stop = plan.planned_visits(recipe, 0)[0]
     rig.go(stop, 0.0, MOVE_S)
     plate.go(rotation.from_vector(np.array([0.01, 0, 0])) @ stop.nest, 0.0)
-    base = Job(recipe, (), 2).base(("A",))
+    base = SimulationJob(recipe, (), 2).base(("A",))
     true = np.linalg.solve(base.matrix[0], rig.sense("N1", np.array([2.0]))[0] - base.offset[0])
     np.testing.assert_allclose(true, [0, np.sin(0.01), np.cos(0.01)], atol=1e-12)
 
@@ -116,7 +116,7 @@ def test_every_nest_has_its_own_unit_and_tilt() -> None:
 def test_repeated_and_added_stops_keep_their_own_chance() -> None:
     """Verification stops come after the plan: they have angles of their own, and the planned ones stay the same."""
     recipe = tilt()
-    extra = replace(plan.stops(recipe, 0)[3], visit=30)
+    extra = replace(plan.planned_visits(recipe, 0)[3], visit=30)
     results = []
     for more in (False, True):
         rig, plate = rig_of(recipe, "repeatability")
@@ -138,12 +138,12 @@ def test_power_stays_on_from_run_to_run() -> None:
     first = tumble(rig, plate, recipe, ["N1"], 0)
     warm = tumble(rig, plate, recipe, ["N1"], 2, now_s=700.0)
     # After ten minutes nothing of e^(−t/40 s) is left: the offset that is gone shows at the first stop.
-    effect = effect_of("warm-up", recipe)
+    effect = parse_effect("warm-up", recipe)
     amplitude = effect.coefficients(("unit:A",), 2)[0]
-    base = Job(recipe, (), 2).base(("A",))
-    plain = base.matrix[0] @ plan.stops(recipe, 0)[0].true + base.offset[0]
+    base = SimulationJob(recipe, (), 2).base(("A",))
+    plain = base.matrix[0] @ plan.planned_visits(recipe, 0)[0].true + base.offset[0]
     np.testing.assert_allclose(first[0, 0, 0] - plain, amplitude * np.exp(-MOVE_S / 40), atol=1e-9)
-    stop = plan.stops(recipe, 2)[0]
+    stop = plan.planned_visits(recipe, 2)[0]
     np.testing.assert_allclose(warm[0, 0, 0], base.matrix[0] @ stop.true + base.offset[0], atol=1e-6)
 
 
@@ -155,8 +155,8 @@ def test_another_seating_is_another_clamping(run: int, fresh: bool) -> None:
     rig.load({"N1": "A"}, 0.0)
     tumble(rig, plate, recipe, ["N1"], 0)
     later = tumble(rig, plate, recipe, ["N1"], 1, now_s=5000.0)[0, 0, 0]
-    effect = effect_of("clamp-creep", recipe)
-    base, stop = Job(recipe, (), 2).base(("A",)), plan.stops(recipe, 1)[0]
+    effect = parse_effect("clamp-creep", recipe)
+    base, stop = SimulationJob(recipe, (), 2).base(("A",)), plan.planned_visits(recipe, 1)[0]
     crept = (later - base.matrix[0] @ stop.true - base.offset[0]) / effect.coefficients(("unit:A",), 2)[0]
     since = MOVE_S + (600.0 if fresh else 5000.0)
     np.testing.assert_allclose(crept, np.log1p(since / effect.time_constant_s), rtol=1e-6)
@@ -180,7 +180,7 @@ def test_bus_faults_act_on_frames() -> None:
     )
 
     def delivered(name: str) -> Frames:
-        rig, _ = rig_of(tilt(), replace(effect_of(name, tilt()), size=0.05))
+        rig, _ = rig_of(tilt(), replace(parse_effect(name, tilt()), size=0.05))
         rig.load({"N1": "A"}, 0.0)
         return rig.deliver("N1", frames)
 

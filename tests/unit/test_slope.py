@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from station.domain.core.types import Floats
-from station.model.slope import slopes
+from station.model.temperature_slope import temperature_slopes
 
 STOPS, RUNS, LENGTH_S = 24, 40, 60.0
 
@@ -18,7 +18,7 @@ def waves(t: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 def test_a_straight_course_has_its_own_slope_and_no_error() -> None:
     t = np.linspace(5.0, 65.0, STOPS)
-    (found,) = slopes([(t, 20.0 + 0.03 * t)])
+    (found,) = temperature_slopes([(t, 20.0 + 0.03 * t)])
     assert found.slope == pytest.approx(0.03)
     assert np.abs(found.modes).max() < 1e-6
 
@@ -28,7 +28,7 @@ def test_the_error_is_as_large_as_said(noise: float) -> None:
     rng = np.random.default_rng(4)
     t = np.linspace(0.0, LENGTH_S, STOPS)
     true = [waves(t, rng) for _ in range(RUNS)]
-    found = slopes([(t, T + noise * rng.standard_normal(STOPS)) for T, _ in true])
+    found = temperature_slopes([(t, T + noise * rng.standard_normal(STOPS)) for T, _ in true])
     error = np.concatenate([f.slope - rate for f, (_, rate) in zip(found, true, strict=True)])
     told = np.concatenate([np.sum(f.modes**2, axis=1) for f in found])
     # 40 runs of about three free numbers each: their mean square is known to 13 %.
@@ -38,6 +38,6 @@ def test_the_error_is_as_large_as_said(noise: float) -> None:
 
 
 def test_runs_of_one_and_two_stops() -> None:
-    one, two = slopes([(np.array([3.0]), np.array([20.0])), (np.array([1.0, 3.0]), np.array([20.0, 21.0]))])
+    one, two = temperature_slopes([(np.array([3.0]), np.array([20.0])), (np.array([1.0, 3.0]), np.array([20.0, 21.0]))])
     assert one.slope == pytest.approx([0.0])
     assert two.slope == pytest.approx([0.5, 0.5])

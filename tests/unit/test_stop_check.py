@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from station.adapters.dbc import read_layouts
-from station.config.places import shipped
 from station.config.products import load_product
 from station.config.recipes import load_recipe
+from station.config.search_path import shipped_folder
 from station.domain.can import encode
-from station.domain.can.decode import samples
+from station.domain.can.decode import decode_samples
 from station.domain.can.sensor_layout import SensorLayout, resolve
 from station.domain.capture.rest_detection import angle_deg, at_rest, expected_noise, face, has_direction
-from station.domain.capture.visit_check import STATION_CHECKS, Dwelled, check, statistics
+from station.domain.capture.visit_check import STATION_CHECKS, Visit, check, statistics
 from station.domain.core.types import Floats, Frames
 from station.domain.recipe.recipe import Recipe
 from tests.conftest import SEED
@@ -26,7 +26,7 @@ UP = np.array([0.0, 0.0, 1.0])
 @pytest.fixture(scope="module")
 def layout() -> SensorLayout:
     product = load_product("accelerometer", None)
-    return resolve(product.frames, read_layouts(Path(shipped(), "dbc", product.frames.dbc)))
+    return resolve(product.frames, read_layouts(Path(shipped_folder(), "dbc", product.frames.dbc)))
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +43,8 @@ def frames(layout: SensorLayout, xyz: Floats, rate_hz: float = 100.0) -> Frames:
     return encode.sample_frames(layout, NODE, time_ns, xyz)
 
 
-def dwelled(layout: SensorLayout, came: Frames, **change: object) -> Dwelled:
-    whole = Dwelled("z-up", samples(came, layout, NODE), UP, 1.0, 0, 24.0)
+def dwelled(layout: SensorLayout, came: Frames, **change: object) -> Visit:
+    whole = Visit("z-up", decode_samples(came, layout, NODE), UP, 1.0, 0, 24.0)
     return replace(whole, **change)  # type: ignore[arg-type]
 
 

@@ -5,7 +5,7 @@ import pytest
 from station import plugins
 from station.config.recipes import load_recipe
 from station.errors import RecipeError
-from station.model.compensated import in_matrix, taken_in
+from station.model.compensated import compensate, in_matrix
 from station.model.effect import Effect
 from station.model.model_file import EFFECTS, Model
 
@@ -23,7 +23,7 @@ def test_of_the_device_only_angles_are_of_offset_and_matrix(name: str) -> None:
 
 
 def test_the_recipe_then_fits_the_matrix_and_says_what_stays() -> None:
-    found = taken_in(load_recipe("offset-gain"), model("cross-axis", "quadratic", "nest-tilt"), gains_only=False)
+    found = compensate(load_recipe("offset-gain"), model("cross-axis", "quadratic", "nest-tilt"), gains_only=False)
     assert (found.recipe.model, found.causes) == ("matrix", ("cross-axis",))
     assert found.left == (
         "quadratic is no part of offset and matrix, which is all that the device keeps; it stays in the device's "
@@ -34,14 +34,14 @@ def test_the_recipe_then_fits_the_matrix_and_says_what_stays() -> None:
 
 def test_nothing_changes_where_nothing_can_be_taken_in() -> None:
     recipe = load_recipe("offset-gain")
-    found = taken_in(recipe, model("quadratic"), gains_only=False)
+    found = compensate(recipe, model("quadratic"), gains_only=False)
     assert found.recipe is recipe
     assert not found.causes
 
 
 def test_a_product_of_gains_alone_and_a_method_of_gains_alone_keep_it_out() -> None:
-    gains = taken_in(load_recipe("offset-gain"), model("cross-axis"), gains_only=True)
-    three = taken_in(load_recipe("three-point"), model("cross-axis"), gains_only=False)
+    gains = compensate(load_recipe("offset-gain"), model("cross-axis"), gains_only=True)
+    three = compensate(load_recipe("three-point"), model("cross-axis"), gains_only=False)
     assert not gains.causes
     assert "keeps offsets and gains only" in gains.left[0]
     assert not three.causes
@@ -53,5 +53,5 @@ def test_positions_that_do_not_show_it_are_refused_with_those_to_add() -> None:
     flat = recipe.model_copy(update={"positions": recipe.positions[:5]})
     short = flat.model_copy(update={"positions": tuple(p for p in flat.positions if p.name != "x-up")[:3]})
     with pytest.raises(RecipeError, match=r"to take in cross-axis, .* undetermined .*add") as refused:
-        taken_in(short, model("cross-axis"), gains_only=False)
+        compensate(short, model("cross-axis"), gains_only=False)
     assert "\n" not in refused.value.sentence

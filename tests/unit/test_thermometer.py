@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from station.adapters.dbc import read_layouts
-from station.config.places import shipped
 from station.config.products import load_product
+from station.config.search_path import shipped_folder
 from station.domain.can import encode
 from station.domain.can.sensor_layout import SensorLayout, resolve
-from station.domain.capture.assemble import KeptVisit
-from station.domain.capture.thermometer import STOPS, frozen
+from station.domain.capture.assemble import CapturedVisit
+from station.domain.capture.thermometer import MIN_VISITS, frozen_warning
 
 NODE = 17
 
@@ -20,35 +20,40 @@ NODE = 17
 @pytest.fixture(scope="module")
 def layout() -> SensorLayout:
     frames = load_product("accelerometer", None).frames
-    return resolve(frames, read_layouts(Path(shipped(), "dbc", frames.dbc)))
+    return resolve(frames, read_layouts(Path(shipped_folder(), "dbc", frames.dbc)))
 
 
-def stops(layout: SensorLayout, *temperatures_degC: float | None) -> list[KeptVisit]:
+def stops(layout: SensorLayout, *temperatures_degC: float | None) -> list[CapturedVisit]:
     """One stop for each temperature; None: no such frame came there."""
     told = [np.array([] if t is None else [t]) for t in temperatures_degC]
     frames = [encode.temperature_frames(layout, NODE, np.arange(len(t)), t) for t in told]
-    return [KeptVisit(0, i, "z-up", "home", 0, 0, 1, f) for i, f in enumerate(frames)]
+    return [CapturedVisit(0, i, "z-up", "home", 0, 0, 1, f) for i, f in enumerate(frames)]
 
 
 def test_six_stops_at_one_temperature_are_told_of(layout: SensorLayout) -> None:
-    told = frozen(stops(layout, *[24.31] * STOPS), NODE, layout)
+    told = frozen_warning(stops(layout, *[24.31] * MIN_VISITS), NODE, layout)
     assert told.startswith("the thermometer stood at 24.31 degC over 6 stops")
 
 
 @pytest.mark.parametrize(
     "read",
-    [[24.31] * (STOPS - 1), [24.31] * (STOPS - 1) + [24.32], [24.31] * (STOPS - 1) + [None] * 3, [None] * 9],
+    [
+        [24.31] * (MIN_VISITS - 1),
+        [24.31] * (MIN_VISITS - 1) + [24.32],
+        [24.31] * (MIN_VISITS - 1) + [None] * 3,
+        [None] * 9,
+    ],
 )
 def test_too_few_stops_or_one_step_tell_nothing(layout: SensorLayout, read: list[float | None]) -> None:
-    assert frozen(stops(layout, *read), NODE, layout) == ""
+    assert frozen_warning(stops(layout, *read), NODE, layout) == ""
 
 
 def test_a_coarse_thermometer_may_stand_still(layout: SensorLayout) -> None:
     assert layout.temperature is not None
     signals = tuple(replace(s, scale=0.5) for s in layout.temperature.signals)
     coarse = replace(layout, temperature=replace(layout.temperature, signals=signals))
-    assert frozen(stops(coarse, *[24.5] * 20), NODE, coarse) == ""
+    assert frozen_warning(stops(coarse, *[24.5] * 20), NODE, coarse) == ""
 
 
 def test_another_units_thermometer_is_not_this_ones(layout: SensorLayout) -> None:
-    assert frozen(stops(layout, *[24.31] * STOPS), NODE + 1, layout) == ""
+    assert frozen_warning(stops(layout, *[24.31] * MIN_VISITS), NODE + 1, layout) == ""

@@ -9,13 +9,13 @@ import pytest
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.domain.evaluation import pipeline, verification
-from station.domain.evaluation.verification import Verified
+from station.domain.evaluation.verification import VerifiedPosition
 from tests.fakes import tumble
 
 AT = np.array([0.6, 0.0, 0.8])
 
 
-def verified(rng: np.random.Generator, method: str, count: int, pose_deg: float, **more: Any) -> list[Verified]:
+def verified(rng: np.random.Generator, method: str, count: int, pose_deg: float, **more: Any) -> list[VerifiedPosition]:
     """Units calibrated, then measured at a tilt through a perfect device that holds what was found."""
     recipe = tumble.recipe(method, **more)
     theta = tumble.units(rng, count)
@@ -30,7 +30,9 @@ def verified(rng: np.random.Generator, method: str, count: int, pose_deg: float,
         output: Floats = found.calibration.correct(raw) if found.calibration else raw
         truth = AT if recipe.pose_known else np.full(3, np.nan)
         out.append(
-            Verified("tilt", output.mean(axis=0), truth, 1.0, verification.forecast(found, recipe, truth, output))
+            VerifiedPosition(
+                "tilt", output.mean(axis=0), truth, 1.0, verification.error_covariance(found, recipe, truth, output)
+            )
         )
     return out
 
@@ -74,7 +76,9 @@ def test_of_a_hand_held_unit_the_magnitude_is_judged(rng: np.random.Generator) -
         assert found.calibration is not None
         output = found.calibration.correct(raw)
         nowhere = np.full(3, np.nan)
-        v = Verified("any", output.mean(axis=0), nowhere, 1.0, verification.forecast(found, recipe, nowhere, output))
+        v = VerifiedPosition(
+            "any", output.mean(axis=0), nowhere, 1.0, verification.error_covariance(found, recipe, nowhere, output)
+        )
         chances.append(v.chance or 0.0)
     assert np.mean(np.array(chances) < 0.05) < 0.05 + 4 * np.sqrt(0.05 * 0.95 / 60)
     assert np.median(chances) > 0.2

@@ -10,7 +10,7 @@ import pytest
 
 from station.domain.core import rotation
 from station.web import fixture, language
-from station.web.runs import Order, Runs, owner
+from station.web.run_launcher import LaunchOptions, RunLauncher, owner_pid
 
 
 def test_every_language_says_everything_and_nothing_more() -> None:
@@ -43,26 +43,26 @@ def test_names_cannot_break_out_of_the_picture() -> None:
 @pytest.mark.parametrize("text", ["", "{}", "[1]", '{"pid": "x"}', '{"pid": 999999999}'])
 def test_a_lock_that_nobody_holds_is_no_owner(tmp_path: Path, text: str) -> None:
     (tmp_path / "s.db.lock").write_text(text)
-    assert owner(tmp_path / "s.db") is None
+    assert owner_pid(tmp_path / "s.db") is None
 
 
 def test_a_pid_counts_only_while_it_has_the_lock_open(tmp_path: Path) -> None:
     lock = tmp_path / "s.db.lock"
     lock.write_text(json.dumps({"pid": os.getpid()}))
-    assert owner(tmp_path / "s.db") is None, "this process is alive, but does not hold it"
+    assert owner_pid(tmp_path / "s.db") is None, "this process is alive, but does not hold it"
     with lock.open():
-        assert owner(tmp_path / "s.db") == os.getpid()
-        assert Runs(Order(tmp_path / "s.db", "six-point")).pid() == os.getpid()
+        assert owner_pid(tmp_path / "s.db") == os.getpid()
+        assert RunLauncher(LaunchOptions(tmp_path / "s.db", "six-point")).pid() == os.getpid()
 
 
 def test_words_of_a_run_cannot_be_taken_for_options(tmp_path: Path) -> None:
-    words = Order(tmp_path / "s.db", "six-point", simulate=True, pace=2.0).words({"B": "--version"}, "anna")
+    words = LaunchOptions(tmp_path / "s.db", "six-point", simulate=True, pace=2.0).words({"B": "--version"}, "anna")
     assert words[-2:] == ["--nest=B", "--serial=--version"]
     assert "--operator=anna" in words
 
 
 def test_a_load_gets_the_faults_of_its_own_units(tmp_path: Path) -> None:
     faults = ("SN2/stuck-axis:value=2", "save-torn", "SN1/silent", "BUS/jammed")
-    words = Order(tmp_path / "s.db", "six-point", simulate=True, faults=faults).words({"A": "SN1"}, "anna")
+    words = LaunchOptions(tmp_path / "s.db", "six-point", simulate=True, faults=faults).words({"A": "SN1"}, "anna")
     given = [word.removeprefix("--fault=") for word in words if word.startswith("--fault=")]
     assert given == ["save-torn", "SN1/silent", "BUS/jammed"]

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from station.errors import StoreFault
-from station.web.queue import Queue, Waiting
+from station.web.queue import LoadQueue, WaitingUnit
 
 
 @pytest.fixture
@@ -14,29 +14,29 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_a_restart_forgets_nothing(path: Path) -> None:
-    Queue(path).put({"A": Waiting("SN1"), "C": Waiting("SN3", 77)})
-    again = Queue(path)
-    assert again.waiting == {"A": Waiting("SN1"), "C": Waiting("SN3", 77)}
-    again.hand(41)
-    again.put({"A": Waiting("SN5", 41)})
-    once_more = Queue(path)
-    assert (once_more.handed, once_more.serials()) == ({"A": Waiting("SN1"), "C": Waiting("SN3", 77)}, ["SN5"])
+    LoadQueue(path).put({"A": WaitingUnit("SN1"), "C": WaitingUnit("SN3", 77)})
+    again = LoadQueue(path)
+    assert again.waiting == {"A": WaitingUnit("SN1"), "C": WaitingUnit("SN3", 77)}
+    again.hand_over(41)
+    again.put({"A": WaitingUnit("SN5", 41)})
+    once_more = LoadQueue(path)
+    assert (once_more.handed, once_more.serials()) == ({"A": WaitingUnit("SN1"), "C": WaitingUnit("SN3", 77)}, ["SN5"])
 
 
 def test_two_pages_on_one_log_see_the_same_list(path: Path) -> None:
-    one, two = Queue(path), Queue(path)
-    one.put({"A": Waiting("SN1")})
+    one, two = LoadQueue(path), LoadQueue(path)
+    one.put({"A": WaitingUnit("SN1")})
     assert two.serials() == ["SN1"]
-    two.put({"B": Waiting("SN2")})
+    two.put({"B": WaitingUnit("SN2")})
     assert one.serials() == ["SN1", "SN2"]
     one.clear()
     assert two.waiting == {}
 
 
 def test_what_the_run_has_begun_is_let_go_of(path: Path) -> None:
-    queue = Queue(path)
-    queue.put({"A": Waiting("SN1")})
-    queue.hand(41)
+    queue = LoadQueue(path)
+    queue.put({"A": WaitingUnit("SN1")})
+    queue.hand_over(41)
     queue.settle(begun=40, running=41)
     assert queue.handed, "the run of before is no sign"
     queue.settle(begun=41, running=41)
@@ -44,13 +44,13 @@ def test_what_the_run_has_begun_is_let_go_of(path: Path) -> None:
 
 
 def test_what_a_run_ended_without_beginning_comes_back(path: Path) -> None:
-    queue = Queue(path)
-    queue.put({"A": Waiting("SN1"), "B": Waiting("SN2")})
-    queue.hand(41)
-    queue.put({"B": Waiting("SN9")})
+    queue = LoadQueue(path)
+    queue.put({"A": WaitingUnit("SN1"), "B": WaitingUnit("SN2")})
+    queue.hand_over(41)
+    queue.put({"B": WaitingUnit("SN9")})
     queue.settle(begun=None, running=None)
-    assert queue.waiting == {"A": Waiting("SN1"), "B": Waiting("SN9")}
-    assert Queue(path).handed == {}
+    assert queue.waiting == {"A": WaitingUnit("SN1"), "B": WaitingUnit("SN9")}
+    assert LoadQueue(path).handed == {}
 
 
 @pytest.mark.parametrize(
@@ -58,11 +58,11 @@ def test_what_a_run_ended_without_beginning_comes_back(path: Path) -> None:
 )
 def test_a_file_that_nobody_can_read_is_an_empty_queue(path: Path, text: str) -> None:
     path.write_text(text)
-    assert Queue(path).waiting == {}
+    assert LoadQueue(path).waiting == {}
 
 
 def test_what_cannot_be_kept_is_not_taken(tmp_path: Path) -> None:
-    queue = Queue(tmp_path / "none" / "q.json")
+    queue = LoadQueue(tmp_path / "none" / "q.json")
     with pytest.raises(StoreFault, match="free the disk"):
-        queue.put({"A": Waiting("SN1")})
+        queue.put({"A": WaitingUnit("SN1")})
     assert queue.waiting == {}

@@ -8,7 +8,7 @@ from typing import Final
 SEND_DEADLINE_S: Final = 1.0
 
 
-def told(name: str, number: int) -> str:
+def socket_error_sentence(name: str, number: int) -> str:
     """An error number of a socket on the interface `name` as a sentence."""
     if number == errno.ENETDOWN:
         return f"{name} went down; bring it up with `ip link set {name} up`"

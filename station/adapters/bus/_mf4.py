@@ -16,7 +16,10 @@ from station.errors import LogError
 _HEAD = struct.Struct("<cQ")
 _FRAMES, _SENTENCE, _END = b"F", b"S", b"."
 #: What the other process does; it finds the station where this one did.
-_CODE = "import sys; sys.path[:] = {path!r}; from station.adapters.bus._mf4 import tell; tell(*sys.argv[1:])"
+_CODE = (
+    "import sys; sys.path[:] = {path!r}; "
+    "from station.adapters.bus._mf4 import run_reader_process as run; run(*sys.argv[1:])"
+)
 
 
 def read(path: Path, channel: str | None) -> Iterator[Frames]:
@@ -26,12 +29,12 @@ def read(path: Path, channel: str | None) -> Iterator[Frames]:
     with subprocess.Popen(command, stdin=quiet, stdout=subprocess.PIPE, stderr=quiet) as reader:
         try:
             if reader.stdout is not None:
-                yield from _told(reader.stdout, path)
+                yield from _received_blocks(reader.stdout, path)
         finally:
             reader.kill()
 
 
-def _told(pipe: IO[bytes], path: Path) -> Iterator[Frames]:
+def _received_blocks(pipe: IO[bytes], path: Path) -> Iterator[Frames]:
     while True:
         head = pipe.read(_HEAD.size)
         kind, size = _HEAD.unpack(head) if len(head) == _HEAD.size else (b"", 0)
@@ -47,7 +50,7 @@ def _told(pipe: IO[bytes], path: Path) -> Iterator[Frames]:
         yield plain.from_bytes(data)
 
 
-def tell(path: str, channel: str | None = None) -> None:
+def run_reader_process(path: str, channel: str | None = None) -> None:
     """The other process: reads, and writes blocks, a sentence, or the end to what was its standard output."""
     from station.adapters.bus._recorded import by_python_can
 

@@ -29,17 +29,17 @@ class Link:
     queue: int | None = None
 
 
-def ask(name: str) -> Link:
+def query_link(name: str) -> Link:
     """State of an interface; OSError when it does not exist."""
     index = socket.if_nametoindex(name)
     request = struct.pack("=IHHII BxHiII", 32, _RTM_GETLINK, _NLM_F_REQUEST, 1, 0, socket.AF_UNSPEC, 0, index, 0, 0)
     with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, socket.NETLINK_ROUTE) as sock:
         sock.settimeout(1.0)
         sock.send(request)
-        return parse(sock.recv(1 << 16))
+        return parse_link(sock.recv(1 << 16))
 
 
-def parse(answer: bytes) -> Link:
+def parse_link(answer: bytes) -> Link:
     """The kernel's RTM_NEWLINK message as a Link; OSError when it is an error message."""
     kind_of_message = struct.unpack_from("=H", answer, 4)[0]
     if kind_of_message == _NLMSG_ERROR:

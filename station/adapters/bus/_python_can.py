@@ -7,9 +7,9 @@ import importlib
 import logging
 from typing import Any
 
-from station.lean import without
+from station.optional_imports import hide_packages
 
-with without("asammdf"):
+with hide_packages("asammdf"):
     import can
     from can.interfaces.virtual import VirtualBus
 

@@ -32,11 +32,11 @@ _KINDS = {
 #: kind → what is wrong, for the list of faults.
 KINDS: Mapping[str, str] = MappingProxyType({kind: about.told for kind, about in _KINDS.items()})
 #: Frames that wait in the interface's queue until they are acknowledged, as `ip link` sets it for CAN by default.
-QUEUE = 10
+TX_QUEUE_FRAMES = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Trouble:
+class InjectedBusFault:
     """From `from_s` on, for `lasts_s` (infinite: for good), monotonic seconds of the bus's clock."""
 
     kind: str
@@ -53,7 +53,7 @@ class Trouble:
         return self.from_s <= at_s < self.until_s
 
 
-def parse(text: str) -> Trouble:
+def parse(text: str) -> InjectedBusFault:
     """`KIND` or `KIND:after_s=6,seconds=2` (seconds: how long; for good where it is left out). Errors: UsageError."""
     kind, _, rest = text.partition(":")
     given = {"after_s": 0.0, "seconds": math.inf}
@@ -67,22 +67,22 @@ def parse(text: str) -> Trouble:
         if key not in given or not number >= 0:
             raise UsageError(f"fault BUS/{text[:60]!r}: {key[:40]!r} is not after_s or seconds with =NUMBER")
         given[key] = number
-    return Trouble(kind, given["after_s"], given["seconds"])
+    return InjectedBusFault(kind, given["after_s"], given["seconds"])
 
 
 class Wire:
     """The troubles of one bus, and what follows from them for whoever sends and receives on the station's side."""
 
     def __init__(self) -> None:
-        self._troubles: list[Trouble] = []
+        self._injected_faults: list[InjectedBusFault] = []
 
-    def add(self, trouble: Trouble) -> None:
+    def add(self, trouble: InjectedBusFault) -> None:
         """One more."""
-        self._troubles.append(trouble)
+        self._injected_faults.append(trouble)
 
     def state(self, now_s: float) -> str:
         """State of the station's controller."""
-        return next((_KINDS[t.kind].state for t in self._troubles if t.covers(now_s)), "active")
+        return next((_KINDS[t.kind].state for t in self._injected_faults if t.covers(now_s)), "active")
 
     def counters(self, now_s: float) -> tuple[int, int]:
         """Error counters of the station's controller, sending and receiving (ISO 11898-1): nobody's acknowledge stops
@@ -91,19 +91,19 @@ class Wire:
 
     def fails(self, now_s: float) -> int:
         """The error number with which the station's sends fail; 0: they do not."""
-        return next((_KINDS[t.kind].fails for t in self._troubles if t.covers(now_s)), 0)
+        return next((_KINDS[t.kind].fails for t in self._injected_faults if t.covers(now_s)), 0)
 
     def went_down(self, since_s: float, now_s: float) -> bool:
         """Whether the link went down after `since_s`: a socket tells that once."""
-        return any(t.kind == "link-down" and since_s < t.from_s <= now_s for t in self._troubles)
+        return any(t.kind == "link-down" and since_s < t.from_s <= now_s for t in self._injected_faults)
 
     def holds(self, now_s: float) -> bool:
         """Whether what the station sends waits in its queue."""
-        return any(t.covers(now_s) and _KINDS[t.kind].loses and not _KINDS[t.kind].fails for t in self._troubles)
+        return any(t.covers(now_s) and _KINDS[t.kind].loses and not _KINDS[t.kind].fails for t in self._injected_faults)
 
     def arriving(self, frames: Frames, now_s: float, epoch_ns: int) -> Frames:
         """Those of the frames from devices that reach the station. epoch_ns: the instant `now_s`."""
-        for t in self._troubles:
+        for t in self._injected_faults:
             if not len(frames) or not _KINDS[t.kind].loses:
                 continue
             at_s = now_s + (frames.time_ns - epoch_ns) / 1e9

@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from station.adapters.bus._filter import wanted
+from station.adapters.bus._filter import accepted_mask
 from station.adapters.bus._logs import read_blocks
 from station.domain.core.types import Frames
 from station.errors import BusFault, LogError
 from station.ports.clock import Clock
 
 
-class Replay:
+class ReplayBus:
     """A log as a bus. Every channel reads the log from its start; time is the log's own, no call waits.
 
     Errors: LogError when the log cannot be read.
@@ -24,7 +24,7 @@ class Replay:
             raise LogError(f"{path} holds no CAN frames; check that it is the right log")
 
     @classmethod
-    def open(cls, channel: str, _clock: Clock, _receive_buffer_bytes: int | None) -> "Replay":
+    def open(cls, channel: str, _clock: Clock, _receive_buffer_bytes: int | None) -> "ReplayBus":
         """The log in the file of that name."""
         return cls(Path(channel))
 
@@ -80,7 +80,7 @@ class _Channel:
         if self._blocks is None:
             raise BusFault(f"the channel of {self._name} is closed; open another one")
         for block in self._blocks:
-            mine = wanted(block, self._can_ids, errors=self._errors)
+            mine = accepted_mask(block, self._can_ids, errors=self._errors)
             if mine.any():
                 return block[mine]
         return Frames.empty()

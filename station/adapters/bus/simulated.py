@@ -5,21 +5,21 @@ import uuid
 
 import numpy as np
 
-from station.adapters.bus._errors import SEND_DEADLINE_S, told
-from station.adapters.bus._filter import wanted
+from station.adapters.bus._errors import SEND_DEADLINE_S, socket_error_sentence
+from station.adapters.bus._filter import accepted_mask
 from station.adapters.bus._messages import to_frames, to_message
 from station.adapters.bus._python_can import VirtualBus
-from station.adapters.bus._wire import QUEUE, Wire, parse
+from station.adapters.bus._wire import TX_QUEUE_FRAMES, Wire, parse
 from station.domain.core.types import Frames
 from station.errors import BusFault
 from station.ports.bus import ErrorCounters
 from station.ports.clock import EventClock
 
 #: Actors look at their channels at every instant, and mostly nothing is there.
-_NOTHING = Frames.empty()
+_NO_FRAMES = Frames.empty()
 
 
-class Simulated:
+class SimulatedBus:
     """One virtual bus of one simulated rig; the channel is unique, so two rigs never hear each other.
 
     Single frames (SDO, NMT, heartbeat, SYNC) travel through python-can's virtual interface. Blocks of frames
@@ -38,7 +38,7 @@ class Simulated:
         self._wire = Wire()
 
     @classmethod
-    def open(cls, channel: str, clock: EventClock, _receive_buffer_bytes: int | None) -> "Simulated":
+    def open(cls, channel: str, clock: EventClock, _receive_buffer_bytes: int | None) -> "SimulatedBus":
         """A new bus; `channel` is only its name."""
         return cls(clock, channel)
 
@@ -113,7 +113,7 @@ class _Channel:
         self._check_open()
         if len(data) > 8:
             raise ValueError(f"a classic frame holds 8 bytes, not {len(data)}")
-        if self._wire is None or self._gets_out(self._wire, can_id, data):
+        if self._wire is None or self._transmits_now(self._wire, can_id, data):
             # Seconds since the clock's start: small enough for a float to hold them to the nanosecond.
             self._bus.send(to_message(can_id, data, self._clock.monotonic_s()))
 
@@ -126,7 +126,7 @@ class _Channel:
 
     def take_block(self, frames: Frames) -> None:
         """Puts what this channel wants of a block among the frames waiting here."""
-        mine = wanted(frames, self._can_ids, errors=self._errors)
+        mine = accepted_mask(frames, self._can_ids, errors=self._errors)
         if mine.any():
             self._blocks.append(frames if mine.all() else frames[mine])
 
@@ -158,11 +158,11 @@ class _Channel:
     def _drain(self) -> Frames:
         singles_wait = not self._bus.queue.empty()
         if not self._blocks and not singles_wait:
-            return _NOTHING
+            return _NO_FRAMES
         blocks, self._blocks = self._blocks, []
         if singles_wait:
             singles = self._singles()
-            blocks.insert(0, singles[wanted(singles, self._can_ids, errors=self._errors)])
+            blocks.insert(0, singles[accepted_mask(singles, self._can_ids, errors=self._errors)])
         frames = blocks[0] if len(blocks) == 1 else Frames.join(blocks)
         if (np.diff(frames.time_ns) < 0).any():
             frames = frames[np.argsort(frames.time_ns, kind="stable")]
@@ -170,14 +170,14 @@ class _Channel:
             return frames
         return self._wire.arriving(frames, self._clock.monotonic_s(), self._clock.epoch_ns())
 
-    def _gets_out(self, wire: Wire, can_id: int, data: bytes) -> bool:
+    def _transmits_now(self, wire: Wire, can_id: int, data: bytes) -> bool:
         """Whether a frame of the station reaches the bus now; else it fails, or waits in the interface's queue."""
-        if wire.fails(self._clock.monotonic_s()) == errno.ENOBUFS or len(self._held) >= QUEUE:
+        if wire.fails(self._clock.monotonic_s()) == errno.ENOBUFS or len(self._held) >= TX_QUEUE_FRAMES:
             self._clock.sleep(SEND_DEADLINE_S)
         now_s = self._clock.monotonic_s()
         number = wire.fails(now_s)
-        if number or (wire.holds(now_s) and len(self._held) >= QUEUE):
-            raise BusFault(told(self._name, number or errno.ENOBUFS))
+        if number or (wire.holds(now_s) and len(self._held) >= TX_QUEUE_FRAMES):
+            raise BusFault(socket_error_sentence(self._name, number or errno.ENOBUFS))
         if wire.holds(now_s):
             self._held.append((can_id, data))
             return False
@@ -189,7 +189,7 @@ class _Channel:
         now_s, before_s = self._clock.monotonic_s(), self._looked_s
         self._looked_s = now_s
         if wire.went_down(before_s, now_s):
-            raise BusFault(told(self._name, errno.ENETDOWN))
+            raise BusFault(socket_error_sentence(self._name, errno.ENETDOWN))
         if self._held and not wire.holds(now_s):
             self._send_held()
 

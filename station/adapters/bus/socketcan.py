@@ -27,7 +27,7 @@ _FRAME = struct.Struct("=IB3x8s")
 def state_of(name: str) -> tuple[str, ErrorCounters | None]:
     """Controller state and error counters of an interface as the kernel knows them, opened by anybody or nobody."""
     try:
-        link = _netlink.ask(name)
+        link = _netlink.query_link(name)
     except OSError:
         return "unknown", None
     if not link.up or link.can_state in ("stopped", "sleeping"):
@@ -108,7 +108,7 @@ class _Channel:
                 self._sock.send(frame)
             except OSError as error:
                 if error.errno not in (errno.ENOBUFS, errno.EAGAIN) or time.monotonic() > deadline_s:
-                    raise BusFault(_errors.told(self._name, error.errno or 0)) from None
+                    raise BusFault(_errors.socket_error_sentence(self._name, error.errno or 0)) from None
                 time.sleep(0.001)  # poll() calls the socket writable although the queue behind it is full
             else:
                 return
@@ -129,7 +129,7 @@ class _Channel:
             while len(parts[-1]) == self._receiver.batch and len(parts) < MOST_BATCHES:
                 parts.append(self._receiver.take())
         except OSError as error:
-            raise BusFault(_errors.told(self._name, error.errno or 0)) from None
+            raise BusFault(_errors.socket_error_sentence(self._name, error.errno or 0)) from None
         return frames if len(parts) == 1 else Frames.join(parts)
 
     def drops(self) -> int:

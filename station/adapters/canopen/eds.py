@@ -12,7 +12,7 @@ from pathlib import Path
 from canopen.objectdictionary import ODVariable
 from canopen.objectdictionary.eds import import_eds
 
-from station.domain.product.object_dictionary import TYPES, Dictionary, Entry, Value
+from station.domain.product.object_dictionary import TYPES, ObjectDictionary, ObjectEntry, Value
 from station.domain.product.sdo_codes import address
 from station.errors import ProductError
 
@@ -23,7 +23,7 @@ _EMPTY: dict[str, Value] = {"STRING": "", "OCTETS": b"", "DOMAIN": b"", "REAL32"
 _STORE_EDS = 0x1021
 
 
-def load(path: Path, node: int) -> Dictionary:
+def load(path: Path, node: int) -> ObjectDictionary:
     """Reads an EDS for the device with this node id ($NODEID is worked out); 0x1021 holds the text itself.
 
     Errors: ProductError naming the file, the object and the remedy.
@@ -38,11 +38,11 @@ def load(path: Path, node: int) -> Dictionary:
     if not found:
         raise ProductError(f"{path} describes no objects; check `eds` in the product file")
     own = [replace(e, default=e.default + node) if isinstance(e.default, int) and counts else e for e, counts in found]
-    return Dictionary(node, {(entry.index, entry.sub): entry for entry in own})
+    return ObjectDictionary(node, {(entry.index, entry.sub): entry for entry in own})
 
 
 @lru_cache(maxsize=8)
-def _entries(text: str) -> tuple[tuple[Entry, bool], ...]:
+def _entries(text: str) -> tuple[tuple[ObjectEntry, bool], ...]:
     """Every object for node 0, and whether its default counts from $NODEID: a fixture's nests share one parse."""
     sections = _Sections(text)
     sections.check()
@@ -92,7 +92,7 @@ class _Sections:
         return self._parser.get(name, option, fallback="").strip()
 
 
-def _entry(variable: ODVariable, sections: _Sections, text: str) -> Entry:
+def _entry(variable: ODVariable, sections: _Sections, text: str) -> ObjectEntry:
     where = address(variable.index, variable.subindex)
     code = variable.data_type or 0
     if code not in TYPES:
@@ -103,7 +103,7 @@ def _entry(variable: ODVariable, sections: _Sections, text: str) -> Entry:
         if sections.word(variable, "DefaultValue") and kind not in ("STRING", "OCTETS", "DOMAIN"):
             raise ProductError(f"{where} has a default that is no number; write it without leading zeros, or as 0x…")
         default = text.encode("latin-1") if variable.index == _STORE_EDS else _EMPTY.get(kind, 0)
-    return Entry(
+    return ObjectEntry(
         index=variable.index,
         sub=variable.subindex,
         name=variable.name,

@@ -37,7 +37,7 @@ class ServiceNetwork:
     def __init__(self, channel: Channel, clock: Clock) -> None:
         self.clock = clock
         self._channel = channel
-        self._router = canopen.Network(cast(can.BusABC, _Wire(channel)))
+        self._router = canopen.Network(cast(can.BusABC, _CanopenBus(channel)))
         self._pumping = threading.Lock()
 
     def subscribe(self, can_id: int, listener: Listener) -> None:
@@ -77,7 +77,7 @@ class ServiceNetwork:
             self.pump(0.0)
 
 
-class _Wire:
+class _CanopenBus:
     """What canopen takes for a bus: sends through the channel, receives nothing."""
 
     channel_info = "station service channel"

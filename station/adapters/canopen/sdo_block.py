@@ -10,13 +10,13 @@ from canopen.sdo import constants as sdo
 
 from station.adapters.canopen.sdo_transfer import (
     MOST_BYTES,
-    SEGMENT,
+    SEGMENT_BYTES,
     Download,
     Exchange,
     NoAnswer,
     Upload,
     Violation,
-    head,
+    initiate_header,
     initiates,
 )
 
@@ -28,7 +28,7 @@ REPAIRS = 3
 
 def upload(index: int, sub: int) -> Upload:
     """Reads an object in blocks."""
-    request = head(sdo.REQUEST_BLOCK_UPLOAD | sdo.CRC_SUPPORTED, index, sub) + bytes([BLOCK_SIZE, 0, 0, 0])
+    request = initiate_header(sdo.REQUEST_BLOCK_UPLOAD | sdo.CRC_SUPPORTED, index, sub) + bytes([BLOCK_SIZE, 0, 0, 0])
     answer = yield Exchange((request,), initiates(sdo.RESPONSE_BLOCK_UPLOAD, index, sub, 0xE1))
     with_crc = bool(answer[0] & sdo.CRC_SUPPORTED)
     size = int.from_bytes(answer[4:8], "little") if answer[0] & sdo.BLOCK_SIZE_SPECIFIED else None
@@ -51,7 +51,7 @@ def _blocks(most: int) -> Generator[Exchange, bytes, tuple[bytes, bytes]]:
         repairs += not last and received < BLOCK_SIZE
         if repairs > REPAIRS:
             raise Violation(sdo.ABORT_INVALID_SEQUENCE_NUMBER)
-        if len(data) >= max(most, 1) + SEGMENT:
+        if len(data) >= max(most, 1) + SEGMENT_BYTES:
             raise Violation(sdo.ABORT_LENGTH_TOO_HIGH)
         send = _request(sdo.BLOCK_TRANSFER_RESPONSE, received, BLOCK_SIZE)
     end = yield Exchange((send,), _step(sdo.RESPONSE_BLOCK_UPLOAD, sdo.END_BLOCK_TRANSFER))
@@ -83,10 +83,10 @@ def _block(send: bytes, data: bytearray, *, may_repair: bool) -> Generator[Excha
 def download(index: int, sub: int, data: bytes) -> Download:
     """Writes an object in blocks."""
     command = sdo.REQUEST_BLOCK_DOWNLOAD | sdo.CRC_SUPPORTED | sdo.BLOCK_SIZE_SPECIFIED
-    request = head(command, index, sub) + len(data).to_bytes(4, "little")
+    request = initiate_header(command, index, sub) + len(data).to_bytes(4, "little")
     answer = yield Exchange((request,), initiates(sdo.RESPONSE_BLOCK_DOWNLOAD, index, sub, 0xE3))
-    yield from _send_blocks([data[i : i + SEGMENT] for i in range(0, len(data), SEGMENT)], answer[4])
-    unused = -len(data) % SEGMENT
+    yield from _send_blocks([data[i : i + SEGMENT_BYTES] for i in range(0, len(data), SEGMENT_BYTES)], answer[4])
+    unused = -len(data) % SEGMENT_BYTES
     crc = crc_hqx(data, 0) if answer[0] & sdo.CRC_SUPPORTED else 0
     end = _request(sdo.END_BLOCK_TRANSFER | unused << 2, crc & 0xFF, crc >> 8, kind=sdo.REQUEST_BLOCK_DOWNLOAD)
     yield Exchange((end,), _step(sdo.RESPONSE_BLOCK_DOWNLOAD, sdo.END_BLOCK_TRANSFER))
@@ -100,7 +100,7 @@ def _send_blocks(segments: list[bytes], size: int) -> Download:
             raise Violation(sdo.ABORT_INVALID_BLOCK_SIZE)
         block = segments[at : at + size]
         frames = tuple(
-            bytes([number | LAST * (at + number == len(segments))]) + segment.ljust(SEGMENT, b"\0")
+            bytes([number | LAST * (at + number == len(segments))]) + segment.ljust(SEGMENT_BYTES, b"\0")
             for number, segment in enumerate(block, 1)
         )
         answer = yield Exchange(frames, _step(sdo.RESPONSE_BLOCK_DOWNLOAD, sdo.BLOCK_TRANSFER_RESPONSE))

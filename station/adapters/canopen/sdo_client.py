@@ -17,7 +17,7 @@ from station.adapters.canopen.sdo_transfer import Exchange, NoAnswer, Refused, V
 from station.domain.product import sdo_codes
 from station.errors import BusFault, DeviceRefused, DeviceSilent
 
-Result = TypeVar("Result")
+TransferResult = TypeVar("TransferResult")
 Address = tuple[int, int]
 
 #: Longer values go in blocks, where the device knows them.
@@ -27,7 +27,7 @@ _MOST_WAITING = 4096
 #: An abort in the middle of saving may do harm, so these time-outs are silent.
 _STORES = (0x1010, 0x1011)
 #: A second device may be so many requests behind the first; so many exchanges running it must have answered too.
-_REMEMBERED, _RUNNING = 32, 2
+_REMEMBERED_EXCHANGES, _CONSECUTIVE_EXCHANGES = 32, 2
 #: Mandatory objects that any device answers for: they tell when it has caught up.
 _FENCES = ((0x1000, 0), (0x1001, 0))
 
@@ -58,9 +58,9 @@ class SdoClient:
         self._network = network
         self._lock = threading.RLock()
         self._inbox: deque[bytes] = deque(maxlen=_MOST_WAITING)
-        self._answered: deque[Callable[[bytes], bool]] = deque(maxlen=_REMEMBERED)
+        self._answered: deque[Callable[[bytes], bool]] = deque(maxlen=_REMEMBERED_EXCHANGES)
         self._repeated = False
-        self._repeated_running = 0
+        self._consecutive_repeats = 0
         self._quarantined_by: Address | None = None
         self._doubtful: set[Address] = set()
         self._has_blocks = True
@@ -112,8 +112,8 @@ class SdoClient:
         index: int,
         sub: int,
         timeout_s: float | None,
-        make: Callable[[], Generator[Exchange, bytes, Result]],
-    ) -> Result:
+        make: Callable[[], Generator[Exchange, bytes, TransferResult]],
+    ) -> TransferResult:
         self._leave_quarantine()
         timeout_s = timeout_s or self._timeouts_s.get((index, sub), self.answer_s)
         before = self.dropped
@@ -129,7 +129,9 @@ class SdoClient:
         except NoAnswer:
             raise DeviceSilent(self._time_out(deed, index, sub, timeout_s, self.dropped - before)) from None
 
-    def _drive(self, transfer: Generator[Exchange, bytes, Result], index: int, sub: int, timeout_s: float) -> Result:
+    def _drive(
+        self, transfer: Generator[Exchange, bytes, TransferResult], index: int, sub: int, timeout_s: float
+    ) -> TransferResult:
         try:
             exchange = next(transfer)
             while True:
@@ -142,7 +144,7 @@ class SdoClient:
                     self._refuse_second_device()
                 exchange = transfer.throw(NoAnswer()) if answer is None else transfer.send(answer)
         except StopIteration as done:
-            result: Result = done.value
+            result: TransferResult = done.value
             return result
 
     def _exchange(self, exchange: Exchange, index: int, sub: int, timeout_s: float) -> bytes | None:
@@ -155,7 +157,7 @@ class SdoClient:
         while self._network.wait(lambda: bool(self._inbox), deadline_s):
             answer = self._inbox.popleft()
             if len(answer) == 8 and answer[0] == sdo.RESPONSE_ABORTED:
-                if answer[1:4] in (sdo_transfer.head(0, index, sub)[1:], bytes(3)):
+                if answer[1:4] in (sdo_transfer.initiate_header(0, index, sub)[1:], bytes(3)):
                     raise Refused(int.from_bytes(answer[4:8], "little"))
             elif len(answer) == 8 and exchange.fits(answer):
                 return answer
@@ -174,13 +176,13 @@ class SdoClient:
 
     def _remember(self, exchange: Exchange) -> None:
         """The exchange was answered: its answer may come once more, and so did that to an earlier one or not."""
-        self._repeated_running = self._repeated_running + 1 if self._repeated else 0
+        self._consecutive_repeats = self._consecutive_repeats + 1 if self._repeated else 0
         self._repeated = False
         if exchange.fits is not None:
             self._answered.append(exchange.fits)
 
     def _refuse_second_device(self) -> None:
-        if self._repeated_running + self._repeated >= _RUNNING:
+        if self._consecutive_repeats + self._repeated >= _CONSECUTIVE_EXCHANGES:
             raise BusFault(f"node {self.node} answers every request twice: two devices share this node id; change one")
 
     def _time_out(self, deed: str, index: int, sub: int, timeout_s: float, dropped: int) -> str:
@@ -195,7 +197,8 @@ class SdoClient:
 
     def _abort(self, index: int, sub: int, code: int) -> None:
         self._network.send(
-            0x600 + self.node, sdo_transfer.head(sdo.REQUEST_ABORTED, index, sub) + code.to_bytes(4, "little")
+            0x600 + self.node,
+            sdo_transfer.initiate_header(sdo.REQUEST_ABORTED, index, sub) + code.to_bytes(4, "little"),
         )
 
     def _leave_quarantine(self) -> None:

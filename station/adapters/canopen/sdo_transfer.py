@@ -11,8 +11,8 @@ from canopen.sdo import constants as sdo
 #: A device that sends segments for ever is stopped here.
 MOST_BYTES = 1 << 22
 
-SEGMENT = 7
-KIND = 0xE0
+SEGMENT_BYTES = 7
+COMMAND_MASK = 0xE0
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,21 +47,21 @@ Upload = Generator[Exchange, bytes, bytes]
 Download = Generator[Exchange, bytes, None]
 
 
-def head(command: int, index: int, sub: int) -> bytes:
+def initiate_header(command: int, index: int, sub: int) -> bytes:
     """Command, index and sub-index: the first four bytes of an initiating frame."""
     return bytes(sdo.SDO_STRUCT.pack(command, index, sub))
 
 
-def initiates(kind: int, index: int, sub: int, mask: int = KIND) -> Callable[[bytes], bool]:
+def initiates(kind: int, index: int, sub: int, mask: int = COMMAND_MASK) -> Callable[[bytes], bool]:
     """Fits an answer that initiates a transfer of this kind and is about this object."""
-    wanted = head(0, index, sub)[1:]
+    wanted = initiate_header(0, index, sub)[1:]
     return lambda answer: answer[0] & mask == kind and answer[1:4] == wanted
 
 
 def upload(index: int, sub: int) -> Upload:
     """Reads an object, expedited or in segments."""
     fits = initiates(sdo.RESPONSE_UPLOAD, index, sub)
-    answer = yield Exchange((head(sdo.REQUEST_UPLOAD, index, sub) + bytes(4),), fits)
+    answer = yield Exchange((initiate_header(sdo.REQUEST_UPLOAD, index, sub) + bytes(4),), fits)
     command = answer[0]
     if command & sdo.EXPEDITED:
         return answer[4 : 8 - ((command >> 2) & 3 if command & sdo.SIZE_SPECIFIED else 0)]
@@ -72,7 +72,7 @@ def upload(index: int, sub: int) -> Upload:
 def _upload_segments(size: int | None) -> Upload:
     data, toggle, last = bytearray(), 0, False
     while not last:
-        request = bytes([sdo.REQUEST_SEGMENT_UPLOAD | toggle]) + bytes(SEGMENT)
+        request = bytes([sdo.REQUEST_SEGMENT_UPLOAD | toggle]) + bytes(SEGMENT_BYTES)
         answer = yield Exchange((request,), _segment(sdo.RESPONSE_SEGMENT_UPLOAD, toggle))
         data += answer[1 : 8 - (answer[0] >> 1 & 7)]
         last = bool(answer[0] & sdo.NO_MORE_DATA)
@@ -89,19 +89,19 @@ def download(index: int, sub: int, data: bytes) -> Download:
     fits = initiates(sdo.RESPONSE_DOWNLOAD, index, sub)
     if 0 < len(data) <= 4:
         command = sdo.REQUEST_DOWNLOAD | sdo.EXPEDITED | sdo.SIZE_SPECIFIED | (4 - len(data)) << 2
-        yield Exchange((head(command, index, sub) + data.ljust(4, b"\0"),), fits)
+        yield Exchange((initiate_header(command, index, sub) + data.ljust(4, b"\0"),), fits)
         return
-    start = head(sdo.REQUEST_DOWNLOAD | sdo.SIZE_SPECIFIED, index, sub) + len(data).to_bytes(4, "little")
+    start = initiate_header(sdo.REQUEST_DOWNLOAD | sdo.SIZE_SPECIFIED, index, sub) + len(data).to_bytes(4, "little")
     yield Exchange((start,), fits)
     toggle = 0
-    for at in range(0, max(len(data), 1), SEGMENT):
-        part = data[at : at + SEGMENT]
-        last = at + SEGMENT >= len(data)
-        command = sdo.REQUEST_SEGMENT_DOWNLOAD | toggle | (SEGMENT - len(part)) << 1 | last
-        request = bytes([command]) + part.ljust(SEGMENT, b"\0")
+    for at in range(0, max(len(data), 1), SEGMENT_BYTES):
+        part = data[at : at + SEGMENT_BYTES]
+        last = at + SEGMENT_BYTES >= len(data)
+        command = sdo.REQUEST_SEGMENT_DOWNLOAD | toggle | (SEGMENT_BYTES - len(part)) << 1 | last
+        request = bytes([command]) + part.ljust(SEGMENT_BYTES, b"\0")
         yield Exchange((request,), _segment(sdo.RESPONSE_SEGMENT_DOWNLOAD, toggle))
         toggle ^= sdo.TOGGLE_BIT
 
 
 def _segment(kind: int, toggle: int) -> Callable[[bytes], bool]:
-    return lambda answer: answer[0] & KIND == kind and answer[0] & sdo.TOGGLE_BIT == toggle
+    return lambda answer: answer[0] & COMMAND_MASK == kind and answer[0] & sdo.TOGGLE_BIT == toggle

@@ -10,16 +10,16 @@ from pydantic import Field
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.domain.recipe.moves import turn_s
-from station.domain.recipe.plan import Stop
-from station.domain.recipe.recipe import NotNegative, Part, Positive
+from station.domain.recipe.plan import PlannedVisit
+from station.domain.recipe.recipe import NotNegative, Positive, StrictModel
 from station.errors import PositionerFault
 from station.ports.clock import Clock
 
 #: Told of each move as it begins: the stop, when it departs and when it arrives, monotonic s.
-Moving = Callable[[Stop, float, float], None]
+MoveListener = Callable[[PlannedVisit, float, float], None]
 
 
-class Simulated:
+class SimulatedPositioner:
     """Turns about the shortest way, with a trapezium of speed; where() is what its encoders say.
 
     moving: whoever simulates what stands on it learns of each move as it begins.
@@ -29,7 +29,7 @@ class Simulated:
 
     by_hand = False
 
-    class Settings(Part):
+    class Settings(StrictModel):
         """error_deg: standard deviation of each arrival about each axis; fault: what breaks after `after` stops;
         encoder_lies: where() says what was asked for.
         """
@@ -43,7 +43,9 @@ class Simulated:
         after: Annotated[int, Field(ge=0)] = 0
         encoder_lies: bool = False
 
-    def __init__(self, settings: "Simulated.Settings", clock: Clock, moving: Moving | None = None) -> None:
+    def __init__(
+        self, settings: "SimulatedPositioner.Settings", clock: Clock, moving: MoveListener | None = None
+    ) -> None:
         self._settings = settings
         self._clock = clock
         self._moving = moving
@@ -54,12 +56,12 @@ class Simulated:
         self._moves = 0
         self._asked = np.eye(3)
 
-    def move(self, stop: Stop, timeout_s: float) -> None:
+    def move(self, stop: PlannedVisit, timeout_s: float) -> None:
         """Turns to the stop and waits until it is there; PositionerFault when that takes longer than `timeout_s`."""
         self.begin(stop)
         self._wait(timeout_s, f"position {stop.position!r}")
 
-    def begin(self, stop: Stop) -> None:
+    def begin(self, stop: PlannedVisit) -> None:
         """Starts the turn to a stop and returns at once."""
         error = self._rng.normal(0.0, math.radians(self._settings.error_deg), 3)
         goal = rotation.from_vector(error) @ stop.nest
@@ -75,7 +77,7 @@ class Simulated:
         seen = self._asked if self._settings.encoder_lies else self.at(self._clock.monotonic_s())
         return np.asarray(rotation.from_vector(error) @ seen)
 
-    def estimate_s(self, origin: Stop | None, stop: Stop) -> float:
+    def estimate_s(self, origin: PlannedVisit | None, stop: PlannedVisit) -> float:
         """Time of the move by the trapezium of speed."""
         start = np.eye(3) if origin is None else origin.nest
         return self._duration_s(_angle_deg(rotation.to_vector(stop.nest @ start.T)))
@@ -97,7 +99,7 @@ class Simulated:
         """True nest → station rotation (3, 3) at one instant."""
         return np.asarray(self.plate(np.array([time_s]))[0])
 
-    def _go(self, goal: Floats, stop: Stop | None) -> None:
+    def _go(self, goal: Floats, stop: PlannedVisit | None) -> None:
         now_s = self._clock.monotonic_s()
         self._origin = self.at(now_s)
         self._turn = rotation.to_vector(goal @ self._origin.T)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from station.adapters.samples.columns import TEXT, WHOLE
+from station.adapters.samples.columns import INTEGER_COLUMNS, TEXT_COLUMNS
 from station.domain.core.types import Array, SampleTable
 from station.errors import SamplesError
 
@@ -17,7 +17,7 @@ BACKWARDS = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PieceOrigin:
     """Where a piece of a table comes from: its file, and how many rows came before."""
 
     path: Path
@@ -29,7 +29,7 @@ class Place:
         return f"{self.path}, line {at + 2}" if self.path.suffix.lower() == ".csv" else f"{self.path}, row {at + 1}"
 
 
-def checked(table: SampleTable, place: Place) -> SampleTable:
+def check_cells(table: SampleTable, place: PieceOrigin) -> SampleTable:
     """The table with run and visit as int32, or SamplesError."""
     for i, axis in enumerate("xyz"):
         _finite(table.reading[:, i], axis, place)
@@ -55,7 +55,7 @@ def checked(table: SampleTable, place: Place) -> SampleTable:
     )
 
 
-def _finite(column: Array, name: str, place: Place) -> None:
+def _finite(column: Array, name: str, place: PieceOrigin) -> None:
     wrong = np.flatnonzero(~np.isfinite(column))
     if len(wrong):
         row = int(wrong[0])
@@ -63,7 +63,7 @@ def _finite(column: Array, name: str, place: Place) -> None:
         raise SamplesError(f"{place.of(row)}, column {name}: {told}; correct the row or remove it")
 
 
-def _count(column: Array, name: str, place: Place) -> Array:
+def _count(column: Array, name: str, place: PieceOrigin) -> Array:
     """Whole numbers from 0; a missing one came as NaN."""
     wrong = np.flatnonzero(~((column >= 0) & (column <= LARGEST)))
     if len(wrong):
@@ -75,7 +75,7 @@ def _count(column: Array, name: str, place: Place) -> Array:
     return column.astype(np.int32)
 
 
-def _rising(table: SampleTable, place: Place) -> None:
+def _rising(table: SampleTable, place: PieceOrigin) -> None:
     """Time goes on within a visit, but for frames that overtake each other."""
     same = (np.diff(table.unit.code) == 0) & (np.diff(table.run) == 0) & (np.diff(table.visit) == 0)
     back = same & (np.diff(table.time_s) < 0)
@@ -99,7 +99,7 @@ def explain_csv(path: Path, wanted: list[str], found: Exception) -> str:
                 )
             for name, cell in zip(header, row, strict=False):
                 if name in wanted and not _reads(name, cell):
-                    kind = "a whole number" if name in WHOLE else "a number"
+                    kind = "a whole number" if name in INTEGER_COLUMNS else "a number"
                     return (
                         f"{path}, line {reader.line_num}, column {name}: {cell[:40]!r} is not {kind}; correct the cell"
                     )
@@ -107,10 +107,10 @@ def explain_csv(path: Path, wanted: list[str], found: Exception) -> str:
 
 
 def _reads(name: str, cell: str) -> bool:
-    if name in TEXT:
+    if name in TEXT_COLUMNS:
         return True
     try:
         value = float(cell) if cell.strip() else 0.0
     except ValueError:
         return False
-    return name not in WHOLE or value.is_integer()
+    return name not in INTEGER_COLUMNS or value.is_integer()

@@ -10,15 +10,15 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA = "station.samples/1"
-TEXT = ("unit", "position", "station", "nest", "lot", "operator", "seating")
-WHOLE = ("run", "visit")
-NUMBERS = (
+TEXT_COLUMNS = ("unit", "position", "station", "nest", "lot", "operator", "seating")
+INTEGER_COLUMNS = ("run", "visit")
+NUMBER_COLUMNS = (
     *("time_s", "x", "y", "z", "temperature_degC", "since_power_s", "since_clamp_s", "motor", "started_s", "counter"),
     *("gold_x", "gold_y", "gold_z"),
 )
-REQUIRED = ("unit", "run", "visit", "position", "time_s", "x", "y", "z")
-GOLD = ("gold_x", "gold_y", "gold_z")
-KNOWN = (*TEXT, *WHOLE, *NUMBERS)
+REQUIRED_COLUMNS = ("unit", "run", "visit", "position", "time_s", "x", "y", "z")
+GOLD_COLUMNS = ("gold_x", "gold_y", "gold_z")
+KNOWN_COLUMNS = (*TEXT_COLUMNS, *INTEGER_COLUMNS, *NUMBER_COLUMNS)
 
 
 def kind_of(path: Path) -> str:
@@ -33,26 +33,28 @@ def type_of(name: str) -> "pa.DataType":
     """Arrow type of a column."""
     import pyarrow as pa
 
-    return pa.string() if name in TEXT else pa.int64() if name in WHOLE else pa.float64()
+    return pa.string() if name in TEXT_COLUMNS else pa.int64() if name in INTEGER_COLUMNS else pa.float64()
 
 
 def in_words(name: str) -> str:
     """What stands in a column, for a sentence."""
-    return "text" if name in TEXT else "whole numbers" if name in WHOLE else "numbers"
+    return "text" if name in TEXT_COLUMNS else "whole numbers" if name in INTEGER_COLUMNS else "numbers"
 
 
 def check_columns(path: Path, names: list[str]) -> None:
     """Required columns are there, none is double, none is a known one misspelt; others are left alone: SamplesError."""
     for name in names:
-        near = get_close_matches(name.casefold(), [k for k in KNOWN if k not in names], 1, 0.85)
+        near = get_close_matches(name.casefold(), [k for k in KNOWN_COLUMNS if k not in names], 1, 0.85)
         if names.count(name) > 1:
             raise SamplesError(f"{path} has column {name!r} twice; keep one of them")
-        if name not in KNOWN and near:
+        if name not in KNOWN_COLUMNS and near:
             raise SamplesError(f"{path} has a column {name!r}, which means nothing here; did you mean {near[0]!r}?")
-    missing = [name for name in REQUIRED if name not in names]
+    missing = [name for name in REQUIRED_COLUMNS if name not in names]
     if missing:
         told = ", ".join(missing)
-        raise SamplesError(f"{path} has no column {told}; a samples table needs {', '.join(REQUIRED)}")
-    some = [name for name in GOLD if name in names]
-    if 0 < len(some) < len(GOLD):
-        raise SamplesError(f"{path} has {', '.join(some)} but not all of {', '.join(GOLD)}; add the missing ones")
+        raise SamplesError(f"{path} has no column {told}; a samples table needs {', '.join(REQUIRED_COLUMNS)}")
+    some = [name for name in GOLD_COLUMNS if name in names]
+    if 0 < len(some) < len(GOLD_COLUMNS):
+        raise SamplesError(
+            f"{path} has {', '.join(some)} but not all of {', '.join(GOLD_COLUMNS)}; add the missing ones"
+        )

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from station.adapters.samples.checks import Place, checked, explain_csv
+from station.adapters.samples.checks import PieceOrigin, check_cells, explain_csv
 from station.adapters.samples.columns import (
-    GOLD,
-    KNOWN,
-    NUMBERS,
+    GOLD_COLUMNS,
+    KNOWN_COLUMNS,
+    NUMBER_COLUMNS,
     SCHEMA,
-    TEXT,
+    TEXT_COLUMNS,
     check_columns,
     in_words,
     kind_of,
@@ -64,7 +64,7 @@ def by_units(path: Path, rows: int = PORTION) -> Iterator[SampleTable]:
     else in one. Memory then follows the portion and not the file. Errors: SamplesError."""
     import pyarrow as pa
 
-    if not _together(path):
+    if not _units_contiguous(path):
         yield read_samples(path)
         return
     held: list[SampleTable] = []
@@ -87,7 +87,7 @@ def pieces(path: Path) -> Iterator[SampleTable]:
     for batch in _batches(path):
         if batch.num_rows:
             some = True
-            yield checked(_table(batch), Place(path, row))
+            yield check_cells(_table(batch), PieceOrigin(path, row))
             row += batch.num_rows
     if not some:
         raise SamplesError(f"{path} holds no samples; give at least one visit of one unit")
@@ -107,8 +107,8 @@ def join(parts: list[SampleTable]) -> SampleTable:
         position=_join_labels([p.position for p in parts]),
         time_s=np.concatenate([p.time_s for p in parts]),
         reading=np.concatenate([p.reading for p in parts]),
-        labels={k: _join_labels([p.labels[k] for p in parts]) for k in TEXT if k in labels},
-        values={k: np.concatenate([p.values[k] for p in parts]) for k in NUMBERS if k in values},
+        labels={k: _join_labels([p.labels[k] for p in parts]) for k in TEXT_COLUMNS if k in labels},
+        values={k: np.concatenate([p.values[k] for p in parts]) for k in NUMBER_COLUMNS if k in values},
         gold=np.concatenate(gold) if len(gold) == len(parts) else None,
     )
 
@@ -126,7 +126,7 @@ def _csv(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.RecordBatc
 
     names = _header(path)
     check_columns(path, names)
-    wanted = [n for n in (columns or KNOWN) if n in names]
+    wanted = [n for n in (columns or KNOWN_COLUMNS) if n in names]
     try:
         with csv.open_csv(
             str(path),
@@ -156,7 +156,7 @@ def _parquet(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.Record
     from pyarrow import parquet
 
     try:
-        text = [n for n in parquet.read_schema(str(path)).names if n in TEXT]
+        text = [n for n in parquet.read_schema(str(path)).names if n in TEXT_COLUMNS]
         # Read ahead, the whole file would stay in memory until it is closed.
         with parquet.ParquetFile(str(path), pre_buffer=False, read_dictionary=text) as file:
             names = file.schema_arrow.names
@@ -164,7 +164,7 @@ def _parquet(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.Record
             if told != SCHEMA:
                 raise SamplesError(f"{path} says its schema is {told!r}; this station reads {SCHEMA}")
             check_columns(path, names)
-            for batch in file.iter_batches(PIECE, columns=[n for n in (columns or KNOWN) if n in names]):
+            for batch in file.iter_batches(PIECE, columns=[n for n in (columns or KNOWN_COLUMNS) if n in names]):
                 yield _cast(path, batch)
     except (pa.ArrowException, UnicodeDecodeError, OSError) as exc:
         raise SamplesError(f"{path} is no readable Parquet file; write it again") from exc
@@ -190,7 +190,7 @@ def _cast(path: Path, batch: "pa.RecordBatch") -> "pa.RecordBatch":
     return pa.RecordBatch.from_arrays(columns, names=batch.schema.names)
 
 
-def _together(path: Path) -> bool:
+def _units_contiguous(path: Path) -> bool:
     """Whether the rows of each unit stand together."""
     seen: set[str] = set()
     last = None
@@ -212,7 +212,7 @@ def _table(batch: "pa.RecordBatch") -> SampleTable:
         return _numbers(batch.column(name))
 
     names = batch.schema.names
-    gold = np.column_stack([numbers(n) for n in GOLD]) if GOLD[0] in names else None
+    gold = np.column_stack([numbers(n) for n in GOLD_COLUMNS]) if GOLD_COLUMNS[0] in names else None
     return SampleTable(
         unit=_labels(batch, "unit"),
         run=numbers("run"),
@@ -220,8 +220,8 @@ def _table(batch: "pa.RecordBatch") -> SampleTable:
         position=_labels(batch, "position"),
         time_s=numbers("time_s"),
         reading=np.column_stack([numbers(n) for n in "xyz"]),
-        labels={n: _labels(batch, n) for n in TEXT[2:] if n in names},
-        values={n: numbers(n) for n in NUMBERS[4:10] if n in names},
+        labels={n: _labels(batch, n) for n in TEXT_COLUMNS[2:] if n in names},
+        values={n: numbers(n) for n in NUMBER_COLUMNS[4:10] if n in names},
         gold=gold,
     )
 

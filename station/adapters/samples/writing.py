@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from station.adapters.samples.columns import GOLD, KNOWN, REQUIRED, SCHEMA, kind_of, type_of
+from station.adapters.samples.columns import GOLD_COLUMNS, KNOWN_COLUMNS, REQUIRED_COLUMNS, SCHEMA, kind_of, type_of
 from station.adapters.samples.reading import join
 from station.domain.core.types import Labels, SampleTable
 
@@ -68,7 +68,7 @@ def _write_parquet(path: Path, schema: "pa.Schema", batches: Iterable["pa.Record
 def _batch(table: SampleTable) -> "pa.RecordBatch":
     import pyarrow as pa
 
-    gold = {} if table.gold is None else dict(zip(GOLD, table.gold.T, strict=True))
+    gold = {} if table.gold is None else dict(zip(GOLD_COLUMNS, table.gold.T, strict=True))
     columns: dict[str, Any] = {
         "unit": _text(table.unit),
         "run": table.run,
@@ -80,7 +80,7 @@ def _batch(table: SampleTable) -> "pa.RecordBatch":
         **{k: np.asarray(v, float) for k, v in table.values.items()},
         **gold,
     }
-    order = [n for n in (*REQUIRED, *KNOWN) if n in columns]
+    order = [n for n in (*REQUIRED_COLUMNS, *KNOWN_COLUMNS) if n in columns]
     arrays = [pa.array(columns[n], type_of(n)) for n in dict.fromkeys(order)]
     return pa.RecordBatch.from_arrays(arrays, names=list(dict.fromkeys(order)))
 

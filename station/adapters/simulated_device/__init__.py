@@ -1,6 +1,6 @@
 """Devices on the bus. python-can comes first, without asammdf: canopen would import it with all it can use."""
 
-from station.lean import without
+from station.optional_imports import hide_packages
 
-with without("asammdf"):
+with hide_packages("asammdf"):
     import can as can

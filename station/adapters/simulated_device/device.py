@@ -8,18 +8,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from station.adapters.simulated_device.device_fault import Fault
-from station.adapters.simulated_device.memory import NonVolatile
+from station.adapters.simulated_device.device_fault import InjectedFault
+from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.adapters.simulated_device.objects import SimulatedObjects
-from station.adapters.simulated_device.pdo import READINGS, ProcessData
+from station.adapters.simulated_device.pdo import READINGS_TPDO, ProcessData
 from station.adapters.simulated_device.sdo import Agenda, SdoService
 from station.adapters.simulated_device.sdo_faults import SdoFaults
-from station.adapters.simulated_device.sdo_server import Request
-from station.adapters.simulated_device.stream import Sensor, Timer
+from station.adapters.simulated_device.sdo_server import SdoRequest
+from station.adapters.simulated_device.stream import SimulatedSensor, Timer
 from station.adapters.simulated_device.stream_faults import StreamFaults
 from station.domain.core.types import ERROR, EXTENDED, REMOTE
 from station.domain.product.device_map import DeviceMap
-from station.domain.product.object_dictionary import Address, Dictionary, Value
+from station.domain.product.object_dictionary import Address, ObjectDictionary, Value
 from station.ports.bus import Endpoint
 from station.ports.clock import Clock
 
@@ -42,7 +42,7 @@ class Timing:
     block_s: float = 0.05
 
 
-def listens_to(node: int) -> tuple[int, ...]:
+def received_ids(node: int) -> tuple[int, ...]:
     """Identifiers that the device's channel must receive: NMT, SYNC and its SDO requests."""
     return _NMT, _SYNC, _SDO_REQUEST + node
 
@@ -58,14 +58,14 @@ class SimulatedDevice:
         self,
         channel: Endpoint,
         clock: Clock,
-        dictionary: Dictionary,
+        dictionary: ObjectDictionary,
         device_map: DeviceMap,
-        sensor: Sensor,
+        sensor: SimulatedSensor,
         *,
         serial: int | str,
-        memory: NonVolatile | None = None,
+        memory: NonVolatileMemory | None = None,
         timing: Timing = Timing(),
-        faults: Sequence[Fault] = (),
+        faults: Sequence[InjectedFault] = (),
     ) -> None:
         self.node = dictionary.node
         self.state = BOOTING
@@ -74,16 +74,16 @@ class SimulatedDevice:
         self._now_s = self._born_s = clock.monotonic_s()
         self._powered = True
         self._heartbeat = Timer()
-        self._agenda, self._fate = Agenda(), Agenda()
+        self._agenda, self._external_events = Agenda(), Agenda()
         self._sdo_faults = SdoFaults(faults)
         self._stream_faults = StreamFaults(faults, sensor.layout, self.node, self._born_s)
         fixed: dict[Address, Value] = {device_map.serial.address: serial}
         if sensor.rate_hz:
-            fixed[READINGS, 5] = round(1000 / sensor.rate_hz)
+            fixed[READINGS_TPDO, 5] = round(1000 / sensor.rate_hz)
         self.objects = SimulatedObjects(
             dictionary,
             device_map,
-            memory or NonVolatile(),
+            memory or NonVolatileMemory(),
             fixed=fixed,
             computed=self._computed(),
             spoil=self._spoilt_value,
@@ -103,7 +103,7 @@ class SimulatedDevice:
 
     def next_due_s(self) -> float:
         """When it next does something by itself."""
-        return min(self._agenda.next_s, self._fate.next_s, self._heartbeat.next_s, self._pdo.next_due_s())
+        return min(self._agenda.next_s, self._external_events.next_s, self._heartbeat.next_s, self._pdo.next_due_s())
 
     def act(self, now_s: float) -> None:
         """Brings the device up to `now_s`: what was due, then what came in, then what is due by that."""
@@ -126,7 +126,7 @@ class SimulatedDevice:
         self._fall_silent()
         self._powered = False
         if back_after_s > 0:
-            self._fate.at(self._now_s + back_after_s, self.power_on)
+            self._external_events.at(self._now_s + back_after_s, self.power_on)
 
     def power_on(self) -> None:
         """Power comes back; the device boots."""
@@ -140,7 +140,7 @@ class SimulatedDevice:
             self._channel.send(_SDO_ANSWER + self.node, answer)
 
     def _run(self, now_s: float) -> None:
-        self._fate.run(now_s)
+        self._external_events.run(now_s)
         self._agenda.run(now_s)
         stopped = self._stream_faults.active("heartbeat-stops", now_s)
         if len(self._heartbeat.due(now_s)) and not stopped:
@@ -155,7 +155,7 @@ class SimulatedDevice:
 
     def _boot_up(self) -> None:
         self.state = PRE_OPERATIONAL
-        if not self._sdo_faults.fires("no-boot-up", Request(0, 0, "write", starts=False, segment=False)):
+        if not self._sdo_faults.fires("no-boot-up", SdoRequest(0, 0, "write", starts=False, segment=False)):
             self._channel.send(_HEARTBEAT + self.node, bytes([BOOTING]))
         self._start_heartbeat()
 
@@ -191,13 +191,13 @@ class SimulatedDevice:
         if self.objects.number(_HEARTBEAT_TIME, 0, 0) != heartbeat_ms:
             self._start_heartbeat()
 
-    def _plan(self, faults: Sequence[Fault]) -> None:
+    def _plan(self, faults: Sequence[InjectedFault]) -> None:
         for fault in faults:
             due_s = self._born_s + fault.after_s
             if fault.kind == "emergency" and not fault.seconds:
-                self._fate.at(due_s, partial(self._emergency, fault.code))
+                self._external_events.at(due_s, partial(self._emergency, fault.code))
             elif fault.kind == "spontaneous-reset":
-                self._fate.at(due_s, self.reset)
+                self._external_events.at(due_s, self.reset)
 
     def _plan_emergency(self) -> None:
         fault = self._stream_faults.active("emergency", self._now_s)
@@ -209,7 +209,7 @@ class SimulatedDevice:
             self._channel.send(_EMCY + self.node, code.to_bytes(4, "little")[:2] + bytes([_GENERIC_ERROR]) + bytes(5))
 
     def _spoilt_value(self, index: int, sub: int) -> Value | None:
-        fault = self._sdo_faults.fires("reads", Request(index, sub, "read", starts=True, segment=False))
+        fault = self._sdo_faults.fires("reads", SdoRequest(index, sub, "read", starts=True, segment=False))
         return None if fault is None else fault.value
 
     def _computed(self) -> dict[Address, Callable[[], Value]]:

@@ -45,7 +45,7 @@ KINDS: Mapping[str, str] = MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class InjectedFault:
     """One fault. Text form: `kind` or `kind:index=0x2101,sub=1,code=0x06090030`.
 
     at, times: from which such request on, and how often (0: for ever, or once where that is the nature of the
@@ -75,17 +75,17 @@ class Fault:
         return all(wanted in (None, given) for wanted, given in pairs)
 
 
-def parse(text: str) -> Fault:
+def parse(text: str) -> InjectedFault:
     """A fault from its text form; UsageError says what is wrong with it."""
     kind, _, rest = text.partition(":")
-    known = {f.name: f.type for f in fields(Fault) if f.name != "kind"}
+    known = {f.name: f.type for f in fields(InjectedFault) if f.name != "kind"}
     given: dict[str, int | float | str] = {}
     for part in filter(None, rest.split(",")):
         key, equals, value = part.partition("=")
         if key not in known or not equals:
             raise UsageError(f"fault {text[:60]!r}: {part[:40]!r} is not one of {', '.join(known)} with =value")
         given[key] = _value(text, key, value)
-    return Fault(kind, **given)  # type: ignore[arg-type]
+    return InjectedFault(kind, **given)  # type: ignore[arg-type]
 
 
 def _value(text: str, key: str, value: str) -> int | float | str:

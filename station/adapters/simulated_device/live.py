@@ -8,7 +8,7 @@ from station.ports.bus import Endpoint
 from station.ports.clock import Clock
 
 #: How long the loop may wait before it looks whether it is to go on.
-LOOK_S = 0.05
+POLL_S = 0.05
 
 
 class Hub:
@@ -62,5 +62,5 @@ def serve(hub: Hub, devices: Sequence[SimulatedDevice], clock: Clock, go_on: Cal
         now_s = clock.monotonic_s()
         for device in devices:
             device.act(now_s)
-        due_s = min((device.next_due_s() for device in devices), default=now_s + LOOK_S)
-        hub.wait(min(max(due_s - clock.monotonic_s(), 0.0), LOOK_S))
+        due_s = min((device.next_due_s() for device in devices), default=now_s + POLL_S)
+        hub.wait(min(max(due_s - clock.monotonic_s(), 0.0), POLL_S))

@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping
 
 from canopen.sdo import constants as sdo
 
-from station.adapters.simulated_device.memory import NonVolatile, Objects, key
+from station.adapters.simulated_device.nonvolatile import NonVolatileMemory, SavedObjects, object_key
 from station.adapters.simulated_device.sdo_serving import SdoAbort
 from station.domain.core.types import Floats
 from station.domain.product import writeback
 from station.domain.product.device_map import DeviceMap
-from station.domain.product.object_dictionary import Address, Dictionary, Entry, Value
+from station.domain.product.object_dictionary import Address, ObjectDictionary, ObjectEntry, Value
 from station.errors import UnitFault
 
 _LONGEST = {"STRING": 255, "OCTETS": 255, "DOMAIN": 4096}
@@ -29,9 +29,9 @@ class SimulatedObjects:
 
     def __init__(
         self,
-        dictionary: Dictionary,
+        dictionary: ObjectDictionary,
         device_map: DeviceMap,
-        memory: NonVolatile,
+        memory: NonVolatileMemory,
         *,
         fixed: Mapping[Address, Value],
         computed: Mapping[Address, Callable[[], Value]],
@@ -60,7 +60,7 @@ class SimulatedObjects:
         for address, entry in self.dictionary.entries.items():
             if communication_only and entry.index not in _COMMUNICATION:
                 continue
-            value = saved.get(key(*address), self._fixed.get(address, entry.default))
+            value = saved.get(object_key(*address), self._fixed.get(address, entry.default))
             self._values[address] = _packed(entry, value)
         self._locked = self.map.unlock is not None
         self.command = None
@@ -89,22 +89,22 @@ class SimulatedObjects:
         """(offset (3), matrix (3, 3)) of the calibration held, whether it is used or not; None: none can be used."""
         return self._correction
 
-    def kept(self) -> Objects:
+    def kept(self) -> SavedObjects:
         """What the next start will read back: the last save, or the factory values."""
         factory = {
-            key(*address): self._fixed.get(address, entry.default)
+            object_key(*address): self._fixed.get(address, entry.default)
             for address, entry in self.dictionary.entries.items()
             if _is_saved(entry)
         }
         return self.memory.objects() or {k: v.hex() if isinstance(v, bytes) else v for k, v in factory.items()}
 
-    def snapshot(self) -> Objects:
+    def snapshot(self) -> SavedObjects:
         """What a save keeps: every object that can be read and written."""
-        saved: Objects = {}
+        saved: SavedObjects = {}
         for address, entry in self.dictionary.entries.items():
             if _is_saved(entry):
                 value = entry.unpack(self._values[address])
-                saved[key(*address)] = value.hex() if isinstance(value, bytes) else value
+                saved[object_key(*address)] = value.hex() if isinstance(value, bytes) else value
         return saved
 
     def restore_at_reset(self) -> None:
@@ -155,12 +155,12 @@ class SimulatedObjects:
         self._values[index, sub] = data
         self._refresh()
 
-    def _entry(self, index: int, sub: int) -> Entry:
+    def _entry(self, index: int, sub: int) -> ObjectEntry:
         if (index, sub) in self.dictionary:
             return self.dictionary[index, sub]
         raise SdoAbort(sdo.ABORT_NO_SUBINDEX if self.dictionary.has_index(index) else sdo.ABORT_NOT_IN_OD)
 
-    def _longest(self, entry: Entry) -> int:
+    def _longest(self, entry: ObjectEntry) -> int:
         record = self.map.record
         return record.length if record and record.address == (entry.index, entry.sub) else _LONGEST[entry.type_name]
 
@@ -174,7 +174,7 @@ class SimulatedObjects:
         unlock = self.map.unlock
         self._locked = unlock is not None and int.from_bytes(data, "little") != unlock.key
 
-    def _check_range(self, entry: Entry, data: bytes) -> None:
+    def _check_range(self, entry: ObjectEntry, data: bytes) -> None:
         value = entry.unpack(data)
         if isinstance(value, (str, bytes)):
             return
@@ -209,11 +209,11 @@ def _protected(device_map: DeviceMap) -> frozenset[Address]:
     return frozenset(addresses)
 
 
-def _is_saved(entry: Entry) -> bool:
+def _is_saved(entry: ObjectEntry) -> bool:
     return entry.access.startswith("rw") and entry.index not in (0x1010, 0x1011)
 
 
-def _packed(entry: Entry, value: Value) -> bytes:
+def _packed(entry: ObjectEntry, value: Value) -> bytes:
     """A value as bytes; bytes come as hex text from the memory's file, a float for an integer object is rounded."""
     if entry.type_name in ("DOMAIN", "OCTETS") and isinstance(value, str):
         return bytes.fromhex(value)
@@ -222,7 +222,7 @@ def _packed(entry: Entry, value: Value) -> bytes:
     return entry.pack(value)
 
 
-def _check_pdo(entry: Entry, value: int) -> None:
+def _check_pdo(entry: ObjectEntry, value: int) -> None:
     """A COB-ID keeps its identifier (only its flags may change); transmission types 241 to 253 are reserved."""
     moved = entry.sub == 1 and (value ^ int(entry.default)) & ~_COB_ID_FLAGS
     if moved or (entry.sub == 2 and 240 < value < 254):

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.adapters.simulated_device.objects import SimulatedObjects
-from station.adapters.simulated_device.stream import Correction, Readings, Sensor, Timer
+from station.adapters.simulated_device.stream import Correction, SignalChain, SimulatedSensor, Timer
 from station.adapters.simulated_device.stream_faults import StreamFaults
 from station.domain.can import encode
 from station.domain.core.types import Floats, Frames
 from station.ports.bus import Endpoint
 from station.ports.clock import Clock
 
-READINGS, TEMPERATURE = 0x1800, 0x1801
+READINGS_TPDO, TEMPERATURE_TPDO = 0x1800, 0x1801
 _OFF = 0x8000_0000
 _EVENT_DRIVEN, _LAST_SYNCHRONOUS = 254, 240
 _BABBLE_ID, _BABBLE_PERIOD_S = 0x001, 0.0002
@@ -30,7 +30,7 @@ class ProcessData:
         channel: Endpoint,
         clock: Clock,
         objects: SimulatedObjects,
-        sensor: Sensor,
+        sensor: SimulatedSensor,
         faults: StreamFaults,
         *,
         block_s: float,
@@ -41,7 +41,7 @@ class ProcessData:
         self._sensor = sensor
         self._faults = faults
         self._block_s = block_s
-        self._readings = Readings(sensor, faults)
+        self._readings = SignalChain(sensor, faults)
         self._timer, self._slow_timer, self._babble = Timer(), Timer(), Timer()
         self._babble.start(faults.starts_s("babble"), _BABBLE_PERIOD_S)
         self._syncs = 0
@@ -54,12 +54,14 @@ class ProcessData:
 
     def settings(self) -> tuple[int, ...]:
         """The objects that the timers depend on: when they change, the timers start anew."""
-        return tuple(self._objects.number(index, sub, 0) for index in (READINGS, TEMPERATURE) for sub in (1, 2, 5))
+        return tuple(
+            self._objects.number(index, sub, 0) for index in (READINGS_TPDO, TEMPERATURE_TPDO) for sub in (1, 2, 5)
+        )
 
     def start(self, now_s: float) -> None:
         """Starts the timers, as when the device becomes operational."""
-        self._timer.start(now_s, self._period_s(READINGS))
-        self._slow_timer.start(now_s, self._period_s(TEMPERATURE))
+        self._timer.start(now_s, self._period_s(READINGS_TPDO))
+        self._slow_timer.start(now_s, self._period_s(TEMPERATURE_TPDO))
 
     def stop(self) -> None:
         """Sends no more by itself."""
@@ -68,9 +70,9 @@ class ProcessData:
 
     def on_sync(self, now_s: float) -> None:
         """A SYNC came: sends a reading where the transmission type says so (CiA 301, 7.5.2.37)."""
-        kind = self._objects.number(READINGS, 2, _EVENT_DRIVEN)
+        kind = self._objects.number(READINGS_TPDO, 2, _EVENT_DRIVEN)
         self._syncs += 1
-        if kind <= _LAST_SYNCHRONOUS and self._syncs % max(kind, 1) == 0 and not self._is_off(READINGS):
+        if kind <= _LAST_SYNCHRONOUS and self._syncs % max(kind, 1) == 0 and not self._is_off(READINGS_TPDO):
             self._send_readings(np.array([now_s]))
 
     def produce(self, now_s: float) -> None:
@@ -114,7 +116,7 @@ class ProcessData:
         rate_hz = self._sensor.rate_hz
         timer_ms = self._objects.number(pdo, 5, round(1000 / (rate_hz or 100)))
         # A rate such as 400 Hz is no whole number of milliseconds: it stands until another timer is written.
-        exact = pdo == READINGS and rate_hz is not None and timer_ms == round(1000 / rate_hz)
+        exact = pdo == READINGS_TPDO and rate_hz is not None and timer_ms == round(1000 / rate_hz)
         period_s = 1 / rate_hz if exact and rate_hz else timer_ms / 1000
         return period_s / self._faults.speed(self._clock.monotonic_s())
 

@@ -8,10 +8,10 @@ from typing import Protocol
 
 from canopen.sdo import constants as sdo
 
-from station.adapters.simulated_device.device_fault import Fault
+from station.adapters.simulated_device.device_fault import InjectedFault
 from station.adapters.simulated_device.objects import SimulatedObjects
 from station.adapters.simulated_device.sdo_faults import SdoFaults
-from station.adapters.simulated_device.sdo_server import Request, SdoServer
+from station.adapters.simulated_device.sdo_server import SdoRequest, SdoServer
 
 
 class Agenda:
@@ -41,7 +41,7 @@ class Agenda:
         self._heap.clear()
 
 
-class Body(Protocol):
+class DeviceControl(Protocol):
     """What the server's faults and commands can do to the device."""
 
     def send_answers(self, answers: tuple[bytes, ...]) -> None:
@@ -60,7 +60,7 @@ class SdoService:
     def __init__(
         self,
         objects: SimulatedObjects,
-        body: Body,
+        body: DeviceControl,
         agenda: Agenda,
         faults: SdoFaults,
         *,
@@ -69,7 +69,7 @@ class SdoService:
     ) -> None:
         self._objects = objects
         self._server = SdoServer(objects)
-        self._body = body
+        self._device_control = body
         self._agenda = agenda
         self._faults = faults
         self._turnaround_s = turnaround_s
@@ -96,9 +96,9 @@ class SdoService:
     def _serve(self, data: bytes, now_s: float) -> None:
         about = self._server.about(data)
         if cut := self._faults.fires("power-cut", about):
-            self._body.cut_power(cut.seconds)
+            self._device_control.cut_power(cut.seconds)
         elif self._faults.fires("reboot", about):
-            self._body.reset()
+            self._device_control.reset()
         elif not self._unheard(about):
             answers = self._faults.spoil(self._answers(data, about), about)
             late = self._faults.fires("late", about)
@@ -107,21 +107,21 @@ class SdoService:
             if command is not None:
                 self._flash(command, about, answers, due_s)
             elif answers:
-                self._agenda.at(due_s, lambda: self._body.send_answers(answers))
+                self._agenda.at(due_s, lambda: self._device_control.send_answers(answers))
 
-    def _unheard(self, about: Request) -> bool:
+    def _unheard(self, about: SdoRequest) -> bool:
         if unit := self._faults.fires("other-unit", about):
             self._objects.replace(self._objects.map.serial.address, unit.value)
         lost = about.segment and self._faults.fires("lost-segment", about) is not None
         return lost or self._faults.fires("deaf", about) is not None
 
-    def _answers(self, data: bytes, about: Request) -> tuple[bytes, ...]:
+    def _answers(self, data: bytes, about: SdoRequest) -> tuple[bytes, ...]:
         refusal = self._faults.fires("refuse", about)
         if refusal and data[0] != sdo.REQUEST_ABORTED:
             return (self._server.refuse(data, refusal.code),)
         return self._server.handle(data)
 
-    def _flash(self, command: str, about: Request, answers: tuple[bytes, ...], due_s: float) -> None:
+    def _flash(self, command: str, about: SdoRequest, answers: tuple[bytes, ...], due_s: float) -> None:
         """Saves or notes the restore, then answers; other requests wait."""
         self._busy = True
         torn = self._faults.fires("save-torn", about) if command == "save" else None
@@ -139,13 +139,13 @@ class SdoService:
             self._objects.memory.store(self._objects.snapshot())
         elif command == "restore":
             self._objects.restore_at_reset()
-        self._body.send_answers(answers)
+        self._device_control.send_answers(answers)
         self._busy = False
         self._work(now_s)
 
-    def _tear(self, torn: Fault) -> None:
+    def _tear(self, torn: InjectedFault) -> None:
         kept, wanted = self._objects.kept(), self._objects.snapshot()
         changed = [address for address, value in wanted.items() if kept.get(address) != value]
         first = {address: wanted[address] for address in changed[: len(changed) // 2]}
         self._objects.memory.store({**kept, **first})
-        self._body.cut_power(torn.seconds)
+        self._device_control.cut_power(torn.seconds)

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from canopen.sdo import constants as sdo
 
-from station.adapters.canopen.sdo_transfer import KIND
-from station.adapters.simulated_device.device_fault import Fault
-from station.adapters.simulated_device.sdo_server import Request
+from station.adapters.canopen.sdo_transfer import COMMAND_MASK
+from station.adapters.simulated_device.device_fault import InjectedFault
+from station.adapters.simulated_device.sdo_server import SdoRequest
 
 #: These happen once unless `times` says otherwise.
 _ONCE = frozenset({"reboot", "power-cut", "other-unit", "save-torn", "lost-segment"})
@@ -17,12 +17,12 @@ _SEGMENT_ANSWERS = (sdo.RESPONSE_SEGMENT_UPLOAD, sdo.RESPONSE_SEGMENT_DOWNLOAD)
 class SdoFaults:
     """Counts what each fault meets; a fault acts from its `at`-th meeting on, `times` times."""
 
-    def __init__(self, faults: Sequence[Fault]) -> None:
+    def __init__(self, faults: Sequence[InjectedFault]) -> None:
         self._faults = tuple(faults)
         self._met = [0] * len(self._faults)
         self._previous: tuple[bytes, ...] = ()
 
-    def fires(self, kind: str, about: Request) -> Fault | None:
+    def fires(self, kind: str, about: SdoRequest) -> InjectedFault | None:
         """The fault of that kind that acts on this request; each call counts as a meeting."""
         acting = None
         for i, fault in enumerate(self._faults):
@@ -33,7 +33,7 @@ class SdoFaults:
                     acting = acting or fault
         return acting
 
-    def spoil(self, answers: tuple[bytes, ...], about: Request) -> tuple[bytes, ...]:
+    def spoil(self, answers: tuple[bytes, ...], about: SdoRequest) -> tuple[bytes, ...]:
         """What is sent in place of these answers."""
         previous, self._previous = self._previous, answers or self._previous
         if len(answers) > 1:
@@ -46,8 +46,8 @@ class SdoFaults:
             answers = answers + answers
         return () if self.fires("silent", about) else answers
 
-    def _spoilt(self, answer: bytes, about: Request) -> bytes:
-        kind = answer[0] & KIND
+    def _spoilt(self, answer: bytes, about: SdoRequest) -> bytes:
+        kind = answer[0] & COMMAND_MASK
         initiating = about.starts and kind in _INITIATING_ANSWERS
         if initiating and (fault := self.fires("wrong-object", about)):
             return answer[:1] + (int(fault.value) & 0xFFFF).to_bytes(2, "little") + answer[3:]

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 from canopen.sdo import constants as sdo
 
-from station.adapters.canopen.sdo_transfer import KIND, head
+from station.adapters.canopen.sdo_transfer import COMMAND_MASK, initiate_header
 from station.adapters.simulated_device import sdo_serving
 from station.adapters.simulated_device.sdo_serving import Objects, SdoAbort, Serving
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class SdoRequest:
     """What a request is about: the object of the transfer that it starts or continues, and the direction.
 
     access: read or write; starts: it starts a transfer; segment: it is one of a block's segments.
@@ -33,16 +33,16 @@ class SdoServer:
     def __init__(self, objects: Objects) -> None:
         self._objects = objects
         self._serving: Serving | None = None
-        self._about = Request(0, 0, "read", starts=False, segment=False)
+        self._current_request = SdoRequest(0, 0, "read", starts=False, segment=False)
         self._in_block = False
 
-    def about(self, data: bytes) -> Request:
+    def about(self, data: bytes) -> SdoRequest:
         """What a request is about, before it is handled."""
         if not self._starts(data):
-            now = self._about
-            return Request(now.index, now.sub, now.access, starts=False, segment=self._in_block)
-        access = "read" if data[0] & KIND in (sdo.REQUEST_UPLOAD, sdo.REQUEST_BLOCK_UPLOAD) else "write"
-        return Request(int.from_bytes(data[1:3], "little"), data[3], access, starts=True, segment=False)
+            now = self._current_request
+            return SdoRequest(now.index, now.sub, now.access, starts=False, segment=self._in_block)
+        access = "read" if data[0] & COMMAND_MASK in (sdo.REQUEST_UPLOAD, sdo.REQUEST_BLOCK_UPLOAD) else "write"
+        return SdoRequest(int.from_bytes(data[1:3], "little"), data[3], access, starts=True, segment=False)
 
     def handle(self, data: bytes) -> tuple[bytes, ...]:
         """The answers to one request of 8 bytes; none to an abort."""
@@ -51,7 +51,7 @@ class SdoServer:
             return ()
         try:
             if self._starts(data):
-                self._about = self.about(data)
+                self._current_request = self.about(data)
                 self._serving = self._begin(data)
                 reply = next(self._serving)
             elif self._serving is None:
@@ -70,13 +70,15 @@ class SdoServer:
 
     def abort(self, code: int) -> bytes:
         """An abort frame about the object of the last transfer."""
-        return head(sdo.RESPONSE_ABORTED, self._about.index, self._about.sub) + code.to_bytes(4, "little")
+        return initiate_header(
+            sdo.RESPONSE_ABORTED, self._current_request.index, self._current_request.sub
+        ) + code.to_bytes(4, "little")
 
     def refuse(self, data: bytes, code: int) -> bytes:
         """Aborts what this request wants or belongs to, without serving it."""
         about = self.about(data)
         self.reset()
-        self._about = about
+        self._current_request = about
         return self.abort(code)
 
     def reset(self) -> None:
@@ -84,7 +86,7 @@ class SdoServer:
         self._serving, self._in_block = None, False
 
     def _starts(self, data: bytes) -> bool:
-        kind = data[0] & KIND
+        kind = data[0] & COMMAND_MASK
         if self._in_block:
             return False
         if kind == sdo.REQUEST_BLOCK_UPLOAD:
@@ -99,5 +101,5 @@ class SdoServer:
             sdo.REQUEST_DOWNLOAD: sdo_serving.download,
             sdo.REQUEST_BLOCK_UPLOAD: sdo_serving.block_upload,
             sdo.REQUEST_BLOCK_DOWNLOAD: sdo_serving.block_download,
-        }[data[0] & KIND]
-        return serve(self._objects, self._about.index, self._about.sub, data)
+        }[data[0] & COMMAND_MASK]
+        return serve(self._objects, self._current_request.index, self._current_request.sub, data)

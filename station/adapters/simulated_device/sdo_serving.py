@@ -10,21 +10,21 @@ from typing import Protocol
 
 from canopen.sdo import constants as sdo
 
-from station.adapters.canopen.sdo_transfer import KIND, MOST_BYTES, SEGMENT, head
+from station.adapters.canopen.sdo_transfer import COMMAND_MASK, MOST_BYTES, SEGMENT_BYTES, initiate_header
 
 _BLOCK_SIZE = 127
 _LAST = 0x80
 
 
 @dataclass(frozen=True, slots=True)
-class Reply:
+class SdoReply:
     """Frames to send; segments_follow: what comes next are a block's segments, which look like any command."""
 
     frames: tuple[bytes, ...]
     segments_follow: bool = False
 
 
-Serving = Generator[Reply, bytes, tuple[bytes, ...]]
+Serving = Generator[SdoReply, bytes, tuple[bytes, ...]]
 
 
 class SdoAbort(Exception):
@@ -53,25 +53,25 @@ def upload(objects: Objects, index: int, sub: int, _request: bytes) -> Serving:
     data = objects.read(index, sub)
     if 0 < len(data) <= 4:
         command = sdo.RESPONSE_UPLOAD | sdo.EXPEDITED | sdo.SIZE_SPECIFIED | (4 - len(data)) << 2
-        return (head(command, index, sub) + data.ljust(4, b"\0"),)
+        return (initiate_header(command, index, sub) + data.ljust(4, b"\0"),)
     size = len(data).to_bytes(4, "little")
-    request = yield Reply((head(sdo.RESPONSE_UPLOAD | sdo.SIZE_SPECIFIED, index, sub) + size,))
+    request = yield SdoReply((initiate_header(sdo.RESPONSE_UPLOAD | sdo.SIZE_SPECIFIED, index, sub) + size,))
     toggle, at = 0, 0
     while True:
         _check_segment(request, sdo.REQUEST_SEGMENT_UPLOAD, toggle)
-        part = data[at : at + SEGMENT]
-        at += SEGMENT
-        command = sdo.RESPONSE_SEGMENT_UPLOAD | toggle | (SEGMENT - len(part)) << 1 | (at >= len(data))
-        frame = bytes([command]) + part.ljust(SEGMENT, b"\0")
+        part = data[at : at + SEGMENT_BYTES]
+        at += SEGMENT_BYTES
+        command = sdo.RESPONSE_SEGMENT_UPLOAD | toggle | (SEGMENT_BYTES - len(part)) << 1 | (at >= len(data))
+        frame = bytes([command]) + part.ljust(SEGMENT_BYTES, b"\0")
         if at >= len(data):
             return (frame,)
-        request = yield Reply((frame,))
+        request = yield SdoReply((frame,))
         toggle ^= sdo.TOGGLE_BIT
 
 
 def download(objects: Objects, index: int, sub: int, request: bytes) -> Serving:
     """Takes a write: expedited, or in segments."""
-    done = head(sdo.RESPONSE_DOWNLOAD, index, sub) + bytes(4)
+    done = initiate_header(sdo.RESPONSE_DOWNLOAD, index, sub) + bytes(4)
     command = request[0]
     if command & sdo.EXPEDITED:
         data = request[4 : 8 - (command >> 2 & 3 if command & sdo.SIZE_SPECIFIED else 0)]
@@ -81,16 +81,16 @@ def download(objects: Objects, index: int, sub: int, request: bytes) -> Serving:
     size = int.from_bytes(request[4:8], "little") if command & sdo.SIZE_SPECIFIED else None
     objects.check(index, sub, size)
     data, toggle = b"", 0
-    request = yield Reply((done,))
+    request = yield SdoReply((done,))
     while True:
         _check_segment(request, sdo.REQUEST_SEGMENT_DOWNLOAD, toggle)
         data += request[1 : 8 - (request[0] >> 1 & 7)]
-        answer = bytes([sdo.RESPONSE_SEGMENT_DOWNLOAD | toggle]) + bytes(SEGMENT)
+        answer = bytes([sdo.RESPONSE_SEGMENT_DOWNLOAD | toggle]) + bytes(SEGMENT_BYTES)
         if request[0] & sdo.NO_MORE_DATA:
             break
         if len(data) > (MOST_BYTES if size is None else size):
             raise SdoAbort(sdo.ABORT_LENGTH_TOO_HIGH)
-        request = yield Reply((answer,))
+        request = yield SdoReply((answer,))
         toggle ^= sdo.TOGGLE_BIT
     _take(objects, index, sub, data, size)
     return (answer,)
@@ -99,17 +99,17 @@ def download(objects: Objects, index: int, sub: int, request: bytes) -> Serving:
 def block_upload(objects: Objects, index: int, sub: int, request: bytes) -> Serving:
     """Answers a read in blocks, with CRC; what the client did not get is sent again."""
     data, size = objects.read(index, sub), request[4]
-    start = head(sdo.RESPONSE_BLOCK_UPLOAD | sdo.CRC_SUPPORTED | sdo.BLOCK_SIZE_SPECIFIED, index, sub)
+    start = initiate_header(sdo.RESPONSE_BLOCK_UPLOAD | sdo.CRC_SUPPORTED | sdo.BLOCK_SIZE_SPECIFIED, index, sub)
     _check_block_size(size)
-    request = yield Reply((start + len(data).to_bytes(4, "little"),))
+    request = yield SdoReply((start + len(data).to_bytes(4, "little"),))
     _check_command(request, sdo.REQUEST_BLOCK_UPLOAD | sdo.START_BLOCK_UPLOAD, 0xE3)
-    segments = [data[i : i + SEGMENT] for i in range(0, len(data), SEGMENT)] or [b""]
+    segments = [data[i : i + SEGMENT_BYTES] for i in range(0, len(data), SEGMENT_BYTES)] or [b""]
     at = 0
     while at < len(segments):
         block = segments[at : at + size]
-        request = yield Reply(
+        request = yield SdoReply(
             tuple(
-                bytes([number | _LAST * (at + number == len(segments))]) + segment.ljust(SEGMENT, b"\0")
+                bytes([number | _LAST * (at + number == len(segments))]) + segment.ljust(SEGMENT_BYTES, b"\0")
                 for number, segment in enumerate(block, 1)
             )
         )
@@ -118,9 +118,9 @@ def block_upload(objects: Objects, index: int, sub: int, request: bytes) -> Serv
             raise SdoAbort(sdo.ABORT_INVALID_SEQUENCE_NUMBER)
         at, size = at + request[1], request[2]
         _check_block_size(size)
-    unused = len(segments) * SEGMENT - len(data)
+    unused = len(segments) * SEGMENT_BYTES - len(data)
     end = sdo.RESPONSE_BLOCK_UPLOAD | sdo.END_BLOCK_TRANSFER | unused << 2
-    request = yield Reply((bytes([end]) + crc_hqx(data, 0).to_bytes(2, "little") + bytes(5),))
+    request = yield SdoReply((bytes([end]) + crc_hqx(data, 0).to_bytes(2, "little") + bytes(5),))
     _check_command(request, sdo.REQUEST_BLOCK_UPLOAD | sdo.END_BLOCK_TRANSFER, 0xE3)
     return ()
 
@@ -130,15 +130,15 @@ def block_download(objects: Objects, index: int, sub: int, request: bytes) -> Se
     size = int.from_bytes(request[4:8], "little") if request[0] & sdo.BLOCK_SIZE_SPECIFIED else None
     with_crc = bool(request[0] & sdo.CRC_SUPPORTED)
     objects.check(index, sub, size)
-    start = head(sdo.RESPONSE_BLOCK_DOWNLOAD | sdo.CRC_SUPPORTED, index, sub) + bytes([_BLOCK_SIZE, 0, 0, 0])
-    reply, data = Reply((start,), segments_follow=True), b""
+    start = initiate_header(sdo.RESPONSE_BLOCK_DOWNLOAD | sdo.CRC_SUPPORTED, index, sub) + bytes([_BLOCK_SIZE, 0, 0, 0])
+    reply, data = SdoReply((start,), segments_follow=True), b""
     complete = False
     while not complete:
         acknowledged, data, complete = yield from _receive_block(reply, data)
-        if len(data) >= (MOST_BYTES if size is None else max(size, 1)) + SEGMENT:
+        if len(data) >= (MOST_BYTES if size is None else max(size, 1)) + SEGMENT_BYTES:
             raise SdoAbort(sdo.ABORT_LENGTH_TOO_HIGH)
         command = sdo.RESPONSE_BLOCK_DOWNLOAD | sdo.BLOCK_TRANSFER_RESPONSE
-        reply = Reply((bytes([command, acknowledged, _BLOCK_SIZE]) + bytes(5),), segments_follow=not complete)
+        reply = SdoReply((bytes([command, acknowledged, _BLOCK_SIZE]) + bytes(5),), segments_follow=not complete)
     request = yield reply
     _check_command(request, sdo.REQUEST_BLOCK_DOWNLOAD | sdo.END_BLOCK_TRANSFER, 0xE1)
     data = data[: len(data) - (request[0] >> 2 & 7)]
@@ -148,12 +148,12 @@ def block_download(objects: Objects, index: int, sub: int, request: bytes) -> Se
     return (bytes([sdo.RESPONSE_BLOCK_DOWNLOAD | sdo.END_BLOCK_TRANSFER]) + bytes(7),)
 
 
-def _receive_block(reply: Reply, data: bytes) -> Generator[Reply, bytes, tuple[int, bytes, bool]]:
+def _receive_block(reply: SdoReply, data: bytes) -> Generator[SdoReply, bytes, tuple[int, bytes, bool]]:
     """One block: how many segments came in sequence, all data so far, and whether the last segment is among them."""
     received = 0
     while True:
         segment = yield reply
-        reply = Reply((), segments_follow=True)
+        reply = SdoReply((), segments_follow=True)
         number, last = segment[0] & ~_LAST, bool(segment[0] & _LAST)
         if number == received + 1:
             data, received = data + segment[1:8], number
@@ -171,7 +171,7 @@ def _take(objects: Objects, index: int, sub: int, data: bytes, size: int | None)
 
 
 def _check_segment(request: bytes, kind: int, toggle: int) -> None:
-    _check_command(request, kind, KIND)
+    _check_command(request, kind, COMMAND_MASK)
     if request[0] & sdo.TOGGLE_BIT != toggle:
         raise SdoAbort(sdo.ABORT_TOGGLE_NOT_ALTERNATED)
 

@@ -21,7 +21,7 @@ _NO_INSTANTS = np.zeros(0)
 
 
 @dataclass(frozen=True, slots=True)
-class Sensor:
+class SimulatedSensor:
     """The physical side of a device.
 
     layout: of its frames; sense: instants (n), monotonic s → readings (n, 3) in the layout's unit, uncompensated;
@@ -60,13 +60,13 @@ class Timer:
         return np.asarray(np.minimum(times_s, until_s))
 
 
-class Readings:
+class SignalChain:
     """The sensor: senses, quantises like its converter, compensates if told to, counts, protects, and may be spoiled.
 
     faults: what is wrong with it.
     """
 
-    def __init__(self, sensor: Sensor, faults: StreamFaults) -> None:
+    def __init__(self, sensor: SimulatedSensor, faults: StreamFaults) -> None:
         self._layout = sensor.layout
         self._sense = sensor.sense
         self._faults = faults

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from station.adapters.simulated_device.device_fault import Fault
+from station.adapters.simulated_device.device_fault import InjectedFault
 from station.domain.can import encode
 from station.domain.can.sensor_layout import SensorLayout
 from station.domain.core.types import Array, Floats, Frames
@@ -14,7 +14,7 @@ from station.domain.core.types import Array, Floats, Frames
 class StreamFaults:
     """Applies those `faults` that concern the stream, from `born_s + after_s` on. Random choices repeat by node."""
 
-    def __init__(self, faults: Sequence[Fault], layout: SensorLayout, node: int, born_s: float) -> None:
+    def __init__(self, faults: Sequence[InjectedFault], layout: SensorLayout, node: int, born_s: float) -> None:
         self._layout = layout
         self._node = node
         self._faults = {fault.kind: fault for fault in faults}
@@ -23,7 +23,7 @@ class StreamFaults:
         self._held: float | None = None
         self._frozen: float | None = None
 
-    def active(self, kind: str, now_s: float) -> Fault | None:
+    def active(self, kind: str, now_s: float) -> InjectedFault | None:
         """The fault of that kind, when there is one and its time has come."""
         fault = self._faults.get(kind)
         return fault if fault is not None and now_s - self._born_s >= fault.after_s else None
@@ -84,12 +84,12 @@ class StreamFaults:
             frames = self._swapped(frames, fault)
         return frames
 
-    def _swapped(self, frames: Frames, fault: Fault) -> Frames:
+    def _swapped(self, frames: Frames, fault: InjectedFault) -> Frames:
         """Payloads change places; the instants stay in order, as a receiver stamps them."""
         order = np.arange(len(frames))
         for i in np.flatnonzero(self._chosen(fault, max(len(frames) - 1, 0))):
             order[[i, i + 1]] = order[[i + 1, i]]
         return Frames(frames.time_ns, frames.can_id, frames.length[order], frames.data[order])
 
-    def _chosen(self, fault: Fault, count: int) -> NDArray[np.bool_]:
+    def _chosen(self, fault: InjectedFault, count: int) -> NDArray[np.bool_]:
         return self._rng.random(count) < fault.fraction

@@ -1,6 +1,6 @@
 """The log in SQLite. sqlite-utils would load pandas to store its time stamps, which no table here holds."""
 
-from station.lean import without
+from station.optional_imports import hide_packages
 
-with without("pandas"):
+with hide_packages("pandas"):
     import sqlite_utils as sqlite_utils

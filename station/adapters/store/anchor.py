@@ -9,12 +9,12 @@ import os
 from pathlib import Path
 
 from station.domain.records.chain import SCHEMA
-from station.ports.store import Head
+from station.ports.store import LogHead
 
 _LENGTH = 256
 
 
-def path_of(log: Path) -> Path:
+def head_file_path(log: Path) -> Path:
     """Where the head file of a log lies."""
     return log.with_name(log.name + ".head")
 
@@ -24,9 +24,9 @@ class Anchor:
 
     def __init__(self, log: Path, log_id: str) -> None:
         self._told = json.dumps({"schema": SCHEMA, "log_id": log_id}).removesuffix("}")
-        self._handle = os.open(path_of(log), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        self._handle = os.open(head_file_path(log), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
-    def write(self, head: Head, durable: bool) -> None:
+    def write(self, head: LogHead, durable: bool) -> None:
         """Keeps this head; `durable` waits for the disk."""
         line = f'{self._told}, "number": {head.number}, "hash": "{head.hash}"}}'
         os.pwrite(self._handle, line.encode().ljust(_LENGTH - 1) + b"\n", 0)
@@ -40,12 +40,12 @@ class Anchor:
             self._handle = -1
 
 
-def read(log: Path, log_id: str) -> Head | str:
+def read(log: Path, log_id: str) -> LogHead | str:
     """The head as kept, or a sentence that says why there is none for this log."""
-    path = path_of(log)
+    path = head_file_path(log)
     try:
         said = json.loads(path.read_bytes()[:_LENGTH] or b"null")
-        head = Head(int(said["number"]), bytes.fromhex(said["hash"]).hex())
+        head = LogHead(int(said["number"]), bytes.fromhex(said["hash"]).hex())
     except FileNotFoundError:
         return f"the head file {path} is missing, so a cut-off end of the log could not be seen"
     except (OSError, ValueError, KeyError, TypeError):

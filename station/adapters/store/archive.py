@@ -10,7 +10,7 @@ _VISITS = f"SELECT seq FROM visit WHERE {SPAN}"
 
 _PLAIN = f"SELECT data FROM frames WHERE visit IN ({_VISITS}) ORDER BY visit"
 
-_LEFT = """
+_UNPACKED = """
     SELECT DISTINCT v.attempt FROM frames f JOIN visit v ON v.seq = f.visit JOIN finish e ON e.attempt = v.attempt"""
 
 
@@ -22,15 +22,15 @@ def frames(db: sqlite3.Connection, attempt: int) -> list[Frames]:
     return [plain.from_bytes(data) for (data,) in db.execute(_PLAIN, {"a": attempt})]
 
 
-def left(db: sqlite3.Connection) -> list[int]:
+def unpacked_attempts(db: sqlite3.Connection) -> list[int]:
     """Finished attempts whose frames are still plain."""
-    return [number for (number,) in db.execute(_LEFT)]
+    return [number for (number,) in db.execute(_UNPACKED)]
 
 
-def packed(db: sqlite3.Connection, attempt: int) -> bytes | None:
+def pack_frames(db: sqlite3.Connection, attempt: int) -> bytes | None:
     """The plain frames of all visits of an attempt as one archive; None where packing could lose anything."""
     kept = [data for (data,) in db.execute(_PLAIN, {"a": attempt})]
-    if not kept or len(kept) != visits(db, attempt):
+    if not kept or len(kept) != count_visits(db, attempt):
         return None
     data = codec.pack([plain.from_bytes(one) for one in kept])
     forms = map(plain.form_of, kept)
@@ -38,7 +38,7 @@ def packed(db: sqlite3.Connection, attempt: int) -> bytes | None:
     return data if same else None
 
 
-def visits(db: sqlite3.Connection, attempt: int) -> int:
+def count_visits(db: sqlite3.Connection, attempt: int) -> int:
     """Number of visits of an attempt."""
     return len(db.execute(_VISITS, {"a": attempt}).fetchall())
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from sqlite_utils import Database
 
-from station.adapters.store.faults import told
 from station.adapters.store.schema import COLUMNS, migrations
+from station.adapters.store.sqlite_errors import translate_errors
 from station.domain.records.chain import SCHEMA, genesis
 from station.errors import LogError, StationError, StoreFault
 
@@ -20,9 +20,9 @@ _WAL_USUAL_BYTES = 5 * 1024 * 1024
 _PAGE_BYTES = 4096
 
 
-def for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
+def open_for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
     """The log, made or migrated as needed: WAL, synchronous FULL. Errors: StoreFault."""
-    with told(StoreFault, path, "opened"):
+    with translate_errors(StoreFault, path, "opened"):
         if path.exists() and not path.is_file():
             what = "a folder" if path.is_dir() else "no ordinary file"
             raise StoreFault(f"the log {path} cannot be opened: it is {what}; name another file with --db FILE")
@@ -30,9 +30,9 @@ def for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
             _make(path.resolve())
         connection = sqlite3.connect(path, timeout=busy_s, isolation_level=None, check_same_thread=False)
     try:
-        with told(StoreFault, path, "opened"):
+        with translate_errors(StoreFault, path, "opened"):
             _prepare(connection, path)
-            _lengthen(path.with_name(path.name + "-wal"))
+            _preallocate_wal(path.with_name(path.name + "-wal"))
     except StoreFault:
         connection.close()
         raise
@@ -60,7 +60,7 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
     connection.execute(f"PRAGMA journal_size_limit = {_WAL_LIMIT_BYTES}")
     db = Database(connection, execute_plugins=False)
     tables = set(db.table_names())
-    check(db, tables, path, StoreFault)
+    check_schema(db, tables, path, StoreFault)
     if not migrations.pending(db):
         return
     _back_up(connection, path)
@@ -68,7 +68,7 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
     _sync_folder(path)
 
 
-def _lengthen(wal: Path) -> None:
+def _preallocate_wal(wal: Path) -> None:
     """Gives the write-ahead log its usual length from the start: a commit's fsync then waits for its data alone.
 
     A file that grows has its new length and blocks to write with each fsync. What follows the last frame is passed
@@ -90,16 +90,16 @@ def _lengthen(wal: Path) -> None:
         os.close(handle)
 
 
-def for_reading(path: Path) -> Database:
+def open_for_reading(path: Path) -> Database:
     """The log, opened so that nothing can be changed. Errors: LogError."""
-    with told(LogError, path, "read"):
+    with translate_errors(LogError, path, "read"):
         if not path.is_file():
             raise LogError(f"there is no log {path}; name one with --db FILE, or make one with `station run`")
         connection = sqlite3.connect(_uri(path), uri=True, isolation_level=None, check_same_thread=False)
     try:
-        with told(LogError, path, "read"):
+        with translate_errors(LogError, path, "read"):
             db = Database(connection, execute_plugins=False)
-            check(db, set(db.table_names()), path, LogError)
+            check_schema(db, set(db.table_names()), path, LogError)
             if migrations.pending(db):
                 raise LogError(f"the log {path} is of an older schema; open it once with `station run` to migrate it")
     except LogError:
@@ -129,7 +129,7 @@ def _uri(path: Path) -> str:
     return f"{path.resolve().as_uri()}?mode=ro{'&immutable=1' if still else ''}"
 
 
-def check(db: Database, tables: set[str], path: Path, kind: type[StationError]) -> None:
+def check_schema(db: Database, tables: set[str], path: Path, kind: type[StationError]) -> None:
     """Raises `kind` unless this is an empty file or a station log of a schema that this program knows."""
     if not tables:
         if kind is LogError:

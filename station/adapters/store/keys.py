@@ -13,9 +13,9 @@ from pathlib import Path
 from station.errors import ConfigError, UsageError
 
 #: The kind of event by which a log names the key that signs it from there on.
-NAMED = "signing-key"
+KEY_EVENT = "signing-key"
 
-_HOW = "make one with `openssl genpkey -algorithm ed25519 -out station.key`"
+_REMEDY = "make one with `openssl genpkey -algorithm ed25519 -out station.key`"
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Signer:
     public_key: bytes
 
 
-def signer(path: Path) -> Signer:
+def load_signer(path: Path) -> Signer:
     """The station's key from a PEM file. Errors: ConfigError."""
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
@@ -34,13 +34,13 @@ def signer(path: Path) -> Signer:
     try:
         key = load_pem_private_key(path.read_bytes(), None)
     except (OSError, ValueError, TypeError) as exc:
-        raise ConfigError(f"the station key {path} cannot be read as an unencrypted PEM key; {_HOW}") from exc
+        raise ConfigError(f"the station key {path} cannot be read as an unencrypted PEM key; {_REMEDY}") from exc
     if not isinstance(key, Ed25519PrivateKey):
-        raise ConfigError(f"the station key {path} is not an Ed25519 key; {_HOW}")
+        raise ConfigError(f"the station key {path} is not an Ed25519 key; {_REMEDY}")
     return Signer(key.sign, key.public_key().public_bytes_raw())
 
 
-def public(path: Path) -> bytes:
+def load_public_key(path: Path) -> bytes:
     """A public key, 32 bytes, from the PEM file of either half. Errors: UsageError."""
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key, load_pem_public_key
@@ -49,13 +49,13 @@ def public(path: Path) -> bytes:
         data = path.read_bytes()
         key = load_pem_private_key(data, None).public_key() if b"PRIVATE" in data else load_pem_public_key(data)
     except (OSError, ValueError, TypeError) as exc:
-        raise UsageError(f"the public key {path} cannot be read as PEM; {_HOW}") from exc
+        raise UsageError(f"the public key {path} cannot be read as PEM; {_REMEDY}") from exc
     if not isinstance(key, Ed25519PublicKey):
-        raise UsageError(f"the key {path} is not an Ed25519 key; {_HOW}")
+        raise UsageError(f"the key {path} is not an Ed25519 key; {_REMEDY}")
     return key.public_bytes_raw()
 
 
-def verifier(key: bytes) -> Callable[[bytes, bytes], bool]:
+def signature_verifier(key: bytes) -> Callable[[bytes, bytes], bool]:
     """A check of (signature, seal) by a public key of 32 bytes."""
     from cryptography.exceptions import InvalidSignature
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -72,10 +72,10 @@ def verifier(key: bytes) -> Callable[[bytes, bytes], bool]:
     return check
 
 
-def named_in(db: sqlite3.Connection) -> bytes | None:
+def named_public_key(db: sqlite3.Connection) -> bytes | None:
     """The public key that a log names as its own; None for a log that is not signed, or whose naming is spoilt."""
     query = "SELECT detail FROM event WHERE attempt IS NULL AND kind = ? ORDER BY seq DESC LIMIT 1"
-    row = db.execute(query, (NAMED,)).fetchone()
+    row = db.execute(query, (KEY_EVENT,)).fetchone()
     try:
         key = bytes.fromhex(json.loads(row[0])["public_key"]) if row else None
     except (ValueError, KeyError, TypeError):

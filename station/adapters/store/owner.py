@@ -8,11 +8,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from station.adapters.store.faults import reason
+from station.adapters.store.sqlite_errors import os_error_reason
 from station.errors import StationError, StoreFault
 
 
-class Owner:
+class OwnerLock:
     """Holds `lock` (flock) as long as it lives; the file says who: name, pid, start time.
 
     what: what is owned, as sentences call it ("the log station.db"). fault: the type of the errors, which name the
@@ -26,7 +26,7 @@ class Owner:
         try:
             self._handle = _open(lock)
         except OSError as exc:
-            raise self._cannot(exc) from exc
+            raise self._lock_error(exc) from exc
         try:
             fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as exc:
@@ -37,7 +37,7 @@ class Owner:
             self._say(name, started_ns)
         except OSError as exc:
             self.release()
-            raise self._cannot(exc) from exc
+            raise self._lock_error(exc) from exc
 
     def release(self) -> None:
         """Gives the log free; twice is harmless. The lock file stays: removing it would race with the next owner."""
@@ -56,8 +56,8 @@ class Owner:
         os.ftruncate(self._handle, 0)
         os.pwrite(self._handle, text.encode(), 0)
 
-    def _cannot(self, exc: OSError) -> StationError:
-        return self._fault(f"{self._what} cannot be locked: {reason(exc)}")
+    def _lock_error(self, exc: OSError) -> StationError:
+        return self._fault(f"{self._what} cannot be locked: {os_error_reason(exc)}")
 
     def _present(self) -> str:
         try:

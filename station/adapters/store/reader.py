@@ -5,18 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from station.adapters.store import archive, changes, file, life, search, unfinished, verify
-from station.adapters.store.changes import Change
-from station.adapters.store.faults import told
+from station.adapters.store import archive, audit_document, changes, file, search, unfinished, verify
+from station.adapters.store.changes import LogChange
 from station.adapters.store.search import Attempt, Query
+from station.adapters.store.sqlite_errors import translate_errors
 from station.adapters.store.yields import Yield, yields
 from station.domain.core.types import Frames
 from station.errors import LogError
-from station.ports.store import Head, Unfinished
+from station.ports.store import LogHead, UnfinishedAttempt
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class EventRecord:
     """One event as the log holds it; number is the cursor for the next call. attempt: "" for the station's own."""
 
     number: int
@@ -31,7 +31,7 @@ class LogReader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.db = file.for_reading(path)
+        self.db = file.open_for_reading(path)
 
     def close(self) -> None:
         """Closes the log; twice is harmless."""
@@ -43,11 +43,11 @@ class LogReader:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def head(self) -> Head:
+    def head(self) -> LogHead:
         """The newest record, to be printed on what is exported."""
         with self._told():
             number, seal = file.newest(self.db.conn, verify.log_id(self.db))
-        return Head(number, seal.hex())
+        return LogHead(number, seal.hex())
 
     def attempts(self, query: Query, limit: int | None = None) -> list[Attempt]:
         """Attempts that the query names, newest first."""
@@ -62,26 +62,26 @@ class LogReader:
     def life(self, query: Query, limit: int | None = None) -> list[dict[str, Any]]:
         """The attempts that the query names with everything kept of them, oldest first."""
         with self._told():
-            return life.of_query(self.db.conn, query, limit)
+            return audit_document.of_query(self.db.conn, query, limit)
 
     def attempt(self, attempt: Attempt) -> dict[str, Any]:
         """Everything kept of one attempt."""
         with self._told():
-            return life.of_attempt(self.db.conn, attempt)
+            return audit_document.of_attempt(self.db.conn, attempt)
 
-    def running(self) -> Sequence[Unfinished]:
+    def running(self) -> Sequence[UnfinishedAttempt]:
         """Attempts that have begun and not ended, with what has been written to their devices."""
         with self._told():
-            return [state for _, state in unfinished.find(self.db.conn)]
+            return [state for _, state in unfinished.find_unfinished(self.db.conn)]
 
-    def events(self, after: int = 0, limit: int = 1000) -> list[Record]:
+    def events(self, after: int = 0, limit: int = 1000) -> list[EventRecord]:
         """Events with numbers beyond `after`, oldest first: call again with the last one's number."""
         query = """SELECT e.seq, coalesce(a.id, ''), e.at_ns, e.kind, e.detail FROM event e
             LEFT JOIN attempt a ON a.seq = e.attempt WHERE e.seq > ? ORDER BY e.seq LIMIT ?"""
         with self._told():
-            return [Record(*row) for row in self.db.execute(query, [after, limit])]
+            return [EventRecord(*row) for row in self.db.execute(query, [after, limit])]
 
-    def changes(self, after: int = 0, limit: int = 1000) -> list[Change]:
+    def changes(self, after: int = 0, limit: int = 1000) -> list[LogChange]:
         """Records of attempts with numbers beyond `after`, oldest first: what a page needs to stay up to date."""
         with self._told():
             return changes.since(self.db.conn, after, limit)
@@ -109,4 +109,4 @@ class LogReader:
         yield from verify.findings(self.path, self.db, trust, progress or (lambda _number: None))
 
     def _told(self) -> Any:
-        return told(LogError, self.path, "read")
+        return translate_errors(LogError, self.path, "read")

@@ -24,7 +24,7 @@ _DWELLS = """
 
 
 @dataclass(frozen=True, slots=True)
-class Reduced:
+class ReducedAttempt:
     """One attempt. number: its record; product: the record of its product; stops: JSON;
     before: JSON of outcome, offset, matrix, checks."""
 
@@ -36,9 +36,9 @@ class Reduced:
     before: str
 
 
-def read(db: sqlite3.Connection, numbers: Sequence[int]) -> list[Reduced]:
+def read(db: sqlite3.Connection, numbers: Sequence[int]) -> list[ReducedAttempt]:
     """Those of the attempts that came to a calibration, in the order of their records."""
-    return [Reduced(*row) for row in db.execute(_QUERY, (json.dumps(list(numbers)),))]
+    return [ReducedAttempt(*row) for row in db.execute(_QUERY, (json.dumps(list(numbers)),))]
 
 
 def dwells(db: sqlite3.Connection, recipe_hash: str, newest: int) -> list[dict[str, Any]]:

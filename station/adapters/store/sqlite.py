@@ -8,15 +8,15 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from station.adapters.store import anchor, archive, file, ids, keys, plain, reduced, unfinished
-from station.adapters.store.faults import told
-from station.adapters.store.owner import Owner
+from station.adapters.store import anchor, archive, column_values, file, ids, keys, reduced, unfinished
+from station.adapters.store.owner import OwnerLock
 from station.adapters.store.schema import COLUMNS
+from station.adapters.store.sqlite_errors import translate_errors
 from station.domain.records import chain
 from station.domain.records.chain import Value
 from station.domain.records.framepack import plain as raw
 from station.errors import StationError, StoreFault
-from station.ports.store import Begin, Head, Suspect, Unfinished, VisitRecord, WriteRecord
+from station.ports.store import AttemptStart, LogHead, SuspectAttempt, UnfinishedAttempt, VisitRecord, WriteRecord
 
 _INSERT = {
     table: f"INSERT INTO {table} (seq, previous, hash, signature, {', '.join(columns)}) "
@@ -45,10 +45,10 @@ class SqliteStore:
         self._turn = Lock()
         self._anchor_fault = ""
         self._open: dict[str, int] = {}
-        with ExitStack() as opened, told(StoreFault, path, "opened"):
+        with ExitStack() as opened, translate_errors(StoreFault, path, "opened"):
             lock = path.with_name(path.name + ".lock")
-            opened.callback(Owner(lock, f"the log {path}", owner, time.time_ns()).release)
-            self._db = file.for_writing(path, busy_s)
+            opened.callback(OwnerLock(lock, f"the log {path}", owner, time.time_ns()).release)
+            self._db = file.open_for_writing(path, busy_s)
             opened.callback(self._db.close)
             log_id = self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0]
             self._anchor = anchor.Anchor(path, log_id)
@@ -61,7 +61,7 @@ class SqliteStore:
         self._name_key()
         self.tidy()
 
-    def begin(self, begin: Begin) -> str:
+    def begin(self, begin: AttemptStart) -> str:
         """Creates the attempt before the device is touched; returns its UUIDv7."""
         if self._anchor_fault:
             raise StoreFault(f"the head file of the log {self.path} cannot be written: {self._anchor_fault}")
@@ -69,7 +69,7 @@ class SqliteStore:
         with self._transaction("written"):
             recipe = self._document("recipe", begin.recipe_json)
             product = self._document("product", begin.product_json)
-            known = plain.columns(begin, attempt, recipe, product)
+            known = column_values.columns(begin, attempt, recipe, product)
             number = self._append("attempt", *(known[name] for name in COLUMNS["attempt"]))
             self._note_head()
         self._open[attempt] = number
@@ -79,12 +79,12 @@ class SqliteStore:
         """Appends an event, which may still come after the finish; attempt "": it is about the station."""
         with self._transaction("written"):
             of = self._of(attempt) if attempt else None
-            self._append("event", of, self._epoch_ns(), plain.text(kind), plain.document(detail))
+            self._append("event", of, self._epoch_ns(), column_values.text(kind), column_values.document(detail))
 
     def visit(self, attempts: Sequence[str], visits: Sequence[VisitRecord]) -> None:
         """Keeps one stop of every nest, in one transaction."""
-        kept = [v.laid or raw.laid(v.frames) for v in visits]
-        rows = [plain.visit(v, laid) for v, laid in zip(visits, kept, strict=True)]
+        kept = [v.laid or raw.to_plain(v.frames) for v in visits]
+        rows = [column_values.visit(v, laid) for v, laid in zip(visits, kept, strict=True)]
         with self._transaction("written"):
             numbers = self._append_all(
                 "visit", [(self._running(a), *row) for a, row in zip(attempts, rows, strict=True)]
@@ -97,14 +97,20 @@ class SqliteStore:
             for one in stages:
                 self._append(
                     "write",
-                    *(self._running(attempt), self._epoch_ns(), one.index, one.sub, plain.text(one.name)),
-                    *(one.stage, plain.number(one.value), one.old, one.written, one.read_back),
+                    *(self._running(attempt), self._epoch_ns(), one.index, one.sub, column_values.text(one.name)),
+                    *(one.stage, column_values.number(one.value), one.old, one.written, one.read_back),
                 )
 
     def result(self, attempt: str, name: str, document: Mapping[str, Any]) -> None:
         """Keeps a named result."""
         with self._transaction("written"):
-            self._append("result", self._running(attempt), self._epoch_ns(), plain.text(name), plain.document(document))
+            self._append(
+                "result",
+                self._running(attempt),
+                self._epoch_ns(),
+                column_values.text(name),
+                column_values.document(document),
+            )
 
     def finish(self, attempt: str, outcome: str, ended_ns: int) -> None:
         """Closes the attempt; when this returns, the record is on the disk."""
@@ -116,32 +122,32 @@ class SqliteStore:
 
     def tidy(self) -> None:
         """Packs the raw frames of finished attempts. What fails stays plain, and the next call tries again."""
-        with self._turn, told(StoreFault, self.path, "read"):
-            waiting = archive.left(self._db)
+        with self._turn, translate_errors(StoreFault, self.path, "read"):
+            waiting = archive.unpacked_attempts(self._db)
         for attempt in waiting:
             with suppress(StationError):
                 self._archive(attempt)
 
-    def unfinished(self) -> tuple[Unfinished, ...]:
+    def unfinished(self) -> tuple[UnfinishedAttempt, ...]:
         """Attempts without an end, oldest first; they may be written to and finished like any other."""
-        with self._turn, told(StoreFault, self.path, "read"):
-            found = unfinished.find(self._db)
+        with self._turn, translate_errors(StoreFault, self.path, "read"):
+            found = unfinished.find_unfinished(self._db)
         self._open.update({u.attempt: number for number, u in found})
         return tuple(u for _, u in found)
 
-    def suspect(self, serial: str) -> Suspect | None:
+    def suspect(self, serial: str) -> SuspectAttempt | None:
         """The unit's last attempt that may have left it half written."""
-        with self._turn, told(StoreFault, self.path, "read"):
-            return unfinished.suspect(self._db, plain.text(serial))
+        with self._turn, translate_errors(StoreFault, self.path, "read"):
+            return unfinished.find_suspect(self._db, column_values.text(serial))
 
     def dwells(self, recipe_hash: str, newest: int) -> Sequence[Mapping[str, Any]]:
         """Results `dwell` of the newest attempts with a recipe, oldest first."""
-        with self._turn, told(StoreFault, self.path, "read"):
+        with self._turn, translate_errors(StoreFault, self.path, "read"):
             return reduced.dwells(self._db, recipe_hash, newest)
 
-    def head(self) -> Head:
+    def head(self) -> LogHead:
         """The newest record's number and seal."""
-        return Head(self._number, self._hash.hex())
+        return LogHead(self._number, self._hash.hex())
 
     def close(self) -> None:
         """Folds the write-ahead log into the file and gives the log free; twice is harmless."""
@@ -158,7 +164,7 @@ class SqliteStore:
     def _transaction(self, doing: str) -> Iterator[None]:
         with self._turn:
             before = self._number, self._hash
-            with told(StoreFault, self.path, doing):
+            with translate_errors(StoreFault, self.path, doing):
                 try:
                     self._db.execute("BEGIN IMMEDIATE")
                     yield
@@ -216,17 +222,17 @@ class SqliteStore:
 
     def _name_key(self) -> None:
         """The log says once, as a record like any other, with what key it is signed from here on."""
-        if self._signer and keys.named_in(self._db) != self._signer.public_key:
-            self.event("", keys.NAMED, {"public_key": self._signer.public_key})
+        if self._signer and keys.named_public_key(self._db) != self._signer.public_key:
+            self.event("", keys.KEY_EVENT, {"public_key": self._signer.public_key})
 
     def _archive(self, attempt: int) -> None:
         """Packs an attempt's raw frames into one record, in place of the plain ones."""
-        with self._turn, told(StoreFault, self.path, "read"):
-            data = archive.packed(self._db, attempt)
+        with self._turn, translate_errors(StoreFault, self.path, "read"):
+            data = archive.pack_frames(self._db, attempt)
         if data is None:
             return
         with self._transaction("written"):
-            self._append("archive", attempt, archive.visits(self._db, attempt), data)
+            self._append("archive", attempt, archive.count_visits(self._db, attempt), data)
             archive.drop_plain(self._db, attempt)
 
     def _of(self, attempt: str) -> int:

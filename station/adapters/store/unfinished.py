@@ -4,7 +4,7 @@ import json
 import sqlite3
 
 from station.adapters.store.schema import SPAN
-from station.ports.store import Suspect, Unfinished, WriteRecord
+from station.ports.store import SuspectAttempt, UnfinishedAttempt, WriteRecord
 
 _ATTEMPTS = """
     SELECT a.seq, a.id, a.serial, a.station, a.nest, a.node, a.started_ns, coalesce(d.text, ''),
@@ -17,7 +17,7 @@ _WRITES = f"""
     SELECT object, sub, name, old, written, read_back, value, stage FROM "write" WHERE {SPAN} ORDER BY seq"""
 
 
-def find(db: sqlite3.Connection) -> list[tuple[int, Unfinished]]:
+def find_unfinished(db: sqlite3.Connection) -> list[tuple[int, UnfinishedAttempt]]:
     """Record number and content of every attempt without an end, oldest first."""
     begun, ended = db.execute("SELECT (SELECT count(*) FROM attempt), (SELECT count(*) FROM finish)").fetchone()
     if begun == ended:
@@ -25,7 +25,7 @@ def find(db: sqlite3.Connection) -> list[tuple[int, Unfinished]]:
     found = []
     for number, uid, serial, station, nest, node, started_ns, product, event, visits in db.execute(_ATTEMPTS):
         writes = tuple(WriteRecord(*row) for row in db.execute(_WRITES, {"a": number}))
-        state = Unfinished(uid, serial, station, nest, node, started_ns, event or "", visits, writes, product)
+        state = UnfinishedAttempt(uid, serial, station, nest, node, started_ns, event or "", visits, writes, product)
         found.append((number, state))
     return found
 
@@ -42,7 +42,7 @@ _LAST_WORD = f"""
     ) ORDER BY seq DESC LIMIT 1"""
 
 
-def suspect(db: sqlite3.Connection, serial: str) -> Suspect | None:
+def find_suspect(db: sqlite3.Connection, serial: str) -> SuspectAttempt | None:
     """See Store.suspect."""
     for number, uid, started_ns in db.execute(_OF_SERIAL, (serial,)).fetchall():
         planned = _objects(db, number, "write-plan")
@@ -52,7 +52,7 @@ def suspect(db: sqlite3.Connection, serial: str) -> Suspect | None:
         state = word[0] if word is not None else ""
         if state in ("old", "new"):
             return None
-        return Suspect(uid, serial, started_ns, state, _objects(db, number, "old-calibration") or {}, planned)
+        return SuspectAttempt(uid, serial, started_ns, state, _objects(db, number, "old-calibration") or {}, planned)
     return None
 
 

@@ -11,13 +11,13 @@ from pathlib import Path
 from sqlite_utils import Database
 
 from station.adapters.store import anchor, keys
-from station.adapters.store.faults import is_damage
 from station.adapters.store.schema import COLUMNS, guards
+from station.adapters.store.sqlite_errors import is_damage
 from station.domain.records import chain
-from station.domain.records.chain import Finding, Sealed, Walk
+from station.domain.records.chain import ChainVerifier, IntegrityFinding, SealedRecord
 from station.domain.records.framepack import plain
 from station.errors import LogError
-from station.ports.store import Head
+from station.ports.store import LogHead
 
 #: Raw frames of every visit must lie in one of two places, and in the plain one only as they were sealed.
 _FRAMES = """
@@ -42,12 +42,12 @@ class Trust:
     public_key: bytes | None = None
 
 
-_TRUSTING = Trust()
+_NO_EXTRA_TRUST = Trust()
 
 
 def findings(
-    path: Path, db: Database, trust: Trust = _TRUSTING, progress: Callable[[int], None] = lambda _number: None
-) -> Iterator[Finding]:
+    path: Path, db: Database, trust: Trust = _NO_EXTRA_TRUST, progress: Callable[[int], None] = lambda _number: None
+) -> Iterator[IntegrityFinding]:
     """Everything wrong with the log; nothing when it is whole. The log may grow meanwhile: a snapshot is checked.
 
     progress is told the record's number now and then.
@@ -66,7 +66,7 @@ def findings(
     except sqlite3.DatabaseError as exc:
         if not is_damage(exc):
             raise LogError(f"the log {path} cannot be read: {exc}") from exc
-        yield Finding("damaged", "", 0, f"the file {path} is damaged and cannot be read further: {exc}")
+        yield IntegrityFinding("damaged", "", 0, f"the file {path} is damaged and cannot be read further: {exc}")
     finally:
         with suppress(sqlite3.DatabaseError):  # of a damaged file even the end of a snapshot fails
             connection.execute("RELEASE verification")
@@ -79,76 +79,82 @@ def log_id(db: Database) -> str:
     return str(row[0]) if row else ""
 
 
-def _schema(db: Database) -> Iterator[Finding]:
+def _schema(db: Database) -> Iterator[IntegrityFinding]:
     present = {row[0] for row in db.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")}
     for name in sorted(guards() - present):
-        yield Finding("unguarded", name, 0, f"the guard {name} was taken off the log, so records could be altered")
+        yield IntegrityFinding(
+            "unguarded", name, 0, f"the guard {name} was taken off the log, so records could be altered"
+        )
     meta = dict(db.execute("SELECT key, value FROM meta").fetchall())
     if set(meta) != {"schema", "log_id"} or meta["schema"] != chain.SCHEMA:
-        yield Finding("edited", "meta", 0, "what the log says about itself (table meta) was edited")
+        yield IntegrityFinding("edited", "meta", 0, "what the log says about itself (table meta) was edited")
 
 
-def _anchors(db: Database, kept: Head | str | None, trust: Trust) -> dict[int, bytes]:
+def _anchors(db: Database, kept: LogHead | str | None, trust: Trust) -> dict[int, bytes]:
     noted = {number: seal for number, seal in db.execute("SELECT number, hash FROM head") if number}
-    in_file = {kept.number: bytes.fromhex(kept.hash)} if isinstance(kept, Head) and kept.number else {}
+    in_file = {kept.number: bytes.fromhex(kept.hash)} if isinstance(kept, LogHead) and kept.number else {}
     return noted | in_file | dict(trust.known)
 
 
 def _verifier(db: Database, trust: Trust) -> Callable[[bytes, bytes], bool] | None:
-    key = trust.public_key or keys.named_in(db.conn)
-    return keys.verifier(key) if key else None
+    key = trust.public_key or keys.named_public_key(db.conn)
+    return keys.signature_verifier(key) if key else None
 
 
 def _chain(
     db: Database,
-    kept: Head | str | None,
+    kept: LogHead | str | None,
     trust: Trust,
     progress: Callable[[int], None],
-) -> Iterator[Finding]:
+) -> Iterator[IntegrityFinding]:
     anchors = _anchors(db, kept, trust)
-    walk = Walk(chain.genesis(log_id(db)), anchors, _verifier(db, trust))
+    walk = ChainVerifier(chain.genesis(log_id(db)), anchors, _verifier(db, trust))
     streams = [_records(db, table) for table in COLUMNS]
     for record in heapq.merge(*streams, key=attrgetter("number")):
         yield from walk.step(record)
         if record.number % _PROGRESS == 0:
             progress(record.number)
-    yield from chain.tail(walk.number, anchors)
+    yield from chain.check_tail(walk.number, anchors)
     if trust.public_key is not None and not walk.signed:
-        yield Finding("unsigned", "", 0, "no record of this log is signed, so it says nothing against the key given")
+        yield IntegrityFinding(
+            "unsigned", "", 0, "no record of this log is signed, so it says nothing against the key given"
+        )
 
 
-def _records(db: Database, table: str) -> Iterator[Sealed]:
+def _records(db: Database, table: str) -> Iterator[SealedRecord]:
     """A table's records in the order of their numbers, one at a time."""
     names = COLUMNS[table]
     query = f"SELECT seq, previous, hash, signature, {', '.join(names)} FROM {table} ORDER BY seq"
     for number, previous, seal, signature, *values in db.execute(query):
-        yield Sealed(number, table, previous, seal, chain.canonical(table, names, values), signature)
+        yield SealedRecord(number, table, previous, seal, chain.canonical(table, names, values), signature)
 
 
-def _head(db: Database, kept: Head | str | None) -> Iterator[Finding]:
+def _head(db: Database, kept: LogHead | str | None) -> Iterator[IntegrityFinding]:
     """The note inside the log is made with every beginning and every finish."""
     (due,) = db.execute(
         "SELECT max(coalesce(max(a.seq), 0), (SELECT coalesce(max(seq), 0) FROM finish)) FROM attempt a"
     )
     noted = db.execute("SELECT number, hash FROM head").fetchall()
     if [number for number, _ in noted] != list(due):
-        yield Finding("edited", "head", 0, "the log's own note of how far it has come (table head) was edited")
+        yield IntegrityFinding("edited", "head", 0, "the log's own note of how far it has come (table head) was edited")
     if isinstance(kept, str):
-        yield Finding("unanchored", "head file", 0, kept)
+        yield IntegrityFinding("unanchored", "head file", 0, kept)
 
 
-def _frames(db: Database) -> Iterator[Finding]:
+def _frames(db: Database) -> Iterator[IntegrityFinding]:
     for number, sha256, data, archive in db.execute(_FRAMES):
         if data is None:
-            yield Finding("deleted", "frames", number, f"the raw frames of visit record {number} are missing")
+            yield IntegrityFinding("deleted", "frames", number, f"the raw frames of visit record {number} are missing")
         elif archive is not None or plain.digest(data) != sha256:
-            yield Finding("edited", "frames", number, f"the raw frames of visit record {number} were edited")
+            yield IntegrityFinding("edited", "frames", number, f"the raw frames of visit record {number} were edited")
     for (number,) in db.execute(_STRAY):
-        yield Finding("inserted", "frames", number, f"there are raw frames for a visit record {number} that is none")
+        yield IntegrityFinding(
+            "inserted", "frames", number, f"there are raw frames for a visit record {number} that is none"
+        )
 
 
-def _pages(db: Database) -> Iterator[Finding]:
+def _pages(db: Database) -> Iterator[IntegrityFinding]:
     """SQLite's own check of its pages and indices."""
     for (said,) in db.execute("PRAGMA integrity_check(20)"):
         if said != "ok":
-            yield Finding("damaged", "", 0, f"SQLite finds its pages damaged: {' '.join(said.split())}")
+            yield IntegrityFinding("damaged", "", 0, f"SQLite finds its pages damaged: {' '.join(said.split())}")

@@ -14,24 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station import plugins
-from station.diagnosis.data.residuals import View
+from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
-from station.diagnosis.linear.grid import Layout
-from station.diagnosis.linear.projection import Rows
+from station.diagnosis.linear.grid import RowLayout
+from station.diagnosis.linear.projection import DataColumns
 from station.domain.core.types import Floats
 from station.domain.recipe.recipe import Recipe
 from station.model.effect import Effect, GoldEffect, PoseEffect, SensorEffect, StimulusEffect
 
 #: Causes that are part of the noise floor.
-FLOOR = ("repeatability", "bias-walk")
+FLOOR_CAUSES = ("repeatability", "bias-walk")
 #: A cause may be so many times as large as the largest met in practice.
-THINKABLE = 20.0
+AMPLITUDE_LIMIT_FACTOR = 20.0
 #: Times of a jump that are scanned at most.
-GAPS = 32
+MAX_JUMP_TIMES = 32
 #: Times between two of them that are tried at most.
-MOMENTS = 12
+MAX_REFINED_JUMP_TIMES = 12
 #: Levels whose groups belong to one unit each.
-OWN = ("unit", "run", "visit", "unit-position")
+PER_UNIT_LEVELS = ("unit", "run", "visit", "unit-position")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,43 +70,43 @@ class Candidate:
         if self.effect is None:
             return np.inf
         p = self.effect.parameter
-        return THINKABLE * max(abs(p.low), abs(p.high)) * self.scale
+        return AMPLITUDE_LIMIT_FACTOR * max(abs(p.low), abs(p.high)) * self.scale
 
     @property
     def axes(self) -> int:
         """Coefficients a group."""
         return int(self.stop.shape[-1])
 
-    def local(self, layout: Layout) -> tuple[NDArray[np.int32], int]:
+    def local_codes(self, layout: RowLayout) -> tuple[NDArray[np.int32], int]:
         """Group codes (v) counted within a unit where groups belong to one, and how many there are."""
-        if self.of not in OWN:
+        if self.of not in PER_UNIT_LEVELS:
             return self.code, len(self.names)
         first = np.full(layout.grid.units, len(self.names))
         np.minimum.at(first, layout.unit, self.code)
         code = (self.code - first[layout.unit]).astype(np.int32)
         return code, int(code.max()) + 1
 
-    def where(self, layout: Layout) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def where(self, layout: RowLayout) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Unit of each group, and its place among the unit's; (groups) each. For groups that belong to one unit."""
         unit, place = np.zeros(len(self.names), np.intp), np.zeros(len(self.names), np.intp)
-        unit[self.code], place[self.code] = layout.unit, self.local(layout)[0]
+        unit[self.code], place[self.code] = layout.unit, self.local_codes(layout)[0]
         return unit, place
 
-    def rows(self, layout: Layout) -> Rows:
+    def rows(self, layout: RowLayout) -> DataColumns:
         """Columns laid out by unit, one set a group."""
-        code, groups = self.local(layout)
+        code, groups = self.local_codes(layout)
         return layout.rows(
             _by_group(self.stop, code, groups), None if self.dwell is None else _by_group(self.dwell, code, groups)
         )
 
-    def of_stops(self, chosen: NDArray[np.bool_]) -> "Candidate":
+    def select_visits(self, chosen: NDArray[np.bool_]) -> "Candidate":
         """The same at some of the stops."""
         dwell = None if self.dwell is None else self.dwell[chosen]
         # The plain one is for what is accepted in the end.
         return replace(self, code=self.code[chosen], stop=self.stop[chosen], dwell=dwell)
 
 
-def seen_in(candidate: Candidate, view: View) -> Candidate:
+def candidate_in_view(candidate: Candidate, view: ResidualView) -> Candidate:
     """A candidate with the columns it has in a view; a kernel's stay."""
     if candidate.effect is None:
         return candidate
@@ -127,78 +127,78 @@ def _by_group(columns: Floats, code: NDArray[np.int32], groups: int) -> Floats:
     return out.reshape(*columns.shape[:-1], -1)
 
 
-def smooth() -> tuple[str, ...]:
+def smooth_causes() -> tuple[str, ...]:
     """Ids of the causes whose signature is smooth, whether this recipe can show them or not."""
     kinds = (PoseEffect, StimulusEffect, SensorEffect, GoldEffect)
     found = plugins.load_all("station.model.effects").items()
-    return tuple(n for n, c in found if issubclass(c, kinds) and n not in FLOOR and not _sounds(c.example()))
+    return tuple(n for n, c in found if issubclass(c, kinds) and n not in FLOOR_CAUSES and not _is_tone(c.example()))
 
 
-def library(recipe: Recipe) -> tuple[Effect, ...]:
+def cause_library(recipe: Recipe) -> tuple[Effect, ...]:
     """Every cause that can act in this recipe and whose signature is smooth, at its typical size."""
     kinds = (PoseEffect, StimulusEffect, SensorEffect, GoldEffect)
     found = (c.example() for c in plugins.load_all("station.model.effects").values() if issubclass(c, kinds))
-    return tuple(e for e in found if recipe.sensor in e.sensors and _at_work(e, recipe))
+    return tuple(e for e in found if recipe.sensor in e.sensors and _acts_on_means(e, recipe))
 
 
-def _at_work(effect: Effect, recipe: Recipe) -> bool:
+def _acts_on_means(effect: Effect, recipe: Recipe) -> bool:
     """Whether a cause acts, and can be seen in the means of a stop's blocks."""
     return (
-        effect.id not in FLOOR
-        and not _sounds(effect)
+        effect.id not in FLOOR_CAUSES
+        and not _is_tone(effect)
         and (not isinstance(effect, GoldEffect) or recipe.reference.source == "gold")
     )
 
 
-def _sounds(effect: Effect) -> bool:
+def _is_tone(effect: Effect) -> bool:
     """Whether a cause makes many waves a dwell."""
     return any(p.name == "frequency" and p.typical > 0 for p in effect.forms)
 
 
-def shapes(effect: Effect, view: View) -> Iterator[Effect]:
+def scanned_forms(effect: Effect, view: ResidualView) -> Iterator[Effect]:
     """The effect at every value of its shape that is scanned; times of a jump are those between the stops."""
-    grid = {p.field: p.grid or (_some(gaps_of(view)) if p.name == "at" else ()) for p in effect.forms}
+    grid = {p.field: p.grid or (_thinned(candidate_jump_times(view)) if p.name == "at" else ()) for p in effect.forms}
     grid = {key: values for key, values in grid.items() if values}
     for values in product(*grid.values()):
         yield replace(effect, **dict(zip(grid, values, strict=True)))
 
 
-def gaps_of(view: View) -> tuple[float, ...]:
+def candidate_jump_times(view: ResidualView) -> tuple[float, ...]:
     """Times between the stops of the longest run, s from its start."""
-    longest = max((rows for rows in view.scene.visits.passes()), key=lambda rows: rows.stop - rows.start)
+    longest = max((rows for rows in view.scene.visits.run_slices()), key=lambda rows: rows.stop - rows.start)
     t = view.scene.time_s[longest]
     return tuple(float(x) for x in (t[1:] + t[:-1]) / 2)
 
 
-def _some(gaps: tuple[float, ...]) -> tuple[float, ...]:
+def _thinned(gaps: tuple[float, ...]) -> tuple[float, ...]:
     """All of a few gaps, as many of more of them."""
-    return gaps[:: max(1, -(-len(gaps) // GAPS))]
+    return gaps[:: max(1, -(-len(gaps) // MAX_JUMP_TIMES))]
 
 
-def moments(view: View, low: float, high: float) -> tuple[float, ...]:
+def jump_times_between(view: ResidualView, low: float, high: float) -> tuple[float, ...]:
     """Times between any two stops of any runs within bounds: from one to the next another stop is before the jump.
     Of a fleet's many, some."""
     t = np.unique(np.round(view.scene.time_s, 3))
     middle = (t[1:] + t[:-1]) / 2
     near = middle[(middle > low) & (middle < high)]
-    return tuple(float(x) for x in near[:: max(1, -(-len(near) // MOMENTS))])
+    return tuple(float(x) for x in near[:: max(1, -(-len(near) // MAX_REFINED_JUMP_TIMES))])
 
 
-def testable(effect: Effect, view: View) -> bool:
+def is_testable(effect: Effect, view: ResidualView) -> bool:
     """Whether everything the cause depends on was recorded."""
-    return all(view.scene.knows(name) for name in effect.needs)
+    return all(view.scene.is_recorded(name) for name in effect.needs)
 
 
-def candidates(effect: Effect, view: View) -> list[Candidate]:
+def candidates(effect: Effect, view: ResidualView) -> list[Candidate]:
     """The cause at every shape and level."""
     found = []
-    for shaped in shapes(effect, view):
+    for shaped in scanned_forms(effect, view):
         stop, dwell = view.signature(shaped)
         found += [_candidate(shaped, of, pattern, view, stop, dwell) for of, pattern in _levels(effect, view)]
-    return [_blurred(c, view) for c in found]
+    return [_with_covariate_error(c, view) for c in found]
 
 
-def _blurred(c: Candidate, view: View) -> Candidate:
+def _with_covariate_error(c: Candidate, view: ResidualView) -> Candidate:
     """The candidate with what its covariate's error adds: c·(x + Σ z·mode) has the columns x and mode, of one variance.
 
     Without them a cause with a noisy covariate would lose to any that has nearly the same course and none of its noise.
@@ -217,13 +217,13 @@ def _blurred(c: Candidate, view: View) -> Candidate:
     return replace(c, stop=np.concatenate(columns, axis=2), plain=c)
 
 
-def _levels(effect: Effect, view: View) -> list[tuple[str, Pattern]]:
+def _levels(effect: Effect, view: ResidualView) -> list[tuple[str, Pattern]]:
     """Levels of sharing that differ in these data, with the pattern of each."""
     found: list[tuple[str, Pattern]] = []
     seen: list[tuple[bool, bytes]] = []
     for of in effect.of:
         code, names = view.scene.group(of)
-        own = of in OWN
+        own = of in PER_UNIT_LEVELS
         key = (own and len(view.scene.visits.unit.names) > 1, code.tobytes())
         if key in seen or (of == "visit" and len(names) < 2):
             continue
@@ -236,13 +236,15 @@ def _levels(effect: Effect, view: View) -> list[tuple[str, Pattern]]:
     return found
 
 
-def _candidate(effect: Effect, of: str, pattern: Pattern, view: View, stop: Floats, dwell: Floats | None) -> Candidate:
+def _candidate(
+    effect: Effect, of: str, pattern: Pattern, view: ResidualView, stop: Floats, dwell: Floats | None
+) -> Candidate:
     code, names = view.scene.group(of)
     scale = effect.parameter.scale(view.scene.recipe)
     return Candidate(effect.id, effect, of, pattern, code, names, stop, dwell, scale)
 
 
-class Made(NamedTuple):
+class BankColumns(NamedTuple):
     """Columns of the bank: of which candidate, the group (v) of each stop within its unit, and where they stand."""
 
     candidate: Candidate
@@ -261,26 +263,26 @@ class Bank:
     candidates: tuple[Candidate, ...]
     groups: tuple[int, ...]
     place: tuple[slice, ...]
-    made: tuple[Made, ...]
+    made: tuple[BankColumns, ...]
 
     def only(self, chosen: Sequence[int]) -> "Bank":
         """The same with some of the candidates."""
         codes = {made.at.start: made.code for made in self.made}
         picked = [(self.candidates[i], codes[self.place[i].start], self.groups[i]) for i in chosen]
-        return _laid_out(picked, moving=self.moving)
+        return _assemble_bank(picked, moving=self.moving)
 
-    def rows(self, layout: Layout, units: slice) -> Rows:
+    def rows(self, layout: RowLayout, units: slice) -> DataColumns:
         """The columns of some units."""
         stops = layout.grid.part(units)[1]
         parts = [m.candidate.stop[stops] for m in self.made]
-        stop = self._spread(layout.keep[stops] @ np.concatenate(parts, axis=2), stops)
+        stop = self._scatter_to_groups(layout.keep[stops] @ np.concatenate(parts, axis=2), stops)
         if not self.moving:
             return layout.laid(stop, None, units)
         inside = np.concatenate([m.candidate.dwell[stops] for m in self.made if m.candidate.dwell is not None], axis=3)
         dwell = layout.within(inside, stops) / layout.sigma
-        return layout.laid(stop, self._spread(dwell.reshape(len(dwell), -1, dwell.shape[-1]), stops), units)
+        return layout.laid(stop, self._scatter_to_groups(dwell.reshape(len(dwell), -1, dwell.shape[-1]), stops), units)
 
-    def _spread(self, columns: Floats, stops: slice) -> Floats:
+    def _scatter_to_groups(self, columns: Floats, stops: slice) -> Floats:
         """Columns (s, n, a) of each candidate as (s, n, C), those of each stop in the place of its group."""
         out = np.zeros((*columns.shape[:2], self.made[-1].at.stop))
         row, end = np.arange(len(columns))[:, None], 0
@@ -291,29 +293,29 @@ class Bank:
         return out
 
 
-def bank_of(items: Sequence[Candidate], layout: Layout, *, moving: bool) -> Bank:
+def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -> Bank:
     """The candidates that move within a stop, or those that do not."""
     chosen = [c for c in items if (c.dwell is not None) == moving]
-    local = {(c.of, id(c.code)): c.local(layout) for c in chosen}
-    return _laid_out([(c, *local[c.of, id(c.code)]) for c in chosen], moving=moving)
+    local = {(c.of, id(c.code)): c.local_codes(layout) for c in chosen}
+    return _assemble_bank([(c, *local[c.of, id(c.code)]) for c in chosen], moving=moving)
 
 
-def _laid_out(items: Sequence[tuple[Candidate, NDArray[np.int32], int]], *, moving: bool) -> Bank:
+def _assemble_bank(items: Sequence[tuple[Candidate, NDArray[np.int32], int]], *, moving: bool) -> Bank:
     """The bank of candidates, with the group of each stop within its unit and how many groups there are."""
-    made: dict[tuple[int, bytes], Made] = {}
+    made: dict[tuple[int, bytes], BankColumns] = {}
     end = 0
     place = []
     for c, code, groups in items:
         key = (id(c.stop), code.tobytes())
         if key not in made:
             start, end = end, end + groups * c.axes
-            made[key] = Made(c, code, slice(start, end))
+            made[key] = BankColumns(c, code, slice(start, end))
         place.append(made[key].at)
     return Bank(
         moving, tuple(c for c, _, _ in items), tuple(g for _, _, g in items), tuple(place), tuple(made.values())
     )
 
 
-def form(effect: Effect) -> dict[str, float]:
+def form_values(effect: Effect) -> dict[str, float]:
     """The values of the shape, by field."""
     return {f.name: getattr(effect, f.name) for f in fields(effect) if f.name != "size"}

@@ -11,26 +11,26 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from station.diagnosis.candidates.bank import OWN, Candidate
-from station.diagnosis.data.reduce import split
-from station.diagnosis.data.residuals import View
+from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
+from station.diagnosis.data.reduce import mean_and_contrasts
+from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
 from station.domain.core.types import Array, Floats
-from station.model.forward import resting
+from station.model.forward import resting_stimulus
 
 #: The words of `unknown.depends_on`.
-WORDS = ("time", "position", "temperature", "input", "dwell-phase", "order", "unit", "group")
+KERNEL_NAMES = ("time", "position", "temperature", "input", "dwell-phase", "order", "unit", "group")
 #: Waves of the slow and of the fast kernel of time, half periods in a run.
-WAVES = (range(1, 4), range(1, 11))
+HALF_WAVES = (range(1, 4), range(1, 11))
 
 
-def kernels(view: View) -> list[Candidate]:
+def kernel_candidates(view: ResidualView) -> list[Candidate]:
     """Every kernel that these data can show."""
     makers = (_time, _order, _position, _temperature, _input, _phase, _unit, _group)
     return [candidate for make in makers for candidate in make(view)]
 
 
-def _kernel(name: str, of: str, view: View, stop: Floats, dwell: Floats | None = None) -> Candidate:
+def _kernel(name: str, of: str, view: ResidualView, stop: Floats, dwell: Floats | None = None) -> Candidate:
     """A kernel shared at one of the scene's levels."""
     code, names = view.scene.group(of)
     return _grouped(name, of, code, names, stop, dwell)
@@ -39,15 +39,15 @@ def _kernel(name: str, of: str, view: View, stop: Floats, dwell: Floats | None =
 def _grouped(
     name: str, of: str, code: NDArray[np.int32], names: tuple[str, ...], stop: Floats, dwell: Floats | None = None
 ) -> Candidate:
-    pattern: Pattern = "own" if of in OWN else "shared"
+    pattern: Pattern = "own" if of in PER_UNIT_LEVELS else "shared"
     return Candidate(name, None, of, pattern, code, names, stop, dwell)
 
 
-def _levels(view: View, *levels: str) -> Iterator[str]:
+def _levels(view: ResidualView, *levels: str) -> Iterator[str]:
     """Levels that differ in these data."""
     seen: set[tuple[bool, bytes]] = set()
     for of in levels:
-        key = (of in OWN and view.grid.units > 1, view.scene.group(of)[0].tobytes())
+        key = (of in PER_UNIT_LEVELS and view.grid.units > 1, view.scene.group(of)[0].tobytes())
         if key not in seen:
             seen.add(key)
             yield of
@@ -58,17 +58,17 @@ def _each_axis(functions: Array) -> Floats:
     return np.asarray(np.einsum("ij,vf->vifj", np.eye(3), functions).reshape(len(functions), 3, -1), float)
 
 
-def _time(view: View) -> Iterator[Candidate]:
+def _time(view: ResidualView) -> Iterator[Candidate]:
     """Waves over the run, slow and fast."""
     t = view.scene.time_s
     share = (t - t.min()) / max(float(np.ptp(t)), 1e-9)
-    for waves in WAVES:
+    for waves in HALF_WAVES:
         columns = _each_axis(np.cos(np.pi * share[:, None] * np.array(waves)))
         for of in _levels(view, "run", "unit", "common"):
             yield _kernel("time", of, view, columns)
 
 
-def _order(view: View) -> Iterator[Candidate]:
+def _order(view: ResidualView) -> Iterator[Candidate]:
     """Every second stop, and the position before."""
     visits = view.scene.visits
     turn = _each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
@@ -79,7 +79,7 @@ def _order(view: View) -> Iterator[Candidate]:
     yield _grouped("order", "previous", before.astype(np.int32), names, _ones(view))
 
 
-def _position(view: View) -> Iterator[Candidate]:
+def _position(view: ResidualView) -> Iterator[Candidate]:
     """Any offset at each position: along the device's axes, along the nest's, for each unit."""
     visits = view.scene.visits
     places = len(visits.position.names)
@@ -91,7 +91,7 @@ def _position(view: View) -> Iterator[Candidate]:
         yield _grouped("position", "unit-position", *_packed(code), _ones(view))
 
 
-def _temperature(view: View) -> Iterator[Candidate]:
+def _temperature(view: ResidualView) -> Iterator[Candidate]:
     """Curves of temperature."""
     T = view.scene.temperature_degC
     if T is None or np.ptp(T) < 0.2:
@@ -101,9 +101,9 @@ def _temperature(view: View) -> Iterator[Candidate]:
         yield _kernel("temperature", of, view, columns)
 
 
-def _input(view: View) -> Iterator[Candidate]:
+def _input(view: ResidualView) -> Iterator[Candidate]:
     """Every product of two or three components of the true vector on every axis."""
-    a = resting(view.scene, view.active)
+    a = resting_stimulus(view.scene, view.active)
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
     powers = [c for degree in (2, 3) for c in combinations_with_replacement(range(3), degree)]
     columns = _each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in powers], axis=1))
@@ -111,43 +111,43 @@ def _input(view: View) -> Iterator[Candidate]:
         yield _kernel("input", of, view, columns)
 
 
-def _phase(view: View) -> Iterator[Candidate]:
+def _phase(view: ResidualView) -> Iterator[Candidate]:
     """Any course within the dwell: the same at each stop, following the last move, following the input."""
     r = view.reduced
     if r.contrast.shape[1] == 0 or not np.any(r.count[:, 1:]):
         return
     blocks = np.arange(r.count.shape[1])
     pulse = (blocks[:, None] == blocks[:-1]).astype(float)
-    a = resting(view.scene, view.active)
+    a = resting_stimulus(view.scene, view.active)
     previous = view.scene.visits.previous
     step = np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
     for size in (np.ones_like(a), step, a):
         rows = np.einsum("bp,vi,ij->vbipj", pulse, size, np.eye(3)).reshape(len(a), len(blocks), 3, -1)
-        stop, dwell = split(rows, r.count)
+        stop, dwell = mean_and_contrasts(rows, r.count)
         for of in _levels(view, "unit", "common"):
             yield _kernel("dwell-phase", of, view, stop, dwell)
 
 
-def _unit(view: View) -> Iterator[Candidate]:
+def _unit(view: ResidualView) -> Iterator[Candidate]:
     """Another offset and another gain in each run of each unit."""
     if len(view.scene.group("run")[1]) == view.grid.units:
         return
-    a = resting(view.scene, view.active)
+    a = resting_stimulus(view.scene, view.active)
     yield _kernel("unit", "run", view, _ones(view))
     yield _kernel("unit", "run", view, np.eye(3) * a[:, None, :])
 
 
-def _group(view: View) -> Iterator[Candidate]:
+def _group(view: ResidualView) -> Iterator[Candidate]:
     """Another offset, and another matrix, for each station, nest, lot and operator."""
-    a = resting(view.scene, view.active)
+    a = resting_stimulus(view.scene, view.active)
     matrix = np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9)
     for of in ("station", "nest", "lot", "operator"):
-        if view.scene.knows(of) and len(view.scene.group(of)[1]) > 1:
+        if view.scene.is_recorded(of) and len(view.scene.group(of)[1]) > 1:
             yield _kernel("group", of, view, _ones(view))
             yield _kernel("group", of, view, matrix)
 
 
-def _ones(view: View) -> Floats:
+def _ones(view: ResidualView) -> Floats:
     return np.broadcast_to(np.eye(3), (len(view.reduced.mean), 3, 3)).copy()
 
 

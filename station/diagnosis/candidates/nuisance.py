@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.candidates.bank import OWN, Candidate, seen_in
-from station.diagnosis.data.residuals import View
-from station.diagnosis.linear.projection import Known, Rows
+from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate, candidate_in_view
+from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.linear.projection import DataColumns, NuisanceColumns
 from station.domain.core.types import Floats
-from station.model.forward import Acting
+from station.model.forward import ActiveEffect
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Accepted:
+class AcceptedCause:
     """A cause, or an unknown kernel, in the model.
 
     candidate: its columns at the present view; hit (groups) the groups that act; coefficient (groups, axes) now;
@@ -32,28 +32,28 @@ class Accepted:
     mean: Floats
     std: Floats
 
-    def at_work(self) -> dict[str, Acting]:
+    def active_effects(self) -> dict[str, ActiveEffect]:
         """The cause at work, once for each of its shapes, by names in the simulation: one effect may act at two levels
         or with two shapes. Nothing of a kernel."""
         c = self.candidate
         return {
-            f"{c.name}/{c.of}/{effect}": Acting(effect, np.where(groups[:, None], self.coefficient, 0.0), c.of)
+            f"{c.name}/{c.of}/{effect}": ActiveEffect(effect, np.where(groups[:, None], self.coefficient, 0.0), c.of)
             for effect, groups in c.shapes.items()
         }
 
-    def renewed(self, view: View) -> "Accepted":
+    def in_view(self, view: ResidualView) -> "AcceptedCause":
         """The same with columns from the view, whose simulation it acts in."""
-        return replace(self, candidate=seen_in(self.candidate, view))
+        return replace(self, candidate=candidate_in_view(self.candidate, view))
 
 
-def accept(candidate: Candidate, hit: NDArray[np.bool_], spread: float) -> Accepted:
+def accept_candidate(candidate: Candidate, hit: NDArray[np.bool_], spread: float) -> AcceptedCause:
     """A cause whose coefficients are not yet known."""
     shape = (len(candidate.names), candidate.axes)
-    return Accepted(candidate, hit, np.zeros(shape), np.zeros(shape), np.full(shape, spread))
+    return AcceptedCause(candidate, hit, np.zeros(shape), np.zeros(shape), np.full(shape, spread))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class CoefficientIndex:
     """Where the coefficients of an accepted cause stand: column numbers among the own or the shared ones.
 
     own: whether they are columns of units; unit, column (groups, axes); −1 for a group that does not act.
@@ -64,22 +64,24 @@ class Place:
     column: NDArray[np.intp]
 
 
-def known_of(view: View, accepted: tuple[Accepted, ...], matrix: bool) -> tuple[Known, tuple[Place, ...]]:
+def nuisance_of(
+    view: ResidualView, accepted: tuple[AcceptedCause, ...], matrix: bool
+) -> tuple[NuisanceColumns, tuple[CoefficientIndex, ...]]:
     """Calibration and accepted causes as known columns, and where each cause's coefficients stand."""
     calibration = view.rows(view.calibration(matrix), None)
     units, p = view.grid.units, calibration.stop.shape[-1]
-    own, shared = [calibration], [Rows(calibration.stop[..., :0])]
+    own, shared = [calibration], [DataColumns(calibration.stop[..., :0])]
     precision, target = np.zeros((units, p)), np.zeros((units, p))
     common_precision, common_target = np.zeros(0), np.zeros(0)
-    places: list[Place] = []
+    places: list[CoefficientIndex] = []
     for item in accepted:
-        rows, place = columns_of(item, view)
+        rows, place = accepted_columns(item, view)
         weight, about = 1 / item.std**2, item.mean - item.coefficient
         if place.own:
             width = rows.stop.shape[-1]
             places.append(replace(place, column=np.where(place.column >= 0, place.column + precision.shape[1], -1)))
-            precision = np.concatenate([precision, _laid(weight, place, units, width)], axis=1)
-            target = np.concatenate([target, _laid(about, place, units, width)], axis=1)
+            precision = np.concatenate([precision, _scatter_columns(weight, place, units, width)], axis=1)
+            target = np.concatenate([target, _scatter_columns(about, place, units, width)], axis=1)
             own.append(rows)
         else:
             places.append(replace(place, column=np.where(place.column >= 0, place.column + len(common_precision), -1)))
@@ -87,36 +89,38 @@ def known_of(view: View, accepted: tuple[Accepted, ...], matrix: bool) -> tuple[
             common_precision = np.concatenate([common_precision, weight[chosen]])
             common_target = np.concatenate([common_target, about[chosen]])
             shared.append(rows)
-    for rows in _blurs(view, accepted):
+    for rows in _covariate_error_columns(view, accepted):
         own.append(rows)
         width = rows.stop.shape[-1]
         precision, target = (
             np.pad(x, ((0, 0), (0, width)), constant_values=c) for x, c in ((precision, 1), (target, 0))
         )
-    known = Known(Rows.beside(own), precision, target, Rows.beside(shared), common_precision, common_target)
+    known = NuisanceColumns(
+        DataColumns.beside(own), precision, target, DataColumns.beside(shared), common_precision, common_target
+    )
     return known, tuple(places)
 
 
-def _blurs(view: View, accepted: tuple[Accepted, ...]) -> Iterator[Rows]:
+def _covariate_error_columns(view: ResidualView, accepted: tuple[AcceptedCause, ...]) -> Iterator[DataColumns]:
     """What the accepted causes may be off by because their covariates are, for each run of a unit on its own."""
     code, names = view.scene.group("run")
-    for acting in (acting for item in accepted for acting in item.at_work().values()):
-        stop = view.blurred(acting)
+    for acting in (acting for item in accepted for acting in item.active_effects().values()):
+        stop = view.covariate_error(acting)
         if stop is not None:
             yield Candidate("blur", None, "run", "own", code, names, stop).rows(view.layout)
 
 
-def columns_of(item: Accepted, view: View) -> tuple[Rows, Place]:
+def accepted_columns(item: AcceptedCause, view: ResidualView) -> tuple[DataColumns, CoefficientIndex]:
     """Columns of the groups that act, and their places counted from 0."""
     c = item.candidate
     axes = np.arange(c.axes)
     rows = c.rows(view.layout)
-    if c.of not in OWN:
+    if c.of not in PER_UNIT_LEVELS:
         chosen = np.flatnonzero(item.hit)
         number = np.full(len(c.names), -1)
         number[chosen] = np.arange(len(chosen))
         column = np.where(item.hit[:, None], number[:, None] * c.axes + axes, -1)
-        return _picked(rows, (chosen[:, None] * c.axes + axes).ravel()), Place(
+        return _select_columns(rows, (chosen[:, None] * c.axes + axes).ravel()), CoefficientIndex(
             own=False, unit=np.zeros_like(column), column=column
         )
     unit, first = c.where(view.layout)
@@ -124,24 +128,26 @@ def columns_of(item: Accepted, view: View) -> tuple[Rows, Place]:
     number = np.full(int(first.max()) + 1, -1)
     number[used] = np.arange(len(used))
     column = np.where(item.hit[:, None], number[first][:, None] * c.axes + axes, -1)
-    rows = _picked(rows, (used[:, None] * c.axes + axes).ravel())
-    return _only(rows, unit, column), Place(own=True, unit=np.repeat(unit[:, None], c.axes, 1), column=column)
+    rows = _select_columns(rows, (used[:, None] * c.axes + axes).ravel())
+    return _zero_inactive(rows, unit, column), CoefficientIndex(
+        own=True, unit=np.repeat(unit[:, None], c.axes, 1), column=column
+    )
 
 
-def _picked(rows: Rows, columns: NDArray[np.intp]) -> Rows:
-    return Rows(rows.stop[..., columns], None if rows.dwell is None else rows.dwell[..., columns])
+def _select_columns(rows: DataColumns, columns: NDArray[np.intp]) -> DataColumns:
+    return DataColumns(rows.stop[..., columns], None if rows.dwell is None else rows.dwell[..., columns])
 
 
-def _only(rows: Rows, unit: NDArray[np.intp], column: NDArray[np.intp]) -> Rows:
+def _zero_inactive(rows: DataColumns, unit: NDArray[np.intp], column: NDArray[np.intp]) -> DataColumns:
     """Columns set to zero in units where their group does not act."""
     acts = np.zeros((rows.stop.shape[0], rows.stop.shape[-1]))
     on = column >= 0
     acts[np.broadcast_to(unit[:, None], column.shape)[on], column[on]] = 1.0
     dwell = None if rows.dwell is None else rows.dwell * acts[:, None, :]
-    return Rows(rows.stop * acts[:, None, None, :], dwell)
+    return DataColumns(rows.stop * acts[:, None, None, :], dwell)
 
 
-def _laid(values: Floats, place: Place, units: int, width: int) -> Floats:
+def _scatter_columns(values: Floats, place: CoefficientIndex, units: int, width: int) -> Floats:
     """Values (groups, axes) where their columns stand (U, width)."""
     out = np.zeros((units, width))
     on = place.column >= 0

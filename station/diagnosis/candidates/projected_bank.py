@@ -11,23 +11,31 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.candidates.bank import THINKABLE, Bank
-from station.diagnosis.linear.evidence import GROUPED, Pattern, Sets, Spectrum, log_mean, seen_of, spectrum
-from station.diagnosis.linear.grid import Layout
-from station.diagnosis.linear.projection import Space
+from station.diagnosis.candidates.bank import AMPLITUDE_LIMIT_FACTOR, Bank
+from station.diagnosis.linear.evidence import (
+    GROUP_AXES,
+    DataSets,
+    EigenSpectrum,
+    Pattern,
+    log_mean_exp,
+    spectrum,
+    visible_directions,
+)
+from station.diagnosis.linear.grid import RowLayout
+from station.diagnosis.linear.projection import ResidualSpace
 from station.domain.core.types import Array, Floats
 
 #: Units whose columns are in memory at once.
-PART = 8
+UNITS_AT_ONCE = 8
 #: Candidates of one shape that are gone through together.
-TOGETHER = 8
+CANDIDATES_AT_ONCE = 8
 
 
-class Found(NamedTuple):
+class CandidateFit(NamedTuple):
     """What a space shows of one candidate: u (1, …) of the readings, L (ρ) of the readings, of a scan that of each
     group (U, G, ρ), the log evidence; and ZE (U, M, K) in single precision, where asked for."""
 
-    spectrum: Spectrum
+    spectrum: EigenSpectrum
     components: Floats
     likelihood: Floats
     evidence: float
@@ -35,16 +43,16 @@ class Found(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class ProjectedBank:
     """A bank as a space sees it, found of each candidate, and the readings as a data set."""
 
     bank: Bank
-    space: Space
-    found: tuple[Found, ...]
-    readings: Sets
+    space: ResidualSpace
+    found: tuple[CandidateFit, ...]
+    readings: DataSets
 
     @property
-    def spectra(self) -> tuple[Spectrum, ...]:
+    def spectra(self) -> tuple[EigenSpectrum, ...]:
         """What each candidate can show."""
         return tuple(f.spectrum for f in self.found)
 
@@ -53,13 +61,13 @@ class Seen:
         """Log evidence (candidates) of the readings."""
         return np.array([f.evidence for f in self.found])
 
-    def only(self, kept: Sequence[bool]) -> "Seen":
+    def only(self, kept: Sequence[bool]) -> "ProjectedBank":
         """The same with some of the candidates."""
         chosen = [i for i, k in enumerate(kept) if k]
-        return Seen(self.bank.only(chosen), self.space, tuple(self.found[i] for i in chosen), self.readings)
+        return ProjectedBank(self.bank.only(chosen), self.space, tuple(self.found[i] for i in chosen), self.readings)
 
 
-class Products(NamedTuple):
+class NormalProducts(NamedTuple):
     """Of some units' columns Z of a kind: normal ZᵀZ (b, …, K, K), cross ZᵀC (b, …, K, c), readings Zᵀr (b, …, K)."""
 
     normal: Floats
@@ -67,32 +75,36 @@ class Products(NamedTuple):
     readings: Floats
 
 
-def columns_of(bank: Bank, layout: Layout, space: Space, count: int = PART) -> Iterator[tuple[slice, Floats]]:
+def white_columns(
+    bank: Bank, layout: RowLayout, space: ResidualSpace, count: int = UNITS_AT_ONCE
+) -> Iterator[tuple[slice, Floats]]:
     """So many units after others, and the white columns (U, M, C) of the whole bank for them."""
     if bank.candidates:
         for units in layout.grid.parts(count):
-            yield units, space.see(bank.rows(layout, units), units)
+            yield units, space.project(bank.rows(layout, units), units)
 
 
-def see(bank: Bank, layout: Layout, spaces: Sequence[Space], *, axes: bool = False) -> tuple[Seen, ...]:
+def project_bank(
+    bank: Bank, layout: RowLayout, spaces: Sequence[ResidualSpace], *, axes: bool = False
+) -> tuple[ProjectedBank, ...]:
     """The bank in each of some spaces; with the axes, which the drawing of null data needs, or without."""
-    kinds = _kinds(bank)
-    parts: list[list[list[Products]]] = [[] for _ in spaces]
+    kinds = _shape_groups(bank)
+    parts: list[list[list[NormalProducts]]] = [[] for _ in spaces]
     kept: list[list[Array]] = [[] for _ in spaces]
-    for units in layout.grid.parts(PART) if bank.candidates else ():
+    for units in layout.grid.parts(UNITS_AT_ONCE) if bank.candidates else ():
         rows = bank.rows(layout, units)
         for i, space in enumerate(spaces):
-            columns = space.see(rows, units)
+            columns = space.project(rows, units)
             parts[i].append(_products(columns, space, units, kinds))
             if axes:
                 kept[i].append(columns.astype(np.float32))
     return tuple(
-        _seen(bank, kinds, space, parts[i], np.concatenate(kept[i]) if kept[i] else None)
+        _merge_parts(bank, kinds, space, parts[i], np.concatenate(kept[i]) if kept[i] else None)
         for i, space in enumerate(spaces)
     )
 
 
-class Kind(NamedTuple):
+class ShapeGroup(NamedTuple):
     """Some candidates that are alike in shape: which, their pattern, groups within a unit, and columns (b, K)."""
 
     which: tuple[int, ...]
@@ -101,51 +113,59 @@ class Kind(NamedTuple):
     columns: NDArray[np.intp]
 
 
-def _kinds(bank: Bank) -> list[Kind]:
+def _shape_groups(bank: Bank) -> list[ShapeGroup]:
     """The candidates sorted by shape, few enough at a time for a processor's cache."""
     alike: dict[tuple[Pattern, int, int], list[int]] = {}
     for i, (c, groups, at) in enumerate(zip(bank.candidates, bank.groups, bank.place, strict=True)):
         alike.setdefault((c.pattern, groups if c.pattern == "scan" else 1, at.stop - at.start), []).append(i)
     kinds = []
     for (pattern, groups, width), which in alike.items():
-        for some in (which[i : i + TOGETHER] for i in range(0, len(which), TOGETHER)):
+        for some in (which[i : i + CANDIDATES_AT_ONCE] for i in range(0, len(which), CANDIDATES_AT_ONCE)):
             columns = np.array([bank.place[i].start for i in some])[:, None] + np.arange(width)
-            kinds.append(Kind(tuple(some), pattern, groups, columns))
+            kinds.append(ShapeGroup(tuple(some), pattern, groups, columns))
     return kinds
 
 
-def _products(columns: Floats, space: Space, units: slice, kinds: Sequence[Kind]) -> list[Products]:
+def _products(columns: Floats, space: ResidualSpace, units: slice, kinds: Sequence[ShapeGroup]) -> list[NormalProducts]:
     """The products of some units' white columns (U, M, C), of each kind."""
     Z = np.ascontiguousarray(columns.swapaxes(1, 2))
-    cross, readings = Z @ space.border[units], (Z @ space.data[units, :, None])[..., 0]
-    return [_of_kind(kind, Z, cross, readings) for kind in kinds]
+    cross, readings = Z @ space.shared_basis[units], (Z @ space.data[units, :, None])[..., 0]
+    return [_group_products(kind, Z, cross, readings) for kind in kinds]
 
 
-def _of_kind(kind: Kind, Z: Floats, cross: Floats, readings: Floats) -> Products:
+def _group_products(kind: ShapeGroup, Z: Floats, cross: Floats, readings: Floats) -> NormalProducts:
     """Those of one kind: (b, U, K, …), (b, U, G, K, …) of a scan, (b, K, …) summed over the units of a shared one."""
     rows = Z[:, kind.columns]
     if kind.pattern == "scan":
         rows = rows.reshape(*rows.shape[:2], kind.groups, -1, rows.shape[-1])
     normal = rows @ rows.swapaxes(-1, -2)
     cross = cross[:, kind.columns].reshape(*normal.shape[:-1], -1)
-    found = Products(normal, cross, readings[:, kind.columns].reshape(normal.shape[:-1]))
-    return Products(*(x.sum(0) if kind.pattern == "shared" else x.swapaxes(0, 1) for x in found))
+    found = NormalProducts(normal, cross, readings[:, kind.columns].reshape(normal.shape[:-1]))
+    return NormalProducts(*(x.sum(0) if kind.pattern == "shared" else x.swapaxes(0, 1) for x in found))
 
 
-def _seen(bank: Bank, kinds: Sequence[Kind], space: Space, parts: Sequence[list[Products]], kept: Array | None) -> Seen:
+def _merge_parts(
+    bank: Bank,
+    kinds: Sequence[ShapeGroup],
+    space: ResidualSpace,
+    parts: Sequence[list[NormalProducts]],
+    kept: Array | None,
+) -> ProjectedBank:
     """What all parts together show."""
-    sets = Sets.of(space, space.data[None])
-    found: dict[int, Found] = {}
+    sets = DataSets.of(space, space.data[None])
+    found: dict[int, CandidateFit] = {}
     for k, kind in enumerate(kinds):
         most = np.array([bank.candidates[i].most for i in kind.which])
         columns = None if kept is None else [kept[..., bank.place[i]] for i in kind.which]
-        found.update(zip(kind.which, _found(kind, [part[k] for part in parts], most, columns, sets), strict=True))
-    return Seen(bank, space, tuple(found[i] for i in range(len(bank.candidates))), sets)
+        found.update(
+            zip(kind.which, _candidate_fits(kind, [part[k] for part in parts], most, columns, sets), strict=True)
+        )
+    return ProjectedBank(bank, space, tuple(found[i] for i in range(len(bank.candidates))), sets)
 
 
-def _found(
-    kind: Kind, parts: Sequence[Products], most: Floats, columns: Sequence[Array] | None, sets: Sets
-) -> Iterator[Found]:
+def _candidate_fits(
+    kind: ShapeGroup, parts: Sequence[NormalProducts], most: Floats, columns: Sequence[Array] | None, sets: DataSets
+) -> Iterator[CandidateFit]:
     """What all parts together show of each candidate of a kind."""
     space, shared, scan = sets.space, kind.pattern == "shared", kind.pattern == "scan"
     both = zip(*parts, strict=True)
@@ -155,17 +175,17 @@ def _found(
     if kind.pattern != "own" and cross.shape[-1]:
         normal = normal - cross @ cross.swapaxes(-1, -2)
     m, E = np.linalg.eigh(normal)
-    seen = seen_of(m, GROUPED[kind.pattern])
+    seen = visible_directions(m, GROUP_AXES[kind.pattern])
     E = E * seen[..., None, :]
     turn = E.swapaxes(-1, -2)
     can = spectrum(space, np.where(seen, m, 0.0), turn @ cross, kind.pattern, most)
     u = can.components((turn @ readings[..., None])[..., 0][:, None], sets)
     likelihood = can.likelihoods(u, sets) if scan else can.likelihood(can.terms(u, sets), sets)
-    evidence = log_mean(can.spread(likelihood) if scan else likelihood)[:, 0]
+    evidence = log_mean_exp(can.spread(likelihood) if scan else likelihood)[:, 0]
     for i in range(len(m)):
         axes = None if columns is None else _turned(columns[i], E[i])
-        one = can.of(i) if axes is not None else can.bare().of(i)
-        yield Found(one, u[i], likelihood[i, 0], float(evidence[i]), axes)
+        one = can.of(i) if axes is not None else can.without_cross().of(i)
+        yield CandidateFit(one, u[i], likelihood[i, 0], float(evidence[i]), axes)
 
 
 def _turned(columns: Array, E: Floats) -> Array:
@@ -177,10 +197,10 @@ def _turned(columns: Array, E: Floats) -> Array:
     return split.transpose(0, 2, 1, 3).reshape(U, M, K)
 
 
-def visible(seen: Seen, swollen: float) -> tuple[bool, ...]:
+def visible_candidates(seen: ProjectedBank, swollen: float) -> tuple[bool, ...]:
     """Of each candidate, whether the largest amplitude met in practice would leave more than noise (d > 1).
 
     swollen: how many times the noise is larger than the samples' own, perhaps by what is yet to be found.
     """
     pairs = zip(seen.bank.candidates, seen.spectra, strict=True)
-    return tuple(swollen * c.most / THINKABLE * float(np.sqrt(s.m.sum())) > 1.0 for c, s in pairs)
+    return tuple(swollen * c.most / AMPLITUDE_LIMIT_FACTOR * float(np.sqrt(s.m.sum())) > 1.0 for c, s in pairs)

@@ -6,19 +6,25 @@ from itertools import pairwise
 
 import numpy as np
 
-from station.diagnosis.candidates.bank import GAPS, Candidate, bank_of, gaps_of, moments
-from station.diagnosis.candidates.projected_bank import see
-from station.diagnosis.data.residuals import View
-from station.diagnosis.linear.projection import Space
+from station.diagnosis.candidates.bank import (
+    MAX_JUMP_TIMES,
+    Candidate,
+    build_bank,
+    candidate_jump_times,
+    jump_times_between,
+)
+from station.diagnosis.candidates.projected_bank import project_bank
+from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.linear.projection import ResidualSpace
 from station.domain.core.types import Floats
 from station.model.effect import Effect, Parameter
 
 #: Nats by which a form is not worth improving further.
-ENOUGH = 0.02
+MIN_IMPROVEMENT_NATS = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Tuned:
+class FormEstimate:
     """A form parameter: its field, best value, and standard deviation from the curvature of the evidence."""
 
     field: str
@@ -27,100 +33,104 @@ class Tuned:
 
 
 #: Frequencies tried where a cause may ring, Hz, beyond which a block of samples holds whole waves.
-RINGS_HZ = (*(2.0 + 0.5 * i for i in range(13)), 8.7, 9.4, 10.2, 11.0, 12.0)
+RINGING_HZ = (*(2.0 + 0.5 * i for i in range(13)), 8.7, 9.4, 10.2, 11.0, 12.0)
 
 
-def tunable(effect: Effect | None) -> tuple[Parameter, ...]:
+def tunable_parameters(effect: Effect | None) -> tuple[Parameter, ...]:
     """The parameters of a form that are scanned on a grid, and the frequency of one that rings."""
-    return () if effect is None else tuple(p for p in effect.forms if p.grid or _rings(effect, p))
+    return () if effect is None else tuple(p for p in effect.forms if p.grid or _has_frequency(effect, p))
 
 
-def _rings(effect: Effect, p: Parameter) -> bool:
+def _has_frequency(effect: Effect, p: Parameter) -> bool:
     return p.name == "frequency" and getattr(effect, p.field) > 0
 
 
 def may_ring(effect: Effect | None) -> bool:
     """Whether a cause has a frequency that nobody has looked for yet."""
-    return effect is not None and any(p.name == "frequency" and not _rings(effect, p) for p in effect.forms)
+    return effect is not None and any(p.name == "frequency" and not _has_frequency(effect, p) for p in effect.forms)
 
 
-def rung(candidate: Candidate, view: View, space: Space) -> Candidate:
+def with_ringing(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> Candidate:
     """The candidate with the frequency and the time constant that explain most, roughly."""
     assert candidate.effect is not None
     field = next(p.field for p in candidate.effect.forms if p.name == "frequency")
     # Of waves that die away within a few periods, peaks are narrow in both: between the values of the bank, one more.
-    others = [(p.field, v) for p in candidate.effect.forms for v in _closer(p.grid)] or [(field, 0.0)]
+    others = [(p.field, v) for p in candidate.effect.forms for v in _densified(p.grid)] or [(field, 0.0)]
     found = [candidate]
-    for hz in RINGS_HZ:
-        found += [shaped(candidate, replace(candidate.effect, **{other: v, field: hz}), view) for other, v in others]
+    for hz in RINGING_HZ:
+        found += [with_form(candidate, replace(candidate.effect, **{other: v, field: hz}), view) for other, v in others]
     return _best(found, view, space)
 
 
-def _closer(grid: tuple[float, ...]) -> tuple[float, ...]:
+def _densified(grid: tuple[float, ...]) -> tuple[float, ...]:
     """A logarithmic grid with its middles."""
     return tuple(sorted((*grid, *(float(np.sqrt(a * b)) for a, b in pairwise(grid)))))
 
 
-def evidence_of(candidate: Candidate, view: View, space: Space) -> float:
+def evidence_of(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> float:
     """Log evidence of one candidate."""
     return float(_evidence([candidate], view, space)[0])
 
 
-def _evidence(candidates: Sequence[Candidate], view: View, space: Space) -> Floats:
+def _evidence(candidates: Sequence[Candidate], view: ResidualView, space: ResidualSpace) -> Floats:
     """Log evidence (candidates) of shapes of one cause."""
-    bank = bank_of(candidates, view.layout, moving=candidates[0].dwell is not None)
-    return see(bank, view.layout, [space])[0].evidence
+    bank = build_bank(candidates, view.layout, moving=candidates[0].dwell is not None)
+    return project_bank(bank, view.layout, [space])[0].evidence
 
 
-def _best(candidates: Sequence[Candidate], view: View, space: Space) -> Candidate:
+def _best(candidates: Sequence[Candidate], view: ResidualView, space: ResidualSpace) -> Candidate:
     """The shape of the greatest evidence."""
     return candidates[int(_evidence(candidates, view, space).argmax())]
 
 
-def reshaped(candidate: Candidate, field: str, value: float, view: View) -> Candidate:
+def with_form_value(candidate: Candidate, field: str, value: float, view: ResidualView) -> Candidate:
     """The candidate with another value of a form parameter."""
     assert candidate.effect is not None
-    return shaped(candidate, replace(candidate.effect, **{field: value}), view)
+    return with_form(candidate, replace(candidate.effect, **{field: value}), view)
 
 
-def shaped(candidate: Candidate, effect: Effect, view: View) -> Candidate:
+def with_form(candidate: Candidate, effect: Effect, view: ResidualView) -> Candidate:
     """The candidate at another shape."""
     stop, dwell = view.signature(effect, candidate.of)
     return replace(candidate, effect=effect, stop=stop, dwell=dwell)
 
 
-def tuned(candidate: Candidate, view: View, space: Space) -> tuple[Candidate, tuple[Tuned, ...]]:
+def tune_form(
+    candidate: Candidate, view: ResidualView, space: ResidualSpace
+) -> tuple[Candidate, tuple[FormEstimate, ...]]:
     """The candidate with its form at the greatest evidence, on a logarithmic scale."""
     found = []
-    for p in tunable(candidate.effect):
+    for p in tunable_parameters(candidate.effect):
         candidate, result = _tune(candidate, p, view, space)
         found.append(result)
     return candidate, tuple(found)
 
 
-def jumps(effect: Effect | None) -> bool:
+def has_jump(effect: Effect | None) -> bool:
     """Whether a cause begins at some time within a run."""
     return effect is not None and any(p.name == "at" for p in effect.forms)
 
 
-def between(candidate: Candidate, view: View, space: Space) -> Candidate:
+def refine_jump_time(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> Candidate:
     """The candidate with its time of a jump at the best moment nearby: the bank looks between the stops of the longest
     run alone, of which it may leave some out."""
-    gaps = gaps_of(view)
+    gaps = candidate_jump_times(view)
     i = min(range(len(gaps)), key=lambda k: abs(gaps[k] - candidate.effect.at_s))  # type: ignore[union-attr]
-    step = -(-len(gaps) // GAPS)
+    step = -(-len(gaps) // MAX_JUMP_TIMES)
     low, high = gaps[max(i - step, 0)], gaps[min(i + step, len(gaps) - 1)]
-    near = [reshaped(candidate, "at_s", at, view) for at in moments(view, low, high)]
+    near = [with_form_value(candidate, "at_s", at, view) for at in jump_times_between(view, low, high)]
     return _best([candidate, *near], view, space)
 
 
-def _tune(candidate: Candidate, p: Parameter, view: View, space: Space) -> tuple[Candidate, Tuned]:
+def _tune(
+    candidate: Candidate, p: Parameter, view: ResidualView, space: ResidualSpace
+) -> tuple[Candidate, FormEstimate]:
     """Successive parabolas through the best three points of the logarithm."""
     tried: dict[float, tuple[float, Candidate]] = {}
 
     def at(x: float) -> float:
         if x not in tried:
-            c = reshaped(candidate, p.field, float(np.exp(x)), view)
+            c = with_form_value(candidate, p.field, float(np.exp(x)), view)
             tried[x] = evidence_of(c, view, space), c
         return tried[x][0]
 
@@ -138,14 +148,14 @@ def _tune(candidate: Candidate, p: Parameter, view: View, space: Space) -> tuple
         fresh = float(np.clip(now + _vertex(sorted(tried), now, at), low, high))
         if min(abs(fresh - x) for x in tried) < 1e-4:
             break
-        if at(fresh) - before < ENOUGH and abs(fresh - now) < 0.3 * gap:
+        if at(fresh) - before < MIN_IMPROVEMENT_NATS and abs(fresh - now) < 0.3 * gap:
             break
     # The curvature is that of the top: points one deviation off say more of it than those of the search.
     spread = _spread(sorted(tried), best(), at)
     for x in (best() - spread, best() + spread):
         at(float(np.clip(x, low, high)))
     value = float(np.exp(best()))
-    return tried[best()][1], Tuned(p.field, value, value * _spread(sorted(tried), best(), at))
+    return tried[best()][1], FormEstimate(p.field, value, value * _spread(sorted(tried), best(), at))
 
 
 def _neighbours(points: list[float], best: float) -> tuple[float, float] | None:

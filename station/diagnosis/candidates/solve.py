@@ -4,16 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.diagnosis.candidates.nuisance import Place
-from station.diagnosis.linear.projection import Covariance, Known, Rows, priors
+from station.diagnosis.candidates.nuisance import CoefficientIndex
+from station.diagnosis.linear.projection import DataColumns, FloorCovariance, NuisanceColumns, prior_rows
 from station.domain.core.types import Floats
 
 #: Directions shorter than this share of the longest are not estimated.
-CUT = 1e-12
+EIGENVALUE_CUT = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class White:
+class WhiteRows:
     """Everything known and the readings as white rows (U, M, …), those of the priors last; precision of those that
     have none is 0."""
 
@@ -23,42 +23,42 @@ class White:
     stops: int
     dwell: int
 
-    def residual(self, solved: "Solved") -> Floats:
+    def residual(self, solved: "NuisanceSolution") -> Floats:
         """Readings (U, M) without what the coefficients explain."""
         return np.asarray(self.data - np.einsum("ump,up->um", self.own, solved.own) - self.shared @ solved.shared)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solved:
+class NuisanceSolution:
     """own (U, p) and shared (c) coefficients; own_cov (U, p, p) and shared_cov (c, c)."""
 
     own: Floats
-    own_cov: Floats
+    per_unit_cov: Floats
     shared: Floats
     shared_cov: Floats
 
-    def at(self, place: Place) -> tuple[Floats, Floats]:
+    def at(self, place: CoefficientIndex) -> tuple[Floats, Floats]:
         """Coefficients and standard deviations (groups, axes) at a place; zero where no group acts."""
         on = place.column >= 0
         value, std = np.zeros(place.column.shape), np.zeros(place.column.shape)
         column = place.column[on]
         if place.own:
             unit = place.unit[on]
-            value[on], std[on] = self.own[unit, column], np.sqrt(self.own_cov[unit, column, column])
+            value[on], std[on] = self.own[unit, column], np.sqrt(self.per_unit_cov[unit, column, column])
         else:
             value[on], std[on] = self.shared[column], np.sqrt(self.shared_cov[column, column])
         return value, std
 
 
-def whitened(covariance: Covariance, known: Known, readings: Rows) -> White:
+def whitened(covariance: FloorCovariance, known: NuisanceColumns, readings: DataColumns) -> WhiteRows:
     """Known columns and readings (one column) as white rows."""
     dwell = 0 if readings.dwell is None else readings.dwell.shape[1]
     white = [covariance.whiten(rows, dwell) for rows in (known.own, known.shared, readings)]
-    own, shared, data = (np.concatenate(pair, axis=1) for pair in zip(white, priors(known), strict=True))
-    return White(own, shared, data[..., 0], white[0].shape[1] - dwell, dwell)
+    own, shared, data = (np.concatenate(pair, axis=1) for pair in zip(white, prior_rows(known), strict=True))
+    return WhiteRows(own, shared, data[..., 0], white[0].shape[1] - dwell, dwell)
 
 
-def solve(white: White, used: Floats | None = None) -> Solved:
+def solve(white: WhiteRows, used: Floats | None = None) -> NuisanceSolution:
     """Best coefficients, priors included (the estimate of a random effect is its mean given the data).
 
     used (U, M): weight 1 of the rows that may be looked at, 0 of the others; all where left out.
@@ -74,11 +74,11 @@ def solve(white: White, used: Floats | None = None) -> Solved:
     shared_cov = _inverse(flat.T @ flat)
     found = shared_cov @ (flat.T @ data.ravel())
     own_cov = inverse + to_shared @ shared_cov @ to_shared.transpose(0, 2, 1)
-    return Solved(to_data - to_shared @ found, own_cov, found, shared_cov)
+    return NuisanceSolution(to_data - to_shared @ found, own_cov, found, shared_cov)
 
 
 def _inverse(normal: Floats) -> Floats:
     """Pseudo-inverse (…, p, p). Columns are scaled first, so that the cut is about directions, not about units."""
     size = np.sqrt(np.maximum(np.einsum("...pp->...p", normal), 1e-300))
     scale = size[..., :, None] * size[..., None, :]
-    return np.asarray(np.linalg.pinv(normal / scale, CUT, hermitian=True) / scale)
+    return np.asarray(np.linalg.pinv(normal / scale, EIGENVALUE_CUT, hermitian=True) / scale)

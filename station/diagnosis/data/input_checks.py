@@ -8,29 +8,29 @@ from numpy.typing import NDArray
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
-from station.model.forward import resting
-from station.model.scene import stops_of_table
+from station.model.forward import resting_stimulus
+from station.model.scene import visits_scene_of_table
 
 #: Columns of which one moves so many times as much as another, beside what the poses make them move, differ in unit.
-APART = 3.0
+MAX_RESPONSE_RATIO = 3.0
 #: Times that cannot be negative.
-SINCE = ("since_power_s", "since_clamp_s")
+ELAPSED_COLUMNS = ("since_power_s", "since_clamp_s")
 
 
 def check(recipe: Recipe, table: SampleTable) -> None:
     """Errors: SamplesError where no calibration and no cause can be told from the samples, or they are no samples."""
-    first = _stops(table)
-    _some_stops(table, first)
-    _one_place_a_stop(table, first)
-    _going_on(table, first)
-    _moving(table)
+    first = _first_rows(table)
+    _check_visit_count(table, first)
+    _check_one_position_per_visit(table, first)
+    _check_time_advances(table, first)
+    _check_axes_vary(table)
     if recipe.pose_known and recipe.reference.source != "gold":
-        _one_unit_of_measure(recipe, table)
+        _check_same_unit_of_measure(recipe, table)
 
 
-def check_rest(table: SampleTable, rest: SampleTable) -> None:
+def check_unclipped(table: SampleTable, rest: SampleTable) -> None:
     """Errors: SamplesError where hardly a stop is left of a table beside those that are clipped."""
-    every, left = len(_stops(table)), len(_stops(rest)) if len(rest) else 0
+    every, left = len(_first_rows(table)), len(_first_rows(rest)) if len(rest) else 0
     if left < 2:
         raise SamplesError(
             f"{every - left} of {every} stops are clipped, and nothing can be told from the rest; measure in a range "
@@ -38,17 +38,17 @@ def check_rest(table: SampleTable, rest: SampleTable) -> None:
         )
 
 
-def _stops(table: SampleTable) -> NDArray[np.intp]:
+def _first_rows(table: SampleTable) -> NDArray[np.intp]:
     """Row at which each stop begins."""
     where = (table.unit.code, table.run, table.visit)
     return np.flatnonzero(np.any([np.diff(codes, prepend=-1) != 0 for codes in where], axis=0))
 
 
-def _of(table: SampleTable, row: int) -> str:
+def _location(table: SampleTable, row: int) -> str:
     return f"unit {table.unit.names[table.unit.code[row]]}, run {table.run[row]}, visit {table.visit[row]}"
 
 
-def _some_stops(table: SampleTable, first: NDArray[np.intp]) -> None:
+def _check_visit_count(table: SampleTable, first: NDArray[np.intp]) -> None:
     if len(first) < 2:
         raise SamplesError(
             f"the {len(table)} rows of the samples are of one stop; nothing can be told from one stop, so measure at "
@@ -56,18 +56,18 @@ def _some_stops(table: SampleTable, first: NDArray[np.intp]) -> None:
         )
 
 
-def _one_place_a_stop(table: SampleTable, first: NDArray[np.intp]) -> None:
+def _check_one_position_per_visit(table: SampleTable, first: NDArray[np.intp]) -> None:
     turned = np.flatnonzero(np.diff(table.position.code, prepend=table.position.code[0]))
     inside = np.setdiff1d(turned, first)
     if len(inside):
         row = int(inside[0])
         one, two = (table.position.names[table.position.code[r]] for r in (row - 1, row))
         raise SamplesError(
-            f"{_of(table, row)} stands at {one!r} and at {two!r}; number the stops of a run in `visit`, from 0"
+            f"{_location(table, row)} stands at {one!r} and at {two!r}; number the stops of a run in `visit`, from 0"
         )
 
 
-def _going_on(table: SampleTable, first: NDArray[np.intp]) -> None:
+def _check_time_advances(table: SampleTable, first: NDArray[np.intp]) -> None:
     last = np.append(first[1:], len(table)) - 1
     long = last > first
     if long.any() and not np.any(table.time_s[last] - table.time_s[first]):
@@ -75,17 +75,18 @@ def _going_on(table: SampleTable, first: NDArray[np.intp]) -> None:
             f"time_s stands still in every stop ({table.time_s[first[0]]:g} in the first); write each sample's own "
             "time since the start of the run"
         )
-    for name in SINCE:
+    for name in ELAPSED_COLUMNS:
         early = table.values[name] < 0 if name in table.values else np.zeros(0, bool)
         if early.any():
             row = int(early.argmax())
             raise SamplesError(
-                f"{_of(table, row)}: {name} is {table.values[name][row]:g}, but no time before it can be measured; "
+                f"{_location(table, row)}: {name} is {table.values[name][row]:g}, but no time before "
+                "it can be measured; "
                 "correct the column or leave it out"
             )
 
 
-def _moving(table: SampleTable) -> None:
+def _check_axes_vary(table: SampleTable) -> None:
     """Every axis of every unit must read more than one value."""
     units, begins = np.unique(table.unit.code, return_index=True)
     place = np.zeros(len(table.unit.names), np.intp)
@@ -105,10 +106,10 @@ def _moving(table: SampleTable) -> None:
             )
 
 
-def _one_unit_of_measure(recipe: Recipe, table: SampleTable) -> None:
-    for serial, moves in _moves(recipe, table):
+def _check_same_unit_of_measure(recipe: Recipe, table: SampleTable) -> None:
+    for serial, moves in _response_ratios(recipe, table):
         turned = np.isfinite(moves)
-        if not turned.any() or moves[turned].max() <= APART * moves[turned].min():
+        if not turned.any() or moves[turned].max() <= MAX_RESPONSE_RATIO * moves[turned].min():
             continue
         worst = int(np.nanargmax(np.abs(np.log(moves / np.nanmedian(moves)))))
         told = ", ".join(f"{a} {m:.3g}" for a, m in zip("xyz", moves, strict=True) if np.isfinite(m))
@@ -118,21 +119,21 @@ def _one_unit_of_measure(recipe: Recipe, table: SampleTable) -> None:
         )
 
 
-def _moves(recipe: Recipe, table: SampleTable) -> Iterator[tuple[str, Floats]]:
+def _response_ratios(recipe: Recipe, table: SampleTable) -> Iterator[tuple[str, Floats]]:
     """Of each unit how much each axis' stops spread (3), beside what an ideal unit's would; NaN where hardly turned."""
-    scene = stops_of_table(recipe, table)
+    scene = visits_scene_of_table(recipe, table)
     code, stops = scene.visits.unit.code, len(scene.visits)
     count = np.bincount(scene.visit, minlength=stops)
     mean = np.stack([np.bincount(scene.visit, column, stops) / count for column in table.reading.T], axis=1)
-    true = resting(scene)
+    true = resting_stimulus(scene)
     units = len(scene.visits.unit.names)
-    read, felt = (_spread(values, code, units) for values in (mean, true))
+    read, felt = (_visit_std(values, code, units) for values in (mean, true))
     far = felt > 0.3 * recipe.reference.strength()
     ratio = np.where(far, read / np.where(far, felt, 1.0), np.nan)
     return zip(scene.visits.unit.names, ratio, strict=True)
 
 
-def _spread(values: Floats, code: NDArray[np.int32], units: int) -> Floats:
+def _visit_std(values: Floats, code: NDArray[np.int32], units: int) -> Floats:
     """Standard deviation (U, 3) of the stops' values (v, 3) of each unit."""
     count = np.maximum(np.bincount(code, minlength=units), 1)[:, None]
     middle = np.stack([np.bincount(code, column, units) for column in values.T], axis=1) / count

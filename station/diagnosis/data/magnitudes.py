@@ -10,14 +10,14 @@ import numpy as np
 
 from station.domain.core import rotation
 from station.domain.core.types import Array, Floats
-from station.model.forward import Active, Base, resting
+from station.model.forward import ActiveEffects, BaseResponse, resting_stimulus
 from station.model.scene import Scene
 
 #: Directions are found when they no longer move by more than this, rad.
-STILL = 1e-9
+CONVERGED_RAD = 1e-9
 
 
-def first_base(mean: Floats, unit: Array, units: int, magnitude: float) -> Base:
+def initial_base(mean: Floats, unit: Array, units: int, magnitude: float) -> BaseResponse:
     """Offset and gain of each unit from the axis-parallel ellipsoid through its readings (v, 3).
 
     Σ A_i y_i² + B_i y_i = 1, linear in A and B; a unit whose readings do not span one gets no offset and one gain.
@@ -29,7 +29,7 @@ def first_base(mean: Floats, unit: Array, units: int, magnitude: float) -> Base:
         found = _ellipsoid(y / size)
         middle, radius = (np.zeros(3), np.ones(3)) if found is None else found
         offset[u], matrix[u] = middle * size, np.diag(radius * size / magnitude)
-    return Base(offset, matrix)
+    return BaseResponse(offset, matrix)
 
 
 def _ellipsoid(y: Floats) -> tuple[Floats, Floats] | None:
@@ -44,23 +44,25 @@ def _ellipsoid(y: Floats) -> tuple[Floats, Floats] | None:
     return centre, np.sqrt((1 + float(np.sum(x[:3] * centre**2))) / x[:3])
 
 
-def pointed(scene: Scene, true: Floats) -> Scene:
+def with_directions(scene: Scene, true: Floats) -> Scene:
     """The scene with nests turned so that each part feels a vector (v, 3) of the direction given."""
     visits = scene.visits
     in_nest = np.einsum("vij,vj->vi", visits.seat_R, true)
-    turned = np.array([rotation.shortest(a, up) for a, up in zip(_unit(in_nest), _unit(visits.stimulus), strict=True)])
+    turned = np.array(
+        [rotation.shortest(a, up) for a, up in zip(_unit_vectors(in_nest), _unit_vectors(visits.stimulus), strict=True)]
+    )
     return replace(scene, visits=replace(visits, nest_R=turned))
 
 
-def next_direction(scene: Scene, residual: Floats, base: Base, active: Active) -> tuple[Floats, float]:
+def next_direction(scene: Scene, residual: Floats, base: BaseResponse, active: ActiveEffects) -> tuple[Floats, float]:
     """Directions (v, 3) after what the readings differ by (v, 3) is laid to them, and the largest move, rad."""
-    now = resting(scene, active)
+    now = resting_stimulus(scene, active)
     lacking = np.linalg.solve(base.matrix[scene.visits.unit.code], residual[..., None])[..., 0]
-    found = _unit(now + lacking)
-    return found, float(np.max(np.linalg.norm(found - _unit(now), axis=1), initial=0.0))
+    found = _unit_vectors(now + lacking)
+    return found, float(np.max(np.linalg.norm(found - _unit_vectors(now), axis=1), initial=0.0))
 
 
-def _unit(vectors: Floats) -> Floats:
+def _unit_vectors(vectors: Floats) -> Floats:
     """Vectors (v, 3) of length one; the third axis for a vector of none."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.where(length > 0, vectors / np.where(length > 0, length, 1.0), np.array([0.0, 0.0, 1.0]))

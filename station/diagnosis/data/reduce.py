@@ -16,23 +16,23 @@ from numpy.typing import NDArray
 
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
-from station.model.scene import COVARIATES, Scene, scene_of_table, slopes_of
+from station.model.scene import COVARIATES, Scene, fit_temperature_slopes, scene_of_table
 
 #: Ends of the sub-blocks as shares of the dwell.
-EDGES = np.array([0.06, 0.15, 0.40, 1.0])
+BLOCK_EDGES = np.array([0.06, 0.15, 0.40, 1.0])
 #: Gauss–Legendre nodes of a block, in standard deviations of its samples' times about their mean, and their weights.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4) * np.array([[np.sqrt(3.0)], [0.5]])
 #: Huber's constant: 99 % efficient under Gauss; a t₅ tail is bounded.
-HUBER = 2.0
-MAD = 0.6745
+HUBER_K = 2.0
+MAD_PER_SIGMA = 0.6745
 #: In a block of fewer samples no mean can tell a wild one from the rest.
-FEW = 7
+MIN_HUBER_SAMPLES = 7
 #: Samples looked at together: enough to be fast, few enough for a processor's cache.
-TOGETHER = 1 << 14
+SAMPLES_AT_ONCE = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reduced:
+class ReducedScene:
     """Stops (v) of a measured table. Readings in the recipe's unit.
 
     scene: one row a stop, at its mean time; fine: rows (v · B · nodes) inside the blocks, for causes that move
@@ -49,12 +49,12 @@ class Reduced:
     sigma: float
     rate_error: Floats | None = None
 
-    def of_fine(self, rows: Floats) -> tuple[Floats, Floats]:
+    def reduce_fine(self, rows: Floats) -> tuple[Floats, Floats]:
         """Mean (v, 3) and contrasts (v, B−1, 3) of values on the rows of `fine` (v · B · nodes, 3)."""
-        return split(rows.reshape(*self.count.shape, len(NODES), 3).swapaxes(2, 3) @ WEIGHTS, self.count)
+        return mean_and_contrasts(rows.reshape(*self.count.shape, len(NODES), 3).swapaxes(2, 3) @ WEIGHTS, self.count)
 
 
-def split(block: Floats, count: Floats) -> tuple[Floats, Floats]:
+def mean_and_contrasts(block: Floats, count: Floats) -> tuple[Floats, Floats]:
     """Weighted mean (v, …) of block values (v, B, …) and the contrasts across it (v, B−1, …)."""
     root = np.sqrt(count)
     weighted = root.reshape(*root.shape, *[1] * (block.ndim - 2)) * block
@@ -62,32 +62,32 @@ def split(block: Floats, count: Floats) -> tuple[Floats, Floats]:
     return mean, np.einsum("vcb,vb...->vc...", _complement(root), weighted)
 
 
-def reduce(recipe: Recipe, table: SampleTable) -> Reduced:
+def reduce_samples(recipe: Recipe, table: SampleTable) -> ReducedScene:
     """The stops of a table. SamplesError when a position or seating is not in the recipe."""
     full = scene_of_table(recipe, table)
     stops = len(full.visits)
     since, length = _since_first(full, stops)
-    block = np.searchsorted(EDGES, np.minimum(since / length[full.visit], 1.0), side="left").astype(np.intp)
-    cell = full.visit * len(EDGES) + block
-    count = np.bincount(cell, minlength=stops * len(EDGES)).astype(float)
+    block = np.searchsorted(BLOCK_EDGES, np.minimum(since / length[full.visit], 1.0), side="left").astype(np.intp)
+    cell = full.visit * len(BLOCK_EDGES) + block
+    count = np.bincount(cell, minlength=stops * len(BLOCK_EDGES)).astype(float)
     sigma = _noise(table.reading, full.visit)
-    reading = calmed(table.reading, full.visit, sigma, count[cell] < FEW)
+    reading = clip_outliers(table.reading, full.visit, sigma, count[cell] < MIN_HUBER_SAMPLES)
     means = huber_means(reading, full.time_s, cell, count, np.where(sigma > 0, sigma, np.inf))
     count = count.reshape(stops, -1)
-    mean, contrast = split(means.reshape(*count.shape, 3), count)
+    mean, contrast = mean_and_contrasts(means.reshape(*count.shape, 3), count)
     scene = _rows_of(full, stops)
     noise = float(np.sqrt(np.mean(sigma**2)))
-    return Reduced(scene, _fine(full, scene, cell), mean, contrast, count, noise, _rate_error(scene))
+    return ReducedScene(scene, _fine(full, scene, cell), mean, contrast, count, noise, _rate_error(scene))
 
 
 def _rate_error(scene: Scene) -> Floats | None:
     """What is not known of the rate of temperature at the stops (v, modes)."""
     if scene.temperature_degC is None:
         return None
-    return np.concatenate([s.modes for s in slopes_of(scene.time_s, scene.temperature_degC, scene.visits)])
+    return np.concatenate([s.modes for s in fit_temperature_slopes(scene.time_s, scene.temperature_degC, scene.visits)])
 
 
-def calmed(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: NDArray[np.bool_]) -> Floats:
+def clip_outliers(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: NDArray[np.bool_]) -> Floats:
     """The readings (n, k) without the wild ones among `few` (n): far off their neighbours in the stop, which agree.
 
     sigma (k): noise of a sample. What moves, moves its neighbours too, and is left alone.
@@ -102,7 +102,7 @@ def calmed(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: NDArray[
     off = values[rows] - centre
     wild = np.abs(off) > 5 * sigma + 3 * motion
     calm = np.array(values)
-    calm[rows] = np.where(wild, centre + np.clip(off, -HUBER * sigma, HUBER * sigma), values[rows])
+    calm[rows] = np.where(wild, centre + np.clip(off, -HUBER_K * sigma, HUBER_K * sigma), values[rows])
     return calm
 
 
@@ -138,7 +138,7 @@ def _step(
     (mean, slope), (filled, room, scale), cells = line, weights, len(line[0])
     off = values - mean[cell] - slope[cell] * late[:, None]
     wide = np.maximum(scale, 1.2533 * _sums(np.abs(off), cell, cells) / filled)
-    off = np.clip(off, -HUBER * wide[cell], HUBER * wide[cell])
+    off = np.clip(off, -HUBER_K * wide[cell], HUBER_K * wide[cell])
     step = _sums(off, cell, cells) / filled
     turn = _sums(off * late[:, None], cell, cells) / room
     return step, turn, bool(np.all(np.abs(step) <= 1e-3 * wide / np.sqrt(filled)))
@@ -147,12 +147,12 @@ def _step(
 def _portions(cell: NDArray[np.intp], cells: int) -> list[tuple[slice, slice]]:
     """Rows and cells of whole stops that are small enough for a processor's cache; one portion of all rows where those
     of a stop do not stand together."""
-    stop = cell // len(EDGES)
+    stop = cell // len(BLOCK_EDGES)
     begins = np.flatnonzero(np.diff(stop, prepend=-1))
     if np.any(np.diff(stop[begins]) < 0):
         return [(slice(0, len(cell)), slice(0, cells))]
-    begins = begins[np.diff(begins // TOGETHER, prepend=-1) > 0]
-    rows, first = [*begins.tolist(), len(cell)], [0, *(stop[begins[1:]] * len(EDGES)).tolist(), cells]
+    begins = begins[np.diff(begins // SAMPLES_AT_ONCE, prepend=-1) > 0]
+    rows, first = [*begins.tolist(), len(cell)], [0, *(stop[begins[1:]] * len(BLOCK_EDGES)).tolist(), cells]
     return [(slice(*r), slice(*c)) for r, c in zip(pairwise(rows), pairwise(first), strict=True)]
 
 
@@ -166,7 +166,7 @@ def _noise(reading: Floats, visit: NDArray[np.intp]) -> Floats:
     near = np.abs(np.diff(reading, axis=0))[visit[1:] == visit[:-1]]
     if not len(near):
         return np.zeros(3)
-    robust = np.median(near, axis=0) / MAD
+    robust = np.median(near, axis=0) / MAD_PER_SIGMA
     return np.asarray(np.where(robust > 0, robust, np.sqrt(np.mean(near**2, axis=0))) / np.sqrt(2))
 
 
@@ -190,13 +190,13 @@ def _rows_of(full: Scene, stops: int) -> Scene:
 
 def _fine(full: Scene, scene: Scene, cell: NDArray[np.intp]) -> Scene:
     """The scene at the nodes of every block; what is a clock runs on, the rest stays as at the stop's mean."""
-    cells = len(scene.visits) * len(EDGES)
+    cells = len(scene.visits) * len(BLOCK_EDGES)
     count = np.maximum(np.bincount(cell, minlength=cells), 1)
     late = full.time_s - scene.time_s[full.visit]
     mean = np.bincount(cell, late, cells) / count
     spread = np.sqrt(np.maximum(np.bincount(cell, late**2, cells) / count - mean**2, 0.0))
     later = (mean[:, None] + spread[:, None] * NODES).ravel()
-    visit = np.repeat(scene.visit, len(EDGES) * len(NODES))
+    visit = np.repeat(scene.visit, len(BLOCK_EDGES) * len(NODES))
     clocks = ("time_s", "since_arrival_s", "since_power_s", "since_clamp_s")
     rows = {k: getattr(scene, k) for k in ("time_s", *COVARIATES)}
     moved: dict[str, Any] = {k: x[visit] + (later if k in clocks else 0.0) for k, x in rows.items() if x is not None}

@@ -12,27 +12,35 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from station.diagnosis.data import magnitudes
-from station.diagnosis.data.reduce import MAD, Reduced
-from station.diagnosis.linear.grid import Grid, Layout, grid_of
-from station.diagnosis.linear.projection import Rows
+from station.diagnosis.data.reduce import MAD_PER_SIGMA, ReducedScene
+from station.diagnosis.linear.grid import RowLayout, VisitGrid, visit_grid
+from station.diagnosis.linear.projection import DataColumns
 from station.domain.core.types import Floats
 from station.model.effect import Effect
-from station.model.forward import NOTHING, Acting, Active, Base, forward, resting, signature
+from station.model.forward import (
+    NO_EFFECTS,
+    ActiveEffect,
+    ActiveEffects,
+    BaseResponse,
+    forward,
+    resting_stimulus,
+    signature,
+)
 from station.model.scene import Scene
 
 #: Noise of a stop's mean beside that of its samples over √n, at the least: blue noise averages better than white.
-BLUE = 0.5
+MIN_NOISE_RATIO = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class ResidualView:
     """reduced stops, their grid, the simulation (base, active), keep (v, k, 3) from readings to numbers kept, and
     sigma: sd of a single sample within the stops."""
 
-    reduced: Reduced
-    grid: Grid
-    base: Base
-    active: Active
+    reduced: ReducedScene
+    grid: VisitGrid
+    base: BaseResponse
+    active: ActiveEffects
     keep: Floats
     sigma: float
 
@@ -42,28 +50,28 @@ class View:
         return self.reduced.scene
 
     @property
-    def least(self) -> float:
+    def min_variance(self) -> float:
         """The least variance of the white noise of a stop's mean: a few stops may be fitted as closely as one likes."""
         longest = float(np.mean(np.sum(self.keep**2, axis=2)))
-        return longest * (BLUE * self.reduced.sigma) ** 2 / float(self.reduced.count.sum(1).mean())
+        return longest * (MIN_NOISE_RATIO * self.reduced.sigma) ** 2 / float(self.reduced.count.sum(1).mean())
 
     def simulated(self) -> tuple[Floats, Floats]:
         """Means (v, 3) and contrasts (v, B−1, 3) as the simulation has them."""
-        if any(_moves(acting.effect) for acting in self.active.values()):
-            return self.reduced.of_fine(forward(self.reduced.fine, self.base, self.active))
+        if any(_varies_in_dwell(acting.effect) for acting in self.active.values()):
+            return self.reduced.reduce_fine(forward(self.reduced.fine, self.base, self.active))
         return forward(self.scene, self.base, self.active), np.zeros_like(self.reduced.contrast)
 
-    def readings(self) -> Rows:
+    def readings(self) -> DataColumns:
         """Measured − simulated, one column; contrasts in units of their noise."""
         mean, contrast = self.simulated()
         return self.rows((self.reduced.mean - mean)[..., None], (self.reduced.contrast - contrast)[..., None])
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> RowLayout:
         """How numbers of the stops become rows."""
-        return Layout(self.grid, self.keep, self.sigma, self.scene.visits.unit.code)
+        return RowLayout(self.grid, self.keep, self.sigma, self.scene.visits.unit.code)
 
-    def rows(self, stop: Floats, dwell: Floats | None) -> Rows:
+    def rows(self, stop: Floats, dwell: Floats | None) -> DataColumns:
         """Columns of readings (v, 3, c) and contrasts (v, B−1, 3, c) laid out by unit."""
         return self.layout.rows(stop, dwell)
 
@@ -71,12 +79,12 @@ class View:
         """Derivatives by each axis' coefficient: of the stops' means (v, 3, axes) and of their contrasts
         (v, B−1, 3, axes), None where the cause stands still during a stop."""
         r = self.reduced
-        if not _moves(effect):
+        if not _varies_in_dwell(effect):
             return np.stack(signature(r.scene, self.base, effect, of, self.active), axis=-1), None
-        parts = [r.of_fine(d) for d in signature(r.fine, self.base, effect, of, self.active)]
+        parts = [r.reduce_fine(d) for d in signature(r.fine, self.base, effect, of, self.active)]
         return np.stack([p[0] for p in parts], axis=-1), np.stack([p[1] for p in parts], axis=-1)
 
-    def blurred(self, acting: Acting) -> Floats | None:
+    def covariate_error(self, acting: ActiveEffect) -> Floats | None:
         """How a cause at work may be off because its covariate is (v, 3, modes): each mode times a standard normal
         number a run. None where the covariate is as good as exact."""
         modes, rate = self.reduced.rate_error, self.scene.temperature_rate
@@ -90,13 +98,13 @@ class View:
 
         return np.stack([(off_by(mode) - off_by(-mode)) / 2 for mode in modes.T], axis=-1)
 
-    def with_rate(self, rate: Floats) -> "View":
+    def with_rate(self, rate: Floats) -> "ResidualView":
         """The view of stops whose temperature changes at another rate (v), degC/s."""
         return replace(self, reduced=replace(self.reduced, scene=replace(self.scene, temperature_rate=rate)))
 
     def calibration(self, matrix: bool) -> Floats:
         """Signature (v, 3, p) of each unit's offset and gain, or offset and whole matrix."""
-        a = resting(self.scene, self.active)
+        a = resting_stimulus(self.scene, self.active)
         offset = np.broadcast_to(np.eye(3), (len(a), 3, 3))
         if not matrix:
             return np.concatenate([offset, np.eye(3) * a[:, None, :]], axis=2)
@@ -107,36 +115,38 @@ class View:
         return np.concatenate([offset, gains.reshape(len(a), 3, 9)], axis=2)
 
 
-def _moves(effect: Effect) -> bool:
+def _varies_in_dwell(effect: Effect) -> bool:
     """Whether the cause changes within a stop."""
     return "since_arrival_s" in effect.needs
 
 
-def view_of(reduced: Reduced, matrix: bool = False) -> View:
+def initial_view(reduced: ReducedScene, matrix: bool = False) -> ResidualView:
     """The view before anything is known but the calibration, fitted by plain least squares."""
     scene = reduced.scene
     known, units = scene.recipe.pose_known, len(scene.visits.unit.names)
-    base = Base.ideal(units)
+    base = BaseResponse.ideal(units)
     if not known:
         strength = float(np.linalg.norm(scene.visits.stimulus[0]))
-        base = magnitudes.first_base(reduced.mean, scene.visits.unit.code, units, strength)
+        base = magnitudes.initial_base(reduced.mean, scene.visits.unit.code, units, strength)
     keep = np.zeros((len(reduced.mean), 3 if known else 1, 3))
-    view = settled(View(reduced, grid_of(scene.visits, keep.shape[1]), base, NOTHING, keep, 1.0), base)
+    view = with_calibration(
+        ResidualView(reduced, visit_grid(scene.visits, keep.shape[1]), base, NO_EFFECTS, keep, 1.0), base
+    )
     for _ in range(1 if known else 10):
-        view = fitted(view, matrix)
-    return quieted(view)
+        view = with_fitted_calibration(view, matrix)
+    return with_contrast_noise(view)
 
 
-def quieted(view: View) -> View:
+def with_contrast_noise(view: ResidualView) -> ResidualView:
     """The view with the noise of a contrast as it now is: that from one sample to the next, or more where slower
     noise adds to the quietest contrast."""
     contrast = np.moveaxis(view.layout.within(view.reduced.contrast - view.simulated()[1]), 1, 0)
     there = [np.abs(c[c != 0]) for c in contrast]
-    slow = min((float(np.median(c)) / MAD for c in there if c.size), default=0.0)
+    slow = min((float(np.median(c)) / MAD_PER_SIGMA for c in there if c.size), default=0.0)
     return replace(view, sigma=max(view.reduced.sigma, slow) or 1.0)
 
 
-def fitted(view: View, matrix: bool) -> View:
+def with_fitted_calibration(view: ResidualView, matrix: bool) -> ResidualView:
     """The same with the calibration of each unit that fits its readings best, by least squares."""
     unit = view.scene.visits.unit.code
     columns = np.einsum("vki,vip->vkp", view.keep, view.calibration(matrix))
@@ -147,16 +157,16 @@ def fitted(view: View, matrix: bool) -> View:
         rows = slice(ends[u], ends[u + 1])
         A = columns[rows].reshape(-1, columns.shape[2])
         found[u] = np.linalg.lstsq(A, residual[rows].ravel(), rcond=1e-9)[0]
-    return settled(view, moved(view.base, found))
+    return with_calibration(view, changed_base(view.base, found))
 
 
-def moved(base: Base, change: Floats) -> Base:
+def changed_base(base: BaseResponse, change: Floats) -> BaseResponse:
     """A calibration changed by (U, p) of `View.calibration`."""
     matrix = change[:, 3:].reshape(-1, 3, 3) if change.shape[1] == 12 else np.eye(3) * change[:, 3:, None]
-    return Base(base.offset + change[:, :3], base.matrix + matrix)
+    return BaseResponse(base.offset + change[:, :3], base.matrix + matrix)
 
 
-def settled(view: View, base: Base) -> View:
+def with_calibration(view: ResidualView, base: BaseResponse) -> ResidualView:
     """The view with another calibration, its own matrix taken off, and directions to go with it where unknown."""
     inverse = np.asarray(np.linalg.inv(base.matrix)[view.scene.visits.unit.code], float)
     view = replace(view, base=base)
@@ -165,9 +175,9 @@ def settled(view: View, base: Base) -> View:
     for rounds in range(20):
         residual = view.reduced.mean - view.simulated()[0]
         along, step = magnitudes.next_direction(view.scene, residual, base, view.active)
-        scene, fine = (magnitudes.pointed(s, along) for s in (view.scene, view.reduced.fine))
+        scene, fine = (magnitudes.with_directions(s, along) for s in (view.scene, view.reduced.fine))
         view = replace(view, reduced=replace(view.reduced, scene=scene, fine=fine))
         # Before the first round nobody knows any direction, so that it has nothing to be still against.
-        if rounds and step < magnitudes.STILL:
+        if rounds and step < magnitudes.CONVERGED_RAD:
             break
     return replace(view, keep=np.einsum("vi,vij->vj", along, inverse)[:, None, :])

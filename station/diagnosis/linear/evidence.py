@@ -15,48 +15,48 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.linear.projection import RANK, Space
+from station.diagnosis.linear.projection import RANK_TOLERANCE, ResidualSpace
 from station.domain.core.types import Array, Floats
 
 #: The grid of q. Below the first a cause cannot be seen, beyond the last the evidence no longer depends on q.
-RATIOS = np.geomspace(1e-2, 1e5, 33)
+AMPLITUDE_RATIOS = np.geomspace(1e-2, 1e5, 33)
 #: The same for one of many groups, of few coefficients each.
-COARSE = RATIOS[::2]
+COARSE_RATIOS = AMPLITUDE_RATIOS[::2]
 
 #: Shares of the groups that a rare cause may hit.
-SHARES = (0.003, 0.02, 0.1, 0.3)
+HIT_SHARES = (0.003, 0.02, 0.1, 0.3)
 
 #: The largest share of the sum of squares that a cause may take up: all of it leaves nothing to measure by.
-MOST = 1 - 1e-6
+MAX_EXPLAINED_SHARE = 1 - 1e-6
 
 Pattern = Literal["own", "shared", "scan"]
 #: How coefficients are grouped: by unit; not at all; by unit and group of the unit.
-GROUPED = {"own": 1, "shared": 0, "scan": 2}
+GROUP_AXES = {"own": 1, "shared": 0, "scan": 2}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sets:
+class DataSets:
     """Any number (n) of data sets in one space: squares (n) their sums of squares without the own known columns;
     shared (n, c) their products with the border."""
 
-    space: Space
+    space: ResidualSpace
     squares: Floats
     shared: Floats
 
     @staticmethod
-    def of(space: Space, data: Floats) -> "Sets":
+    def of(space: ResidualSpace, data: Floats) -> "DataSets":
         """Data sets (n, U, M) that are free of the own known columns."""
         shared = np.zeros((len(data), 0), data.dtype)
-        if space.border.shape[2]:
-            shared = (data.transpose(1, 0, 2) @ space.border.astype(data.dtype)).sum(0)
-        return Sets(space, np.einsum("num,num->n", data, data), shared)
+        if space.shared_basis.shape[2]:
+            shared = (data.transpose(1, 0, 2) @ space.shared_basis.astype(data.dtype)).sum(0)
+        return DataSets(space, np.einsum("num,num->n", data, data), shared)
 
-    def dealt(self, orders: Array | None) -> "Sets":
+    def sum_over_copies(self, orders: Array | None) -> "DataSets":
         """The sets of several copies of the units, each copy in its own order (copies, n)."""
         if orders is None:
             return self
         squares, shared = (np.asarray(sum(x[order] for order in orders)) for x in (self.squares, self.shared))
-        return Sets(self.space, squares, shared)
+        return DataSets(self.space, squares, shared)
 
     @property
     def rest(self) -> Floats:
@@ -72,7 +72,7 @@ class Sets:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Spectrum:
+class EigenSpectrum:
     """What a cause, or several of one shape (b, maybe none), can show in a space.
 
     own: one set of coefficients a unit; shared: one for all; scan: few of many groups are hit, nobody knows which.
@@ -82,56 +82,56 @@ class Spectrum:
     """
 
     pattern: Pattern
-    space: Space
+    space: ResidualSpace
     m: Floats
     cross: Floats
     mean: Floats
     rho: Floats
     logdet: Floats
 
-    def of(self, i: int) -> "Spectrum":
+    def of(self, i: int) -> "EigenSpectrum":
         """One of several causes."""
         m, cross, mean, rho, logdet = (x[i] for x in (self.m, self.cross, self.mean, self.rho, self.logdet))
-        return Spectrum(self.pattern, self.space, m, cross, mean, rho, logdet)
+        return EigenSpectrum(self.pattern, self.space, m, cross, mean, rho, logdet)
 
     @property
-    def several(self) -> int:
+    def batch_axes(self) -> int:
         """Axes of b: 0 or 1."""
-        return self.m.ndim - 1 - GROUPED[self.pattern]
+        return self.m.ndim - 1 - GROUP_AXES[self.pattern]
 
     @property
     def ratios(self) -> Floats:
         """The grid of q."""
-        return COARSE if self.pattern == "scan" else RATIOS
+        return COARSE_RATIOS if self.pattern == "scan" else AMPLITUDE_RATIOS
 
     @property
     def weight(self) -> Floats:
         """w (b, …, K, ρ)."""
-        rho = _beside(self.rho, GROUPED[self.pattern] + 1)
+        rho = _expand_axes(self.rho, GROUP_AXES[self.pattern] + 1)
         return np.asarray(rho / (1 + self.m[..., None] * rho))
 
-    def light(self) -> "Spectrum":
+    def single_precision(self) -> "EigenSpectrum":
         """The same in single precision."""
         single: list[Array] = [x.astype(np.float32) for x in (self.m, self.cross, self.rho, self.logdet)]
         return replace(self, m=single[0], cross=single[1], rho=single[2], logdet=single[3])
 
-    def bare(self) -> "Spectrum":
+    def without_cross(self) -> "EigenSpectrum":
         """The same without what only the evidence of new data sets needs."""
         return replace(self, cross=self.cross[..., :0])
 
-    def components(self, products: Floats, sets: Sets) -> Floats:
+    def components(self, products: Floats, sets: DataSets) -> Floats:
         """u (b, n, …, K) of the products EᵀZᵀr: (b, n, K) of a shared cause, (b, n, U, …) of the others."""
-        b = self.several
+        b = self.batch_axes
         products = products.reshape(*products.shape[: b + 1], *self.m.shape[b:])
         if self.pattern == "own" or not self.cross.shape[-1]:
             return products
         return np.asarray(products - np.moveaxis(self.cross @ sets.shared.T, -1, b))
 
-    def evidence(self, u: Floats, sets: Sets) -> Floats:
+    def evidence(self, u: Floats, sets: DataSets) -> Floats:
         """Log evidence (b, n)."""
         return self.judged(self.terms(u, sets), sets)
 
-    def terms(self, u: Floats, sets: Sets) -> Floats:
+    def terms(self, u: Floats, sets: DataSets) -> Floats:
         """What adds up over units (b, n, …), and all that the evidence needs of u."""
         if self.pattern == "shared":
             return u
@@ -150,16 +150,16 @@ class Spectrum:
     def spread(likelihoods: Floats) -> Floats:
         """Log-likelihood (b, n, shares) of a scan, whose groups' L (b, n, U, G, ρ) are given, if such a share of them
         is hit."""
-        odds = log_mean(likelihoods)
+        odds = log_mean_exp(likelihoods)
         odds = odds.reshape(*odds.shape[:-2], -1)
-        share = np.array(SHARES).reshape(-1, *[1] * odds.ndim)
+        share = np.array(HIT_SHARES).reshape(-1, *[1] * odds.ndim)
         return np.asarray(np.moveaxis(np.logaddexp(np.log1p(-share), np.log(share) + odds).sum(axis=-1), 0, -1))
 
-    def judged(self, terms: Floats, sets: Sets) -> Floats:
+    def judged(self, terms: Floats, sets: DataSets) -> Floats:
         """Log evidence (b, n) of the terms."""
-        return log_mean(terms if self.pattern == "scan" else self.likelihood(terms, sets))
+        return log_mean_exp(terms if self.pattern == "scan" else self.likelihood(terms, sets))
 
-    def likelihood(self, terms: Floats, sets: Sets) -> Floats:
+    def likelihood(self, terms: Floats, sets: DataSets) -> Floats:
         """L (b, n, ρ) of the terms; not of a scan."""
         rest, logdet = sets.rest[:, None], self.logdet[..., None, :]
         if self.pattern == "shared":
@@ -170,22 +170,22 @@ class Spectrum:
             drop, total = drop + more, total + bent[..., None, :]
         return np.asarray(self._ratio(drop, rest) - 0.5 * total)
 
-    def likelihoods(self, u: Floats, sets: Sets) -> Floats:
+    def likelihoods(self, u: Floats, sets: DataSets) -> Floats:
         """L (b, n, U, G, ρ) of each group of a scan. A copy of the units has its share of the sum of squares."""
-        b = self.several
+        b = self.batch_axes
         drop = np.moveaxis(np.moveaxis(u**2, b, -2) @ self.weight, -2, b)
-        rest = _beside((self.space.copies * sets.rest)[:, None], 2)
+        rest = _expand_axes((self.space.copies * sets.rest)[:, None], 2)
         return np.asarray(self._ratio(drop, rest) - 0.5 * np.expand_dims(self.logdet, b))
 
     def _flat(self, values: Floats) -> Floats:
         """Units and axes (b, U, K, x) in one row (b, U·K, x)."""
-        return values.reshape(*values.shape[: self.several], -1, values.shape[-1])
+        return values.reshape(*values.shape[: self.batch_axes], -1, values.shape[-1])
 
     def _ratio(self, drop: Floats, rest: Floats) -> Floats:
         """−½ n·log(1 − drop / rest)."""
-        return np.asarray(-0.5 * self.space.dof * np.log1p(-np.minimum(drop / rest, MOST)))
+        return np.asarray(-0.5 * self.space.dof * np.log1p(-np.minimum(drop / rest, MAX_EXPLAINED_SHARE)))
 
-    def _bordered(self, bent: Floats, sets: Sets) -> tuple[Floats, Floats]:
+    def _bordered(self, bent: Floats, sets: DataSets) -> tuple[Floats, Floats]:
         """What the known shared columns change for each ρ: the drop of the sum of squares (b, n, ρ) and the
         log-determinant (b, ρ). bent (b, n, ρ, c): Σ w u h over the units.
 
@@ -206,36 +206,38 @@ class Spectrum:
         return after.swapaxes(-1, -2) - np.sum(sets.shared**2, axis=1)[:, None], np.linalg.slogdet(A)[1]
 
 
-def _beside(values: Floats, axes: int) -> Floats:
+def _expand_axes(values: Floats, axes: int) -> Floats:
     """Values (…, x) with so many axes of 1 before the last."""
     return values.reshape(*values.shape[:-1], *[1] * axes, values.shape[-1])
 
 
-def spectrum(space: Space, m: Floats, cross: Floats, pattern: Pattern, most: Floats | float = np.inf) -> Spectrum:
+def spectrum(
+    space: ResidualSpace, m: Floats, cross: Floats, pattern: Pattern, most: Floats | float = np.inf
+) -> EigenSpectrum:
     """The spectrum of eigenvalues m (b, …, K), with EᵀZᵀC (b, …, K, c).
 
     most (b): amplitudes beyond it are impossible, so what needs them cannot be this cause.
     """
-    grouped = GROUPED[pattern]
+    grouped = GROUP_AXES[pattern]
     axes = tuple(range(-1 - grouped, 0))
     count = np.count_nonzero(m > 0, axis=axes)
     mean = np.asarray(m.sum(axis=axes) / np.maximum(count, 1))
-    ratios = COARSE if pattern == "scan" else RATIOS
+    ratios = COARSE_RATIOS if pattern == "scan" else AMPLITUDE_RATIOS
     limit = np.asarray(most, float)[..., None] ** 2
     rho = np.minimum(ratios / np.where(mean > 0, mean, 1.0)[..., None], limit)
-    logdet = np.log1p(m[..., None] * _beside(rho, grouped + 1)).sum(-2)
+    logdet = np.log1p(m[..., None] * _expand_axes(rho, grouped + 1)).sum(-2)
     if pattern == "own":
         logdet = space.copies * logdet.sum(-2)
-    return Spectrum(pattern, space, m, cross, mean, rho, logdet)
+    return EigenSpectrum(pattern, space, m, cross, mean, rho, logdet)
 
 
-def seen_of(m: Floats, grouped: int = 1) -> NDArray[np.bool_]:
+def visible_directions(m: Floats, grouped: int = 1) -> NDArray[np.bool_]:
     """Which eigenvalues (b, …, K), … being `grouped` axes, are of directions that can be seen: not of those that are
     lost in what is known."""
-    return np.asarray(m > RANK * m.max(axis=tuple(range(-1 - grouped, 0)), keepdims=True, initial=0.0))
+    return np.asarray(m > RANK_TOLERANCE * m.max(axis=tuple(range(-1 - grouped, 0)), keepdims=True, initial=0.0))
 
 
-def log_mean(values: Array) -> Floats:
+def log_mean_exp(values: Array) -> Floats:
     """log of the mean of e^values over the last axis."""
     top = values.max(axis=-1, keepdims=True)
     return np.asarray(top[..., 0] + np.log(np.mean(np.exp(values - top), axis=-1)))

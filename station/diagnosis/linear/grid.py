@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.linear.projection import EVERY, Rows
+from station.diagnosis.linear.projection import ALL_UNITS, DataColumns
 from station.domain.core.types import Array, Floats
-from station.model.visits import Visits
+from station.model.visit_table import VisitTable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Grid:
+class VisitGrid:
     """slot (U, R, V): index of the stop, −1 where there is none; k: numbers a stop."""
 
     slot: NDArray[np.intp]
@@ -47,11 +47,11 @@ class Grid:
         padded = np.concatenate([values, np.zeros((1, *values.shape[1:]))])
         return np.asarray(padded[self.slot].reshape(shape))
 
-    def part(self, units: slice) -> tuple["Grid", slice]:
+    def part(self, units: slice) -> tuple["VisitGrid", slice]:
         """The grid of some neighbouring units alone, and their stops."""
         slot = self.slot[units]
         first, last = int(slot[0, 0, 0]), int(slot[-1].max()) + 1
-        return Grid(np.where(slot >= 0, slot - first, -1), self.k), slice(first, last)
+        return VisitGrid(np.where(slot >= 0, slot - first, -1), self.k), slice(first, last)
 
     def parts(self, units: int) -> "Iterator[slice]":
         """Units, so many at a time."""
@@ -60,31 +60,31 @@ class Grid:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Layout:
+class RowLayout:
     """How numbers of the stops (v) become rows: the grid; keep (v, k, 3) from readings to numbers kept; sigma of a
     contrast; unit (v) of each stop."""
 
-    grid: Grid
+    grid: VisitGrid
     keep: Floats
     sigma: float
     unit: Array
 
-    def rows(self, stop: Floats, dwell: Floats | None) -> Rows:
+    def rows(self, stop: Floats, dwell: Floats | None) -> DataColumns:
         """Columns of readings (v, 3, c) and contrasts (v, B−1, 3, c) laid out by unit."""
         if dwell is not None:
             dwell = self.within(dwell)
             dwell = dwell.reshape(len(dwell), -1, dwell.shape[-1]) / self.sigma
         return self.laid(self.keep @ stop, dwell)
 
-    def laid(self, kept: Floats, dwell: Floats | None, units: slice = EVERY) -> Rows:
+    def laid(self, kept: Floats, dwell: Floats | None, units: slice = ALL_UNITS) -> DataColumns:
         """Numbers kept of the stops of some units (v, k, c) and contrasts (v, (B−1)·k, c), laid out by unit."""
         grid = self.grid.part(units)[0]
         if dwell is None:
-            return Rows(grid.spread(kept))
-        inside = Grid(grid.slot, dwell.shape[1]).spread(dwell)
-        return Rows(grid.spread(kept), inside.reshape(grid.units, -1, dwell.shape[-1]))
+            return DataColumns(grid.spread(kept))
+        inside = VisitGrid(grid.slot, dwell.shape[1]).spread(dwell)
+        return DataColumns(grid.spread(kept), inside.reshape(grid.units, -1, dwell.shape[-1]))
 
-    def within(self, dwell: Floats, stops: slice = EVERY) -> Floats:
+    def within(self, dwell: Floats, stops: slice = ALL_UNITS) -> Floats:
         """Contrasts (v, B−1, 3, …) as they are, or along the stimulus alone (v, B−1, 1, …) where a hand may turn."""
         if self.grid.k == 3:
             return dwell
@@ -92,16 +92,16 @@ class Layout:
         along = keep / np.linalg.norm(keep, axis=1, keepdims=True)
         return np.asarray(np.einsum("vi,vbi...->vb...", along, dwell)[:, :, None])
 
-    def of_units(self, chosen: Array) -> "tuple[Layout, Array]":
+    def of_units(self, chosen: Array) -> "tuple[RowLayout, Array]":
         """The layout of the chosen units (in order) alone, and which stops (v) are theirs."""
         theirs = np.isin(self.unit, chosen)
         slot = self.grid.slot[chosen]
         slot = np.where(slot >= 0, (np.cumsum(theirs) - 1)[slot], -1)
         unit = np.searchsorted(chosen, self.unit[theirs])
-        return Layout(Grid(slot, self.grid.k), self.keep[theirs], self.sigma, unit), theirs
+        return RowLayout(VisitGrid(slot, self.grid.k), self.keep[theirs], self.sigma, unit), theirs
 
 
-def grid_of(visits: Visits, k: int) -> Grid:
+def visit_grid(visits: VisitTable, k: int) -> VisitGrid:
     """The layout of stops that are sorted by unit, run and visit."""
     starts = np.flatnonzero(visits.previous < 0)
     length = np.diff(np.append(starts, len(visits)))
@@ -110,4 +110,4 @@ def grid_of(visits: Visits, k: int) -> Grid:
     slot = np.full((len(visits.unit.names), int(run.max(initial=0)) + 1, int(length.max(initial=1))), -1)
     for u, r, a, n in zip(unit, run, starts, length, strict=True):
         slot[u, r, :n] = np.arange(a, a + n)
-    return Grid(slot, k)
+    return VisitGrid(slot, k)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from station.domain.core.types import Array, Floats
 
 
-class Rows(NamedTuple):
+class DataColumns(NamedTuple):
     """Columns as the data have them: stop (U, R, m, c); dwell (U, w, c) the contrasts within the stops, in units of
     their noise, or None where they are all zero."""
 
@@ -23,35 +23,35 @@ class Rows(NamedTuple):
     dwell: Floats | None = None
 
     @staticmethod
-    def beside(parts: "Sequence[Rows]") -> "Rows":
+    def beside(parts: "Sequence[DataColumns]") -> "DataColumns":
         """All columns side by side; there must be at least one part."""
         moving = [p.dwell for p in parts if p.dwell is not None]
         stop = np.concatenate([p.stop for p in parts], axis=-1)
         if not moving:
-            return Rows(stop)
+            return DataColumns(stop)
         still = (*moving[0].shape[:2],)
         dwell = [np.zeros((*still, p.stop.shape[-1])) if p.dwell is None else p.dwell for p in parts]
-        return Rows(stop, np.concatenate(dwell, axis=-1))
+        return DataColumns(stop, np.concatenate(dwell, axis=-1))
 
-    def of_units(self, chosen: Array) -> "Rows":
+    def of_units(self, chosen: Array) -> "DataColumns":
         """The same of some units."""
-        return Rows(self.stop[chosen], None if self.dwell is None else self.dwell[chosen])
+        return DataColumns(self.stop[chosen], None if self.dwell is None else self.dwell[chosen])
 
 
 #: All units.
-EVERY = slice(None)
+ALL_UNITS = slice(None)
 #: A column that keeps less than this share of its length is taken for a combination of the others.
-RANK = 1e-7
+RANK_TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Known:
+class NuisanceColumns:
     """own (p) and shared (c) columns with their priors: precision (U, p), (c), 0 for none, about target (U, p), (c)."""
 
-    own: Rows
-    own_precision: Floats
-    own_target: Floats
-    shared: Rows
+    own: DataColumns
+    per_unit_precision: Floats
+    per_unit_target: Floats
+    shared: DataColumns
     shared_precision: Floats
     shared_target: Floats
 
@@ -60,25 +60,25 @@ class Known:
         """Whether anything known changes within a stop."""
         return self.own.dwell is not None or self.shared.dwell is not None
 
-    def of_units(self, chosen: Array) -> "Known":
+    def of_units(self, chosen: Array) -> "NuisanceColumns":
         """The same of some units."""
-        return Known(
+        return NuisanceColumns(
             self.own.of_units(chosen),
-            self.own_precision[chosen],
-            self.own_target[chosen],
+            self.per_unit_precision[chosen],
+            self.per_unit_target[chosen],
             self.shared.of_units(chosen),
             self.shared_precision,
             self.shared_target,
         )
 
     @property
-    def priors(self) -> int:
+    def prior_count(self) -> int:
         """How many coefficients have a prior."""
-        return int(np.count_nonzero(self.own_precision) + np.count_nonzero(self.shared_precision))
+        return int(np.count_nonzero(self.per_unit_precision) + np.count_nonzero(self.shared_precision))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Covariance:
+class FloorCovariance:
     """Inverse Cholesky factors (classes, m, m) of the floor, the class of each unit's run (U, R), which rows are
     measured (U, R·m), log-determinant."""
 
@@ -87,7 +87,7 @@ class Covariance:
     live: NDArray[np.bool_]
     logdet: float
 
-    def whiten(self, rows: Rows, dwell: int, more: int = 0, units: slice = EVERY) -> Floats:
+    def whiten(self, rows: DataColumns, dwell: int, more: int = 0, units: slice = ALL_UNITS) -> Floats:
         """Rows of unit variance (U, R·m + dwell + more, c) of some units; `dwell` is how many contrasts a unit shall
         keep, `more` how many rows of zeros come after."""
         U, R, m, c = rows.stop.shape
@@ -99,7 +99,7 @@ class Covariance:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Space:
+class ResidualSpace:
     """White rows of each unit (stops, contrasts, priors), free of the unit's own known columns.
 
     dwell: contrasts kept, 0 where only the stops' means are looked at; basis (U, M, p) spans the own columns;
@@ -108,12 +108,12 @@ class Space:
     live (U, M) rows that hold anything; copies: for how many sets of such units the few here stand.
     """
 
-    covariance: Covariance
+    covariance: FloorCovariance
     dwell: int
     live: NDArray[np.bool_]
     basis: Floats
-    border: Floats
-    common: float
+    shared_basis: Floats
+    shared_logdet: float
     logdet: float
     dof: int
     data: Floats
@@ -124,7 +124,7 @@ class Space:
         """Sum of squares of the readings without anything known."""
         return float(np.sum(self.residual**2))
 
-    def see(self, rows: Rows, units: slice = EVERY) -> Floats:
+    def project(self, rows: DataColumns, units: slice = ALL_UNITS) -> Floats:
         """Columns of some units as this space sees them (U, M, c), shared known ones not yet taken off."""
         _, R, m, _ = rows.stop.shape
         more = self.basis.shape[1] - R * m - self.dwell
@@ -136,22 +136,22 @@ class Space:
         """White rows (U, M, c) without what the own known columns take up."""
         return np.asarray(white - self.basis @ (self.basis.transpose(0, 2, 1) @ white))
 
-    def times(self, copies: int) -> "Space":
+    def times(self, copies: int) -> "ResidualSpace":
         """The space of so many times as many units of the same kind."""
         if copies == 1:
             return self
-        shared = self.border.shape[2]
+        shared = self.shared_basis.shape[2]
         # The shared columns stay as many: their normal matrix grows, all else adds up.
-        common = self.common + shared * float(np.log(copies))
-        logdet = copies * (self.logdet - self.common) + common
+        common = self.shared_logdet + shared * float(np.log(copies))
+        logdet = copies * (self.logdet - self.shared_logdet) + common
         dof = copies * (self.dof + shared) - shared
-        border = self.border / np.sqrt(copies)
-        return replace(self, border=border, common=common, logdet=logdet, dof=dof, copies=copies)
+        border = self.shared_basis / np.sqrt(copies)
+        return replace(self, shared_basis=border, shared_logdet=common, logdet=logdet, dof=dof, copies=copies)
 
     @property
     def residual(self) -> Floats:
         """The readings (U, M) without anything known."""
-        flat = self.border.reshape(self.data.size, -1)
+        flat = self.shared_basis.reshape(self.data.size, -1)
         return np.asarray(self.data - (flat @ (flat.T @ self.data.ravel())).reshape(self.data.shape))
 
     @property
@@ -165,10 +165,12 @@ class Space:
         return -0.5 * (self.logdet + self.dof * (1 + float(np.log(max(self.rest, 1e-300) / self.dof))))
 
 
-def space(covariance: Covariance, known: Known, readings: Rows, count: int) -> Space:
+def residual_space(
+    covariance: FloorCovariance, known: NuisanceColumns, readings: DataColumns, count: int
+) -> ResidualSpace:
     """The space of `count` readings (one column). Contrasts are kept where the readings have them."""
     dwell = 0 if readings.dwell is None else readings.dwell.shape[1]
-    own_rows, shared_rows, said = priors(known)
+    own_rows, shared_rows, said = prior_rows(known)
     white = [covariance.whiten(rows, dwell) for rows in (known.own, known.shared, readings)]
     own, shared, data = (
         np.concatenate(pair, axis=1) for pair in zip(white, (own_rows, shared_rows, said), strict=True)
@@ -179,28 +181,28 @@ def space(covariance: Covariance, known: Known, readings: Rows, count: int) -> S
     left = (data - basis @ (basis.transpose(0, 2, 1) @ data))[..., 0]
     logdet = covariance.logdet + logdet_own + common
     live = np.concatenate([_live(covariance, readings, dwell), (own_rows != 0).any(2) | (shared_rows != 0).any(2)], 1)
-    dof = count + known.priors - rank - border.shape[2]
-    return Space(covariance, dwell, live, basis, border, common, logdet, dof, left)
+    dof = count + known.prior_count - rank - border.shape[2]
+    return ResidualSpace(covariance, dwell, live, basis, border, common, logdet, dof, left)
 
 
-def _live(covariance: Covariance, readings: Rows, dwell: int) -> NDArray[np.bool_]:
+def _live(covariance: FloorCovariance, readings: DataColumns, dwell: int) -> NDArray[np.bool_]:
     """Rows of stops and contrasts that were measured; a contrast of exactly 0 is one of a block without samples."""
     if not dwell or readings.dwell is None:
         return covariance.live
     return np.concatenate([covariance.live, readings.dwell[..., 0] != 0], axis=1)
 
 
-def priors(known: Known) -> tuple[Floats, Floats, Floats]:
+def prior_rows(known: NuisanceColumns) -> tuple[Floats, Floats, Floats]:
     """Rows that stand for the priors: of own columns (U, p+c, p), shared ones (U, p+c, c), readings (U, p+c, 1).
 
     A shared prior is said once, among the rows of the first unit.
     """
-    U, p = known.own_precision.shape
+    U, p = known.per_unit_precision.shape
     c = len(known.shared_precision)
     own, shared, said = np.zeros((U, p + c, p)), np.zeros((U, p + c, c)), np.zeros((U, p + c, 1))
-    root, common = np.sqrt(known.own_precision), np.sqrt(known.shared_precision)
+    root, common = np.sqrt(known.per_unit_precision), np.sqrt(known.shared_precision)
     own[:, np.arange(p), np.arange(p)] = root
-    said[:, :p, 0] = root * known.own_target
+    said[:, :p, 0] = root * known.per_unit_target
     shared[0, p + np.arange(c), np.arange(c)] = common
     said[0, p:, 0] = common * known.shared_target
     return own, shared, said
@@ -211,7 +213,7 @@ def _basis(columns: Floats) -> tuple[Floats, int, float]:
     length = np.linalg.norm(columns, axis=1, keepdims=True)
     scaled = columns / np.where(length > 0, length, 1.0)
     left, s, _ = np.linalg.svd(scaled, full_matrices=False)
-    kept = s > RANK * np.max(s, axis=1, keepdims=True, initial=1e-300)
+    kept = s > RANK_TOLERANCE * np.max(s, axis=1, keepdims=True, initial=1e-300)
     logdet = 2 * float(np.sum(np.log(s[kept])) + np.sum(np.log(length[length > 0])))
     return left * kept[:, None, :], int(np.count_nonzero(kept)), logdet
 
@@ -220,6 +222,6 @@ def _orthonormal(columns: Floats) -> tuple[Floats, float]:
     """Orthonormal basis (U, M, rank) of columns (U, M, c) over all units; log det of their normal matrix."""
     flat = columns.reshape(columns.shape[0] * columns.shape[1], -1)
     values, vectors = np.linalg.eigh(flat.T @ flat)
-    kept = values > RANK * values.max(initial=0.0)
+    kept = values > RANK_TOLERANCE * values.max(initial=0.0)
     basis = flat @ (vectors[:, kept] / np.sqrt(values[kept]))
     return basis.reshape(*columns.shape[:2], -1), float(np.sum(np.log(values[kept])))

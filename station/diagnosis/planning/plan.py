@@ -10,49 +10,49 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.diagnosis.candidates.bank import Candidate, candidates, library, testable
-from station.diagnosis.data.reduce import reduce
-from station.diagnosis.linear.noise_floor import Floor
-from station.diagnosis.linear.projection import Space
-from station.diagnosis.search.distinguishability import APART_95, Axes, axes_of, share_outside
-from station.diagnosis.search.problem import Allowance, problem_of
-from station.diagnosis.search.scoring import Problem
+from station.diagnosis.candidates.bank import Candidate, candidates, cause_library, is_testable
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.linear.projection import ResidualSpace
+from station.diagnosis.search.distinguishability import SEPARATION_95, SignatureAxes, distinct_share, signature_axes
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.recipe.recipe import Recipe
 from station.model.effect import Effect
-from station.model.line import Line
-from station.model.simulate import Job, simulate
-from station.model.timeline import density_of, dwells_of
+from station.model.simulate import SimulationJob, simulate
+from station.model.simulated_line import SimulatedLine
+from station.model.timeline import noise_density_of, visit_dwells_s
 
 #: Samples a second that are enough to plan by: the noise of a mean follows from the density.
-RATE_HZ = 20.0
+PLANNING_RATE_HZ = 20.0
 #: Levels at which a cause acts only where it usually does.
-RARE = ("run", "visit")
+RARE_LEVELS = ("run", "visit")
 #: d from which a cause is found in 8 of 10 campaigns, 3 coefficients at 1 % (method notes, section 1).
-FOUND = 3.93
+DETECTABLE_D = 3.93
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Planned:
+class PlannedCampaign:
     """A campaign that was not measured, and the space of the floor it would have."""
 
-    problem: Problem
-    space: Space
+    problem: ScoringProblem
+    space: ResidualSpace
 
     @staticmethod
-    def of(problem: Problem, floor: Floor) -> "Planned":
+    def of(problem: ScoringProblem, floor: NoiseFloor) -> "PlannedCampaign":
         """The campaign under a floor."""
-        return Planned(problem, problem.space(floor, moving=True))
+        return PlannedCampaign(problem, problem.space(floor, moving=True))
 
-    def axes(self, candidate: Candidate) -> Axes:
+    def axes(self, candidate: Candidate) -> SignatureAxes:
         """What a candidate could move."""
         hit = np.ones(len(candidate.names))
         if candidate.pattern == "scan":
             hit = (np.arange(len(hit)) == len(hit) // 2).astype(float)
-        return axes_of(candidate, self.problem.view, self.space, hit)
+        return signature_axes(candidate, self.problem.view, self.space, hit)
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class CauseSeparability:
     """One cause: d at its usual size, the smallest size found, and d·√κ against every other cause by name."""
 
     effect: str
@@ -63,53 +63,63 @@ class Shown:
     apart: Mapping[str, float]
 
     @property
-    def tied(self) -> tuple[str, ...]:
+    def indistinguishable_from(self) -> tuple[str, ...]:
         """Causes it cannot be told from, the closest first; of one too weak to be found nothing is said."""
-        if self.d < APART_95:
+        if self.d < SEPARATION_95:
             return ()
-        near = [name for name, x in self.apart.items() if x < APART_95]
+        near = [name for name, x in self.apart.items() if x < SEPARATION_95]
         return tuple(sorted(near, key=lambda name: self.apart[name]))
 
 
 @dataclass(frozen=True, slots=True)
-class Apart:
+class RecipeSeparability:
     """What a recipe shows of so many units; hidden: causes that it cannot show at all."""
 
     units: int
-    shown: tuple[Shown, ...]
+    shown: tuple[CauseSeparability, ...]
     hidden: tuple[str, ...]
 
 
-def planned(recipe: Recipe, units: int, line: Line | None = None, seed: int = 1) -> Planned:
+def plan_campaign(recipe: Recipe, units: int, line: SimulatedLine | None = None, seed: int = 1) -> PlannedCampaign:
     """A campaign of a recipe as it is planned, without any cause, under white noise of the data sheet."""
-    density = density_of(recipe)
-    slow = recipe.device.model_copy(update={"rate_hz": RATE_HZ, "noise_density": density, "lsb": 0.0})
-    job = Job(
+    density = noise_density_of(recipe)
+    slow = recipe.device.model_copy(update={"rate_hz": PLANNING_RATE_HZ, "noise_density": density, "lsb": 0.0})
+    job = SimulationJob(
         recipe.model_copy(update={"device": slow}),
         tuple(f"unit-{i + 1}" for i in range(units)),
         seed,
-        line=line or Line(),
+        line=line or SimulatedLine(),
     )
     table = simulate(job).table
-    problem = problem_of(reduce(job.recipe, table), Allowance.of(recipe, job.model))
-    return Planned.of(problem, Floor(density / float(np.sqrt(2 * dwells_of(recipe).mean())), 0.0, 0.0))
+    problem = initial_problem(reduce_samples(job.recipe, table), FloorAllowance.of(recipe, job.model))
+    return PlannedCampaign.of(
+        problem, NoiseFloor(density / float(np.sqrt(2 * visit_dwells_s(recipe).mean())), 0.0, 0.0)
+    )
 
 
-def tell_apart(recipe: Recipe, units: int = 4) -> Apart:
+def recipe_separability(recipe: Recipe, units: int = 4) -> RecipeSeparability:
     """What a recipe can and cannot tell apart at the causes' usual sizes."""
-    bank = _bank(planned(recipe, units))
-    effects = {e.id: e for e in library(recipe)}
+    bank = _bank(plan_campaign(recipe, units))
+    effects = {e.id: e for e in cause_library(recipe)}
     seen = {name: axes for name, axes in bank.items() if _largest(effects[name], recipe) * axes[0].length >= 1.0}
-    shown = tuple(_shown(effects[name], recipe, seen) for name in seen)
-    return Apart(units, shown, tuple(name for name in effects if name not in seen))
+    shown = tuple(_cause_separability(effects[name], recipe, seen) for name in seen)
+    return RecipeSeparability(units, shown, tuple(name for name in effects if name not in seen))
 
 
-def _shown(effect: Effect, recipe: Recipe, seen: Mapping[str, Sequence[Axes]]) -> Shown:
+def _cause_separability(
+    effect: Effect, recipe: Recipe, seen: Mapping[str, Sequence[SignatureAxes]]
+) -> CauseSeparability:
     size = abs(effect.parameter.typical * effect.parameter.scale(recipe))
     axes = seen[effect.id][0]
     d = size * axes.length
-    apart = {name: d * float(np.sqrt(least_share(axes, others))) for name, others in seen.items() if name != effect.id}
-    return Shown(effect.id, size, effect.parameter.unit_in(recipe.unit), d, FOUND / axes.length, apart)
+    apart = {
+        name: d * float(np.sqrt(least_distinct_share(axes, others)))
+        for name, others in seen.items()
+        if name != effect.id
+    }
+    return CauseSeparability(
+        effect.id, size, effect.parameter.unit_in(recipe.unit), d, DETECTABLE_D / axes.length, apart
+    )
 
 
 def _largest(effect: Effect, recipe: Recipe) -> float:
@@ -118,31 +128,33 @@ def _largest(effect: Effect, recipe: Recipe) -> float:
     return max(abs(p.low), abs(p.high)) * p.scale(recipe)
 
 
-def _bank(plan: Planned) -> dict[str, list[Axes]]:
+def _bank(plan: PlannedCampaign) -> dict[str, list[SignatureAxes]]:
     """What each cause could move, at every shape and level, the one to speak of first."""
     view = plan.problem.view
-    found: dict[str, list[Axes]] = {}
-    for effect in library(view.scene.recipe):
-        if testable(effect, view):
+    found: dict[str, list[SignatureAxes]] = {}
+    for effect in cause_library(view.scene.recipe):
+        if is_testable(effect, view):
             # A coefficient of each run's own imitates any slow cause; that parsimony forbids it, no column shows.
-            usual = [c for c in candidates(effect, view) if c.of not in RARE or c.of == effect.of[0]]
+            usual = [c for c in candidates(effect, view) if c.of not in RARE_LEVELS or c.of == effect.of[0]]
             found[effect.id] = _ordered(effect, usual, [plan.axes(c) for c in usual], view.scene.recipe)
     return {name: axes for name, axes in found.items() if axes}
 
 
-def _ordered(effect: Effect, usual: Sequence[Candidate], axes: list[Axes], recipe: Recipe) -> list[Axes]:
+def _ordered(
+    effect: Effect, usual: Sequence[Candidate], axes: list[SignatureAxes], recipe: Recipe
+) -> list[SignatureAxes]:
     """The axes, first those of the usual shape at the usual level; or of the shape that shows most, where even the
     largest size would not show at the usual one: after a long settling time only a slow cause is left."""
     own = [i for i, c in enumerate(usual) if (c.of, c.pattern) == (usual[0].of, usual[0].pattern)]
     if not own:
         return axes
-    first = min(own, key=lambda i: _unusual(usual[i].effect or effect))
+    first = min(own, key=lambda i: _distance_from_typical(usual[i].effect or effect))
     if _largest(effect, recipe) * axes[first].length < 1.0:
         first = max(own, key=lambda i: axes[i].length)
     return [axes[first], *(a for i, a in enumerate(axes) if i != first)]
 
 
-def _unusual(shaped: Effect) -> float:
+def _distance_from_typical(shaped: Effect) -> float:
     """How far the parameters of a form are from their usual values, as ratios."""
     off = 0.0
     for p in shaped.forms:
@@ -151,6 +163,6 @@ def _unusual(shaped: Effect) -> float:
     return off
 
 
-def least_share(found: Axes, others: Sequence[Axes]) -> float:
+def least_distinct_share(found: SignatureAxes, others: Sequence[SignatureAxes]) -> float:
     """The smallest share of a cause outside what another could imitate, over its shapes and levels."""
-    return min((share_outside(found, axes) for axes in others), default=1.0)
+    return min((distinct_share(found, axes) for axes in others), default=1.0)

@@ -7,29 +7,29 @@ from typing import Literal
 import numpy as np
 
 from station.diagnosis.data import input_checks
-from station.diagnosis.data.faults import Fault, Inspected, inspect
-from station.diagnosis.data.reduce import reduce
-from station.diagnosis.linear.noise_floor import Fitted
-from station.diagnosis.results.estimate import Estimate, estimates
-from station.diagnosis.results.gain import Gain, gain_of
-from station.diagnosis.search.alarm import LEVEL
-from station.diagnosis.search.cause_search import Finding, NullOf, Searched, search
-from station.diagnosis.search.problem import Allowance, problem_of, with_model
-from station.diagnosis.search.scoring import Problem
+from station.diagnosis.data.faults import GrossFault, Inspection, inspect
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.results.estimate import Estimate, estimate_causes
+from station.diagnosis.results.gain import HeldOutGain, held_out_gain
+from station.diagnosis.search.alarm import FAMILY_WISE_LEVEL
+from station.diagnosis.search.cause_search import CauseFinding, NullFactory, SearchResult, search_causes
+from station.diagnosis.search.problem import FloorAllowance, initial_problem, with_model
+from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 
-Word = Literal["none", "named", "incomplete", "unknown"]
+DiagnosisVerdict = Literal["none", "named", "incomplete", "unknown"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cause:
     """A cause found: the finding, its size (None of a variance of the floor) and its gain."""
 
-    finding: Finding
+    finding: CauseFinding
     estimate: Estimate | None
-    gain: Gain
+    gain: HeldOutGain
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,21 +42,21 @@ class Diagnosis:
 
     recipe: Recipe
     table: SampleTable
-    inspected: Inspected
-    searched: Searched
-    last: Problem
-    floor: Fitted
+    inspection: Inspection
+    search_result: SearchResult
+    last: ScoringProblem
+    floor: FittedFloor
     causes: tuple[Cause, ...]
     depends_on: tuple[str, ...]
     not_testable: tuple[str, ...]
 
     @property
-    def faults(self) -> tuple[Fault, ...]:
+    def faults(self) -> tuple[GrossFault, ...]:
         """The gross faults."""
-        return self.inspected.faults
+        return self.inspection.faults
 
     @property
-    def verdict(self) -> Word:
+    def verdict(self) -> DiagnosisVerdict:
         """none, named, incomplete or unknown; contracts, section 5."""
         found = bool(self.causes or self.faults)
         if self.depends_on:
@@ -66,28 +66,28 @@ class Diagnosis:
     @property
     def level(self) -> float:
         """Chance of any alarm where nothing is wrong."""
-        return LEVEL
+        return FAMILY_WISE_LEVEL
 
 
-def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullOf) -> Diagnosis:
+def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFactory) -> Diagnosis:
     """Diagnoses a table. Errors: SamplesError when a position or seating is not in the recipe, or hardly anything is
     in the table."""
     input_checks.check(recipe, table)
     inspected = inspect(recipe, table)
-    input_checks.check_rest(table, inspected.table)
+    input_checks.check_unclipped(table, inspected.table)
     told = {effect.effect for effect in model.effects}
     news = tuple(f for f in inspected.faults if f.effect not in told)
-    reduced = reduce(recipe, inspected.table)
-    problem = problem_of(reduced, Allowance.of(recipe, model), matrix=model.calibration == "matrix")
+    reduced = reduce_samples(recipe, inspected.table)
+    problem = initial_problem(reduced, FloorAllowance.of(recipe, model), matrix=model.calibration == "matrix")
     problem = with_model(problem, model)
-    searched = search(problem, null_of)
-    last, sized = estimates(searched.last)
+    searched = search_causes(problem, null_of)
+    last, sized = estimate_causes(searched.last)
     floor = last.fit()
     return Diagnosis(
         recipe=recipe,
         table=table,
-        inspected=replace(inspected, faults=news),
-        searched=searched,
+        inspection=replace(inspected, faults=news),
+        search_result=searched,
         last=last,
         floor=floor,
         causes=_causes(searched, last, floor, sized[len(problem.accepted) :]),
@@ -96,13 +96,15 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullOf) 
     )
 
 
-def _not_testable(inspected: Inspected, searched: Searched) -> tuple[str, ...]:
+def _not_testable(inspected: Inspection, searched: SearchResult) -> tuple[str, ...]:
     """Causes that nothing in these data could show."""
     shown = {*inspected.tested, *(f.effect for f in inspected.faults)}
-    return tuple(sorted({*inspected.blind, *searched.blind} - shown))
+    return tuple(sorted({*inspected.undetectable, *searched.undetectable} - shown))
 
 
-def _causes(searched: Searched, last: Problem, floor: Fitted, sized: tuple[Estimate, ...]) -> tuple[Cause, ...]:
+def _causes(
+    searched: SearchResult, last: ScoringProblem, floor: FittedFloor, sized: tuple[Estimate, ...]
+) -> tuple[Cause, ...]:
     """The named findings with sizes and gains."""
     out: list[Cause] = []
     taken, before = 0, len(searched.first.accepted)
@@ -110,36 +112,36 @@ def _causes(searched: Searched, last: Problem, floor: Fitted, sized: tuple[Estim
         if finding.words:
             continue
         if finding.accepted is None:
-            if _still_grown(finding, searched, floor):
+            if _still_exceeds_allowance(finding, searched, floor):
                 out.append(Cause(finding, None, _floor_gain(finding, residual_rms(last))))
             continue
-        out.append(Cause(finding, sized[taken], gain_of(last, before + taken, floor.floor)))
+        out.append(Cause(finding, sized[taken], held_out_gain(last, before + taken, floor.floor)))
         taken += 1
     # Beside a cause that pays, one that does not is a shadow of it.
     paying = tuple(cause for cause in out if cause.gain.accepted)
     return paying or tuple(out)
 
 
-def _still_grown(finding: Finding, searched: Searched, floor: Fitted) -> bool:
+def _still_exceeds_allowance(finding: CauseFinding, searched: SearchResult, floor: FittedFloor) -> bool:
     """Whether a part of the floor stays beyond what a healthy rig may have, now that every cause is known."""
     part = 1 if finding.name == "repeatability" else 2
     return bool(floor.floor.variances[part] > searched.first.upper[part])
 
 
-def _floor_gain(finding: Finding, rms: float) -> Gain:
+def _floor_gain(finding: CauseFinding, rms: float) -> HeldOutGain:
     """A variance explains no reading: it gains likelihood, not rms."""
     nats = finding.evidence[finding.name]
-    return Gain("visit", rms, rms, 0.0, nats, float(np.sqrt(2 * max(nats, 0.5))))
+    return HeldOutGain("visit", rms, rms, 0.0, nats, float(np.sqrt(2 * max(nats, 0.5))))
 
 
-def residual_rms(problem: Problem) -> float:
+def residual_rms(problem: ScoringProblem) -> float:
     """Rms of measured − simulated over the stops, in the recipe's unit, once everything known is fitted."""
     rows = problem.view.readings().stop[..., 0]
     live = problem.structure.pad[problem.structure.member] == 0
     return float(np.sqrt(np.mean(rows[live] ** 2))) if live.any() else 0.0
 
 
-def floor_rms(problem: Problem, floor: Fitted) -> float:
+def floor_rms(problem: ScoringProblem, floor: FittedFloor) -> float:
     """Rms of a stop's mean that the noise floor alone makes, the walk apart."""
     parts = problem.structure.parts
     diagonal = np.einsum("i,cijj->cj", floor.floor.variances * np.array([1.0, 1.0, 0.0]), parts)
@@ -147,7 +149,7 @@ def floor_rms(problem: Problem, floor: Fitted) -> float:
     return float(np.sqrt(diagonal[live].mean())) if live.any() else 0.0
 
 
-def shift_of_calibration(problem: Problem, before: Problem) -> Mapping[str, Floats]:
+def calibration_shift(problem: ScoringProblem, before: ScoringProblem) -> Mapping[str, Floats]:
     """What the causes do to each unit's calibration: by how much offset and gain move once they are known, (6)."""
     now, then = problem.view.base, before.view.base
     gain = np.diagonal(now.matrix - then.matrix, axis1=1, axis2=2)

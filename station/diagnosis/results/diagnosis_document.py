@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from station.diagnosis.candidates.kernels import WORDS
-from station.diagnosis.data.faults import Fault
-from station.diagnosis.results.diagnose import Cause, Diagnosis, floor_rms, residual_rms, shift_of_calibration
+from station.diagnosis.candidates.kernels import KERNEL_NAMES
+from station.diagnosis.data.faults import GrossFault
+from station.diagnosis.results.diagnose import Cause, Diagnosis, calibration_shift, floor_rms, residual_rms
 from station.diagnosis.results.estimate import Estimate
-from station.diagnosis.results.gain import Gain
-from station.diagnosis.results.remaining_residual import left_rms
+from station.diagnosis.results.gain import HeldOutGain
+from station.diagnosis.results.remaining_residual import remaining_rms
 from station.model.effect import Effect
 
 SCHEMA = "station.diagnosis/1"
@@ -20,7 +20,7 @@ def document(
     d: Diagnosis, next_run: Mapping[str, Any] | None = None, line: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """The document; numbers finite, in the recipe's unit. line: see `line_impact.document`."""
-    visits = d.searched.first.view.scene.visits
+    visits = d.search_result.first.view.scene.visits
     floor = d.floor.floor
     return {
         "schema": SCHEMA,
@@ -33,38 +33,38 @@ def document(
         "verdict": d.verdict,
         "sentence": sentence(d),
         "baseline": {
-            "residual_rms": residual_rms(d.searched.first),
+            "residual_rms": residual_rms(d.search_result.first),
             "floor_rms": floor_rms(d.last, d.floor),
             "unit": d.recipe.unit,
         },
-        "extended": {"residual_rms": left_rms(d.last), "unit": d.recipe.unit},
+        "extended": {"residual_rms": remaining_rms(d.last), "unit": d.recipe.unit},
         "floor": {
             "noise": floor.noise,
             "repeatability_rad": floor.turn,
             "bias_walk": floor.walk,
-            "within_stops": within_stops_rms(d),
+            "within_stops": within_visit_rms(d),
         },
         "alarm": {
             "family_wise_level": d.level,
-            "statistic": max([d.searched.statistics[0], *(f.nats for f in d.faults)]),
-            "threshold": d.searched.threshold,
+            "statistic": max([d.search_result.statistics[0], *(f.nats for f in d.faults)]),
+            "threshold": d.search_result.threshold,
         },
         "causes": [*(_fault(f, d) for f in d.faults), *(_cause(c, d) for c in d.causes)],
         "unknown": {"depends_on": list(d.depends_on)},
         "not_testable": list(d.not_testable),
-        "considered": _considered(d),
+        "considered": _ranking_rows(d),
         "calibration_shift": {
             unit: {"offset": [float(x) for x in row[:3]], "gain": [float(x) for x in row[3:]]}
-            for unit, row in shift_of_calibration(d.last, d.searched.first).items()
+            for unit, row in calibration_shift(d.last, d.search_result.first).items()
         },
         "line": line,
         "next_run": next_run,
     }
 
 
-def within_stops_rms(d: Diagnosis) -> float:
+def within_visit_rms(d: Diagnosis) -> float:
     """Rms of a stop's mean that the scatter of its own samples makes: what is left where no floor may be trusted."""
-    view = d.searched.first.view
+    view = d.search_result.first.view
     return float(view.sigma / np.sqrt(view.reduced.count.sum(1).mean()))
 
 
@@ -72,7 +72,11 @@ def sentence(d: Diagnosis) -> str:
     """The finding in one sentence for a person."""
     names = [f"{f.effect}, {f.sentence}" for f in d.faults]
     for c in d.causes:
-        others = f" (or {', '.join(c.finding.alike)}: these data cannot tell)" if c.finding.alike else ""
+        others = (
+            f" (or {', '.join(c.finding.indistinguishable_from)}: these data cannot tell)"
+            if c.finding.indistinguishable_from
+            else ""
+        )
         names.append(f"{c.finding.name}{others}")
     found = "; ".join(names)
     rest = " and ".join(d.depends_on)
@@ -87,23 +91,23 @@ def sentence(d: Diagnosis) -> str:
 
 def _cause(c: Cause, d: Diagnosis) -> dict[str, Any]:
     f = c.finding
-    members = [f.name, *f.alike]
+    members = [f.name, *f.indistinguishable_from]
     return {
         "effect": f.name,
         "probability": min(1.0, sum(f.probability.get(name, 0.0) for name in members)),
-        "indistinguishable_from": list(f.alike),
+        "indistinguishable_from": list(f.indistinguishable_from),
         "level": "visit" if f.accepted is None else f.accepted.candidate.of,
-        "parameters": parameters(c, d),
+        "parameters": parameter_rows(c, d),
         "gain": _gain(c.gain),
     }
 
 
-def parameters(c: Cause, d: Diagnosis) -> list[dict[str, Any]]:
+def parameter_rows(c: Cause, d: Diagnosis) -> list[dict[str, Any]]:
     """The numbers of a cause in the contracts' form."""
-    return _of_floor(c.finding.name, d) if c.estimate is None else _parameters(c.estimate, d.recipe.unit)
+    return _floor_parameters(c.finding.name, d) if c.estimate is None else _parameters(c.estimate, d.recipe.unit)
 
 
-def _gain(g: Gain) -> dict[str, Any]:
+def _gain(g: HeldOutGain) -> dict[str, Any]:
     return {
         "held_out_by": g.held_out_by,
         "rms_before": g.rms_before,
@@ -130,9 +134,9 @@ def _parameters(e: Estimate, unit: str) -> list[dict[str, Any]]:
         for i, axis in enumerate(effect.axes)
     ]  # fmt: skip
     told = {t.field: t for t in e.form}
-    for effect, of in _shapes(e):
+    for effect, of in _forms_with_groups(e):
         for form in effect.forms:
-            std = told[form.field].std if form.field in told else e.spread_of(form.field)
+            std = told[form.field].std if form.field in told else e.form_std(form.field)
             value = float(getattr(effect, form.field))
             rows.append(
                 {"name": form.name, "axis": None, "of": of, "value": value, "std": std, "unit": form.unit_in(unit)}
@@ -140,7 +144,7 @@ def _parameters(e: Estimate, unit: str) -> list[dict[str, Any]]:
     return rows
 
 
-def _shapes(e: Estimate) -> Iterator[tuple[Effect, str]]:
+def _forms_with_groups(e: Estimate) -> Iterator[tuple[Effect, str]]:
     """The shapes of a cause, and whose they are: everybody's, or each group's own."""
     candidate = e.item.candidate
     if not candidate.own:
@@ -150,7 +154,7 @@ def _shapes(e: Estimate) -> Iterator[tuple[Effect, str]]:
             yield effect, name
 
 
-def _of_floor(name: str, d: Diagnosis) -> list[dict[str, Any]]:
+def _floor_parameters(name: str, d: Diagnosis) -> list[dict[str, Any]]:
     """The standard deviation of a cause that is a variance of the floor."""
     i = 1 if name == "repeatability" else 2
     value = (d.floor.floor.noise, d.floor.floor.turn, d.floor.floor.walk)[i]
@@ -159,16 +163,16 @@ def _of_floor(name: str, d: Diagnosis) -> list[dict[str, Any]]:
     return [{"name": told[0], "axis": None, "of": "common", "value": value, "std": std, "unit": told[1]}]
 
 
-def _fault(f: Fault, d: Diagnosis) -> dict[str, Any]:
-    rms = residual_rms(d.searched.first)
+def _fault(f: GrossFault, d: Diagnosis) -> dict[str, Any]:
+    rms = residual_rms(d.search_result.first)
     before = rms if f.rms_before is None else f.rms_before
     after = rms if f.rms_after is None else f.rms_after
     explained = max(0.0, 1 - (after / before) ** 2) if before > 0 else 0.0
-    gain = Gain("unit", before, after, explained, f.nats, (2 * max(f.nats, 0.5)) ** 0.5)
+    gain = HeldOutGain("unit", before, after, explained, f.nats, (2 * max(f.nats, 0.5)) ** 0.5)
     return {
         "effect": f.effect,
         "probability": 1.0,
-        "indistinguishable_from": list(f.alike),
+        "indistinguishable_from": list(f.indistinguishable_from),
         "level": f.level,
         "parameters": [
             {"name": n.name, "axis": n.axis, "of": n.of, "value": n.value, "std": n.std, "unit": n.unit}
@@ -178,12 +182,12 @@ def _fault(f: Fault, d: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _considered(d: Diagnosis) -> list[dict[str, Any]]:
+def _ranking_rows(d: Diagnosis) -> list[dict[str, Any]]:
     """Every cause of the library with its evidence when the first one was looked for, the likeliest first."""
-    evidence, probability = d.searched.ranking
+    evidence, probability = d.search_result.ranking
     rows = [
         {"effect": name, "log_evidence": value, "probability": probability.get(name, 0.0)}
         for name, value in evidence.items()
-        if name not in WORDS
+        if name not in KERNEL_NAMES
     ]
     return sorted(rows, key=lambda row: -row["log_evidence"])

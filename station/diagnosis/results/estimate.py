@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.diagnosis.candidates.nuisance import Accepted
-from station.diagnosis.candidates.shape import Tuned, reshaped, tunable, tuned
+from station.diagnosis.candidates.nuisance import AcceptedCause
+from station.diagnosis.candidates.shape import FormEstimate, tunable_parameters, tune_form, with_form_value
 from station.diagnosis.candidates.solve import solve, whitened
-from station.diagnosis.linear.noise_floor import Fitted
-from station.diagnosis.search.problem import gap_s, refined
-from station.diagnosis.search.scoring import Problem
+from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.search.problem import refined, visit_interval_s
+from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 
 
@@ -18,20 +18,20 @@ from station.domain.core.types import Floats
 class Estimate:
     """value and std (groups, axes) of a cause's coefficients, and the parameters of its form."""
 
-    item: Accepted
+    item: AcceptedCause
     value: Floats
     std: Floats
-    form: tuple[Tuned, ...]
-    gap_s: float = 0.0
+    form: tuple[FormEstimate, ...]
+    visit_interval_s: float = 0.0
 
-    def spread_of(self, field: str) -> float:
+    def form_std(self, field: str) -> float:
         """Standard deviation of a parameter of the form that was not tuned: of a jump, the gap it lies in."""
-        return self.gap_s / float(np.sqrt(12)) if field == "at_s" else 0.0
+        return self.visit_interval_s / float(np.sqrt(12)) if field == "at_s" else 0.0
 
 
-def estimates(problem: Problem) -> tuple[Problem, tuple[Estimate, ...]]:
+def estimate_causes(problem: ScoringProblem) -> tuple[ScoringProblem, tuple[Estimate, ...]]:
     """The problem with every form at its best beside the other causes, and the estimates of all accepted causes."""
-    forms: list[tuple[Tuned, ...]] = []
+    forms: list[tuple[FormEstimate, ...]] = []
     items = list(problem.accepted)
     fitted = problem.fit()
     for i in range(len(items)):
@@ -42,23 +42,27 @@ def estimates(problem: Problem) -> tuple[Problem, tuple[Estimate, ...]]:
         fitted = problem.fit()
     found = _coefficients(problem, problem.accepted, fitted)
     return problem, tuple(
-        Estimate(item, value, np.hypot(std, _by_form(problem, i, form, fitted)), form, gap_s(problem.view))
+        Estimate(
+            item, value, np.hypot(std, _std_from_form(problem, i, form, fitted)), form, visit_interval_s(problem.view)
+        )
         for i, (item, (value, std), form) in enumerate(zip(problem.accepted, found, forms, strict=True))
     )
 
 
-def _tuned(problem: Problem, i: int, fitted: Fitted) -> tuple[Accepted, tuple[Tuned, ...]]:
+def _tuned(problem: ScoringProblem, i: int, fitted: FittedFloor) -> tuple[AcceptedCause, tuple[FormEstimate, ...]]:
     """A cause with its form at its best, the others as they are."""
     item = problem.accepted[i]
-    if not tunable(item.candidate.effect):
+    if not tunable_parameters(item.candidate.effect):
         return item, ()
     bare = problem.without(i)
     space = bare.space(fitted.floor, moving=item.candidate.dwell is not None)
-    candidate, form = tuned(item.candidate, bare.view, space)
+    candidate, form = tune_form(item.candidate, bare.view, space)
     return replace(item, candidate=candidate), form
 
 
-def _coefficients(problem: Problem, items: Sequence[Accepted], fitted: Fitted) -> list[tuple[Floats, Floats]]:
+def _coefficients(
+    problem: ScoringProblem, items: Sequence[AcceptedCause], fitted: FittedFloor
+) -> list[tuple[Floats, Floats]]:
     """Coefficients and their standard deviations (groups, axes) of accepted causes."""
     beside = problem.beside(items)
     readings, _ = beside.readings(moving=beside.known.moving)
@@ -67,7 +71,7 @@ def _coefficients(problem: Problem, items: Sequence[Accepted], fitted: Fitted) -
     return [(item.coefficient + step, std) for item, (step, std) in zip(items, found, strict=True)]
 
 
-def _by_form(problem: Problem, i: int, form: Sequence[Tuned], fitted: Fitted) -> Floats:
+def _std_from_form(problem: ScoringProblem, i: int, form: Sequence[FormEstimate], fitted: FittedFloor) -> Floats:
     """Standard deviation (groups, axes) that the uncertainty of the form adds to the coefficients of a cause."""
     item = problem.accepted[i]
     bare = problem.without(i)
@@ -75,7 +79,9 @@ def _by_form(problem: Problem, i: int, form: Sequence[Tuned], fitted: Fitted) ->
     for t in form:
         ends = []
         for sign in (-1, 1):
-            moved = reshaped(item.candidate, t.field, t.value * float(np.exp(sign * t.std / t.value)), problem.view)
+            moved = with_form_value(
+                item.candidate, t.field, t.value * float(np.exp(sign * t.std / t.value)), problem.view
+            )
             other = replace(item, candidate=moved, coefficient=np.zeros(item.coefficient.shape))
             items = [*problem.accepted[:i], other, *problem.accepted[i + 1 :]]
             ends.append(_coefficients(bare, items, fitted)[i][0])

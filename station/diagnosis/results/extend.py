@@ -2,34 +2,34 @@
 
 from collections.abc import Iterator
 
-from station.diagnosis.data.faults import Fault
+from station.diagnosis.data.faults import GrossFault
 from station.diagnosis.results.diagnose import Cause, Diagnosis
-from station.diagnosis.results.diagnosis_document import parameters
+from station.diagnosis.results.diagnosis_document import parameter_rows
 from station.model.effect import Effect
 from station.model.model_file import Model, ModelEffect, ModelParameter
 
 
-def extended(model: Model, d: Diagnosis) -> Model:
+def extend_model(model: Model, d: Diagnosis) -> Model:
     """The model with every fault and every accepted cause, parameters with standard deviations.
 
     A cause whose gain on held-out data is within chance (2 SE) stays out.
     """
     named = {effect.effect for effect in model.effects}
-    faults = [_of_fault(f) for f in d.faults if f.effect not in named]
-    found = (effect for c in d.causes if c.gain.accepted for effect in _of_cause(c, d))
+    faults = [_fault_effect(f) for f in d.faults if f.effect not in named]
+    found = (effect for c in d.causes if c.gain.accepted for effect in _cause_effects(c, d))
     return model.model_copy(update={"effects": (*model.effects, *faults, *found)})
 
 
-def _of_fault(f: Fault) -> ModelEffect:
+def _fault_effect(f: GrossFault) -> ModelEffect:
     told = tuple(
         ModelParameter(name=n.name, axis=n.axis, of=n.of, value=n.value, std=n.std, unit=n.unit) for n in f.numbers
     )
     return ModelEffect(effect=f.effect, parameters=told)
 
 
-def _of_cause(c: Cause, d: Diagnosis) -> Iterator[ModelEffect]:
+def _cause_effects(c: Cause, d: Diagnosis) -> Iterator[ModelEffect]:
     """A cause, once for each of its shapes."""
-    rows = [ModelParameter(**row) for row in parameters(c, d)]
+    rows = [ModelParameter(**row) for row in parameter_rows(c, d)]
     candidate = None if c.estimate is None else c.estimate.item.candidate
     if candidate is None or not candidate.own:
         effect = None if candidate is None else candidate.effect

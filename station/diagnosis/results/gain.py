@@ -11,19 +11,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.diagnosis.candidates.bank import OWN
-from station.diagnosis.candidates.nuisance import Accepted
-from station.diagnosis.candidates.solve import Solved, solve, whitened
-from station.diagnosis.linear.noise_floor import Floor
-from station.diagnosis.search.scoring import Problem
+from station.diagnosis.candidates.bank import PER_UNIT_LEVELS
+from station.diagnosis.candidates.nuisance import AcceptedCause
+from station.diagnosis.candidates.solve import NuisanceSolution, solve, whitened
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 
 #: Parts into which stops or units are dealt, and the fewest units that can be held out in turn.
-FOLDS, UNITS = 6, 3
+FOLDS, MIN_HELD_OUT_UNITS = 6, 3
 
 
 @dataclass(frozen=True, slots=True)
-class Gain:
+class HeldOutGain:
     """held_out_by: visit, unit or sample; rms in the recipe's unit before and after; explained: share of what is
     above the floor; log_score in nats with its standard error."""
 
@@ -40,7 +40,7 @@ class Gain:
         return self.log_score > 2 * self.std_error
 
 
-def gain_of(problem: Problem, i: int, floor: Floor) -> Gain:
+def held_out_gain(problem: ScoringProblem, i: int, floor: NoiseFloor) -> HeldOutGain:
     """The gain of an accepted cause beside all others."""
     item = problem.accepted[i]
     bare = problem.without(i)
@@ -48,7 +48,7 @@ def gain_of(problem: Problem, i: int, floor: Floor) -> Gain:
     fresh = replace(item, coefficient=np.zeros(item.coefficient.shape))
     sides = (bare, bare.beside([*bare.accepted, fresh]))
     by = _held_out_by(problem, item)
-    tests = [_Test(side, floor, moving=moving) for side in sides]
+    tests = [_HeldOutTest(side, floor, moving=moving) for side in sides]
     score = np.zeros(problem.view.grid.slot.shape)
     squares, rows = np.zeros(2), 0.0
     for held in _folds(problem, by):
@@ -65,15 +65,15 @@ def gain_of(problem: Problem, i: int, floor: Floor) -> Gain:
     total = float(stops.sum())
     # What one stop says of itself has no other stops to be compared with: the spread of a log-likelihood ratio of d²/2.
     std_error = float(np.sqrt(len(stops)) * np.std(stops)) if by != "sample" else float(np.sqrt(2 * max(total, 0.5)))
-    return Gain(by, float(before), float(after), explained, total, std_error)
+    return HeldOutGain(by, float(before), float(after), explained, total, std_error)
 
 
-def _held_out_by(problem: Problem, item: Accepted) -> str:
+def _held_out_by(problem: ScoringProblem, item: AcceptedCause) -> str:
     """What is held out for a cause."""
     of = item.candidate.of
     if of == "visit":
         return "sample"
-    if of in OWN or problem.view.grid.units < UNITS:
+    if of in PER_UNIT_LEVELS or problem.view.grid.units < MIN_HELD_OUT_UNITS:
         return "visit"
     # A group of one unit could not be predicted from the others.
     unit = problem.view.scene.visits.unit.code
@@ -81,12 +81,12 @@ def _held_out_by(problem: Problem, item: Accepted) -> str:
     return "unit" if shared else "visit"
 
 
-def _folds(problem: Problem, by: str) -> Iterator[Floats]:
+def _folds(problem: ScoringProblem, by: str) -> Iterator[Floats]:
     """Which stops (U, R, V) are held out, 1, in turn."""
     slot = problem.view.grid.slot
     U, R, V = slot.shape
     if by == "unit":
-        part = np.broadcast_to(np.arange(U)[:, None, None] % max(UNITS, min(U, FOLDS)), slot.shape)
+        part = np.broadcast_to(np.arange(U)[:, None, None] % max(MIN_HELD_OUT_UNITS, min(U, FOLDS)), slot.shape)
     elif by == "visit":
         # Dealt so that no part holds the same places of all runs.
         part = np.broadcast_to(
@@ -98,10 +98,10 @@ def _folds(problem: Problem, by: str) -> Iterator[Floats]:
         yield ((part == fold) & (slot >= 0)).astype(float)
 
 
-class _Test:
+class _HeldOutTest:
     """One side of the comparison, ready to be fitted to a part of the data and judged by the rest."""
 
-    def __init__(self, side: Problem, floor: Floor, *, moving: bool) -> None:
+    def __init__(self, side: ScoringProblem, floor: NoiseFloor, *, moving: bool) -> None:
         self.side = side
         self.readings, _ = side.readings(moving=moving)
         self.covariance = side.structure.covariance(floor.variances)
@@ -115,23 +115,23 @@ class _Test:
         """Half the squares of the held-out stops' white rows (U, R, V), and the sum of squares of their readings."""
         held_rows = self._rows(held)
         if by == "sample":
-            return self._halved(held)
+            return self._split_by_noise(held)
         solved = solve(self.white, 1 - held_rows)
         if by == "unit":
-            solved = self._calibrated(solved)
+            solved = self._recalibrated(solved)
         white = self.white.residual(solved) * held_rows
-        return 0.5 * self._by_stop(white**2), self._raw(solved, held)
+        return 0.5 * self._by_visit(white**2), self._raw(solved, held)
 
-    def _halved(self, held: Floats) -> tuple[Floats, float]:
+    def _split_by_noise(self, held: Floats) -> tuple[Floats, float]:
         """The same for one stop: two data sets of twice the variance are made by adding and taking off noise, which
         are independent; the one is fitted, the other judged (data fission, Leiner et al. 2023)."""
         noise = np.random.default_rng(0).standard_normal(self.white.data.shape)
         parts = (replace(self.white, data=self.white.data + s * noise) for s in (1, -1))
         fitted, judged = parts
         solved = solve(fitted)
-        return 0.25 * self._by_stop(judged.residual(solved) ** 2), self._raw(solved, held)
+        return 0.25 * self._by_visit(judged.residual(solved) ** 2), self._raw(solved, held)
 
-    def _calibrated(self, solved: Solved) -> Solved:
+    def _recalibrated(self, solved: NuisanceSolution) -> NuisanceSolution:
         """Shared coefficients as solved, each unit's own ones fitted to all of its rows."""
         bare = replace(
             self.white, data=self.white.data - self.white.shared @ solved.shared, shared=self.white.shared[..., :0]
@@ -147,14 +147,14 @@ class _Test:
         rest = np.zeros((U, self.white.data.shape[1] - stop.shape[1] - dwell.shape[1]))
         return np.concatenate([stop, dwell, rest], axis=1)
 
-    def _by_stop(self, rows: Floats) -> Floats:
+    def _by_visit(self, rows: Floats) -> Floats:
         """White rows (U, M) summed up by stop (U, R, V)."""
         U, R, V = self.side.view.grid.slot.shape
         a, b = self.white.stops, self.white.stops + self.white.dwell
         parts = (rows[:, :a], rows[:, a:b])
         return np.asarray(sum(p.reshape(U, R, V, -1).sum(3) for p in parts if p.shape[1]))
 
-    def _raw(self, solved: Solved, held: Floats) -> float:
+    def _raw(self, solved: NuisanceSolution, held: Floats) -> float:
         """Sum of squares of the held-out readings without what is predicted: of means, or of all samples' blocks."""
         known, readings = self.side.known, self.readings
         U, R, V = held.shape
@@ -178,7 +178,7 @@ class _Test:
         U, R, V = held.shape
         return float(np.sum(self.count.reshape(U, R, V, -1).sum(3) * held))
 
-    def floor_rms(self, floor: Floor) -> float:
+    def floor_rms(self, floor: NoiseFloor) -> float:
         """Rms of what the floor alone would leave."""
         parts, member = self.side.structure.parts, self.side.structure.member
         m = parts.shape[-1]

@@ -11,38 +11,38 @@ from typing import Any
 import numpy as np
 
 from station.diagnosis.results.diagnose import Diagnosis
-from station.diagnosis.search.scoring import Problem
+from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats, Outcome, SampleTable
 from station.domain.evaluation import pipeline
-from station.domain.evaluation.pipeline import Result
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.recipe.recipe import Recipe
 from station.errors import StationError
-from station.model.scene import stops_of_table
+from station.model.scene import visits_scene_of_table
 
 #: A thousandth of a recipe's unit, as a line speaks of it.
-THOUSANDTH = {"g": "mg", "uT": "nT", "deg/s": "mdeg/s"}
+MILLI_UNITS = {"g": "mg", "uT": "nT", "deg/s": "mdeg/s"}
 #: Limits of coefficients and stops; without any of them there is no verdict to change.
-LIMITS = ("offset", "gain", "cross_axis", "residual", "consistency", "tilt_deg")
+JUDGED_LIMITS = ("offset", "gain", "cross_axis", "residual", "consistency", "tilt_deg")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Unit:
+class UnitImpact:
     """One unit: by how much offset (3), recipe's unit, and matrix (3, 3) move once the causes are off; moves: rms that
     this makes of an axis of a calibrated reading over all directions, recipe's unit; both outcomes."""
 
     serial: str
     offset: Floats
     matrix: Floats
-    moves: float
+    shift_rms: float
     before: Outcome
     after: Outcome
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Line:
+class LineImpact:
     """Every unit that can be calibrated with and without the causes; limits: whether the recipe has any to judge by."""
 
-    units: tuple[Unit, ...]
+    units: tuple[UnitImpact, ...]
     limits: bool
 
     def passed(self, *, after: bool) -> int:
@@ -55,7 +55,7 @@ class Line:
         return sum(u.before is not u.after for u in self.units)
 
 
-def line_of(d: Diagnosis, today: str) -> Line | None:
+def assess_line_impact(d: Diagnosis, today: str) -> LineImpact | None:
     """What was found, in the words of the line; None where nothing was found or nothing can be calibrated.
 
     today: ISO 8601, for what is due in the recipe.
@@ -63,36 +63,36 @@ def line_of(d: Diagnosis, today: str) -> Line | None:
     if not (d.faults or d.causes):
         return None
     try:
-        before, after = (_results(d.recipe, t, today) for t in (d.table, _without(d)))
+        before, after = (_results(d.recipe, t, today) for t in (d.table, _corrected_table(d)))
     except StationError:
         # Data that can be diagnosed need not be such that the recipe's method can calibrate them.
         return None
     strength = d.recipe.reference.strength()
-    units = (_unit(b, a, strength) for b, a in zip(before, after, strict=True))
-    limits = any(getattr(d.recipe.limits, name) is not None for name in LIMITS)
-    return Line(tuple(u for u in units if u is not None), limits)
+    units = (_unit_impact(b, a, strength) for b, a in zip(before, after, strict=True))
+    limits = any(getattr(d.recipe.limits, name) is not None for name in JUDGED_LIMITS)
+    return LineImpact(tuple(u for u in units if u is not None), limits)
 
 
-def added(problem: Problem, i: int) -> tuple[Floats, Floats]:
+def cause_contribution(problem: ScoringProblem, i: int) -> tuple[Floats, Floats]:
     """What an accepted cause adds to the means of the stops (v, 3) and to their contrasts (v, B−1, 3)."""
     with_it, without = problem.view.simulated(), problem.without(i).view.simulated()
     return with_it[0] - without[0], with_it[1] - without[1]
 
 
-def new(d: Diagnosis) -> Sequence[int]:
+def new_causes(d: Diagnosis) -> Sequence[int]:
     """Numbers of the causes that this diagnosis has accepted, beside those of the model."""
-    return range(len(d.searched.first.accepted), len(d.last.accepted))
+    return range(len(d.search_result.first.accepted), len(d.last.accepted))
 
 
-def document(line: Line | None, unit: str) -> dict[str, Any] | None:
+def document(line: LineImpact | None, unit: str) -> dict[str, Any] | None:
     """As the diagnosis' JSON has it; lengths in thousandths of the recipe's unit. Verdicts are null without limits."""
     if line is None or not line.units:
         return None
     judged, total = line.limits, len(line.units)
     passed = [line.passed(after=after) if judged else None for after in (False, True)]
     return {
-        "unit": THOUSANDTH.get(unit, f"1e-3 {unit}"),
-        "units": [_told(u, judged=judged) for u in line.units],
+        "unit": MILLI_UNITS.get(unit, f"1e-3 {unit}"),
+        "units": [_unit_document(u, judged=judged) for u in line.units],
         "verdicts_changed": line.changed if judged else None,
         "passed_before": passed[0],
         "passed_after": passed[1],
@@ -101,33 +101,33 @@ def document(line: Line | None, unit: str) -> dict[str, Any] | None:
     }
 
 
-def _told(u: Unit, *, judged: bool) -> dict[str, Any]:
+def _unit_document(u: UnitImpact, *, judged: bool) -> dict[str, Any]:
     return {
         "serial": u.serial,
         "offset": (1e3 * u.offset).tolist(),
         "matrix": u.matrix.tolist(),
-        "moves": 1e3 * u.moves,
+        "moves": 1e3 * u.shift_rms,
         "before": str(u.before) if judged else None,
         "after": str(u.after) if judged else None,
     }
 
 
-def _results(recipe: Recipe, table: SampleTable, today: str) -> list[Result]:
+def _results(recipe: Recipe, table: SampleTable, today: str) -> list[CalibrationResult]:
     return sorted(pipeline.calibrate(recipe, table, today), key=lambda r: r.serial)
 
 
-def _without(d: Diagnosis) -> SampleTable:
+def _corrected_table(d: Diagnosis) -> SampleTable:
     """The samples with gross faults put right and every new cause taken off."""
-    table = d.inspected.table
-    effect = sum((added(d.last, i)[0] for i in new(d)), np.zeros_like(d.last.view.reduced.mean))
-    return replace(table, reading=table.reading - effect[stops_of_table(d.recipe, table).visit])
+    table = d.inspection.table
+    effect = sum((cause_contribution(d.last, i)[0] for i in new_causes(d)), np.zeros_like(d.last.view.reduced.mean))
+    return replace(table, reading=table.reading - effect[visits_scene_of_table(d.recipe, table).visit])
 
 
-def _unit(before: Result, after: Result, strength: float) -> Unit | None:
+def _unit_impact(before: CalibrationResult, after: CalibrationResult, strength: float) -> UnitImpact | None:
     was, now = before.calibration, after.calibration
     if was is None or now is None:
         return None
     offset, matrix = now.offset - was.offset, now.matrix - was.matrix
     # Over all directions a stimulus of length s has s²/3 along each axis.
     moves = float(np.sqrt((offset @ offset + strength**2 / 3 * np.sum(matrix**2)) / 3))
-    return Unit(before.serial, offset, matrix, moves, before.verdict.outcome, after.verdict.outcome)
+    return UnitImpact(before.serial, offset, matrix, moves, before.verdict.outcome, after.verdict.outcome)

@@ -3,16 +3,16 @@ was, taken the same way, by plain least squares over the stops."""
 
 import numpy as np
 
-from station.diagnosis.candidates.solve import White, solve
-from station.diagnosis.search.scoring import Problem
+from station.diagnosis.candidates.solve import WhiteRows, solve
+from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 
 
-def left_rms(problem: Problem) -> float:
+def remaining_rms(problem: ScoringProblem) -> float:
     """Rms of measured − simulated over the stops, recipe's unit, every stop alike and every coefficient free."""
     own, shared = (_rows(part.stop) for part in (problem.known.own, problem.known.shared))
     data = _rows(problem.view.readings().stop)[..., 0]
-    white = White(own, shared, data, data.shape[1], 0)
+    white = WhiteRows(own, shared, data, data.shape[1], 0)
     live = problem.structure.pad[problem.structure.member].reshape(data.shape) == 0
     rest = white.residual(solve(white))[live]
     return float(np.sqrt(np.mean(rest**2))) if len(rest) else 0.0

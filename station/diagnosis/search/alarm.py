@@ -11,24 +11,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.diagnosis.candidates.projected_bank import Seen
-from station.diagnosis.linear.noise_floor import Fitted
+from station.diagnosis.candidates.projected_bank import ProjectedBank
+from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.search import null_simulation
-from station.diagnosis.search.scoring import Problem
-from station.diagnosis.search.walk_marginal import Panel
+from station.diagnosis.search.scoring import ScoringProblem
+from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-VERSION = 6
+NULL_CACHE_VERSION = 6
 #: Chance of any alarm in data without a cause.
-LEVEL = 0.01
+FAMILY_WISE_LEVEL = 0.01
 #: Probabilities below the tail at which a cause's null scores are kept, and where its exponential tail begins.
-GRID = np.linspace(0.0, 1.0, 33)
-TAIL = 0.975
+QUANTILE_GRID = np.linspace(0.0, 1.0, 33)
+TAIL_START = 0.975
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Null:
+class NullDistribution:
     """What scores look like when nothing is wrong.
 
     quantiles (33) of each cause's null scores below its tail, start and scale of the tail; threshold of the largest
@@ -40,11 +40,11 @@ class Null:
     scale: Mapping[str, float]
     threshold: float
 
-    def surprise(self, name: str, score: Floats) -> Floats:
+    def minus_log10_p(self, name: str, score: Floats) -> Floats:
         """−log₁₀ p of a cause's scores (n); 0 for a cause without a null distribution."""
         if name not in self.quantiles:
             return np.zeros_like(score)
-        below = 1 - TAIL * np.interp(score, self.quantiles[name], GRID)
+        below = 1 - TAIL_START * np.interp(score, self.quantiles[name], QUANTILE_GRID)
         tail = np.maximum(score - self.start[name], 0.0) / (self.scale[name] * np.log(10))
         return np.asarray(-np.log10(below) + tail)
 
@@ -56,15 +56,15 @@ class Null:
         return {"threshold": self.threshold, "causes": causes}
 
     @staticmethod
-    def of_document(document: Mapping[str, object]) -> "Null":
+    def from_document(document: Mapping[str, object]) -> "NullDistribution":
         """From plain numbers. Errors: KeyError, TypeError or ValueError when it is none."""
         causes = document["causes"]
         if not isinstance(causes, Mapping):
             raise TypeError("causes is no mapping")
         rows = {str(name): np.asarray(row, float) for name, row in causes.items()}
-        if any(len(row) != len(GRID) + 2 for row in rows.values()):
+        if any(len(row) != len(QUANTILE_GRID) + 2 for row in rows.values()):
             raise ValueError("causes have rows of another length")
-        return Null(
+        return NullDistribution(
             {name: row[:-2] for name, row in rows.items()},
             {name: float(row[-2]) for name, row in rows.items()},
             {name: float(row[-1]) for name, row in rows.items()},
@@ -72,46 +72,50 @@ class Null:
         )
 
 
-def bootstrap(problem: Problem, fitted: Fitted, now: Panel, seed: int) -> Null:
+def bootstrap(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, seed: int) -> NullDistribution:
     """The null distribution for a bank under the floor fitted without any new cause."""
     parts = list(null_simulation.scores(problem, fitted, now, seed))
-    return null_of({name: np.concatenate([p[name] for p in parts]).astype(float) for name in parts[0]})
+    return fit_null({name: np.concatenate([p[name] for p in parts]).astype(float) for name in parts[0]})
 
 
-def null_of(scores: Mapping[str, Floats]) -> Null:
+def fit_null(scores: Mapping[str, Floats]) -> NullDistribution:
     """The null distribution from each cause's scores (n) in the same null data sets."""
-    quantiles = {name: np.quantile(s, TAIL * GRID) for name, s in scores.items()}
+    quantiles = {name: np.quantile(s, TAIL_START * QUANTILE_GRID) for name, s in scores.items()}
     start = {name: float(q[-1]) for name, q in quantiles.items()}
     beyond = {name: s[s > start[name]] - start[name] for name, s in scores.items()}
     scale = {name: max(float(np.mean(x)), 0.05) if len(x) else 1.0 for name, x in beyond.items()}
     # A tail bends towards that of every log Bayes factor; a few sets beyond its start do not show yet how far it goes.
     usual = float(np.median(list(scale.values())))
     scale = {name: max(x, usual) for name, x in scale.items()}
-    null = Null(quantiles, start, scale, 0.0)
-    largest = np.max([null.surprise(name, s) for name, s in scores.items()], axis=0)
-    return Null(quantiles, start, scale, float(np.quantile(largest, 1 - LEVEL)))
+    null = NullDistribution(quantiles, start, scale, 0.0)
+    largest = np.max([null.minus_log10_p(name, s) for name, s in scores.items()], axis=0)
+    return NullDistribution(quantiles, start, scale, float(np.quantile(largest, 1 - FAMILY_WISE_LEVEL)))
 
 
-def statistic(null: Null, evidence: Mapping[str, float]) -> float:
+def statistic(null: NullDistribution, evidence: Mapping[str, float]) -> float:
     """The largest −log₁₀ p over the causes."""
-    return max((float(null.surprise(name, np.array([e]))[0]) for name, e in evidence.items()), default=0.0)
+    return max((float(null.minus_log10_p(name, np.array([e]))[0]) for name, e in evidence.items()), default=0.0)
 
 
-def surprises(null: Null, evidence: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
+def minus_log10_p_by_cause(
+    null: NullDistribution, evidence: Mapping[str, float], names: Sequence[str]
+) -> dict[str, float]:
     """−log₁₀ p of the named causes."""
-    return {name: float(null.surprise(name, np.array([evidence[name]]))[0]) for name in names if name in evidence}
+    return {name: float(null.minus_log10_p(name, np.array([evidence[name]]))[0]) for name in names if name in evidence}
 
 
-def key(problem: Problem, fitted: Fitted, now: Panel, seed: int) -> str:
+def cache_key(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, seed: int) -> str:
     """What the null distribution depends on, as text: bank and design exactly, floor and strengths to a factor."""
     grid, floor = problem.view.grid, fitted.floor
     recipe = problem.view.scene.recipe
     relative = [round(2 * float(np.log2(max(x / floor.noise, 1e-3)))) for x in (floor.turn, floor.walk)]
-    shown = [(s.bank.moving, s.space.dof, _kinds(s)) for s in now.best.seen]
-    return repr((VERSION, recipe.name, recipe.version, grid.slot.shape, grid.data, grid.k, relative, shown, seed))
+    shown = [(s.bank.moving, s.space.dof, _candidate_kinds(s)) for s in now.best.seen]
+    return repr(
+        (NULL_CACHE_VERSION, recipe.name, recipe.version, grid.slot.shape, grid.data, grid.k, relative, shown, seed)
+    )
 
 
-def _kinds(seen: Seen) -> list[tuple[str, str, str, int]]:
+def _candidate_kinds(seen: ProjectedBank) -> list[tuple[str, str, str, int]]:
     """Name, level, pattern and number of coefficients of every candidate."""
     pairs = zip(seen.bank.candidates, seen.spectra, strict=True)
     return [(c.name, c.of, c.pattern, s.m.size) for c, s in pairs]

@@ -6,38 +6,54 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from station.diagnosis.candidates import kernels as generic
-from station.diagnosis.candidates.bank import Bank, Candidate, bank_of, candidates, library, smooth, testable
-from station.diagnosis.candidates.nuisance import Accepted
-from station.diagnosis.candidates.projected_bank import visible
-from station.diagnosis.candidates.shape import between, evidence_of, jumps, may_ring, rung, tunable, tuned
-from station.diagnosis.data.residuals import View
-from station.diagnosis.linear.evidence import log_mean
-from station.diagnosis.linear.noise_floor import Fitted, Floor
-from station.diagnosis.linear.projection import Space
-from station.diagnosis.search.alarm import Null, statistic
-from station.diagnosis.search.distinguishability import APART_95, alike, signal
-from station.diagnosis.search.jump_times import with_own_times
+from station.diagnosis.candidates.bank import (
+    Bank,
+    Candidate,
+    build_bank,
+    candidates,
+    cause_library,
+    is_testable,
+    smooth_causes,
+)
+from station.diagnosis.candidates.nuisance import AcceptedCause
+from station.diagnosis.candidates.projected_bank import visible_candidates
+from station.diagnosis.candidates.shape import (
+    evidence_of,
+    has_jump,
+    may_ring,
+    refine_jump_time,
+    tunable_parameters,
+    tune_form,
+    with_ringing,
+)
+from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.linear.evidence import log_mean_exp
+from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
+from station.diagnosis.linear.projection import ResidualSpace
+from station.diagnosis.search.alarm import NullDistribution, statistic
+from station.diagnosis.search.distinguishability import SEPARATION_95, estimate_signal, separations
+from station.diagnosis.search.jump_times import fit_jump_times
 from station.diagnosis.search.problem import refined
-from station.diagnosis.search.rank import Rank, grown_with, merge, rank
-from station.diagnosis.search.scoring import Problem, Stage, stage
-from station.diagnosis.search.walk_marginal import Panel, beside, panel
+from station.diagnosis.search.rank import RankedCause, keep_best, rank_causes, with_free_variance
+from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
+from station.diagnosis.search.walk_marginal import WalkMarginal, marginalise_walks, score_over_walks
 
-NullOf = Callable[[Problem, Fitted, Panel], Null]
+NullFactory = Callable[[ScoringProblem, FittedFloor, WalkMarginal], NullDistribution]
 
 #: A kernel must beat every cause of the library by this many nats to be "something unknown".
 UNKNOWN_NATS = 3.0
 #: And by this share: no form, and no mean of a block, is more exact. What it leaves out is found in the next round.
-INEXACT = 0.04
+KERNEL_MARGIN = 0.04
 #: A cause worth fewer nats than this, odds of three to one, explains no alarm.
 EXPLAINS_NATS = 1.1
 #: A cause beside a grown floor must gain so many nats to come before it.
 EVIDENT_NATS = 6.0
 #: Causes and kernels looked for at most.
-ROUNDS = 6
+MAX_ROUNDS = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Finding:
+class CauseFinding:
     """One cause found, or one kernel that no cause explains.
 
     ranks: log evidence of every cause at that point; chosen: what was accepted; probability of it together with
@@ -46,27 +62,27 @@ class Finding:
     """
 
     name: str
-    accepted: Accepted | None
-    floor: Floor
+    accepted: AcceptedCause | None
+    floor: NoiseFloor
     evidence: Mapping[str, float]
     probability: Mapping[str, float]
-    alike: tuple[str, ...]
+    indistinguishable_from: tuple[str, ...]
     d: float
     statistic: float
     words: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Searched:
+class SearchResult:
     """What was found, the problem with all of it known, and the stage at which nothing alarmed any more."""
 
-    first: Problem
-    last: Problem
-    findings: tuple[Finding, ...]
+    first: ScoringProblem
+    last: ScoringProblem
+    findings: tuple[CauseFinding, ...]
     statistics: tuple[float, ...]
     threshold: float
-    stage: Stage
-    blind: tuple[str, ...]
+    stage: ScoredBank
+    undetectable: tuple[str, ...]
     rest: Mapping[str, float]
 
     @property
@@ -75,7 +91,7 @@ class Searched:
         said = next((f.words for f in self.findings if f.words), ())
         if said or self.statistics[-1] <= self.threshold:
             return said
-        kernels = [(e, name) for name, e in self.rest.items() if name in generic.WORDS]
+        kernels = [(e, name) for name, e in self.rest.items() if name in generic.KERNEL_NAMES]
         return (max(kernels)[1],) if kernels else ()
 
     @property
@@ -83,84 +99,92 @@ class Searched:
         """Log evidence and probability of every cause when the first one was looked for."""
         if self.findings:
             return self.findings[0].evidence, self.findings[0].probability
-        causes = {name: e for name, e in self.rest.items() if name not in generic.WORDS}
+        causes = {name: e for name, e in self.rest.items() if name not in generic.KERNEL_NAMES}
         return self.rest, dict.fromkeys(causes, 0.0)
 
 
-def banks_of(view: View, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:
+def build_banks(view: ResidualView, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:
     """The still and the moving candidates, without the causes that are hidden from these data."""
-    effects = [e for e in library(view.scene.recipe) if e.id not in hidden and testable(e, view)]
-    items = [c for e in effects for c in candidates(e, view)] + generic.kernels(view)
-    return bank_of(items, view.layout, moving=False), bank_of(items, view.layout, moving=True)
+    effects = [e for e in cause_library(view.scene.recipe) if e.id not in hidden and is_testable(e, view)]
+    items = [c for e in effects for c in candidates(e, view)] + generic.kernel_candidates(view)
+    return build_bank(items, view.layout, moving=False), build_bank(items, view.layout, moving=True)
 
 
-def _shown(problem: Problem, now: Stage) -> tuple[Stage, tuple[str, ...]]:
+def _drop_undetectable(problem: ScoringProblem, now: ScoredBank) -> tuple[ScoredBank, tuple[str, ...]]:
     """The stage without the causes that it cannot show, and those: their covariates were not recorded, or the largest
     amplitude ever met would leave nothing here."""
     count = problem.view.reduced.count.sum(1).mean()
     swollen = max(1.0, now.floor.noise * float(np.sqrt(count)) / problem.view.sigma)
-    shown = {c.name for s in now.seen for c, v in zip(s.bank.candidates, visible(s, swollen), strict=True) if v}
+    shown = {
+        c.name for s in now.seen for c, v in zip(s.bank.candidates, visible_candidates(s, swollen), strict=True) if v
+    }
     seen = tuple(s.only([c.name in shown for c in s.bank.candidates]) for s in now.seen)
-    return Stage(now.floor, seen), tuple(name for name in smooth() if name not in shown)
+    return ScoredBank(now.floor, seen), tuple(name for name in smooth_causes() if name not in shown)
 
 
-def search(problem: Problem, null_of: NullOf) -> Searched:
+def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult:
     """Everything that can be found. null_of gives the null distribution for the first stage."""
     first = problem
-    findings: list[Finding] = []
+    findings: list[CauseFinding] = []
     statistics: list[float] = []
-    null: Null | None = None
+    null: NullDistribution | None = None
     blind: tuple[str, ...] = ()
     while True:
         fitted = problem.fit()
-        now = stage(problem, banks_of(problem.view, blind), fitted.floor)
+        now = score_bank(problem, build_banks(problem.view, blind), fitted.floor)
         if not findings:
-            now, blind = _shown(problem, now)
+            now, blind = _drop_undetectable(problem, now)
         banks = tuple(s.bank for s in now.seen)
-        around = beside(problem, now)
+        around = marginalise_walks(problem, now)
         null = null or null_of(problem, fitted, around)
         evidence = around.evidence()
         statistics.append(statistic(null, evidence))
-        if statistics[-1] <= null.threshold or len(findings) == ROUNDS:
-            return Searched(first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind, evidence)
-        ranks = rank(problem, banks, around, generic.WORDS)
-        ranks = _sharpened(problem, _before_the_floor(problem, banks, ranks))
-        finding = _chosen(problem, ranks, statistics[-1])
+        if statistics[-1] <= null.threshold or len(findings) == MAX_ROUNDS:
+            return SearchResult(
+                first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind, evidence
+            )
+        ranks = rank_causes(problem, banks, around, generic.KERNEL_NAMES)
+        ranks = _tune_forms(problem, _prefer_evident_cause(problem, banks, ranks))
+        finding = _choose(problem, ranks, statistics[-1])
         findings.append(finding)
         if finding.words:
-            return Searched(first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind, evidence)
-        problem = _with(problem, finding)
+            return SearchResult(
+                first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind, evidence
+            )
+        problem = _accept_finding(problem, finding)
 
 
-def _with(problem: Problem, finding: Finding) -> Problem:
+def _accept_finding(problem: ScoringProblem, finding: CauseFinding) -> ScoringProblem:
     """The problem with what was found accepted and everything known at its best."""
     problem = replace(problem, near=finding.floor)
     if finding.accepted is None:
-        return grown_with(problem, finding.name)
+        return with_free_variance(problem, finding.name)
     return refined(problem.beside((*problem.accepted, finding.accepted)))
 
 
-def _before_the_floor(problem: Problem, banks: Sequence[Bank], ranks: dict[str, Rank]) -> dict[str, Rank]:
+def _prefer_evident_cause(
+    problem: ScoringProblem, banks: Sequence[Bank], ranks: dict[str, RankedCause]
+) -> dict[str, RankedCause]:
     """A grown floor explains anything a little: where it leads, but a cause is evident beside it, that cause leads."""
     leader = max(ranks.values(), key=lambda r: r.evidence)
-    if leader.best is not None or leader.name in generic.WORDS:
+    if leader.best is not None or leader.name in generic.KERNEL_NAMES:
         return ranks
-    grown = grown_with(problem, leader.name)
-    now = panel(grown, banks, grown.fit(leader.at.floor).floor)
-    beside_it: dict[str, Rank] = {}
-    merge(beside_it, now, now.without())
+    grown = with_free_variance(problem, leader.name)
+    now = score_over_walks(grown, banks, grown.fit(leader.at.floor).floor)
+    beside_it: dict[str, RankedCause] = {}
+    keep_best(beside_it, now, now.without())
     # A jump that the bank's times miss by a stop is two steps of a walk.
-    beside_it = _sharpened(grown, beside_it)
-    cause = max((r for name, r in beside_it.items() if name not in generic.WORDS), key=lambda r: r.evidence)
+    beside_it = _tune_forms(grown, beside_it)
+    cause = max((r for name, r in beside_it.items() if name not in generic.KERNEL_NAMES), key=lambda r: r.evidence)
     if cause.evidence < EVIDENT_NATS:
         return ranks
     return {**ranks, cause.name: replace(cause, evidence=leader.evidence + cause.evidence)}
 
 
-def _sharpened(problem: Problem, ranks: dict[str, Rank]) -> dict[str, Rank]:
+def _tune_forms(problem: ScoringProblem, ranks: dict[str, RankedCause]) -> dict[str, RankedCause]:
     """The same with the form of each promising cause at its best."""
     top = max(r.evidence for r in ranks.values())
-    leads = any(r.evidence == top for name, r in ranks.items() if name in generic.WORDS)
+    leads = any(r.evidence == top for name, r in ranks.items() if name in generic.KERNEL_NAMES)
     for name, r in ranks.items():
         if r.best is None or r.best.effect is None:
             continue
@@ -168,73 +192,75 @@ def _sharpened(problem: Problem, ranks: dict[str, Rank]) -> dict[str, Rank]:
         if r.evidence < 0.25 * top and not (leads and may_ring(r.best.effect)):
             continue
         space = problem.space(r.at.floor, moving=r.best.dwell is not None)
-        best = _shaped(r.best, problem.view, space)
+        best = _with_best_form(r.best, problem.view, space)
         if leads and may_ring(r.best.effect):
-            ringing = _shaped(rung(r.best, problem.view, space), problem.view, space)
+            ringing = _with_best_form(with_ringing(r.best, problem.view, space), problem.view, space)
             quiet, loud = (evidence_of(c, problem.view, space) for c in (best, ringing))
             # A frequency is one more thing to choose: it must pay for itself.
             best = ringing if loud > quiet + UNKNOWN_NATS else best
         if best is not r.best:
             gain = evidence_of(best, problem.view, space) - evidence_of(r.best, problem.view, space)
-            bank = bank_of([best], problem.view.layout, moving=best.dwell is not None)
-            ranks[name] = Rank(name, r.evidence + max(gain, 0.0), best, stage(problem, [bank], r.at.floor))
+            bank = build_bank([best], problem.view.layout, moving=best.dwell is not None)
+            ranks[name] = RankedCause(name, r.evidence + max(gain, 0.0), best, score_bank(problem, [bank], r.at.floor))
     return ranks
 
 
-def _shaped(candidate: Candidate, view: View, space: Space) -> Candidate:
+def _with_best_form(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> Candidate:
     """The candidate with its form at its best."""
-    best = between(candidate, view, space) if jumps(candidate.effect) else candidate
-    if not tunable(best.effect):
+    best = refine_jump_time(candidate, view, space) if has_jump(candidate.effect) else candidate
+    if not tunable_parameters(best.effect):
         return best
-    found, before = tuned(best, view, space)[0], evidence_of(best, view, space)
+    found, before = tune_form(best, view, space)[0], evidence_of(best, view, space)
     # One parameter of a form is tuned after the other: where there are two, it takes some rounds.
-    for _ in range(ROUNDS if len(tunable(best.effect)) > 1 else 0):
+    for _ in range(MAX_ROUNDS if len(tunable_parameters(best.effect)) > 1 else 0):
         now = evidence_of(found, view, space)
         if now - before < UNKNOWN_NATS:
             break
-        found, before = tuned(found, view, space)[0], now
+        found, before = tune_form(found, view, space)[0], now
     return found
 
 
 def is_unknown(kernel: float, cause: float) -> bool:
     """Whether a kernel, by its evidence, is ahead of every cause, or of causes that explain nothing."""
-    return kernel > cause + max(UNKNOWN_NATS, INEXACT * cause) or cause < EXPLAINS_NATS < kernel
+    return kernel > cause + max(UNKNOWN_NATS, KERNEL_MARGIN * cause) or cause < EXPLAINS_NATS < kernel
 
 
-def _chosen(problem: Problem, ranks: Mapping[str, Rank], surprise: float) -> Finding:
+def _choose(problem: ScoringProblem, ranks: Mapping[str, RankedCause], surprise: float) -> CauseFinding:
     """The leading cause with those it cannot be told from, or the leading kernel."""
     evidence = {name: r.evidence for name, r in ranks.items()}
-    causes = [r for name, r in ranks.items() if name not in generic.WORDS]
-    words = [r for name, r in ranks.items() if name in generic.WORDS]
+    causes = [r for name, r in ranks.items() if name not in generic.KERNEL_NAMES]
+    words = [r for name, r in ranks.items() if name in generic.KERNEL_NAMES]
     cause = max(causes, key=lambda r: r.evidence)
     kernel = max(words, key=lambda r: r.evidence, default=None)
     if kernel is not None and is_unknown(kernel.evidence, cause.evidence):
         near = sorted((r for r in words if r.evidence > kernel.evidence - UNKNOWN_NATS), key=lambda r: -r.evidence)
-        return Finding(kernel.name, None, kernel.at.floor, evidence, {}, (), 0.0, surprise, tuple(r.name for r in near))
+        return CauseFinding(
+            kernel.name, None, kernel.at.floor, evidence, {}, (), 0.0, surprise, tuple(r.name for r in near)
+        )
     probability = _posterior({r.name: r.evidence for r in causes})
     likely = _credible(probability)
-    accepted, floor = _accepted(problem, cause)
-    near_by, d = _alike(problem, causes, accepted, floor)
+    accepted, floor = _accept(problem, cause)
+    near_by, d = _indistinguishable(problem, causes, accepted, floor)
     members = [n for n in dict.fromkeys((*likely, *near_by)) if n != cause.name]
-    return Finding(cause.name, accepted, floor, evidence, probability, tuple(members), d, surprise)
+    return CauseFinding(cause.name, accepted, floor, evidence, probability, tuple(members), d, surprise)
 
 
-def _accepted(problem: Problem, cause: Rank) -> tuple[Accepted | None, Floor]:
+def _accept(problem: ScoringProblem, cause: RankedCause) -> tuple[AcceptedCause | None, NoiseFloor]:
     """The cause with its amplitude under the floor that fits best with it, and that floor."""
     if cause.best is None:
         return None, cause.at.floor
     best, at, hit = cause.best, cause.at, None
-    if jumps(best.effect) and best.pattern == "scan":
-        best, hit = with_own_times(problem, at.accept(best, problem.view), at.floor)
-        at = stage(problem, [bank_of([best], problem.view.layout, moving=False)], at.floor)
+    if has_jump(best.effect) and best.pattern == "scan":
+        best, hit = fit_jump_times(problem, at.accept(best, problem.view), at.floor)
+        at = score_bank(problem, [build_bank([best], problem.view.layout, moving=False)], at.floor)
     floor = problem.beside((*problem.accepted, at.accept(best, problem.view, hit))).fit(at.floor).floor
-    own = stage(problem, [bank_of([best], problem.view.layout, moving=best.dwell is not None)], floor)
+    own = score_bank(problem, [build_bank([best], problem.view.layout, moving=best.dwell is not None)], floor)
     return own.accept(best, problem.view, hit), floor
 
 
 def _posterior(evidence: Mapping[str, float]) -> dict[str, float]:
     values = np.array(list(evidence.values()))
-    shares = np.exp(values - (log_mean(values) + np.log(len(values))))
+    shares = np.exp(values - (log_mean_exp(values) + np.log(len(values))))
     return dict(zip(evidence, (float(s) for s in shares), strict=True))
 
 
@@ -248,8 +274,8 @@ def _credible(probability: Mapping[str, float], level: float = 0.95) -> list[str
     return chosen
 
 
-def _alike(
-    problem: Problem, causes: Sequence[Rank], accepted: Accepted | None, floor: Floor
+def _indistinguishable(
+    problem: ScoringProblem, causes: Sequence[RankedCause], accepted: AcceptedCause | None, floor: NoiseFloor
 ) -> tuple[list[str], float]:
     """Causes closer than 3.3 to the accepted one, and its strength d."""
     if accepted is None:
@@ -257,7 +283,7 @@ def _alike(
     others = [(r.best, r.at) for r in causes if r.best is not None and r.name != accepted.candidate.name]
     moving = any(c.dwell is not None for c in (accepted.candidate, *(c for c, _ in others)))
     space = problem.space(floor, moving=moving)
-    found = signal(accepted.candidate, problem.view, space, accepted.hit.astype(float))
+    found = estimate_signal(accepted.candidate, problem.view, space, accepted.hit.astype(float))
     hits = [(c, at.hit(c, problem.view, alone=True).astype(float)) for c, at in others]
-    apart = alike(found, hits, problem.view, space)
-    return sorted((n for n, x in apart.items() if x < APART_95), key=lambda n: apart[n]), found.d
+    apart = separations(found, hits, problem.view, space)
+    return sorted((n for n, x in apart.items() if x < SEPARATION_95), key=lambda n: apart[n]), found.d

@@ -10,18 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate
-from station.diagnosis.candidates.nuisance import accept, columns_of
-from station.diagnosis.data.residuals import View
-from station.diagnosis.linear.evidence import seen_of
-from station.diagnosis.linear.projection import Space
+from station.diagnosis.candidates.nuisance import accept_candidate, accepted_columns
+from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.linear.evidence import visible_directions
+from station.diagnosis.linear.projection import ResidualSpace
 from station.domain.core.types import Floats
 
 #: d·√κ for 95 % and for 99 % right of two.
-APART_95, APART_99 = 3.29, 4.65
+SEPARATION_95, SEPARATION_99 = 3.29, 4.65
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Axes:
+class SignatureAxes:
     """Orthogonal axes (U, M, K) along which a cause moves white readings by one coefficient of size 1, and their
     squared lengths m (U, K), or (1, K) where one set reaches over all units (not own)."""
 
@@ -41,50 +41,50 @@ class Axes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Signal:
+class EstimatedSignal:
     """What a found cause leaves: data (U, M), the axes it is made of, and its length d."""
 
     data: Floats
-    axes: Axes
+    axes: SignatureAxes
     d: float
 
 
-def axes_of(candidate: Candidate, view: View, space: Space, hit: Floats) -> Axes:
+def signature_axes(candidate: Candidate, view: ResidualView, space: ResidualSpace, hit: Floats) -> SignatureAxes:
     """What a candidate can move. hit (groups): 1 where a group acts."""
-    rows, place = columns_of(accept(candidate, hit > 0, 1.0), view)
-    columns = space.see(rows)
+    rows, place = accepted_columns(accept_candidate(candidate, hit > 0, 1.0), view)
+    columns = space.project(rows)
     normal = columns.transpose(0, 2, 1) @ columns
     if not place.own:
-        cross = np.einsum("umk,umc->kc", columns, space.border)
+        cross = np.einsum("umk,umc->kc", columns, space.shared_basis)
         normal = normal.sum(0, keepdims=True) - cross @ cross.T
     m, E = np.linalg.eigh(normal)
-    seen = seen_of(m)
-    return Axes(columns @ (E * seen[:, None, :]), np.where(seen, m, 0.0), place.own)
+    seen = visible_directions(m)
+    return SignatureAxes(columns @ (E * seen[:, None, :]), np.where(seen, m, 0.0), place.own)
 
 
-def signal(candidate: Candidate, view: View, space: Space, hit: Floats) -> Signal:
+def estimate_signal(candidate: Candidate, view: ResidualView, space: ResidualSpace, hit: Floats) -> EstimatedSignal:
     """The estimated signal of a candidate."""
-    axes = axes_of(candidate, view, space, hit)
+    axes = signature_axes(candidate, view, space, hit)
     u = np.einsum("umk,um->uk", axes.vectors, space.residual)
     data = np.einsum("umk,uk->um", axes.vectors, axes.inverse * (u if axes.own else u.sum(0)))
     d2 = float(np.sum(data**2)) - float(np.count_nonzero(axes.m))
-    return Signal(data, axes, float(np.sqrt(max(d2, 0.0))))
+    return EstimatedSignal(data, axes, float(np.sqrt(max(d2, 0.0))))
 
 
-def distance(found: Signal, other: Axes) -> float:
+def separation_from(found: EstimatedSignal, other: SignatureAxes) -> float:
     """d·√κ of a found signal against another cause, freed of what noise adds to it."""
     unit = found.axes.vectors * np.sqrt(found.axes.inverse)[:, None, :]
-    apart = _outside(found.data[..., None], other, each=False)
-    return float(np.sqrt(max(apart - _outside(unit, other, each=found.axes.own), 0.0)))
+    apart = _squares_outside(found.data[..., None], other, each=False)
+    return float(np.sqrt(max(apart - _squares_outside(unit, other, each=found.axes.own), 0.0)))
 
 
-def share_outside(found: Axes, other: Axes) -> float:
+def distinct_share(found: SignatureAxes, other: SignatureAxes) -> float:
     """κ: which share of a cause another cannot imitate, over all directions of its coefficients."""
     total = float(found.m.sum())
-    return max(_outside(found.vectors, other, each=found.own), 0.0) / total if total > 0 else 1.0
+    return max(_squares_outside(found.vectors, other, each=found.own), 0.0) / total if total > 0 else 1.0
 
 
-def _outside(vectors: Floats, other: Axes, *, each: bool) -> float:
+def _squares_outside(vectors: Floats, other: SignatureAxes, *, each: bool) -> float:
     """Sum of squares of vectors (U, M, k) outside the axes of another cause. each: every unit's part is a vector of
     its own."""
     along = other.vectors.transpose(0, 2, 1) @ vectors
@@ -92,6 +92,8 @@ def _outside(vectors: Floats, other: Axes, *, each: bool) -> float:
     return float(np.sum(vectors**2) - np.sum(other.inverse[..., None] * inside))
 
 
-def alike(found: Signal, others: Sequence[tuple[Candidate, Floats]], view: View, space: Space) -> dict[str, float]:
+def separations(
+    found: EstimatedSignal, others: Sequence[tuple[Candidate, Floats]], view: ResidualView, space: ResidualSpace
+) -> dict[str, float]:
     """d·√κ against each of the other causes, by name."""
-    return {c.name: distance(found, axes_of(c, view, space, hit)) for c, hit in others}
+    return {c.name: separation_from(found, signature_axes(c, view, space, hit)) for c, hit in others}

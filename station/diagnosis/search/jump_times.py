@@ -11,29 +11,31 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.candidates.bank import Candidate, bank_of, gaps_of, seen_in
-from station.diagnosis.candidates.nuisance import Accepted
-from station.diagnosis.candidates.projected_bank import see
-from station.diagnosis.candidates.shape import reshaped
-from station.diagnosis.linear.evidence import log_mean
-from station.diagnosis.linear.noise_floor import Floor
-from station.diagnosis.search.scoring import Problem
+from station.diagnosis.candidates.bank import Candidate, build_bank, candidate_in_view, candidate_jump_times
+from station.diagnosis.candidates.nuisance import AcceptedCause
+from station.diagnosis.candidates.projected_bank import project_bank
+from station.diagnosis.candidates.shape import with_form_value
+from station.diagnosis.linear.evidence import log_mean_exp
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 
 #: Looks at the runs, each beside the jumps found by the looks before.
-LOOKS = 8
+MAX_PASSES = 8
 #: Runs whose times are refined at most.
-REFINED = 24
+MAX_REFINED_RUNS = 24
 
 
-def with_own_times(problem: Problem, rough: Accepted, floor: Floor) -> tuple[Candidate, NDArray[np.bool_]]:
+def fit_jump_times(
+    problem: ScoringProblem, rough: AcceptedCause, floor: NoiseFloor
+) -> tuple[Candidate, NDArray[np.bool_]]:
     """The candidate of an accepted jump with the time of each run, and which runs (groups) have jumped."""
     view, one = problem.view, rough.candidate
-    scanned = [one, *(reshaped(one, "at_s", at, view) for at in gaps_of(view))]
+    scanned = [one, *(with_form_value(one, "at_s", at, view) for at in candidate_jump_times(view))]
     chosen = np.zeros(len(one.names), int)
     hit = np.zeros(len(one.names), bool)
-    for _ in range(LOOKS):
-        known = replace(rough, candidate=_of(scanned, chosen, problem), hit=hit)
+    for _ in range(MAX_PASSES):
+        known = replace(rough, candidate=_combined(scanned, chosen, problem), hit=hit)
         beside = problem.beside((*problem.accepted, known) if hit.any() else problem.accepted)
         odds = _odds(scanned, beside, beside.fit(floor).floor)
         # Any of so many times, in any of so many runs.
@@ -41,49 +43,55 @@ def with_own_times(problem: Problem, rough: Accepted, floor: Floor) -> tuple[Can
         if not fresh.any():
             break
         # A jump moves the unit's offset, which makes its other runs look as if they had jumped too.
-        fresh &= odds.max(0) == _most_of_unit(np.where(fresh, odds.max(0), -np.inf), one.where(view.layout)[0])
+        fresh &= odds.max(0) == _max_of_unit(np.where(fresh, odds.max(0), -np.inf), one.where(view.layout)[0])
         chosen, hit = np.where(fresh, odds.argmax(0), chosen), hit | fresh
     if not hit.any():
         return one, rough.hit
     # Times of runs that have not jumped say nothing: one that is there anyway.
     refined = _refined(scanned, chosen, hit, problem, floor)
-    return _of(refined, np.where(hit, chosen, chosen[hit][0]), problem), hit
+    return _combined(refined, np.where(hit, chosen, chosen[hit][0]), problem), hit
 
 
-def _most_of_unit(values: Floats, unit: NDArray[np.intp]) -> Floats:
+def _max_of_unit(values: Floats, unit: NDArray[np.intp]) -> Floats:
     """Of each run (groups) the largest value of its unit's runs."""
     most = np.full(int(unit.max()) + 1, -np.inf)
     np.maximum.at(most, unit, values)
     return np.asarray(most[unit])
 
 
-def _odds(scanned: Sequence[Candidate], problem: Problem, floor: Floor) -> Floats:
+def _odds(scanned: Sequence[Candidate], problem: ScoringProblem, floor: NoiseFloor) -> Floats:
     """Log odds (candidates, runs) that a run has jumped at each time."""
     view = problem.view
-    seen = see(bank_of(scanned, view.layout, moving=False), view.layout, [problem.space(floor, moving=False)])[0]
+    seen = project_bank(
+        build_bank(scanned, view.layout, moving=False), view.layout, [problem.space(floor, moving=False)]
+    )[0]
     where = scanned[0].where(view.layout)
-    return np.stack([log_mean(found.likelihood)[where] for found in seen.found])
+    return np.stack([log_mean_exp(found.likelihood)[where] for found in seen.found])
 
 
 def _refined(
-    scanned: list[Candidate], chosen: NDArray[np.intp], hit: NDArray[np.bool_], problem: Problem, floor: Floor
+    scanned: list[Candidate],
+    chosen: NDArray[np.intp],
+    hit: NDArray[np.bool_],
+    problem: ScoringProblem,
+    floor: NoiseFloor,
 ) -> list[Candidate]:
     """The candidates with those of the runs' own times; `chosen` then counts among these."""
     view, one = problem.view, scanned[0]
-    for g in np.flatnonzero(hit) if np.count_nonzero(hit) <= REFINED else ():
+    for g in np.flatnonzero(hit) if np.count_nonzero(hit) <= MAX_REFINED_RUNS else ():
         t = view.scene.time_s[one.code == g]
         middle = (t[1:] + t[:-1]) / 2
         now: float = scanned[chosen[g]].effect.at_s
         near = middle[np.argsort(np.abs(middle - now))[:4]]
-        more = [scanned[chosen[g]], *(reshaped(one, "at_s", float(at), view) for at in near)]
+        more = [scanned[chosen[g]], *(with_form_value(one, "at_s", float(at), view) for at in near)]
         best = int(_odds(more, problem, floor)[:, g].argmax())
         scanned, chosen[g] = [*scanned, more[best]], len(scanned)
     return scanned
 
 
-def _of(scanned: Sequence[Candidate], chosen: NDArray[np.intp], problem: Problem) -> Candidate:
+def _combined(scanned: Sequence[Candidate], chosen: NDArray[np.intp], problem: ScoringProblem) -> Candidate:
     """One candidate whose runs have the shapes chosen."""
     if np.all(chosen == chosen[0]):
         return scanned[int(chosen[0])]
     own = tuple(e for i in chosen if (e := scanned[i].effect) is not None)
-    return seen_in(replace(scanned[0], own=own), problem.view)
+    return candidate_in_view(replace(scanned[0], own=own), problem.view)

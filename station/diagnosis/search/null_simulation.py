@@ -9,29 +9,29 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from station.diagnosis.candidates.projected_bank import Seen
-from station.diagnosis.linear.evidence import Sets
-from station.diagnosis.linear.noise_floor import Fitted
-from station.diagnosis.search.scoring import Problem, Scores
-from station.diagnosis.search.walk_marginal import Panel, crowd
+from station.diagnosis.candidates.projected_bank import ProjectedBank
+from station.diagnosis.linear.evidence import DataSets
+from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.search.scoring import Scores, ScoringProblem
+from station.diagnosis.search.walk_marginal import WalkMarginal, replicate_units
 from station.domain.core.types import Array, Floats
 
 #: Null data sets, and in how many floors drawn from the estimate's uncertainty.
-SETS, FLOORS = 2048, 16
+NULL_SETS, NULL_FLOORS = 2048, 16
 #: The most units that are drawn one by one.
-CROWD = 32
+MAX_DRAWN_UNITS = 32
 
 
-def scores(problem: Problem, fitted: Fitted, like: Panel, seed: int) -> Iterator[dict[str, Floats]]:
+def scores(problem: ScoringProblem, fitted: FittedFloor, like: WalkMarginal, seed: int) -> Iterator[dict[str, Floats]]:
     """Log evidence (n) of each cause in null data sets, some sets after others."""
     rng = np.random.default_rng(seed)
     units = problem.view.grid.units
-    copies = -(-units // CROWD)
+    copies = -(-units // MAX_DRAWN_UNITS)
     chosen = np.sort(rng.permutation(units)[: units // copies])
-    now = crowd(problem, like, chosen, copies)
-    seen = [[_Light(s) for s in stage.seen] for stage in now.stages]
+    now = replicate_units(problem, like, chosen, copies)
+    seen = [[_SinglePrecisionBank(s) for s in stage.seen] for stage in now.stages]
     for noise, true in _noise(problem, fitted, now, rng):
-        orders = dealt_orders(len(noise), copies, rng) if copies > 1 else None
+        orders = copy_orders(len(noise), copies, rng) if copies > 1 else None
         told = [[light.scores(noise, true, orders) for light in stage] for stage in seen]
         yield now.scores(
             [
@@ -41,31 +41,33 @@ def scores(problem: Problem, fitted: Fitted, like: Panel, seed: int) -> Iterator
         )
 
 
-def dealt_orders(sets: int, copies: int, rng: np.random.Generator) -> Array:
+def copy_orders(sets: int, copies: int, rng: np.random.Generator) -> Array:
     """The order (copies, sets) in which each copy is dealt: shifted by another step, so that no set meets itself."""
     steps = rng.permutation(sets * -(-copies // sets))[:copies] % sets
     return np.asarray((np.arange(sets) + steps[:, None]) % sets)
 
 
-def _noise(problem: Problem, fitted: Fitted, now: Panel, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
+def _noise(
+    problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, rng: np.random.Generator
+) -> Iterator[tuple[Array, Array]]:
     """White noise (n, U, ·) of the widest space, and the Cholesky factors of the floor that it is of."""
     mean, spread = fitted.floor.variances, fitted.covariance
     root = np.linalg.cholesky(spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
     spaces = [s.space for stage in now.stages for s in stage.seen]
     live = max(spaces, key=lambda space: space.live.shape[1]).live
-    for _ in range(FLOORS):
+    for _ in range(NULL_FLOORS):
         variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
         true = np.linalg.inv(problem.structure.covariance(variances).inverse).astype(np.float32)
-        yield rng.standard_normal((SETS // FLOORS, *live.shape), dtype=np.float32) * live, true
+        yield rng.standard_normal((NULL_SETS // NULL_FLOORS, *live.shape), dtype=np.float32) * live, true
 
 
-class _Light:
+class _SinglePrecisionBank:
     """A bank as a space sees it, in single precision, which is enough for chance."""
 
-    def __init__(self, seen: Seen) -> None:
+    def __init__(self, seen: ProjectedBank) -> None:
         self.space = seen.space
         self.inverse, self.basis = seen.space.covariance.inverse.astype(np.float32), seen.space.basis.astype(np.float32)
-        self.spectra = [f.spectrum.light() for f in seen.found]
+        self.spectra = [f.spectrum.single_precision() for f in seen.found]
         axes = [f.axes for f in seen.found if f.axes is not None]
         self.axes = np.concatenate(axes, axis=2) if axes else np.zeros((*seen.space.data.shape, 0), np.float32)
         self.ends = np.cumsum([x.shape[2] for x in axes])[:-1]
@@ -73,17 +75,17 @@ class _Light:
     def scores(self, noise: Array, true: Array, orders: Array | None) -> tuple[Floats, Floats]:
         """Log evidence (n, candidates) and log-likelihood (n) without any, of noise that is whitened as the space
         does; orders (copies, n) of the sets."""
-        data = self._as_seen(noise, true)
-        sets = Sets.of(self.space, data)
-        total = sets.dealt(orders)
+        data = self._whitened(noise, true)
+        sets = DataSets.of(self.space, data)
+        total = sets.sum_over_copies(orders)
         products = np.split((data.transpose(1, 0, 2) @ self.axes).transpose(1, 0, 2), self.ends, axis=2)
         found = []
         for s, product in zip(self.spectra, products if self.spectra else [], strict=True):
             u = s.components(product.sum(1) if s.pattern == "shared" else product, sets)
-            found.append(s.judged(_dealt(s.terms(u, sets), orders), total))
+            found.append(s.judged(_sum_over_copies(s.terms(u, sets), orders), total))
         return np.stack(found, axis=1) if found else np.zeros((len(noise), 0)), total.fits
 
-    def _as_seen(self, noise: Array, true: Array) -> Array:
+    def _whitened(self, noise: Array, true: Array) -> Array:
         """White noise (n, U, ·) of a true floor, whose Cholesky factors are given, as the space whitens it."""
         member, space = self.space.covariance.member, self.space
         mixed = (self.inverse @ true)[member]
@@ -96,6 +98,6 @@ class _Light:
         return np.asarray(rows - taken.transpose(1, 0, 2))
 
 
-def _dealt(terms: Array, orders: Array | None) -> Array:
+def _sum_over_copies(terms: Array, orders: Array | None) -> Array:
     """Terms (n, …) summed over the copies, each in its own order."""
     return terms if orders is None else np.asarray(sum(terms[order] for order in orders))

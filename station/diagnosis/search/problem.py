@@ -5,60 +5,66 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.diagnosis.candidates.bank import Candidate, smooth
-from station.diagnosis.candidates.nuisance import Accepted, known_of
+from station.diagnosis.candidates.bank import Candidate, smooth_causes
+from station.diagnosis.candidates.nuisance import AcceptedCause, nuisance_of
 from station.diagnosis.candidates.solve import solve, whitened
-from station.diagnosis.data.reduce import Reduced
-from station.diagnosis.data.residuals import View, moved, quieted, settled, view_of
-from station.diagnosis.linear.noise_floor import Structure, structure
-from station.diagnosis.search.scoring import Problem, Setting
+from station.diagnosis.data.reduce import ReducedScene
+from station.diagnosis.data.residuals import (
+    ResidualView,
+    changed_base,
+    initial_view,
+    with_calibration,
+    with_contrast_noise,
+)
+from station.diagnosis.linear.noise_floor import FloorStructure, floor_structure
+from station.diagnosis.search.scoring import ScoringProblem, ScoringSetting
 from station.domain.core.types import Floats
 from station.domain.recipe.recipe import Recipe
-from station.model.effect import strength
+from station.model.effect import stimulus_strength
 from station.model.effects.bias_walk import BiasWalk
 from station.model.effects.repeatability import Repeatability
 from station.model.model_file import Model, ModelEffect
 
 #: Time from stop to stop for which the allowance of the walk holds; it grows with the root of time.
-STOP_S = 2.5
+REFERENCE_INTERVAL_S = 2.5
 #: A parameter of a model is never known better than to this share of the cause's typical size.
-LEAST = 1e-4
+MIN_STD_SHARE = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
-class Allowance:
+class FloorAllowance:
     """What a healthy rig's floor may hold: turn, rad a stop; walk, recipe's unit a stop of 2.5 s. More is a finding."""
 
     turn: float = 1e-4
     walk: float = 1e-5
 
     @staticmethod
-    def of(recipe: Recipe, model: Model) -> "Allowance":
+    def of(recipe: Recipe, model: Model) -> "FloorAllowance":
         """The usual allowance in the recipe's unit, or what a model has found the floor to hold, if that is more."""
-        turn, walk = 1e-4, 1e-5 * strength(recipe)
+        turn, walk = 1e-4, 1e-5 * stimulus_strength(recipe)
         for told in model.effects:
             sizes = [float(p.value) for p in told.parameters if p.of == "common" and not isinstance(p.value, str)]
             if told.effect == Repeatability.id:
                 turn = max([turn, *(1.5 * x for x in sizes)])
             elif told.effect == BiasWalk.id:
                 walk = max([walk, *(1.5 * x for x in sizes)])
-        return Allowance(turn, walk)
+        return FloorAllowance(turn, walk)
 
     def upper(self, gap_s: float) -> Floats:
         """Bounds of the variances σ², τ_r², τ_w² where stops follow each other so many seconds apart."""
-        longer = max(1.0, gap_s / STOP_S)
+        longer = max(1.0, gap_s / REFERENCE_INTERVAL_S)
         return np.array([np.inf, self.turn**2, self.walk**2 * longer])
 
 
-def problem_of(reduced: Reduced, allowance: Allowance, *, matrix: bool = False) -> Problem:
+def initial_problem(reduced: ReducedScene, allowance: FloorAllowance, *, matrix: bool = False) -> ScoringProblem:
     """The problem before any cause is known."""
-    view = view_of(reduced, matrix)
-    known, places = known_of(view, (), matrix)
-    setting = Setting(view.layout, _structure(view), known, view.readings())
-    return Problem(view, setting, (), places, matrix, allowance.upper(gap_s(view)))
+    view = initial_view(reduced, matrix)
+    known, places = nuisance_of(view, (), matrix)
+    setting = ScoringSetting(view.layout, _structure(view), known, view.readings())
+    return ScoringProblem(view, setting, (), places, matrix, allowance.upper(visit_interval_s(view)))
 
 
-def _structure(view: View) -> Structure:
+def _structure(view: ResidualView) -> FloorStructure:
     """The floor's structure: that of the rig as it should be."""
     turn = np.einsum("vki,via->vka", view.keep, view.signature(Repeatability.example())[0])
     steps = view.signature(BiasWalk.example())[0][:, 0, 0]
@@ -66,28 +72,28 @@ def _structure(view: View) -> Structure:
     # A length does not change when the part turns; what rounding leaves of that is no structure.
     turn = turn if view.grid.k == 3 else np.zeros_like(turn)
     project = view.keep if view.grid.k == 1 else np.broadcast_to(np.eye(3), view.keep.shape)
-    return structure(view.grid, weight / weight.mean(), turn, np.round(steps), project)
+    return floor_structure(view.grid, weight / weight.mean(), turn, np.round(steps), project)
 
 
-def gap_s(view: View) -> float:
+def visit_interval_s(view: ResidualView) -> float:
     """The usual time from one stop to the next."""
     steps = np.diff(view.scene.time_s)[view.scene.visits.previous[1:] >= 0]
     return float(np.median(steps)) if len(steps) else 0.0
 
 
-def with_model(problem: Problem, model: Model) -> Problem:
+def with_model(problem: ScoringProblem, model: Model) -> ScoringProblem:
     """The problem with the causes of a model at work, each coefficient known as well as the model says."""
-    items = [item for told in model.effects for item in _told(problem.view, told)]
+    items = [item for told in model.effects for item in _accepted_from_model(problem.view, told)]
     if not items:
         return problem
-    view = acting(problem.view, tuple(items))
-    return refined(renewed(problem, view, tuple(items)))
+    view = with_active_causes(problem.view, tuple(items))
+    return refined(problem_in_view(problem, view, tuple(items)))
 
 
-def _told(view: View, told: ModelEffect) -> Iterator[Accepted]:
+def _accepted_from_model(view: ResidualView, told: ModelEffect) -> Iterator[AcceptedCause]:
     """A cause of a model file, once for each level it speaks of; gross faults and the floor are known otherwise."""
     effect = told.build()
-    if effect.id not in smooth():
+    if effect.id not in smooth_causes():
         return
     for found in told.acting(view.scene, None):
         code, names = view.scene.group(found.of)
@@ -98,24 +104,24 @@ def _told(view: View, told: ModelEffect) -> Iterator[Accepted]:
                 std[names.index(p.of), at] = p.std or 0.0
         hit = np.any(found.coefficients != 0.0, axis=1) | np.any(std > 0, axis=1)
         if hit.any():
-            std = np.maximum(std, LEAST * effect.parameter.typical * effect.parameter.scale(view.scene.recipe))
+            std = np.maximum(std, MIN_STD_SHARE * effect.parameter.typical * effect.parameter.scale(view.scene.recipe))
             stop, dwell = view.signature(found.effect, found.of)
             candidate = Candidate(effect.id, found.effect, found.of, "own", code, names, stop, dwell)
-            yield Accepted(candidate, hit, found.coefficients, found.coefficients, std)
+            yield AcceptedCause(candidate, hit, found.coefficients, found.coefficients, std)
 
 
-def renewed(problem: Problem, view: View, accepted: tuple[Accepted, ...]) -> Problem:
+def problem_in_view(problem: ScoringProblem, view: ResidualView, accepted: tuple[AcceptedCause, ...]) -> ScoringProblem:
     """The problem in another view, with its causes as they look there.
 
     The floor's structure stays: by what the causes at work bend it is a share of a small part of the noise.
     """
-    accepted = tuple(item.renewed(view) for item in accepted)
-    known, places = known_of(view, accepted, problem.matrix)
-    setting = Setting(view.layout, problem.structure, known, view.readings())
+    accepted = tuple(item.in_view(view) for item in accepted)
+    known, places = nuisance_of(view, accepted, problem.matrix)
+    setting = ScoringSetting(view.layout, problem.structure, known, view.readings())
     return replace(problem, view=view, setting=setting, accepted=accepted, places=places)
 
 
-def refined(problem: Problem, rounds: int = 4) -> Problem:
+def refined(problem: ScoringProblem, rounds: int = 4) -> ScoringProblem:
     """The simulation with all known parameters at their best: Gauss–Newton under the floor, exact at its end."""
     for _ in range(rounds):
         readings, _ = problem.readings(moving=problem.known.moving)
@@ -127,20 +133,22 @@ def refined(problem: Problem, rounds: int = 4) -> Problem:
             replace(item, coefficient=item.coefficient + step) if item.candidate.effect else item
             for item, step in zip(problem.accepted, steps, strict=True)
         )
-        view = acting(settled(problem.view, moved(problem.view.base, solved.own[:, :p])), accepted)
-        problem = replace(renewed(problem, view, accepted), near=fitted.floor)
+        view = with_active_causes(
+            with_calibration(problem.view, changed_base(problem.view.base, solved.own[:, :p])), accepted
+        )
+        problem = replace(problem_in_view(problem, view, accepted), near=fitted.floor)
         at_work = [s for s, item in zip(steps, accepted, strict=True) if item.candidate.effect]
-        if _small(fitted.floor.noise, [solved.own[:, :p], *at_work]):
+        if _converged(fitted.floor.noise, [solved.own[:, :p], *at_work]):
             break
     return problem
 
 
-def acting(view: View, accepted: tuple[Accepted, ...]) -> View:
+def with_active_causes(view: ResidualView, accepted: tuple[AcceptedCause, ...]) -> ResidualView:
     """The view with the accepted causes at work."""
-    at_work = {key: acting for item in accepted for key, acting in item.at_work().items()}
-    return quieted(replace(view, active=at_work))
+    at_work = {key: acting for item in accepted for key, acting in item.active_effects().items()}
+    return with_contrast_noise(replace(view, active=at_work))
 
 
-def _small(noise: float, steps: list[Floats]) -> bool:
+def _converged(noise: float, steps: list[Floats]) -> bool:
     """Whether the last step of every parameter is far below the noise: what it leaves is of second order."""
     return all(float(np.max(np.abs(s), initial=0.0)) < 1e-3 * noise for s in steps)

@@ -8,92 +8,94 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import Bank, Candidate
-from station.diagnosis.candidates.nuisance import Accepted, Place, accept, known_of
-from station.diagnosis.candidates.projected_bank import Found, Seen, see
-from station.diagnosis.data.residuals import View
+from station.diagnosis.candidates.nuisance import AcceptedCause, CoefficientIndex, accept_candidate, nuisance_of
+from station.diagnosis.candidates.projected_bank import CandidateFit, ProjectedBank, project_bank
+from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear import noise_floor
-from station.diagnosis.linear.evidence import log_mean
-from station.diagnosis.linear.grid import Layout
-from station.diagnosis.linear.noise_floor import Floor, Structure
-from station.diagnosis.linear.projection import Known, Rows, Space, space
+from station.diagnosis.linear.evidence import log_mean_exp
+from station.diagnosis.linear.grid import RowLayout
+from station.diagnosis.linear.noise_floor import FloorStructure, NoiseFloor
+from station.diagnosis.linear.projection import DataColumns, NuisanceColumns, ResidualSpace, residual_space
 from station.domain.core.types import Array, Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Setting:
+class ScoringSetting:
     """What a cause is judged in: how stops become rows, the floor's structure, what is known, and the readings."""
 
-    layout: Layout
-    structure: Structure
-    known: Known
-    data: Rows
+    layout: RowLayout
+    structure: FloorStructure
+    known: NuisanceColumns
+    data: DataColumns
 
-    def readings(self, *, moving: bool) -> tuple[Rows, int]:
+    def readings(self, *, moving: bool) -> tuple[DataColumns, int]:
         """What a cause that moves within a stop, or not, is judged by: means with contrasts, or means alone; and
         how many numbers that is."""
         count = self.layout.grid.data
         if not (moving or self.known.moving) or self.data.dwell is None:
-            return Rows(self.data.stop), count
+            return DataColumns(self.data.stop), count
         return self.data, count + int(np.count_nonzero(self.data.dwell))
 
-    def space(self, at: Floor, *, moving: bool) -> Space:
+    def space(self, at: NoiseFloor, *, moving: bool) -> ResidualSpace:
         """The readings under a floor."""
-        return space(self.structure.covariance(at.variances), self.known, *self.readings(moving=moving))
+        return residual_space(self.structure.covariance(at.variances), self.known, *self.readings(moving=moving))
 
-    def of_units(self, chosen: Array) -> "tuple[Setting, Array]":
+    def of_units(self, chosen: Array) -> "tuple[ScoringSetting, Array]":
         """The setting of the chosen units alone, and which stops (v) are theirs."""
         layout, stops = self.layout.of_units(chosen)
         structure = replace(self.structure, member=self.structure.member[chosen])
-        return Setting(layout, structure, self.known.of_units(chosen), self.data.of_units(chosen)), stops
+        return ScoringSetting(layout, structure, self.known.of_units(chosen), self.data.of_units(chosen)), stops
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Problem:
+class ScoringProblem:
     """View, the setting it makes, what is known and where, and the upper bounds (3) of the floor's variances.
 
     near: a floor that is near the best one, where the search for it begins.
     """
 
-    view: View
-    setting: Setting
-    accepted: tuple[Accepted, ...]
-    places: tuple[Place, ...]
+    view: ResidualView
+    setting: ScoringSetting
+    accepted: tuple[AcceptedCause, ...]
+    places: tuple[CoefficientIndex, ...]
     matrix: bool
     upper: Floats
-    near: Floor | None = None
+    near: NoiseFloor | None = None
 
     @property
-    def structure(self) -> Structure:
+    def structure(self) -> FloorStructure:
         """The floor's structure."""
         return self.setting.structure
 
     @property
-    def known(self) -> Known:
+    def known(self) -> NuisanceColumns:
         """What is known."""
         return self.setting.known
 
-    def readings(self, *, moving: bool) -> tuple[Rows, int]:
+    def readings(self, *, moving: bool) -> tuple[DataColumns, int]:
         """See `Setting`."""
         return self.setting.readings(moving=moving)
 
-    def fit(self, start: Floor | None = None, upper: Floats | None = None) -> noise_floor.Fitted:
+    def fit(self, start: NoiseFloor | None = None, upper: Floats | None = None) -> noise_floor.FittedFloor:
         """The floor that fits best."""
         rows, count = self.readings(moving=False)
         upper = self.upper if upper is None else upper
-        return noise_floor.fit(self.structure, self.known, rows, count, upper, start or self.near, self.view.least)
+        return noise_floor.fit(
+            self.structure, self.known, rows, count, upper, start or self.near, self.view.min_variance
+        )
 
-    def space(self, at: Floor, *, moving: bool) -> Space:
+    def space(self, at: NoiseFloor, *, moving: bool) -> ResidualSpace:
         """The readings under a floor."""
         return self.setting.space(at, moving=moving)
 
-    def beside(self, items: Sequence[Accepted]) -> "Problem":
+    def beside(self, items: Sequence[AcceptedCause]) -> "ScoringProblem":
         """The same with other causes accepted, their columns as they are."""
-        known, places = known_of(self.view, tuple(items), self.matrix)
+        known, places = nuisance_of(self.view, tuple(items), self.matrix)
         return replace(self, accepted=tuple(items), places=places, setting=replace(self.setting, known=known))
 
-    def without(self, i: int) -> "Problem":
+    def without(self, i: int) -> "ScoringProblem":
         """The same with one accepted cause neither known nor at work: its whole signal is in the readings."""
-        gone = self.accepted[i].at_work()
+        gone = self.accepted[i].active_effects()
         active = {key: acting for key, acting in self.view.active.items() if key not in gone}
         view = replace(self.view, active=active)
         bare = replace(self, view=view, setting=replace(self.setting, data=view.readings()))
@@ -108,11 +110,11 @@ class Scores(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stage:
+class ScoredBank:
     """Candidates under one floor: still ones see the stops' means, moving ones the contrasts too."""
 
-    floor: Floor
-    seen: tuple[Seen, ...]
+    floor: NoiseFloor
+    seen: tuple[ProjectedBank, ...]
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -120,23 +122,25 @@ class Stage:
         return tuple(c for s in self.seen for c in s.bank.candidates)
 
     @property
-    def spaces(self) -> NDArray[np.intp]:
+    def space_index(self) -> NDArray[np.intp]:
         """Which space each candidate is seen in."""
         return np.repeat(np.arange(len(self.seen)), [len(s.found) for s in self.seen])
 
-    def only(self, places: Sequence[int]) -> "Stage":
+    def only(self, places: Sequence[int]) -> "ScoredBank":
         """The same with the candidates at some places."""
         chosen = np.zeros(len(self.candidates), bool)
         chosen[list(places)] = True
         ends = np.cumsum([len(s.found) for s in self.seen])[:-1]
-        return Stage(self.floor, tuple(s.only(list(c)) for s, c in zip(self.seen, np.split(chosen, ends), strict=True)))
+        return ScoredBank(
+            self.floor, tuple(s.only(list(c)) for s, c in zip(self.seen, np.split(chosen, ends), strict=True))
+        )
 
     def readings(self) -> Scores:
         """The readings' scores."""
         evidence = np.concatenate([s.evidence for s in self.seen])
         return Scores(evidence[None], np.stack([s.readings.fits for s in self.seen], axis=1))
 
-    def accept(self, candidate: Candidate, view: View, hit: NDArray[np.bool_] | None = None) -> Accepted:
+    def accept(self, candidate: Candidate, view: ResidualView, hit: NDArray[np.bool_] | None = None) -> AcceptedCause:
         """The candidate with its likeliest amplitude, and the groups that it likely hits, where they are not told."""
         seen, found = self._of(candidate)
         hit = self.hit(candidate, view) if hit is None else hit
@@ -149,47 +153,49 @@ class Stage:
         rest = float(seen.readings.rest[0])
         scale = rest / dof * float(np.exp(-2 * (likelihood[i] + 0.5 * taken[i]) / dof))
         spread = float(np.sqrt(found.spectrum.ratios[i] / found.spectrum.mean * scale))
-        return accept(candidate.plain or candidate, hit, min(spread, candidate.most))
+        return accept_candidate(candidate.plain or candidate, hit, min(spread, candidate.most))
 
-    def hit(self, candidate: Candidate, view: View, alone: bool = False) -> NDArray[np.bool_]:
+    def hit(self, candidate: Candidate, view: ResidualView, alone: bool = False) -> NDArray[np.bool_]:
         """The groups that a candidate likely hits, or the likeliest one `alone`; all where it is not a scan."""
         found = self._of(candidate)[1]
         if found.spectrum.pattern != "scan":
             return np.ones(len(candidate.names), bool)
-        odds = log_mean(found.likelihood)[candidate.where(view.layout)]
+        odds = log_mean_exp(found.likelihood)[candidate.where(view.layout)]
         return np.asarray((odds == odds.max()) | (not alone) & (odds > np.log(len(odds))))
 
-    def _of(self, candidate: Candidate) -> tuple[Seen, Found]:
+    def _of(self, candidate: Candidate) -> tuple[ProjectedBank, CandidateFit]:
         """What was found of a candidate, and where."""
         return next(
             (s, f) for s in self.seen for c, f in zip(s.bank.candidates, s.found, strict=True) if c is candidate
         )
 
 
-def stage(problem: Problem, banks: Sequence[Bank], at: Floor) -> Stage:
+def score_bank(problem: ScoringProblem, banks: Sequence[Bank], at: NoiseFloor) -> ScoredBank:
     """The bank under a floor."""
-    return stage_in(problem.setting, banks, at)
+    return score_in_setting(problem.setting, banks, at)
 
 
-def stage_in(setting: Setting, banks: Sequence[Bank], at: Floor, *, copies: int = 1, axes: bool = False) -> Stage:
+def score_in_setting(
+    setting: ScoringSetting, banks: Sequence[Bank], at: NoiseFloor, *, copies: int = 1, axes: bool = False
+) -> ScoredBank:
     """The same. copies: as if there were so many times the units; axes: as `see` takes them."""
-    return stages_in(setting, banks, [at], copies=copies, axes=axes)[0]
+    return score_under_floors(setting, banks, [at], copies=copies, axes=axes)[0]
 
 
-def stages_in(
-    setting: Setting, banks: Sequence[Bank], floors: Sequence[Floor], *, copies: int = 1, axes: bool = False
-) -> tuple[Stage, ...]:
+def score_under_floors(
+    setting: ScoringSetting, banks: Sequence[Bank], floors: Sequence[NoiseFloor], *, copies: int = 1, axes: bool = False
+) -> tuple[ScoredBank, ...]:
     """The bank under each of some floors; its columns are laid out once."""
     seen = []
     for bank in banks:
         spaces = [setting.space(at, moving=bank.moving).times(copies) for at in floors]
-        seen.append(see(bank, setting.layout, spaces, axes=axes))
-    return tuple(Stage(at, each) for at, each in zip(floors, zip(*seen, strict=True), strict=True))
+        seen.append(project_bank(bank, setting.layout, spaces, axes=axes))
+    return tuple(ScoredBank(at, each) for at, each in zip(floors, zip(*seen, strict=True), strict=True))
 
 
-def by_cause(candidates: Sequence[Candidate], evidence: Floats) -> dict[str, Floats]:
+def evidence_by_cause(candidates: Sequence[Candidate], evidence: Floats) -> dict[str, Floats]:
     """Log evidence (n) of each cause: the mean over its candidates' (n, candidates)."""
     rows: dict[str, list[int]] = {}
     for i, c in enumerate(candidates):
         rows.setdefault(c.name, []).append(i)
-    return {name: log_mean(evidence[:, at]) for name, at in rows.items()}
+    return {name: log_mean_exp(evidence[:, at]) for name, at in rows.items()}

@@ -12,30 +12,37 @@ from functools import partial
 
 import numpy as np
 
-from station.diagnosis.candidates.bank import Bank, Candidate, bank_of
-from station.diagnosis.candidates.projected_bank import Seen, columns_of
-from station.diagnosis.linear.evidence import log_mean
-from station.diagnosis.linear.noise_floor import Floor
-from station.diagnosis.search.scoring import Problem, Scores, Stage, by_cause, stage, stages_in
+from station.diagnosis.candidates.bank import Bank, Candidate, build_bank
+from station.diagnosis.candidates.projected_bank import ProjectedBank, white_columns
+from station.diagnosis.linear.evidence import log_mean_exp
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.search.scoring import (
+    ScoredBank,
+    Scores,
+    ScoringProblem,
+    evidence_by_cause,
+    score_bank,
+    score_under_floors,
+)
 from station.domain.core.types import Array, Floats
 
 #: Walks tried, as parts of the largest allowed.
-WALKS = (0.0, 0.25, 0.5, 1.0)
+WALK_FRACTIONS = (0.0, 0.25, 0.5, 1.0)
 #: A candidate is slow when the largest walk adds this share to the noise along it.
-SLOW = 0.3
+SLOW_SHARE = 0.3
 #: Units that it takes to see which candidates are slow.
-FEW = 2
+PROBE_UNITS = 2
 #: Kernels with slow and fast directions: on the average they are not slow, yet they can follow a walk.
-FLEXIBLE = ("time", "temperature", "unit")
+FLEXIBLE_KERNELS = ("time", "temperature", "unit")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Panel:
+class WalkMarginal:
     """best: the whole bank under the floor that fits best; sides: the slow candidates under each walk; slow: their
     places in `best.candidates`."""
 
-    best: Stage
-    sides: tuple[Stage, ...]
+    best: ScoredBank
+    walk_stages: tuple[ScoredBank, ...]
     slow: tuple[int, ...]
 
     @property
@@ -44,9 +51,9 @@ class Panel:
         return self.best.candidates
 
     @property
-    def stages(self) -> tuple[Stage, ...]:
+    def stages(self) -> tuple[ScoredBank, ...]:
         """All stages, the best one first."""
-        return (self.best, *self.sides)
+        return (self.best, *self.walk_stages)
 
     def evidence(self) -> dict[str, float]:
         """Log evidence of each cause for the readings."""
@@ -57,77 +64,86 @@ class Panel:
         evidence = scores[0].evidence.copy()
         if self.slow:
             with_it, without = self._averaged(scores[1:])
-            evidence[:, list(self.slow)] = with_it - without[:, self.sides[0].spaces]
-        return by_cause(self.candidates, evidence)
+            evidence[:, list(self.slow)] = with_it - without[:, self.walk_stages[0].space_index]
+        return evidence_by_cause(self.candidates, evidence)
 
     def totals(self) -> Floats:
         """Log-likelihood of the readings with each candidate (candidates), averaged over amplitudes and walks."""
         total = self.best.readings().evidence[0] + self.without()
         if self.slow:
-            total[list(self.slow)] = self._averaged([s.readings() for s in self.sides])[0][0]
+            total[list(self.slow)] = self._averaged([s.readings() for s in self.walk_stages])[0][0]
         return np.asarray(total)
 
     def without(self) -> Floats:
         """The same without any candidate, in the space of each candidate (candidates)."""
-        fits = np.stack([s.readings().fits[0] for s in self.sides or (self.best,)], axis=-1)
-        return np.asarray(log_mean(fits)[self.best.spaces])
+        fits = np.stack([s.readings().fits[0] for s in self.walk_stages or (self.best,)], axis=-1)
+        return np.asarray(log_mean_exp(fits)[self.best.space_index])
 
     def _averaged(self, scores: Sequence[Scores]) -> tuple[Floats, Floats]:
         """Log-likelihood averaged over the walks: with each slow candidate (n, slow), without in each space (n, 2)."""
         fits = np.stack([s.fits for s in scores], axis=-1)
         found = np.stack([s.evidence for s in scores], axis=-1)
-        return np.asarray(log_mean(fits[:, self.sides[0].spaces] + found)), np.asarray(log_mean(fits))
+        return np.asarray(log_mean_exp(fits[:, self.walk_stages[0].space_index] + found)), np.asarray(
+            log_mean_exp(fits)
+        )
 
 
-def panel(problem: Problem, banks: Sequence[Bank], at: Floor) -> Panel:
+def score_over_walks(problem: ScoringProblem, banks: Sequence[Bank], at: NoiseFloor) -> WalkMarginal:
     """The bank under a floor and its walks."""
-    return beside(problem, stage(problem, banks, at))
+    return marginalise_walks(problem, score_bank(problem, banks, at))
 
 
-def beside(problem: Problem, best: Stage) -> Panel:
+def marginalise_walks(problem: ScoringProblem, best: ScoredBank) -> WalkMarginal:
     """A stage with the walks beside it."""
     most = float(np.sqrt(problem.upper[2]))
     if not 0.0 < most < np.inf:
-        return Panel(best, (), ())
-    chosen = [_slow(problem, s, most) for s in best.seen]
+        return WalkMarginal(best, (), ())
+    chosen = [_slow_candidates(problem, s, most) for s in best.seen]
     start = np.cumsum([0, *(len(s.found) for s in best.seen)])
     slow = tuple(int(a + i) for a, c in zip(start[:-1], chosen, strict=True) for i in c)
-    return _with_walks(partial(stages_in, problem.setting), best, slow, most)
+    return _score_slow_candidates(partial(score_under_floors, problem.setting), best, slow, most)
 
 
-def crowd(problem: Problem, like: Panel, chosen: Array, copies: int) -> Panel:
+def replicate_units(problem: ScoringProblem, like: WalkMarginal, chosen: Array, copies: int) -> WalkMarginal:
     """A panel of the chosen units alone, as if there were so many times as many of them, with the axes."""
     setting, stops = problem.setting.of_units(chosen)
-    items = [c.of_stops(stops) for c in like.candidates]
-    banks = [bank_of(items, setting.layout, moving=s.bank.moving) for s in like.best.seen]
+    items = [c.select_visits(stops) for c in like.candidates]
+    banks = [build_bank(items, setting.layout, moving=s.bank.moving) for s in like.best.seen]
 
-    at = partial(stages_in, setting, copies=copies, axes=True)
+    at = partial(score_under_floors, setting, copies=copies, axes=True)
     (best,) = at(banks, [like.best.floor])
-    return _with_walks(at, best, like.slow, float(np.sqrt(problem.upper[2])))
+    return _score_slow_candidates(at, best, like.slow, float(np.sqrt(problem.upper[2])))
 
 
-def _with_walks(
-    at: Callable[[Sequence[Bank], Sequence[Floor]], tuple[Stage, ...]], best: Stage, slow: tuple[int, ...], most: float
-) -> Panel:
+def _score_slow_candidates(
+    at: Callable[[Sequence[Bank], Sequence[NoiseFloor]], tuple[ScoredBank, ...]],
+    best: ScoredBank,
+    slow: tuple[int, ...],
+    most: float,
+) -> WalkMarginal:
     """The slow candidates under each walk beside the best floor."""
     if not slow:
-        return Panel(best, (), ())
+        return WalkMarginal(best, (), ())
     same = best.only(slow)
-    floors = [replace(best.floor, walk=part * most) for part in WALKS]
+    floors = [replace(best.floor, walk=part * most) for part in WALK_FRACTIONS]
     found = iter(at([s.bank for s in same.seen], [f for f in floors if f != best.floor]))
-    return Panel(best, tuple(same if f == best.floor else next(found) for f in floors), slow)
+    return WalkMarginal(best, tuple(same if f == best.floor else next(found) for f in floors), slow)
 
 
-def _slow(problem: Problem, seen: Seen, most: float) -> list[int]:
+def _slow_candidates(problem: ScoringProblem, seen: ProjectedBank, most: float) -> list[int]:
     """Places of the slow candidates in a bank, as its first units show them."""
     covariance = seen.space.covariance
     walk = problem.structure.relative(covariance.inverse)[:, 2]
-    for units, columns in columns_of(seen.bank, problem.view.layout, seen.space, FEW):
+    for units, columns in white_columns(seen.bank, problem.view.layout, seen.space, PROBE_UNITS):
         U, R = covariance.member[units].shape
         stops = columns[:, : R * walk.shape[-1]].reshape(U, R, walk.shape[-1], -1)
         added = most**2 * np.einsum("urmk,urmk->k", stops, walk[covariance.member[units]] @ stops)
         length = np.maximum(np.einsum("umk,umk->k", columns, columns), 1e-300)
         share = [float(added[at].sum() / length[at].sum()) for at in seen.bank.place]
         names = [c.name for c in seen.bank.candidates]
-        return [j for j, (s, name) in enumerate(zip(share, names, strict=True)) if s > SLOW or name in FLEXIBLE]
+        return [
+            j
+            for j, (s, name) in enumerate(zip(share, names, strict=True))
+            if s > SLOW_SHARE or name in FLEXIBLE_KERNELS
+        ]
     return []

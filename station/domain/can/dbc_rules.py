@@ -11,7 +11,7 @@ SLACK_STEPS = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class DbcIssue:
     """One mistake: in which message, at which signal (None: the message itself), what, and the remedy."""
 
     message: str
@@ -19,26 +19,26 @@ class Finding:
     text: str
 
 
-def lint(layouts: Sequence[FrameLayout]) -> tuple[Finding, ...]:
+def lint(layouts: Sequence[FrameLayout]) -> tuple[DbcIssue, ...]:
     """Every mistake in a DBC's messages, in the order of the file."""
-    found = list(_twice_used(layouts))
+    found = list(_duplicates(layouts))
     for message in layouts:
-        found += [Finding(message.name, None, text) for text in _message_rules(message)]
+        found += [DbcIssue(message.name, None, text) for text in _message_rules(message)]
         for signal in message.signals:
-            found += [Finding(message.name, signal.name, text) for rule in RULES for text in rule(signal)]
-            found += [Finding(message.name, signal.name, text) for text in _multiplexing(message, signal)]
+            found += [DbcIssue(message.name, signal.name, text) for rule in RULES for text in rule(signal)]
+            found += [DbcIssue(message.name, signal.name, text) for text in _multiplexing(message, signal)]
     return tuple(found)
 
 
-def _twice_used(layouts: Sequence[FrameLayout]) -> Iterator[Finding]:
+def _duplicates(layouts: Sequence[FrameLayout]) -> Iterator[DbcIssue]:
     ids: dict[int, str] = {}
     names: set[str] = set()
     for message in layouts:
         if message.can_id in ids:
             text = f"identifier {message.can_id & 0x1FFF_FFFF:#x} is also that of {ids[message.can_id]}"
-            yield Finding(message.name, None, f"{text}; give each message its own")
+            yield DbcIssue(message.name, None, f"{text}; give each message its own")
         if message.name in names:
-            yield Finding(message.name, None, "the name is used by two messages; give each its own")
+            yield DbcIssue(message.name, None, "the name is used by two messages; give each its own")
         ids.setdefault(message.can_id, message.name)
         names.add(message.name)
 

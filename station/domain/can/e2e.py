@@ -16,7 +16,7 @@ Bytes = NDArray[np.uint8]
 
 
 @cache
-def table(polynomial: int) -> Bytes:
+def crc_table(polynomial: int) -> Bytes:
     """CRC-8 of each single byte (256), most significant bit first, start 0, no final XOR."""
     crc = np.arange(256, dtype=np.uint16)
     for _ in range(8):
@@ -26,7 +26,7 @@ def table(polynomial: int) -> Bytes:
 
 def crc8(columns: Iterable[Bytes], polynomial: int, start: int) -> Bytes:
     """CRC-8 (n) of messages given byte by byte: each column holds one byte of every message (n), or of all (1)."""
-    step = table(polynomial).tobytes()
+    step = crc_table(polynomial).tobytes()
     crc = np.array([start], np.uint8)
     for column in columns:  # bytes are looked up in half the time that numpy takes to index
         crc = np.frombuffer((crc ^ column).tobytes().translate(step), np.uint8)
@@ -45,7 +45,7 @@ def checksum(data: Bytes, counter: NDArray[np.uint64], layout: SensorLayout, nod
     return crc8([*_head(e2e, e2e.data_id_of(node), counter), *body], 0x1D, start=0x00)
 
 
-def nibble_right(data: Bytes, layout: SensorLayout, node: int) -> NDArray[np.bool_]:
+def nibble_ok(data: Bytes, layout: SensorLayout, node: int) -> NDArray[np.bool_]:
     """In mode nibble: whether bits 12–15 carry the data id's third nibble (n); in the other modes always True."""
     e2e = layout.map.e2e
     if e2e is None or e2e.profile != "P01" or e2e.mode != "nibble":

@@ -43,7 +43,7 @@ _DETAILS = {
         0x80: "transceiver: CAN_L is shorted to CAN_H",
     },
 }
-_UNSAID = {0x004: "controller problem", 0x008: "protocol violation", 0x010: "transceiver problem"}
+_UNSPECIFIED = {0x004: "controller problem", 0x008: "protocol violation", 0x010: "transceiver problem"}
 
 
 def error_frames(frames: Frames) -> tuple[str, ...]:
@@ -51,7 +51,7 @@ def error_frames(frames: Frames) -> tuple[str, ...]:
     errors = frames[(frames.can_id & np.uint32(ERROR)) != 0]
     told: dict[str, int] = {}
     for can_id, data in zip(errors.can_id.tolist(), errors.data, strict=True):
-        for text in _said(can_id, data):
+        for text in _descriptions(can_id, data):
             told[text] = told.get(text, 0) + 1
     ordered = sorted(told.items(), key=lambda item: -item[1])
     return tuple(text if times == 1 else f"{text} ({times} times)" for text, times in ordered)
@@ -65,9 +65,9 @@ def has_bus_off(frames: Frames) -> bool:
     return bool(len(off)) and (not len(on) or bool(off[-1] > on[-1]))
 
 
-def _said(can_id: int, data: Array) -> Iterator[str]:
+def _descriptions(can_id: int, data: Array) -> Iterator[str]:
     yield from (text for bit, text in _CLASSES.items() if can_id & bit)
     for (kind, byte), details in _DETAILS.items():
         if can_id & kind:
             said = [text for bit, text in details.items() if int(data[byte]) & bit]
-            yield from said or [_UNSAID[kind]]
+            yield from said or [_UNSPECIFIED[kind]]

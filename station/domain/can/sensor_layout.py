@@ -8,13 +8,13 @@ from pydantic import Field, model_validator
 
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import EXTENDED
-from station.domain.recipe.recipe import Name, Part
+from station.domain.recipe.recipe import Name, StrictModel
 from station.errors import ProductError
 
 Node = Annotated[int, Field(ge=1, le=127)]
 
 
-class SampleRoles(Part):
+class SampleRoles(StrictModel):
     """The message that carries one reading, and the names of its signals."""
 
     message: Name
@@ -26,14 +26,14 @@ class SampleRoles(Part):
     crc: Name | None = None
 
 
-class TemperatureRole(Part):
+class TemperatureRole(StrictModel):
     """The signal that carries the device's own temperature, degC."""
 
     message: Name
     signal: Name
 
 
-class EndToEnd(Part):
+class EndToEnd(StrictModel):
     """AUTOSAR end-to-end protection. P01: data_id and mode; P02: data_ids, one for each counter value."""
 
     profile: Literal["P01", "P02"]
@@ -60,7 +60,7 @@ class EndToEnd(Part):
         return ((self.data_id or 0) + (node if self.data_id_plus_node else 0)) & 0xFFFF
 
 
-class FrameMap(Part):
+class FrameMap(StrictModel):
     """The roles of a DBC's signals. The DBC describes the device with node id `node_of_dbc`.
 
     The frames of node n have the DBC's identifiers − node_of_dbc + n. counter_values: how many values the counter

@@ -6,17 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 #: So many equal counters in a row are no duplicate of one frame any more.
-STUCK = 4
+STUCK_FRAMES = 4
 #: Frames overtake each other by one or two places; further back is a loss of nearly a whole turn.
-LATE_AT_MOST = 2
+MAX_REORDERING = 2
 #: From this share of its time on, a turn counts as missed.
-TURN = 0.75
+WRAP_SHARE = 0.75
 #: So many frames on either side of a pause are looked at; an adapter that holds back more is taken for a loss.
 WINDOW = 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Count:
+class CounterErrors:
     """lost: frames missing between the first and the last; gaps: places where some are; repeats: frames with the
 
     counter of the one before; longest_repeat: most such frames in a row; late: frames behind their turn.
@@ -31,10 +31,10 @@ class Count:
     @property
     def stuck(self) -> bool:
         """The counter stood still, which repeated single frames do not explain."""
-        return self.longest_repeat >= STUCK - 1
+        return self.longest_repeat >= STUCK_FRAMES - 1
 
 
-def steps(counter: NDArray[np.uint64], time_ns: NDArray[np.int64], values: int) -> NDArray[np.int64]:
+def counter_steps(counter: NDArray[np.uint64], time_ns: NDArray[np.int64], values: int) -> NDArray[np.int64]:
     """How many frames each one (n − 1) is ahead of the one before: 1 as it should be, 0 repeated, < 0 late.
 
     The counter knows this only modulo `values`; time chooses among the numbers that agree with it. So a loss of
@@ -51,9 +51,9 @@ def steps(counter: NDArray[np.uint64], time_ns: NDArray[np.int64], values: int) 
     period_ns = _period(None if in_turn else step, time_ns)
     if period_ns <= 0:
         return step
-    if not in_turn and values >= 2 * LATE_AT_MOST + 2:
-        step[(step >= values - LATE_AT_MOST) & (elapsed_ns < period_ns * step / 2)] -= values
-    _add_turns(step, elapsed_ns / period_ns, values)
+    if not in_turn and values >= 2 * MAX_REORDERING + 2:
+        step[(step >= values - MAX_REORDERING) & (elapsed_ns < period_ns * step / 2)] -= values
+    _add_wraps(step, elapsed_ns / period_ns, values)
     return step
 
 
@@ -62,11 +62,11 @@ def _no_pause(elapsed_ns: NDArray[np.int64], values: int) -> bool:
     return bool(elapsed_ns.max(initial=0) * len(elapsed_ns) <= values // 2 * elapsed_ns.sum())
 
 
-def count(step: NDArray[np.int64], bad_between: NDArray[np.int64]) -> Count:
+def count_errors(step: NDArray[np.int64], bad_between: NDArray[np.int64]) -> CounterErrors:
     """Sums up steps (m); bad_between (m): frames that did arrive in each step but whose counter cannot be trusted."""
     moved = step != 0
     missing = np.where(moved, step - 1, 0) - np.where(step > 1, bad_between, 0)
-    return Count(
+    return CounterErrors(
         lost=max(0, int(missing.sum())),
         gaps=int(np.count_nonzero(missing > 0)),
         repeats=int(np.count_nonzero(~moved)),
@@ -90,14 +90,14 @@ def _period(step: NDArray[np.int64] | None, time_ns: NDArray[np.int64]) -> float
     return float(np.median(elapsed_ns / frames[frames > 0])) if len(elapsed_ns) else 0.0
 
 
-def _add_turns(step: NDArray[np.int64], elapsed: NDArray[np.float64], values: int) -> None:
+def _add_wraps(step: NDArray[np.int64], elapsed: NDArray[np.float64], values: int) -> None:
     """Adds the whole turns that pauses hide; elapsed (n − 1) in periods.
 
     Frames come late, never early: the least delay before and after a pause is compared. After a mere pause the
     delay falls back to what it was; after a loss it stays up by `values` periods for each turn.
     """
     longer = elapsed - step
-    pauses = np.flatnonzero(longer >= TURN * values)
+    pauses = np.flatnonzero(longer >= WRAP_SHARE * values)
     if not len(pauses):
         return
     delay = np.zeros(len(longer) + 1)
@@ -106,7 +106,7 @@ def _add_turns(step: NDArray[np.int64], elapsed: NDArray[np.float64], values: in
     for pause in pauses.tolist():
         before = delay[max(first, pause + 1 - WINDOW) : pause + 1].min()
         after = delay[pause + 1 : pause + 1 + WINDOW].min()
-        turns = int((after - before) / values + 1 - TURN)
+        turns = int((after - before) / values + 1 - WRAP_SHARE)
         if turns > 0:
             step[pause] += values * turns
             first = pause + 1

@@ -64,7 +64,7 @@ class FrameLayout:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Decoded:
+class DecodedMessage:
     """Frames of one message, decoded.
 
     rows (m): their places in the frames given; values: physical values (m) of each signal; present: mask (m) of
@@ -76,13 +76,13 @@ class Decoded:
     present: Mapping[str, NDArray[np.bool_]]
 
 
-def decode(frames: Frames, layout: FrameLayout) -> Decoded:
+def decode(frames: Frames, layout: FrameLayout) -> DecodedMessage:
     """All signals of the frames that carry `layout`; other, remote, error and too short frames are left out."""
     rows = np.flatnonzero((frames.can_id == np.uint32(layout.can_id)) & (frames.length >= layout.length))
     data = frames.data[rows]
     values = {s.name: physical(raw(data, s), s) for s in layout.signals}
     present = {s.name: _present(data, layout, s) for s in layout.signals if s.selector is not None}
-    return Decoded(rows, values, present)
+    return DecodedMessage(rows, values, present)
 
 
 def raw(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
@@ -97,7 +97,7 @@ def raw(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
     return bits
 
 
-def side_by_side(data: NDArray[np.uint8], signals: Sequence[SignalLayout]) -> Array | None:
+def adjacent_words(data: NDArray[np.uint8], signals: Sequence[SignalLayout]) -> Array | None:
     """Raw values (n, m) of m signals that are whole words of one meaning, one behind the other: nothing is copied.
 
     None where they lie or mean otherwise.

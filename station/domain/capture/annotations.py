@@ -7,15 +7,15 @@ import numpy as np
 from pydantic import Field
 
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.capture.assemble import KeptVisit
-from station.domain.core.types import Frames, Seat
-from station.domain.recipe.recipe import Finite, Name, Part
+from station.domain.capture.assemble import CapturedVisit
+from station.domain.core.types import Frames, NestAssignment
+from station.domain.recipe.recipe import Finite, Name, StrictModel
 
 #: A frame beside the dwell is this far away where the log holds none, s.
-BESIDE_S = 0.001
+ASSUMED_GAP_S = 0.001
 
 
-class Mark(Part):
+class Annotation(StrictModel):
     """One dwell. start_s (with) and end_s (without) count from the log's first frame; node: of the unit's device."""
 
     unit: Name
@@ -28,33 +28,37 @@ class Mark(Part):
     seating: Name = "home"
 
 
-class Marks(Part):
+class Annotations(StrictModel):
     """All dwells of a log. recipe: its name, when they were made by a run."""
 
     schema_: Annotated[Literal["station.marks/1"], Field(alias="schema")] = "station.marks/1"
     recipe: str | None = None
-    marks: tuple[Mark, ...] = ()
+    marks: tuple[Annotation, ...] = ()
 
-    def units(self) -> dict[str, list[Mark]]:
+    def units(self) -> dict[str, list[Annotation]]:
         """Marks by unit, in the order of run and visit."""
-        found: dict[str, list[Mark]] = {}
+        found: dict[str, list[Annotation]] = {}
         for mark in sorted(self.marks, key=lambda m: (m.unit, m.run, m.visit)):
             found.setdefault(mark.unit, []).append(mark)
         return found
 
 
-def kept_visits(marks: Sequence[Mark], frames: Frames) -> list[KeptVisit]:
+def captured_visits(marks: Sequence[Annotation], frames: Frames) -> list[CapturedVisit]:
     """The stops of one unit, cut out of a whole log."""
     zero = int(frames.time_ns[0])
     found = []
     for mark in marks:
         begin, end = zero + round(mark.start_s * 1e9), zero + round(mark.end_s * 1e9)
         inside = slice(*np.searchsorted(frames.time_ns, [begin, end]).tolist())
-        found.append(KeptVisit(mark.run, mark.visit, mark.position, mark.seating, begin, begin, end, frames[inside]))
+        found.append(
+            CapturedVisit(mark.run, mark.visit, mark.position, mark.seating, begin, begin, end, frames[inside])
+        )
     return found
 
 
-def marks_of(seat: Seat, visits: Iterable[KeptVisit], layout: SensorLayout, zero_ns: int) -> list[Mark]:
+def annotate_visits(
+    seat: NestAssignment, visits: Iterable[CapturedVisit], layout: SensorLayout, zero_ns: int
+) -> list[Annotation]:
     """Marks of a unit's stops in a log whose first frame came at `zero_ns`.
 
     They are set half-way to the neighbouring frames, so that formats that keep microseconds move no frame across.
@@ -65,7 +69,7 @@ def marks_of(seat: Seat, visits: Iterable[KeptVisit], layout: SensorLayout, zero
         time_ns = v.frames.time_ns[v.frames.can_id == can_id]
         start, end = _between(time_ns, v.from_ns) - zero_ns, _between(time_ns, v.to_ns) - zero_ns
         found.append(
-            Mark(
+            Annotation(
                 unit=seat.serial,
                 node=seat.node,
                 run=v.run,
@@ -82,7 +86,7 @@ def marks_of(seat: Seat, visits: Iterable[KeptVisit], layout: SensorLayout, zero
 def _between(time_ns: "np.ndarray[tuple[int], np.dtype[np.int64]]", bound_ns: int) -> int:
     """The middle between the last frame before a bound and the first from it on."""
     at = int(np.searchsorted(time_ns, bound_ns))
-    beside = round(BESIDE_S * 1e9)
+    beside = round(ASSUMED_GAP_S * 1e9)
     before = int(time_ns[at - 1]) if at > 0 else (int(time_ns[0]) - beside if len(time_ns) else bound_ns)
     after = int(time_ns[at]) if at < len(time_ns) else (int(time_ns[-1]) + beside if len(time_ns) else bound_ns)
     return (before + after) // 2

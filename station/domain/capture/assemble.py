@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain.can.decode import Samples, samples, temperatures
+from station.domain.can.decode import Samples, decode_samples, decode_temperatures
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.can.sequence_counter import steps
+from station.domain.can.sequence_counter import counter_steps
 from station.domain.core.types import Floats, Frames, Labels, SampleTable
 
 Rows = NDArray[np.intp]
@@ -16,7 +16,7 @@ Times = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class KeptVisit:
+class CapturedVisit:
     """One stop of one unit as the record keeps it. The dwell is [from_ns, to_ns); frames may reach beyond it."""
 
     run: int
@@ -29,16 +29,16 @@ class KeptVisit:
     frames: Frames
 
 
-def dwell_frames(visit: KeptVisit) -> Frames:
+def dwell_frames(visit: CapturedVisit) -> Frames:
     """The frames of the dwell proper, in the order of arrival."""
     time_ns = visit.frames.time_ns
     return visit.frames[(time_ns >= visit.from_ns) & (time_ns < visit.to_ns)]
 
 
-def table_of(
+def sample_table(
     serial: str,
     node: int,
-    visits: Sequence[KeptVisit],
+    visits: Sequence[CapturedVisit],
     layout: SensorLayout,
     labels: Mapping[str, str] | None = None,
     *,
@@ -53,10 +53,10 @@ def table_of(
     among the visits', brought to the readings' own times. time_s counts from the first arrival of the run;
     `counter` counts modulo 2^counter_bits (the recipe's), whatever modulus the product's own counter has.
     """
-    parts = [samples(dwell_frames(v), layout, node) for v in visits]
+    parts = [decode_samples(dwell_frames(v), layout, node) for v in visits]
     rows = [np.flatnonzero(p.crc_ok if everything else p.usable) for p in parts]
     each = np.array([len(r) for r in rows], np.int64)
-    starts = starts_ns(visits)
+    starts = run_starts_ns(visits)
     begun = np.array([starts[v.run] for v in visits], np.int64)
     time_ns = np.concatenate([p.time_ns[r] for p, r in zip(parts, rows, strict=True)] or [np.zeros(0, np.int64)])
     texts = {"seating": Labels.of([v.seating for v in visits])[np.repeat(np.arange(len(visits)), each)]}
@@ -79,7 +79,7 @@ def table_of(
     )
 
 
-def starts_ns(visits: Sequence[KeptVisit]) -> dict[int, int]:
+def run_starts_ns(visits: Sequence[CapturedVisit]) -> dict[int, int]:
     """First arrival of each run, ns."""
     starts: dict[int, int] = {}
     for v in visits:
@@ -88,12 +88,12 @@ def starts_ns(visits: Sequence[KeptVisit]) -> dict[int, int]:
 
 
 def _gold(
-    visits: Sequence[KeptVisit], parts: list[Samples], rows: list[Rows], layout: SensorLayout, node: int
+    visits: Sequence[CapturedVisit], parts: list[Samples], rows: list[Rows], layout: SensorLayout, node: int
 ) -> Floats:
     """The gold reference (n, 3) at the times of the readings; NaN where it said nothing during a dwell."""
     out = []
     for visit, part, row in zip(visits, parts, rows, strict=True):
-        told = samples(dwell_frames(visit), layout, node)
+        told = decode_samples(dwell_frames(visit), layout, node)
         time_ns, xyz = told.time_ns[told.usable], told.xyz[told.usable]
         at = (part.time_ns[row] - visit.from_ns) / 1e9
         if len(time_ns):
@@ -105,7 +105,7 @@ def _gold(
 
 
 def _counter(
-    visits: Sequence[KeptVisit], parts: list[Samples], rows: list[Rows], values: int, modulus: int
+    visits: Sequence[CapturedVisit], parts: list[Samples], rows: list[Rows], values: int, modulus: int
 ) -> dict[str, Floats]:
     """The frame counter, counted on over each run: an end-to-end profile's counts to 14 only."""
     told = [
@@ -118,14 +118,14 @@ def _counter(
     out = []
     for run in dict.fromkeys(run for run, _, _ in told):
         stops = [(c, t) for r, c, t in told if r == run]
-        out.append(_counted_on([s for s in stops if len(s[0])], values) % modulus)
+        out.append(_unwrap_counter([s for s in stops if len(s[0])], values) % modulus)
     return {"counter": np.concatenate(out).astype(np.float64)}
 
 
-def _counted_on(stops: list[tuple[NDArray[np.uint64], Times]], values: int) -> NDArray[np.int64]:
+def _unwrap_counter(stops: list[tuple[NDArray[np.uint64], Times]], values: int) -> NDArray[np.int64]:
     """Counters and times of a run's stops, one after the other, as one count: the moves in between are some frames of
     the stops' own rate long, of which the counter knows the number modulo `values`."""
-    within = [steps(counter, time_ns, values) for counter, time_ns in stops]
+    within = [counter_steps(counter, time_ns, values) for counter, time_ns in stops]
     frames = sum(int(w.sum()) for w in within)
     elapsed_ns = sum(int(t[-1] - t[0]) for _, t in stops)
     numbers: list[NDArray[np.int64]] = []
@@ -142,9 +142,9 @@ def _counted_on(stops: list[tuple[NDArray[np.uint64], Times]], values: int) -> N
     return np.concatenate(numbers) if numbers else np.zeros(0, np.int64)
 
 
-def _temperature(visits: Sequence[KeptVisit], at: Times, layout: SensorLayout, node: int) -> dict[str, Floats]:
+def _temperature(visits: Sequence[CapturedVisit], at: Times, layout: SensorLayout, node: int) -> dict[str, Floats]:
     """The device's own thermometer at the times `at` (n): it speaks rarely, so whole stops are looked through."""
-    told = [temperatures(v.frames, layout, node) for v in visits]
+    told = [decode_temperatures(v.frames, layout, node) for v in visits]
     time_ns = np.concatenate([t for t, _ in told] or [np.zeros(0, np.int64)])
     if not len(time_ns):
         return {}

@@ -6,10 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from station.domain.can.decode import samples
+from station.domain.can.decode import decode_samples
 from station.domain.can.sensor_layout import SensorLayout
 from station.domain.capture import rest_segments
-from station.domain.capture.annotations import Mark
+from station.domain.capture.annotations import Annotation
 from station.domain.capture.rest_detection import angle_deg
 from station.domain.capture.visit_check import FACE_DEG
 from station.domain.core.types import Floats, Frames
@@ -17,11 +17,11 @@ from station.domain.recipe.recipe import Position, Recipe
 from station.errors import SamplesError
 
 #: Readings in a block, and how many standard deviations of a difference of two blocks' means are a step.
-BLOCK, STEP = 20, 7.0
+BLOCK_READINGS, STEP_SIGMA = 20, 7.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Still:
+class RestSegment:
     """A stretch of rest. start_s, end_s since the log's first frame; mean (3) reading."""
 
     start_s: float
@@ -35,55 +35,55 @@ def nodes_in(frames: Frames, layout: SensorLayout) -> tuple[int, ...]:
     return tuple(node for node in range(1, 128) if _id(layout, node) in seen)
 
 
-def stills_of(frames: Frames, layout: SensorLayout, node: int) -> list[Still]:
+def segments_of_node(frames: Frames, layout: SensorLayout, node: int) -> list[RestSegment]:
     """Stretches in which a node was at rest, in order of time; none when it said too little to tell."""
-    told = samples(frames, layout, node)
+    told = decode_samples(frames, layout, node)
     time_s = (told.time_ns[told.usable] - frames.time_ns[0]) / 1e9
     xyz = told.xyz[told.usable]
     try:
         found = rest_segments.find(time_s, xyz)
     except SamplesError:
         return []
-    parts = [part for a, b in found.tolist() for part in _unbroken(xyz, a, b)]
+    parts = [part for a, b in found.tolist() for part in _split_at_steps(xyz, a, b)]
     return [
-        Still(float(time_s[a]), float(time_s[b - 1]), np.asarray(xyz[a:b].mean(axis=0)))
+        RestSegment(float(time_s[a]), float(time_s[b - 1]), np.asarray(xyz[a:b].mean(axis=0)))
         for a, b in parts
-        if b - a >= BLOCK
+        if b - a >= BLOCK_READINGS
     ]
 
 
-def _unbroken(xyz: Floats, begin: int, end: int) -> Iterator[tuple[int, int]]:
+def _split_at_steps(xyz: Floats, begin: int, end: int) -> Iterator[tuple[int, int]]:
     """Parts of a stretch without a step: two rests with a quick turn, or a switched output, between them are two."""
-    edges = [*range(begin, end - BLOCK + 1, BLOCK), end]
+    edges = [*range(begin, end - BLOCK_READINGS + 1, BLOCK_READINGS), end]
     blocks = [xyz[a:b] for a, b in pairwise(edges)]
     start = begin
-    spread = np.median([b.std(axis=0) for b in blocks], axis=0) * np.sqrt(2 / BLOCK)
+    spread = np.median([b.std(axis=0) for b in blocks], axis=0) * np.sqrt(2 / BLOCK_READINGS)
     for i, (before, after) in enumerate(pairwise(blocks), 1):
-        if (np.abs(before.mean(axis=0) - after.mean(axis=0)) > STEP * spread).any():
-            yield start, edges[i] - BLOCK
-            start = edges[i] + BLOCK
+        if (np.abs(before.mean(axis=0) - after.mean(axis=0)) > STEP_SIGMA * spread).any():
+            yield start, edges[i] - BLOCK_READINGS
+            start = edges[i] + BLOCK_READINGS
     yield start, end
 
 
-def marks(frames: Frames, layout: SensorLayout, node: int, recipe: Recipe) -> tuple[Mark, ...]:
+def annotate_log(frames: Frames, layout: SensorLayout, node: int, recipe: Recipe) -> tuple[Annotation, ...]:
     """One mark for each position of the recipe, the first still that shows it; none when a position is missing.
 
     Later ones may have come through the device's own corrected output, as the stops of a verification do.
     """
-    first: dict[str, Still] = {}
-    for still in stills_of(frames, layout, node):
+    first: dict[str, RestSegment] = {}
+    for still in segments_of_node(frames, layout, node):
         name = _position(still, recipe)
         if name:
             first.setdefault(name, still)
     if set(first) != {p.name for p in recipe.positions}:
         return ()
     return tuple(
-        Mark(unit=f"node-{node}", node=node, run=0, visit=i, position=name, start_s=s.start_s, end_s=s.end_s)
+        Annotation(unit=f"node-{node}", node=node, run=0, visit=i, position=name, start_s=s.start_s, end_s=s.end_s)
         for i, (name, s) in enumerate(first.items())
     )
 
 
-def _position(still: Still, recipe: Recipe) -> str:
+def _position(still: RestSegment, recipe: Recipe) -> str:
     """The position whose stimulus the still's mean points along; '' when none is near."""
     angles = {p.name: angle_deg(still.mean, _true(recipe, p)) for p in recipe.positions}
     name = min(angles, key=lambda n: angles[n], default="")

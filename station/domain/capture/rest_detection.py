@@ -6,7 +6,7 @@ from station.domain.core.types import Floats
 from station.domain.recipe.recipe import Recipe
 
 #: Fewer readings tell nothing about rest.
-FEWEST = 8
+MIN_READINGS = 8
 #: A drift counts as movement beyond this many standard deviations of a difference of two half-window means.
 MOVED = 4.0
 #: A stimulus below this share of the recipe's strongest says nothing about which way is up.
@@ -30,7 +30,7 @@ def at_rest(reading: Floats, noise: float, lsb: float) -> bool:
     still creeps less than its own noise shows is taken for still: the dwell's own check looks closer.
     """
     half = len(reading) // 2
-    if len(reading) < FEWEST or not np.isfinite(reading).all():
+    if len(reading) < MIN_READINGS or not np.isfinite(reading).all():
         return False
     first, second = reading[:half], reading[half:]
     within = np.sqrt((first.var(axis=0) + second.var(axis=0)) / 2)
@@ -56,10 +56,10 @@ def has_direction(true: Floats, recipe: Recipe) -> bool:
     if recipe.sensor == "magnetometer" or not np.isfinite(true).all():
         return False
     strongest = max((float(np.linalg.norm(recipe.stimulus(p))) for p in recipe.positions), default=0.0)
-    return bool(np.linalg.norm(true) >= least_pointing(strongest, recipe) > 0)
+    return bool(np.linalg.norm(true) >= least_directed_stimulus(strongest, recipe) > 0)
 
 
-def least_pointing(strongest: float, recipe: Recipe) -> float:
+def least_directed_stimulus(strongest: float, recipe: Recipe) -> float:
     """From which strength on a stimulus has a direction for a unit not yet calibrated; strongest: of the recipe."""
     return max(WEAK * strongest, 2 * (recipe.limits.offset or 0.0))
 

@@ -9,14 +9,14 @@ from station.errors import SamplesError
 #: Stillness is judged over this long, and a still stretch is at least as long.
 WINDOW_S = 1.0
 #: The quietest share of the windows shows the noise of a part at rest.
-QUIETEST = 0.05
+QUIET_SHARE = 0.05
 #: A window moves when its standard deviation is above (1 + LOUDER/√n) times that noise: ten of its own deviations
 #: at 100 readings, where n readings know a standard deviation to 1/√(2n).
-LOUDER = 10.0
+MOTION_MARGIN = 10.0
 #: This share of a window at either end may still move; a gap that short between stretches is none.
-EDGE = 0.2
+EDGE_SHARE = 0.2
 #: Directions closer than this are one orientation.
-ALIKE_DEG = 10.0
+SAME_ORIENTATION_DEG = 10.0
 
 
 def find(time_s: Floats, reading: Floats) -> NDArray[np.int64]:
@@ -27,12 +27,12 @@ def find(time_s: Floats, reading: Floats) -> NDArray[np.int64]:
     """
     window = _window(time_s)
     std = _moving_std(reading, window)
-    quiet = np.quantile(std, QUIETEST, axis=0) * (1 + LOUDER / np.sqrt(window))
+    quiet = np.quantile(std, QUIET_SHARE, axis=0) * (1 + MOTION_MARGIN / np.sqrt(window))
     still = (std <= quiet).all(axis=1)
     covered = np.cumsum(np.bincount(np.flatnonzero(still), minlength=len(reading) + 1))
     covered -= np.r_[np.zeros(window, np.int64), covered[:-window]]
     edge = np.flatnonzero(np.diff(np.r_[0, (covered[:-1] > 0).astype(np.int8), 0])).reshape(-1, 2)
-    return _trimmed(edge, round(EDGE * window))
+    return _trimmed(edge, round(EDGE_SHARE * window))
 
 
 def _trimmed(edge: NDArray[np.int64], short: int) -> NDArray[np.int64]:
@@ -65,7 +65,7 @@ def orientations(directions: Floats) -> NDArray[np.int64]:
     number = np.full(len(unit), -1)
     for i in range(len(unit)):
         if number[i] < 0:
-            close = unit @ unit[i] > np.cos(np.deg2rad(ALIKE_DEG))
+            close = unit @ unit[i] > np.cos(np.deg2rad(SAME_ORIENTATION_DEG))
             number[close & (number < 0)] = number.max() + 1
     return number
 

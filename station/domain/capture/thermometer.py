@@ -4,15 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from station.domain.can.decode import samples
+from station.domain.can.decode import decode_samples
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.capture.assemble import KeptVisit
+from station.domain.capture.assemble import CapturedVisit
 
 #: So many stops tell, seconds and movements apart. A coarser step than this, degC, may stand still in a quiet room.
-STOPS, FINE_DEGC = 6, 0.1
+MIN_VISITS, FINE_DEGC = 6, 0.1
 
 
-def frozen(visits: Sequence[KeptVisit], node: int, layout: SensorLayout) -> str:
+def frozen_warning(visits: Sequence[CapturedVisit], node: int, layout: SensorLayout) -> str:
     """'' or a sentence: the reading has not moved by one step over all stops although its steps are fine.
 
     visits: the stops of one load, with their frames. A thermometer whose noise has a standard deviation of one step
@@ -21,8 +21,8 @@ def frozen(visits: Sequence[KeptVisit], node: int, layout: SensorLayout) -> str:
     heavily filtered thermometer may be this quiet.
     """
     step = _step_degC(layout)
-    read = [t for visit in visits if len(t := samples(visit.frames, layout, node).temperature_degC)]
-    if step is None or step > FINE_DEGC or len(read) < STOPS:
+    read = [t for visit in visits if len(t := decode_samples(visit.frames, layout, node).temperature_degC)]
+    if step is None or step > FINE_DEGC or len(read) < MIN_VISITS:
         return ""
     told = np.concatenate(read)
     if np.ptp(told) >= step / 2:

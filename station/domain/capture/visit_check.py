@@ -16,15 +16,15 @@ STATION_CHECKS = frozenset({"silent", "kernel-drops", "not-still", "wrong-face",
 #: A unit's own reading may lie this far from the face that is up before it counts as another face.
 FACE_DEG = 25.0
 #: Of the frames that the rate promises, so many must come: clocks and the dwell's ends cost a few.
-ENOUGH = 0.9
+MIN_FRAME_SHARE = 0.9
 #: The rate is known to so many readings of a dwell; less than RATE_LEAST is left to the diagnosis.
-RATE_STEPS, RATE_LEAST = 3.0, 0.02
+RATE_COUNTS, MIN_RATE_DEVIATION = 3.0, 0.02
 #: A dwell whose halves differ by more standard deviations than this, and by more than it may matter, has moved.
 MOVED = 6.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Dwelled:
+class Visit:
     """One dwell of one unit: its samples, what the stimulus should be, and what happened around it.
 
     true (3) in the recipe's unit, NaN where the pose is unknown; lasted_s; drops: frames that the kernel dropped;
@@ -40,7 +40,7 @@ class Dwelled:
     emergencies: tuple[str, ...] = ()
 
 
-def check(dwelled: Dwelled, recipe: Recipe, layout: SensorLayout) -> tuple[Reason, ...]:
+def check(dwelled: Visit, recipe: Recipe, layout: SensorLayout) -> tuple[Reason, ...]:
     """Every reason why this dwell is no evidence; nothing when it is good."""
     found = [*_transport(dwelled, recipe)]
     xyz = dwelled.samples.xyz[dwelled.samples.usable]
@@ -49,9 +49,9 @@ def check(dwelled: Dwelled, recipe: Recipe, layout: SensorLayout) -> tuple[Reaso
     return (*found, *_surroundings(dwelled, recipe))
 
 
-def statistics(dwelled: Dwelled) -> dict[str, object]:
+def statistics(dwelled: Visit) -> dict[str, object]:
     """What the record keeps of a dwell beside its raw frames."""
-    samples, trouble = dwelled.samples, dwelled.samples.trouble
+    samples, trouble = dwelled.samples, dwelled.samples.frame_errors
     xyz = samples.xyz[samples.usable]
     some = len(xyz) > 0
     return {
@@ -71,40 +71,40 @@ def statistics(dwelled: Dwelled) -> dict[str, object]:
     }
 
 
-def _transport(d: Dwelled, recipe: Recipe) -> Iterator[Reason]:
+def _transport(d: Visit, recipe: Recipe) -> Iterator[Reason]:
     wanted = recipe.device.rate_hz * d.lasted_s
     count = int(np.count_nonzero(d.samples.usable))
-    if d.samples.trouble.frames == 0:
+    if d.samples.frame_errors.frames == 0:
         yield Reason("silent", f"no readings came at {d.position!r}; check cable, power and node id", 0, wanted, "1")
         return
     if d.drops:
         yield Reason(
             "kernel-drops", f"the kernel dropped {d.drops} frames at {d.position!r}; this PC is too busy", d.drops, 0
         )
-    if not d.samples.trouble.clean:
-        said = ", ".join(d.samples.trouble.sentences())
+    if not d.samples.frame_errors.clean:
+        said = ", ".join(d.samples.frame_errors.sentences())
         yield Reason("frames", f"bad frames at {d.position!r}: {said}")
     rate = _rate_hz(d)
-    allowed = recipe.device.clock_tolerance_ppm * 1e-6 + RATE_STEPS / max(count, 1)
-    if rate is not None and abs(rate / recipe.device.rate_hz - 1) > max(allowed, RATE_LEAST):
+    allowed = recipe.device.clock_tolerance_ppm * 1e-6 + RATE_COUNTS / max(count, 1)
+    if rate is not None and abs(rate / recipe.device.rate_hz - 1) > max(allowed, MIN_RATE_DEVIATION):
         sentence = f"readings came at {rate:.1f} Hz at {d.position!r}, but the recipe says {recipe.device.rate_hz:g} Hz"
         yield Reason("rate", sentence, rate, recipe.device.rate_hz, "Hz")
-    elif count < ENOUGH * wanted:
+    elif count < MIN_FRAME_SHARE * wanted:
         sentence = (
             f"{count} good readings at {d.position!r}, but {wanted:.0f} were due; check the rate and the bus load"
         )
-        yield Reason("too-few", sentence, count, ENOUGH * wanted)
+        yield Reason("too-few", sentence, count, MIN_FRAME_SHARE * wanted)
 
 
-def _rate_hz(d: Dwelled) -> float | None:
+def _rate_hz(d: Visit) -> float | None:
     """Rate of the frames by their own time stamps; None where frames are missing or too few."""
     time_ns = d.samples.time_ns
-    if len(time_ns) < 10 or not d.samples.trouble.clean:
+    if len(time_ns) < 10 or not d.samples.frame_errors.clean:
         return None
     return (len(time_ns) - 1) / max((int(time_ns[-1]) - int(time_ns[0])) / 1e9, 1e-9)
 
 
-def _axes(d: Dwelled, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iterator[Reason]:
+def _axes(d: Visit, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iterator[Reason]:
     noise, unit = expected_noise(recipe), recipe.unit
     std = xyz.std(axis=0, ddof=1)
     limit = recipe.limits.noise
@@ -123,7 +123,7 @@ def _axes(d: Dwelled, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iter
             yield Reason("noise", sentence, float(std[i]), limit, unit)
 
 
-def _rest(d: Dwelled, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
+def _rest(d: Visit, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
     half = len(xyz) // 2
     first, second = xyz[:half], xyz[half:]
     within = np.sqrt((first.var(axis=0) + second.var(axis=0)) / 2)
@@ -138,7 +138,7 @@ def _rest(d: Dwelled, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
         yield Reason("not-still", sentence, worst, float(matters), recipe.unit)
 
 
-def _face(d: Dwelled, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
+def _face(d: Visit, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
     if not has_direction(d.true, recipe):
         return
     mean = np.asarray(xyz.mean(axis=0))
@@ -148,7 +148,7 @@ def _face(d: Dwelled, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
         yield Reason("wrong-face", sentence, angle, FACE_DEG, "deg")
 
 
-def _surroundings(d: Dwelled, recipe: Recipe) -> Iterator[Reason]:
+def _surroundings(d: Visit, recipe: Recipe) -> Iterator[Reason]:
     limits = recipe.limits.temperature_degC
     if limits is not None and d.temperature_degC is not None and not limits[0] <= d.temperature_degC <= limits[1]:
         low, high = limits

@@ -31,7 +31,7 @@ def inverse(A: Array) -> Floats:
     return solve(A, np.broadcast_to(np.eye(A.shape[-1]), A.shape))
 
 
-def rotation_of(B: Array) -> Floats:
+def nearest_rotation(B: Array) -> Floats:
     """The rotations (u, 3, 3) nearest to B (u, 3, 3), by singular values (Markley 1988); NaN where B is not finite."""
     sound = np.asarray(np.isfinite(B).all(axis=(1, 2)))
     U, _, Vt = np.linalg.svd(np.where(sound[:, None, None], B, np.eye(3)))

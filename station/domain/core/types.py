@@ -117,7 +117,7 @@ class SampleTable:
 
 
 @dataclass(frozen=True, slots=True)
-class Seat:
+class NestAssignment:
     """One unit in one nest: printed serial, nest name, node id of the device."""
 
     serial: str
@@ -136,7 +136,7 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stops:
+class ReducedVisits:
     """What one unit's visits come to, one row a visit; the input of every calibration method.
 
     position, seating: names; run, visit (v); mean (v, 3) robust mean reading; cov (v, 3, 3) covariance of that mean

@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.domain.capture.assemble import KeptVisit
+from station.domain.capture.assemble import CapturedVisit
 from station.domain.core.types import Floats, Outcome
-from station.domain.evaluation.pipeline import Result
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.methods import coefficients
 from station.domain.recipe.recipe import Recipe
 
 #: Grounds that only raw samples show (`evaluation.quality`): from reduced stops they are taken over as they were.
-OF_SAMPLES = frozenset({"stuck", "clipped", "not-still", "scale", "wrong-face"})
+SAMPLE_CHECKS = frozenset({"stuck", "clipped", "not-still", "scale", "wrong-face"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Before:
+class PreviousResult:
     """What the limits said of an attempt then: outcome, offset and matrix (12) or None, checks with their sentences."""
 
     attempt: str
@@ -28,7 +28,7 @@ class Before:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class VerdictChange:
     """An attempt whose verdict would be another one, and why."""
 
     attempt: str
@@ -39,30 +39,32 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Compared:
+class BacktestResult:
     """Of n attempts: how often which verdict became which, those that changed, and by how much coefficients moved.
 
     moved, in_std (m, 12): new − old, and that over the new standard uncertainty, where both are known.
     """
 
     verdicts: Counter[tuple[str, str]]
-    changes: tuple[Change, ...]
+    changes: tuple[VerdictChange, ...]
     moved: Floats
-    in_std: Floats
+    shift_in_std: Floats
 
     @staticmethod
-    def join(parts: "Sequence[Compared]") -> "Compared":
+    def join(parts: "Sequence[BacktestResult]") -> "BacktestResult":
         """All parts as one."""
         empty = np.zeros((0, 12))
-        return Compared(
+        return BacktestResult(
             sum((p.verdicts for p in parts), Counter()),
             tuple(change for p in parts for change in p.changes),
             np.concatenate([empty, *(p.moved for p in parts)]),
-            np.concatenate([empty, *(p.in_std for p in parts)]),
+            np.concatenate([empty, *(p.shift_in_std for p in parts)]),
         )
 
 
-def compare(before: Sequence[Before], after: Sequence[Result], *, from_samples: bool) -> Compared:
+def compare(
+    before: Sequence[PreviousResult], after: Sequence[CalibrationResult], *, from_samples: bool
+) -> BacktestResult:
     """Attempts as they were and as they come out now; from_samples: raw samples were looked at again."""
     verdicts: Counter[tuple[str, str]] = Counter()
     changes, moved, in_std = [], [], []
@@ -70,32 +72,34 @@ def compare(before: Sequence[Before], after: Sequence[Result], *, from_samples: 
         outcome, reasons = _outcome(old, new, from_samples=from_samples)
         verdicts[old.outcome, outcome] += 1
         if outcome != old.outcome:
-            changes.append(Change(old.attempt, old.serial, old.outcome, outcome, reasons))
+            changes.append(VerdictChange(old.attempt, old.serial, old.outcome, outcome, reasons))
         if old.theta is not None and new.calibration is not None:
             shift = np.concatenate([new.calibration.offset, new.calibration.matrix.ravel()]) - old.theta
             std = np.sqrt(np.diagonal(new.calibration.covariance))
             moved.append(shift)
             in_std.append(np.divide(shift, std, out=np.zeros(12), where=std > 0))
     empty = np.zeros((0, 12))
-    return Compared(verdicts, tuple(changes), np.array(moved) if moved else empty, np.array(in_std) if moved else empty)
+    return BacktestResult(
+        verdicts, tuple(changes), np.array(moved) if moved else empty, np.array(in_std) if moved else empty
+    )
 
 
-def _outcome(old: Before, new: Result, *, from_samples: bool) -> tuple[str, tuple[str, ...]]:
+def _outcome(old: PreviousResult, new: CalibrationResult, *, from_samples: bool) -> tuple[str, tuple[str, ...]]:
     """The new verdict with its reasons; from reduced stops those of the samples stand as they were found then."""
     reasons = tuple(r.sentence for r in new.verdict.reasons)
     if from_samples:
         return str(new.verdict.outcome), reasons
-    kept = tuple(sentence for check, sentence in old.checks if check in OF_SAMPLES)
+    kept = tuple(sentence for check, sentence in old.checks if check in SAMPLE_CHECKS)
     outcome = Outcome.FAIL if kept and new.verdict.outcome is Outcome.PASS else new.verdict.outcome
     return str(outcome), (*kept, *reasons)
 
 
-def windows_differ(old: Recipe, new: Recipe) -> bool:
+def dwells_differ(old: Recipe, new: Recipe) -> bool:
     """Whether the new recipe would cut other dwells out of the frames than the old one did."""
     return (old.settle, old.dwell) != (new.settle, new.dwell)
 
 
-def rewindow(visits: Sequence[KeptVisit], old: Recipe, new: Recipe) -> list[KeptVisit]:
+def recut_dwells(visits: Sequence[CapturedVisit], old: Recipe, new: Recipe) -> list[CapturedVisit]:
     """Visits with the dwells that the new recipe would have taken, as far as there are frames.
 
     A dwell begins as much earlier or later as its settling is shorter or longer, never before the arrival; it ends
@@ -111,7 +115,7 @@ def rewindow(visits: Sequence[KeptVisit], old: Recipe, new: Recipe) -> list[Kept
     return made
 
 
-def summary(compared: Compared, recipe: Recipe) -> list[dict[str, object]]:
+def summary(compared: BacktestResult, recipe: Recipe) -> list[dict[str, object]]:
     """Each coefficient's change over all attempts: root mean square and largest, and the latter in uncertainties."""
     rows: list[dict[str, object]] = []
     for i, name in enumerate(coefficients.NAMES):
@@ -122,7 +126,7 @@ def summary(compared: Compared, recipe: Recipe) -> list[dict[str, object]]:
                 "unit": coefficients.unit_of(i, recipe.unit),
                 "rms_change": float(np.sqrt((column**2).mean())) if len(column) else 0.0,
                 "max_change": float(np.abs(column).max(initial=0.0)),
-                "max_change_in_std": float(np.abs(compared.in_std[:, i]).max(initial=0.0)),
+                "max_change_in_std": float(np.abs(compared.shift_in_std[:, i]).max(initial=0.0)),
             }
         )
     return rows

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from station.domain.core.types import Calibration, Reason, Stops
-from station.domain.evaluation.pipeline import Result
+from station.domain.core.types import Calibration, Reason, ReducedVisits
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.methods import decision_rule
 from station.domain.recipe.recipe import Recipe
 
@@ -25,7 +25,7 @@ def head(recipe: Recipe) -> dict[str, Any]:
     }
 
 
-def unit(result: Result) -> dict[str, Any]:
+def unit(result: CalibrationResult) -> dict[str, Any]:
     """One unit: outcome with every reason as a sentence, coefficients, positions, budget."""
     verdict, found = result.verdict, result.calibration
     head: dict[str, Any] = {
@@ -53,7 +53,7 @@ def _finite(found: Calibration) -> bool:
     return all(bool(np.isfinite(part).all()) for part in parts)
 
 
-def coefficients(found: Calibration, stops: Stops) -> dict[str, Any]:
+def coefficients(found: Calibration, stops: ReducedVisits) -> dict[str, Any]:
     """Coefficients, their covariance, and what is left at each stop."""
     return {
         "offset": found.offset.tolist(),
@@ -65,7 +65,7 @@ def coefficients(found: Calibration, stops: Stops) -> dict[str, Any]:
     }
 
 
-def _position(found: Calibration, stops: Stops, v: int) -> dict[str, Any]:
+def _position(found: Calibration, stops: ReducedVisits, v: int) -> dict[str, Any]:
     return {
         "name": stops.position[v],
         "seating": stops.seating[v],

@@ -11,8 +11,8 @@ import scipy
 from numpy.typing import NDArray
 
 from station.domain.capture import rest_segments
-from station.domain.core.types import Floats, Stops
-from station.domain.evaluation.pipeline import Result
+from station.domain.core.types import Floats, ReducedVisits
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.methods import method, rank
 from station.domain.recipe.recipe import Recipe
 
@@ -21,7 +21,7 @@ LEVEL = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Larger:
+class LargerModel:
     """One larger model against the present one: p of the F test (NaN where it cannot be fitted), rms left out
     before and after in the recipe's unit, and whether it pays."""
 
@@ -34,7 +34,7 @@ class Larger:
     pays: bool
 
 
-def compare(rows: Floats, more: dict[str, Floats], misfit: Floats, group: NDArray[np.intp]) -> tuple[Larger, ...]:
+def compare(rows: Floats, more: dict[str, Floats], misfit: Floats, group: NDArray[np.intp]) -> tuple[LargerModel, ...]:
     """Every larger model against the present linear one.
 
     rows (n, k): present design; more: further columns (n, q) by name; misfit (n): residuals of the present fit, in
@@ -46,18 +46,18 @@ def compare(rows: Floats, more: dict[str, Floats], misfit: Floats, group: NDArra
 
 def _one(
     name: str, rows: Floats, columns: Floats, before: tuple[Floats, Floats], misfit: Floats, group: NDArray[np.intp]
-) -> Larger:
+) -> LargerModel:
     wide = np.column_stack([rows, columns])
     left = len(wide) - wide.shape[1]
     told = (name, float("nan"), _rms(before[0]), _rms(before[1]))
     if left < 1 or rank.of(wide) < wide.shape[1]:
-        return Larger(*told, float("nan"), float("nan"), pays=False)
+        return LargerModel(*told, float("nan"), float("nan"), pays=False)
     after, after_out = _fitted(wide, misfit, group)
     drop = float((before[0] ** 2).sum() - (after**2).sum())
     q = columns.shape[1]
     p = float(scipy.special.fdtrc(q, left, drop / q / max(float((after**2).sum()) / left, 1e-300)))
     pays = p < LEVEL and _rms(after_out) < _rms(before[1])
-    return Larger(name, p, *told[2:], _rms(after), _rms(after_out), pays=pays)
+    return LargerModel(name, p, *told[2:], _rms(after), _rms(after_out), pays=pays)
 
 
 def _fitted(rows: Floats, misfit: Floats, group: NDArray[np.intp]) -> tuple[Floats, Floats]:
@@ -76,7 +76,7 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
-def of_unit(recipe: Recipe, result: Result) -> tuple[Larger, ...]:
+def of_unit(recipe: Recipe, result: CalibrationResult) -> tuple[LargerModel, ...]:
     """Quadratic and cubic terms on each axis for a calibrated unit; nothing for methods with positions to match."""
     found, stops, kind = result.calibration, result.stops, method.of(recipe)
     if found is None or stops is None or not kind.open_ended:
@@ -96,11 +96,11 @@ def of_unit(recipe: Recipe, result: Result) -> tuple[Larger, ...]:
     rows, _ = kind.design(true, recipe, np.zeros((len(true), 0)))
     # Axis by axis: all stops of x, then of y, then of z.
     wide = rows if len(rows) == 3 * len(true) else np.asarray(np.kron(np.eye(3), rows), float)
-    more = {name: _own(true**power) for name, power in (("quadratic", 2), ("cubic", 3))}
+    more = {name: _columns_per_axis(true**power) for name, power in (("quadratic", 2), ("cubic", 3))}
     return compare(wide, more, found.residual[kept].T.ravel(), np.tile(group, 3))
 
 
-def _own(values: Floats) -> Floats:
+def _columns_per_axis(values: Floats) -> Floats:
     """Columns (3v, 3): each axis' values (v, 3) in its own rows."""
     v = len(values)
     out = np.zeros((3 * v, 3))
@@ -109,7 +109,7 @@ def _own(values: Floats) -> Floats:
     return out
 
 
-def _groups(recipe: Recipe, stops: Stops, seen: Floats, kept: NDArray[np.bool_]) -> NDArray[np.intp]:
+def _groups(recipe: Recipe, stops: ReducedVisits, seen: Floats, kept: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Stops that are left out together: those of one pose; of hand-held stops, those that look alike."""
     if not recipe.pose_known:
         return rest_segments.orientations(seen)

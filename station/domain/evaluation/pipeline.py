@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.domain.core.types import Calibration, Floats, Outcome, Reason, SampleTable, Stops, Verdict
+from station.domain.core.types import Calibration, Floats, Outcome, Reason, ReducedVisits, SampleTable, Verdict
 from station.domain.evaluation import quality
-from station.domain.evaluation.unit_visits import Visits, stops_of, visits
+from station.domain.evaluation.unit_visits import UnitVisits, reduce_table, reduce_visits
 from station.domain.methods import method, rank, scatter, tilt, uncertainty
 from station.domain.methods.coefficients import matrix_of, offset_of
 from station.domain.methods.decision_rule import judge
 from station.domain.methods.method import Fit
-from station.domain.methods.scatter import Solved
+from station.domain.methods.scatter import SolvedUnits
 from station.domain.methods.uncertainty import Budget
-from station.domain.noise.noise_prior import Prior
+from station.domain.noise.noise_prior import NoisePrior
 from station.domain.planning import adaptive_dwell, design
 from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
@@ -26,24 +26,24 @@ BATCH = 128
 
 
 #: Serial, stops, and what the samples came to where there are samples.
-Unit = tuple[str, Stops, Visits | None]
+UnitInput = tuple[str, ReducedVisits, UnitVisits | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Result:
+class CalibrationResult:
     """What one unit came to. Where its samples cannot be calibrated all but serial and verdict are None."""
 
     serial: str
     verdict: Verdict
-    stops: Stops | None = None
+    stops: ReducedVisits | None = None
     calibration: Calibration | None = None
     budget: Budget | None = None
-    visits: Visits | None = None
+    visits: UnitVisits | None = None
 
 
 def calibrate(
-    recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING, prior: Prior | None = None
-) -> Iterator[Result]:
+    recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING, prior: NoisePrior | None = None
+) -> Iterator[CalibrationResult]:
     """Every unit of a table, one after the other; one that cannot be calibrated does not stop the others.
 
     today: ISO 8601 date for the gold reference's due date; rounding (12): standard deviation of each coefficient's
@@ -58,23 +58,23 @@ def calibrate_portions(
     tables: Iterable[SampleTable],
     today: str,
     rounding: Floats = NO_ROUNDING,
-    prior: Prior | None = None,
-) -> Iterator[Result]:
+    prior: NoisePrior | None = None,
+) -> Iterator[CalibrationResult]:
     """The same for tables of whole units each, one after the other: memory follows the largest of them."""
     design.check(recipe)
     references.check_due(recipe, today)
     truths: references.Truths = {}
-    batch: list[Unit] = []
+    batch: list[UnitInput] = []
     for table in tables:
-        for found in visits(table, recipe, prior):
-            batch.append((found.serial, stops_of(found, recipe, truths), found))
+        for found in reduce_table(table, recipe, prior):
+            batch.append((found.serial, reduce_visits(found, recipe, truths), found))
             if len(batch) == BATCH:
                 yield from _solve(recipe, batch, rounding)
                 batch = []
     yield from _solve(recipe, batch, rounding)
 
 
-def calibrate_unit(recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING) -> Result:
+def calibrate_unit(recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING) -> CalibrationResult:
     """The one unit of a table. Errors: as `calibrate`, and SamplesError when the unit cannot be calibrated."""
     results = list(calibrate(recipe, table, today, rounding))
     if len(results) != 1:
@@ -84,39 +84,43 @@ def calibrate_unit(recipe: Recipe, table: SampleTable, today: str, rounding: Flo
     return results[0]
 
 
-def calibrate_stops(recipe: Recipe, units: Mapping[str, Stops], rounding: Floats = NO_ROUNDING) -> list[Result]:
+def calibrate_reduced(
+    recipe: Recipe, units: Mapping[str, ReducedVisits], rounding: Floats = NO_ROUNDING
+) -> list[CalibrationResult]:
     """The same from stops that are already reduced (those of the log), without the checks of raw samples."""
     design.check(recipe)
     return _solve(recipe, [(serial, stops, None) for serial, stops in units.items()], rounding)
 
 
-def _solve(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Result]:
+def _solve(recipe: Recipe, units: Sequence[UnitInput], rounding: Floats) -> list[CalibrationResult]:
     """Units that went through the same visits are solved together; the order of the results is that of the units."""
     alike: dict[object, list[int]] = {}
     for i, (_, stops, _) in enumerate(units):
         # Of hand-held stops each unit has directions of its own.
         truth = stops.true if recipe.pose_known else stops.mean
         alike.setdefault((stops.position, stops.seating, truth.tobytes()), []).append(i)
-    done: dict[int, Result] = {}
+    done: dict[int, CalibrationResult] = {}
     for members in alike.values():
         group = [units[i] for i in members]
-        why = _unfit(recipe, group[0][1])
-        found = [_refused(serial, why) for serial, _, _ in group] if why else _solve_alike(recipe, group, rounding)
+        why = _undetermined_reason(recipe, group[0][1])
+        found = [_refused(serial, why) for serial, _, _ in group] if why else _solve_group(recipe, group, rounding)
         done.update(zip(members, found, strict=True))
     return [done[i] for i in range(len(units))]
 
 
-def _solve_alike(recipe: Recipe, units: Sequence[Unit], rounding: Floats) -> list[Result]:
-    done: dict[int, Result] = {}
+def _solve_group(recipe: Recipe, units: Sequence[UnitInput], rounding: Floats) -> list[CalibrationResult]:
+    done: dict[int, CalibrationResult] = {}
     # Readings that are no calibration end in NaN, and NaN in a verdict.
     with np.errstate(all="ignore"):
-        for part in scatter.solve(method.of(recipe), method.problem(recipe, [s for _, s, _ in units])):
+        for part in scatter.solve(method.of(recipe), method.fit_problem(recipe, [s for _, s, _ in units])):
             own = [units[i] for i in part.units.tolist()]
             done.update(zip(part.units.tolist(), _results(recipe, own, part, rounding), strict=True))
     return [done[i] for i in range(len(units))]
 
 
-def _results(recipe: Recipe, units: Sequence[Unit], part: Solved, rounding: Floats) -> Iterator[Result]:
+def _results(
+    recipe: Recipe, units: Sequence[UnitInput], part: SolvedUnits, rounding: Floats
+) -> Iterator[CalibrationResult]:
     """One result a unit of a part."""
     budgets = uncertainty.budgets(recipe, part.problem, part.fit, units[0][1], rounding)
     angles, stds = tilt.of(part.problem, part.fit)
@@ -125,18 +129,20 @@ def _results(recipe: Recipe, units: Sequence[Unit], part: Solved, rounding: Floa
         yield _result(recipe, unit, found, budgets[u], part.fit.notes[u])
 
 
-def _result(recipe: Recipe, unit: Unit, found: Calibration, budget: Budget, broken: tuple[str, ...]) -> Result:
+def _result(
+    recipe: Recipe, unit: UnitInput, found: Calibration, budget: Budget, broken: tuple[str, ...]
+) -> CalibrationResult:
     serial, stops, measured = unit
     unsound: tuple[Reason, ...] = ()
     if measured is not None:
         found = replace(found, notes=(*found.notes, *quality.notes(recipe, measured)))
         unsound = quality.reasons(recipe, measured, stops)
-    verdict = judge(recipe, found, budget, stops, (*_broken(found, broken), *unsound))
-    return Result(serial, verdict, stops, found, budget, measured)
+    verdict = judge(recipe, found, budget, stops, (*_invalid_fit_reasons(found, broken), *unsound))
+    return CalibrationResult(serial, verdict, stops, found, budget, measured)
 
 
 def _calibration(
-    recipe: Recipe, stops: Stops, fitted: tuple[Fit, int], budget: Budget, tilts: tuple[Floats, Floats]
+    recipe: Recipe, stops: ReducedVisits, fitted: tuple[Fit, int], budget: Budget, tilts: tuple[Floats, Floats]
 ) -> Calibration:
     fit, u = fitted
     kept = ~fit.disturbed[u]
@@ -164,18 +170,18 @@ def _calibration(
     )
 
 
-def _dwell(recipe: Recipe, fit: Fit, stops: Stops, budget: Budget) -> Iterator[str]:
+def _dwell(recipe: Recipe, fit: Fit, stops: ReducedVisits, budget: Budget) -> Iterator[str]:
     """What is known less well than the recipe's dwell.until_std wants."""
     if recipe.dwell.until_std is None:
         return
     known = recipe.pose_known
     strongest = np.linalg.norm(stops.true, axis=1).max() if known else recipe.reference.strength()
-    wanted = adaptive_dwell.wanted(recipe, fit.free, float(strongest))
-    if told := adaptive_dwell.missed(recipe, wanted, budget.std("noise")):
+    wanted = adaptive_dwell.target_std(recipe, fit.free, float(strongest))
+    if told := adaptive_dwell.shortfall(recipe, wanted, budget.std("noise")):
         yield told
 
 
-def _disturbed(stops: Stops, fit: Fit, u: int) -> Iterator[str]:
+def _disturbed(stops: ReducedVisits, fit: Fit, u: int) -> Iterator[str]:
     for v in np.flatnonzero(fit.disturbed[u]):
         off = float(np.abs(fit.residual[u, v]).max())
         yield (
@@ -192,7 +198,7 @@ def _scatter(budget: Budget, unit: str) -> Iterator[str]:
         )
 
 
-def _broken(found: Calibration, notes: tuple[str, ...]) -> Iterator[Reason]:
+def _invalid_fit_reasons(found: Calibration, notes: tuple[str, ...]) -> Iterator[Reason]:
     """A fit that is no calibration: not settled, not finite, or a matrix that mirrors."""
     if notes:
         yield Reason("fit", notes[0])
@@ -202,12 +208,12 @@ def _broken(found: Calibration, notes: tuple[str, ...]) -> Iterator[Reason]:
         yield Reason("fit", "the fitted matrix mirrors or flattens space; two axes are swapped or one is inverted")
 
 
-def _unfit(recipe: Recipe, stops: Stops) -> str:
+def _undetermined_reason(recipe: Recipe, stops: ReducedVisits) -> str:
     """Why such stops cannot determine the coefficients; '' when they can."""
     true = stops.true if recipe.pose_known else _directions(stops) * recipe.reference.strength()
     nuisance = method.nuisance(recipe, stops.position, stops.seating, true)
     rows, names = method.of(recipe).design(true, recipe, nuisance)
-    lost = rank.undetermined(rows, names, rank.EXACT if recipe.pose_known else rank.FOUND)
+    lost = rank.undetermined(rows, names, rank.EXACT_TOLERANCE if recipe.pose_known else rank.NOISY_TOLERANCE)
     if not lost:
         return ""
     missing = [repr(p.name) for p in recipe.positions if p.name not in stops.position]
@@ -215,12 +221,12 @@ def _unfit(recipe: Recipe, stops: Stops) -> str:
     return f"{why}, so {recipe.method} cannot determine {', '.join(lost)}; measure it again at more positions"
 
 
-def _directions(stops: Stops) -> Floats:
+def _directions(stops: ReducedVisits) -> Floats:
     """Directions (v, 3) that hand-held stops seem to have: from the middle of the extremes."""
     apart = stops.mean - (stops.mean.max(axis=0) + stops.mean.min(axis=0)) / 2
     return np.asarray(apart / np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-300))
 
 
-def _refused(serial: str, why: str) -> Result:
+def _refused(serial: str, why: str) -> CalibrationResult:
     sentence = f"unit {serial} cannot be calibrated: {why}"
-    return Result(serial, Verdict(Outcome.ERROR, (Reason("samples", sentence),), "none", 0.0, 0.0))
+    return CalibrationResult(serial, Verdict(Outcome.ERROR, (Reason("samples", sentence),), "none", 0.0, 0.0))

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain.capture.rest_detection import least_pointing
-from station.domain.core.types import Floats, Reason, Stops
-from station.domain.evaluation.unit_visits import Visits
+from station.domain.capture.rest_detection import least_directed_stimulus
+from station.domain.core.types import Floats, Reason, ReducedVisits
+from station.domain.evaluation.unit_visits import UnitVisits
 from station.domain.recipe.recipe import Recipe
 
 #: A mean reading this far from the nominal direction means another face.
@@ -21,17 +21,17 @@ MOVED = 6.0
 FULL = 0.999
 
 
-def reasons(recipe: Recipe, visits: Visits, stops: Stops) -> tuple[Reason, ...]:
+def reasons(recipe: Recipe, visits: UnitVisits, stops: ReducedVisits) -> tuple[Reason, ...]:
     """Why this unit's samples are no evidence; nothing when they are sound."""
     return (*_stuck(recipe, stops), *_clipped(recipe, visits), *_moved(recipe, visits), *_stimulus(recipe, stops))
 
 
-def notes(recipe: Recipe, visits: Visits) -> tuple[str, ...]:
+def notes(recipe: Recipe, visits: UnitVisits) -> tuple[str, ...]:
     """What a person should know although it fails nothing."""
     return (*_rejected(visits), *_coarse(recipe, visits), *_drifts(recipe, visits), *_single(visits))
 
 
-def _stuck(recipe: Recipe, stops: Stops) -> Iterator[Reason]:
+def _stuck(recipe: Recipe, stops: ReducedVisits) -> Iterator[Reason]:
     for i, axis in enumerate("xyz"):
         poses = {(p, s) for p, s in zip(stops.position, stops.seating, strict=True)}
         if len(poses) > 1 and not stops.std[:, i].any() and np.ptp(stops.mean[:, i]) == 0:
@@ -39,7 +39,7 @@ def _stuck(recipe: Recipe, stops: Stops) -> Iterator[Reason]:
             yield Reason("stuck", f"axis {axis} reads {value:.6g} {recipe.unit} whatever the position: it is stuck")
 
 
-def _clipped(recipe: Recipe, visits: Visits) -> Iterator[Reason]:
+def _clipped(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
     full = recipe.device.full_scale
     if full is None:
         return
@@ -49,7 +49,7 @@ def _clipped(recipe: Recipe, visits: Visits) -> Iterator[Reason]:
         yield Reason("clipped", told, float(extreme[v, i]), full, recipe.unit)
 
 
-def _moved(recipe: Recipe, visits: Visits) -> Iterator[Reason]:
+def _moved(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
     """A drift within a dwell fails the unit only where it is more than the residual may be."""
     limit = recipe.limits.residual
     if limit is None:
@@ -63,7 +63,7 @@ def _moved(recipe: Recipe, visits: Visits) -> Iterator[Reason]:
         yield Reason("not-still", told, abs(size), limit, recipe.unit)
 
 
-def _stimulus(recipe: Recipe, stops: Stops) -> Iterator[Reason]:
+def _stimulus(recipe: Recipe, stops: ReducedVisits) -> Iterator[Reason]:
     """Readings of the wrong size, or of another face than the one that was asked for."""
     size = np.linalg.norm(stops.mean, axis=1)
     known = np.asarray(np.isfinite(stops.true).all(axis=1))
@@ -71,7 +71,7 @@ def _stimulus(recipe: Recipe, stops: Stops) -> Iterator[Reason]:
     if recipe.sensor == "magnetometer" or not (wanted > 0).all():
         return
     # At a weak stimulus, such as a gyroscope's rest, the offset decides what is read.
-    strong = np.asarray(wanted >= least_pointing(float(wanted.max()), recipe)) | ~known
+    strong = np.asarray(wanted >= least_directed_stimulus(float(wanted.max()), recipe)) | ~known
     if not strong.any():
         return
     ratio = float(np.median((size / wanted)[strong]))
@@ -82,7 +82,7 @@ def _stimulus(recipe: Recipe, stops: Stops) -> Iterator[Reason]:
         yield from _faces(stops, wanted, size, strong)
 
 
-def _faces(stops: Stops, wanted: Floats, size: Floats, strong: NDArray[np.bool_]) -> Iterator[Reason]:
+def _faces(stops: ReducedVisits, wanted: Floats, size: Floats, strong: NDArray[np.bool_]) -> Iterator[Reason]:
     found = stops.mean / np.maximum(size, 1e-300)[:, None]
     nominal = stops.true / wanted[:, None]
     cosine = np.einsum("vi,vi->v", found, nominal)
@@ -94,11 +94,11 @@ def _faces(stops: Stops, wanted: Floats, size: Floats, strong: NDArray[np.bool_]
         yield Reason("wrong-face", told, angle, FACE_DEG, "deg")
 
 
-def _drifted(visits: Visits) -> NDArray[np.bool_]:
+def _drifted(visits: UnitVisits) -> NDArray[np.bool_]:
     return np.asarray(np.abs(visits.dwells.drift_z) > MOVED)
 
 
-def _rejected(visits: Visits) -> Iterator[str]:
+def _rejected(visits: UnitVisits) -> Iterator[str]:
     d = visits.dwells
     if d.rejected.any():
         v = int(np.argmax(d.rejected))
@@ -108,7 +108,7 @@ def _rejected(visits: Visits) -> Iterator[str]:
         )
 
 
-def _coarse(recipe: Recipe, visits: Visits) -> Iterator[str]:
+def _coarse(recipe: Recipe, visits: UnitVisits) -> Iterator[str]:
     for i, axis in enumerate("xyz"):
         rounding, noise = float(visits.quantisation[:, i].max()), float(visits.dwells.variance[:, i].max())
         if rounding > noise and visits.step[i] > 0:
@@ -123,7 +123,7 @@ def _coarse(recipe: Recipe, visits: Visits) -> Iterator[str]:
             )
 
 
-def _drifts(recipe: Recipe, visits: Visits) -> Iterator[str]:
+def _drifts(recipe: Recipe, visits: UnitVisits) -> Iterator[str]:
     drifted = _drifted(visits)
     if drifted.any():
         size = np.where(drifted, np.abs(visits.dwells.drift), 0.0)
@@ -134,10 +134,10 @@ def _drifts(recipe: Recipe, visits: Visits) -> Iterator[str]:
         )
 
 
-def _single(visits: Visits) -> Iterator[str]:
+def _single(visits: UnitVisits) -> Iterator[str]:
     if (visits.dwells.count < 2).all():
         yield "every visit is a single reading: its noise is judged from the residuals alone"
 
 
-def _place(visits: Visits, v: int | np.integer[Any]) -> str:
+def _place(visits: UnitVisits, v: int | np.integer[Any]) -> str:
     return f"{visits.position[v]!r} (run {visits.run[v]}, visit {visits.visit[v]})"

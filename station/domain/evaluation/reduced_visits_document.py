@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from station.domain.core.types import Stops
+from station.domain.core.types import ReducedVisits
 from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
 from station.domain.recipe.references import Truths
@@ -16,20 +16,20 @@ _TEXT = ("position", "seating")
 _WHOLE = {"run": np.int32, "visit": np.int32, "count": np.int64}
 
 
-def to_document(stops: Stops) -> dict[str, Any]:
+def to_document(stops: ReducedVisits) -> dict[str, Any]:
     """Every field of the stops by name, as lists; a float that is no number becomes null in the log."""
-    values = {f.name: getattr(stops, f.name) for f in fields(Stops)}
+    values = {f.name: getattr(stops, f.name) for f in fields(ReducedVisits)}
     return {name: list(v) if name in _TEXT else v.tolist() for name, v in values.items()}
 
 
-def from_document(document: Mapping[str, Any], recipe: Recipe, truths: Truths | None = None) -> Stops:
+def from_document(document: Mapping[str, Any], recipe: Recipe, truths: Truths | None = None) -> ReducedVisits:
     """The stops at the recipe's positions, with the truth as `recipe` has it; a gold reference's reading as kept.
 
     truths: of this recipe, by positions and seatings, filled here: units of one fleet share them.
     Errors: LogError when the document lacks a field.
     """
     try:
-        values = {f.name: _value(f.name, document[f.name]) for f in fields(Stops)}
+        values = {f.name: _value(f.name, document[f.name]) for f in fields(ReducedVisits)}
     except (KeyError, TypeError, ValueError) as exc:
         raise LogError(f"the reduced stops of an attempt cannot be read ({exc}); use --from-frames") from exc
     if recipe.pose_known:
@@ -38,7 +38,7 @@ def from_document(document: Mapping[str, Any], recipe: Recipe, truths: Truths | 
         key = values["position"], values["seating"]
         known = {} if truths is None else truths
         values["true"] = known[key] = known[key] if key in known else references.true_vectors(recipe, *key)
-    return Stops(**values)
+    return ReducedVisits(**values)
 
 
 def _at(values: Mapping[str, Any], positions: set[str], seatings: set[str]) -> dict[str, Any]:

@@ -7,10 +7,10 @@ from difflib import get_close_matches
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain.core.types import Array, Floats, Labels, SampleTable, Stops
+from station.domain.core.types import Array, Floats, Labels, ReducedVisits, SampleTable
 from station.domain.noise import resolution
-from station.domain.noise.dwell_statistics import Dwells, measure
-from station.domain.noise.noise_prior import Prior
+from station.domain.noise.dwell_statistics import DwellStatistics, measure
+from station.domain.noise.noise_prior import NoisePrior
 from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
@@ -20,7 +20,7 @@ PORTION = 200_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Visits:
+class UnitVisits:
     """The visits (v) of one unit, in order. begin_s, end_s (v): first and last sample; temperature_degC (v) or NaN;
     dwells: what the readings come to; gold: the same of the gold reference, or None; step (3): the resolution seen;
     quantisation (v, 3): the variance of a mean that rounding leaves (station.domain.noise.resolution).
@@ -34,8 +34,8 @@ class Visits:
     begin_s: Floats
     end_s: Floats
     temperature_degC: Floats
-    dwells: Dwells
-    gold: Dwells | None
+    dwells: DwellStatistics
+    gold: DwellStatistics | None
     step: Floats
     quantisation: Floats
 
@@ -43,22 +43,22 @@ class Visits:
         return len(self.run)
 
 
-def visits(table: SampleTable, recipe: Recipe, prior: Prior | None = None) -> Iterator[Visits]:
+def reduce_table(table: SampleTable, recipe: Recipe, prior: NoisePrior | None = None) -> Iterator[UnitVisits]:
     """The visits of each unit of a table, units in the order of their codes; prior: of their noise.
 
     Errors: SamplesError.
     """
     if len(table) == 0:
         raise SamplesError("the samples table holds no samples; give at least one visit")
-    table = in_order(table)
-    begin, end = boundaries(table)
+    table = sort_table(table)
+    begin, end = visit_boundaries(table)
     _check(table, recipe, begin, end)
     unit = table.unit.code[begin]
     for rows in _portions(unit, end - begin):
         yield from _of_portion(table, recipe, (begin[rows], end[rows]), prior)
 
 
-def in_order(table: SampleTable) -> SampleTable:
+def sort_table(table: SampleTable) -> SampleTable:
     """The table sorted by unit, run and visit; samples of a visit keep their order."""
     columns = (table.unit.code, table.run, table.visit)
     falls, same = np.zeros(max(len(table) - 1, 0), bool), np.ones(max(len(table) - 1, 0), bool)
@@ -69,7 +69,7 @@ def in_order(table: SampleTable) -> SampleTable:
     return table[np.lexsort(columns[::-1])] if falls.any() else table
 
 
-def boundaries(table: SampleTable) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def visit_boundaries(table: SampleTable) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """First row, and one past the last, of each visit of a table in order."""
     new = np.ones(len(table), bool)
     new[1:] = False
@@ -122,8 +122,8 @@ def _portions(unit: Array, count: Array) -> Iterator[slice]:
 
 
 def _of_portion(
-    table: SampleTable, recipe: Recipe, edges: tuple[Array, Array], prior: Prior | None
-) -> Iterator[Visits]:
+    table: SampleTable, recipe: Recipe, edges: tuple[Array, Array], prior: NoisePrior | None
+) -> Iterator[UnitVisits]:
     begin, end = edges
     rows = slice(int(begin[0]), int(end[-1]))
     part = table[rows]
@@ -138,7 +138,7 @@ def _of_portion(
         own, at = slice(int(a), int(b)), begin[a:b]
         own_dwells = _rows(dwells, own)
         step = resolution.step_of(own_dwells, recipe.device.lsb)
-        yield Visits(
+        yield UnitVisits(
             serial=part.unit.names[unit[a]],
             run=part.run[at],
             visit=part.visit[at],
@@ -160,16 +160,16 @@ def _means(value: Floats | None, begin: Array, count: Array) -> Floats:
     return np.asarray(np.add.reduceat(value, begin) / count)
 
 
-def _rows(dwells: Dwells, rows: slice) -> Dwells:
-    return Dwells(*(getattr(dwells, f.name)[rows] for f in fields(Dwells)))
+def _rows(dwells: DwellStatistics, rows: slice) -> DwellStatistics:
+    return DwellStatistics(*(getattr(dwells, f.name)[rows] for f in fields(DwellStatistics)))
 
 
-def _rounding(dwells: Dwells, step: Floats) -> Floats:
+def _rounding(dwells: DwellStatistics, step: Floats) -> Floats:
     noise = resolution.noise_under(step, dwells.std)
     return np.broadcast_to(resolution.rounding_variance(step, noise), dwells.mean.shape)
 
 
-def stops_of(found: Visits, recipe: Recipe, truths: references.Truths) -> Stops:
+def reduce_visits(found: UnitVisits, recipe: Recipe, truths: references.Truths) -> ReducedVisits:
     """The stops of a unit that take part in the fit: those at positions only `verify` names are left out.
 
     truths: of this recipe, filled here; units that go through the same stops share them.
@@ -188,7 +188,7 @@ def stops_of(found: Visits, recipe: Recipe, truths: references.Truths) -> Stops:
         cov = cov + more
     with np.errstate(divide="ignore", invalid="ignore"):
         effective = np.nanmin(np.where(d.variance > 0, d.std**2 / d.variance, d.count[:, None]), axis=1)
-    return Stops(
+    return ReducedVisits(
         position=position,
         seating=seating,
         run=found.run[keep],
@@ -206,7 +206,7 @@ def stops_of(found: Visits, recipe: Recipe, truths: references.Truths) -> Stops:
     )
 
 
-def _for_the_fit(found: Visits, recipe: Recipe) -> NDArray[np.bool_]:
+def _for_the_fit(found: UnitVisits, recipe: Recipe) -> NDArray[np.bool_]:
     tumble = {p.name for p in recipe.positions}
     checked_only = {p.name for p in recipe.verify.positions} - tumble
     keep = np.array([name not in checked_only for name in found.position])
@@ -218,7 +218,7 @@ def _for_the_fit(found: Visits, recipe: Recipe) -> NDArray[np.bool_]:
     return keep
 
 
-def _covariance(d: Dwells, quantisation: Floats) -> Floats:
+def _covariance(d: DwellStatistics, quantisation: Floats) -> Floats:
     """Covariance (v, 3, 3) of the means: noise with the axes' correlation, and rounding."""
     root = np.sqrt(d.variance)
     cov = root[:, :, None] * d.correlation * root[:, None, :]
@@ -226,7 +226,7 @@ def _covariance(d: Dwells, quantisation: Floats) -> Floats:
     return np.asarray(cov)
 
 
-def _of_gold(found: Visits, keep: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def _of_gold(found: UnitVisits, keep: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     if found.gold is None:
         raise SamplesError(
             "the recipe's reference is a gold sensor, but the samples have no columns gold_x, gold_y, gold_z; "

@@ -6,17 +6,17 @@ import numpy as np
 import scipy
 
 from station.domain.core.types import Calibration, Floats, Reason
-from station.domain.evaluation.pipeline import Result
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.noise import resolution
 from station.domain.noise.dwell_statistics import measure
 from station.domain.recipe.recipe import Recipe
 
 #: An error that chance would make this rarely tells of something between calibration and output that is not right.
-CHANCE = 1e-6
+MIN_P_VALUE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Verified:
+class VerifiedPosition:
     """One verify position: mean (3) of the compensated output, true (3) stimulus (NaN where the pose is unknown)
     and its magnitude, in the recipe's unit; cov (3, 3): how far off the mean is forecast to be, or None."""
 
@@ -45,7 +45,7 @@ class Verified:
         return float(scipy.special.chdtrc(3, off @ np.linalg.solve(self.cov, off)))
 
 
-def forecast(found: Result, recipe: Recipe, true: Floats, reading: Floats) -> Floats | None:
+def error_covariance(found: CalibrationResult, recipe: Recipe, true: Floats, reading: Floats) -> Floats | None:
     """Covariance (3, 3) of the error at a verify position, from the calibration and what is measured there.
 
     true (3) or NaN; reading (n, 3) of the verify dwell. The calibration's own covariance is carried to this stimulus;
@@ -79,11 +79,13 @@ def _of_dwell(reading: Floats, lsb: float) -> Floats:
     return np.asarray(root[:, None] * dwell.correlation[0] * root + rounding + 1e-30 * np.eye(3))
 
 
-def check(verified: tuple[Verified, ...], recipe: Recipe) -> tuple[Reason, ...]:
+def check(verified: tuple[VerifiedPosition, ...], recipe: Recipe) -> tuple[Reason, ...]:
     """A reason for each verify position whose error is beyond the recipe's limit; without one, beyond the forecast."""
     limit = recipe.verify.limit
     if limit is None:
-        return tuple(_surprise(v, recipe.unit) for v in verified if v.chance is not None and v.chance < CHANCE)
+        return tuple(
+            _unexpected_error(v, recipe.unit) for v in verified if v.chance is not None and v.chance < MIN_P_VALUE
+        )
     return tuple(
         Reason(
             "verify",
@@ -97,7 +99,7 @@ def check(verified: tuple[Verified, ...], recipe: Recipe) -> tuple[Reason, ...]:
     )
 
 
-def _surprise(v: Verified, unit: str) -> Reason:
+def _unexpected_error(v: VerifiedPosition, unit: str) -> Reason:
     told = (
         f"at {v.position!r} the device's own output is {v.error:.3g} {unit} off, far beyond the forecast; "
         f"what was written, or how the device applies it, is not what was calibrated"

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["golden", "known-bad"]
+GoldenKind = Literal["golden", "known-bad"]
 
 
 @dataclass(frozen=True, slots=True)
-class Expected:
+class RegisteredUnit:
     """What is registered of one unit.
 
     values: name → (value, half-width) of what must come out; checks: those that must fail (known-bad); due: day by
@@ -16,7 +16,7 @@ class Expected:
     """
 
     serial: str
-    kind: Kind
+    kind: GoldenKind
     recipe: str
     outcome: str
     values: Mapping[str, tuple[float, float]]
@@ -25,7 +25,7 @@ class Expected:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class LatestResult:
     """What the newest judged attempt of a unit came to; at_s: its end (epoch)."""
 
     at_s: float
@@ -35,22 +35,26 @@ class Shown:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class GoldenStatus:
     """Where one unit stands. age_s: since its last run, None when there was none; problem: '' when all is well."""
 
     serial: str
-    kind: Kind
+    kind: GoldenKind
     age_s: float | None
     problem: str
 
 
-def standing(expected: Expected, shown: Shown | None, now_s: float, today: str, every_h: float) -> Standing:
+def golden_status(
+    expected: RegisteredUnit, shown: LatestResult | None, now_s: float, today: str, every_h: float
+) -> GoldenStatus:
     """Whether the unit's check is done, fresh and as expected. today: ISO day."""
     age_s = None if shown is None else max(0.0, now_s - shown.at_s)
-    return Standing(expected.serial, expected.kind, age_s, _problem(expected, shown, age_s, today, every_h))
+    return GoldenStatus(expected.serial, expected.kind, age_s, _problem(expected, shown, age_s, today, every_h))
 
 
-def _problem(expected: Expected, shown: Shown | None, age_s: float | None, today: str, every_h: float) -> str:
+def _problem(
+    expected: RegisteredUnit, shown: LatestResult | None, age_s: float | None, today: str, every_h: float
+) -> str:
     name = f"{expected.kind} unit {expected.serial}"
     if expected.due and today > expected.due:
         return f"{name} is past its due date {expected.due}; have it looked at and register it again"
@@ -64,7 +68,7 @@ def _problem(expected: Expected, shown: Shown | None, age_s: float | None, today
     return ""
 
 
-def differences(expected: Expected, shown: Shown) -> list[str]:
+def differences(expected: RegisteredUnit, shown: LatestResult) -> list[str]:
     """What came out otherwise than registered, a sentence each."""
     found = []
     if shown.outcome != expected.outcome:

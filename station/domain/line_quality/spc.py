@@ -14,7 +14,7 @@ from station.errors import UsageError
 D2 = {2: 1.128, 3: 1.693, 4: 2.059, 5: 2.326, 6: 2.534, 7: 2.704, 8: 2.847, 9: 2.970, 10: 3.078}
 D3 = {2: 0.853, 3: 0.888, 4: 0.880, 5: 0.864, 6: 0.848, 7: 0.833, 8: 0.820, 9: 0.808, 10: 0.797}
 
-Kind = Literal["xbar-r", "xbar-s", "i-mr"]
+ChartKind = Literal["xbar-r", "xbar-s", "i-mr"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +48,7 @@ def c4(n: int) -> float:
     return math.sqrt(2 / (n - 1)) * math.exp(math.lgamma(n / 2) - math.lgamma((n - 1) / 2))
 
 
-def chart_kind(size: int) -> Kind:
+def chart_kind(size: int) -> ChartKind:
     """Which pair of charts suits a subgroup size: I-MR for single values, X̄-R for 2–9, X̄-s from 10 on."""
     return "i-mr" if size == 1 else "xbar-r" if size < 10 else "xbar-s"
 
@@ -78,7 +78,7 @@ def charts(groups: Floats) -> tuple[Chart, Chart]:
     return location, _spread(groups, kind, sigma, names[1])
 
 
-def _spread(groups: Floats, kind: Kind, sigma: float, name: str) -> Chart:
+def _spread(groups: Floats, kind: ChartKind, sigma: float, name: str) -> Chart:
     n = groups.shape[1]
     if kind == "i-mr":
         points, centre, deviation = np.abs(np.diff(groups[:, 0])), D2[2] * sigma, D3[2] * sigma

@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from station.domain.core.types import Calibration, Floats, Outcome, Reason, Stops, Verdict
+from station.domain.core.types import Calibration, Floats, Outcome, Reason, ReducedVisits, Verdict
 from station.domain.methods import coefficients
 from station.domain.methods.uncertainty import Budget
 from station.domain.recipe.recipe import Limits, Recipe
@@ -20,7 +20,7 @@ ACROSS = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Toleranced:
+class LimitedCoefficients:
     """Coefficients that have a limit (c): index among the twelve, deviation from nominal, standard uncertainty,
     degrees of freedom, limit, guard band w."""
 
@@ -32,9 +32,11 @@ class Toleranced:
     guard: Floats
 
 
-def judge(recipe: Recipe, found: Calibration, budget: Budget, stops: Stops, quality: Sequence[Reason]) -> Verdict:
+def judge(
+    recipe: Recipe, found: Calibration, budget: Budget, stops: ReducedVisits, quality: Sequence[Reason]
+) -> Verdict:
     """PASS when nothing speaks against it. quality: reasons why the data themselves are no evidence."""
-    t = toleranced(recipe.limits, found, budget)
+    t = limited_coefficients(recipe.limits, found, budget)
     reasons = (*quality, *_coefficients(recipe, t), *_gates(recipe, found, stops))
     conform = conformance(t)
     passed = not reasons
@@ -56,7 +58,7 @@ def rule_of(limits: Limits) -> str:
     return "simple: accepted within the limit, no guard band"
 
 
-def toleranced(limits: Limits, found: Calibration, budget: Budget) -> Toleranced:
+def limited_coefficients(limits: Limits, found: Calibration, budget: Budget) -> LimitedCoefficients:
     """What the limits apply to: estimated coefficients of a kind that has one."""
     kinds = {"offset": coefficients.OFFSETS, "gain": coefficients.GAINS, "cross_axis": coefficients.CROSS}
     limit = np.full(12, np.nan)
@@ -68,7 +70,7 @@ def toleranced(limits: Limits, found: Calibration, budget: Budget) -> Toleranced
     index = np.flatnonzero(np.isfinite(limit) & estimated)
     theta = np.concatenate([found.offset, found.matrix.ravel()])
     std, dof = budget.std()[index], budget.dof[index]
-    return Toleranced(
+    return LimitedCoefficients(
         index, (theta - coefficients.NOMINAL)[index], std, dof, limit[index], guard_band(limits, std, dof)
     )
 
@@ -90,17 +92,17 @@ def _widened(dof: Floats) -> Floats:
     return np.asarray(scipy.special.stdtrit(np.minimum(dof, 1e6), 0.975) / NORMAL_975)
 
 
-def conformance(t: Toleranced) -> float:
+def conformance(t: LimitedCoefficients) -> float:
     """Probability that every true value is within its limit, given what was measured (JCGM 106, eq. 8, flat prior)."""
     return _within(t, t.limit)
 
 
-def acceptance(t: Toleranced) -> float:
+def acceptance(t: LimitedCoefficients) -> float:
     """Probability that a unit whose true values are those measured would be accepted again under the rule."""
     return _within(t, t.limit - t.guard)
 
 
-def _within(t: Toleranced, bound: Floats) -> float:
+def _within(t: LimitedCoefficients, bound: Floats) -> float:
     """Π P(|deviation + error| ≤ bound), coefficients taken as independent: never too small where they agree."""
     scale = np.maximum(t.std, 1e-300) / _widened(t.dof)
     dof = np.minimum(t.dof, 1e6)
@@ -109,7 +111,7 @@ def _within(t: Toleranced, bound: Floats) -> float:
     return float(np.prod(np.maximum(inside, 0.0)))
 
 
-def _coefficients(recipe: Recipe, t: Toleranced) -> Iterator[Reason]:
+def _coefficients(recipe: Recipe, t: LimitedCoefficients) -> Iterator[Reason]:
     beyond = (t.guard >= t.limit) | ~(np.abs(t.deviation) <= t.limit - t.guard)
     for c in np.flatnonzero(beyond):
         i, deviation, std, limit, guard = t.index[c], t.deviation[c], t.std[c], t.limit[c], t.guard[c]
@@ -128,7 +130,7 @@ def _as_unit(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _gates(recipe: Recipe, found: Calibration, stops: Stops) -> Iterator[Reason]:
+def _gates(recipe: Recipe, found: Calibration, stops: ReducedVisits) -> Iterator[Reason]:
     """Limits on how well the stops agree, which speak of the rig and the readings as much as of the unit."""
     limits, kept = recipe.limits, ~found.disturbed
     if not kept.any():
@@ -159,7 +161,7 @@ def _largest(check: str, size: Floats, limit: float, names: Sequence[str], unit:
         yield Reason(check, told, float(size[worst]), limit, unit)
 
 
-def _temperature(limits: tuple[float, float], stops: Stops) -> Iterator[Reason]:
+def _temperature(limits: tuple[float, float], stops: ReducedVisits) -> Iterator[Reason]:
     low, high = limits
     known = np.isfinite(stops.temperature_degC)
     outside = known & ((stops.temperature_degC < low) | (stops.temperature_degC > high))
@@ -169,7 +171,7 @@ def _temperature(limits: tuple[float, float], stops: Stops) -> Iterator[Reason]:
         yield Reason("temperature", told, T, high if high < T else low, "degC")
 
 
-def consistency(stops: Stops, disturbed: NDArray[np.bool_]) -> float:
+def consistency(stops: ReducedVisits, disturbed: NDArray[np.bool_]) -> float:
     """Largest difference between readings of an axis across the stimulus, in the recipe's unit.
 
     In DT0105's table these are its three spare equations, x₂ − x₃, y₁ − y₃ and z₁ − z₂: zero but for cross-axis

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station import plugins
-from station.domain.core.types import Array, Floats, Stops
+from station.domain.core.types import Array, Floats, ReducedVisits
 from station.domain.methods import rank
 from station.domain.recipe import sensor
 from station.domain.recipe.recipe import Recipe
@@ -22,12 +22,12 @@ Rows = NDArray[np.intp] | slice
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Problem:
+class FitProblem:
     """Stops (v) of units (u) that went through the same visits.
 
     mean, true (u, v, 3) readings and truths in the recipe's unit; cov (u, v, 3, 3), quantisation, dof (u, v, 3) and
     temperature_degC (u, v): see Stops; magnitude (u, v) of the truth; pose (v) number of the pose: same position and
-    seating, same pose; pose_std_rad: expected error of a pose about each axis; scatter_pose, scatter_stop (u): further
+    seating, same pose; pose_std_rad: expected error of a pose about each axis; scatter_pose, scatter_visit (u): further
     variance of a reading, common to the stops of a pose or each stop's own; nuisance (v, q): see Sensor.nuisance;
     model: matrix | offset-gain; pose_known: whether `true` is known.
     """
@@ -42,7 +42,7 @@ class Problem:
     pose: NDArray[np.intp]
     pose_std_rad: float
     scatter_pose: Floats
-    scatter_stop: Floats
+    scatter_visit: Floats
     nuisance: Floats
     model: str
     pose_known: bool
@@ -53,16 +53,16 @@ class Problem:
 
     def scatter(self) -> Floats:
         """Variance (u, v) that weights are to know of beside noise, as `visits_of_pose` stops share a pose's."""
-        return self.scatter_stop[:, None] + self.scatter_pose[:, None] * self.visits_of_pose()
+        return self.scatter_visit[:, None] + self.scatter_pose[:, None] * self.visits_of_pose()
 
-    def take(self, rows: Rows) -> "Problem":
+    def take(self, rows: Rows) -> "FitProblem":
         """The same for some of the units."""
         by_unit = ("mean", "cov", "quantisation", "dof", "temperature_degC", "true", "magnitude")
-        more = ("scatter_pose", "scatter_stop")
+        more = ("scatter_pose", "scatter_visit")
         out: dict[str, Any] = {name: _of_rows(getattr(self, name), rows) for name in (*by_unit, *more)}
         return replace(self, **out)
 
-    def without_nuisance(self) -> "Problem":
+    def without_nuisance(self) -> "FitProblem":
         """The same, with nothing but the stimulus acting on the sensor."""
         return replace(self, nuisance=np.zeros((len(self.pose), 0)))
 
@@ -89,7 +89,7 @@ class Fit:
     noise: Floats
     pose_variance: Floats
     parameters: int
-    calm: NDArray[np.bool_]
+    consistent: NDArray[np.bool_]
     pose_std_rad: Floats
     notes: tuple[tuple[str, ...], ...]
 
@@ -149,14 +149,14 @@ class Method(Protocol):
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
         """Linearised design of a nominal unit: rows (r, k), and what each of the k columns determines."""
 
-    def together(self, problem: Problem) -> Fit | None:
+    def together(self, problem: FitProblem) -> Fit | None:
         """Coefficients by what units have in common, right for those that the fit calls calm; None where for none."""
 
-    def fit(self, problem: Problem) -> Fit:
+    def fit(self, problem: FitProblem) -> Fit:
         """Coefficients of every unit, each by itself; stops that do not fit with the rest left out and marked."""
 
 
-def alike(of_stops: Floats) -> NDArray[np.bool_]:
+def same_at_all_visits(of_stops: Floats) -> NDArray[np.bool_]:
     """Whether all stops of a unit have the same values: (u) of values (u, v, …)."""
     flat = of_stops.reshape(len(of_stops), -1)
     each = flat.shape[1] // of_stops.shape[1]
@@ -169,7 +169,7 @@ def of(recipe: Recipe) -> Method:
     return cast(Method, plugins.load(PACKAGE, recipe.method)())
 
 
-def problem(recipe: Recipe, units: Sequence[Stops]) -> Problem:
+def fit_problem(recipe: Recipe, units: Sequence[ReducedVisits]) -> FitProblem:
     """The problem of units whose stops are the same, one by one, in position, seating and truth."""
     first = units[0]
     keys = list(zip(first.position, first.seating, strict=True))
@@ -177,7 +177,7 @@ def problem(recipe: Recipe, units: Sequence[Stops]) -> Problem:
     known = recipe.pose_known
     number = {key: i for i, key in enumerate(dict.fromkeys(keys))}
     true = np.broadcast_to(first.true, (len(units), *first.true.shape))
-    return Problem(
+    return FitProblem(
         mean=np.stack([s.mean for s in units]),
         cov=np.stack([s.cov for s in units]),
         quantisation=np.stack([s.quantisation for s in units]),
@@ -187,7 +187,7 @@ def problem(recipe: Recipe, units: Sequence[Stops]) -> Problem:
         magnitude=np.linalg.norm(true, axis=2) if known else np.full(true.shape[:2], recipe.reference.strength()),
         pose=np.array([number[k] for k in keys], np.intp) if known else np.arange(len(keys)),
         scatter_pose=np.zeros(len(units)),
-        scatter_stop=np.zeros(len(units)),
+        scatter_visit=np.zeros(len(units)),
         pose_std_rad=float(np.deg2rad(recipe.reference.pose_std_deg)),
         nuisance=nuisance(recipe, first.position, first.seating, first.true),
         model=recipe.model,

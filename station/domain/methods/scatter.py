@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from station.domain.core.types import Floats
-from station.domain.methods.method import Fit, Method, Problem
+from station.domain.methods.method import Fit, FitProblem, Method
 
 #: Residuals are larger than noise explains when chance would do it this rarely.
 LEVEL = 1e-3
@@ -25,11 +25,11 @@ ROUNDS = 4
 #: Newton steps on χ²(τ²) = ν, which is convex and falls: it arrives from below.
 STEPS = 60
 #: χ² has arrived at ν when it is above it by no more than this share.
-ARRIVED = 1e-9
+CONVERGED = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lack:
+class LackOfFit:
     """Squared misfits (u, n) of pose means and of stops about them, their variances (u, n), degrees of freedom (u)."""
 
     between: Floats
@@ -41,53 +41,53 @@ class Lack:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solved:
+class SolvedUnits:
     """Units (n) that were solved in one go: which ones, and in which rows they stand of the problem, which knows the
     scatter that was found, and of the fit."""
 
     units: NDArray[np.intp]
     rows: NDArray[np.intp]
-    problem: Problem
+    problem: FitProblem
     fit: Fit
 
 
-def solve(method: Method, problem: Problem) -> Iterator[Solved]:
+def solve(method: Method, problem: FitProblem) -> Iterator[SolvedUnits]:
     """All units, in parts: those without scatter portion by portion, then together those that need a closer look."""
     rest, units = [], max(PORTION // len(problem.pose), 1)
     for first in range(0, len(problem.mean), units):
         own = problem.take(slice(first, first + units))
         fit = method.together(own)
-        calm = np.zeros(len(own.mean), bool) if fit is None else fit.calm
+        calm = np.zeros(len(own.mean), bool) if fit is None else fit.consistent
         rest.append(first + np.flatnonzero(~calm))
         if fit is not None and calm.any():
             rows = np.flatnonzero(calm)
-            yield Solved(first + rows, rows, own, fit)
+            yield SolvedUnits(first + rows, rows, own, fit)
     if len(others := np.concatenate(rest)):
         few = problem.take(others)
-        yield Solved(others, np.arange(len(others)), *_with_scatter(method, few, method.fit(few)))
+        yield SolvedUnits(others, np.arange(len(others)), *_with_scatter(method, few, method.fit(few)))
 
 
-def _with_scatter(method: Method, problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+def _with_scatter(method: Method, problem: FitProblem, fit: Fit) -> tuple[FitProblem, Fit]:
     """Estimates the scatter and fits with it in turn, until it stays."""
     repeated, stop = int(problem.visits_of_pose().max()) > 1, np.zeros(len(problem.mean))
     for _ in range(ROUNDS):
         if repeated:
-            stop = estimate(replace(problem, scatter_stop=np.zeros(len(problem.mean))), fit, "within")
-        pose = estimate(replace(problem, scatter_stop=stop), fit, "between")
-        by = np.abs(pose - problem.scatter_pose) + np.abs(stop - problem.scatter_stop)
+            stop = estimate(replace(problem, scatter_visit=np.zeros(len(problem.mean))), fit, "within")
+        pose = estimate(replace(problem, scatter_visit=stop), fit, "between")
+        by = np.abs(pose - problem.scatter_pose) + np.abs(stop - problem.scatter_visit)
         moved = by > 1e-3 * (pose + stop)
         if not moved.any():
             break
         # Those that stay keep what they have, so that their bits do not depend on how long their neighbours move.
-        pose, stop = np.where(moved, pose, problem.scatter_pose), np.where(moved, stop, problem.scatter_stop)
-        problem, rows = replace(problem, scatter_pose=pose, scatter_stop=stop), np.flatnonzero(moved)
+        pose, stop = np.where(moved, pose, problem.scatter_pose), np.where(moved, stop, problem.scatter_visit)
+        problem, rows = replace(problem, scatter_pose=pose, scatter_visit=stop), np.flatnonzero(moved)
         fit = fit.with_units(rows, method.fit(problem.take(rows)))
     return problem, fit
 
 
-def estimate(problem: Problem, fit: Fit, level: Literal["between", "within"]) -> Floats:
+def estimate(problem: FitProblem, fit: Fit, level: Literal["between", "within"]) -> Floats:
     """Variance (u) of the scatter between poses or within them: 0 unless noise cannot explain the misfit."""
-    found = lack(problem, fit)
+    found = lack_of_fit(problem, fit)
     square, variance, dof = (getattr(found, name) for name in (level, f"of_{level}", f"dof_{level}"))
     chi2 = (square / variance).sum(axis=1)
     loud = (dof > 0) & (scipy.special.chdtrc(np.maximum(dof, 1), chi2) < LEVEL)
@@ -97,14 +97,14 @@ def estimate(problem: Problem, fit: Fit, level: Literal["between", "within"]) ->
     return out
 
 
-def lack(problem: Problem, fit: Fit) -> Lack:
+def lack_of_fit(problem: FitProblem, fit: Fit) -> LackOfFit:
     """Misfits of poses, whose variance is that of their mean plus the declared pose error, and of stops about them.
 
     Scatter of stops already in the problem counts as noise; scatter of poses does not, for it is what is asked.
     """
     u, _, a = fit.misfit.shape
     keep = np.where(fit.disturbed, 0.0, 1.0)[..., None]
-    noise = fit.noise + problem.scatter_stop[:, None, None]
+    noise = fit.noise + problem.scatter_visit[:, None, None]
     group = (problem.pose[:, None] == np.arange(problem.pose.max() + 1)).astype(float)
     weight = (keep / noise).transpose(0, 2, 1) @ group
     seen = weight > 0
@@ -113,7 +113,7 @@ def lack(problem: Problem, fit: Fit) -> Lack:
     declared = (keep * fit.pose_variance).transpose(0, 2, 1) @ group / np.maximum(keep[..., 0] @ group, 1)[:, None]
     about = (fit.misfit - (mean @ group.T).transpose(0, 2, 1)) * keep
     poses, stops = seen[:, 0].sum(axis=1), keep.sum(axis=(1, 2))
-    return Lack(
+    return LackOfFit(
         between=(mean**2).reshape(u, -1),
         of_between=(of_mean + declared).reshape(u, -1),
         dof_between=a * poses - float(fit.parameters),
@@ -130,7 +130,7 @@ def _paule_mandel(square: Floats, variance: Floats, dof: Floats) -> Floats:
         spread = variance + tau2[:, None]
         over = (square / spread).sum(axis=1) - dof
         # Each unit stops by itself, so that its bits do not depend on its neighbours.
-        open_ = over > ARRIVED * dof
+        open_ = over > CONVERGED * dof
         if not open_.any():
             break
         slope = (square / spread**2).sum(axis=1)

@@ -5,13 +5,13 @@ import numpy as np
 from station.domain.core import linear_algebra
 from station.domain.core.types import Floats
 from station.domain.methods import coefficients
-from station.domain.methods.method import Fit, Problem
+from station.domain.methods.method import Fit, FitProblem
 
 #: A stimulus weaker than this share of the strongest has no direction to speak of: its tilt is told as 0 ± 0.
 WEAK = 1e-3
 
 
-def of(problem: Problem, fit: Fit) -> tuple[Floats, Floats]:
+def of(problem: FitProblem, fit: Fit) -> tuple[Floats, Floats]:
     """Angle between nominal and found direction, and its standard deviation about each axis, in rad, each (u, v).
 
     A method that finds tilts by itself has told them. A linear fit takes part of every tilt into its coefficients:
@@ -36,7 +36,7 @@ def of(problem: Problem, fit: Fit) -> tuple[Floats, Floats]:
     return np.arctan2(np.linalg.norm(across, axis=2), 1 + toward) * directed, std * directed
 
 
-def _leverages(problem: Problem, fit: Fit) -> Floats:
+def _leverages(problem: FitProblem, fit: Fit) -> Floats:
     """How much of its own reading each stop's fitted value takes over: (u, v, 3), between 0 and 1."""
     by_own = np.einsum("ukvi->uvik", fit.jacobian)
     u, v = problem.magnitude.shape

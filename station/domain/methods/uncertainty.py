@@ -10,9 +10,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from station.domain.core.types import Floats, Stops
+from station.domain.core.types import Floats, ReducedVisits
 from station.domain.methods import coefficients, scatter
-from station.domain.methods.method import Fit, Problem, alike
+from station.domain.methods.method import Fit, FitProblem, same_at_all_visits
 from station.domain.noise import noise
 from station.domain.recipe import sensor
 from station.domain.recipe.recipe import Recipe
@@ -56,7 +56,7 @@ class Budget:
         ]
 
 
-def budgets(recipe: Recipe, problem: Problem, fit: Fit, stops: Stops, rounding: Floats) -> list[Budget]:
+def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, stops: ReducedVisits, rounding: Floats) -> list[Budget]:
     """The budget of each unit. stops: of one of them; rounding (12): standard deviations of the coefficients' rounding
     in the device."""
     parts = {
@@ -70,7 +70,7 @@ def budgets(recipe: Recipe, problem: Problem, fit: Fit, stops: Stops, rounding: 
     parts[SCATTER] = _scatter(problem, fit)
     total = np.sum(list(parts.values()), axis=0)
     total = (total + total.transpose(0, 2, 1)) / 2
-    spread = problem.scatter_pose + problem.scatter_stop
+    spread = problem.scatter_pose + problem.scatter_visit
     dof = _dof(problem, parts["noise"], total)
     return [
         Budget({k: v[u] for k, v in parts.items()}, total[u], dof[u], float(np.sqrt(spread[u])))
@@ -78,13 +78,13 @@ def budgets(recipe: Recipe, problem: Problem, fit: Fit, stops: Stops, rounding: 
     ]
 
 
-def _scatter(problem: Problem, fit: Fit) -> Floats:
+def _scatter(problem: FitProblem, fit: Fit) -> Floats:
     """Covariance (u, 12, 12) from scatter of stops, and from scatter that the stops of a pose share."""
     u, _, v, _ = fit.jacobian.shape
-    if not (problem.scatter_stop.any() or problem.scatter_pose.any()):
+    if not (problem.scatter_visit.any() or problem.scatter_pose.any()):
         return np.zeros((u, 12, 12))
-    found = scatter.lack(problem, fit)
-    stop = problem.scatter_stop * noise.widening(np.maximum(found.dof_within, 1))
+    found = scatter.lack_of_fit(problem, fit)
+    stop = problem.scatter_visit * noise.widening(np.maximum(found.dof_within, 1))
     pose = problem.scatter_pose * noise.widening(np.maximum(found.dof_between, 1))
     own = fit.jacobian.reshape(u, 12, 3 * v)
     shared = _by_pose(problem, fit.jacobian.transpose(0, 1, 3, 2))
@@ -92,7 +92,7 @@ def _scatter(problem: Problem, fit: Fit) -> Floats:
     return np.asarray(of_stop + pose[:, None, None] * (shared @ shared.transpose(0, 2, 1)))
 
 
-def _by_pose(problem: Problem, effect: Floats) -> Floats:
+def _by_pose(problem: FitProblem, effect: Floats) -> Floats:
     """Sums of effects (u, 12, k, v) over the stops of each pose: (u, 12, k · poses)."""
     order = np.argsort(problem.pose, kind="stable")
     first = np.flatnonzero(np.r_[True, np.diff(problem.pose[order]) > 0])
@@ -107,10 +107,10 @@ def _diagonal(variance: Floats) -> Floats:
 def covariance_of_noise(fit: Fit, cov: Floats) -> Floats:
     """Covariance (u, 12, 12) from independent errors of the means, cov (u, v, 3, 3)."""
     # Which way a unit takes is its own affair: the same bits alone as among many.
-    even = fit.calm & alike(cov)
+    even = fit.consistent & same_at_all_visits(cov)
     if not even.any():
         return _of_noise(fit.jacobian, cov)
-    out = _of_even_noise(fit.jacobian[int(np.argmax(even))], cov[:, 0])
+    out = _of_uniform_noise(fit.jacobian[int(np.argmax(even))], cov[:, 0])
     if not even.all():
         out[~even] = _of_noise(fit.jacobian[~even], cov[~even])
     return out
@@ -122,7 +122,7 @@ def _of_noise(jacobian: Floats, cov: Floats) -> Floats:
     return np.asarray(carried @ jacobian.reshape(u, 12, 3 * v).transpose(0, 2, 1))
 
 
-def _of_even_noise(jacobian: Floats, cov: Floats) -> Floats:
+def _of_uniform_noise(jacobian: Floats, cov: Floats) -> Floats:
     """J (12, v, 3) with the same covariance (u, 3, 3) at every stop: Σ_kl cov_kl · J_k J_lᵀ, the nine products once.
 
     Calm fits have a regression for each axis, so that of the nine terms only one is not zero: the sum is exact in any
@@ -138,7 +138,7 @@ def _products(jacobian: bytes) -> Floats:
     return np.asarray(np.einsum("ivk,jvl->klij", J, J).reshape(9, 144))
 
 
-def shared(fit: Fit, patterns: Floats) -> Floats:
+def covariance_of_patterns(fit: Fit, patterns: Floats) -> Floats:
     """Covariance (u, 12, 12) from patterns (k, v, 3) of errors of the truth, each common to all stops."""
     u, _, v, _ = fit.jacobian.shape
     matrix = coefficients.matrix_of(fit.theta)
@@ -147,7 +147,7 @@ def shared(fit: Fit, patterns: Floats) -> Floats:
     return np.asarray(effect.transpose(0, 2, 1) @ effect)
 
 
-def _position(recipe: Recipe, problem: Problem, fit: Fit) -> Floats:
+def _position(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:
     """Pose errors of one standard deviation about each axis, one draw for all stops of a pose."""
     u = len(fit.theta)
     if not problem.pose_known or recipe.reference.source == "gold":
@@ -162,18 +162,18 @@ def _position(recipe: Recipe, problem: Problem, fit: Fit) -> Floats:
     return np.asarray(by_pose @ by_pose.transpose(0, 2, 1))
 
 
-def _truth(recipe: Recipe, problem: Problem, fit: Fit, stops: Stops) -> dict[str, Floats]:
+def _truth(recipe: Recipe, problem: FitProblem, fit: Fit, stops: ReducedVisits) -> dict[str, Floats]:
     """What the sensor kind says its stimulus may be wrong by; hand-held stops know no more than the magnitude."""
     kind = sensor.of(recipe)
     if problem.pose_known:
         found = kind.truth_errors(recipe, stops.position, stops.seating, stops.true)
-        return {name: shared(fit, patterns) for name, patterns in found.items()}
+        return {name: covariance_of_patterns(fit, patterns) for name, patterns in found.items()}
     relative = recipe.reference.relative_std()
     gain = np.where(coefficients.OFFSETS, 0.0, fit.theta) * relative
     return {"magnitude": gain[:, :, None] * gain[:, None, :]}
 
 
-def _temperature(recipe: Recipe, problem: Problem, fit: Fit) -> Floats:
+def _temperature(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:
     """What the sheet's temperature coefficients make of the differences in temperature between the stops."""
     u, _, v, _ = fit.jacobian.shape
     device = recipe.device
@@ -191,7 +191,7 @@ def _temperature(recipe: Recipe, problem: Problem, fit: Fit) -> Floats:
     return np.asarray(effect.transpose(0, 2, 1) @ effect)
 
 
-def _dof(problem: Problem, noise_part: Floats, total: Floats) -> Floats:
+def _dof(problem: FitProblem, noise_part: Floats, total: Floats) -> Floats:
     """Degrees of freedom (u, 12): those of the axis' noise, more where noise is a part only (Welch–Satterthwaite)."""
     axis = problem.dof.min(axis=1)
     own = np.concatenate([axis, np.repeat(axis, 3, axis=1)], axis=1)

@@ -11,19 +11,19 @@ import numpy as np
 
 from station.domain.core.types import Floats
 from station.domain.noise import noise, noise_prior
-from station.domain.noise.noise_prior import Prior
-from station.domain.noise.standard_error import Group, Ints, Units, standard_errors
+from station.domain.noise.noise_prior import NoisePrior
+from station.domain.noise.standard_error import DwellGroup, Ints, UnitRows, standard_errors
 
 #: A reading further from the median than this many robust standard deviations is left out (more in short dwells).
-FAR = 6.0
+OUTLIER_SIGMA = 6.0
 #: From here on (a normal deviate) a dwell's variance is its own, not that of the unit's other dwells.
-ODD = 4.5
+ODD_VARIANCE_SIGMA = 4.5
 #: Readings looked at together: enough to be fast, few enough for a processor's cache.
-TOGETHER = 1 << 14
+CHUNK_READINGS = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Dwells:
+class DwellStatistics:
     """Dwells (d) of three axes. count, rejected (d) readings; mean, std (d, 3) without the rejected; variance
     (d, 3) of the mean from noise alone, widened for being an estimate (noise.widening); dof (d, 3) of it;
     correlation (d, 3, 3) between axes; drift (d, 3) first half minus second half; drift_z (d, 3) the same in
@@ -60,7 +60,7 @@ _COLUMNS = {
 Columns = dict[str, Floats]
 
 
-def measure(reading: Floats, start: Ints, count: Ints, unit: Ints, prior: Prior | None = None) -> Dwells:
+def measure(reading: Floats, start: Ints, count: Ints, unit: Ints, prior: NoisePrior | None = None) -> DwellStatistics:
     """Dwell d is reading[start[d] : start[d] + count[d]], readings (n, 3); `unit` (d) never falls.
 
     prior: what is known of such units' noise.
@@ -68,15 +68,15 @@ def measure(reading: Floats, start: Ints, count: Ints, unit: Ints, prior: Prior 
     columns = {name: np.zeros((len(start), *shape)) for name, shape in _COLUMNS.items()}
     units = _units(count, unit, prior)
     groups = []
-    for rows, n, cut in _alike(count, units):
+    for rows, n, cut in _by_length(count, units):
         parts = [
-            block_means(_basics(_rows_of(reading, start[part], n), columns, part), cut)
-            for part in np.split(rows, range(max(TOGETHER // n, 1), len(rows), max(TOGETHER // n, 1)))
+            block_means(_fill_columns(_rows_of(reading, start[part], n), columns, part), cut)
+            for part in np.split(rows, range(max(CHUNK_READINGS // n, 1), len(rows), max(CHUNK_READINGS // n, 1)))
         ]
-        groups.append(Group(rows, n, cut, np.concatenate(parts)))
-    odd = odd_ones(columns["square"], columns["neighbours"], count, units)
+        groups.append(DwellGroup(rows, n, cut, np.concatenate(parts)))
+    odd = variance_ratios(columns["square"], columns["neighbours"], count, units)
     errors = standard_errors(groups, odd, units, prior)
-    return Dwells(
+    return DwellStatistics(
         count=count,
         rejected=columns["rejected"].astype(np.int64),
         mean=columns["mean"],
@@ -92,18 +92,18 @@ def measure(reading: Floats, start: Ints, count: Ints, unit: Ints, prior: Prior 
     )
 
 
-def _units(count: Ints, unit: Ints, prior: Prior | None) -> Units:
+def _units(count: Ints, unit: Ints, prior: NoisePrior | None) -> UnitRows:
     first = np.flatnonzero(np.r_[True, unit[1:] != unit[:-1]])
     longest = np.maximum.reduceat(count, first)
-    informed = np.array([noise_prior.holds(prior, int(n)) for n in longest])
+    informed = np.array([noise_prior.applies(prior, int(n)) for n in longest])
     scales = [
         (prior.step, prior.reach)
-        if noise_prior.holds(prior, int(n))
+        if noise_prior.applies(prior, int(n))
         else (noise.step_of(int(n)), noise.reach_of(int(n)))
         for n in longest
     ]
     step, reach = np.array(scales).T
-    return Units(
+    return UnitRows(
         first=first,
         of=np.repeat(np.arange(len(first)), np.diff(np.r_[first, len(unit)])),
         step=step,
@@ -112,7 +112,7 @@ def _units(count: Ints, unit: Ints, prior: Prior | None) -> Units:
     )
 
 
-def _alike(count: Ints, units: Units) -> Iterator[tuple[Ints, int, noise.Cut]]:
+def _by_length(count: Ints, units: UnitRows) -> Iterator[tuple[Ints, int, noise.BlockCut]]:
     """Rows of dwells that are as long and are cut alike, with their length and cut."""
     step = units.step[units.of]
     for n, samples in np.unique(np.stack([count, step], axis=1), axis=0):
@@ -124,7 +124,7 @@ def _rows_of(reading: Floats, start: Ints, n: int) -> Floats:
     return np.ascontiguousarray(reading[start[:, None] + np.arange(n)].transpose(0, 2, 1))
 
 
-def _basics(x: Floats, columns: Columns, rows: Ints) -> Floats:
+def _fill_columns(x: Floats, columns: Columns, rows: Ints) -> Floats:
     """Fills the columns of dwells x (d, 3, n); returns deviations from the mean, 0 where rejected."""
     n = x.shape[2]
     least = least_step(x)
@@ -153,7 +153,7 @@ def deviations(x: Floats, least: Floats) -> tuple[Floats, Floats, Ints]:
     off = np.abs(x - np.median(x, axis=2, keepdims=True))
     scale = 1.4826 * np.median(off, axis=2, keepdims=True)
     # Coarse readings may have no median deviation at all; two steps are never far.
-    bound = FAR * (1 + 8 / n) * scale + 2 * np.where(np.isfinite(least), least, 0.0)[..., None]
+    bound = OUTLIER_SIGMA * (1 + 8 / n) * scale + 2 * np.where(np.isfinite(least), least, 0.0)[..., None]
     keep = (off <= bound).all(axis=1, keepdims=True)
     kept = keep.sum(axis=2, keepdims=True)
     mean = np.where(keep, x, 0.0).sum(axis=2, keepdims=True) / kept
@@ -165,7 +165,7 @@ def squares(deviation: Floats) -> tuple[Floats, Floats]:
     return (deviation**2).sum(axis=2), (deviation[..., 1:] * deviation[..., :-1]).sum(axis=2)
 
 
-def block_means(deviation: Floats, cut: noise.Cut) -> Floats:
+def block_means(deviation: Floats, cut: noise.BlockCut) -> Floats:
     """Means (d, 3, blocks) of the blocks of a cut; a dwell shorter than one block is one block."""
     if cut.samples == 1:
         return deviation
@@ -173,7 +173,7 @@ def block_means(deviation: Floats, cut: noise.Cut) -> Floats:
     return np.asarray(used.reshape(*used.shape[:2], cut.blocks, -1).mean(axis=3))
 
 
-def odd_ones(square: Floats, neighbours: Floats, count: Ints, units: Units) -> Floats:
+def variance_ratios(square: Floats, neighbours: Floats, count: Ints, units: UnitRows) -> Floats:
     """Variance of a sample over that of the unit's usual dwell (d, 3); 1 where the two agree. square, neighbours
     (d, 3): see squares.
 
@@ -190,17 +190,17 @@ def odd_ones(square: Floats, neighbours: Floats, count: Ints, units: Units) -> F
     ratio = np.where(usual > 0, variance / np.where(usual > 0, usual, 1.0), 1.0)
     spread = 2 / (9 * dof)
     deviate = np.abs(np.cbrt(ratio) - (1 - spread)) / np.sqrt(spread)
-    return np.where((deviate > ODD) & (ratio > 0), ratio, 1.0)
+    return np.where((deviate > ODD_VARIANCE_SIGMA) & (ratio > 0), ratio, 1.0)
 
 
-def _medians(value: Floats, units: Units) -> Floats:
+def _medians(value: Floats, units: UnitRows) -> Floats:
     """Median (u, 3) over each unit's dwells of value (d, 3): the lower one of two."""
     size = np.diff(np.r_[units.first, len(value)])
     middle = units.first + (size - 1) // 2
     return np.stack([column[np.lexsort((column, units.of))][middle] for column in value.T], axis=1)
 
 
-def _correlation(columns: Columns, count: Ints, units: Units) -> Floats:
+def _correlation(columns: Columns, count: Ints, units: UnitRows) -> Floats:
     """Correlation (d, 3, 3) between the axes' noise over all dwells of the unit; 0 where it is not significant."""
     cross = np.add.reduceat(columns["cross"], units.first)
     size = np.add.reduceat(count, units.first)

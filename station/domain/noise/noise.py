@@ -18,7 +18,7 @@ import scipy
 from station.domain.core.types import Floats
 
 #: Longer dwells are cut into this many blocks at most; slow noise needs no more.
-LONGEST = 128
+MAX_BLOCKS = 128
 #: Prior weight of each kind of shape against first-order noise.
 MIXED, FLICKER, TWO_POLE, BOXCAR = 0.005, 0.002, 0.005, 0.005
 SLOW_SHARES = (0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8)
@@ -27,7 +27,7 @@ BOXCARS = (2, 3, 4, 6, 8, 12, 16)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Family:
+class NoiseFamily:
     """Shapes (s) for dwells of n blocks of `width` steps each, of unit variance a step.
 
     transform (n, n): the cosine transform; inverse (n, s): one over the expected squares of its coefficients, 0
@@ -43,7 +43,7 @@ class Family:
 
 
 @dataclass(frozen=True, slots=True)
-class Cut:
+class BlockCut:
     """How a dwell is cut: `blocks` blocks of `width` steps of `step` samples each."""
 
     blocks: int
@@ -58,14 +58,14 @@ class Cut:
 
 def step_of(longest: int) -> int:
     """Samples that are one step in dwells of up to `longest` samples: all dwells of a unit share it."""
-    return -(-longest // (8 * LONGEST))
+    return -(-longest // (8 * MAX_BLOCKS))
 
 
-def cut(count: int, step: int) -> Cut:
+def cut(count: int, step: int) -> BlockCut:
     """Cuts a dwell of `count` samples into at most LONGEST equal blocks; what is left over is left out."""
     steps = max(count // step, 1)
-    width = -(-steps // LONGEST)
-    return Cut(steps // width, width, step)
+    width = -(-steps // MAX_BLOCKS)
+    return BlockCut(steps // width, width, step)
 
 
 def reach_of(longest: int) -> int:
@@ -74,7 +74,7 @@ def reach_of(longest: int) -> int:
 
 
 @lru_cache(maxsize=512)
-def family(blocks: int, width: int, reach: int) -> Family:
+def family(blocks: int, width: int, reach: int) -> NoiseFamily:
     """The family for dwells of blocks · width steps; correlation lengths up to reach / 2 steps."""
     # Dwells that end when they are good enough have all lengths: what does not depend on the length is made once.
     longest = max(reach, blocks * width)
@@ -83,7 +83,7 @@ def family(blocks: int, width: int, reach: int) -> Family:
     expected = coarse @ _lag_weights(blocks).T
     inverse = np.zeros((blocks, len(prior)))
     inverse[1:] = 1 / expected[:, 1:].T
-    return Family(
+    return NoiseFamily(
         _transform(blocks), inverse, np.log(expected[:, 1:]).sum(axis=1), expected[:, 0] / blocks, np.log(prior)
     )
 
@@ -155,7 +155,7 @@ def posterior(misfit: Floats, dof: Floats, log_det: Floats, log_prior: Floats) -
     return weight / weight.sum(axis=-1, keepdims=True), variance
 
 
-def averaged(weight: Floats, variance_of_mean: Floats, dof: Floats) -> tuple[Floats, Floats]:
+def average_shapes(weight: Floats, variance_of_mean: Floats, dof: Floats) -> tuple[Floats, Floats]:
     """Variance of the mean (u, 3) and its degrees of freedom ν (u, 3) from a posterior of dof (u, 1) or (u, 3).
 
     The average over shapes (and over the χ² of the sample variance) is matched in mean and variance of its

@@ -5,16 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from station.domain.noise.noise_prior import Prior, Seen, general
+from station.domain.noise.noise_prior import NoiseLikelihood, NoisePrior, general_log_weights
 from station.errors import LogError
 
 #: A shape this much less likely (in its logarithm) than the likeliest says nothing of the unit.
-LEAST = -12.0
+MIN_LOG_LIKELIHOOD = -12.0
 
 
-def of_seen(seen: Seen) -> dict[str, Any]:
+def of_likelihood(seen: NoiseLikelihood) -> dict[str, Any]:
     """The shapes that say something of a unit, by number in their family of so many, and what they say, rounded."""
-    shapes = np.flatnonzero((seen.log_likelihood > LEAST).any(axis=0))
+    shapes = np.flatnonzero((seen.log_likelihood > MIN_LOG_LIKELIHOOD).any(axis=0))
     return {
         "longest": seen.longest,
         "dof": seen.dof,
@@ -25,24 +25,24 @@ def of_seen(seen: Seen) -> dict[str, Any]:
     }
 
 
-def all_seen(dwells: Iterable[Mapping[str, Any]]) -> list[Seen]:
+def all_likelihoods(dwells: Iterable[Mapping[str, Any]]) -> list[NoiseLikelihood]:
     """What units have told, from their results `dwell`; those from before it was kept are passed over, and those of
     a family that is no longer the same."""
     told = [dwell["noise"] for dwell in dwells if dwell.get("noise")]
-    return [to_seen(noise) for noise in told if noise["family"] == len(general(noise["longest"]))]
+    return [to_likelihood(noise) for noise in told if noise["family"] == len(general_log_weights(noise["longest"]))]
 
 
-def to_seen(document: Mapping[str, Any]) -> Seen:
+def to_likelihood(document: Mapping[str, Any]) -> NoiseLikelihood:
     """What a unit has told, from the log."""
     longest = int(document["longest"])
-    likelihood = np.full((3, len(general(longest))), -np.inf)
+    likelihood = np.full((3, len(general_log_weights(longest))), -np.inf)
     variance = np.zeros_like(likelihood)
     likelihood[:, document["shapes"]] = document["log_likelihood"]
     variance[:, document["shapes"]] = document["log_variance"]
-    return Seen(longest, likelihood, variance, float(document["dof"]))
+    return NoiseLikelihood(longest, likelihood, variance, float(document["dof"]))
 
 
-def of_prior(prior: Prior) -> dict[str, Any]:
+def of_prior(prior: NoisePrior) -> dict[str, Any]:
     """All of a prior, bit for bit."""
     return {
         "longest": prior.longest,
@@ -53,15 +53,15 @@ def of_prior(prior: Prior) -> dict[str, Any]:
     }
 
 
-def to_prior(dwell: Mapping[str, Any] | None) -> Prior | None:
+def to_prior(dwell: Mapping[str, Any] | None) -> NoisePrior | None:
     """The prior that stands in a result `dwell`; None where none was used. Errors: LogError where it is damaged."""
     if not dwell or not dwell.get("prior"):
         return None
     kept = dwell["prior"]
     try:
         numbers = (np.array(kept[name], float) for name in ("log_weight", "mean", "covariance"))
-        prior = Prior(int(kept["longest"]), int(kept["units"]), *numbers)
-        if len(prior.log_weight) != len(general(prior.longest)):
+        prior = NoisePrior(int(kept["longest"]), int(kept["units"]), *numbers)
+        if len(prior.log_weight) != len(general_log_weights(prior.longest)):
             raise LogError(
                 "what was known of an attempt's noise names other shapes than this version of the station has"
             )

@@ -21,22 +21,22 @@ from station.domain.noise import noise
 
 #: Shapes of noise reach so many times as far as the longest dwell: what is slower than a short first dwell is not
 #: seen in it, and must not be taken for nothing.
-SLOWER = 2
+REACH_FACTOR = 2
 #: A prior holds for dwells so many times as long as those that its shapes are for.
-FURTHER = 4
+MAX_LENGTH_RATIO = 4
 #: Units learnt from; steps of EM at most, and for how many units there is one more.
-NEWEST, STEPS, UNITS_A_STEP = 50, 8, 6
+MAX_UNITS, STEPS, UNITS_A_STEP = 50, 8, 6
 #: The ln variance of readings that are all alike, which say nothing of noise.
-SILENT = -600.0
+SILENT_LOG_VARIANCE = -600.0
 #: The general weights of the shapes count as so many axes of units.
 GENERAL_AXES = 2.0
 #: Before units tell, a unit's ln variance is taken to differ from the usual by SPREAD and its axes by OWN; this
 #: counts as so many units.
-SPREAD, OWN, GENERAL_UNITS = 0.5, 0.2, 3.0
+UNIT_SPREAD, AXIS_SPREAD, GENERAL_UNITS = 0.5, 0.2, 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class NoiseLikelihood:
     """What one unit has told under each shape (s) of the family for dwells of up to `longest` readings.
 
     log_likelihood, log_variance (3, s): of its readings, and of a step as they say; dof: of that variance.
@@ -49,7 +49,7 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Prior:
+class NoisePrior:
     """What `units` units have told of the next one. longest: see Seen; log_weight (s) of the shapes; mean (3),
     covariance (3, 3) of the logarithms of the axes' variances of a step, over units."""
 
@@ -72,17 +72,17 @@ class Prior:
     def posterior(self, misfit: Floats, dof: Floats, log_det: Floats) -> tuple[Floats, Floats, Floats]:
         """As noise.posterior, of units of this kind, and the dof (u, 3) of the variance: the unit's own (u, 1) and
         those that the prior is worth."""
-        own = log_level(*noise.posterior(misfit, dof, log_det, self.log_weight), dof)
-        expected, worth = self._level(*own)
+        own = log_variance_moments(*noise.posterior(misfit, dof, log_det, self.log_weight), dof)
+        expected, worth = self._expected_variance(*own)
         total = dof + worth
         return *noise.posterior(misfit + (worth * expected)[..., None], total, log_det, self.log_weight), total
 
-    def _level(self, mean: Floats, spread: Floats) -> tuple[Floats, Floats]:
+    def _expected_variance(self, mean: Floats, spread: Floats) -> tuple[Floats, Floats]:
         """Variance (u, 3) that earlier units and the other axes let expect of each axis, and its dof (u, 3).
 
         mean, spread (u, 3): ln variance as each axis' own readings tell it, and the variance of that.
         """
-        off, covariance = mean - self.mean, self._for(mean - self.mean, spread)
+        off, covariance = mean - self.mean, self._scaled_covariance(mean - self.mean, spread)
         expected, wide = np.empty_like(mean), np.empty_like(mean)
         for axis in range(3):
             others = [k for k in range(3) if k != axis]
@@ -92,63 +92,63 @@ class Prior:
             expected[:, axis] = self.mean[axis] + (gain * off[:, others]).sum(axis=1)
             wide[:, axis] = covariance[:, axis, axis] - (gain * with_axis).sum(axis=1)
         dof = 1 + 2 / np.maximum(wide, 1e-6)
-        return np.exp(expected - _late(dof)), dof
+        return np.exp(expected - _log_bias(dof)), dof
 
-    def _for(self, off: Floats, spread: Floats) -> Floats:
+    def _scaled_covariance(self, off: Floats, spread: Floats) -> Floats:
         """The covariance (u, 3, 3) for units that are so far off (u, 3): their scale in a multivariate t (Lange, Little
         & Taylor 1989, J. Am. Stat. Assoc. 84, eq. 3)."""
         square = off[:, None] @ np.linalg.solve(self.covariance + spread[..., None] * np.eye(3), off[..., None])
         return np.asarray((self.units + square) / (self.units + 3) * self.covariance)
 
 
-def holds(prior: Prior | None, count: int) -> TypeGuard[Prior]:
+def applies(prior: NoisePrior | None, count: int) -> TypeGuard[NoisePrior]:
     """Whether there is a prior, and for a unit whose longest dwell has `count` readings."""
-    return prior is not None and count <= FURTHER * prior.longest
+    return prior is not None and count <= MAX_LENGTH_RATIO * prior.longest
 
 
 def reach(longest: int) -> int:
     """How far shapes of noise reach, in steps, for dwells of up to so many readings."""
-    return SLOWER * noise.reach_of(longest)
+    return REACH_FACTOR * noise.reach_of(longest)
 
 
-def general(longest: int) -> Floats:
+def general_log_weights(longest: int) -> Floats:
     """Logarithms (s) of the weights of the shapes before any unit has been seen."""
     return noise.family(2, 1, reach(longest)).log_prior
 
 
-def log_level(weight: Floats, variance: Floats, dof: Floats) -> tuple[Floats, Floats]:
+def log_variance_moments(weight: Floats, variance: Floats, dof: Floats) -> tuple[Floats, Floats]:
     """Mean and variance (u, 3) of ln variance: over shapes of weight and variance (u, 3, s), each known with dof
     (u, 1)."""
-    log = np.log(np.maximum(variance, 1e-300)) + _late(dof)[..., None]
+    log = np.log(np.maximum(variance, 1e-300)) + _log_bias(dof)[..., None]
     mean = (weight * log).sum(axis=-1)
     return mean, (weight * (log - mean[..., None]) ** 2).sum(axis=-1) + 2 / dof
 
 
-def seen(misfit: Floats, dof: Floats, log_det: Floats, longest: int) -> list[Seen]:
+def likelihoods(misfit: Floats, dof: Floats, log_det: Floats, longest: int) -> list[NoiseLikelihood]:
     """What units (u) have told; dof (u, 1), and see noise.posterior."""
     log = np.log(np.maximum(misfit / dof[..., None], 1e-300))
     likelihood = -0.5 * (dof[..., None] * log + log_det[:, None, :])
     likelihood -= likelihood.max(axis=-1, keepdims=True)
-    return [Seen(longest, a, b, float(n)) for a, b, n in zip(likelihood, log, dof[:, 0], strict=True)]
+    return [NoiseLikelihood(longest, a, b, float(n)) for a, b, n in zip(likelihood, log, dof[:, 0], strict=True)]
 
 
-def learnt(units: Sequence[Seen], longest: int) -> Prior | None:
+def learn_prior(units: Sequence[NoiseLikelihood], longest: int) -> NoisePrior | None:
     """What those of the newest units (the last) that were told with this `longest` say of the next; None without any.
 
     Its numbers are round, so that a record can keep them all.
     """
-    told = [u for u in units if u.longest == longest and (u.log_variance > SILENT).all()][-NEWEST:]
+    told = [u for u in units if u.longest == longest and (u.log_variance > SILENT_LOG_VARIANCE).all()][-MAX_UNITS:]
     if not told:
         return None
     likelihood = np.exp(np.stack([u.log_likelihood for u in told]))
-    share = start = np.exp(general(longest))
+    share = start = np.exp(general_log_weights(longest))
     for _ in range(min(STEPS, 1 + len(told) // UNITS_A_STEP)):
         of_unit = _normed(likelihood * share)
         share = (GENERAL_AXES * start + of_unit.sum(axis=(0, 1))) / (GENERAL_AXES + 3 * len(told))
     variance = np.exp(np.stack([u.log_variance for u in told]))
-    mean, spread = log_level(_normed(likelihood * share), variance, np.array([[u.dof] for u in told]))
+    mean, spread = log_variance_moments(_normed(likelihood * share), variance, np.array([[u.dof] for u in told]))
     covariance = _covariance(mean, spread)
-    return Prior(longest, len(told), np.log(share).round(3), mean.mean(axis=0).round(5), covariance.round(7))
+    return NoisePrior(longest, len(told), np.log(share).round(3), mean.mean(axis=0).round(5), covariance.round(7))
 
 
 def _covariance(mean: Floats, spread: Floats) -> Floats:
@@ -156,11 +156,11 @@ def _covariance(mean: Floats, spread: Floats) -> Floats:
     off = mean - mean.mean(axis=0)
     value, vector = np.linalg.eigh(off.T @ off - np.diag(spread.sum(axis=0)))
     scatter = (vector * np.maximum(value, 0.0)) @ vector.T
-    before, count = GENERAL_UNITS * (SPREAD**2 + OWN**2 * np.eye(3)), len(mean)
+    before, count = GENERAL_UNITS * (UNIT_SPREAD**2 + AXIS_SPREAD**2 * np.eye(3)), len(mean)
     return np.asarray((scatter + before) / (count - 1 + GENERAL_UNITS) * (1 + 1 / count))
 
 
-def _late(dof: Floats) -> Floats:
+def _log_bias(dof: Floats) -> Floats:
     """Mean of ln σ² over ln s² where σ² = ν s² / χ²_ν: ln(ν/2) − ψ(ν/2)."""
     return np.asarray(np.log(dof / 2) - scipy.special.digamma(dof / 2))
 

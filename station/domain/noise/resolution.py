@@ -3,13 +3,13 @@
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.noise.dwell_statistics import Dwells
+from station.domain.noise.dwell_statistics import DwellStatistics
 
 #: Differences of a quantised axis are whole steps to within this share of one.
 WHOLE = 0.02
 
 
-def step_of(dwells: Dwells, sheet: float) -> Floats:
+def step_of(dwells: DwellStatistics, sheet: float) -> Floats:
     """The step (3) of one unit's readings: the least difference of which all others are multiples.
 
     Axes that never changed within a dwell take the data sheet's step; 0 where readings are finer than can be seen.

@@ -12,30 +12,30 @@ from numpy.typing import NDArray
 
 from station.domain.core.types import Floats
 from station.domain.noise import dwell_statistics, noise, noise_prior
-from station.domain.noise.noise_prior import FURTHER, Prior, Seen
-from station.domain.noise.standard_error import Units
+from station.domain.noise.noise_prior import MAX_LENGTH_RATIO, NoiseLikelihood, NoisePrior
+from station.domain.noise.standard_error import UnitRows
 
 #: Readings below which a dwell says nothing of noise.
-FEWEST = 4
+MIN_READINGS = 4
 #: Dwells below which nobody knows which of them is the odd one.
-TELLING = 3
+MIN_DWELLS = 3
 #: Points of the curve of noise against the length of a dwell.
-POINTS = 10
+CURVE_POINTS = 10
 
 
-def reach_of(count: int, prior: Prior | None = None) -> int:
+def family_length(count: int, prior: NoisePrior | None = None) -> int:
     """The readings that noise is told by where the longest dwell so far has `count`: the next power of two, or what
     a prior is for.
 
     Dwells told together share it; it changes seldom, so little is told again.
     """
-    if noise_prior.holds(prior, count):
+    if noise_prior.applies(prior, count):
         return prior.longest
     return 1 << max(int(count - 1).bit_length(), 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Dwelt:
+class DwellNoise:
     """One dwell of units (u), as long in each. count (u) readings; square, neighbours (u, 3): see dwell.squares;
     misfit (u, 3, s), log_det (u, s), dof (u): a dwell's share in those of noise.posterior."""
 
@@ -48,19 +48,19 @@ class Dwelt:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Curve:
+class NoiseCurve:
     """Noise density of units (u): the variance of the mean of n readings times n, `by_count` (u, 3, p), at `count` (p)
     readings; dof (u, 3, p) of it; odd (u, v, 3): the variance of each dwell over that of the unit's usual one."""
 
     count: Floats
     by_count: Floats
     dof: Floats
-    odd: Floats
+    variance_ratio: Floats
 
-    def apart(self) -> "list[Curve]":
+    def apart(self) -> "list[NoiseCurve]":
         """One of each unit."""
         each = range(len(self.by_count))
-        return [Curve(self.count, self.by_count[[u]], self.dof[[u]], self.odd[[u]]) for u in each]
+        return [NoiseCurve(self.count, self.by_count[[u]], self.dof[[u]], self.variance_ratio[[u]]) for u in each]
 
     def at(self, count: Floats) -> tuple[Floats, Floats]:
         """n · variance (u, v, 3) of dwells of n = count (u, v) readings and its dof, straight between logarithms."""
@@ -80,7 +80,7 @@ def _between(curve: Floats, before: NDArray[np.intp], share: Floats) -> Floats:
     return np.asarray(low * (1 - share) + high * share)
 
 
-def dwelt(reading: Floats, longest: int) -> Dwelt:
+def dwell_noise(reading: Floats, longest: int) -> DwellNoise:
     """What dwells (u, n, 3) of at least FEWEST readings tell; longest: see reach_of."""
     x = np.ascontiguousarray(reading.transpose(0, 2, 1))
     units, _, n = x.shape
@@ -89,7 +89,7 @@ def dwelt(reading: Floats, longest: int) -> Dwelt:
     cut = noise.cut(n, noise.step_of(longest))
     family = noise.family(cut.blocks, cut.width, noise_prior.reach(longest))
     coefficient = dwell_statistics.block_means(deviation, cut) @ family.transform.T
-    return Dwelt(
+    return DwellNoise(
         count=np.full(units, float(n)),
         square=square,
         neighbours=neighbours,
@@ -99,40 +99,40 @@ def dwelt(reading: Floats, longest: int) -> Dwelt:
     )
 
 
-def joined(units: Sequence[Dwelt]) -> Dwelt:
+def join_units(units: Sequence[DwellNoise]) -> DwellNoise:
     """The dwells of several units at one stop as one."""
     if len(units) == 1:
         return units[0]
-    return Dwelt(*(np.concatenate([getattr(d, f.name) for d in units]) for f in fields(Dwelt)))
+    return DwellNoise(*(np.concatenate([getattr(d, f.name) for d in units]) for f in fields(DwellNoise)))
 
 
-def curve(dwells: Sequence[Dwelt], longest: int, prior: Prior | None = None) -> Curve:
+def noise_curve(dwells: Sequence[DwellNoise], longest: int, prior: NoisePrior | None = None) -> NoiseCurve:
     """What all dwells of units, told with the same `longest`, say together; longer ones are taken to go on as white.
 
     A prior is heard where `longest` is what it is for.
     """
-    odd = _odd(dwells)
+    odd = _variance_ratios(dwells)
     misfit, dof, log_det = _pooled(dwells, odd)
     if prior is not None and prior.longest == longest:
         weight, variance, dof = prior.posterior(misfit, dof, log_det)
     else:
-        weight, variance = noise.posterior(misfit, dof, log_det, noise_prior.general(longest))
-    count = np.unique(np.rint(np.geomspace(2, FURTHER * longest, POINTS)).astype(int))
-    found = [noise.averaged(weight, variance * _mean_variance(int(n), longest), dof) for n in count]
-    return Curve(
+        weight, variance = noise.posterior(misfit, dof, log_det, noise_prior.general_log_weights(longest))
+    count = np.unique(np.rint(np.geomspace(2, MAX_LENGTH_RATIO * longest, CURVE_POINTS)).astype(int))
+    found = [noise.average_shapes(weight, variance * _mean_variance(int(n), longest), dof) for n in count]
+    return NoiseCurve(
         count=count.astype(float),
         by_count=np.stack([n * v for n, (v, _) in zip(count, found, strict=True)], axis=2),
         dof=np.stack([nu for _, nu in found], axis=2),
-        odd=odd,
+        variance_ratio=odd,
     )
 
 
-def seen(dwells: Sequence[Dwelt], longest: int) -> list[Seen]:
+def likelihoods(dwells: Sequence[DwellNoise], longest: int) -> list[NoiseLikelihood]:
     """What all dwells of units, told with the same `longest`, say of such units' noise."""
-    return noise_prior.seen(*_pooled(dwells, _odd(dwells)), longest)
+    return noise_prior.likelihoods(*_pooled(dwells, _variance_ratios(dwells)), longest)
 
 
-def _pooled(dwells: Sequence[Dwelt], odd: Floats) -> tuple[Floats, Floats, Floats]:
+def _pooled(dwells: Sequence[DwellNoise], odd: Floats) -> tuple[Floats, Floats, Floats]:
     """Misfit (u, 3, s), dof (u, 1) and log_det (u, s) of usual dwells together: see noise.posterior.
 
     A dwell that is odd in one axis was disturbed or moved: it says nothing of the usual noise.
@@ -146,15 +146,15 @@ def _pooled(dwells: Sequence[Dwelt], odd: Floats) -> tuple[Floats, Floats, Float
     return (usual[..., None, None] * misfit).sum(axis=1), dof, log_det
 
 
-def _odd(dwells: Sequence[Dwelt]) -> Floats:
+def _variance_ratios(dwells: Sequence[DwellNoise]) -> Floats:
     square, neighbours = (np.stack([getattr(d, name) for d in dwells], axis=1) for name in ("square", "neighbours"))
     count = np.stack([d.count for d in dwells], axis=1).astype(np.int64)
     u, v, _ = square.shape
-    if v < TELLING:
+    if v < MIN_DWELLS:
         return np.ones((u, v, 3))
     none = np.zeros(u, np.int64)
-    units = Units(np.arange(u) * v, np.repeat(np.arange(u), v), step=none, reach=none, informed=none > 0)
-    found = dwell_statistics.odd_ones(square.reshape(-1, 3), neighbours.reshape(-1, 3), count.ravel(), units)
+    units = UnitRows(np.arange(u) * v, np.repeat(np.arange(u), v), step=none, reach=none, informed=none > 0)
+    found = dwell_statistics.variance_ratios(square.reshape(-1, 3), neighbours.reshape(-1, 3), count.ravel(), units)
     return found.reshape(u, v, 3)
 
 

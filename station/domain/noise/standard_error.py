@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from station.domain.core.types import Floats
 from station.domain.noise import noise
-from station.domain.noise.noise_prior import Prior
+from station.domain.noise.noise_prior import NoisePrior
 
 Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Units:
+class UnitRows:
     """Where each unit's dwells stand. first (u) row of its first dwell; of (d) unit number of each dwell;
     step, reach (u): see station.domain.noise.noise; informed (u) bool: whether a prior is heard."""
 
@@ -26,17 +26,17 @@ class Units:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Group:
+class DwellGroup:
     """Dwells of one length: rows (g) among all dwells, their count of readings, the cut, block means (g, 3, b)."""
 
     rows: Ints
     count: int
-    cut: noise.Cut
+    cut: noise.BlockCut
     blocks: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Errors:
+class StandardErrors:
     """variance (d, 3) of the mean; dof (d, 3) of that variance; drift_z (d, 3) in standard deviations."""
 
     variance: Floats
@@ -44,9 +44,11 @@ class Errors:
     drift_z: Floats
 
 
-def standard_errors(groups: Sequence[Group], odd: Floats, units: Units, prior: Prior | None = None) -> Errors:
+def standard_errors(
+    groups: Sequence[DwellGroup], odd: Floats, units: UnitRows, prior: NoisePrior | None = None
+) -> StandardErrors:
     """Errors of all dwells. odd (d, 3): a dwell's variance over the unit's usual one; prior: for informed units."""
-    errors = Errors(np.zeros_like(odd), np.zeros_like(odd), np.zeros_like(odd))
+    errors = StandardErrors(np.zeros_like(odd), np.zeros_like(odd), np.zeros_like(odd))
     for step, reach, informed in np.unique(np.stack([units.step, units.reach, units.informed], axis=1), axis=0):
         member = (units.step == step) & (units.reach == reach) & (units.informed == informed)
         number = np.where(member, np.cumsum(member) - 1, -1)[units.of]
@@ -55,11 +57,17 @@ def standard_errors(groups: Sequence[Group], odd: Floats, units: Units, prior: P
     return errors
 
 
-def _only(group: Group, keep: NDArray[np.bool_]) -> Group:
-    return Group(group.rows[keep], group.count, group.cut, group.blocks[keep])
+def _only(group: DwellGroup, keep: NDArray[np.bool_]) -> DwellGroup:
+    return DwellGroup(group.rows[keep], group.count, group.cut, group.blocks[keep])
 
 
-def _fill(errors: Errors, groups: Sequence[Group], odd: Floats, number: Ints, known: tuple[int, Prior | None]) -> None:
+def _fill(
+    errors: StandardErrors,
+    groups: Sequence[DwellGroup],
+    odd: Floats,
+    number: Ints,
+    known: tuple[int, NoisePrior | None],
+) -> None:
     """Fills the rows of units that share a family; number (d): their unit among these; known: its reach, a prior."""
     reach, prior = known
     families = [noise.family(g.cut.blocks, g.cut.width, reach) for g in groups]
@@ -86,7 +94,7 @@ def _fill(errors: Errors, groups: Sequence[Group], odd: Floats, number: Ints, kn
     for g, f, c in zip(groups, families, leading, strict=True):
         who, own = number[g.rows], odd[g.rows]
         shrink = g.cut.blocks * g.cut.samples / g.count
-        mean_variance, nu = noise.averaged(weight, variance * f.mean_variance * shrink, dof)
+        mean_variance, nu = noise.average_shapes(weight, variance * f.mean_variance * shrink, dof)
         errors.variance[g.rows] = mean_variance[who] * own
         # A variance of its own is known only as well as one dwell tells.
         errors.dof[g.rows] = 1 / (1 / nu[who] + np.where(own != 1, 2 / max(g.count - 1, 1), 0.0))

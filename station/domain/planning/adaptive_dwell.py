@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from station.domain.capture.rest_detection import expected_noise
 from station.domain.core.types import Floats
 from station.domain.methods import coefficients, method
-from station.domain.methods.method import Problem
+from station.domain.methods.method import FitProblem
 from station.domain.noise import noise
-from station.domain.noise.running_noise import Curve, reach_of
+from station.domain.noise.running_noise import NoiseCurve, family_length
 from station.domain.planning import nominal_visits
 from station.domain.planning.allocation import least_dwells
 from station.domain.recipe.recipe import Recipe
@@ -32,21 +32,21 @@ ROUNDS, WARM = 16, 2
 #: that was left too early costs the others more than one that was left too late.
 CAUTION = 0.3
 #: A dwell is looked at again when it has become so much longer, if not earlier by its own plan.
-GROWN = 1.5
+GROWTH = 1.5
 #: A plan that wants this little more is not waited for, as a share of the dwell.
 NEAR = 2e-3
 #: From this ratio of reached to wanted on, a calibration says that it was not reached.
-MISSED = 1.05
+SHORTFALL_RATIO = 1.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Aim:
+class AccuracyTarget:
     """What the planned stops (v) of all runs are for. std (12): wanted, infinite where the method estimates nothing;
     ideal: the stops as a perfect sensor sees them, one unit; shortest_s, longest_s: of a dwell; rate_hz."""
 
     recipe: Recipe
     std: Floats
-    ideal: Problem
+    ideal: FitProblem
     shortest_s: float
     longest_s: float
     rate_hz: float
@@ -61,15 +61,15 @@ class Aim:
         many = replace(many, true=np.broadcast_to(self.ideal.true[0], many.true.shape))
         many, kind = replace(many, cov=variance[..., None] * np.eye(3)), method.of(self.recipe)
         short = kind.together(many)
-        return (short if short is not None and short.calm.all() else kind.fit(many)).jacobian
+        return (short if short is not None and short.consistent.all() else kind.fit(many)).jacobian
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SoFar:
+class DwellProgress:
     """Where a run of fixtures (f) stands. curve: of their noise; done_s (f, v): dwells of stops already done, 0 where
     still to come; seen: the stops that curve.odd is of; seen_s (f): how long readings were looked at for it."""
 
-    curve: Curve
+    curve: NoiseCurve
     done_s: Floats
     seen: NDArray[np.intp]
     seen_s: Floats
@@ -78,7 +78,7 @@ class SoFar:
         """Variance (f, v, 3) of the means after dwells (f, v), widened as it will be when all of them are done."""
         count = np.maximum(dwell_s * rate_hz, 1.0)
         odd = np.ones((*dwell_s.shape, 3))
-        odd[:, self.seen] = self.curve.odd
+        odd[:, self.seen] = self.curve.variance_ratio
         by_count, dof = self.curve.at(count)
         final = dof * np.maximum(dwell_s.sum(axis=1) / self.seen_s, 1.0)[:, None, None]
         # By so much, in its logarithm, the estimate will still move (2/ν is the variance of ln χ²/ν).
@@ -87,93 +87,93 @@ class SoFar:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plan:
+class DwellPlan:
     """Dwells (f, v), s, of every stop, those already done included, and the standard deviations (f, 12) they give."""
 
     dwell_s: Floats
     std: Floats
 
 
-def wanted(recipe: Recipe, free: NDArray[np.bool_], strongest: float) -> Floats:
+def target_std(recipe: Recipe, free: NDArray[np.bool_], strongest: float) -> Floats:
     """Wanted standard deviations (12) of the coefficients that are `free` (12); strongest: magnitude of the truth."""
     offset = recipe.dwell.until_std or np.inf
     std = np.where(coefficients.OFFSETS, offset, offset / strongest if strongest else np.inf)
     return np.where(free, std, np.inf)
 
 
-def aim(recipe: Recipe) -> Aim:
+def accuracy_target(recipe: Recipe) -> AccuracyTarget:
     """The aim of a recipe whose dwell is until_std."""
     dwell = recipe.dwell
-    stops = nominal_visits.stops(recipe, np.full(len(nominal_visits.names(recipe)[0]), dwell.longest_s))
-    problem = method.problem(recipe, [stops])
-    std = wanted(recipe, method.of(recipe).fit(problem).free, float(problem.magnitude.max()))
-    return Aim(recipe, std, problem, dwell.min_s, dwell.max_s, recipe.device.rate_hz)
+    stops = nominal_visits.nominal_visits(recipe, np.full(len(nominal_visits.names(recipe)[0]), dwell.longest_s))
+    problem = method.fit_problem(recipe, [stops])
+    std = target_std(recipe, method.of(recipe).fit(problem).free, float(problem.magnitude.max()))
+    return AccuracyTarget(recipe, std, problem, dwell.min_s, dwell.max_s, recipe.device.rate_hz)
 
 
-def plan(aim: Aim, so_far: SoFar, guess_s: Floats, rounds: int = WARM) -> Plan:
+def plan_dwells(aim: AccuracyTarget, so_far: DwellProgress, guess_s: Floats, rounds: int = WARM) -> DwellPlan:
     """Dwells that reach the aim in the least time for fixtures (f); guess_s (f, v): dwells to start from."""
     left = so_far.done_s[0] == 0
     dwell_s = np.where(left, guess_s, so_far.done_s)
     shortest, longest = (np.full((len(dwell_s), left.sum()), s) for s in (aim.shortest_s, aim.longest_s))
     for _ in range(rounds if left.any() else 0):
-        part = _parts(aim, so_far, dwell_s)
+        part = _variance_shares(aim, so_far, dwell_s)
         price = (part * dwell_s[:, None])[..., left]
         dwell_s = dwell_s.copy()
         dwell_s[:, left] = least_dwells(price, part[..., ~left].sum(axis=2), shortest, longest)
-    share = _parts(aim, so_far, dwell_s).sum(axis=2)
-    return Plan(dwell_s, np.sqrt(share) * np.where(np.isfinite(aim.std), aim.std, 0.0))
+    share = _variance_shares(aim, so_far, dwell_s).sum(axis=2)
+    return DwellPlan(dwell_s, np.sqrt(share) * np.where(np.isfinite(aim.std), aim.std, 0.0))
 
 
-def ask_again_s(wanted_s: Floats, lasted_s: Floats) -> Floats:
+def next_check_s(wanted_s: Floats, lasted_s: Floats) -> Floats:
     """When to look again at dwells that have lasted so long and are planned so long, s: `lasted_s` where they end."""
-    return np.where(wanted_s <= lasted_s * (1 + NEAR), lasted_s, np.minimum(wanted_s, GROWN * lasted_s))
+    return np.where(wanted_s <= lasted_s * (1 + NEAR), lasted_s, np.minimum(wanted_s, GROWTH * lasted_s))
 
 
-def fixture(curves: Sequence[Curve], gold: Curve | None = None) -> Curve:
+def worst_curve(curves: Sequence[NoiseCurve], gold: NoiseCurve | None = None) -> NoiseCurve:
     """The noise that a fixture must reckon with: that of its noisiest unit in every axis, at every length of dwell.
 
     gold: of the gold reference, which comes on top of every unit's own.
     """
-    found = Curve(
+    found = NoiseCurve(
         count=curves[0].count,
         by_count=np.max([c.by_count for c in curves], axis=0),
         dof=np.min([c.dof for c in curves], axis=0),
-        odd=np.max([c.odd for c in curves], axis=0),
+        variance_ratio=np.max([c.variance_ratio for c in curves], axis=0),
     )
     return found if gold is None else replace(found, by_count=found.by_count + gold.by_count)
 
 
-def start_s(aim: Aim, density: float) -> Floats:
+def initial_dwells_s(aim: AccuracyTarget, density: float) -> Floats:
     """Dwells (v) of every planned stop where white noise has so much variance · s in every axis."""
     white = np.full((1, 3, 1), density * aim.rate_hz)
-    curve = Curve(np.ones(1), white, np.full((1, 3, 1), 1e9), np.ones((1, 0, 3)))
+    curve = NoiseCurve(np.ones(1), white, np.full((1, 3, 1), 1e9), np.ones((1, 0, 3)))
     guess = np.full((1, len(aim)), np.sqrt(aim.shortest_s * aim.longest_s))
-    so_far = SoFar(curve, np.zeros_like(guess), np.zeros(0, np.intp), np.ones(1))
-    return np.asarray(plan(aim, so_far, guess, ROUNDS).dwell_s[0])
+    so_far = DwellProgress(curve, np.zeros_like(guess), np.zeros(0, np.intp), np.ones(1))
+    return np.asarray(plan_dwells(aim, so_far, guess, ROUNDS).dwell_s[0])
 
 
-def by_sheet_s(recipe: Recipe) -> Floats:
+def dwells_by_sheet_s(recipe: Recipe) -> Floats:
     """Dwells (v) of every planned stop of all runs, s, by the noise that the data sheet promises."""
-    return planned_s(recipe, expected_noise(recipe) ** 2 / recipe.device.rate_hz)
+    return planned_dwells_s(recipe, expected_noise(recipe) ** 2 / recipe.device.rate_hz)
 
 
-def planned_s(recipe: Recipe, density: float) -> Floats:
+def planned_dwells_s(recipe: Recipe, density: float) -> Floats:
     """Dwells (v) of every planned stop of all runs, s, where white noise has so much variance · s."""
     if recipe.dwell.time_s is not None:
         return np.full(len(nominal_visits.names(recipe)[0]), recipe.dwell.time_s)
-    return start_s(aim(recipe), density)
+    return initial_dwells_s(accuracy_target(recipe), density)
 
 
-def prior_for(recipe: Recipe) -> int:
+def prior_length(recipe: Recipe) -> int:
     """The readings that a prior of the noise is for (Prior.longest): those of the longest dwell by the data sheet."""
-    return reach_of(round(float(by_sheet_s(recipe).max()) * recipe.device.rate_hz))
+    return family_length(round(float(dwells_by_sheet_s(recipe).max()) * recipe.device.rate_hz))
 
 
-def missed(recipe: Recipe, std: Floats, noise_std: Floats) -> str:
+def shortfall(recipe: Recipe, std: Floats, noise_std: Floats) -> str:
     """What falls short of the wanted standard deviations (12) by those that noise leaves; '' where nothing does."""
     ratio = noise_std / std
     worst = int(np.argmax(ratio))
-    if not ratio[worst] > MISSED:
+    if not ratio[worst] > SHORTFALL_RATIO:
         return ""
     dwell, unit = recipe.dwell, recipe.unit
     of = f" {unit}" if coefficients.OFFSETS[worst] else ""
@@ -184,7 +184,7 @@ def missed(recipe: Recipe, std: Floats, noise_std: Floats) -> str:
     )
 
 
-def _parts(aim: Aim, so_far: SoFar, dwell_s: Floats) -> Floats:
+def _variance_shares(aim: AccuracyTarget, so_far: DwellProgress, dwell_s: Floats) -> Floats:
     """What each stop gives to each coefficient's variance (f, 12, v), over the wanted one, with dwells (f, v)."""
     variance = so_far.variance(dwell_s, aim.rate_hz)
     return np.asarray(np.einsum("fcvk,fvk->fcv", aim.jacobian(variance) ** 2, variance) / aim.std[:, None] ** 2)

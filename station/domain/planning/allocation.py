@@ -39,9 +39,9 @@ def least_dwells(price: Floats, past: Floats, shortest: Floats, longest: Floats)
     for _ in range(STEPS):
         weight = np.einsum("fc,fcv->fv", multiplier, price)
         T = np.clip(np.sqrt(weight), shortest, longest)
-        left = _left(price, T, room)
+        left = _variance_ratio(price, T, room)
         enough = np.clip(T * np.maximum(left.max(axis=1, keepdims=True), 1.0), shortest, longest)
-        holds = _left(price, enough, room).max(axis=1) <= 1 + AGREE
+        holds = _variance_ratio(price, enough, room).max(axis=1) <= 1 + AGREE
         better = holds & (enough.sum(axis=1) < best.sum(axis=1))
         best = np.where(better[:, None], enough, best)
         bound = (T + weight / T).sum(axis=1) - (multiplier * room).sum(axis=1)
@@ -51,6 +51,6 @@ def least_dwells(price: Floats, past: Floats, shortest: Floats, longest: Floats)
     return best
 
 
-def _left(price: Floats, T: Floats, room: Floats) -> Floats:
+def _variance_ratio(price: Floats, T: Floats, room: Floats) -> Floats:
     """Variance (f, c) that dwells T leave, over the room for it."""
     return np.asarray(np.einsum("fcv,fv->fc", price, 1 / T) / room)

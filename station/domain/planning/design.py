@@ -7,12 +7,12 @@ import numpy as np
 from station.domain.core.types import Floats
 from station.domain.methods import method, rank
 from station.domain.planning import optimal
-from station.domain.recipe.plan import stops as planned
+from station.domain.recipe.plan import planned_visits as planned
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 
 #: So many positions are proposed at most to complete a recipe.
-MOST_MISSING = 12
+MAX_PROPOSALS = 12
 
 
 def check(recipe: Recipe) -> None:
@@ -27,12 +27,12 @@ def check(recipe: Recipe) -> None:
 
 def rows_of(recipe: Recipe) -> tuple[Floats, tuple[str, ...]]:
     """The linearised design (r, k) of all planned stops of all runs, and what its columns determine."""
-    position, seating, true = of_plan(recipe)
+    position, seating, true = planned_truths(recipe)
     nuisance = method.nuisance(recipe, position, seating, true)
     return method.of(recipe).design(true, recipe, nuisance)
 
 
-def of_plan(recipe: Recipe) -> tuple[tuple[str, ...], tuple[str, ...], Floats]:
+def planned_truths(recipe: Recipe) -> tuple[tuple[str, ...], tuple[str, ...], Floats]:
     """Position, seating and truth (v, 3) of every planned stop of all runs."""
     stops = [s for run in range(len(recipe.runs)) for s in planned(recipe, run)]
     return tuple(s.position for s in stops), tuple(s.seating for s in stops), np.array([s.true for s in stops])
@@ -54,9 +54,9 @@ def _refusal(recipe: Recipe, rows: Floats, lost: Sequence[str]) -> str:
 
 def missing(recipe: Recipe) -> tuple[str, ...]:
     """YAML of the positions that complete the recipe, best first; nothing when none helps."""
-    _, _, true = of_plan(recipe)
+    _, _, true = planned_truths(recipe)
     out: list[str] = []
-    for _ in range(MOST_MISSING):
+    for _ in range(MAX_PROPOSALS):
         rows, _ = method.of(recipe).design(true, recipe, np.zeros((len(true), 0)))
         if rank.of(rows) == rows.shape[1]:
             return tuple(out)
@@ -68,12 +68,12 @@ def missing(recipe: Recipe) -> tuple[str, ...]:
 
 def next_position(recipe: Recipe) -> str:
     """YAML of the position that would add most, even to a complete recipe."""
-    _, _, true = of_plan(recipe)
+    _, _, true = planned_truths(recipe)
     return optimal.as_yaml("extra-1", optimal.next_best(true, recipe), recipe)
 
 
 def efficiency(recipe: Recipe) -> float:
     """D-efficiency: (det XᵀX over that of the best design of as many stops)^(1/k); 1 is best."""
-    _, _, true = of_plan(recipe)
+    _, _, true = planned_truths(recipe)
     best = optimal.search(recipe, len(true))
     return float(min(np.exp(optimal.log_det(true, recipe) - optimal.log_det(best, recipe)), 1.0))

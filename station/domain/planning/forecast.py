@@ -48,13 +48,13 @@ class Forecast:
 def forecast(recipe: Recipe, rounding: Floats) -> Forecast:
     """The forecast of a recipe that `design.check` accepts and that lists its positions."""
     noise = expected_noise(recipe)
-    dwell_s = adaptive_dwell.by_sheet_s(recipe)
-    stops = nominal_visits.stops(recipe, dwell_s)
-    problem = method.problem(recipe, [stops])
+    dwell_s = adaptive_dwell.dwells_by_sheet_s(recipe)
+    stops = nominal_visits.nominal_visits(recipe, dwell_s)
+    problem = method.fit_problem(recipe, [stops])
     fit = method.of(recipe).fit(problem)
     budget = uncertainty.budgets(recipe, problem, fit, stops, rounding)[0]
-    wanted = adaptive_dwell.wanted(recipe, fit.free, float(problem.magnitude.max()))
-    missed = adaptive_dwell.missed(recipe, wanted, budget.std("noise"))
+    wanted = adaptive_dwell.target_std(recipe, fit.free, float(problem.magnitude.max()))
+    missed = adaptive_dwell.shortfall(recipe, wanted, budget.std("noise"))
     return Forecast(budget, _decisions(recipe, budget), noise, dwell_s, missed)
 
 

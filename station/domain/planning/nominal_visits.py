@@ -3,7 +3,7 @@
 import numpy as np
 
 from station.domain.capture.rest_detection import expected_noise
-from station.domain.core.types import Floats, Stops
+from station.domain.core.types import Floats, ReducedVisits
 from station.domain.noise import resolution
 from station.domain.planning import design
 from station.domain.recipe import directions, plan
@@ -19,18 +19,18 @@ def names(recipe: Recipe) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def truths(recipe: Recipe) -> Floats:
     """True stimulus (v, 3) of every planned stop; hand-held stops are taken to be spread evenly."""
     if recipe.pose_known:
-        return design.of_plan(recipe)[2]
+        return design.planned_truths(recipe)[2]
     return directions.spread(len(names(recipe)[0])) * recipe.reference.strength()
 
 
-def stops(recipe: Recipe, dwell_s: Floats) -> Stops:
+def nominal_visits(recipe: Recipe, dwell_s: Floats) -> ReducedVisits:
     """The stops of all runs, dwelt at for dwell_s (v)."""
     position, seating = names(recipe)
     true, noise = truths(recipe), expected_noise(recipe)
     v = len(position)
     count = np.maximum(np.rint(dwell_s * recipe.device.rate_hz), 1).astype(np.int64)
     rounding = float(resolution.rounding_variance(np.array(recipe.device.lsb), np.array(noise)))
-    return Stops(
+    return ReducedVisits(
         position=position,
         seating=seating,
         run=np.zeros(v, np.int32),

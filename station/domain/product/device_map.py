@@ -10,11 +10,11 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from station.domain.product import number_format
-from station.domain.recipe.recipe import Finite, Part, Positive
+from station.domain.recipe.recipe import Finite, Positive, StrictModel
 
 AXES = "xyz"
 CELLS = tuple(row + column for row in AXES for column in AXES)
-Step = Literal["unlock", "invalidate", "offset", "matrix", "temperature", "record", "validate", "configuration"]
+WriteStep = Literal["unlock", "invalidate", "offset", "matrix", "temperature", "record", "validate", "configuration"]
 
 
 def _known_format(name: str) -> str:
@@ -35,10 +35,10 @@ def _known_pattern(text: str) -> str:
 Index = Annotated[int, Field(ge=0x0001, le=0xFFFF)]
 Sub = Annotated[int, Field(ge=0, le=0xFF)]
 Format = Annotated[str, AfterValidator(_known_format)]
-Limits = tuple[Finite, Finite]
+ValueLimits = tuple[Finite, Finite]
 
 
-class Object(Part):
+class DeviceObject(StrictModel):
     """One object of the device. timeout_s: how long it may take to answer; left out: the station's usual time."""
 
     index: Index
@@ -51,16 +51,16 @@ class Object(Part):
         return self.index, self.sub
 
 
-class Number(Object):
+class NumberObject(DeviceObject):
     """An object that keeps one number: kept = sign · value / scale, in counts of its type."""
 
     type: Format = "UINT32"
     scale: Positive = 1.0
     sign: Literal[1, -1] = 1
-    limits: Limits | None = None
+    limits: ValueLimits | None = None
 
 
-class Place(Part):
+class CoefficientOverride(StrictModel):
     """What one coefficient does differently from its block."""
 
     index: Index | None = None
@@ -68,10 +68,10 @@ class Place(Part):
     type: Format | None = None
     scale: Positive | None = None
     sign: Literal[1, -1] | None = None
-    limits: Limits | None = None
+    limits: ValueLimits | None = None
 
 
-class Coefficients(Number):
+class CoefficientBlock(NumberObject):
     """A block of coefficients: `sub` is the first one's, the others follow; `each` lists exceptions by name.
 
     kept = sign · (value − nominal if from_nominal) / scale. `scale` is the value of one count (of one unit of
@@ -80,12 +80,12 @@ class Coefficients(Number):
 
     type: Format = "REAL32"
     from_nominal: bool = False
-    each: dict[str, Place] = Field(default_factory=dict)
+    each: dict[str, CoefficientOverride] = Field(default_factory=dict)
 
-    def number(self, cell: str, sub: int) -> Number:
+    def number(self, cell: str, sub: int) -> NumberObject:
         """Where and how the coefficient `cell` is kept, `sub` being its place in the block's order."""
-        own = self.each.get(cell, Place())
-        return Number(
+        own = self.each.get(cell, CoefficientOverride())
+        return NumberObject(
             index=own.index or self.index,
             sub=sub if own.sub is None else own.sub,
             timeout_s=self.timeout_s,
@@ -96,7 +96,7 @@ class Coefficients(Number):
         )
 
 
-class Offset(Coefficients):
+class OffsetBlock(CoefficientBlock):
     """Three offsets, x y z."""
 
     sub: Sub = 1
@@ -106,13 +106,13 @@ class Offset(Coefficients):
         _check_cells(self.each, tuple(AXES))
         return self
 
-    def cells(self) -> Iterator[tuple[str, Number]]:
+    def cells(self) -> Iterator[tuple[str, NumberObject]]:
         """(axis, number) in the order of writing."""
         for i, axis in enumerate(AXES):
             yield axis, self.number(axis, self.sub + i)
 
 
-class Matrix(Coefficients):
+class MatrixBlock(CoefficientBlock):
     """Nine coefficients row by row or column by column, or three gains (`diagonal`)."""
 
     sub: Sub = 1
@@ -130,13 +130,13 @@ class Matrix(Coefficients):
             return ("xx", "yy", "zz")
         return CELLS if self.order == "row" else tuple(cell[::-1] for cell in CELLS)
 
-    def cells(self) -> Iterator[tuple[str, Number]]:
+    def cells(self) -> Iterator[tuple[str, NumberObject]]:
         """(cell, number) in the order of writing."""
         for i, cell in enumerate(self.names):
             yield cell, self.number(cell, self.sub + i)
 
 
-class Output(Number):
+class OutputSwitch(NumberObject):
     """The switch between raw and compensated output; calibrating compensated data is the classic error."""
 
     type: Format = "UINT8"
@@ -144,14 +144,14 @@ class Output(Number):
     compensated: int = 1
 
 
-class Unlock(Number):
+class UnlockObject(NumberObject):
     """What must be written before coefficients are taken, and what locks again (left out: the reset does)."""
 
     key: int
     lock: int | None = None
 
 
-class Valid(Number):
+class ValidFlag(NumberObject):
     """The flag that says whether the stored calibration may be used: cleared before the writes, set after."""
 
     type: Format = "UINT8"
@@ -159,26 +159,26 @@ class Valid(Number):
     invalid: int = 0
 
 
-class Checksum(Object):
+class ChecksumObject(DeviceObject):
     """A checksum that the device computes over its coefficients' bytes, in the order given: CRC-32 of IEEE 802.3."""
 
     over: Annotated[tuple[Literal["matrix", "offset"], ...], Field(min_length=1)] = ("matrix", "offset")
 
 
-class Save(Object):
+class StoreCommand(DeviceObject):
     """Object 0x1010 or 0x1011: the signature makes the device store or restore; it answers afterwards."""
 
     sub: Sub = 1
     timeout_s: Positive | None = 5.0
 
 
-class Text(Object):
+class TextObject(DeviceObject):
     """An object that keeps text."""
 
     length: Annotated[int, Field(ge=1, le=10_000)] = 36
 
 
-class Serial(Object):
+class SerialObject(DeviceObject):
     """Where the device keeps its serial, and which part of the printed one that is (SN0042 → 42)."""
 
     index: Index = 0x1018
@@ -187,14 +187,14 @@ class Serial(Object):
     printed: Annotated[str, AfterValidator(_known_pattern)] = r"(\d+)$"
 
 
-class Setting(Number):
+class DeviceSetting(NumberObject):
     """A setting (filter, event timer) that is recorded, set to `calibrating` for the run, and restored after it."""
 
     name: str
     calibrating: float | None = None
 
 
-class DeviceMap(Part):
+class DeviceMap(StrictModel):
     """The whole map. `stores` says which matrix and offset the device keeps, with A and b of the station's model:
 
     forward: measured = A·true + b, keeps A and b; inverse: true = M·(measured − b), keeps M = A⁻¹ and b;
@@ -202,20 +202,20 @@ class DeviceMap(Part):
     """
 
     stores: Literal["forward", "inverse", "inverse-add"] = "forward"
-    matrix: Matrix
-    offset: Offset
-    output: Output | None = None
-    unlock: Unlock | None = None
-    valid: Valid | None = None
-    checksum: Checksum | None = None
-    temperature: Number | None = None
-    record: Text | None = None
-    save: Save = Save(index=0x1010)
-    restore: Save = Save(index=0x1011)
-    configuration: Object | None = None
-    serial: Serial = Serial()
-    settings: tuple[Setting, ...] = ()
-    order: tuple[Step, ...] = (
+    matrix: MatrixBlock
+    offset: OffsetBlock
+    output: OutputSwitch | None = None
+    unlock: UnlockObject | None = None
+    valid: ValidFlag | None = None
+    checksum: ChecksumObject | None = None
+    temperature: NumberObject | None = None
+    record: TextObject | None = None
+    save: StoreCommand = StoreCommand(index=0x1010)
+    restore: StoreCommand = StoreCommand(index=0x1011)
+    configuration: DeviceObject | None = None
+    serial: SerialObject = SerialObject()
+    settings: tuple[DeviceSetting, ...] = ()
+    order: tuple[WriteStep, ...] = (
         "unlock",
         "invalidate",
         "matrix",
@@ -241,19 +241,19 @@ class DeviceMap(Part):
             seen[number.address] = name
         return self
 
-    def coefficients(self) -> Iterator[tuple[str, Number]]:
+    def coefficients(self) -> Iterator[tuple[str, NumberObject]]:
         """(name, number) of every coefficient in the order of writing: matrix.xy, offset.z."""
         for step in self.order:
             if step in ("matrix", "offset"):
-                block: Matrix | Offset = getattr(self, step)
+                block: MatrixBlock | OffsetBlock = getattr(self, step)
                 for cell, number in block.cells():
                     yield f"{step}.{cell}", number
 
     def nominal(self, name: str) -> float:
         """What a coefficient is measured from: 1 on the diagonal and 0 elsewhere, where the block says so."""
         step, cell = name.split(".")
-        block: Matrix | Offset = getattr(self, step)
-        own = block.each.get(cell, Place())
+        block: MatrixBlock | OffsetBlock = getattr(self, step)
+        own = block.each.get(cell, CoefficientOverride())
         deviates = block.from_nominal or number_format.parse(own.type or block.type).from_nominal
         return 1.0 if deviates and step == "matrix" and cell[0] == cell[1] else 0.0
 
@@ -265,7 +265,7 @@ class DeviceMap(Part):
         return {o.address: o.timeout_s for o in objects if o is not None and o.timeout_s is not None}
 
 
-def _check_cells(each: dict[str, Place], known: tuple[str, ...]) -> None:
+def _check_cells(each: dict[str, CoefficientOverride], known: tuple[str, ...]) -> None:
     for cell in each:
         if cell not in known:
             raise ValueError(f"each names {cell!r}; the known ones are {', '.join(known)}")

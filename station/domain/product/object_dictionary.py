@@ -27,7 +27,7 @@ TYPES: Mapping[int, tuple[str, str]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class ObjectEntry:
     """One variable. type: CiA 301 code; access: ro, wo, rw, rwr, rww or const; low, high: limits or None."""
 
     index: int
@@ -79,13 +79,13 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Dictionary:
+class ObjectDictionary:
     """All entries of a device by (index, sub), and the node id for which COB-IDs were worked out."""
 
     node: int
-    entries: Mapping[Address, Entry] = field(default_factory=dict)
+    entries: Mapping[Address, ObjectEntry] = field(default_factory=dict)
 
-    def __getitem__(self, address: Address) -> Entry:
+    def __getitem__(self, address: Address) -> ObjectEntry:
         return self.entries[address]
 
     def __contains__(self, address: object) -> bool:

@@ -6,14 +6,14 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from station.domain.can.sensor_layout import FrameMap
-from station.domain.product.device_map import DeviceMap, Serial
-from station.domain.recipe.recipe import Name, Part
+from station.domain.product.device_map import DeviceMap, SerialObject
+from station.domain.recipe.recipe import Name, StrictModel
 from station.errors import UsageError
 
 Word = Annotated[int, Field(ge=0, le=0xFFFF_FFFF)]
 
 
-class ProductIdentity(Part):
+class ProductIdentity(StrictModel):
     """What the identity objects must read. device_type: 0x1000; vendor, product, revision: 0x1018:1–3; name: 0x1008."""
 
     vendor: Word
@@ -23,7 +23,7 @@ class ProductIdentity(Part):
     name: str | None = None
 
 
-class Product(Part):
+class Product(StrictModel):
     """Everything about a product that no recipe and no config says. eds: file beside the product file."""
 
     schema_: Annotated[Literal["station.product/1"], Field(alias="schema")]
@@ -50,7 +50,7 @@ class Product(Part):
         return tuple(found)
 
 
-def kept_serial(serial: Serial, printed: str) -> int | str:
+def stored_serial(serial: SerialObject, printed: str) -> int | str:
     """What a device with this printed serial must keep (SN0042 → 42); UsageError when it follows another pattern."""
     match = re.search(serial.printed, printed)
     if match is None:
@@ -58,7 +58,7 @@ def kept_serial(serial: Serial, printed: str) -> int | str:
     return int(match[1]) if serial.kind == "number" else match[1]
 
 
-def read_serial(serial: Serial, raw: bytes) -> int | str:
+def decode_serial(serial: SerialObject, raw: bytes) -> int | str:
     """The serial in the bytes of the serial object."""
     if serial.kind == "number":
         return int.from_bytes(raw, "little")

@@ -10,12 +10,12 @@ import numpy as np
 
 from station.domain.core.types import Calibration, Floats
 from station.domain.product import number_format
-from station.domain.product.device_map import AXES, DeviceMap, Number, Object, Step
+from station.domain.product.device_map import AXES, DeviceMap, DeviceObject, NumberObject, WriteStep
 from station.domain.product.sdo_codes import address
 from station.errors import ProductError, UnitFault
 
 Address = tuple[int, int]
-Raws = Mapping[Address, bytes]
+RawValues = Mapping[Address, bytes]
 
 SAVE, LOAD = b"save", b"load"
 #: 0x1020 counts days from here (CiA 301, TIME_OF_DAY).
@@ -49,7 +49,7 @@ def encode(device_map: DeviceMap, calibration: Calibration) -> tuple[ObjectWrite
     Errors: UnitFault when a coefficient is not finite, beyond its limits or does not fit its type; ProductError
     when the device keeps gains only and the calibration has cross-axis terms.
     """
-    kept = _kept(device_map, calibration.offset, calibration.matrix)
+    kept = _device_values(device_map, calibration.offset, calibration.matrix)
     if device_map.matrix.order == "diagonal":
         _refuse_cross_axis(calibration)
     return tuple(
@@ -57,7 +57,7 @@ def encode(device_map: DeviceMap, calibration: Calibration) -> tuple[ObjectWrite
     )
 
 
-def decode(device_map: DeviceMap, raws: Raws) -> tuple[Floats, Floats]:
+def decode(device_map: DeviceMap, raws: RawValues) -> tuple[Floats, Floats]:
     """(offset (3), matrix (3, 3)) of measured = matrix · true + offset, from the bytes the device keeps.
 
     Errors: UnitFault when a value is missing, has a wrong length or is not finite, or the matrix has no inverse.
@@ -81,16 +81,16 @@ def rounding_std(device_map: DeviceMap, offset: Floats | None = None, matrix: Fl
     """
     b = np.zeros(3) if offset is None else np.asarray(offset, float)
     A = np.eye(3) if matrix is None else np.asarray(matrix, float)
-    kept = _kept(device_map, b, A)
+    kept = _device_values(device_map, b, A)
     std = np.zeros(12)
     for name, number in device_map.coefficients():
         shape = number_format.parse(number.type)
         value = number.sign * (kept[name] - device_map.nominal(name)) / number.scale
-        std[_slot(name)] = shape.spacing(value) * number.scale / np.sqrt(12)
+        std[_coefficient_index(name)] = shape.spacing(value) * number.scale / np.sqrt(12)
     return np.asarray(np.sqrt((_jacobian(device_map, b, A) ** 2) @ std**2))
 
 
-def classify(old: Raws, new: Raws, read: Raws) -> Literal["old", "new", "mixed", "other"]:
+def classify(old: RawValues, new: RawValues, read: RawValues) -> Literal["old", "new", "mixed", "other"]:
     """What a device that may be half written holds: all new, all old, some of each, or something else."""
     if all(read.get(at) == raw for at, raw in new.items()):
         return "new"
@@ -112,15 +112,15 @@ def sequence(
     leaves out is left out. record: the attempt that wrote; epoch_ns: when, for 0x1020. Errors: as `encode`.
     """
     coefficients = encode(device_map, calibration)
-    makers: dict[Step, Callable[[], Iterator[ObjectWrite]]] = {
-        "unlock": lambda: _some(unlock(device_map)),
-        "invalidate": lambda: _some(validity(device_map, valid=False)),
+    makers: dict[WriteStep, Callable[[], Iterator[ObjectWrite]]] = {
+        "unlock": lambda: _optional(unlock(device_map)),
+        "invalidate": lambda: _optional(validity(device_map, valid=False)),
         "matrix": lambda: (w for w in coefficients if w.name.startswith("matrix.")),
         "offset": lambda: (w for w in coefficients if w.name.startswith("offset.")),
         "temperature": lambda: _temperature(device_map, temperature_degC),
         "record": lambda: _record(device_map, record),
         "configuration": lambda: _configuration(device_map, epoch_ns),
-        "validate": lambda: _some(validity(device_map, valid=True)),
+        "validate": lambda: _optional(validity(device_map, valid=True)),
     }
     return tuple(write for step in device_map.order for write in makers[step]())
 
@@ -157,7 +157,7 @@ def restore(device_map: DeviceMap) -> ObjectWrite:
     return _command("restore", device_map.restore, LOAD)
 
 
-def expected_checksum(device_map: DeviceMap, raws: Raws) -> bytes | None:
+def expected_checksum(device_map: DeviceMap, raws: RawValues) -> bytes | None:
     """What the device's own checksum object must read for these coefficients; None where there is none."""
     if device_map.checksum is None:
         return None
@@ -167,7 +167,7 @@ def expected_checksum(device_map: DeviceMap, raws: Raws) -> bytes | None:
     return zlib.crc32(data).to_bytes(4, "little")
 
 
-def _kept(device_map: DeviceMap, b: Floats, A: Floats) -> dict[str, float]:
+def _device_values(device_map: DeviceMap, b: Floats, A: Floats) -> dict[str, float]:
     """Coefficients as the device means them, by name."""
     if not (np.isfinite(A).all() and np.isfinite(b).all()):
         raise UnitFault("the calibration holds values that are not finite, so nothing was written; measure again")
@@ -210,12 +210,12 @@ def _jacobian(device_map: DeviceMap, b: Floats, A: Floats) -> Floats:
     return J
 
 
-def _slot(name: str) -> int:
+def _coefficient_index(name: str) -> int:
     block, cell = name.split(".")
     return AXES.index(cell) if block == "offset" else 3 + 3 * AXES.index(cell[0]) + AXES.index(cell[1])
 
 
-def _write(name: str, number: Number, value: float, nominal: float) -> ObjectWrite:
+def _write(name: str, number: NumberObject, value: float, nominal: float) -> ObjectWrite:
     where = address(number.index, number.sub)
     if number.limits is not None and not number.limits[0] <= value <= number.limits[1]:
         low, high = number.limits
@@ -229,7 +229,7 @@ def _write(name: str, number: Number, value: float, nominal: float) -> ObjectWri
     return ObjectWrite(number.index, number.sub, name, value, raw, number.timeout_s)
 
 
-def _value(name: str, number: Number, nominal: float, raws: Raws) -> float:
+def _value(name: str, number: NumberObject, nominal: float, raws: RawValues) -> float:
     where = address(number.index, number.sub)
     if number.address not in raws:
         raise UnitFault(f"{name} at {where} was not read, so the stored calibration is unknown; read it again")
@@ -249,16 +249,16 @@ def _refuse_cross_axis(calibration: Calibration) -> None:
         )
 
 
-def _control(name: str, number: Number, value: float, *, read_back: bool = True) -> ObjectWrite:
+def _control(name: str, number: NumberObject, value: float, *, read_back: bool = True) -> ObjectWrite:
     raw = number_format.parse(number.type).encode(number.sign * value / number.scale)
     return ObjectWrite(number.index, number.sub, name, float(value), raw, number.timeout_s, read_back)
 
 
-def _command(name: str, target: Object, signature: bytes) -> ObjectWrite:
+def _command(name: str, target: DeviceObject, signature: bytes) -> ObjectWrite:
     return ObjectWrite(target.index, target.sub, name, None, signature, target.timeout_s, read_back=False)
 
 
-def _some(write: ObjectWrite | None) -> Iterator[ObjectWrite]:
+def _optional(write: ObjectWrite | None) -> Iterator[ObjectWrite]:
     if write is not None:
         yield write
 

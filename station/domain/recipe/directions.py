@@ -16,7 +16,7 @@ def _unit(points: list[tuple[float, ...]]) -> Floats:
     return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))
 
 
-def _even(base: tuple[float, float, float]) -> list[tuple[float, ...]]:
+def _even_permutations(base: tuple[float, float, float]) -> list[tuple[float, ...]]:
     """Cyclic permutations of all sign changes of a point."""
     signed = {tuple(s * b for s, b in zip(signs, base, strict=True)) for signs in product((1, -1), repeat=3)}
     return sorted({tuple(np.roll(p, k)) for p in signed for k in range(3)}, reverse=True)
@@ -24,9 +24,9 @@ def _even(base: tuple[float, float, float]) -> list[tuple[float, ...]]:
 
 AXES = _unit([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
 CORNERS = _unit(list(product((1, -1), repeat=3)))
-EDGES = _unit(_even((0, 1, 1)))
-ICOSAHEDRON = _unit(_even((0, 1, GOLDEN)))
-DODECAHEDRON = np.concatenate([CORNERS, _unit(_even((0, 1 / GOLDEN, GOLDEN)))])
+EDGES = _unit(_even_permutations((0, 1, 1)))
+ICOSAHEDRON = _unit(_even_permutations((0, 1, GOLDEN)))
+DODECAHEDRON = np.concatenate([CORNERS, _unit(_even_permutations((0, 1 / GOLDEN, GOLDEN)))])
 TETRAHEDRON = _unit([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
 
 
@@ -35,11 +35,15 @@ def _snub_cube() -> Floats:
     base = (1.0, 1 / TRIBONACCI, TRIBONACCI)
     both = product(permutations(range(3)), product((1, -1), repeat=3))
     return _unit(
-        [tuple(s * base[o] for s, o in zip(signs, order, strict=True)) for order, signs in both if _in(order, signs)]
+        [
+            tuple(s * base[o] for s, o in zip(signs, order, strict=True))
+            for order, signs in both
+            if _in_snub_cube(order, signs)
+        ]
     )
 
 
-def _in(order: tuple[int, ...], signs: tuple[int, ...]) -> bool:
+def _in_snub_cube(order: tuple[int, ...], signs: tuple[int, ...]) -> bool:
     odd = bool(np.linalg.det(np.eye(3)[list(order)]) < 0)
     return (sum(s > 0 for s in signs) % 2 == 1) == odd
 

@@ -10,7 +10,7 @@ from station.domain.core.types import Floats
 STANDARD = 9.80665
 
 
-def at(latitude_deg: float, altitude_m: float) -> float:
+def normal_gravity(latitude_deg: float, altitude_m: float) -> float:
     """Normal gravity in m/s² (NIMA TR8350.2, eq. 4-1 and 4-3); local anomalies of tens of ppm are not in it."""
     sin2 = math.sin(math.radians(latitude_deg)) ** 2
     surface = 9.7803253359 * (1 + 0.00193185265241 * sin2) / math.sqrt(1 - 0.00669437999013 * sin2)

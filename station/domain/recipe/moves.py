@@ -8,7 +8,7 @@ import numpy as np
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.domain.recipe import ordering
-from station.domain.recipe.ordering import NEVER, Moves
+from station.domain.recipe.ordering import FORBIDDEN_S, MoveTimes
 from station.domain.recipe.recipe import Position, Recipe, Run
 
 #: Speeds of an ordinary bench: `order: fastest` must not depend on the bench, or a run could not be replayed elsewhere.
@@ -33,14 +33,14 @@ def angles_deg(origin: Floats, goal: Floats) -> Floats:
     return np.asarray(np.rad2deg(np.linalg.norm(rotation.to_vector(turn), axis=-1)))
 
 
-def usual(positions: Sequence[Position], start: Floats, end: Floats | None) -> Moves:
+def bench_move_times(positions: Sequence[Position], start: Floats, end: Floats | None) -> MoveTimes:
     """Moves at the speeds of an ordinary bench, from rotation `start` (3, 3) and to `end`, None where nobody knows."""
     nests = np.stack([p.matrix() for p in positions])
     back = np.zeros(len(nests)) if end is None else turn_s(angles_deg(nests, end[None])[:, 0])
-    return Moves(turn_s(angles_deg(nests, nests)), turn_s(angles_deg(start[None], nests)[0]), back)
+    return MoveTimes(turn_s(angles_deg(nests, nests)), turn_s(angles_deg(start[None], nests)[0]), back)
 
 
-def allowed(moves: Moves, positions: Sequence[Position], run: Run) -> Moves:
+def allowed_moves(moves: MoveTimes, positions: Sequence[Position], run: Run) -> MoveTimes:
     """The moves with those forbidden that the run must not make.
 
     The run's own first and last position stay there; positions at one pose do not follow each other, for only coming
@@ -51,12 +51,12 @@ def allowed(moves: Moves, positions: Sequence[Position], run: Run) -> Moves:
     same = (angles_deg(nests, nests) < SAME_DEG) & np.array([[a == b for b in rates] for a in rates])
     names = [p.name for p in positions]
     first, last = (None if name is None else names.index(name) for name in (run.first, run.last))
-    return Moves(np.where(same, NEVER, moves.between), moves.start, moves.end).fixed(first, last)
+    return MoveTimes(np.where(same, FORBIDDEN_S, moves.between), moves.start, moves.end).fixed(first, last)
 
 
 def fastest(recipe: Recipe, run: Run, start: Floats, end: Floats | None) -> tuple[Position, ...]:
     """The positions of a run in the order of least moving time at the speeds of an ordinary bench."""
-    moves = allowed(usual(recipe.positions, start, end), recipe.positions, run)
+    moves = allowed_moves(bench_move_times(recipe.positions, start, end), recipe.positions, run)
     order = _fastest(moves.between.tobytes(), moves.start.tobytes(), moves.end.tobytes())
     return tuple(recipe.positions[i] for i in order)
 
@@ -64,4 +64,4 @@ def fastest(recipe: Recipe, run: Run, start: Floats, end: Floats | None) -> tupl
 @lru_cache(maxsize=64)
 def _fastest(between: bytes, start: bytes, end: bytes) -> tuple[int, ...]:
     first, last = np.frombuffer(start), np.frombuffer(end)
-    return tuple(ordering.fastest(Moves(np.frombuffer(between).reshape(len(first), -1), first, last)).tolist())
+    return tuple(ordering.fastest(MoveTimes(np.frombuffer(between).reshape(len(first), -1), first, last)).tolist())

@@ -15,17 +15,17 @@ from station.domain.core.types import Floats
 Path = NDArray[np.intp]
 
 #: Up to so many positions the search is exact.
-EXACT = 14
+MAX_EXACT = 14
 #: The cost of a move that must not be, s: two stops at one pose tell pure error only when the fixture left it between.
-NEVER = 1e6
+FORBIDDEN_S = 1e6
 #: Kicks without a better path after which the search ends, and paths from which it starts.
 KICKS, STARTS = 40, 6
 #: Two costs that differ by less are alike, s.
-ALIKE = 1e-9
+TIE_S = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moves:
+class MoveTimes:
     """Moving times, s. between (n, n): from row to column; start (n): from where the fixture stands; end (n): to where
     it goes afterwards, 0 where that does not matter. NEVER stands where a move must not be."""
 
@@ -37,25 +37,25 @@ class Moves:
         """Moving time of a path through all positions."""
         return float(self.start[path[0]] + self.between[path[:-1], path[1:]].sum() + self.end[path[-1]])
 
-    def fixed(self, first: int | None, last: int | None) -> "Moves":
+    def fixed(self, first: int | None, last: int | None) -> "MoveTimes":
         """The same where the path must begin or end at a given position."""
         here = np.arange(len(self.start))
-        start = self.start if first is None else np.where(here == first, self.start, NEVER)
-        end = self.end if last is None else np.where(here == last, self.end, NEVER)
-        return Moves(self.between, start, end)
+        start = self.start if first is None else np.where(here == first, self.start, FORBIDDEN_S)
+        end = self.end if last is None else np.where(here == last, self.end, FORBIDDEN_S)
+        return MoveTimes(self.between, start, end)
 
 
-def fastest(moves: Moves) -> Path:
+def fastest(moves: MoveTimes) -> Path:
     """The best order found; the listed one where none is better."""
     n = len(moves.start)
     listed = np.arange(n)
     if n < 2:
         return listed
-    found = exact(moves) if n <= EXACT else search(moves)
-    return found if moves.of(found) < moves.of(listed) - ALIKE else listed
+    found = exact(moves) if n <= MAX_EXACT else search(moves)
+    return found if moves.of(found) < moves.of(listed) - TIE_S else listed
 
 
-def exact(moves: Moves) -> Path:
+def exact(moves: MoveTimes) -> Path:
     """The optimum by dynamic programming over all subsets, those of one size at a time."""
     n = len(moves.start)
     least = np.full((1 << n, n), np.inf)
@@ -78,10 +78,10 @@ def exact(moves: Moves) -> Path:
     return np.array(path[::-1])
 
 
-def search(moves: Moves, kicks: int = KICKS, seed: int = 1) -> Path:
+def search(moves: MoveTimes, kicks: int = KICKS, seed: int = 1) -> Path:
     """A good path for many positions: improved from several starts, then kicked until `kicks` in a row are in vain."""
     n = len(moves.start)
-    cost = np.full((n + 2, n + 2), NEVER)
+    cost = np.full((n + 2, n + 2), FORBIDDEN_S)
     cost[1:-1, 1:-1], cost[0, 1:-1], cost[1:-1, -1] = moves.between, moves.start, moves.end
     rng = np.random.default_rng(seed)
     starts = [_nearest(cost, int(first)) for first in np.argsort(moves.start, kind="stable")[:STARTS] + 1]
@@ -89,8 +89,8 @@ def search(moves: Moves, kicks: int = KICKS, seed: int = 1) -> Path:
     best = min(tours, key=lambda tour: _length(cost, tour))
     in_vain = 0
     while in_vain < kicks:
-        tried = _improved(cost, _kicked(best, rng))
-        in_vain = 0 if _length(cost, tried) < _length(cost, best) - ALIKE else in_vain + 1
+        tried = _improved(cost, _double_bridge(best, rng))
+        in_vain = 0 if _length(cost, tried) < _length(cost, best) - TIE_S else in_vain + 1
         best = best if in_vain else tried
     return best[1:-1] - 1
 
@@ -111,13 +111,13 @@ def _nearest(cost: Floats, first: int) -> Path:
 def _improved(cost: Floats, tour: Path) -> Path:
     """Turns stretches round and moves short ones elsewhere, the best change first, until nothing helps."""
     while True:
-        gain, changed = max((_turned(cost, tour), *(_moved(cost, tour, k) for k in (1, 2, 3))), key=lambda g: g[0])
-        if gain <= ALIKE:
+        gain, changed = max((_two_opt(cost, tour), *(_or_opt(cost, tour, k) for k in (1, 2, 3))), key=lambda g: g[0])
+        if gain <= TIE_S:
             return tour
         tour = changed
 
 
-def _turned(cost: Floats, tour: Path) -> tuple[float, Path]:
+def _two_opt(cost: Floats, tour: Path) -> tuple[float, Path]:
     """The best stretch to go through backwards (2-opt): seconds gained, and the tour."""
     there = np.r_[0.0, np.cumsum(cost[tour[:-1], tour[1:]])]
     back = np.r_[0.0, np.cumsum(cost[tour[1:], tour[:-1]])]
@@ -130,7 +130,7 @@ def _turned(cost: Floats, tour: Path) -> tuple[float, Path]:
     return float(was[best] - now[best]), np.r_[tour[:a], tour[a : b + 1][::-1], tour[b + 1 :]]
 
 
-def _moved(cost: Floats, tour: Path, size: int) -> tuple[float, Path]:
+def _or_opt(cost: Floats, tour: Path, size: int) -> tuple[float, Path]:
     """The best stretch of `size` stops to take elsewhere, either way round (Or-opt, Or 1976)."""
     n = len(tour) - 2
     if n <= size:
@@ -161,7 +161,7 @@ def _inside(cost: Floats, tour: Path, a: Path, size: int, forth: bool) -> Floats
     return np.asarray(cost[one, two].sum(axis=1, keepdims=True))
 
 
-def _kicked(tour: Path, rng: np.random.Generator) -> Path:
+def _double_bridge(tour: Path, rng: np.random.Generator) -> Path:
     """Two neighbouring stretches change places (double bridge)."""
     a, b, c = np.sort(rng.choice(np.arange(1, len(tour)), 3, replace=False))
     return np.concatenate([tour[:a], tour[b:c], tour[a:b], tour[c:]])

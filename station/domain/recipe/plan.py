@@ -10,11 +10,11 @@ from station.domain.recipe import moves
 from station.domain.recipe.recipe import Position, Recipe, Run
 
 #: Stops of a run whose recipe lists no positions, because a person holds the part in any pose.
-STOPS_BY_HAND = 24
+HAND_HELD_VISITS = 24
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stop:
+class PlannedVisit:
     """One planned stop. nest: nest → station rotation; seat: device → nest rotation; previous: name or None."""
 
     run: int
@@ -53,29 +53,31 @@ def ends(recipe: Recipe, run: int) -> tuple[Floats, Floats | None]:
 
 def names(recipe: Recipe, run: int) -> tuple[str, ...]:
     """Names of the stops of one run in order; of a hand-held run without positions, so many numbered ones."""
-    return tuple(p.name for p in order_of(recipe, run)) or tuple(f"hand-{i + 1}" for i in range(STOPS_BY_HAND))
+    return tuple(p.name for p in order_of(recipe, run)) or tuple(f"hand-{i + 1}" for i in range(HAND_HELD_VISITS))
 
 
-def place(recipe: Recipe, run: int, visit: int) -> int:
+def visit_index(recipe: Recipe, run: int, visit: int) -> int:
     """Place of a stop of one run among the stops of all runs."""
     return sum(len(names(recipe, before)) for before in range(run)) + visit
 
 
-def stops(recipe: Recipe, run: int) -> tuple[Stop, ...]:
+def planned_visits(recipe: Recipe, run: int) -> tuple[PlannedVisit, ...]:
     """The stops of one run in order. The first stop of a run has no previous position."""
     seating = recipe.runs[run].seating
-    return _chain(recipe, run, order_of(recipe, run), seating, 0)
+    return _visits_in_order(recipe, run, order_of(recipe, run), seating, 0)
 
 
-def verification(recipe: Recipe, run: int, first_visit: int) -> tuple[Stop, ...]:
+def verification_visits(recipe: Recipe, run: int, first_visit: int) -> tuple[PlannedVisit, ...]:
     """The stops measured again after the write, in the seating of that run."""
-    return _chain(recipe, run, recipe.verify.positions, recipe.runs[run].seating, first_visit)
+    return _visits_in_order(recipe, run, recipe.verify.positions, recipe.runs[run].seating, first_visit)
 
 
-def _chain(recipe: Recipe, run: int, order: tuple[Position, ...], seating: str, first: int) -> tuple[Stop, ...]:
+def _visits_in_order(
+    recipe: Recipe, run: int, order: tuple[Position, ...], seating: str, first: int
+) -> tuple[PlannedVisit, ...]:
     seat = recipe.seating(seating)
     return tuple(
-        Stop(
+        PlannedVisit(
             run=run,
             visit=first + i,
             position=p.name,
@@ -89,6 +91,6 @@ def _chain(recipe: Recipe, run: int, order: tuple[Position, ...], seating: str, 
     )
 
 
-def of_run(recipe: Recipe, run: int) -> Run:
+def run_of_pass(recipe: Recipe, run: int) -> Run:
     """Which of the recipe's `runs` a pass is: repeated passes go round again."""
     return recipe.runs[run % len(recipe.runs)]

@@ -20,13 +20,13 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[\w.+\-/ ]+$")]
 
 
-class Part(BaseModel):
+class StrictModel(BaseModel):
     """Base of every block: frozen, and an unknown key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
 
 
-class Turn(Part):
+class Turn(StrictModel):
     """One rotation about an axis of the station, right-handed."""
 
     axis: Vector
@@ -40,11 +40,11 @@ class Turn(Part):
 
     def matrix(self) -> Floats:
         """The rotation as a matrix, not to be written to."""
-        return _turned(self.axis, self.angle_deg)
+        return _rotation_about(self.axis, self.angle_deg)
 
 
 @lru_cache(maxsize=1024)
-def _turned(axis: Vector, angle_deg: float) -> Floats:
+def _rotation_about(axis: Vector, angle_deg: float) -> Floats:
     """A rotation, kept: a recipe's few turns are asked for at every stop."""
     R = rotation.about(np.array(axis), angle_deg)
     R.flags.writeable = False
@@ -54,7 +54,7 @@ def _turned(axis: Vector, angle_deg: float) -> Floats:
 UP = {f"{s}{a}": (1.0 if s == "+" else -1.0) * np.eye(3)[i] for s in "+-" for i, a in enumerate("xyz")}
 
 
-class Position(Part):
+class Position(StrictModel):
     """One orientation of the nest, said in one of three ways, or none where the pose is unknown."""
 
     name: Name
@@ -64,7 +64,7 @@ class Position(Part):
     rate: Vector | None = None
 
     @model_validator(mode="after")
-    def _said_once(self) -> Self:
+    def _check_orientation(self) -> Self:
         said = [k for k in ("quaternion", "up", "rotate") if getattr(self, k) is not None]
         if len(said) > 1:
             raise ValueError(f"{' and '.join(said)} both say the orientation; keep one of them")
@@ -90,7 +90,7 @@ class Position(Part):
         return R
 
 
-class Site(Part):
+class Site(StrictModel):
     """Where the station stands, for local gravity and the Earth's turning.
 
     heading_deg: azimuth of the station's x axis, clockwise from north; only a gyroscope wants it.
@@ -102,7 +102,7 @@ class Site(Part):
     heading_deg: Finite | None = None
 
 
-class Gold(Part):
+class GoldReference(StrictModel):
     """A gold reference sensor in the same orientation, with its own calibration, uncertainty and due date.
 
     offset, matrix: measured = matrix · true + offset, in the recipe's unit; offset_std, gain_std: standard
@@ -119,13 +119,13 @@ class Gold(Part):
     node: Annotated[int, Field(ge=1, le=127)] | None = None
 
     @model_validator(mode="after")
-    def _can_be_undone(self) -> Self:
+    def _check_invertible(self) -> Self:
         if not np.linalg.det(self.matrix) > 1e-6:
             raise ValueError("matrix of the gold sensor cannot be undone; enter the one of its certificate")
         return self
 
 
-class Reference(Part):
+class Reference(StrictModel):
     """Where the true stimulus comes from. magnitude and vector in the recipe's unit."""
 
     source: Literal["gravity", "field", "rate", "gold"]
@@ -135,7 +135,7 @@ class Reference(Part):
     site: Site | None = None
     pose: Literal["known", "unknown"] = "known"
     pose_std_deg: NotNegative = 0.0
-    gold: Gold | None = None
+    gold: GoldReference | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -150,7 +150,7 @@ class Reference(Part):
     def strength(self) -> float:
         """Magnitude of the true stimulus in the recipe's unit (1 for a rate, whose positions carry their own)."""
         if self.site is not None and self.source != "rate":
-            return gravity.at(self.site.latitude_deg, self.site.altitude_m) / gravity.STANDARD
+            return gravity.normal_gravity(self.site.latitude_deg, self.site.altitude_m) / gravity.STANDARD
         if self.magnitude is not None:
             return self.magnitude
         return float(np.linalg.norm(self.vector)) if self.vector is not None else 1.0
@@ -162,7 +162,7 @@ class Reference(Part):
         return self.magnitude_std / self.strength()
 
 
-class Run(Part):
+class Run(StrictModel):
     """One pass of the unit through the positions. first, last: where the order `fastest` must begin and end."""
 
     seating: Name = "home"
@@ -174,7 +174,7 @@ class Run(Part):
     motors: Annotated[Literal["on", "off"], BeforeValidator(lambda v: {True: "on", False: "off"}.get(v, v))] = "on"
 
     @model_validator(mode="after")
-    def _ends_can_be_kept(self) -> Self:
+    def _check_ends(self) -> Self:
         given = [key for key in ("first", "last") if getattr(self, key) is not None]
         if given and self.order != "fastest":
             raise ValueError(f"{given[0]} goes with order: fastest; an order that is {self.order} has its own ends")
@@ -183,7 +183,7 @@ class Run(Part):
         return self
 
 
-class DeviceSheet(Part):
+class DeviceSheet(StrictModel):
     """What the device's data sheet promises; the ideal that faults are measured against.
 
     lsb, full_scale and noise_density in the recipe's unit (noise per √Hz). Typical sizes (one standard deviation)
@@ -201,13 +201,13 @@ class DeviceSheet(Part):
     g_sensitivity: NotNegative = 0.0
 
 
-class Settle(Part):
+class Settle(StrictModel):
     """How long after a move readings are left out."""
 
     time_s: NotNegative = 0.3
 
 
-class Dwell(Part):
+class DwellRule(StrictModel):
     """How long a stop is measured: a fixed time, or until the mean is good enough."""
 
     time_s: Positive | None = None
@@ -216,7 +216,7 @@ class Dwell(Part):
     max_s: Positive = 5.0
 
     @model_validator(mode="after")
-    def _one_way(self) -> Self:
+    def _check_time_or_std(self) -> Self:
         if (self.time_s is None) == (self.until_std is None):
             raise ValueError("dwell needs either time_s or until_std (with min_s and max_s)")
         if self.min_s > self.max_s:
@@ -229,7 +229,7 @@ class Dwell(Part):
         return self.time_s if self.time_s is not None else self.max_s
 
 
-class Limits(Part):
+class Limits(StrictModel):
     """Acceptance limits and the decision rule (JCGM 106, ILAC-G8). Half-widths about nominal unless said.
 
     offset, residual, consistency, noise: the recipe's unit; gain, cross_axis: 1; tilt_deg: degrees.
@@ -249,7 +249,7 @@ class Limits(Part):
     temperature_degC: tuple[Finite, Finite] | None = None
 
     @model_validator(mode="after")
-    def _possible(self) -> Self:
+    def _check_limits(self) -> Self:
         if self.rule == "false-accept" and self.false_accept is None:
             raise ValueError("rule false-accept needs false_accept, for example 0.01")
         if self.temperature_degC is not None and self.temperature_degC[0] >= self.temperature_degC[1]:
@@ -258,7 +258,7 @@ class Limits(Part):
         return self
 
 
-class Verify(Part):
+class VerifyBlock(StrictModel):
     """Positions measured again through the device's own corrected output; limit in the recipe's unit."""
 
     positions: tuple[Position, ...] = ()
@@ -268,7 +268,7 @@ class Verify(Part):
 SENSORS, METHODS = "station.domain.recipe.sensors", "station.domain.methods.calibrate"
 
 
-def _among(known: Callable[[], Sequence[str]]) -> BeforeValidator:
+def _one_of(known: Callable[[], Sequence[str]]) -> BeforeValidator:
     """Checks that a value is one of the names there are, plug-ins found by file."""
 
     def check(value: Any) -> Any:
@@ -286,29 +286,29 @@ def _units() -> list[str]:
     return [kind.unit for kind in kinds]
 
 
-class Recipe(Part):
+class Recipe(StrictModel):
     """A whole recipe. Every way to get one checks it; a recipe that exists can be planned."""
 
     schema_: Annotated[Literal["station.recipe/1"], Field(alias="schema")]
     name: Name
     version: Annotated[int, Field(ge=1)]
-    sensor: Annotated[str, _among(lambda: plugins.names(SENSORS))]
-    unit: Annotated[str, _among(_units)]
+    sensor: Annotated[str, _one_of(lambda: plugins.names(SENSORS))]
+    unit: Annotated[str, _one_of(_units)]
     reference: Reference
     positions: tuple[Position, ...] = ()
     seatings: dict[Name, Turn] = {}
     runs: Annotated[tuple[Run, ...], Field(min_length=1)] = (Run(),)
     device: DeviceSheet = DeviceSheet()
     settle: Settle = Settle()
-    dwell: Dwell = Dwell(time_s=1.0)
+    dwell: DwellRule = DwellRule(time_s=1.0)
     visit_repeats: Annotated[int, Field(ge=0, le=5)] = 1
-    method: Annotated[str, _among(lambda: plugins.names(METHODS))] = "n-point"
+    method: Annotated[str, _one_of(lambda: plugins.names(METHODS))] = "n-point"
     model: Literal["offset-gain", "matrix"] = "matrix"
     product: Name | None = None
     serial_pattern: str | None = None
     check_digit: Literal["none", "mod10", "mod43"] = "none"
     limits: Limits = Limits()
-    verify: Verify = Verify()
+    verify: VerifyBlock = VerifyBlock()
 
     @model_validator(mode="after")
     def _hangs_together(self) -> Self:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.recipe.recipe import Gold, Recipe
+from station.domain.recipe.recipe import GoldReference, Recipe
 from station.errors import RecipeError, ReferenceOverdue
 
 #: Nominal stimulus (v, 3) by positions and seatings: units of one fleet share it.
@@ -34,7 +34,7 @@ def gold_vectors(recipe: Recipe, reading: tuple[Floats, Floats], seating: tuple[
     return true, back @ cov @ back.transpose(0, 2, 1)
 
 
-def gold_of(recipe: Recipe) -> Gold:
+def gold_of(recipe: Recipe) -> GoldReference:
     """The gold reference of a recipe that has one; RecipeError otherwise."""
     if recipe.reference.gold is None:
         raise RecipeError("reference.gold is missing; say which gold sensor: {serial: ..., due: YYYY-MM-DD}")

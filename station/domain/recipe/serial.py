@@ -9,14 +9,14 @@ from station.errors import UsageError
 #: Code 39's characters in the order of their values (ISO/IEC 16388, annex A).
 MOD43 = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ-. $/+%"
 #: Longer is no serial but a scanner reading the wrong label.
-LONGEST = 64
+MAX_LENGTH = 64
 
 
 def check(serial: str, recipe: Recipe) -> str:
     """The serial, when it is one of this recipe's; UsageError says what is wrong with it."""
     shown = repr(serial[:40])
-    if not serial or len(serial) > LONGEST or not serial.isascii() or not serial.isprintable():
-        raise UsageError(f"serial {shown} is not 1 to {LONGEST} printable characters; scan it again")
+    if not serial or len(serial) > MAX_LENGTH or not serial.isascii() or not serial.isprintable():
+        raise UsageError(f"serial {shown} is not 1 to {MAX_LENGTH} printable characters; scan it again")
     if recipe.serial_pattern is not None and re.fullmatch(recipe.serial_pattern, serial) is None:
         raise UsageError(f"serial {shown} does not match the recipe's pattern {recipe.serial_pattern!r}; scan it again")
     rule = {"mod10": mod10, "mod43": mod43}.get(recipe.check_digit)

@@ -58,7 +58,7 @@ def link(previous: bytes, body: bytes) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Sealed:
+class SealedRecord:
     """A record as found in a log: its number, table, stored seals and the bytes they should be seals of."""
 
     number: int
@@ -70,7 +70,7 @@ class Sealed:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class IntegrityFinding:
     """One thing wrong with the log. what: edited | deleted | inserted | reordered | truncated | unsigned | …"""
 
     what: str
@@ -80,7 +80,7 @@ class Finding:
 
 
 @dataclass(slots=True)
-class Walk:
+class ChainVerifier:
     """Walks a log's records in order of their numbers and yields what is wrong; memory does not grow.
 
     anchors: number → hash known from elsewhere (head row, head file, a printed certificate). After `run`, number
@@ -96,60 +96,66 @@ class Walk:
     signed: bool = False
     _sealable: tuple[bytes, ...] = ()
 
-    def run(self, records: Iterable[Sealed]) -> Iterator[Finding]:
+    def run(self, records: Iterable[SealedRecord]) -> Iterator[IntegrityFinding]:
         """Findings of all records, which come sorted by number."""
         for record in records:
             yield from self.step(record)
 
-    def step(self, r: Sealed) -> Iterator[Finding]:
+    def step(self, r: SealedRecord) -> Iterator[IntegrityFinding]:
         """Findings of the next record."""
         if not self.number:
             self.hash, self._sealable = self.start, (self.start,)
         if r.number == self.number or r.number < 1:
-            yield Finding("inserted", r.kind, r.number, f"{r.kind} record {r.number} uses a number that is taken")
+            yield IntegrityFinding(
+                "inserted", r.kind, r.number, f"{r.kind} record {r.number} uses a number that is taken"
+            )
             return
         gap = r.number > self.number + 1
         if gap:
             yield _missing(self.number + 1, r.number - 1)
         expected = link(r.previous, r.body)
         if expected != r.hash:
-            yield Finding("edited", r.kind, r.number, f"{r.kind} record {r.number} was edited: it breaks its own seal")
+            yield IntegrityFinding(
+                "edited", r.kind, r.number, f"{r.kind} record {r.number} was edited: it breaks its own seal"
+            )
         elif not gap and r.previous not in self._sealable:
             yield _displaced(r)
         yield from self._signature(r)
         yield from self._anchor(r)
         self.number, self.hash, self._sealable = r.number, r.hash, (r.hash, expected)
 
-    def _signature(self, r: Sealed) -> Iterator[Finding]:
+    def _signature(self, r: SealedRecord) -> Iterator[IntegrityFinding]:
         """The first signed record seals all before it; from there on every record must be signed."""
         if r.signature is None:
             if self.signed:
-                yield Finding("unsigned", r.kind, r.number, f"{r.kind} record {r.number} has lost its signature")
+                yield IntegrityFinding(
+                    "unsigned", r.kind, r.number, f"{r.kind} record {r.number} has lost its signature"
+                )
             return
         self.signed = True
         if self.verify is None or not self.verify(r.signature, r.hash):
-            yield Finding("forged", r.kind, r.number, f"{r.kind} record {r.number} was not signed by this key")
+            yield IntegrityFinding("forged", r.kind, r.number, f"{r.kind} record {r.number} was not signed by this key")
 
-    def _anchor(self, r: Sealed) -> Iterator[Finding]:
+    def _anchor(self, r: SealedRecord) -> Iterator[IntegrityFinding]:
         known = self.anchors.get(r.number)
         if known is not None and known != r.hash:
             what = f"{r.kind} record {r.number} is not the one whose seal was kept outside the table"
-            yield Finding("replaced", r.kind, r.number, what)
+            yield IntegrityFinding("replaced", r.kind, r.number, what)
 
 
-def _missing(first: int, last: int) -> Finding:
+def _missing(first: int, last: int) -> IntegrityFinding:
     which = f"record {first} is" if first == last else f"records {first} to {last} are"
-    return Finding("deleted", "", first, f"{which} missing from the log")
+    return IntegrityFinding("deleted", "", first, f"{which} missing from the log")
 
 
-def _displaced(r: Sealed) -> Finding:
+def _displaced(r: SealedRecord) -> IntegrityFinding:
     sentence = f"{r.kind} record {r.number} does not follow record {r.number - 1}: one of them was moved or replaced"
-    return Finding("reordered", r.kind, r.number, sentence)
+    return IntegrityFinding("reordered", r.kind, r.number, sentence)
 
 
-def tail(last: int, anchors: Mapping[int, bytes]) -> Iterator[Finding]:
+def check_tail(last: int, anchors: Mapping[int, bytes]) -> Iterator[IntegrityFinding]:
     """What the anchors say about the end of the log: records that once were and no longer are."""
     beyond = max((n for n in anchors if n > last), default=0)
     if beyond:
         sentence = f"the log ends at record {last} but once reached {beyond}: its end was cut off"
-        yield Finding("truncated", "", last + 1, sentence)
+        yield IntegrityFinding("truncated", "", last + 1, sentence)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from station.domain.core.types import Outcome, Reason, Seat
-from station.domain.evaluation.pipeline import Result
+from station.domain.core.types import NestAssignment, Outcome, Reason
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.errors import StationError, StationFault
 
 
@@ -61,11 +61,11 @@ class UnitResult:
     standard deviation of a sample of any axis and stop, recipe's unit; verification: the record's, where it came so
     far."""
 
-    seat: Seat
+    seat: NestAssignment
     attempt: str
     outcome: Outcome
     reasons: tuple[Reason, ...]
-    fit: Result | None
+    fit: CalibrationResult | None
     written: bool
     verified: bool
     noise: float | None
@@ -80,10 +80,10 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
-class LoadBegun(Event):
+class LoadStarted(Event):
     """A fixture load starts: who sits where, how many stops, and how long it should take, s."""
 
-    seats: tuple[Seat, ...]
+    seats: tuple[NestAssignment, ...]
     stops: int
     estimate_s: float
 
@@ -99,14 +99,14 @@ class PhaseEntered(Event):
 class Identified(Event):
     """A device said who it is, as the product's sheet calls it."""
 
-    seat: Seat
+    seat: NestAssignment
     name: str
     software: str
     device_serial: int
 
 
 @dataclass(frozen=True, slots=True)
-class StopStarted(Event):
+class VisitStarted(Event):
     """The fixture goes to a stop (number from 1); sentence: what a person who turns it by hand must do, or ''."""
 
     number: int
@@ -116,7 +116,7 @@ class StopStarted(Event):
 
 
 @dataclass(frozen=True, slots=True)
-class Told(Event):
+class Notice(Event):
     """A sentence for the operator; serial '' means the whole fixture."""
 
     sentence: str
@@ -134,7 +134,7 @@ class VisitRejected(Event):
 
 
 @dataclass(frozen=True, slots=True)
-class Reading(Event):
+class LiveReading(Event):
     """What the units read just now, in the middle of a dwell: serial → mean of the newest samples, and the standard
     deviation of one sample of the noisiest axis, both in the recipe's unit. Only for the eye; nothing is kept."""
 
@@ -143,7 +143,7 @@ class Reading(Event):
 
 
 @dataclass(frozen=True, slots=True)
-class StopDone(Event):
+class VisitDone(Event):
     """A stop is measured and kept. means: serial → mean reading in the recipe's unit."""
 
     number: int
@@ -156,8 +156,8 @@ class StopDone(Event):
 class Judged(Event):
     """A unit's calibration and what was decided about it."""
 
-    seat: Seat
-    fit: Result
+    seat: NestAssignment
+    fit: CalibrationResult
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,20 +6,20 @@ from typing import Any
 from station.domain.run.progress import (
     Event,
     Identified,
-    LoadBegun,
+    LiveReading,
     LoadDone,
+    LoadStarted,
+    Notice,
     ObjectWritten,
     PhaseEntered,
-    Reading,
-    StopDone,
-    StopStarted,
-    Told,
     UnitDone,
+    VisitDone,
     VisitRejected,
+    VisitStarted,
 )
 
 #: Sentences kept for a page that comes late.
-MOST_SENTENCES = 20
+MAX_SENTENCES = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,39 +68,39 @@ class RunState:
 
     def after(self, event: Event, now_s: float) -> "RunState":
         """The state once `event` has happened at `now_s` (epoch)."""
-        if isinstance(event, LoadBegun):
+        if isinstance(event, LoadStarted):
             nests = tuple(NestState(s.serial, s.nest, s.node) for s in event.seats)
             fresh = RunState(self.stops, following=self._stop(0), sentences=self.sentences)
             return replace(fresh, total=event.stops, began_s=now_s, estimate_s=event.estimate_s, nests=nests)
         if isinstance(event, PhaseEntered):
             return replace(self, phase=str(event.phase), writing="")
-        if isinstance(event, StopStarted | StopDone | Reading):
-            return self._of_stop(event)
+        if isinstance(event, VisitStarted | VisitDone | LiveReading):
+            return self._after_visit_event(event)
         if isinstance(event, LoadDone):
             fault = "" if event.fault is None else event.fault.sentence
             return replace(self, over=True, phase="done", position="", following="", asked="", fault=fault)
-        return self._of_unit(event)
+        return self._after_unit_event(event)
 
-    def _of_stop(self, event: "StopStarted | StopDone | Reading") -> "RunState":
-        if isinstance(event, StopStarted):
+    def _after_visit_event(self, event: "VisitStarted | VisitDone | LiveReading") -> "RunState":
+        if isinstance(event, VisitStarted):
             following = self._stop(self.done + 1)
             return replace(self, position=event.position, at=self.done, following=following, asked=event.sentence)
         state = self
         for serial, vector in event.means.items():
             state = state._nest(serial, vector=tuple(vector))
-        if isinstance(event, StopDone):
+        if isinstance(event, VisitDone):
             return replace(state, done=self.done + 1, asked="")
         for serial, noise in event.noise.items():
             state = state._nest(serial, noise=noise)
         return state
 
-    def _of_unit(self, event: Event) -> "RunState":
+    def _after_unit_event(self, event: Event) -> "RunState":
         if isinstance(event, Identified):
             return self._nest(event.seat.serial, device=f"{event.name} {event.software}".strip())
         if isinstance(event, VisitRejected):
             words = "; ".join(r.sentence for r in event.reasons)
             return self._told(f"{event.serial}: {words}" + ("; measuring it again" if event.again else ""))
-        if isinstance(event, Told):
+        if isinstance(event, Notice):
             return self._told(f"{event.serial}: {event.sentence}" if event.serial else event.sentence)
         if isinstance(event, ObjectWritten):
             return replace(self, writing=f"{event.name} ({event.number}/{event.total})")
@@ -119,4 +119,4 @@ class RunState:
         return replace(self, nests=nests)
 
     def _told(self, sentence: str) -> "RunState":
-        return replace(self, sentences=(*self.sentences, sentence)[-MOST_SENTENCES:])
+        return replace(self, sentences=(*self.sentences, sentence)[-MAX_SENTENCES:])

@@ -15,7 +15,7 @@ import numpy as np
 
 from station.domain.core.types import Floats
 from station.errors import UsageError
-from station.model.effect import ALONE, OutputEffect, Parameter
+from station.model.effect import SINGLE_COEFFICIENT, OutputEffect, Parameter
 
 #: The 48 ways to read three axes; the first is right.
 MAPPINGS = tuple(
@@ -42,7 +42,7 @@ class AxisPermutation(OutputEffect):
 
     level = "device"
     of = ("unit", "common")
-    axes = ALONE
+    axes = SINGLE_COEFFICIENT
     place = 4
     parameter = Parameter(
         "mapping", "", float(MAPPINGS.index("-y,x,z")), 0.0, 47.0, "a part mounted a quarter turn off"

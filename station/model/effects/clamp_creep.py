@@ -36,4 +36,4 @@ class ClampCreep(SensorEffect):
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """A · ln(1 + t/t₀)."""
-        return np.asarray(c * np.log1p(signal.scene.need("since_clamp_s") / self.time_constant_s)[:, None])
+        return np.asarray(c * np.log1p(signal.scene.require("since_clamp_s") / self.time_constant_s)[:, None])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.model.effect import ALONE, OutputEffect, Parameter
+from station.model.effect import SINGLE_COEFFICIENT, OutputEffect, Parameter
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Clipping(OutputEffect):
 
     level = "device"
     of = ("unit", "common")
-    axes = ALONE
+    axes = SINGLE_COEFFICIENT
     place = 1
     parameter = Parameter("limit", "u", 0.95, 0.5, 2.0, "an amplifier that meets its rail", neutral=float("inf"))
     size: float = parameter.typical

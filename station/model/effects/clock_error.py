@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.model.effect import ALONE, ClockEffect, Parameter
+from station.model.effect import SINGLE_COEFFICIENT, ClockEffect, Parameter
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class ClockError(ClockEffect):
 
     level = "bus"
     of = ("unit", "common")
-    axes = ALONE
+    axes = SINGLE_COEFFICIENT
     parameter = Parameter("rate_error", "1", 0.01, 1e-3, 0.05, "RC oscillators of MEMS, ±1–5 %; unchecked")
     size: float = parameter.typical
 

@@ -29,4 +29,4 @@ class DisturbedVisit(PoseEffect):
     def coefficients(self, names: Sequence[str], seed: int) -> Floats:
         """Angles (visits, 3), zero at the stops that are spared."""
         drawn = super().coefficients(names, seed)
-        return np.where(self.picked(names, seed, 0.02)[:, None], drawn, 0.0)
+        return np.where(self.draw_hits(names, seed, 0.02)[:, None], drawn, 0.0)

@@ -38,5 +38,5 @@ class FilterLag(StimulusEffect):
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """c · (previous − present) · e^(−t/τ)."""
-        left = np.exp(-signal.scene.need("since_arrival_s") / self.time_constant_s)
+        left = np.exp(-signal.scene.require("since_arrival_s") / self.time_constant_s)
         return np.asarray(c * signal.step * left[:, None])

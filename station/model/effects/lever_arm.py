@@ -35,4 +35,4 @@ class LeverArm(StimulusEffect):
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """A · e^(−t/τ)."""
-        return np.asarray(c * np.exp(-signal.scene.need("since_arrival_s") / self.time_constant_s)[:, None])
+        return np.asarray(c * np.exp(-signal.scene.require("since_arrival_s") / self.time_constant_s)[:, None])

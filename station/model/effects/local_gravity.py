@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.model.effect import ALONE, Parameter, StimulusEffect
+from station.model.effect import SINGLE_COEFFICIENT, Parameter, StimulusEffect
 from station.model.scene import Signal
 
 
@@ -23,7 +23,7 @@ class LocalGravity(StimulusEffect):
 
     level = "rig"
     of = ("common",)
-    axes = ALONE
+    axes = SINGLE_COEFFICIENT
     parameter = Parameter(
         "coefficient", "1", 7e-4, -2.8e-3, 2.6e-3, "normal gravity from the equator to the pole (WGS 84)"
     )

@@ -38,6 +38,6 @@ class MotorTone(StimulusEffect):
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """A · motor · sin(2πft + φ)."""
-        t = signal.scene.time_s + signal.scene.need("started_s")
-        tone = signal.scene.need("motor") * np.sin(2 * np.pi * self.frequency_hz * t + self.phase_rad)
+        t = signal.scene.time_s + signal.scene.require("started_s")
+        tone = signal.scene.require("motor") * np.sin(2 * np.pi * self.frequency_hz * t + self.phase_rad)
         return np.asarray(c * tone[:, None])

@@ -35,4 +35,4 @@ class OffsetTemperature(SensorEffect):
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """c · (T − 25 °C)."""
-        return np.asarray(c * (signal.scene.need("temperature_degC") - REFERENCE_DEGC)[:, None])
+        return np.asarray(c * (signal.scene.require("temperature_degC") - REFERENCE_DEGC)[:, None])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.model.effect import ALONE, OutputEffect, Parameter
+from station.model.effect import SINGLE_COEFFICIENT, OutputEffect, Parameter
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Quantization(OutputEffect):
 
     level = "device"
     of = ("unit", "common")
-    axes = ALONE
+    axes = SINGLE_COEFFICIENT
     place = 2
     parameter = Parameter("lsb", "u", 1e-3, 3.9e-6, 1e-2, "8 to 20 bits over ±2 g, 3.9 µg–16 mg")
     size: float = parameter.typical

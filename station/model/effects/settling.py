@@ -39,6 +39,6 @@ class Settling(StimulusEffect):
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """c · (previous − present) · e^(−t/τ) · cos(2πft)."""
-        t = signal.scene.need("since_arrival_s")
+        t = signal.scene.require("since_arrival_s")
         left = np.exp(-t / self.time_constant_s) * np.cos(2 * np.pi * self.frequency_hz * t)
         return np.asarray(c * signal.step * left[:, None])

@@ -18,9 +18,9 @@ import numpy as np
 
 from station.domain.core.types import Floats
 from station.domain.recipe.recipe import Recipe
-from station.model.effect import Parameter, SensorEffect, stream
+from station.model.effect import Parameter, SensorEffect, random_stream
 from station.model.scene import Signal
-from station.model.timeline import round_of
+from station.model.timeline import run_timeline
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class Step(SensorEffect):
     def coefficients(self, names: Sequence[str], seed: int) -> Floats:
         """Coefficients (runs, 3), zero in the runs that are spared."""
         drawn = super().coefficients(names, seed)
-        return np.where(self.picked(names, seed, 0.25)[:, None], drawn, 0.0)
+        return np.where(self.draw_hits(names, seed, 0.25)[:, None], drawn, 0.0)
 
-    def settled(self, recipe: Recipe, seed: int) -> Self:
+    def with_drawn_form(self, recipe: Recipe, seed: int) -> Self:
         """With a time drawn from the middle half of the recipe's shortest run."""
-        shortest = min(round_of(recipe, run).duration_s for run in range(len(recipe.runs)))
-        return replace(self, at_s=float(np.round(shortest * stream(seed, self.id, "at").uniform(0.25, 0.75), 3)))
+        shortest = min(run_timeline(recipe, run).duration_s for run in range(len(recipe.runs)))
+        return replace(self, at_s=float(np.round(shortest * random_stream(seed, self.id, "at").uniform(0.25, 0.75), 3)))

@@ -16,7 +16,7 @@ import numpy as np
 
 from station.domain.core.types import Floats
 from station.domain.recipe.recipe import Recipe
-from station.model.effect import ALONE, OutputEffect, Parameter
+from station.model.effect import SINGLE_COEFFICIENT, OutputEffect, Parameter
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class StuckBit(OutputEffect):
 
     level = "device"
     of = ("unit", "common")
-    axes = ALONE
+    axes = SINGLE_COEFFICIENT
     place = 2
     parameter = Parameter("weight", "u", 1e-3, 3.9e-6, 1.0, "any bit of a converter of 12 to 20 bits over ±2 g")
     size: float = parameter.typical
@@ -38,7 +38,7 @@ class StuckBit(OutputEffect):
         held = np.where(c > 0, -weight * high, weight * ~high)
         return reading + np.where(c == 0, 0.0, held)
 
-    def settled(self, recipe: Recipe, seed: int) -> Self:
+    def with_drawn_form(self, recipe: Recipe, seed: int) -> Self:
         """With the weight of a real bit: the data sheet's step times a power of two."""
         del seed
         lsb = recipe.device.lsb

@@ -32,4 +32,4 @@ class TemperatureRate(SensorEffect):
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """c · dT/dt."""
-        return np.asarray(c * signal.scene.need("temperature_rate")[:, None])
+        return np.asarray(c * signal.scene.require("temperature_rate")[:, None])

@@ -32,4 +32,4 @@ class VibrationRectification(SensorEffect):
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """c · motor²."""
-        return np.asarray(c * signal.scene.need("motor")[:, None] ** 2)
+        return np.asarray(c * signal.scene.require("motor")[:, None] ** 2)

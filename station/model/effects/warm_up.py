@@ -44,4 +44,4 @@ class WarmUp(SensorEffect):
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """A · e^(−t/τ)."""
-        return np.asarray(c * np.exp(-signal.scene.need("since_power_s") / self.time_constant_s)[:, None])
+        return np.asarray(c * np.exp(-signal.scene.require("since_power_s") / self.time_constant_s)[:, None])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.model.effect import ALONE, OutputEffect, Parameter
+from station.model.effect import SINGLE_COEFFICIENT, OutputEffect, Parameter
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class WrongScale(OutputEffect):
 
     level = "device"
     of = ("unit", "common")
-    axes = ALONE
+    axes = SINGLE_COEFFICIENT
     place = 3
     parameter = Parameter("factor", "1", 2.0, 0.5, 1000.0, "range registers go in powers of two", neutral=1.0)
     size: float = parameter.typical

@@ -11,7 +11,7 @@ from station.domain.core.types import Floats, Labels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Signature:
+class CauseSignature:
     """What one cause does to the readings (v, k) that no calibration could take up, in the recipe's unit."""
 
     effect: str
@@ -19,7 +19,7 @@ class Signature:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Dwell:
+class DwellCourse:
     """The course within a dwell, every stop turned so that the cause starts upwards: parts of the dwell by name, what
     is left (b) and what the cause says (b), in the recipe's unit."""
 
@@ -52,8 +52,8 @@ class ReportData:
     measured: Floats
     before: Floats
     after: Floats
-    signatures: tuple[Signature, ...] = ()
-    dwell: Dwell | None = None
+    signatures: tuple[CauseSignature, ...] = ()
+    dwell: DwellCourse | None = None
     read: Floats | None = None
     expected: Floats | None = None
     smallest: Mapping[str, float] = field(default_factory=dict)

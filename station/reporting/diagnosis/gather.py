@@ -5,28 +5,28 @@ from typing import Any
 
 import numpy as np
 
-from station.diagnosis.data.reduce import EDGES, Reduced, split
-from station.diagnosis.data.residuals import View
+from station.diagnosis.data.reduce import BLOCK_EDGES, ReducedScene, mean_and_contrasts
+from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.results.diagnose import Diagnosis
-from station.diagnosis.results.line_impact import added, new
-from station.diagnosis.search.scoring import Problem
+from station.diagnosis.results.line_impact import cause_contribution, new_causes
+from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 from station.model.scene import COVARIATES, Scene, scene_of_table
-from station.reporting.diagnosis.data import Dwell, ReportData, Signature
-from station.reporting.diagnosis.smallest_effect import smallest
+from station.reporting.diagnosis.data import CauseSignature, DwellCourse, ReportData
+from station.reporting.diagnosis.smallest_effect import smallest_detectable
 
 #: Covariates that a picture can have as its horizontal axis.
-SHOWN = ("temperature_degC", "temperature_rate", "since_power_s", "since_clamp_s", "motor")
+AXIS_COVARIATES = ("temperature_degC", "temperature_rate", "since_power_s", "since_clamp_s", "motor")
 #: Labels of visits that a samples table may carry.
-LABELS = ("station", "nest", "lot", "operator", "gold")
+VISIT_LABELS = ("station", "nest", "lot", "operator", "gold")
 
 
 def report_data(d: Diagnosis, document: Mapping[str, Any]) -> ReportData:
     """The diagnosis as the report has it."""
-    view, first = d.last.view, d.searched.first.view
+    view, first = d.last.view, d.search_result.first.view
     scene, visits, known = view.scene, view.scene.visits, d.recipe.pose_known
-    effects = [added(d.last, i) for i in new(d)]
-    read, expected = _read(d) if d.inspected.faults and known else (None, None)
+    effects = [cause_contribution(d.last, i) for i in new_causes(d)]
+    read, expected = _read_and_expected(d) if d.inspection.faults and known else (None, None)
     return ReportData(
         document=document,
         recipe=d.recipe.name,
@@ -36,31 +36,31 @@ def report_data(d: Diagnosis, document: Mapping[str, Any]) -> ReportData:
         run=visits.run,
         visit=visits.visit,
         previous=visits.previous,
-        values={"time_s": scene.time_s} | {k: v for k in SHOWN if (v := getattr(scene, k)) is not None},
-        measured=_kept(view, view.reduced.mean),
-        before=_kept(first, first.reduced.mean - first.simulated()[0]),
-        after=_kept(view, view.reduced.mean - view.simulated()[0]),
+        values={"time_s": scene.time_s} | {k: v for k in AXIS_COVARIATES if (v := getattr(scene, k)) is not None},
+        measured=_projected(view, view.reduced.mean),
+        before=_projected(first, first.reduced.mean - first.simulated()[0]),
+        after=_projected(view, view.reduced.mean - view.simulated()[0]),
         signatures=tuple(
-            Signature(d.last.accepted[i].candidate.name, _freed(d.last, mean))
-            for i, (mean, _) in zip(new(d), effects, strict=True)
+            CauseSignature(d.last.accepted[i].candidate.name, _without_calibration(d.last, mean))
+            for i, (mean, _) in zip(new_causes(d), effects, strict=True)
         ),
-        dwell=_dwell(d.last, effects) if known and any(np.any(c) for _, c in effects) else None,
+        dwell=_dwell_course(d.last, effects) if known and any(np.any(c) for _, c in effects) else None,
         read=read,
         expected=expected,
-        smallest=smallest(d.searched.stage),
-        recorded=frozenset(name for name in (*COVARIATES, *LABELS) if scene.knows(name)),
+        smallest=smallest_detectable(d.search_result.stage),
+        recorded=frozenset(name for name in (*COVARIATES, *VISIT_LABELS) if scene.is_recorded(name)),
     )
 
 
-def _kept(view: View, readings: Floats) -> Floats:
+def _projected(view: ResidualView, readings: Floats) -> Floats:
     return np.asarray(np.einsum("vki,vi->vk", view.keep, readings))
 
 
-def _freed(problem: Problem, effect: Floats) -> Floats:
+def _without_calibration(problem: ScoringProblem, effect: Floats) -> Floats:
     """An effect (v, k) without what each unit's calibration takes up of it, by least squares."""
     view = problem.view
     columns = np.einsum("vki,vip->vkp", view.keep, view.calibration(problem.matrix))
-    kept, unit = _kept(view, effect), view.scene.visits.unit.code
+    kept, unit = _projected(view, effect), view.scene.visits.unit.code
     left = np.empty_like(kept)
     for u in range(len(view.base.offset)):
         rows = unit == u
@@ -69,7 +69,7 @@ def _freed(problem: Problem, effect: Floats) -> Floats:
     return left
 
 
-def _dwell(problem: Problem, effects: list[tuple[Floats, Floats]]) -> Dwell:
+def _dwell_course(problem: ScoringProblem, effects: list[tuple[Floats, Floats]]) -> DwellCourse:
     """The mean course within a dwell, stops and axes weighted and turned by how strongly the causes begin there."""
     r = problem.view.reduced
     mean, contrast = (sum(parts[1:], parts[0]) for parts in zip(*effects, strict=True))
@@ -79,21 +79,21 @@ def _dwell(problem: Problem, effects: list[tuple[Floats, Floats]]) -> Dwell:
     weight = said[:, 0] - said[:, -1]
     total = max(float(np.abs(weight).sum()), 1e-300)
     level = [np.einsum("vbi,vi->b", part - part[:, -1:], weight / total) for part in (left, said)]
-    ends = [0.0, *EDGES]
-    names = tuple(f"{100 * a:.0f}–{100 * b:.0f} % of the dwell" for a, b in zip(ends, EDGES, strict=False))
-    return Dwell(names, level[0], level[1])
+    ends = [0.0, *BLOCK_EDGES]
+    names = tuple(f"{100 * a:.0f}–{100 * b:.0f} % of the dwell" for a, b in zip(ends, BLOCK_EDGES, strict=False))
+    return DwellCourse(names, level[0], level[1])
 
 
-def _blocks(r: Reduced, mean: Floats, contrast: Floats) -> Floats:
+def _blocks(r: ReducedScene, mean: Floats, contrast: Floats) -> Floats:
     """Values of the sub-blocks (v, B, 3), from means and contrasts."""
     v, B = r.count.shape
-    row, rest = split(np.broadcast_to(np.eye(B), (v, B, B)), r.count)
+    row, rest = mean_and_contrasts(np.broadcast_to(np.eye(B), (v, B, B)), r.count)
     forth = np.concatenate([row[:, None], rest], axis=1)
     said = np.concatenate([mean[:, None], contrast], axis=1)
     return np.asarray(np.linalg.pinv(forth) @ said)
 
 
-def _read(d: Diagnosis) -> tuple[Floats, Floats]:
+def _read_and_expected(d: Diagnosis) -> tuple[Floats, Floats]:
     """Means of the samples as they came (v, 3), and what an ideal unit would read there."""
     scene: Scene = scene_of_table(d.recipe, d.table)
     count = np.bincount(scene.visit)

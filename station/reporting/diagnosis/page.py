@@ -5,12 +5,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from station.reporting.diagnosis import lead_figure, plots, tables
-from station.reporting.diagnosis.across import across, best_axis
 from station.reporting.diagnosis.data import ReportData
-from station.reporting.diagnosis.remedies import named, needed_by
-from station.reporting.diagnosis.tables import Table
-from station.reporting.diagnosis.units import number, size
-from station.reporting.diagnosis.words import BADGES, depends_on, first_screen, many, next_step
+from station.reporting.diagnosis.finding_text import (
+    BADGES,
+    count_noun,
+    describe_dependence,
+    first_screen,
+    next_run_sentence,
+)
+from station.reporting.diagnosis.plot_axis import best_axis, plot_axis
+from station.reporting.diagnosis.quantity_format import format_significant, format_size
+from station.reporting.diagnosis.remedies import cause_text, needed_by
+from station.reporting.diagnosis.tables import ReportTable
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,19 +29,19 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class ReportSection:
     """A heading, sentences, pictures and tables; folded ones open on a click."""
 
     name: str
     title: str
     text: tuple[str, ...] = ()
     pictures: tuple[Picture, ...] = ()
-    tables: tuple[Table, ...] = ()
+    tables: tuple[ReportTable, ...] = ()
     folded: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Page:
+class ReportPage:
     """The whole report. cards: (what, figure) pairs of the first screen."""
 
     title: str
@@ -46,7 +52,7 @@ class Page:
     do: str
     cards: tuple[tuple[str, str], ...]
     hero: Picture | None
-    sections: tuple[Section, ...]
+    sections: tuple[ReportSection, ...]
 
     def pictures(self) -> dict[str, str]:
         """Every figure by name, SVG."""
@@ -54,13 +60,13 @@ class Page:
         return {p.name: p.svg for p in found}
 
 
-def page_of(data: ReportData) -> Page:
+def build_page(data: ReportData) -> ReportPage:
     """The page of a report."""
     verdict = str(data.document["verdict"])
     symbol, badge = BADGES[verdict]
     first = first_screen(data)
-    drawn = lead_figure.picture(data)
-    return Page(
+    drawn = lead_figure.draw(data)
+    return ReportPage(
         title=f"What the simulation gets wrong: {data.recipe}",
         verdict=verdict,
         symbol=symbol,
@@ -80,30 +86,30 @@ _COUNTED = (("unit", "unit"), ("run", "run"), ("visit", "stop"))
 def _cards(data: ReportData) -> Iterator[tuple[str, str]]:
     d, unit = data.document, data.unit_of_readings
     counts = d["data"]
-    yield "looked at", ", ".join(many(counts[f"{counted}s"], name) for counted, name in _COUNTED)
-    yield "the simulation leaves", f"{size(d['baseline']['residual_rms'], unit)} rms"
-    yield "noise alone makes", f"{size(data.noise_rms, unit)} rms"
+    yield "looked at", ", ".join(count_noun(counts[f"{counted}s"], name) for counted, name in _COUNTED)
+    yield "the simulation leaves", f"{format_size(d['baseline']['residual_rms'], unit)} rms"
+    yield "noise alone makes", f"{format_size(data.noise_rms, unit)} rms"
     alarm = d["alarm"]
-    yield "alarm", f"{number(alarm['statistic'])} (threshold {number(alarm['threshold'])})"
+    yield "alarm", f"{format_significant(alarm['statistic'])} (threshold {format_significant(alarm['threshold'])})"
     if data.causes:
         yield "probability", tables.percent(data.causes[0]["probability"])
     if (v := data.judged) is not None:
         yield "yield as measured → without it", f"{v['passed_before']} → {v['passed_after']} of {len(v['units'])} units"
 
 
-def _sections(data: ReportData) -> Iterator[Section]:
-    yield _tied(data)
-    yield Section("next-run", "The next run", (next_step(data),) if next_step(data) else ())
+def _sections(data: ReportData) -> Iterator[ReportSection]:
+    yield _indistinguishable_section(data)
+    yield ReportSection("next-run", "The next run", (next_run_sentence(data),) if next_run_sentence(data) else ())
     for i, cause in enumerate(data.causes):
         yield _cause(data, cause, i)
     yield _gain(data)
     yield _ranking(data)
     yield _residuals(data)
-    yield _compared(data)
-    yield _unseen(data)
+    yield _means_section(data)
+    yield _limits_section(data)
 
 
-def _tied(data: ReportData) -> Section:
+def _indistinguishable_section(data: ReportData) -> ReportSection:
     """What cannot be told apart, and why."""
     text = []
     for cause in data.causes:
@@ -115,64 +121,64 @@ def _tied(data: ReportData) -> Section:
                 f"can imitate to within the noise (d·√κ < 3.3, so less than 95 % of such decisions would be right). "
                 f"Together they have probability {share}; taken alone none of them is certain."
             )
-            text += [f"{name}: {named(name).physics}." for name in (cause["effect"], *others)]
+            text += [f"{name}: {cause_text(name).physics}." for name in (cause["effect"], *others)]
     if data.document["verdict"] in ("incomplete", "unknown"):
-        text.append(f"What is left depends on {depends_on(data)}; no cause of the library explains it.")
-    return Section("not-told-apart", "What these data cannot tell", tuple(text))
+        text.append(f"What is left depends on {describe_dependence(data)}; no cause of the library explains it.")
+    return ReportSection("not-told-apart", "What these data cannot tell", tuple(text))
 
 
-def _cause(data: ReportData, cause: Mapping[str, Any], i: int) -> Section:
+def _cause(data: ReportData, cause: Mapping[str, Any], i: int) -> ReportSection:
     """One cause: its signature on top of the residual, and its parameters."""
     name = cause["effect"]
-    words = named(name)
+    words = cause_text(name)
     text = (f"{words.physics}.", f"What to do: {words.do}.") if words.do else (f"{words.physics}.",)
     signature, pictures = data.signature(name), []
     if signature is not None:
-        rows = lead_figure.rows_of(data, cause, signature)
+        rows = lead_figure.visits_to_draw(data, cause, signature)
         axis = best_axis(data, signature, rows, needed_by(name))
         if axis is not None:
-            title = f"{name} on top of the residual{lead_figure.said_of(data, rows)}"
+            title = f"{name} on top of the residual{lead_figure.unit_suffix(data, rows)}"
             svg = plots.overlay(data, signature, axis, rows, title)
-            pictures.append(Picture(f"signature-{i + 1}-{name}", svg, lead_figure.READ))
-    forest = tables.intervals(cause)
+            pictures.append(Picture(f"signature-{i + 1}-{name}", svg, lead_figure.HOW_TO_READ))
+    forest = tables.intervals_chart(cause)
     if forest:
         pictures.append(Picture(f"parameters-{i + 1}-{name}", forest, "Bars hold the true value in 95 of 100 cases."))
-    return Section(f"cause-{i + 1}", f"Cause {i + 1}: {name}", text, tuple(pictures), (tables.parameters(cause),))
+    return ReportSection(f"cause-{i + 1}", f"Cause {i + 1}: {name}", text, tuple(pictures), (tables.parameters(cause),))
 
 
-def _gain(data: ReportData) -> Section:
+def _gain(data: ReportData) -> ReportSection:
     """Before and after on data that were not fitted, and what that is for the line."""
     if not data.causes:
-        return Section("gain", "")
-    bars = Picture("before-after", tables.before_after(data), "The shorter the second bar, the more it explains.")
-    text = [tables.gain_words(cause, data.unit_of_readings) for cause in data.causes]
+        return ReportSection("gain", "")
+    bars = Picture("before-after", tables.before_after_chart(data), "The shorter the second bar, the more it explains.")
+    text = [tables.gain_sentence(cause, data.unit_of_readings) for cause in data.causes]
     if (v := data.judged) is not None:
         text.append(
             f"Under the recipe's limits {v['passed_before']} of {len(v['units'])} units pass as measured, and "
             f"{v['passed_after']} with the causes taken off their readings; "
-            f"{many(v['verdicts_changed'], 'verdict')} would change."
+            f"{count_noun(v['verdicts_changed'], 'verdict')} would change."
         )
     found = [bars]
-    moved = tables.shifts_bars(data)
+    moved = tables.shifts_chart(data)
     if moved:
         said = "How far the causes move what a calibrated unit reads, by the recipe's own method."
         found.append(Picture("calibration-shift", moved, said))
     shifts = tables.shifts(data)
-    return Section("gain", "What knowing it gains", tuple(text), tuple(found), (shifts,) if shifts else ())
+    return ReportSection("gain", "What knowing it gains", tuple(text), tuple(found), (shifts,) if shifts else ())
 
 
-def _ranking(data: ReportData) -> Section:
+def _ranking(data: ReportData) -> ReportSection:
     rows = data.document["considered"]
     if not rows:
-        return Section("ranking", "")
-    bars = tables.evidence(rows)
+        return ReportSection("ranking", "")
+    bars = tables.evidence_chart(rows)
     said = "3 nats are 20 : 1, 7 nats are 1000 : 1; nought means that nothing speaks for it."
     pictures = (Picture("ranking", bars, said),) if bars else ()
     text = "Evidence is how much likelier the data are with the cause than without it, its size left open."
-    return Section("ranking", "All causes looked at", (text,), pictures, (tables.ranking(data),))
+    return ReportSection("ranking", "All causes looked at", (text,), pictures, (tables.ranking(data),))
 
 
-def _residuals(data: ReportData) -> Section:
+def _residuals(data: ReportData) -> ReportSection:
     """The residual over everything that was recorded."""
     titles = {
         "position": "Residual against position",
@@ -187,22 +193,22 @@ def _residuals(data: ReportData) -> Section:
         svg = plots.heat(data, data.before, "Residual by unit and position", i)
         if svg:
             pictures.append(Picture(f"heat-map-{word.replace(' ', '-')}", svg))
-    missing = [titles[name].split("against ")[1] for name, svg in found if not svg and across(data, name) is None]
+    missing = [titles[name].split("against ")[1] for name, svg in found if not svg and plot_axis(data, name) is None]
     text = ["What is measured less what is simulated, after each unit's own calibration is taken off."]
     if missing:
         text.append(f"Not drawn, because it was not recorded or never changes: {', '.join(missing)}.")
-    return Section("residuals", "Where the residual lies", tuple(text), tuple(pictures))
+    return ReportSection("residuals", "Where the residual lies", tuple(text), tuple(pictures))
 
 
-def _compared(data: ReportData) -> Section:
+def _means_section(data: ReportData) -> ReportSection:
     svg = plots.means(data)
     pictures = (Picture("means", svg, "Nought is agreement."),) if svg else ()
     table = tables.means(data)
     title = "Measured beside simulated" + (" beside extended" if data.causes else "")
-    return Section("means", title, (), pictures, (table,) if table else (), folded=True)
+    return ReportSection("means", title, (), pictures, (table,) if table else (), folded=True)
 
 
-def _unseen(data: ReportData) -> Section:
+def _limits_section(data: ReportData) -> ReportSection:
     """How small an effect would have been seen, and what could not be tested."""
-    found: Sequence[Table] = [t for t in (tables.not_testable(data), tables.smallest(data)) if t is not None]
-    return Section("limits", "What was checked, and what these data cannot show", (), (), tuple(found))
+    found: Sequence[ReportTable] = [t for t in (tables.not_testable(data), tables.smallest(data)) if t is not None]
+    return ReportSection("limits", "What was checked, and what these data cannot show", (), (), tuple(found))

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.core.types import Floats
-from station.reporting.diagnosis.across import WORDS, Across, across
 from station.reporting.diagnosis.data import ReportData
-from station.reporting.diagnosis.units import shown_as
+from station.reporting.diagnosis.plot_axis import AXIS_LABELS, PlotAxis, plot_axis
+from station.reporting.diagnosis.quantity_format import display_unit
 from station.reporting.drawing.figure import Figure, Series, panels
 from station.reporting.drawing.tables import heat_map
 
@@ -22,12 +22,12 @@ def scale_of(data: ReportData) -> tuple[float, str]:
     """Factor and unit in which the residuals are easy to read."""
     both = np.abs(np.concatenate([data.before, data.after]))
     large = np.quantile(both[np.isfinite(both)], 0.98) if np.isfinite(both).any() else 0.0
-    return shown_as([float(large)], data.unit_of_readings)
+    return display_unit([float(large)], data.unit_of_readings)
 
 
 def residual(data: ReportData, name: str, title: str) -> str | None:
     """What is left before and after against one axis, a panel for each axis of the sensor."""
-    axis = across(data, name)
+    axis = plot_axis(data, name)
     if axis is None:
         return None
     factor, unit = scale_of(data)
@@ -43,7 +43,7 @@ def residual(data: ReportData, name: str, title: str) -> str | None:
 
 
 def overlay(
-    data: ReportData, signature: Floats, axis: Across, rows: NDArray[np.bool_], title: str, only: int | None = None
+    data: ReportData, signature: Floats, axis: PlotAxis, rows: NDArray[np.bool_], title: str, only: int | None = None
 ) -> str:
     """A signature (v, k) of the chosen rows (v) on top of the residual: on one axis of the sensor, or on each."""
     factor, unit = scale_of(data)
@@ -81,7 +81,7 @@ def heat(data: ReportData, values: Floats, title: str, i: int) -> str | None:
 
 def means(data: ReportData) -> str | None:
     """How far simulation and extended simulation are from the measured mean at each position."""
-    axis = across(data, "position")
+    axis = plot_axis(data, "position")
     if axis is None:
         return None
     factor, unit = scale_of(data)
@@ -114,15 +114,22 @@ def _position_means(data: ReportData, values: Floats) -> tuple[Floats, Floats]:
 
 
 def _figure(
-    title: str, axis: Across, unit: str, series: Sequence[Series], *, last: bool, height: int = 170, levels: Levels = ()
+    title: str,
+    axis: PlotAxis,
+    unit: str,
+    series: Sequence[Series],
+    *,
+    last: bool,
+    height: int = 170,
+    levels: Levels = (),
 ) -> Figure:
     down = 70 if last and axis.places else 0
     names = axis.places if last else tuple("" for _ in axis.places)
-    label = WORDS.get(axis.name, axis.name) if last else ""
+    label = AXIS_LABELS.get(axis.name, axis.name) if last else ""
     return Figure(title, label, unit, tuple(series), names, levels, width=760, height=height + down)
 
 
-def _cloud(axis: Across, values: Floats, name: str, colour: int) -> Series:
+def _cloud(axis: PlotAxis, values: Floats, name: str, colour: int) -> Series:
     """Dots, thinned so that the extremes stay; words on the axis get a little room beside each other."""
     rows = np.flatnonzero(np.isfinite(axis.at) & np.isfinite(values))
     rows = rows[_thinned(values[rows])]
@@ -141,7 +148,7 @@ def _thinned(values: Floats) -> NDArray[np.intp]:
     return np.unique(np.concatenate([order[:10], order[-10:], even]))
 
 
-def _mean(axis: Across, values: Floats, *, named: bool = True) -> Series:
+def _mean(axis: PlotAxis, values: Floats, *, named: bool = True) -> Series:
     """A signature's mean over each step of the axis: dashes at words, a line over numbers."""
     bins = axis.bins()
     there = bins >= 0

@@ -8,7 +8,7 @@ from station.model.effect import Effect
 from station.model.model_file import EFFECTS
 
 #: What to do on the line.
-DO = {
+REMEDIES = {
     "cross-axis": "take the axes' angles into the calibration (method n-point), then they cost nothing",
     "package-rotation": "take the rotation into the calibration, or ask the supplier how the sensor is placed",
     "quadratic": "take the square into the calibration, or ask the supplier about the lot",
@@ -47,14 +47,14 @@ DO = {
     "reordered-frames": "replace the adapter or its driver; sort by the frame counter meanwhile",
     "clock-error": "take time from the host's clock, and ask the supplier about the oscillator",
 }
-_BY_LEVEL = {
+_REMEDY_BY_LEVEL = {
     "device": "take it into the calibration, or ask the supplier",
     "rig": "have the rig put right",
     "bus": "have the bus looked at",
 }
 
 #: Which recipe makes a cause visible that a poorer one hides.
-SHOW = {
+REVEALING_CHANGES = {
     "cubic": "add positions at 45°: at six faces a cube is a gain",
     "quadratic": "add positions at 45°, so that each axis sees three sizes",
     "asymmetry": "add positions at 45°, so that each axis sees three sizes",
@@ -90,23 +90,23 @@ SHOW = {
     "bias-drift": "make more stops a run, and come back to one position",
 }
 #: Covariates that follow from a column.
-_COLUMNS = {"temperature_rate": "temperature_degC", "since_arrival_s": "time_s"}
+_SOURCE_COLUMNS = {"temperature_rate": "temperature_degC", "since_arrival_s": "time_s"}
 
 
 @dataclass(frozen=True, slots=True)
-class Named:
+class CauseText:
     """A cause in words: what it is, and what to do."""
 
     physics: str
     do: str
 
 
-def named(effect: str) -> Named:
+def cause_text(effect: str) -> CauseText:
     """A cause in words, by its id."""
     kind = _kind(effect)
     if kind is None:
-        return Named(effect, "")
-    return Named(kind.physics.rstrip("."), DO.get(effect, _BY_LEVEL[kind.level]))
+        return CauseText(effect, "")
+    return CauseText(kind.physics.rstrip("."), REMEDIES.get(effect, _REMEDY_BY_LEVEL[kind.level]))
 
 
 def makes_testable(effect: str, recorded: Collection[str]) -> str:
@@ -114,9 +114,9 @@ def makes_testable(effect: str, recorded: Collection[str]) -> str:
     kind = _kind(effect)
     missing = [name for name in (kind.needs if kind else ()) if name not in recorded and name != "gold"]
     if missing:
-        columns = " and ".join(f"`{_COLUMNS.get(name, name)}`" for name in missing)
+        columns = " and ".join(f"`{_SOURCE_COLUMNS.get(name, name)}`" for name in missing)
         return f"record {columns} in the samples"
-    return SHOW.get(effect, "measure more positions, runs or units")
+    return REVEALING_CHANGES.get(effect, "measure more positions, runs or units")
 
 
 def needed_by(effect: str) -> tuple[str, ...]:

@@ -3,20 +3,20 @@
 import numpy as np
 from scipy.special import chdtri, chndtrinc
 
-from station.diagnosis.linear.evidence import Spectrum
-from station.diagnosis.search.scoring import Stage
+from station.diagnosis.linear.evidence import EigenSpectrum
+from station.diagnosis.search.scoring import ScoredBank
 
 #: What searching the whole bank costs in amplitude beside a test of one form (method notes, section 6).
-SEARCH = 1.2
+SEARCH_PENALTY = 1.2
 LEVEL, POWER = 0.01, 0.80
 
 
-def length_needed(k: float) -> float:
+def detectable_length(k: float) -> float:
     """Length d of a signal of k free coefficients that a χ² test of 1 % finds with 80 % chance."""
     return float(np.sqrt(chndtrinc(chdtri(k, LEVEL), k, 1 - POWER)))
 
 
-def smallest(now: Stage) -> dict[str, float]:
+def smallest_detectable(now: ScoredBank) -> dict[str, float]:
     """Rms coefficient of each cause that would be seen, in its own unit; of its easiest shape and level."""
     found: dict[str, float] = {}
     for seen in now.seen:
@@ -27,7 +27,7 @@ def smallest(now: Stage) -> dict[str, float]:
     return {name: rms for name, rms in found.items() if np.isfinite(rms)}
 
 
-def _of(spectrum: Spectrum) -> float:
+def _of(spectrum: EigenSpectrum) -> float:
     m = np.atleast_1d(spectrum.m)
     if spectrum.pattern == "scan":
         m = m.reshape(-1, m.shape[-1])
@@ -36,4 +36,4 @@ def _of(spectrum: Spectrum) -> float:
     if total <= 0:
         return float("inf")
     directions = total**2 / float(np.sum(m**2))
-    return SEARCH * length_needed(directions) / float(np.sqrt(total))
+    return SEARCH_PENALTY * detectable_length(directions) / float(np.sqrt(total))

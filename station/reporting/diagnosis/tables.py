@@ -7,20 +7,26 @@ from typing import Any
 import numpy as np
 
 from station.reporting.diagnosis.data import ReportData
-from station.reporting.diagnosis.remedies import makes_testable, named, unit_of
-from station.reporting.diagnosis.units import evenly, number, shown_as, size, with_std
-from station.reporting.diagnosis.words import main_parameters
+from station.reporting.diagnosis.finding_text import main_parameters
+from station.reporting.diagnosis.quantity_format import (
+    display_unit,
+    format_aligned,
+    format_interval,
+    format_significant,
+    format_size,
+)
+from station.reporting.diagnosis.remedies import cause_text, makes_testable, unit_of
 from station.reporting.drawing import tables as drawing
 from station.reporting.drawing.figure import Figure, Series, svg
 
 #: Pairs of axes.
 _PAIRS = ((0, 1), (0, 2), (1, 2))
 #: Rows that a table or a bar chart of units shows, the largest first.
-MOST = 30
+MAX_ROWS = 30
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ReportTable:
     """head, rows of text, and a caption that also says what was left out; a folded one opens on a click."""
 
     caption: str
@@ -29,13 +35,15 @@ class Table:
     folded: bool = False
 
 
-def parameters(cause: Mapping[str, Any]) -> Table:
+def parameters(cause: Mapping[str, Any]) -> ReportTable:
     """Sizes with their 95 % intervals."""
     rows: Sequence[Mapping[str, Any]] = cause["parameters"]
-    shown = sorted(rows, key=_largest)[:MOST] if len(rows) > MOST else rows
-    left = f"; the {MOST} largest of {len(rows)}, the JSON document has all" if len(rows) > MOST else ""
+    shown = sorted(rows, key=_largest)[:MAX_ROWS] if len(rows) > MAX_ROWS else rows
+    left = f"; the {MAX_ROWS} largest of {len(rows)}, the JSON document has all" if len(rows) > MAX_ROWS else ""
     body = tuple((str(r["of"]), str(r["name"]), str(r["axis"] or "–"), _value(r)) for r in shown)
-    return Table(f"Parameters of {cause['effect']} with 95 % intervals{left}", ("of", "name", "axis", "value"), body)
+    return ReportTable(
+        f"Parameters of {cause['effect']} with 95 % intervals{left}", ("of", "name", "axis", "value"), body
+    )
 
 
 def _largest(row: Mapping[str, Any]) -> float:
@@ -45,16 +53,16 @@ def _largest(row: Mapping[str, Any]) -> float:
 def _value(row: Mapping[str, Any]) -> str:
     if isinstance(row["value"], str):
         return row["value"]
-    return with_std(float(row["value"]), float(row["std"] or 0.0), str(row["unit"]))
+    return format_interval(float(row["value"]), float(row["std"] or 0.0), str(row["unit"]))
 
 
-def intervals(cause: Mapping[str, Any]) -> str | None:
+def intervals_chart(cause: Mapping[str, Any]) -> str | None:
     """The coefficients with their intervals as dots and bars; None where they are text or only one."""
     rows = [r for r in main_parameters(cause) if not isinstance(r["value"], str)] if cause["parameters"] else []
     if len(rows) < 2:
         return None
-    rows = sorted(rows, key=_largest)[:MOST]
-    factor, unit = shown_as([r["value"] for r in rows], str(rows[0]["unit"]))
+    rows = sorted(rows, key=_largest)[:MAX_ROWS]
+    factor, unit = display_unit([r["value"] for r in rows], str(rows[0]["unit"]))
     names = tuple(" ".join(filter(None, (str(r["of"]).split(":", 1)[-1], r["axis"]))) for r in rows)
     y = [float(r["value"]) * factor for r in rows]
     wide = [1.96 * float(r["std"] or 0.0) * factor for r in rows]
@@ -64,83 +72,89 @@ def intervals(cause: Mapping[str, Any]) -> str | None:
     return svg(Figure(title, "", unit, (series,), names, width=760, height=320))
 
 
-def before_after(data: ReportData) -> str:
+def before_after_chart(data: ReportData) -> str:
     """Rms on held-out data before and after each cause, and the noise floor."""
     gains = [(c["effect"], c["gain"]) for c in data.causes]
     floor = float(data.document["baseline"]["floor_rms"])
-    factor, unit = shown_as([g["rms_before"] for _, g in gains], data.unit_of_readings)
+    factor, unit = display_unit([g["rms_before"] for _, g in gains], data.unit_of_readings)
     rows = [
         row for name, g in gains for row in ((f"without {name}", g["rms_before"]), (f"with {name}", g["rms_after"]))
     ]
     rows = [(name, float(f"{value * factor:.3g}")) for name, value in (*rows, ("noise floor", floor))]
-    return drawing.bars("Error on data that were not fitted, rms", rows, unit, width=760)
+    return drawing.bar_chart("Error on data that were not fitted, rms", rows, unit, width=760)
 
 
-def gain_words(cause: Mapping[str, Any], unit: str) -> str:
+def gain_sentence(cause: Mapping[str, Any], unit: str) -> str:
     """The gain of a cause in one sentence."""
     g = cause["gain"]
-    factor, words = shown_as([g["rms_before"], g["rms_after"]], unit)
+    factor, words = display_unit([g["rms_before"], g["rms_after"]], unit)
     sure = "so it is accepted" if g["accepted"] else "which chance alone may give, so it is not accepted"
     by = {"visit": "stops", "position": "positions", "unit": "units", "run": "runs", "sample": "samples"}
     return (
         f"{cause['effect']}: on held-out {by.get(g['held_out_by'], g['held_out_by'])} the error goes from "
-        f"{number(g['rms_before'] * factor)} to {number(g['rms_after'] * factor)} {words} rms, which explains "
-        f"{100 * g['explained']:.0f} % of what is above the noise floor; the score rises by {number(g['log_score'])} ± "
-        f"{number(g['std_error'])} nats (standard error), {sure}."
+        f"{format_significant(g['rms_before'] * factor)} to {format_significant(g['rms_after'] * factor)} {words} rms, "
+        f"which explains {100 * g['explained']:.0f} % of what is above the noise floor; "
+        f"the score rises by {format_significant(g['log_score'])} "
+        f"± {format_significant(g['std_error'])} nats (standard error), {sure}."
     )
 
 
-def shifts(data: ReportData) -> Table | None:
+def shifts(data: ReportData) -> ReportTable | None:
     """What the causes do to each unit's calibration, and to its verdict."""
     if data.line is None:
         return None
     units = sorted(data.line["units"], key=lambda u: -u["moves"])
-    shown, word = units[:MOST], data.line["unit"]
-    matrix, part = shown_as([x for u in shown for row in u["matrix"] for x in row], "1")
+    shown, word = units[:MAX_ROWS], data.line["unit"]
+    matrix, part = display_unit([x for u in shown for row in u["matrix"] for x in row], "1")
     judged = data.judged is not None
     rows = tuple(
         (
             u["serial"],
-            *evenly([u["moves"], *u["offset"]]),
-            *evenly([u["matrix"][i][i] * matrix for i in range(3)]),
-            *evenly([max(abs(u["matrix"][i][j]), abs(u["matrix"][j][i])) * matrix for i, j in _PAIRS]),
+            *format_aligned([u["moves"], *u["offset"]]),
+            *format_aligned([u["matrix"][i][i] * matrix for i in range(3)]),
+            *format_aligned([max(abs(u["matrix"][i][j]), abs(u["matrix"][j][i])) * matrix for i, j in _PAIRS]),
             *((f"{u['before']} → {u['after']}" if u["before"] != u["after"] else u["before"],) if judged else ()),
         )
         for u in shown
     )
-    left = f"; the {MOST} largest of {len(units)}" if len(units) > MOST else ""
+    left = f"; the {MAX_ROWS} largest of {len(units)}" if len(units) > MAX_ROWS else ""
     coefficients = [f"offset {a}, {word}" for a in "xyz"] + [f"gain {a}, {part}" for a in "xyz"]
     coefficients += [f"cross {'xyz'[i]}{'xyz'[j]}, {part}" for i, j in _PAIRS]
     head = ("unit", f"a reading by, {word}", *coefficients, *(("verdict",) if judged else ()))
-    return Table(f"By how much each unit's calibration moves once the causes are off{left}", head, rows)
+    return ReportTable(f"By how much each unit's calibration moves once the causes are off{left}", head, rows)
 
 
-def shifts_bars(data: ReportData) -> str | None:
+def shifts_chart(data: ReportData) -> str | None:
     """By how much the causes move a calibrated reading of each unit, as bars."""
     units = sorted(data.line["units"], key=lambda u: -u["moves"])[:12] if data.line else []
     if data.line is None or not units or units[0]["moves"] <= 0:
         return None
-    factor, word = shown_as([units[0]["moves"] / 1e3], data.unit_of_readings)
+    factor, word = display_unit([units[0]["moves"] / 1e3], data.unit_of_readings)
     title = "Move of a calibrated reading, rms over all directions"
     title += ", the 12 largest" if len(data.line["units"]) > 12 else ""
-    return drawing.bars(title, [(u["serial"][:24], u["moves"] / 1e3 * factor) for u in units], word, width=760)
+    return drawing.bar_chart(title, [(u["serial"][:24], u["moves"] / 1e3 * factor) for u in units], word, width=760)
 
 
-def evidence(rows: Sequence[Mapping[str, Any]]) -> str | None:
+def evidence_chart(rows: Sequence[Mapping[str, Any]]) -> str | None:
     """Evidence of the likeliest causes; None where nothing speaks for any."""
     top = [(str(r["effect"]), max(0.0, float(r["log_evidence"]))) for r in rows[:12]]
     if not any(value for _, value in top):
         return None
-    return drawing.bars("Evidence of the likeliest causes", top, "nats", width=760)
+    return drawing.bar_chart("Evidence of the likeliest causes", top, "nats", width=760)
 
 
-def ranking(data: ReportData) -> Table:
+def ranking(data: ReportData) -> ReportTable:
     """Every cause looked at."""
     rows = tuple(
-        (str(r["effect"]), number(r["log_evidence"]), percent(r["probability"]), named(r["effect"]).physics)
+        (
+            str(r["effect"]),
+            format_significant(r["log_evidence"]),
+            percent(r["probability"]),
+            cause_text(r["effect"]).physics,
+        )
         for r in data.document["considered"]
     )
-    return Table("Evidence and probability when the first cause was looked for",
+    return ReportTable("Evidence and probability when the first cause was looked for",
                  ("cause", "evidence, nats", "probability", "what it is"), rows, folded=True)  # fmt: skip
 
 
@@ -150,7 +164,7 @@ def percent(p: float) -> str:
     return "> 99.9 %" if p > 0.999 else f"{100 * p:.1f} %"
 
 
-def means(data: ReportData) -> Table | None:
+def means(data: ReportData) -> ReportTable | None:
     """Measured, simulated and extended mean of each position."""
     n = len(data.position.names)
     count = np.maximum(np.bincount(data.position.code, minlength=n), 1)
@@ -165,25 +179,31 @@ def means(data: ReportData) -> Table | None:
     shown = [(i, name) for i in range(len(data.axes)) for name in sides]
     head = ("position", *(f"{name} {data.axes[i]}" for i, name in shown))
     rows = tuple((data.position.names[p], *(_reading(found[name][p, i]) for i, name in shown)) for p in range(n))
-    return Table(f"Means over all stops, {data.unit_of_readings}, each unit's gain taken off", head, rows)
+    return ReportTable(f"Means over all stops, {data.unit_of_readings}, each unit's gain taken off", head, rows)
 
 
 def _reading(value: float) -> str:
     return f"{value:+.5f}".replace("-", "−")
 
 
-def not_testable(data: ReportData) -> Table | None:
+def not_testable(data: ReportData) -> ReportTable | None:
     """Causes that these data cannot show, and what would change that."""
-    rows = tuple((str(e), named(e).physics, makes_testable(e, data.recorded)) for e in data.document["not_testable"])
-    return Table("Not testable with these data", ("cause", "what it is", "what would show it"), rows) if rows else None
+    rows = tuple(
+        (str(e), cause_text(e).physics, makes_testable(e, data.recorded)) for e in data.document["not_testable"]
+    )
+    return (
+        ReportTable("Not testable with these data", ("cause", "what it is", "what would show it"), rows)
+        if rows
+        else None
+    )
 
 
-def smallest(data: ReportData) -> Table | None:
+def smallest(data: ReportData) -> ReportTable | None:
     """How small an effect of each kind would have been seen."""
     unit = data.unit_of_readings
     rows = tuple(
-        (effect, size(rms, unit_of(effect, unit), 2), named(effect).physics)
+        (effect, format_size(rms, unit_of(effect, unit), 2), cause_text(effect).physics)
         for effect, rms in sorted(data.smallest.items())
     )
     caption = "Size (rms of its coefficients) from which a cause would have been seen in these data in 4 of 5 cases"
-    return Table(caption, ("cause", "seen from", "what it is"), rows, folded=bool(data.causes)) if rows else None
+    return ReportTable(caption, ("cause", "seen from", "what it is"), rows, folded=bool(data.causes)) if rows else None

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Literal
 
-from station.reporting.drawing.scale import Scale, label, span, ticks, width
+from station.reporting.drawing.scale import Scale, axis_range, text_width, tick_label, ticks
 
 #: Okabe & Ito: distinguishable with any colour vision, and on white at least 3 : 1 where lines are thin.
 COLOURS = ("#0072b2", "#d55e00", "#007a5a", "#a8578a", "#8a6d00", "#444444", "#b00020", "#3f3fbf")
@@ -46,7 +46,7 @@ class Figure:
 
 def svg(figure: Figure) -> str:
     """The figure as one SVG element with a title for screen readers."""
-    return document(figure.width, figure.height, figure.title, _inside(figure))
+    return svg_document(figure.width, figure.height, figure.title, _parts(figure))
 
 
 def panels(title: str, figures: Sequence[Figure]) -> str:
@@ -54,29 +54,29 @@ def panels(title: str, figures: Sequence[Figure]) -> str:
     parts, down = [], 28.0
     for figure in figures:
         parts.append(f'<g transform="translate(0 {down:g})">')
-        parts += [text(12, 20, figure.title, weight=600), *_inside(figure), "</g>"]
+        parts += [svg_text(12, 20, figure.title, weight=600), *_parts(figure), "</g>"]
         down += figure.height
-    return document(max((f.width for f in figures), default=640), down + 4, title, parts)
+    return svg_document(max((f.width for f in figures), default=640), down + 4, title, parts)
 
 
-def _inside(figure: Figure) -> list[str]:
+def _parts(figure: Figure) -> list[str]:
     x, y = _scales(figure)
     return [*_frame(figure, x, y), *(p for s in figure.series for p in _series(s, x, y)), *_legend(figure)]
 
 
-def document(width: float, height: float, title: str, parts: Iterable[str]) -> str:
+def svg_document(width: float, height: float, title: str, parts: Iterable[str]) -> str:
     """An SVG element around parts, with the title as text and for screen readers."""
     body = "\n".join(parts)
     style = 'font-family="system-ui, sans-serif" font-size="12" fill="#222"'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}" '
         f'height="{height:g}" role="img" {style}>\n<title>{escape(title)}</title>\n'
-        f'<rect width="{width:g}" height="{height:g}" fill="#fff"/>\n{text(12, 20, title, weight=600, size=14)}\n'
+        f'<rect width="{width:g}" height="{height:g}" fill="#fff"/>\n{svg_text(12, 20, title, weight=600, size=14)}\n'
         f"{body}\n</svg>\n"
     )
 
 
-def text(
+def svg_text(
     x: float, y: float, words: str, anchor: str = "start", *, weight: int = 400, size: int = 12, turn: int = 0
 ) -> str:
     """One line of text at (x, y)."""
@@ -91,47 +91,49 @@ def _scales(figure: Figure) -> tuple[Scale, Scale]:
     xs = [v for s in figure.series for v in s.x]
     ys = [v for s in figure.series for part in (s.y, s.low or (), s.high or ()) for v in part]
     ys += [v for v, _ in figure.levels]
-    across = (-0.5, len(figure.x_names) - 0.5) if figure.x_names else span(xs)
-    up = span(ys, zero=figure.zero)
-    bottom = figure.height - _BOTTOM - (26 if _slanted(figure) else 0)
-    return Scale(*across, _LEFT, figure.width - _RIGHT), Scale(*up, bottom, _TOP + (20 if _crowded(figure) else 0))
+    across = (-0.5, len(figure.x_names) - 0.5) if figure.x_names else axis_range(xs)
+    up = axis_range(ys, zero=figure.zero)
+    bottom = figure.height - _BOTTOM - (26 if _labels_slanted(figure) else 0)
+    return Scale(*across, _LEFT, figure.width - _RIGHT), Scale(
+        *up, bottom, _TOP + (20 if _legend_below_title(figure) else 0)
+    )
 
 
-def _slanted(figure: Figure) -> bool:
+def _labels_slanted(figure: Figure) -> bool:
     """Whether words under the axis would run into each other if they lay flat."""
     room = (figure.width - _LEFT - _RIGHT) / max(len(figure.x_names), 1)
-    return max(map(width, figure.x_names), default=0) + 7 > room
+    return max(map(text_width, figure.x_names), default=0) + 7 > room
 
 
-def _crowded(figure: Figure) -> bool:
+def _legend_below_title(figure: Figure) -> bool:
     """Whether the legend would run into the title; then it stands under it."""
-    names = sum(width(s.name) + 22 for s in figure.series if s.name)
-    return bool(names) and 12 + width(figure.title, 15) + 8 + names > figure.width - _RIGHT
+    names = sum(text_width(s.name) + 22 for s in figure.series if s.name)
+    return bool(names) and 12 + text_width(figure.title, 15) + 8 + names > figure.width - _RIGHT
 
 
 def _frame(figure: Figure, x: Scale, y: Scale) -> list[str]:
     parts = [_line(x.start, y(v), x.end, y(v), "#ddd") for v in ticks(y.low, y.high)]
-    parts += [text(x.start - 6, y(v) + 4, label(v), "end") for v in ticks(y.low, y.high)]
-    parts += _x_words(figure, x, y)
+    parts += [svg_text(x.start - 6, y(v) + 4, tick_label(v), "end") for v in ticks(y.low, y.high)]
+    parts += _x_labels(figure, x, y)
     for value, name in figure.levels:
         parts.append(_line(x.start, y(value), x.end, y(value), "#222", dash="5 3"))
-        parts.append(text(x.end - 4, y(value) - 4, name, "end"))
+        parts.append(svg_text(x.end - 4, y(value) - 4, name, "end"))
     parts.append(_line(x.start, y.start, x.end, y.start, "#222"))
-    parts.append(text((x.start + x.end) / 2, figure.height - 8, figure.x_label, "middle"))
-    parts.append(text(14, (y.start + y.end) / 2, figure.y_label, "middle", turn=-90))
+    parts.append(svg_text((x.start + x.end) / 2, figure.height - 8, figure.x_label, "middle"))
+    parts.append(svg_text(14, (y.start + y.end) / 2, figure.y_label, "middle", turn=-90))
     return parts
 
 
-def _x_words(figure: Figure, x: Scale, y: Scale) -> list[str]:
+def _x_labels(figure: Figure, x: Scale, y: Scale) -> list[str]:
     if not figure.x_names:
         whole = all(float(v).is_integer() for s in figure.series for v in s.x)
         shown = [v for v in ticks(x.low, x.high, 8) if not whole or float(v).is_integer()]
-        return [text(x(v), y.start + 16, label(v), "middle") for v in shown]
-    if _slanted(figure):
+        return [svg_text(x(v), y.start + 16, tick_label(v), "middle") for v in shown]
+    if _labels_slanted(figure):
         every = max(1, round(len(figure.x_names) * 15 / (x.end - x.start)))
         named = list(enumerate(figure.x_names))[::every]
-        return [text(x(i) + 4, y.start + 12, name[:12], "end", turn=-40, size=11) for i, name in named]
-    return [text(x(i), y.start + 16, name, "middle") for i, name in enumerate(figure.x_names)]
+        return [svg_text(x(i) + 4, y.start + 12, name[:12], "end", turn=-40, size=11) for i, name in named]
+    return [svg_text(x(i), y.start + 16, name, "middle") for i, name in enumerate(figure.x_names)]
 
 
 def _series(s: Series, x: Scale, y: Scale) -> list[str]:
@@ -143,7 +145,7 @@ def _series(s: Series, x: Scale, y: Scale) -> list[str]:
         return [_rect(a - half, min(b, base), 2 * half, abs(b - base), colour) for a, b in points]
     if s.kind in ("cloud", "dashes"):
         return [_strokes(s.kind, points, colour)]
-    parts = _spread(s, x, y, colour)
+    parts = _band_or_bars(s, x, y, colour)
     if s.kind == "dots":
         return [*parts, *(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="2.6" fill="{colour}"/>' for a, b in points)]
     if s.kind == "steps":
@@ -160,7 +162,7 @@ def _strokes(kind: str, points: Sequence[tuple[float, float]], colour: str) -> s
     return f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="{wide:g}" stroke-linecap="{cap}"{faint}/>'
 
 
-def _spread(s: Series, x: Scale, y: Scale, colour: str) -> list[str]:
+def _band_or_bars(s: Series, x: Scale, y: Scale, colour: str) -> list[str]:
     if s.low is None or s.high is None:
         return []
     if s.kind == "dots":
@@ -172,11 +174,11 @@ def _spread(s: Series, x: Scale, y: Scale, colour: str) -> list[str]:
 
 
 def _legend(figure: Figure) -> list[str]:
-    parts, at, down = [], figure.width - _RIGHT, 20.0 if _crowded(figure) else 0.0
+    parts, at, down = [], figure.width - _RIGHT, 20.0 if _legend_below_title(figure) else 0.0
     for s in reversed([s for s in figure.series if s.name]):
-        at -= width(s.name) + 22
+        at -= text_width(s.name) + 22
         parts.append(_rect(at, 11 + down, 10, 10, COLOURS[s.colour % len(COLOURS)]))
-        parts.append(text(at + 14, 20 + down, s.name))
+        parts.append(svg_text(at + 14, 20 + down, s.name))
     return parts
 
 

@@ -18,7 +18,7 @@ class Scale:
         return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
 
 
-def span(values: Sequence[float], zero: bool = False) -> tuple[float, float]:
+def axis_range(values: Sequence[float], zero: bool = False) -> tuple[float, float]:
     """Range of the finite values with 5 % of air; `zero` keeps 0 in sight; (0, 1) when there are none."""
     finite = [v for v in values if math.isfinite(v)]
     if zero:
@@ -42,11 +42,11 @@ def ticks(low: float, high: float, wanted: int = 5) -> list[float]:
     return [(first + i) * step for i in range(count)]
 
 
-def width(words: str, size: int = 12) -> float:
+def text_width(words: str, size: int = 12) -> float:
     """About how wide a line of text is, px; Chinese characters fill a square."""
     return sum(size if ord(c) > 0x2E7F else 0.6 * size for c in words)
 
 
-def label(value: float) -> str:
+def tick_label(value: float) -> str:
     """A tick's text: short, with a real minus sign."""
     return f"{value:.6g}".replace("-", "−")

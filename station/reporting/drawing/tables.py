@@ -3,12 +3,12 @@
 import math
 from collections.abc import Sequence
 
-from station.reporting.drawing.figure import COLOURS, document, text
-from station.reporting.drawing.scale import label
-from station.reporting.drawing.scale import width as width_of
+from station.reporting.drawing.figure import COLOURS, svg_document, svg_text
+from station.reporting.drawing.scale import text_width as width_of
+from station.reporting.drawing.scale import tick_label
 
 
-def bars(title: str, rows: Sequence[tuple[str, float]], unit: str = "", width: int = 640) -> str:
+def bar_chart(title: str, rows: Sequence[tuple[str, float]], unit: str = "", width: int = 640) -> str:
     """One horizontal bar a row (name, value ≥ 0), the number at its end."""
     height, names = 44 + 24 * len(rows), 8 + max((width_of(n) for n, _ in rows), default=0.0)
     most = max((v for _, v in rows), default=0) or 1.0
@@ -16,11 +16,11 @@ def bars(title: str, rows: Sequence[tuple[str, float]], unit: str = "", width: i
     parts = []
     for i, (name, value) in enumerate(rows):
         y = 34 + 24 * i
-        parts.append(text(names, y + 14, name, "end"))
+        parts.append(svg_text(names, y + 14, name, "end"))
         long = room * value / most
         parts.append(f'<rect x="{names + 6}" y="{y + 2}" width="{long:.1f}" height="16" fill="{COLOURS[0]}"/>')
-        parts.append(text(names + 12 + long, y + 14, f"{label(float(f'{value:.3g}'))} {unit}".strip()))
-    return document(width, height, title, parts)
+        parts.append(svg_text(names + 12 + long, y + 14, f"{tick_label(float(f'{value:.3g}'))} {unit}".strip()))
+    return svg_document(width, height, title, parts)
 
 
 def heat_map(
@@ -33,26 +33,27 @@ def heat_map(
     cell = max(6.0, min(34.0, 760 / max(len(columns), 1)))
     tall = max(6.0, min(22.0, 480 / max(len(rows), 1)))
     width, height = left + cell * len(columns) + 14, 96 + tall * len(rows)
-    parts = [text(12, 36, f"blue +{label(float(f'{most:.2g}'))} {unit}, orange the same below zero", size=11)]
+    parts = [svg_text(12, 36, f"blue +{tick_label(float(f'{most:.2g}'))} {unit}, orange the same below zero", size=11)]
     for i, row in enumerate(values):
         parts += [
             f'<rect x="{left + j * cell:.1f}" y="{44 + i * tall:.1f}" width="{cell:.1f}" height="{tall:.1f}" '
-            f'fill="{_shade(v / most)}"/>'
+            f'fill="{_cell_colour(v / most)}"/>'
             for j, v in enumerate(row)
         ]
     skip_rows, skip_columns = (max(1, round(12 / size)) for size in (tall, cell))
     parts += [
-        text(left - 5, 44 + (i + 0.5) * tall + 4, rows[i][:16], "end", size=11) for i in range(0, len(rows), skip_rows)
+        svg_text(left - 5, 44 + (i + 0.5) * tall + 4, rows[i][:16], "end", size=11)
+        for i in range(0, len(rows), skip_rows)
     ]
     under = 52 + tall * len(rows)
     parts += [
-        text(left + (j + 0.5) * cell + 3, under, columns[j][:10], "end", turn=-45, size=10)
+        svg_text(left + (j + 0.5) * cell + 3, under, columns[j][:10], "end", turn=-45, size=10)
         for j in range(0, len(columns), skip_columns)
     ]
-    return document(max(width, 420), height, title, parts)
+    return svg_document(max(width, 420), height, title, parts)
 
 
-def _shade(share: float) -> str:
+def _cell_colour(share: float) -> str:
     if math.isnan(share):
         return "#ccc"
     full = (0, 114, 178) if share > 0 else (213, 94, 0)

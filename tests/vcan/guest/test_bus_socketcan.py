@@ -183,7 +183,7 @@ def test_waiting_ends_with_the_first_frame_or_the_time_out(bus: SocketCan, vcan:
 def test_our_netlink_agrees_with_iproute2(vcan: Interface) -> None:
     for change in (vcan.down, vcan.up):
         change()
-        link, told = _netlink.ask(vcan.name), vcan.details()
+        link, told = _netlink.query_link(vcan.name), vcan.details()
         assert link.up == ("UP" in told["flags"])
         assert link.kind == told["linkinfo"]["info_kind"] == "vcan"
         assert link.can_state is None
@@ -191,7 +191,7 @@ def test_our_netlink_agrees_with_iproute2(vcan: Interface) -> None:
 
 def test_what_the_kernel_says_of_an_absent_link_is_an_error() -> None:
     with pytest.raises(OSError, match="no interface"):
-        _netlink.ask("can77")
+        _netlink.query_link("can77")
 
 
 def test_the_stream_buffer_holds_a_second_of_a_full_bus(bus: SocketCan) -> None:

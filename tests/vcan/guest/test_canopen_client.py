@@ -17,7 +17,7 @@ from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import SystemClock
 from station.adapters.dbc import read_layouts
 from station.config.products import load_product
-from station.domain.can.decode import samples
+from station.domain.can.decode import decode_samples
 from station.domain.can.sensor_layout import resolve
 from station.domain.core.types import Calibration, Frames
 from station.domain.product import writeback
@@ -102,10 +102,10 @@ def test_its_own_corrected_output_agrees_with_the_truth(vcan: Interface, node_de
     stream = bus.stream(layout.ids(NODE))
     device.nmt("start")
     frames = Frames.join([stream.receive(2.0) for _ in range(5)])
-    got = samples(frames, layout, NODE)
+    got = decode_samples(frames, layout, NODE)
     bus.close()
     assert len(got) > 3
-    assert got.trouble.crc_errors == 0
+    assert got.frame_errors.crc_errors == 0
     # Half a step of the converter through the inverse matrix, and half a step of the output.
     bound = layout.axes[0].scale * (0.5 * np.abs(np.linalg.inv(MATRIX)).sum(axis=1) + 0.5) + 1e-6
     assert np.all(np.abs(got.xyz - truth) <= bound), got.xyz - truth

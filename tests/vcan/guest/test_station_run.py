@@ -13,14 +13,14 @@ from vcan_harness.interface import Interface, create_vcan
 from vcan_harness.node import NodeMaster
 from vcan_harness.programs import Candump, Logged, canplayer
 
-from station.adapters.annotations import beside, read_marks
+from station.adapters.annotations import find_marks_file, read_marks
 from station.adapters.bus import read_log
 from station.adapters.bus.socketcan import SocketCan
-from station.adapters.store.life import result
+from station.adapters.store.audit_document import result
 from station.cli import app
-from station.domain.capture.annotations import Mark, Marks
+from station.domain.capture.annotations import Annotation, Annotations
 from station.domain.core.types import Frames, Outcome
-from station.service.replay import Replayed, replay
+from station.service.replay import ReplayedUnit, replay
 from station.wiring import load_job
 
 NODES, SERIALS = (0x11, 0x12), ("SN0042", "SN0043")
@@ -107,12 +107,12 @@ def station(*args: str) -> object:
     return left.value.code
 
 
-def by_unit(units: list[Replayed]) -> dict[str, tuple[list[float], list[list[float]]]]:
+def by_unit(units: list[ReplayedUnit]) -> dict[str, tuple[list[float], list[list[float]]]]:
     fits = {u.seat.serial: u.result.calibration for u in units}
     return {serial: (fit.offset.tolist(), fit.matrix.tolist()) for serial, fit in fits.items() if fit is not None}
 
 
-def moved_to(marks: Marks, recorded_frames: Frames, played: Frames) -> Marks:
+def moved_to(marks: Annotations, recorded_frames: Frames, played: Frames) -> Annotations:
     """The same marks by the number of the frame, in the times of the played log."""
     zero, then = int(recorded_frames.time_ns[0]), int(played.time_ns[0])
 
@@ -123,8 +123,10 @@ def moved_to(marks: Marks, recorded_frames: Frames, played: Frames) -> Marks:
         high = int(played.time_ns[min(after, len(played) - 1)]) + (after == len(played))
         return ((low + high) / 2 - then) / 1e9
 
-    moved = [Mark(**{**m.model_dump(), "start_s": there(m.start_s), "end_s": there(m.end_s)}) for m in marks.marks]
-    return Marks(recipe=marks.recipe, marks=tuple(moved))
+    moved = [
+        Annotation(**{**m.model_dump(), "start_s": there(m.start_s), "end_s": there(m.end_s)}) for m in marks.marks
+    ]
+    return Annotations(recipe=marks.recipe, marks=tuple(moved))
 
 
 def test_what_canplayer_plays_gives_the_same_coefficients(
@@ -143,7 +145,7 @@ def test_what_canplayer_plays_gives_the_same_coefficients(
         assert told[serial]["offset"] == first["offset"]
         assert told[serial]["matrix"] == first["matrix"]
         assert told[serial]["outcome"] == "PASS"
-    frames, where = read_log(log), beside(log)
+    frames, where = read_log(log), find_marks_file(log)
     assert where is not None
     bus = SocketCan(vcan.name)
     stream = bus.stream(())

@@ -13,9 +13,9 @@ from vcan_harness.interface import Interface, Link, create_vcan
 from vcan_harness.programs import Candump, Logged, cansend
 from vcan_harness.waiting import until
 
-from station.adapters.store.life import result
+from station.adapters.store.audit_document import result
 from station.domain.core.types import Outcome
-from station.domain.run.progress import Event, Identified, Reading, StopStarted, VisitRejected
+from station.domain.run.progress import Event, Identified, LiveReading, VisitRejected, VisitStarted
 from station.errors import BusFault
 from station.wiring import Bench
 
@@ -35,9 +35,9 @@ class During:
         self._position = ""
 
     def __call__(self, event: Event, _bench: Bench) -> None:
-        if isinstance(event, StopStarted):
+        if isinstance(event, VisitStarted):
             self._position = event.position
-        if isinstance(event, Reading) and self._position in self._deeds:
+        if isinstance(event, LiveReading) and self._position in self._deeds:
             self._deeds.pop(self._position)()
 
 

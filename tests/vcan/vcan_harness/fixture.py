@@ -14,13 +14,13 @@ from vcan_harness.interface import Interface
 
 from station.adapters.store.reader import LogReader
 from station.adapters.store.search import Attempt, Query
-from station.config.places import shipped
+from station.config.search_path import shipped_folder
 from station.domain.core.types import Floats, Frames
-from station.domain.run.progress import Event, LoadDone, StopStarted, UnitResult
+from station.domain.run.progress import Event, LoadDone, UnitResult, VisitStarted
 from station.errors import StationError
-from station.service.itinerary import tumble, verification
+from station.service.itinerary import tumble_visits, verification_visits
 from station.service.runner import Runner
-from station.wiring import Bench, Order, open_bench
+from station.wiring import Bench, RunOrder, open_bench
 from station.wiring.live_device import LiveDevices, Population
 
 #: Small enough for a guest that does everything ten times slower, large enough for a verdict. A guest that stands
@@ -40,7 +40,7 @@ Hook = Callable[[Event, Bench], None]
 
 def recipe(folder: Path, **changes: Any) -> str:
     """The shipped six-point recipe with short stops, as a file in `folder`."""
-    document = yaml.safe_load((shipped() / "recipes" / "six-point.yaml").read_text())
+    document = yaml.safe_load((shipped_folder() / "recipes" / "six-point.yaml").read_text())
     path = folder / "small.yaml"
     path.write_text(yaml.safe_dump({**document, **SMALL, **changes}))
     return str(path)
@@ -116,7 +116,7 @@ def run(bench: Bench, serials: Sequence[str], turn: Turn, hook: Hook = lambda _e
     with closing(Runner(bench.station, bench.job).run(seats)) as events:
         for event in events:
             ran.events.append(event)
-            if isinstance(event, StopStarted):
+            if isinstance(event, VisitStarted):
                 turn(todo[event.position])
             if isinstance(event, LoadDone):
                 ran.results, ran.fault = {r.seat.serial: r for r in event.results}, event.fault
@@ -128,7 +128,7 @@ def opened(folder: Path, interface: Interface, nodes: Sequence[int], **changes: 
     """A station of one configuration, its log in `folder`; recipe: what to change in the recipe."""
     told = changes.pop("recipe", {})
     return open_bench(
-        Order(
+        RunOrder(
             recipe=recipe(folder, **told),
             config=config(folder, interface, nodes, **changes),
             database=folder / "station.db",
@@ -178,5 +178,5 @@ def rows(frames: Frames) -> list[tuple[int, int, bytes]]:
 
 def _true_of_stops(bench: Bench) -> dict[str, Floats]:
     recipe_ = bench.job.recipe
-    runs = [stop for number in range(len(recipe_.runs)) for stop in tumble(recipe_, number)]
-    return {stop.position: np.asarray(stop.true) for stop in [*runs, *verification(recipe_)]}
+    runs = [stop for number in range(len(recipe_.runs)) for stop in tumble_visits(recipe_, number)]
+    return {stop.position: np.asarray(stop.true) for stop in [*runs, *verification_visits(recipe_)]}

@@ -5,48 +5,59 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.faults import clipping, clock, counters, gold, grid_step, mapping, stuck_bits, tone
-from station.diagnosis.data.faults.fault import Fault, Number
+from station.diagnosis.data.faults import (
+    axis_decoding,
+    clipping,
+    clock,
+    counters,
+    gold_reference,
+    grid_step,
+    motor_tone,
+    stuck_bits,
+)
+from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
-from station.model.scene import Scene, stops_of_table
+from station.model.scene import Scene, visits_scene_of_table
 
-__all__ = ["Fault", "Inspected", "Number", "inspect"]
+__all__ = ["FaultParameter", "GrossFault", "Inspection", "inspect"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Inspected:
+class Inspection:
     """Faults; the table as it would be without them, clipped stops left out; the faults that nothing could show; and
     causes of the bank that were looked for here already."""
 
-    faults: tuple[Fault, ...]
+    faults: tuple[GrossFault, ...]
     table: SampleTable
-    blind: tuple[str, ...]
+    undetectable: tuple[str, ...]
     tested: tuple[str, ...] = ()
 
 
-def inspect(recipe: Recipe, table: SampleTable) -> Inspected:
+def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
     """Looks a table over. Its rows come back sorted by unit, run and stop, in the order of arrival."""
-    scene = stops_of_table(recipe, table)
+    scene = visits_scene_of_table(recipe, table)
     stop = scene.visit
     if np.any(np.diff(stop) < 0):
         order = np.argsort(stop, kind="stable")
         table, stop = table[order], stop[order]
-    read = mapping.decoded(scene, _means(table.reading, stop))
-    found = mapping.faults(recipe, table, scene, read)
-    found = [_measured(f, scene, table, mapping.repaired(table, read), stop) for f in found]
-    table = replace(table, reading=mapping.repaired(table, read)) if read else table
+    read = axis_decoding.wrong_decodings(scene, _means(table.reading, stop))
+    found = axis_decoding.faults(recipe, table, scene, read)
+    found = [_with_rms(f, scene, table, axis_decoding.corrected_readings(table, read), stop) for f in found]
+    table = replace(table, reading=axis_decoding.corrected_readings(table, read)) if read else table
     for part in (clipping, grid_step, stuck_bits, counters, clock):
         found += part.faults(recipe, table, stop)
-    by_gold = gold.faults(recipe, table, scene, stop)
-    found, table = [*found, *by_gold], gold.repaired(recipe, table, by_gold)
+    by_gold = gold_reference.faults(recipe, table, scene, stop)
+    found, table = [*found, *by_gold], gold_reference.without_gold_drift(recipe, table, by_gold)
     _, bad = clipping.clipped(table, stop)
     hit = np.zeros(len(scene.visits), bool)
     hit[stop[bad]] = True
     whole = ~hit[stop]
     kept = table[whole] if bad.any() else table
-    found += tone.faults(recipe, kept, stop[whole])
-    return Inspected(tuple(found), kept, _blind(recipe, table, scene), gold.tested(recipe, table))
+    found += motor_tone.faults(recipe, kept, stop[whole])
+    return Inspection(
+        tuple(found), kept, _undetectable(recipe, table, scene), gold_reference.testable_causes(recipe, table)
+    )
 
 
 def _means(reading: Floats, stop: NDArray[np.intp]) -> Floats:
@@ -54,7 +65,9 @@ def _means(reading: Floats, stop: NDArray[np.intp]) -> Floats:
     return np.stack([np.bincount(stop, column) / count for column in reading.T], 1)
 
 
-def _measured(fault: Fault, scene: Scene, table: SampleTable, repaired: Floats, stop: NDArray[np.intp]) -> Fault:
+def _with_rms(
+    fault: GrossFault, scene: Scene, table: SampleTable, repaired: Floats, stop: NDArray[np.intp]
+) -> GrossFault:
     """The fault with the rms of what the ideal simulation leaves, before and after the repair."""
     if not scene.recipe.pose_known:
         return fault
@@ -71,7 +84,7 @@ def _rms(residual: Floats, unit: NDArray[np.int32]) -> float:
     return float(np.sqrt(np.mean((residual - middle[unit]) ** 2)))
 
 
-def _blind(recipe: Recipe, table: SampleTable, scene: Scene) -> tuple[str, ...]:
+def _undetectable(recipe: Recipe, table: SampleTable, scene: Scene) -> tuple[str, ...]:
     """Faults that these data could not show."""
     blind = []
     if "counter" not in table.values:

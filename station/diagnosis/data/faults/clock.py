@@ -6,28 +6,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.data.faults.counters import unwrapped
-from station.diagnosis.data.faults.fault import Fault, Number, of_unit, rows_of_units
+from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, rows_of_units, unit_label
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
 #: Standard deviations beyond the tolerance from which a clock is off.
-SURE = 4.0
+DETECTION_SIGMA = 4.0
 
 
-def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[Fault]:
+def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
     """Units whose sample rate is beyond the data sheet's tolerance."""
     error, std = rates(recipe, table, stop)
     tolerance = recipe.device.clock_tolerance_ppm * 1e-6
     beyond = (np.abs(error) - tolerance) / std
-    off = beyond > SURE
+    off = beyond > DETECTION_SIGMA
     if not off.any():
         return []
     numbers = tuple(
         # A clock within its tolerance has an error of its own beside the fault.
-        Number(
+        FaultParameter(
             "rate_error",
             None,
-            of_unit(table.unit, int(u)),
+            unit_label(table.unit, int(u)),
             float(error[u]),
             float(np.hypot(std[u], tolerance / 2)),
             "1",
@@ -35,7 +35,7 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[F
         for u in np.flatnonzero(np.isfinite(error))
     )
     told = f"{int(off.sum())} of {len(error)} clocks are off by more than {recipe.device.clock_tolerance_ppm:g} ppm"
-    return [Fault("clock-error", "unit", numbers, told, float(0.5 * np.sum(beyond[off] ** 2)))]
+    return [GrossFault("clock-error", "unit", numbers, told, float(0.5 * np.sum(beyond[off] ** 2)))]
 
 
 def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> tuple[Floats, Floats]:
@@ -48,7 +48,11 @@ def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> tuple[F
     bits = recipe.device.counter_bits
     nominal = recipe.device.rate_hz
     has = "counter" in table.values
-    number = unwrapped(table.values["counter"], stop, bits) if has else _placed(table.time_s, stop, first, nominal)
+    number = (
+        unwrapped(table.values["counter"], stop, bits)
+        if has
+        else _numbers_from_time(table.time_s, stop, first, nominal)
+    )
     error = np.full(len(table.unit.names), np.nan)
     std = np.full(len(table.unit.names), np.nan)
     for u, of in enumerate(rows_of_units(table.unit)):
@@ -59,14 +63,16 @@ def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> tuple[F
         error[u], std[u] = _slope(table.time_s[rows], number[rows] / nominal, group)
         if has and np.isfinite(std[u]):
             starts = first[slice(*np.searchsorted(first, (of.start, of.stop)))] - of.start
-            joined = _joined(table, rows, number[rows], starts, error[u], std[u], (nominal, bits))
+            joined = _numbers_across_visits(table, rows, number[rows], starts, error[u], std[u], (nominal, bits))
             if joined is not None:
                 run = table.run[rows]
                 error[u], std[u] = _slope(table.time_s[rows], joined / nominal, run, stop[rows])
     return error, std
 
 
-def _placed(time_s: Floats, stop: NDArray[np.intp], first: NDArray[np.intp], rate_hz: float) -> NDArray[np.int64]:
+def _numbers_from_time(
+    time_s: Floats, stop: NDArray[np.intp], first: NDArray[np.intp], rate_hz: float
+) -> NDArray[np.int64]:
     """Numbers of frames without a counter: one more than the last, or as many more as fit into a gap."""
     step = np.diff(time_s, prepend=time_s[:1]) * rate_hz
     step = np.where(np.diff(stop, prepend=-1) != 0, 0, np.maximum(np.round(step), 1))
@@ -97,7 +103,7 @@ def _slope(time_s: Floats, device_s: Floats, group: Array, stop: Array | None = 
     return slope, std + 1e-9
 
 
-def _joined(
+def _numbers_across_visits(
     table: SampleTable, rows: NDArray[np.intp], number: NDArray[np.int64], starts: NDArray[np.intp],
     error: float, std: float, clock: tuple[float, int],
 ) -> NDArray[np.int64] | None:  # fmt: skip

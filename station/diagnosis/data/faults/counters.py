@@ -5,24 +5,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.faults.fault import Fault, Number, of_unit
+from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, unit_label
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
 #: Events in the whole table from which a bus is not healthy.
-FEWEST = 2
+MIN_EVENTS = 2
 #: Chance of an event on a healthy bus, for the evidence.
-HEALTHY = 1e-6
+HEALTHY_EVENT_RATE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tally:
+class FrameTally:
     """Per unit (U): frames sent, arrived, different; and how often one stepped back."""
 
     sent: NDArray[np.int64]
     arrived: NDArray[np.int64]
     different: NDArray[np.int64]
-    back: NDArray[np.int64]
+    stepped_back: NDArray[np.int64]
 
 
 def unwrapped(counter: Floats, stop: NDArray[np.intp], bits: int) -> NDArray[np.int64]:
@@ -36,7 +36,7 @@ def unwrapped(counter: Floats, stop: NDArray[np.intp], bits: int) -> NDArray[np.
     return np.asarray(total - np.repeat(total[first], np.diff(np.append(first, len(stop)))))
 
 
-def tally(table: SampleTable, stop: NDArray[np.intp], bits: int) -> Tally:
+def tally(table: SampleTable, stop: NDArray[np.intp], bits: int) -> FrameTally:
     """What arrived. stop (n): index of the stop, rising; rows of a stop in the order of arrival."""
     number = unwrapped(table.values["counter"], stop, bits)
     first = np.flatnonzero(np.diff(stop, prepend=-1))
@@ -55,10 +55,10 @@ def tally(table: SampleTable, stop: NDArray[np.intp], bits: int) -> Tally:
     def by_unit(counts: NDArray[np.int64]) -> NDArray[np.int64]:
         return np.bincount(unit, counts, size).astype(np.int64)
 
-    return Tally(by_unit(high - low + 1), by_unit(arrived), by_unit(different), by_unit(back))
+    return FrameTally(by_unit(high - low + 1), by_unit(arrived), by_unit(different), by_unit(back))
 
 
-def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[Fault]:
+def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
     """What the counter shows; nothing where there is none."""
     if "counter" not in table.values:
         return []
@@ -66,17 +66,18 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[F
     found = [
         ("lost-frames", t.sent - t.different, t.sent, "are missing"),
         ("duplicated-frames", t.arrived - t.different, t.different, "arrived twice"),
-        ("reordered-frames", t.back, t.arrived, "were overtaken"),
+        ("reordered-frames", t.stepped_back, t.arrived, "were overtaken"),
     ]
-    return [_fault(name, events, of, told, table) for name, events, of, told in found if events.sum() >= FEWEST]
+    return [_fault(name, events, of, told, table) for name, events, of, told in found if events.sum() >= MIN_EVENTS]
 
 
-def _fault(name: str, events: NDArray[np.int64], of: NDArray[np.int64], told: str, table: SampleTable) -> Fault:
+def _fault(name: str, events: NDArray[np.int64], of: NDArray[np.int64], told: str, table: SampleTable) -> GrossFault:
     share = events / np.maximum(of, 1)
     std = np.sqrt(np.maximum(share * (1 - share), 1 / np.maximum(of, 1)) / np.maximum(of, 1))
     numbers = tuple(
-        Number("fraction", None, of_unit(table.unit, u), float(share[u]), float(std[u]), "1") for u in range(len(of))
+        FaultParameter("fraction", None, unit_label(table.unit, u), float(share[u]), float(std[u]), "1")
+        for u in range(len(of))
     )
     total, all_of = int(events.sum()), int(of.sum())
-    nats = total * np.log(total / all_of / HEALTHY) - total + HEALTHY * all_of
-    return Fault(name, "unit", numbers, f"{total} of {all_of} frames {told}", float(nats))
+    nats = total * np.log(total / all_of / HEALTHY_EVENT_RATE) - total + HEALTHY_EVENT_RATE * all_of
+    return GrossFault(name, "unit", numbers, f"{total} of {all_of} frames {told}", float(nats))

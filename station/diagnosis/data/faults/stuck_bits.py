@@ -12,19 +12,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.faults.fault import Fault, Number, of_unit, rows_of_units
+from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, rows_of_units, unit_label
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
 Codes = NDArray[np.int64]
 
 #: Values of the higher bits that must be seen, and bits looked at.
-LEVELS, BITS = 24, 24
+MIN_LEVELS, MAX_BITS = 24, 24
 #: Share of a step by which readings may lie beside the grid on the average; off any grid it is a quarter.
-BESIDE = 0.1
+OFF_GRID_SHARE = 0.1
 
 
-def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[Fault]:
+def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
     """Units one of whose bits is stuck."""
     del stop
     lsb = recipe.device.lsb
@@ -32,56 +32,56 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[F
         return []
     units = [(u, rows) for u, rows in enumerate(rows_of_units(table.unit)) if rows.stop > rows.start]
     codes = [_codes(table.reading[rows], lsb) for _, rows in units]
-    everywhere = _stuck([_said(np.unique(np.concatenate(axis))) for axis in zip(*codes, strict=True)])
+    everywhere = _stuck([_bit_statistics(np.unique(np.concatenate(axis))) for axis in zip(*codes, strict=True)])
     numbers = []
     for (u, _), of in zip(units, codes, strict=True):
-        axes = [_said(axis) for axis in of]
+        axes = [_bit_statistics(axis) for axis in of]
         found = everywhere | _stuck(axes) | set().union(*(_stuck([axis]) for axis in axes))
-        numbers += [_number(of_unit(table.unit, u), bit, high, recipe) for bit, high in sorted(found)]
+        numbers += [_number(unit_label(table.unit, u), bit, high, recipe) for bit, high in sorted(found)]
     if not numbers:
         return []
     weight = float(numbers[0].value)
     told = f"the bit of {abs(weight):.3g} {recipe.unit} always reads {int(weight < 0)}"
-    return [Fault("stuck-bit", "unit", tuple(numbers), told, len(numbers) * (LEVELS - 1) * float(np.log(2)))]
+    return [GrossFault("stuck-bit", "unit", tuple(numbers), told, len(numbers) * (MIN_LEVELS - 1) * float(np.log(2)))]
 
 
 def _codes(readings: Floats, lsb: float) -> list[Codes]:
     """The codes that occur on each axis; none where the readings (n, 3) do not lie on the grid."""
     steps = readings / lsb
     code = np.round(steps)
-    on_grid = np.mean(np.abs(steps - code)) < BESIDE
+    on_grid = np.mean(np.abs(steps - code)) < OFF_GRID_SHARE
     return [np.unique(axis).astype(np.int64) if on_grid else np.zeros(0, np.int64) for axis in code.T]
 
 
-class Said(NamedTuple):
+class BitStatistics(NamedTuple):
     """levels (BITS): values that the bits above each bit take; one, any: the bits that are 1 in all and in any code."""
 
     levels: Codes
-    one: int
+    always_one: int
     any: int
 
 
-def _said(codes: Codes) -> Said:
+def _bit_statistics(codes: Codes) -> BitStatistics:
     """Of codes (n) in rising order, each once. Between neighbours the highest bit that differs tells which of the
     numbers made of the higher bits are new."""
     if not len(codes):
-        return Said(np.zeros(BITS, np.int64), -1, 0)
+        return BitStatistics(np.zeros(MAX_BITS, np.int64), -1, 0)
     differ = (codes[1:] ^ codes[:-1]).astype(float)
     # A change of sign is a change of the highest bit of all.
     highest = np.where(differ < 0, 63, np.frexp(np.maximum(differ, 0))[1] - 1)
-    above = np.bincount(np.minimum(highest, BITS), minlength=BITS + 1)[::-1].cumsum()[::-1][1:]
-    return Said(1 + above, int(np.bitwise_and.reduce(codes)), int(np.bitwise_or.reduce(codes)))
+    above = np.bincount(np.minimum(highest, MAX_BITS), minlength=MAX_BITS + 1)[::-1].cumsum()[::-1][1:]
+    return BitStatistics(1 + above, int(np.bitwise_and.reduce(codes)), int(np.bitwise_or.reduce(codes)))
 
 
-def _stuck(axes: Sequence[Said]) -> set[tuple[int, bool]]:
+def _stuck(axes: Sequence[BitStatistics]) -> set[tuple[int, bool]]:
     """Bits (place, what it reads) that never change on any of the axes, which together take values enough above."""
     levels = np.sum([axis.levels for axis in axes], axis=0)
-    one, some = int(np.bitwise_and.reduce([axis.one for axis in axes])), 0
+    one, some = int(np.bitwise_and.reduce([axis.always_one for axis in axes])), 0
     for axis in axes:
         some |= axis.any
     found, low = set(), True
-    for bit in range(BITS):
-        if levels[bit] < LEVELS:
+    for bit in range(MAX_BITS):
+        if levels[bit] < MIN_LEVELS:
             break
         high = bool(one >> bit & 1)
         still = high or not some >> bit & 1
@@ -91,7 +91,7 @@ def _stuck(axes: Sequence[Said]) -> set[tuple[int, bool]]:
     return found
 
 
-def _number(of: str, bit: int, high: bool, recipe: Recipe) -> Number:
+def _number(of: str, bit: int, high: bool, recipe: Recipe) -> FaultParameter:
     """The bit's weight, negative where it always reads 1."""
     weight = recipe.device.lsb * 2.0**bit
-    return Number("weight", None, of, -weight if high else weight, recipe.device.lsb / 12**0.5, recipe.unit)
+    return FaultParameter("weight", None, of, -weight if high else weight, recipe.device.lsb / 12**0.5, recipe.unit)

@@ -11,11 +11,11 @@ import numpy as np
 from station.domain.core.types import Floats
 
 #: Power that the agreed phase must leave unexplained, as a share and in standard errors, before phases are let free.
-SHARE, SURE = 0.2, 5.0
+MISSED_SHARE, MISSED_SIGMA = 0.2, 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Power:
+class TonePower:
     """square (3): the squared amplitude of each axis, in units of the noise of a sample; std (3) of it."""
 
     square: Floats
@@ -31,13 +31,15 @@ class Power:
         """Standard deviation (3) of the amplitude, by its slope; of a weak one that of the smallest seen."""
         return np.asarray(self.std / (2 * np.maximum(self.amplitude, np.sqrt(self.std))))
 
-    def beyond(self, agreed: Floats) -> bool:
+    def exceeds(self, agreed: Floats) -> bool:
         """Whether one phase for all stops, with coefficients (2, 3), misses much of the power."""
         missed = float(np.sum(self.square) - np.sum(agreed**2))
-        return missed > SHARE * float(np.sum(self.square)) and missed > SURE * float(np.sqrt(np.sum(self.std**2)))
+        return missed > MISSED_SHARE * float(np.sum(self.square)) and missed > MISSED_SIGMA * float(
+            np.sqrt(np.sum(self.std**2))
+        )
 
 
-def each_stop(waves: Floats, white: Floats) -> Power:
+def power_per_visit(waves: Floats, white: Floats) -> TonePower:
     """From the waves (2, v, s, 3) at amplitude 1 as the samples (v, s, 3) would hold them."""
     normal = np.einsum("kvsi,lvsi->vikl", waves, waves)
     said = np.einsum("kvsi,vsi->vik", waves, white)
@@ -51,4 +53,4 @@ def each_stop(waves: Floats, white: Floats) -> Power:
     total = np.maximum(weight.sum(0), 1e-300)
     mean = (weight * square).sum(0) / total
     variance = extra**2 + 2 * np.maximum(mean, 0.0) * extra
-    return Power(mean, np.sqrt((weight**2 * variance).sum(0)) / total)
+    return TonePower(mean, np.sqrt((weight**2 * variance).sum(0)) / total)

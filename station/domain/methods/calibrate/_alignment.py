@@ -2,16 +2,16 @@
 
 import numpy as np
 
-from station.domain.core.linear_algebra import rotation_of, solve
+from station.domain.core.linear_algebra import nearest_rotation, solve
 from station.domain.core.types import Floats
 
 
 def align(found: Floats, nominal: Floats, keep: Floats) -> Floats:
     """Rotations Q (u, 3, 3) with found (u, v, 3) ≈ Q · nominal (u, v, 3), unit vectors; keep (u, v) 0 or 1."""
-    return rotation_of((found * keep[..., None]).transpose(0, 2, 1) @ nominal)
+    return nearest_rotation((found * keep[..., None]).transpose(0, 2, 1) @ nominal)
 
 
-def turns(Q: Floats, nominal: Floats, keep: Floats) -> tuple[Floats, Floats]:
+def rotation_derivative(Q: Floats, nominal: Floats, keep: Floats) -> tuple[Floats, Floats]:
     """How Q turns when found directions move: rotation vector = Σ_v T_v · δfound_v, T (u, 3, v, 3); and Q·nominal.
 
     From Σ keep (Q·nominal × δfound) = Σ keep (1 − d dᵀ) φ, to first order in the misfit.

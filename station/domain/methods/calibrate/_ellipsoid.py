@@ -9,13 +9,13 @@ import numpy as np
 
 from station.domain.core.linear_algebra import solve
 from station.domain.core.types import Floats
-from station.domain.methods.calibrate._outliers import Hat
-from station.domain.methods.method import Problem
+from station.domain.methods.calibrate._outliers import HatMatrix
+from station.domain.methods.method import FitProblem
 
 ROWS, COLUMNS = np.triu_indices(3)
 STEPS = 50
 #: A step that changes the magnitudes by less than this share has arrived.
-ARRIVED = 1e-12
+CONVERGED = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,11 +31,11 @@ class Ellipsoid:
     variance: Floats
     J: Floats
     G: Floats
-    hat: Hat
+    hat: HatMatrix
     converged: Floats
 
 
-def fit(problem: Problem, keep: Floats) -> Ellipsoid:
+def fit(problem: FitProblem, keep: Floats) -> Ellipsoid:
     """Weighted Gauss–Newton from the better of two starts: a perfect sensor and the algebraic ellipsoid."""
     p = _start(problem, keep)
     done = np.zeros(len(p), bool)
@@ -45,7 +45,7 @@ def fit(problem: Problem, keep: Floats) -> Ellipsoid:
         # Each unit stops by itself, so that its bits do not depend on its neighbours.
         p = np.where(done[:, None], p, _shorten(p, step, problem, keep))
         size = np.abs((J @ step[..., None])[..., 0]).max(axis=1)
-        done = done | (size < ARRIVED * problem.magnitude.max(axis=1))
+        done = done | (size < CONVERGED * problem.magnitude.max(axis=1))
         if done.all():
             break
     r, J, variance, slope = _linearise(p, problem)
@@ -60,7 +60,7 @@ def fit(problem: Problem, keep: Floats) -> Ellipsoid:
         variance=variance,
         J=J,
         G=-gain[..., None] * slope[:, None],
-        hat=Hat(J[:, None], gain[:, None]),
+        hat=HatMatrix(J[:, None], gain[:, None]),
         converged=done,
     )
 
@@ -82,7 +82,7 @@ def _upper(k: Floats) -> Floats:
     return K
 
 
-def _linearise(p: Floats, problem: Problem) -> tuple[Floats, Floats, Floats, Floats]:
+def _linearise(p: Floats, problem: FitProblem) -> tuple[Floats, Floats, Floats, Floats]:
     """r (u, v), J (u, v, 9), variance (u, v) of r, and dr/dmean (u, v, 3)."""
     K = _upper(p[:, 3:])
     apart = problem.mean - p[:, None, :3]
@@ -94,19 +94,19 @@ def _linearise(p: Floats, problem: Problem) -> tuple[Floats, Floats, Floats, Flo
     return size - problem.magnitude, J, _noise(slope, problem) + problem.scatter(), slope
 
 
-def _noise(slope: Floats, problem: Problem) -> Floats:
+def _noise(slope: Floats, problem: FitProblem) -> Floats:
     """Variance (u, v) of r that noise of the means makes."""
     variance = (slope[:, :, None, :] @ problem.cov @ slope[..., None])[..., 0, 0]
     return np.maximum(variance, (1e-9 * problem.magnitude) ** 2)
 
 
-def _cost(p: Floats, problem: Problem, keep: Floats) -> Floats:
+def _cost(p: Floats, problem: FitProblem, keep: Floats) -> Floats:
     """Plain squared residuals (u): comparable between steps, as no weight moves with the parameters."""
     felt = (problem.mean - p[:, None, :3]) @ _upper(p[:, 3:]).transpose(0, 2, 1)
     return np.asarray((keep * (np.linalg.norm(felt, axis=2) - problem.magnitude) ** 2).sum(axis=1))
 
 
-def _shorten(p: Floats, step: Floats, problem: Problem, keep: Floats) -> Floats:
+def _shorten(p: Floats, step: Floats, problem: FitProblem, keep: Floats) -> Floats:
     """p + step, the step halved for units where it would make things clearly worse."""
     before = _cost(p, problem, keep)
     length = np.ones(len(p))
@@ -118,14 +118,14 @@ def _shorten(p: Floats, step: Floats, problem: Problem, keep: Floats) -> Floats:
     return np.asarray(p + length[:, None] * step)
 
 
-def _start(problem: Problem, keep: Floats) -> Floats:
+def _start(problem: FitProblem, keep: Floats) -> Floats:
     perfect = np.tile(np.r_[np.zeros(3), np.eye(3)[ROWS, COLUMNS]], (len(problem.mean), 1))
     algebraic = _algebraic(problem, keep)
     better = _cost(algebraic, problem, keep) < _cost(perfect, problem, keep)
     return np.where(better[:, None], algebraic, perfect)
 
 
-def _algebraic(problem: Problem, keep: Floats) -> Floats:
+def _algebraic(problem: FitProblem, keep: Floats) -> Floats:
     """The ellipsoid a'Ma + n'a = 1 about the mean reading by linear least squares; NaN where it is none."""
     middle = problem.mean.mean(axis=1, keepdims=True)
     size = problem.magnitude.mean(axis=1)[:, None, None]

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from station.domain.core import linear_algebra
 from station.domain.core.types import Floats
 from station.domain.methods import coefficients
-from station.domain.methods.calibrate import _even, _outliers
-from station.domain.methods.calibrate._even import Columns
-from station.domain.methods.method import Fit, Problem, alike
+from station.domain.methods.calibrate import _outliers, _shared_fit
+from station.domain.methods.calibrate._shared_fit import Columns
+from station.domain.methods.method import Fit, FitProblem, same_at_all_visits
 
 #: Columns of the regression of each axis: 0 is the offset, 1 + j the gain of true_j.
 OFFSET_ONLY = ((0,), (0,), (0,))
 OFFSET_GAIN = ((0, 1), (0, 2), (0, 3))
 MATRIX = ((0, 1, 2, 3),) * 3
-OF_MODEL = {"matrix": MATRIX, "offset-gain": OFFSET_GAIN}
+COLUMNS_OF_MODEL = {"matrix": MATRIX, "offset-gain": OFFSET_GAIN}
 #: What each column of a full regression determines, for all three axes together.
 MATRIX_NAMES = ("offset x, y, z", *(f"gain {a} and cross-axis from {a}" for a in "xyz"))
 
@@ -31,21 +31,21 @@ class _Regressions:
     hat: fitted = hat · reading; r (u, v, 3) residual; b (u, 3, k)."""
 
     G: Floats
-    hat: _outliers.Hat
+    hat: _outliers.HatMatrix
     r: Floats
     b: Floats
 
 
-def together(problem: Problem, columns: Columns, *, weighted: bool) -> Fit | None:
+def fit_shared(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit | None:
     """The short way (`_even`), right for units that it calls calm; None where for none."""
     if problem.nuisance.shape[1] or not _one_truth(problem) or not _all_poses_differ(problem):
         return None
-    variance, even = _of_first_stop(problem) if weighted else _of_any_stop(problem)
-    even &= (problem.scatter_pose == 0) & (problem.scatter_stop == 0)
-    return _even.fit(problem, columns, variance, even) if even.any() else None
+    variance, even = _variances_of_first_visit(problem) if weighted else _mean_variances(problem)
+    even &= (problem.scatter_pose == 0) & (problem.scatter_visit == 0)
+    return _shared_fit.fit(problem, columns, variance, even) if even.any() else None
 
 
-def solve(problem: Problem, columns: Columns, *, weighted: bool) -> Fit:
+def solve(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit:
     """Fits `columns` of each axis, every unit by itself; stops that do not fit with the rest are left out and marked.
 
     weighted: weights are inverse variances of noise and declared pose error; otherwise all stops count alike.
@@ -57,23 +57,23 @@ def solve(problem: Problem, columns: Columns, *, weighted: bool) -> Fit:
     keep = np.ones(variance.shape[:2])
     for _ in range(max(len(problem.pose) // 4, 1)):
         axes = _regressions(problem, columns, variance, keep, weighted)
-        worst = _outliers.worst(axes.r, axes.hat, variance, keep, _parameters(columns, problem))
+        worst = _outliers.worst_visit(axes.r, axes.hat, variance, keep, _parameters(columns, problem))
         if not worst.any():
             break
         keep = np.where(worst, 0.0, keep)
     return _fit(problem, columns, axes, (noise, pose), keep)
 
 
-def _of_first_stop(problem: Problem) -> tuple[tuple[Floats, Floats], NDArray[np.bool_]]:
+def _variances_of_first_visit(problem: FitProblem) -> tuple[tuple[Floats, Floats], NDArray[np.bool_]]:
     """Variances (u, 1, 3) of each unit's first mean, and whether those of the others are the same (u)."""
-    if problem.pose_std_rad == 0 and alike(problem.cov).all():
+    if problem.pose_std_rad == 0 and same_at_all_visits(problem.cov).all():
         return variances(problem, slice(1)), np.ones(len(problem.mean), bool)
     noise, pose = variances(problem)
-    even = alike(noise) & alike(pose)
+    even = same_at_all_visits(noise) & same_at_all_visits(pose)
     return (noise[:, :1], pose[:, :1]), even
 
 
-def _of_any_stop(problem: Problem) -> tuple[tuple[Floats, Floats], NDArray[np.bool_]]:
+def _mean_variances(problem: FitProblem) -> tuple[tuple[Floats, Floats], NDArray[np.bool_]]:
     """Mean variances (u, 1, 3): plain least squares spreads every error over all residuals of its axis."""
     noise, pose = variances(problem)
     return (_spread(noise)[:, :1], _spread(pose)[:, :1]), np.ones(len(problem.mean), bool)
@@ -85,15 +85,15 @@ def _spread(variance: Floats) -> Floats:
     return np.broadcast_to(variance.mean(axis=1, keepdims=True), variance.shape)
 
 
-def _one_truth(problem: Problem) -> bool:
+def _one_truth(problem: FitProblem) -> bool:
     return len(problem.true) == 1 or problem.true.strides[0] == 0
 
 
-def _all_poses_differ(problem: Problem) -> bool:
+def _all_poses_differ(problem: FitProblem) -> bool:
     return int(problem.pose.max()) + 1 == len(problem.pose)
 
 
-def variances(problem: Problem, stops: slice = slice(None)) -> tuple[Floats, Floats]:
+def variances(problem: FitProblem, stops: slice = slice(None)) -> tuple[Floats, Floats]:
     """Variances (u, v, 3) of some stops' means about the model: by noise, and by the declared error of their pose.
 
     A pose turned by δ about each axis moves the truth t by δ × t: variance δ²(|t|² − t_i²) on axis i.
@@ -107,7 +107,7 @@ def variances(problem: Problem, stops: slice = slice(None)) -> tuple[Floats, Flo
     return noise, problem.pose_std_rad**2 * np.maximum(across, 0.0)
 
 
-def _regressions(problem: Problem, columns: Columns, variance: Floats, keep: Floats, weighted: bool) -> _Regressions:
+def _regressions(problem: FitProblem, columns: Columns, variance: Floats, keep: Floats, weighted: bool) -> _Regressions:
     """Weighted least squares of y (u, 3, v) on X (u, a, v, k)."""
     weight = (keep[..., None] / variance).transpose(0, 2, 1) if weighted else keep[:, None]
     X, y = _design(problem, columns), _readings(problem, columns)
@@ -118,10 +118,10 @@ def _regressions(problem: Problem, columns: Columns, variance: Floats, keep: Flo
     b = G @ y[..., None]
     r = (y - (Z @ b)[..., 0]).transpose(0, 2, 1)
     own = G / scale.transpose(0, 1, 3, 2)
-    return _Regressions(own, _outliers.Hat(Z, G), np.ascontiguousarray(r), b[..., 0] / scale[:, :, 0])
+    return _Regressions(own, _outliers.HatMatrix(Z, G), np.ascontiguousarray(r), b[..., 0] / scale[:, :, 0])
 
 
-def _design(problem: Problem, columns: Columns) -> Floats:
+def _design(problem: FitProblem, columns: Columns) -> Floats:
     """X (u, a, v, k): one for all axes where their columns are the same."""
     u, v = problem.mean.shape[:2]
     T = np.concatenate([np.ones((u, v, 1)), problem.true], axis=2)
@@ -130,18 +130,18 @@ def _design(problem: Problem, columns: Columns) -> Floats:
     return np.stack(each, axis=1)
 
 
-def _readings(problem: Problem, columns: Columns) -> Floats:
+def _readings(problem: FitProblem, columns: Columns) -> Floats:
     """What is regressed (u, 3, v): readings without what a coefficient that is not fitted makes of the truth."""
     fixed = np.array([1 + i not in own for i, own in enumerate(columns)])
     return np.ascontiguousarray((problem.mean - np.where(fixed, problem.true, 0.0)).transpose(0, 2, 1))
 
 
-def _parameters(columns: Columns, problem: Problem) -> int:
+def _parameters(columns: Columns, problem: FitProblem) -> int:
     return sum(len(c) for c in columns) + 3 * int(problem.nuisance.shape[1])
 
 
 def _fit(
-    problem: Problem,
+    problem: FitProblem,
     columns: Columns,
     axes: _Regressions,
     variance: tuple[Floats, Floats],
@@ -152,7 +152,7 @@ def _fit(
     jacobian = np.zeros((u, 12, v, 3))
     free = np.zeros(12, bool)
     for i, own in enumerate(columns):
-        at = _even.coefficients_of(i, own)
+        at = _shared_fit.coefficients_of(i, own)
         theta[:, at] = axes.b[:, i, : len(at)]
         jacobian[:, at, :, i] = axes.G[:, i % axes.G.shape[1], : len(at)].transpose(1, 0, 2)
         free[at] = True
@@ -167,7 +167,7 @@ def _fit(
         noise=variance[0],
         pose_variance=variance[1],
         parameters=_parameters(columns, problem),
-        calm=np.zeros(u, bool),
+        consistent=np.zeros(u, bool),
         pose_std_rad=np.zeros(u),
         notes=((),) * u,
     )

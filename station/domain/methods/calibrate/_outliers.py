@@ -11,13 +11,13 @@ from station.domain.core.types import Floats
 #: Probability that a unit without any disturbance loses a stop.
 LEVEL = 1e-3
 #: Two stops whose residuals are correlated more than this cannot be told apart: neither is named.
-ALIKE = 0.95
+MAX_CORRELATION = 0.95
 #: Leverage above which the others say nothing about a stop.
-ALONE = 1 - 1e-6
+FULL_LEVERAGE = 1 - 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Hat:
+class HatMatrix:
     """fitted = left · right · reading, left (u, a, v, k), right (u, a, k, v) for each of a readings a stop, a = 1 where
     it is the same for all. The product of the two (u, a, v, v) is never made: it would grow with the square of the
     stops. Sums run in the order of k, so that a unit's bits do not depend on its neighbours."""
@@ -37,7 +37,7 @@ class Hat:
         return np.ascontiguousarray(np.swapaxes(found, 1, 2))
 
 
-def worst(residual: Floats, hat: Hat, variance: Floats, keep: Floats, parameters: int) -> NDArray[np.bool_]:
+def worst_visit(residual: Floats, hat: HatMatrix, variance: Floats, keep: Floats, parameters: int) -> NDArray[np.bool_]:
     """Marks, in each unit, the stop to leave out, if any: (u, v).
 
     residual, variance (u, v, a) of a readings a stop; keep (u, v) 0 or 1.
@@ -47,8 +47,8 @@ def worst(residual: Floats, hat: Hat, variance: Floats, keep: Floats, parameters
     """
     a = residual.shape[2]
     free = 1 - hat.diagonal()
-    told = (free > 1 - ALONE).all(axis=2) & (keep > 0)
-    drop = (residual**2 / (variance * np.maximum(free, 1 - ALONE))).sum(axis=2) * told
+    told = (free > 1 - FULL_LEVERAGE).all(axis=2) & (keep > 0)
+    drop = (residual**2 / (variance * np.maximum(free, 1 - FULL_LEVERAGE))).sum(axis=2) * told
     chi2 = (keep[..., None] * residual**2 / variance).sum(axis=(1, 2))
     left = a * keep.sum(axis=1) - parameters - a
     suspect, largest = drop.argmax(axis=1), drop.max(axis=1)
@@ -65,10 +65,10 @@ def worst(residual: Floats, hat: Hat, variance: Floats, keep: Floats, parameters
     return np.asarray(found[:, None] & (np.arange(drop.shape[1]) == suspect[:, None]))
 
 
-def _ambiguous(hat: Hat, free: Floats, keep: Floats, suspect: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _ambiguous(hat: HatMatrix, free: Floats, keep: Floats, suspect: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Whether another stop's residuals would look the same (u), as those of opposite faces do: −h / √((1−h)(1−h))."""
     u = np.arange(len(suspect))
     root = np.sqrt(np.maximum(free * free[u, suspect][:, None], 1e-300))
     alike = (np.abs(hat.row(suspect)) / root).mean(axis=2) * (keep > 0)
     alike[u, suspect] = 0.0
-    return np.asarray((alike > ALIKE).any(axis=1))
+    return np.asarray((alike > MAX_CORRELATION).any(axis=1))

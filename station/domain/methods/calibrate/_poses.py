@@ -27,7 +27,7 @@ def faces(recipe: Recipe) -> tuple[str, ...]:
     return tuple(out)
 
 
-def wanted(recipe: Recipe, count: int, what: str) -> None:
+def require_positions(recipe: Recipe, count: int, what: str) -> None:
     """RecipeError when the recipe has another number of positions than the method is made for."""
     if not recipe.pose_known:
         raise RecipeError(f"{recipe.method} needs known poses; use method: norm where only the magnitude is known")

@@ -7,7 +7,7 @@ import numpy as np
 from station.domain.core.types import Floats
 from station.domain.methods.calibrate import _linear
 from station.domain.methods.calibrate.three_point import ThreePoint
-from station.domain.methods.method import Fit, Problem
+from station.domain.methods.method import Fit, FitProblem
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 
@@ -36,10 +36,10 @@ class NPoint:
         rows = np.column_stack([np.ones(len(true)), true, nuisance])
         return rows, (*_linear.MATRIX_NAMES, *("g-sensitivity",) * nuisance.shape[1])
 
-    def together(self, problem: Problem) -> Fit | None:
+    def together(self, problem: FitProblem) -> Fit | None:
         """By one solution for all units whose stops count alike."""
-        return _linear.together(problem, _linear.OF_MODEL[problem.model], weighted=True)
+        return _linear.fit_shared(problem, _linear.COLUMNS_OF_MODEL[problem.model], weighted=True)
 
-    def fit(self, problem: Problem) -> Fit:
+    def fit(self, problem: FitProblem) -> Fit:
         """Weighted least squares."""
-        return _linear.solve(problem, _linear.OF_MODEL[problem.model], weighted=True)
+        return _linear.solve(problem, _linear.COLUMNS_OF_MODEL[problem.model], weighted=True)

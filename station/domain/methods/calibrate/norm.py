@@ -15,7 +15,7 @@ from station.domain.core.linear_algebra import inverse
 from station.domain.core.types import Floats
 from station.domain.methods.calibrate import _alignment, _ellipsoid, _outliers
 from station.domain.methods.calibrate._ellipsoid import COLUMNS, ROWS, Ellipsoid
-from station.domain.methods.method import Fit, Problem
+from station.domain.methods.method import Fit, FitProblem
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 
@@ -47,40 +47,40 @@ class Norm:
         """One row a stop, nine columns."""
         return _ellipsoid.design(true), NAMES
 
-    def together(self, problem: Problem) -> Fit | None:
+    def together(self, problem: FitProblem) -> Fit | None:
         """None: every unit has an ellipsoid of its own."""
         return None
 
-    def fit(self, problem: Problem) -> Fit:
+    def fit(self, problem: FitProblem) -> Fit:
         """Ellipsoid, then alignment; stops that fit neither with the others are left out and marked."""
         keep = np.ones(problem.mean.shape[:2])
         for _ in range(max(len(problem.pose) // 4, 1)):
             e = _ellipsoid.fit(problem, keep)
-            worst = _outliers.worst(e.r[..., None], e.hat, e.variance[..., None], keep, 9)
+            worst = _outliers.worst_visit(e.r[..., None], e.hat, e.variance[..., None], keep, 9)
             if not worst.any():
                 break
             keep = np.where(worst, 0.0, keep)
         return _aligned(problem, e, keep) if problem.pose_known else _unaligned(problem, e, keep)
 
 
-def _unaligned(problem: Problem, e: Ellipsoid, keep: Floats) -> Fit:
+def _unaligned(problem: FitProblem, e: Ellipsoid, keep: Floats) -> Fit:
     """The matrix is K⁻¹; a stop's residual is its distance from the ellipsoid along the found direction."""
     u, v = keep.shape
     theta, jacobian = _coefficients(e, np.tile(np.eye(3), (u, 1, 1)), np.zeros((u, 3, v, 3)))
-    found, _ = _found(problem, e)
+    found, _ = _found_directions(problem, e)
     modelled = e.b[:, None] + (found * problem.magnitude[..., None]) @ inverse(e.K).transpose(0, 2, 1)
     upper = np.r_[np.ones(3, bool), np.triu(np.ones((3, 3), bool)).ravel()]
     nothing = np.zeros((u, v))
     return _fit(e, keep, theta, jacobian, upper, problem.mean - modelled, nothing, nothing, np.zeros(u))
 
 
-def _aligned(problem: Problem, e: Ellipsoid, keep: Floats) -> Fit:
+def _aligned(problem: FitProblem, e: Ellipsoid, keep: Floats) -> Fit:
     """The same, turned onto the nominal poses; what is left of each pose is its tilt."""
-    found, size = _found(problem, e)
+    found, size = _found_directions(problem, e)
     nominal = problem.true / problem.magnitude[..., None]
     Q = _alignment.align(found, nominal, keep)
-    turn, d = _alignment.turns(Q, nominal, keep)
-    moves = _moves(problem, e, size)
+    turn, d = _alignment.rotation_derivative(Q, nominal, keep)
+    moves = _direction_derivative(problem, e, size)
     turned = np.einsum("uavi,uviwj->uawj", turn, moves)
     theta, jacobian = _coefficients(e, Q, turned)
     off = np.cross(d, found)
@@ -116,13 +116,13 @@ def _fit(
         noise=e.noise[..., None],
         pose_variance=np.zeros((*e.r.shape, 1)),
         parameters=9,
-        calm=np.zeros(len(theta), bool),
+        consistent=np.zeros(len(theta), bool),
         pose_std_rad=pose_std,
         notes=tuple(() if ok else lost for ok in e.converged),
     )
 
 
-def _found(problem: Problem, e: Ellipsoid) -> tuple[Floats, Floats]:
+def _found_directions(problem: FitProblem, e: Ellipsoid) -> tuple[Floats, Floats]:
     """Found directions (u, v, 3) in the ellipsoid's frame, and the magnitudes they had (u, v)."""
     felt = (problem.mean - e.b[:, None]) @ e.K.transpose(0, 2, 1)
     size = np.linalg.norm(felt, axis=2)
@@ -146,7 +146,7 @@ def _coefficients(e: Ellipsoid, Q: Floats, turned: Floats) -> tuple[Floats, Floa
     return theta, np.concatenate([e.G[:, :3], matrix.reshape(u, 9, v, 3)], axis=1)
 
 
-def _moves(problem: Problem, e: Ellipsoid, size: Floats) -> Floats:
+def _direction_derivative(problem: FitProblem, e: Ellipsoid, size: Floats) -> Floats:
     """How found directions move with the readings: (u, v, 3, w, 3), along the direction itself left in."""
     u, v = size.shape
     apart = problem.mean - e.b[:, None]
@@ -158,7 +158,7 @@ def _moves(problem: Problem, e: Ellipsoid, size: Floats) -> Floats:
     return np.asarray(moves / size[:, :, None, None, None])
 
 
-def _tilt_noise(problem: Problem, d: Floats, moves: Floats, turned: Floats) -> Floats:
+def _tilt_noise(problem: FitProblem, d: Floats, moves: Floats, turned: Floats) -> Floats:
     """Variance (u, v) of a tilt about one of its two axes that noise makes, through everything fitted."""
     u, v, _ = d.shape
     own = rotation.cross_matrix(d) @ moves.reshape(u, v, 3, 3 * v)
@@ -167,7 +167,7 @@ def _tilt_noise(problem: Problem, d: Floats, moves: Floats, turned: Floats) -> F
     return np.asarray(np.einsum("uviwk,uwkl,uviwl->uv", E, problem.cov, E, optimize=True) / 2)
 
 
-def _pose_std(problem: Problem, off: Floats, noise: Floats, keep: Floats) -> Floats:
+def _pose_std(problem: FitProblem, off: Floats, noise: Floats, keep: Floats) -> Floats:
     """Pose error (u) about each axis as the tilts show it: 0 unless noise cannot explain them, at least as declared."""
     group = (problem.pose[:, None] == np.arange(problem.pose.max() + 1)).astype(float)
     count = np.maximum(keep @ group, 1e-9)
@@ -182,7 +182,7 @@ def _pose_std(problem: Problem, off: Floats, noise: Floats, keep: Floats) -> Flo
     return np.where(loose, np.maximum(np.sqrt(found), problem.pose_std_rad), problem.pose_std_rad)
 
 
-def _alignment_spread(problem: Problem, d: Floats, keep: Floats) -> Floats:
+def _alignment_spread(problem: FitProblem, d: Floats, keep: Floats) -> Floats:
     """Variance (u, v) of a tilt about one axis through the alignment, for pose errors of variance 1."""
     alone = keep / problem.visits_of_pose()
     S = np.einsum("uv,ij->uij", alone, np.eye(3)) - (d * alone[..., None]).transpose(0, 2, 1) @ d

@@ -6,7 +6,7 @@ import numpy as np
 
 from station.domain.core.types import Floats
 from station.domain.methods.calibrate import _linear, _poses
-from station.domain.methods.method import Fit, Problem
+from station.domain.methods.method import Fit, FitProblem
 from station.domain.recipe.recipe import Recipe
 
 
@@ -18,16 +18,16 @@ class OnePoint:
 
     def check(self, recipe: Recipe) -> None:
         """One position."""
-        _poses.wanted(recipe, 1, "one position")
+        _poses.require_positions(recipe, 1, "one position")
 
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
         """The offset is seen at every stop."""
         return np.ones((len(true), 1)), ("offset",)
 
-    def together(self, problem: Problem) -> Fit | None:
+    def together(self, problem: FitProblem) -> Fit | None:
         """By one solution for all units that went through the same stops."""
-        return _linear.together(problem.without_nuisance(), _linear.OFFSET_ONLY, weighted=False)
+        return _linear.fit_shared(problem.without_nuisance(), _linear.OFFSET_ONLY, weighted=False)
 
-    def fit(self, problem: Problem) -> Fit:
+    def fit(self, problem: FitProblem) -> Fit:
         """Mean of reading − truth over all stops."""
         return _linear.solve(problem.without_nuisance(), _linear.OFFSET_ONLY, weighted=False)

@@ -6,7 +6,7 @@ import numpy as np
 
 from station.domain.core.types import Floats
 from station.domain.methods.calibrate import _linear, _poses
-from station.domain.methods.method import Fit, Problem
+from station.domain.methods.method import Fit, FitProblem
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 
@@ -22,7 +22,7 @@ class SixPoint:
 
     def check(self, recipe: Recipe) -> None:
         """The six faces, each once."""
-        _poses.wanted(recipe, 6, "the six faces up: +x, -x, +y, -y, +z, -z")
+        _poses.require_positions(recipe, 6, "the six faces up: +x, -x, +y, -y, +z, -z")
         missing = [face for face in _poses.FACES if face not in _poses.faces(recipe)]
         if missing and recipe.reference.source != "gold":
             raise RecipeError(
@@ -34,10 +34,10 @@ class SixPoint:
         """One regression, the same for each axis."""
         return np.column_stack([np.ones(len(true)), true]), _linear.MATRIX_NAMES
 
-    def together(self, problem: Problem) -> Fit | None:
+    def together(self, problem: FitProblem) -> Fit | None:
         """By one solution for all units that went through the same stops."""
-        return _linear.together(problem.without_nuisance(), _linear.MATRIX, weighted=False)
+        return _linear.fit_shared(problem.without_nuisance(), _linear.MATRIX, weighted=False)
 
-    def fit(self, problem: Problem) -> Fit:
+    def fit(self, problem: FitProblem) -> Fit:
         """Twelve coefficients, all stops alike."""
         return _linear.solve(problem.without_nuisance(), _linear.MATRIX, weighted=False)

@@ -6,7 +6,7 @@ import numpy as np
 
 from station.domain.core.types import Floats
 from station.domain.methods.calibrate import _linear, _poses
-from station.domain.methods.method import Fit, Problem
+from station.domain.methods.method import Fit, FitProblem
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 
@@ -25,7 +25,7 @@ class ThreePoint:
 
     def check(self, recipe: Recipe) -> None:
         """Three positions, one along each axis."""
-        _poses.wanted(recipe, 3, "three positions, one along each axis")
+        _poses.require_positions(recipe, 3, "three positions, one along each axis")
         axes = {face[1:] for face in _poses.faces(recipe)} - {""}
         if recipe.reference.source != "gold" and len(axes) < 3:
             missing = ", ".join(f"up: +{a}" for a in "xyz" if a not in axes)
@@ -42,10 +42,10 @@ class ThreePoint:
             rows[i, :, i], rows[i, :, 3 + i] = 1.0, true[:, i]
         return rows.reshape(3 * v, 6), NAMES
 
-    def together(self, problem: Problem) -> Fit | None:
+    def together(self, problem: FitProblem) -> Fit | None:
         """By one solution for all units that went through the same stops."""
-        return _linear.together(problem.without_nuisance(), _linear.OFFSET_GAIN, weighted=False)
+        return _linear.fit_shared(problem.without_nuisance(), _linear.OFFSET_GAIN, weighted=False)
 
-    def fit(self, problem: Problem) -> Fit:
+    def fit(self, problem: FitProblem) -> Fit:
         """Offset and own gain of each axis, all stops alike."""
         return _linear.solve(problem.without_nuisance(), _linear.OFFSET_GAIN, weighted=False)

@@ -6,7 +6,7 @@ from station.errors import LogError
 
 
 @dataclass(slots=True)
-class Writer:
+class ByteWriter:
     """Collects values; `bytes()` gives them all."""
 
     out: bytearray = field(default_factory=bytearray)
@@ -34,7 +34,7 @@ class Writer:
 
 
 @dataclass(slots=True)
-class Reader:
+class ByteReader:
     """Takes values in the order in which they were written. Errors: LogError where the bytes end too early."""
 
     data: bytes

@@ -12,43 +12,43 @@ from numpy.typing import NDArray
 
 from station.domain.core.types import Frames
 from station.domain.records.framepack import columns, message
-from station.domain.records.framepack.bytestream import Reader, Writer
-from station.domain.records.framepack.layout import Layout
-from station.domain.records.framepack.message import Begun, Key
+from station.domain.records.framepack.bytestream import ByteReader, ByteWriter
+from station.domain.records.framepack.layout import PayloadLayout
+from station.domain.records.framepack.message import Key, MessageHeader
 from station.errors import LogError
 
 #: First number of the bytes: how the head is kept; a later format takes the next number.
 _AS_IS, _PACKED = 1, 2
 
 #: Fewer frames of a message in a part than this are kept plainly, and so are all messages beyond this number.
-_FEW, _MANY = 12, 32
+_MIN_FRAMES, _MAX_MESSAGES = 12, 32
 
 Rows = NDArray[np.int64]
 #: What is left of a message's columns, part after part.
-Left = list[list[NDArray[np.uint64]]]
+Residuals = list[list[NDArray[np.uint64]]]
 
 
 def pack(parts: Sequence[Frames]) -> bytes:
     """Frames of any number of stops as bytes."""
     split = [_messages(part) for part in parts]
-    keys = sorted({key for messages, _ in split for key in messages})[:_MANY]
+    keys = sorted({key for messages, _ in split for key in messages})[:_MAX_MESSAGES]
     layouts = {key: _layout(key, parts, split) for key in keys}
-    head = Writer()
-    left: dict[Key, Left] = {key: [[] for _ in layout.columns] for key, layout in layouts.items()}
+    head = ByteWriter()
+    left: dict[Key, Residuals] = {key: [[] for _ in layout.columns] for key, layout in layouts.items()}
     head.count(len(parts), len(keys))
     for key, layout in layouts.items():
         message.write_layout(head, key, layout)
     for part, (messages, _) in zip(parts, split, strict=True):
         _pack_part(head, left, part, {key: rows for key, rows in messages.items() if key in layouts}, layouts)
-    out = _boxed(bytes(head))
+    out = _wrap_head(bytes(head))
     columns.pack(out, [np.concatenate(column) for message_left in left.values() for column in message_left])
     return bytes(out)
 
 
 def unpack(data: bytes) -> list[Frames]:
     """The frames from their bytes. Errors: LogError when the bytes are not those of frames."""
-    box = Reader(data)
-    head = _unboxed(box)
+    box = ByteReader(data)
+    head = _unwrap_head(box)
     number, described = head.count(), head.count()
     layouts = [message.read_layout(head) for _ in range(described)]
     parts = [_read_part(head, layouts) for _ in range(number)]
@@ -59,7 +59,7 @@ def unpack(data: bytes) -> list[Frames]:
     return [_restore(part, layouts, left) for part in parts]
 
 
-def _layout(key: Key, parts: Sequence[Frames], split: Sequence[tuple[dict[Key, Rows], Rows]]) -> Layout:
+def _layout(key: Key, parts: Sequence[Frames], split: Sequence[tuple[dict[Key, Rows], Rows]]) -> PayloadLayout:
     """Found on the frames of one message in all parts."""
     own = [part[messages[key]] for part, (messages, _) in zip(parts, split, strict=True) if key in messages]
     return message.describe(own)
@@ -69,17 +69,21 @@ def _messages(frames: Frames) -> tuple[dict[Key, Rows], Rows]:
     """Rows of each message that repays a description, by identifier and length; and all other rows."""
     n, width = len(frames), frames.data.shape[1]
     everything = np.arange(n)
-    if n < _FEW or int(frames.time_ns.max()) - int(frames.time_ns.min()) >= message.LONGEST_NS:
+    if n < _MIN_FRAMES or int(frames.time_ns.max()) - int(frames.time_ns.min()) >= message.MAX_SPAN_NS:
         return {}, everything
     code = frames.can_id.astype(np.uint64) << np.uint64(8) | frames.length
     names, place, count = np.unique(code, return_inverse=True, return_counts=True)
-    large = [i for i in range(len(names)) if count[i] >= _FEW and int(names[i]) & 0xFF <= width]
+    large = [i for i in range(len(names)) if count[i] >= _MIN_FRAMES and int(names[i]) & 0xFF <= width]
     found = {(int(names[i]) >> 8, int(names[i]) & 0xFF): np.flatnonzero(place == i) for i in large}
     return found, np.flatnonzero(~np.isin(place, large))
 
 
 def _pack_part(
-    head: Writer, left: dict[Key, Left], frames: Frames, messages: dict[Key, Rows], layouts: dict[Key, Layout]
+    head: ByteWriter,
+    left: dict[Key, Residuals],
+    frames: Frames,
+    messages: dict[Key, Rows],
+    layouts: dict[Key, PayloadLayout],
 ) -> None:
     known = list(layouts)
     head.count(frames.data.shape[1], len(messages))
@@ -89,21 +93,21 @@ def _pack_part(
             column.append(own)
     taken = np.concatenate([np.zeros(0, np.int64), *messages.values()])
     rest = np.setdiff1d(np.arange(len(frames)), taken)
-    _stragglers(head, frames[rest])
-    _order(head, frames, [*messages.values(), rest])
+    _write_stragglers(head, frames[rest])
+    _write_order(head, frames, [*messages.values(), rest])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Part:
+class _PackedPart:
     """One part as the head tells it; begun: message number and start of each; order: message of each frame, or None."""
 
     width: int
-    begun: tuple[tuple[int, Begun], ...]
+    begun: tuple[tuple[int, MessageHeader], ...]
     stragglers: Frames
     order: NDArray[np.uint8] | None
 
 
-def _read_part(head: Reader, layouts: Sequence[tuple[Key, Layout]]) -> _Part:
+def _read_part(head: ByteReader, layouts: Sequence[tuple[Key, PayloadLayout]]) -> _PackedPart:
     width, number = head.count(), head.count()
     begun = []
     for _ in range(number):
@@ -112,10 +116,12 @@ def _read_part(head: Reader, layouts: Sequence[tuple[Key, Layout]]) -> _Part:
     stragglers = _read_stragglers(head, width)
     total = sum(b.n for _, b in begun) + len(stragglers)
     order = np.frombuffer(head.take(total), np.uint8) if head.count() else None
-    return _Part(width, tuple(begun), stragglers, order)
+    return _PackedPart(width, tuple(begun), stragglers, order)
 
 
-def _restore(part: _Part, layouts: Sequence[tuple[Key, Layout]], left: list[list[NDArray[np.uint64]]]) -> Frames:
+def _restore(
+    part: _PackedPart, layouts: Sequence[tuple[Key, PayloadLayout]], left: list[list[NDArray[np.uint64]]]
+) -> Frames:
     """The frames of one part; takes what belongs to it off the front of what is left."""
     found = []
     for which, begun in part.begun:
@@ -129,7 +135,7 @@ def _restore(part: _Part, layouts: Sequence[tuple[Key, Layout]], left: list[list
     return whole[np.argsort(np.argsort(part.order, kind="stable"), kind="stable")]
 
 
-def _stragglers(out: Writer, frames: Frames) -> None:
+def _write_stragglers(out: ByteWriter, frames: Frames) -> None:
     """Column by column, the time as differences, byte planes together: zstd does the rest."""
     out.count(len(frames))
     change = np.diff(frames.time_ns, prepend=np.int64(0)).astype("<i8")
@@ -137,7 +143,7 @@ def _stragglers(out: Writer, frames: Frames) -> None:
     out.out += frames.can_id.astype("<u4").tobytes() + frames.length.tobytes() + frames.data.T.tobytes()
 
 
-def _read_stragglers(head: Reader, width: int) -> Frames:
+def _read_stragglers(head: ByteReader, width: int) -> Frames:
     n = head.count()
     planes = np.frombuffer(head.take(8 * n), np.uint8).reshape(8, n)
     change = np.ascontiguousarray(planes.T).view("<i8").reshape(n).astype(np.int64)
@@ -147,7 +153,7 @@ def _read_stragglers(head: Reader, width: int) -> Frames:
     return Frames(np.cumsum(change), can_id, length, data)
 
 
-def _order(out: Writer, frames: Frames, groups: Sequence[Rows]) -> None:
+def _write_order(out: ByteWriter, frames: Frames, groups: Sequence[Rows]) -> None:
     """Nothing where sorting by time gives the order of arrival back; else the message of each frame in turn."""
     rows = np.concatenate(groups)
     by_time = rows[np.argsort(frames.time_ns[rows], kind="stable")]
@@ -161,17 +167,17 @@ def _order(out: Writer, frames: Frames, groups: Sequence[Rows]) -> None:
     out.out += code.tobytes()
 
 
-def _boxed(head: bytes) -> Writer:
-    packed = columns.squeeze(head)
+def _wrap_head(head: bytes) -> ByteWriter:
+    packed = columns.compress(head)
     shorter = len(packed) < len(head)
-    box = Writer()
+    box = ByteWriter()
     box.count(_PACKED if shorter else _AS_IS)
     box.string(packed if shorter else head)
     return box
 
 
-def _unboxed(box: Reader) -> Reader:
+def _unwrap_head(box: ByteReader) -> ByteReader:
     form, head = box.count(), box.string()
     if form not in (_AS_IS, _PACKED):
         raise LogError("stored frames are of an unknown format; update this station")
-    return Reader(columns.expand(head) if form == _PACKED else head)
+    return ByteReader(columns.decompress(head) if form == _PACKED else head)

@@ -9,7 +9,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from station.domain.records.framepack.bytestream import Reader, Writer
+from station.domain.records.framepack.bytestream import ByteReader, ByteWriter
 from station.errors import LogError
 
 Words = NDArray[np.uint64]
@@ -17,47 +17,47 @@ Words = NDArray[np.uint64]
 _LEVEL = 9
 
 #: No attempt comes near to this; what says it does is damaged.
-MOST_BYTES = 1 << 29
+MAX_BYTES = 1 << 29
 
 #: How columns stand: each compressed by itself (noise), or all in a row (a recorded drive repeats itself).
-_EACH, _TOGETHER = 0, 1
+_SEPARATE, _JOINT = 0, 1
 
 
-def pack(out: Writer, columns: Sequence[Words]) -> None:
+def pack(out: ByteWriter, columns: Sequence[Words]) -> None:
     """Writes columns of any lengths, whichever way is shorter."""
     planes = [_planes(column) for column in columns]
     out.count(*(len(p) // max(len(c), 1) for p, c in zip(planes, columns, strict=True)))
-    each, together = Writer(), Writer()
+    each, together = ByteWriter(), ByteWriter()
     for plane in planes:
         if plane:
-            each.string(squeeze(plane))
-    together.string(squeeze(b"".join(planes)))
-    shorter = _TOGETHER if len(together.out) < len(each.out) else _EACH
+            each.string(compress(plane))
+    together.string(compress(b"".join(planes)))
+    shorter = _JOINT if len(together.out) < len(each.out) else _SEPARATE
     out.count(shorter)
-    out.out += together.out if shorter == _TOGETHER else each.out
+    out.out += together.out if shorter == _JOINT else each.out
 
 
-def unpack(data: Reader, lengths: Sequence[int]) -> list[Words]:
+def unpack(data: ByteReader, lengths: Sequence[int]) -> list[Words]:
     """The inverse: columns of these lengths. Errors: LogError."""
     widths = [data.count() for _ in lengths]
     sizes = [width * length for width, length in zip(widths, lengths, strict=True)]
-    if data.count() == _TOGETHER:
-        whole = Reader(expand(data.string()))
+    if data.count() == _JOINT:
+        whole = ByteReader(decompress(data.string()))
         planes = [whole.take(size) for size in sizes]
     else:
-        planes = [expand(data.string()) if size else b"" for size in sizes]
+        planes = [decompress(data.string()) if size else b"" for size in sizes]
     return [_column(p, width, n) for p, width, n in zip(planes, widths, lengths, strict=True)]
 
 
-def squeeze(data: bytes) -> bytes:
+def compress(data: bytes) -> bytes:
     """Compressed by zstd."""
     return zstandard.ZstdCompressor(level=_LEVEL).compress(data)
 
 
-def expand(data: bytes) -> bytes:
+def decompress(data: bytes) -> bytes:
     """The inverse. Errors: LogError."""
     try:
-        if zstandard.frame_content_size(data) > MOST_BYTES:
+        if zstandard.frame_content_size(data) > MAX_BYTES:
             raise _damaged()
         return zstandard.ZstdDecompressor().decompress(data)
     except zstandard.ZstdError as exc:

@@ -20,7 +20,7 @@ _PARITY_BITS = 400
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class PayloadLayout:
     """Fields in the order of the bytes: their kinds, and how each is foretold; the parity byte, if one is.
 
     time: how the time stamps are foretold. width: bytes of payload that are described.
@@ -67,7 +67,9 @@ def words(data: NDArray[np.uint8]) -> NDArray[np.uint64]:
     return whole.view("<u8")[:, 0].astype(np.uint64)
 
 
-def find(everything: NDArray[np.uint8], samples: Sequence[NDArray[np.uint8]], ticks: Sequence[Table]) -> Layout:
+def find_layout(
+    everything: NDArray[np.uint8], samples: Sequence[NDArray[np.uint8]], ticks: Sequence[Table]
+) -> PayloadLayout:
     """The layout with the fewest bits of one message's payloads.
 
     The parity must hold for `everything` (N, width) or, should a frame be corrupt there, for the first sample. How
@@ -78,8 +80,8 @@ def find(everything: NDArray[np.uint8], samples: Sequence[NDArray[np.uint8]], ti
         samples = [data.copy() for data in samples]
         for data in samples:
             data[:, checked.byte] = 0
-    kinds, models = _cut(samples)
-    return Layout(everything.shape[1], kinds, models, cheapest(ticks)[1], checked)
+    kinds, models = _split_fields(samples)
+    return PayloadLayout(everything.shape[1], kinds, models, cheapest(ticks)[1], checked)
 
 
 def _find_parity(everything: NDArray[np.uint8], sample: NDArray[np.uint8]) -> parity.Parity | None:
@@ -90,7 +92,7 @@ def _find_parity(everything: NDArray[np.uint8], sample: NDArray[np.uint8]) -> pa
     for byte in sorted(range(len(entropies)), key=lambda b: -entropies[b]):
         if entropies[byte] * len(everything) < _PARITY_BITS:
             return None
-        found = parity.find(words(everything), byte)
+        found = parity.find_parity(words(everything), byte)
         if found is not None:
             return found
     return None
@@ -103,7 +105,7 @@ def _entropy_bits(column: NDArray[np.uint8]) -> float:
     return float(-(share * np.log2(share)).sum())
 
 
-def _cut(samples: Sequence[NDArray[np.uint8]]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def _split_fields(samples: Sequence[NDArray[np.uint8]]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """The cheapest row of fields and their models, by dynamic programming over the bytes."""
     best: list[tuple[float, tuple[int, ...], tuple[int, ...]]] = [(0.0, (), ())]
     for end in range(1, samples[0].shape[1] + 1):

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from station.domain.core.types import Frames
 from station.domain.records.framepack import predict
-from station.domain.records.framepack.bytestream import Reader, Writer
-from station.domain.records.framepack.layout import Layout, find, words
+from station.domain.records.framepack.bytestream import ByteReader, ByteWriter
+from station.domain.records.framepack.layout import PayloadLayout, find_layout, words
 from station.domain.records.framepack.parity import Parity
 
 Table = NDArray[np.int64]
@@ -19,7 +19,7 @@ Words = NDArray[np.uint64]
 Key = tuple[int, int]
 
 #: Time stamps that span more than this (19 hours in ns) are not foretold; such frames are kept plainly.
-LONGEST_NS = 1 << 46
+MAX_SPAN_NS = 1 << 46
 
 _NO_PARITY = 0xFF
 
@@ -27,7 +27,7 @@ _NO_PARITY = 0xFF
 _TRIED_PARTS, _TRIED_ROWS = 8, 256
 
 
-def describe(parts: Sequence[Frames]) -> Layout:
+def describe(parts: Sequence[Frames]) -> PayloadLayout:
     """The layout that suits one message, of which each part holds at least one frame.
 
     Bytes beyond the message's length are described only where one of them is not zero.
@@ -36,7 +36,7 @@ def describe(parts: Sequence[Frames]) -> Layout:
     width = widest if any(p.data[:, length:].any() for p in parts) else length
     tried = [part[:_TRIED_ROWS] for part in parts[:: max(1, len(parts) // _TRIED_PARTS)]]
     samples = [of_width(part.data, width) for part in tried]
-    return find(of_width(Frames.join(list(parts)).data, width), samples, [ticks_of(part)[0] for part in tried])
+    return find_layout(of_width(Frames.join(list(parts)).data, width), samples, [ticks_of(part)[0] for part in tried])
 
 
 def ticks_of(frames: Frames) -> tuple[Table, int]:
@@ -46,14 +46,14 @@ def ticks_of(frames: Frames) -> tuple[Table, int]:
     return since // tick, tick
 
 
-def pack(out: Writer, frames: Frames, layout: Layout) -> list[Words]:
+def pack(out: ByteWriter, frames: Frames, layout: PayloadLayout) -> list[Words]:
     """Writes what the frames start from to `out`; gives what is left of each column: time, then the fields."""
     ticks, tick = ticks_of(frames)
     data = of_width(frames.data, layout.width)
     first = data[0].copy()
     if layout.parity is not None:
         data = data.copy()
-        data[:, layout.parity.byte] ^= _foretold(layout.parity, data, first)
+        data[:, layout.parity.byte] ^= _predicted_parity(layout.parity, data, first)
     out.count(len(frames), tick)
     out.whole(int(frames.time_ns[0]))
     out.out += first.tobytes()
@@ -66,7 +66,7 @@ def pack(out: Writer, frames: Frames, layout: Layout) -> list[Words]:
 
 
 @dataclass(frozen=True, slots=True)
-class Begun:
+class MessageHeader:
     """What `pack` wrote of one part's frames: their number, tick, start, first payload and the models' parameters."""
 
     n: int
@@ -76,15 +76,15 @@ class Begun:
     parameters: tuple[tuple[int, ...], ...]
 
 
-def read(data: Reader, layout: Layout) -> Begun:
+def read(data: ByteReader, layout: PayloadLayout) -> MessageHeader:
     """The inverse of what `pack` writes."""
     n, tick, start = data.count(), data.count(), data.whole()
     first = data.take(layout.width)
     told = tuple(tuple(data.whole() for _ in range(predict.PARAMETERS[m])) for m in layout.columns)
-    return Begun(n, tick, start, first, told)
+    return MessageHeader(n, tick, start, first, told)
 
 
-def restore(begun: Begun, key: Key, layout: Layout, left: Sequence[Words]) -> Frames:
+def restore(begun: MessageHeader, key: Key, layout: PayloadLayout, left: Sequence[Words]) -> Frames:
     """The frames of this identifier and length, from what `pack` wrote and gave."""
     leftovers = zip(left, layout.columns, begun.parameters, strict=True)
     time, *fields = [predict.backward(predict.unzigzag(u), model, list(told)) for u, model, told in leftovers]
@@ -101,21 +101,21 @@ def of_width(data: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
     return np.pad(data, ((0, 0), (0, width - data.shape[1])))
 
 
-def _payload(layout: Layout, fields: Table, first: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _payload(layout: PayloadLayout, fields: Table, first: NDArray[np.uint8]) -> NDArray[np.uint8]:
     if layout.parity is None:
         return layout.payload(fields, first)
     start = first.copy()
     start[layout.parity.byte] = 0
     payload = layout.payload(fields, start)
-    payload[:, layout.parity.byte] ^= _foretold(layout.parity, payload, first)
+    payload[:, layout.parity.byte] ^= _predicted_parity(layout.parity, payload, first)
     return payload
 
 
-def _foretold(parity: Parity, data: NDArray[np.uint8], first: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _predicted_parity(parity: Parity, data: NDArray[np.uint8], first: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return parity.predict(words(data), int(words(first[None, :])[0]))
 
 
-def write_layout(out: Writer, key: Key, layout: Layout) -> None:
+def write_layout(out: ByteWriter, key: Key, layout: PayloadLayout) -> None:
     """The description of a message, to stand before all its frames."""
     out.count(*key)
     out.count(layout.width, layout.time, len(layout.kinds))
@@ -126,7 +126,7 @@ def write_layout(out: Writer, key: Key, layout: Layout) -> None:
         out.out += layout.parity.to_bytes()
 
 
-def read_layout(data: Reader) -> tuple[Key, Layout]:
+def read_layout(data: ByteReader) -> tuple[Key, PayloadLayout]:
     """The inverse of `write_layout`."""
     key = data.count(), data.count()
     width, time, number = data.count(), data.count(), data.count()
@@ -136,4 +136,4 @@ def read_layout(data: Reader) -> tuple[Key, Layout]:
         data.at += 1
     else:
         parity, data.at = Parity.from_bytes(data.data, data.at)
-    return key, Layout(width, tuple(f >> 4 for f in fields), tuple(f & 0xF for f in fields), time, parity)
+    return key, PayloadLayout(width, tuple(f >> 4 for f in fields), tuple(f & 0xF for f in fields), time, parity)

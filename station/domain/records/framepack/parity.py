@@ -56,7 +56,7 @@ class Parity:
         return union
 
 
-def find(words: Words, byte: int) -> Parity | None:
+def find_parity(words: Words, byte: int) -> Parity | None:
     """How `byte` follows from the others in every frame of words (n), or None where it does not."""
     first = int(words[0])
     keep = ~(0xFF << 8 * byte) & (1 << 64) - 1

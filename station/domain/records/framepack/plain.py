@@ -20,7 +20,7 @@ _KINDS = ("<i8", "<u4", "u1", "u1")
 
 
 @dataclass(frozen=True, slots=True)
-class Laid:
+class PlainFrames:
     """Frames laid out: plain bytes, their digest in hexadecimal, and how many frames they are."""
 
     data: bytes
@@ -28,7 +28,7 @@ class Laid:
     count: int
 
 
-class Laying:
+class PlainFramesBuilder:
     """Frames of one unit as they come in, each piece laid out and hashed at once. FD frames among classic ones widen
     all payloads, so their bytes are made anew at the end."""
 
@@ -50,17 +50,17 @@ class Laying:
         """All of them, in the order of arrival."""
         return Frames.join(self._parts)
 
-    def done(self) -> Laid:
+    def done(self) -> PlainFrames:
         """What to keep; equal to `laid(frames())`."""
         if len({part.data.shape[1] for part in self._parts}) != 1:
-            return laid(self.frames())
-        return Laid(b"".join(self._data), self._hash.hexdigest(), sum(map(len, self._parts)))
+            return to_plain(self.frames())
+        return PlainFrames(b"".join(self._data), self._hash.hexdigest(), sum(map(len, self._parts)))
 
 
-def laid(frames: Frames) -> Laid:
+def to_plain(frames: Frames) -> PlainFrames:
     """All frames at once."""
     data = to_bytes(frames)
-    return Laid(data, digest(data), len(frames))
+    return PlainFrames(data, digest(data), len(frames))
 
 
 def to_bytes(frames: Frames, form: int = ROWS) -> bytes:
@@ -99,7 +99,7 @@ def digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def sealed_by(frames: Frames, sha256: str) -> bool:
+def digest_matches(frames: Frames, sha256: str) -> bool:
     """Whether these are the frames of that digest, in one of the forms."""
     return any(digest(to_bytes(frames, form)) == sha256 for form in (ROWS, COLUMNS))
 

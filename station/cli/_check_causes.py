@@ -2,16 +2,16 @@
 
 from typing import Any
 
-from station.diagnosis.planning.plan import Apart, tell_apart
+from station.diagnosis.planning.plan import RecipeSeparability, recipe_separability
 from station.domain.recipe.recipe import Recipe
 
 #: Units that are thought of.
-UNITS = 4
+ASSUMED_UNITS = 4
 
 
-def told_apart(recipe: Recipe) -> tuple[dict[str, Any], tuple[str, ...]]:
+def distinguishable_causes(recipe: Recipe) -> tuple[dict[str, Any], tuple[str, ...]]:
     """The table for programs, and its lines for people."""
-    found = tell_apart(recipe, UNITS)
+    found = recipe_separability(recipe, ASSUMED_UNITS)
     rows = [
         {
             "effect": s.effect,
@@ -19,21 +19,21 @@ def told_apart(recipe: Recipe) -> tuple[dict[str, Any], tuple[str, ...]]:
             "unit": s.unit,
             "d": s.d,
             "smallest_found": s.smallest,
-            "cannot_tell_from": list(s.tied),
+            "cannot_tell_from": list(s.indistinguishable_from),
         }
         for s in found.shown
     ]
     return {"units": found.units, "causes": rows, "not_testable": list(found.hidden)}, _lines(found)
 
 
-def _lines(found: Apart) -> tuple[str, ...]:
+def _lines(found: RecipeSeparability) -> tuple[str, ...]:
     width = max((len(s.effect) for s in found.shown), default=0)
     lines = [
         f"causes that {found.units} units through this recipe show (white noise of the data sheet; smallest size found "
         "in 8 of 10 campaigns):"
     ]
-    for s in sorted(found.shown, key=lambda s: (bool(s.tied), s.effect)):
-        tied = f"; cannot be told from {', '.join(s.tied)}" if s.tied else ""
+    for s in sorted(found.shown, key=lambda s: (bool(s.indistinguishable_from), s.effect)):
+        tied = f"; cannot be told from {', '.join(s.indistinguishable_from)}" if s.indistinguishable_from else ""
         weak = "" if s.d > 3.3 else "; its usual size is too small for this recipe"
         lines.append(f"  {s.effect:<{width}}  {s.smallest:.2g} {s.unit}{tied}{weak}")
     if found.hidden:

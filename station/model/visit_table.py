@@ -12,11 +12,11 @@ from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
 
 #: Labels of a visit that group it with others.
-GROUPS = ("station", "nest", "lot", "operator")
+GROUP_LABELS = ("station", "nest", "lot", "operator")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Visits:
+class VisitTable:
     """Stops (v), sorted by unit, run and visit.
 
     unit, position, seating (Labels); run, visit (v); groups: those of station, nest, lot, operator that are known;
@@ -70,13 +70,13 @@ class Visits:
     def _labels(self, level: str) -> Labels | None:
         return {"unit": self.unit, "position": self.position, **self.groups}.get(level)
 
-    def passes(self) -> "Iterator[slice[int, int, None]]":
+    def run_slices(self) -> "Iterator[slice[int, int, None]]":
         """The rows of each unit's each run, in order."""
         starts = np.flatnonzero(self.previous < 0)
         for a, b in zip(starts, [*starts[1:], len(self)], strict=True):
             yield slice(int(a), int(b), None)
 
-    def with_gold(self, recipe: Recipe, gold: Floats) -> "Visits":
+    def with_gold(self, recipe: Recipe, gold: Floats) -> "VisitTable":
         """The same, with the gold readings (v, 3) corrected by the gold's own calibration as the truth."""
         own = recipe.reference.gold
         if own is None:
@@ -84,13 +84,13 @@ class Visits:
         return replace(self, gold=np.linalg.solve(np.array(own.matrix), (gold - own.offset).T).T)
 
 
-def visits_of(
+def visit_table(
     recipe: Recipe,
     unit: Labels,
     run: NDArray[np.int32],
     visit: NDArray[np.int32],
     labels: Mapping[str, Labels],
-) -> Visits:
+) -> VisitTable:
     """Stops with their orientations from the recipe; rows sorted by unit, run, visit. Poses not known are NaN.
 
     labels: position, and what is known of seating, station, nest, lot and operator.
@@ -100,13 +100,13 @@ def visits_of(
     poses = [_pose(recipe, name) for name in position.names]
     same = (unit.code[1:] == unit.code[:-1]) & (run[1:] == run[:-1])
     previous = np.where(np.r_[False, same][: len(run)], np.arange(len(run)) - 1, -1)
-    return Visits(
+    return VisitTable(
         unit=unit,
         run=run,
         visit=visit,
         position=position,
         seating=seating,
-        groups={k: v for k, v in labels.items() if k in GROUPS},
+        groups={k: v for k, v in labels.items() if k in GROUP_LABELS},
         nest_R=np.array([p[0] for p in poses])[position.code],
         seat_R=np.array([_seat(recipe, name) for name in seating.names])[seating.code],
         stimulus=np.array([p[1] for p in poses])[position.code],

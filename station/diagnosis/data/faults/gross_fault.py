@@ -9,7 +9,7 @@ from station.domain.core.types import Labels
 
 
 @dataclass(frozen=True, slots=True)
-class Number:
+class FaultParameter:
     """One number of a fault in the contracts' form; a mapping is text and has no deviation."""
 
     name: str
@@ -21,7 +21,7 @@ class Number:
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class GrossFault:
     """A cause that is plain to see.
 
     nats: how much likelier the data are with it; rms_before, rms_after: of what the simulation leaves, where the
@@ -30,10 +30,10 @@ class Fault:
 
     effect: str
     level: str
-    numbers: tuple[Number, ...]
+    numbers: tuple[FaultParameter, ...]
     sentence: str
     nats: float
-    alike: tuple[str, ...] = ()
+    indistinguishable_from: tuple[str, ...] = ()
     rms_before: float | None = None
     rms_after: float | None = None
 
@@ -44,6 +44,6 @@ def rows_of_units(units: Labels) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
-def of_unit(units: Labels, code: int) -> str:
+def unit_label(units: Labels, code: int) -> str:
     """A unit as the contracts write it."""
     return f"unit:{units.names[code]}"

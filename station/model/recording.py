@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from station.domain.core.types import Array, Floats, SampleTable
-from station.model.effect import BusEffect, stream
-from station.model.forward import Acting, Active, gold_error, in_nest
+from station.model.effect import BusEffect, random_stream
+from station.model.forward import ActiveEffect, ActiveEffects, gold_error, stimulus_in_nest
 from station.model.noise import Noise
 from station.model.scene import Scene, Signal
 
@@ -19,12 +19,12 @@ GOLD_NOISE = 0.2
 REPEAT_S = 0.00025
 
 
-def table(scene: Scene, reading: Floats, rate_hz: Floats, seed: int) -> SampleTable:
+def samples_table(scene: Scene, reading: Floats, rate_hz: Floats, seed: int) -> SampleTable:
     """The samples table of a plan's scene; rate_hz (U): true sample rates."""
     visits, row = scene.visits, scene.visit
     names = ("temperature_degC", "since_power_s", "since_clamp_s", "motor", "started_s")
-    values = {name: scene.need(name) for name in names}
-    values["temperature_degC"] = values["temperature_degC"] + thermometer(scene, seed)
+    values = {name: scene.require(name) for name in names}
+    values["temperature_degC"] = values["temperature_degC"] + thermometer_noise(scene, seed)
     values["counter"] = _counter(scene, rate_hz)
     return SampleTable(
         unit=visits.unit[row],
@@ -38,27 +38,27 @@ def table(scene: Scene, reading: Floats, rate_hz: Floats, seed: int) -> SampleTa
     )
 
 
-def noise(scene: Scene, of: Noise, seed: int) -> Floats:
+def sensor_noise(scene: Scene, of: Noise, seed: int) -> Floats:
     """Noise of the sensors (n, 3), each unit's from its own stream."""
-    rngs = [stream(seed, "noise", name) for name in scene.visits.unit.names]
+    rngs = [random_stream(seed, "noise", name) for name in scene.visits.unit.names]
     rate = scene.recipe.device.rate_hz
-    return np.concatenate([of.draw(scene.time_s[rows], rate, rngs[unit]) for unit, rows in passes(scene)])
+    return np.concatenate([of.draw(scene.time_s[rows], rate, rngs[unit]) for unit, rows in run_slices(scene)])
 
 
-def gold(signal: Signal, active: Active, of: Noise, seed: int) -> Floats:
+def gold_readings(signal: Signal, active: ActiveEffects, of: Noise, seed: int) -> Floats:
     """Raw readings of the gold (n, 3): what the nest feels, by the gold's own calibration, and its noise."""
     scene, recipe = signal.scene, signal.scene.recipe
     moving = np.einsum("nij,nj->ni", scene.visits.seat_R[scene.visit], signal.true - signal.at_stop[scene.visit])
-    felt = (in_nest(scene, active) + gold_error(scene, active))[scene.visit] + moving
+    felt = (stimulus_in_nest(scene, active) + gold_error(scene, active))[scene.visit] + moving
     if recipe.reference.gold is not None:
         felt = felt @ np.array(recipe.reference.gold.matrix).T + recipe.reference.gold.offset
     sigma = GOLD_NOISE * of.density * np.sqrt(recipe.device.rate_hz / 2)
-    rngs = [stream(seed, "gold", name) for name in scene.visits.unit.names]
-    white = [rngs[unit].standard_normal((rows.stop - rows.start, 3)) for unit, rows in passes(scene)]
+    rngs = [random_stream(seed, "gold", name) for name in scene.visits.unit.names]
+    white = [rngs[unit].standard_normal((rows.stop - rows.start, 3)) for unit, rows in run_slices(scene)]
     return np.asarray(felt + sigma * np.concatenate(white))
 
 
-def arrived(sent: SampleTable, scene: Scene, active: Active, seed: int) -> SampleTable:
+def after_bus_faults(sent: SampleTable, scene: Scene, active: ActiveEffects, seed: int) -> SampleTable:
     """The table after the faults of the bus: what is in a frame comes in the order of arrival; time runs on.
 
     sent: rows as in the scene, sorted by unit.
@@ -68,10 +68,10 @@ def arrived(sent: SampleTable, scene: Scene, active: Active, seed: int) -> Sampl
         return sent
     rows = sent[seen]
     values = {**rows.values, "counter": sent.values["counter"][came]}
-    return replace(rows, time_s=rows.time_s + repeated_s(seen), reading=sent.reading[came], values=values)
+    return replace(rows, time_s=rows.time_s + repetition_delay_s(seen), reading=sent.reading[came], values=values)
 
 
-def arrivals(scene: Scene, active: Active, seed: int) -> tuple[Array, Array]:
+def arrivals(scene: Scene, active: ActiveEffects, seed: int) -> tuple[Array, Array]:
     """Of the frames sent, those whose instants are seen, and those whose payloads come then (both m)."""
     seen = came = np.arange(len(scene))
     for acting in active.values():
@@ -81,12 +81,12 @@ def arrivals(scene: Scene, active: Active, seed: int) -> tuple[Array, Array]:
     return seen, came
 
 
-def repeated_s(seen: Array) -> Floats:
+def repetition_delay_s(seen: Array) -> Floats:
     """How much later than the frame before a repeated frame is seen (m), s."""
     return np.asarray(REPEAT_S * (np.diff(seen, prepend=-1) == 0))
 
 
-def _order(acting: Acting, effect: BusEffect, scene: Scene, rows: Array, seed: int) -> Array:
+def _order(acting: ActiveEffect, effect: BusEffect, scene: Scene, rows: Array, seed: int) -> Array:
     """Order of arrival of the rows left, each unit's drawn from its own stream."""
     visit = scene.visit[rows]
     unit = scene.visits.unit.code[visit]
@@ -94,28 +94,28 @@ def _order(acting: Acting, effect: BusEffect, scene: Scene, rows: Array, seed: i
     order = []
     for code, name in enumerate(scene.visits.unit.names):
         start, stop = np.searchsorted(unit, [code, code + 1])
-        rng = stream(seed, effect.id, "frames", name)
+        rng = random_stream(seed, effect.id, "frames", name)
         order.append(start + effect.apply(visit[start:stop], fraction[start:stop], rng))
     return np.concatenate(order)
 
 
-def passes(scene: Scene) -> Iterator[tuple[int, slice]]:
+def run_slices(scene: Scene) -> Iterator[tuple[int, slice]]:
     """Unit code and rows of each unit's each run; rows are sorted by visit."""
-    for visits in scene.visits.passes():
+    for visits in scene.visits.run_slices():
         start, stop = np.searchsorted(scene.visit, [visits.start, visits.stop])
         yield int(scene.visits.unit.code[visits.start]), slice(int(start), int(stop))
 
 
-def thermometer(scene: Scene, seed: int) -> Floats:
+def thermometer_noise(scene: Scene, seed: int) -> Floats:
     """Noise of the thermometer (n), degC."""
-    rngs = [stream(seed, "thermometer", name) for name in scene.visits.unit.names]
-    noise = [rngs[unit].standard_normal(rows.stop - rows.start) for unit, rows in passes(scene)]
+    rngs = [random_stream(seed, "thermometer", name) for name in scene.visits.unit.names]
+    noise = [rngs[unit].standard_normal(rows.stop - rows.start) for unit, rows in run_slices(scene)]
     return np.asarray(THERMOMETER_STD * np.concatenate(noise))
 
 
 def _counter(scene: Scene, rate_hz: Floats) -> Floats:
     """Frame counter (n): frames since power-on, modulo what its bits can hold; it also counts while moving."""
     first = np.searchsorted(scene.visit, np.arange(len(scene.visits)))
-    before = np.rint(scene.need("since_power_s")[first] * rate_hz[scene.visits.unit.code])
+    before = np.rint(scene.require("since_power_s")[first] * rate_hz[scene.visits.unit.code])
     within = np.arange(len(scene)) - first[scene.visit]
     return np.asarray((before[scene.visit] + within) % 2**scene.recipe.device.counter_bits)

@@ -13,7 +13,7 @@ from station.errors import StationFault, UsageError
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class LaunchOptions:
     """How runs are started from this page; what is None stays as config.yaml says. faults: of simulated units."""
 
     database: Path
@@ -40,37 +40,37 @@ class Order:
         return [f"--fault={f}" for f, serial in whose.items() if serial in serials | {"", "BUS", "GOLD"}]
 
 
-def beside(database: Path, ending: str) -> Path:
+def companion_file(database: Path, ending: str) -> Path:
     """A file of this log: `station.db` + `.live.json`."""
     return database.with_name(database.name + ending)
 
 
-def owner(database: Path) -> int | None:
+def owner_pid(database: Path) -> int | None:
     """The pid that holds the log right now, whoever started it; None when nobody does.
 
     A pid in the lock file counts only while that process has the file open: pids are used again, locks are not
     taken here, because even a short one would turn a starting run away.
     """
-    lock = beside(database, ".lock")
+    lock = companion_file(database, ".lock")
     try:
         pid = int(json.loads(lock.read_bytes())["pid"])
         handles = list(Path(f"/proc/{pid}/fd").iterdir())
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return pid if any(_is(handle, lock) for handle in handles) else None
+    return pid if any(_same_file(handle, lock) for handle in handles) else None
 
 
-def _is(handle: Path, lock: Path) -> bool:
+def _same_file(handle: Path, lock: Path) -> bool:
     try:
         return handle.samefile(lock)
     except OSError:
         return False
 
 
-class Runs:
+class RunLauncher:
     """Starts and stops runs on one log. Children of this process are reaped whenever somebody asks."""
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: LaunchOptions) -> None:
         self.order = order
         self.started: int | None = None
         self._child: subprocess.Popen[bytes] | None = None
@@ -80,7 +80,7 @@ class Runs:
         if self._child is not None and self._child.poll() is None:
             return self._child.pid
         self._child = None
-        return owner(self.order.database)
+        return owner_pid(self.order.database)
 
     def start(self, units: Mapping[str, str], operator: str) -> int:
         """Starts a run of nest → serial that outlives this process; its pid. UsageError when one is under way."""
@@ -114,4 +114,4 @@ class Runs:
         return lines[-1].removeprefix("station: ")[:500] if lines else ""
 
     def _said(self) -> Path:
-        return beside(self.order.database, ".run.err")
+        return companion_file(self.order.database, ".run.err")

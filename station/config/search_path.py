@@ -9,13 +9,13 @@ from station.errors import InputError
 _PACKAGE = Path(station.__file__).parent
 
 
-def shipped() -> Path:
+def shipped_folder() -> Path:
     """The folder that holds `recipes/`, `dbc/` and `config.yaml` as shipped: in the wheel, or in the repository."""
     packed = _PACKAGE / "data"
     return packed if packed.is_dir() else _PACKAGE.parent
 
 
-def find(name: str, folder: str, near: Path | None, error: type[InputError]) -> Path:
+def find_file(name: str, folder: str, near: Path | None, error: type[InputError]) -> Path:
     """The file `name`: a path as it stands, else in `folder` around the file `near`, here, or as shipped.
 
     Errors: `error` naming the folders that were searched.
@@ -37,4 +37,4 @@ def _folders(folder: str, near: Path | None) -> Iterable[Path]:
         yield near.parent / folder
         yield near.parent.parent / folder
     yield Path(folder)
-    yield shipped() / folder
+    yield shipped_folder() / folder

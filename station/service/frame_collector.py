@@ -6,25 +6,25 @@ from functools import reduce
 import numpy as np
 
 from station.domain.core.types import ERROR, Frames
-from station.domain.records.framepack.plain import Laid, Laying
+from station.domain.records.framepack.plain import PlainFrames, PlainFramesBuilder
 from station.service.station import Job
 from station.service.unit import Unit
 
 
-class Intake:
+class FrameCollector:
     """What a stop keeps. A unit's frames are those of its node and of the gold reference, and the bus's error frames,
     which are everybody's."""
 
     def __init__(self, units: Sequence[Unit], job: Job) -> None:
         self._parts: list[Frames] = []
         self._laid = 0
-        self._units = {u.seat.serial: (job.ids(u.seat.node), Laying()) for u in units}
+        self._units = {u.seat.serial: (job.ids(u.seat.node), PlainFramesBuilder()) for u in units}
 
     def add(self, frames: Frames) -> None:
         """The next frames, whoever sent them."""
         self._parts.append(frames)
 
-    def lay(self) -> None:
+    def encode_pending(self) -> None:
         """Lays out and hashes what has been added since; done while a dwell goes on, little is left for its end."""
         new = Frames.join(self._parts[self._laid :])
         self._laid = len(self._parts)
@@ -40,6 +40,6 @@ class Intake:
         """What the unit keeps of what is laid out."""
         return self._units[unit.seat.serial][1].frames()
 
-    def laid(self, unit: Unit) -> Laid:
+    def laid(self, unit: Unit) -> PlainFrames:
         """The same as the log keeps it."""
         return self._units[unit.seat.serial][1].done()

@@ -29,7 +29,7 @@ def console(stderr: bool = False) -> "Console":
     return Console(stderr=stderr, highlight=False, width=None if stream.isatty() else PIPE_WIDTH)
 
 
-def say(text: str = "") -> None:
+def print_line(text: str = "") -> None:
     """One line on standard output; a reader that has gone is no reason to stop."""
     try:
         print(text, flush=True)
@@ -37,14 +37,14 @@ def say(text: str = "") -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def remark(text: str) -> None:
+def print_remark(text: str) -> None:
     """One line for the person, on standard error, with nothing in it that could steer the terminal."""
     print("".join(c if c.isprintable() else " " for c in text), file=sys.stderr, flush=True)
 
 
-def say_json(document: Any) -> None:
+def print_json(document: Any) -> None:
     """The one JSON document of a command with `--json`."""
-    say(json.dumps(document, allow_nan=False, ensure_ascii=False))
+    print_line(json.dumps(document, allow_nan=False, ensure_ascii=False))
 
 
 @contextmanager

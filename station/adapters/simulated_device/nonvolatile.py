@@ -9,25 +9,25 @@ from pathlib import Path
 from station.errors import ConfigError, UsageError
 
 #: Values by address, written as in the contracts: {"2101:01": 1.0}. Bytes are hex text.
-Objects = dict[str, int | float | str]
+SavedObjects = dict[str, int | float | str]
 
 
-def key(index: int, sub: int) -> str:
+def object_key(index: int, sub: int) -> str:
     """An address as the memory writes it: 2101:01."""
     return f"{index:04X}:{sub:02X}"
 
 
-class NonVolatile:
+class NonVolatileMemory:
     """Saved objects. path: a JSON file {"objects": {…}}, exactly as last saved; None: lives as long as this value."""
 
     def __init__(self, path: Path | None = None) -> None:
         self._path = path
-        self._objects: Objects = {}
+        self._objects: SavedObjects = {}
         if path is not None and path.exists():
             self._objects = _read(path)
 
     @classmethod
-    def of_serial(cls, folder: Path, serial: str) -> "NonVolatile":
+    def of_serial(cls, folder: Path, serial: str) -> "NonVolatileMemory":
         """The memory of the device with this printed serial: folder/SERIAL.json. Errors: UsageError, ConfigError."""
         if not serial or not all(c.isalnum() or c in "-_." for c in serial) or serial.startswith("."):
             raise UsageError(f"serial {serial[:40]!r} cannot name a file; use letters, digits, - and _")
@@ -37,7 +37,7 @@ class NonVolatile:
             raise ConfigError(f"the folder {folder} for the devices' memory cannot be made ({exc.strerror})") from exc
         return cls(folder / f"{serial}.json")
 
-    def objects(self) -> Objects:
+    def objects(self) -> SavedObjects:
         """What was saved last."""
         return dict(self._objects)
 
@@ -52,9 +52,9 @@ class NonVolatile:
         self.store({})
 
 
-def _read(path: Path) -> Objects:
+def _read(path: Path) -> SavedObjects:
     try:
-        objects: Objects = json.loads(path.read_text(encoding="utf-8"))["objects"]
+        objects: SavedObjects = json.loads(path.read_text(encoding="utf-8"))["objects"]
         return dict(objects)
     except (OSError, ValueError, KeyError, TypeError) as exc:
         raise ConfigError(f"{path} is not the memory of a simulated device; delete it to start afresh") from exc

@@ -12,24 +12,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.faults.fault import Fault, Number
+from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
-from station.model.effect import strength
+from station.model.effect import stimulus_strength
 from station.model.scene import Scene
 
 #: What is open where a certificate is silent: offset as a part of the stimulus, and gain, one standard deviation.
 OFFSET_STD, GAIN_STD = 1e-4, 5e-5
 #: Rise of χ² beyond which 1, 2, 3 or 4 numbers are no chance: 5 in 100,000.
-SURE = (0.0, 16.4, 19.8, 22.6, 24.9)
+CHI2_RISES = (0.0, 16.4, 19.8, 22.6, 24.9)
 #: Two causes are told apart from this d·√κ on (method notes, section 1).
-APART = 3.29
+GOLD_SEPARATION = 3.29
 #: The part of a dwell in which nothing moves any more.
-STILL = 0.4
+QUIET_FROM = 0.4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lengths:
+class GoldLengths:
     """Of each position (p): how much longer the gold's reading is than it should be; the nominal direction (p, 3) in
     the nest's frame and length; covariance (p, p)."""
 
@@ -47,42 +47,42 @@ class Lengths:
         return found, covariance, float(y @ X @ found)
 
 
-def tested(recipe: Recipe, table: SampleTable) -> tuple[str, ...]:
+def testable_causes(recipe: Recipe, table: SampleTable) -> tuple[str, ...]:
     """The causes that these data can show."""
     if table.gold is None or not recipe.pose_known or recipe.reference.source == "rate":
         return ()
     return ("gold-drift", "local-gravity") if recipe.sensor == "accelerometer" else ("gold-drift",)
 
 
-def faults(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.intp]) -> list[Fault]:
+def faults(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.intp]) -> list[GrossFault]:
     """Gravity that is not what the recipe says, and a gold that has moved; nothing without a gold."""
-    causes = tested(recipe, table)
+    causes = testable_causes(recipe, table)
     if not causes or table.gold is None:
         return []
-    seen = _lengths(recipe, scene, _still(table, stop, table.gold))
+    seen = _lengths(recipe, scene, _quiet_means(table, stop, table.gold))
     columns = {"gold-drift": seen.direction, "local-gravity": seen.length[:, None]}
     falls = {name: seen.fit(columns[name])[2] for name in causes}
     rank = {name: int(np.linalg.matrix_rank(columns[name], 1e-6)) for name in causes}
-    first = max(causes, key=lambda name: falls[name] - SURE[rank[name]])
-    if falls[first] < SURE[rank[first]]:
+    first = max(causes, key=lambda name: falls[name] - CHI2_RISES[rank[name]])
+    if falls[first] < CHI2_RISES[rank[first]]:
         return []
     chosen = [first]
     both = seen.fit(np.concatenate([columns[name] for name in causes], axis=1))[2]
-    chosen += [name for name in causes if name != first and both - falls[first] > SURE[rank[name]]]
-    like = tuple(name for name in causes if name not in chosen and falls[first] - falls[name] < APART**2)
+    chosen += [name for name in causes if name != first and both - falls[first] > CHI2_RISES[rank[name]]]
+    like = tuple(name for name in causes if name not in chosen and falls[first] - falls[name] < GOLD_SEPARATION**2)
     found, covariance, fall = seen.fit(np.concatenate([columns[name] for name in chosen], axis=1))
     std = np.sqrt(np.diag(covariance))
     return [
         _fault(
             name, found[at], std[at], 0.5 * (fall if len(chosen) == 1 else both - falls[chosen[1 - i]]), recipe, like
         )
-        for i, (name, at) in enumerate(_places(chosen, columns))
+        for i, (name, at) in enumerate(_coefficient_slices(chosen, columns))
     ]
 
 
-def repaired(recipe: Recipe, table: SampleTable, found: list[Fault]) -> SampleTable:
+def without_gold_drift(recipe: Recipe, table: SampleTable, found: list[GrossFault]) -> SampleTable:
     """The table with the gold as it was when it was calibrated."""
-    drift = next((f for f in found if f.effect == "gold-drift" and not f.alike), None)
+    drift = next((f for f in found if f.effect == "gold-drift" and not f.indistinguishable_from), None)
     if drift is None or table.gold is None:
         return table
     offset = np.array([float(n.value) for n in drift.numbers])
@@ -90,34 +90,34 @@ def repaired(recipe: Recipe, table: SampleTable, found: list[Fault]) -> SampleTa
     return replace(table, gold=table.gold - (offset if own is None else np.array(own.matrix) @ offset))
 
 
-def _places(chosen: list[str], columns: dict[str, Floats]) -> list[tuple[str, slice]]:
+def _coefficient_slices(chosen: list[str], columns: dict[str, Floats]) -> list[tuple[str, slice]]:
     """The chosen causes, and where their coefficients stand."""
     ends = np.cumsum([0, *(columns[name].shape[1] for name in chosen)])
     return [(name, slice(int(a), int(b))) for name, a, b in zip(chosen, ends[:-1], ends[1:], strict=True)]
 
 
-def _fault(name: str, value: Floats, std: Floats, nats: float, recipe: Recipe, like: tuple[str, ...]) -> Fault:
-    numbers: tuple[Number, ...]
+def _fault(name: str, value: Floats, std: Floats, nats: float, recipe: Recipe, like: tuple[str, ...]) -> GrossFault:
+    numbers: tuple[FaultParameter, ...]
     if name == "local-gravity":
-        numbers = (Number("coefficient", None, "common", float(value[0]), float(std[0]), "1"),)
+        numbers = (FaultParameter("coefficient", None, "common", float(value[0]), float(std[0]), "1"),)
         told = f"the gold finds {1e6 * float(value[0]):+.0f} ppm more gravity than the recipe says"
     else:
         numbers = tuple(
-            Number("offset", axis, "common", float(v), float(s), recipe.unit)
+            FaultParameter("offset", axis, "common", float(v), float(s), recipe.unit)
             for axis, v, s in zip("xyz", value, std, strict=True)
         )
         told = f"the gold reads {float(np.linalg.norm(value)):.2g} {recipe.unit} beside its certificate"
-    return Fault(name, "common", numbers, told, nats, like)
+    return GrossFault(name, "common", numbers, told, nats, like)
 
 
-def _still(table: SampleTable, stop: NDArray[np.intp], gold: Floats) -> tuple[Floats, Floats]:
+def _quiet_means(table: SampleTable, stop: NDArray[np.intp], gold: Floats) -> tuple[Floats, Floats]:
     """Mean reading (v, 3) of the gold in the quiet part of each stop, and the variance (v) of such a mean."""
     count = np.bincount(stop)
     first = np.full(len(count), np.inf)
     last = np.full(len(count), -np.inf)
     np.minimum.at(first, stop, table.time_s)
     np.maximum.at(last, stop, table.time_s)
-    quiet = table.time_s >= (first + STILL * (last - first))[stop]
+    quiet = table.time_s >= (first + QUIET_FROM * (last - first))[stop]
     rows, where = gold[quiet], stop[quiet]
     n = np.maximum(np.bincount(where, minlength=len(count)), 1)
     mean = np.stack([np.bincount(where, column, len(count)) / n for column in rows.T], 1)
@@ -125,7 +125,7 @@ def _still(table: SampleTable, stop: NDArray[np.intp], gold: Floats) -> tuple[Fl
     return mean, np.bincount(where, off, len(count)) / np.maximum(n - 1, 1) / n
 
 
-def _lengths(recipe: Recipe, scene: Scene, still: tuple[Floats, Floats]) -> Lengths:
+def _lengths(recipe: Recipe, scene: Scene, still: tuple[Floats, Floats]) -> GoldLengths:
     """The gold's readings position by position."""
     visits, own = scene.visits, recipe.reference.gold
     reading = still[0] if own is None else np.linalg.solve(np.array(own.matrix), (still[0] - own.offset).T).T
@@ -143,9 +143,9 @@ def _lengths(recipe: Recipe, scene: Scene, still: tuple[Floats, Floats]) -> Leng
     noise = max(float(np.mean(still[1])), between, 1e-24)
     directions = np.stack([mean(column) for column in along.T], 1)[used]
     lengths = mean(length)[used]
-    offset_std = (own.offset_std if own else 0.0) or OFFSET_STD * strength(recipe)
+    offset_std = (own.offset_std if own else 0.0) or OFFSET_STD * stimulus_strength(recipe)
     gain_std = (own.gain_std if own else 0.0) or GAIN_STD
     gains = directions**2 * lengths[:, None]
     covariance = np.diag(noise / count[used]) + offset_std**2 * directions @ directions.T
     covariance += gain_std**2 * gains @ gains.T + recipe.reference.relative_std() ** 2 * np.outer(lengths, lengths)
-    return Lengths(mean(excess)[used], directions, lengths, covariance)
+    return GoldLengths(mean(excess)[used], directions, lengths, covariance)

@@ -5,16 +5,16 @@ from datetime import datetime, timedelta
 
 from station.adapters.store.search import Query
 from station.errors import UsageError
-from station.web.guard import whole
+from station.web.guard import parse_whole_number
 
 #: Fields of the form that are columns of the query as they stand.
-PLAIN = ("station", "nest", "recipe_name", "recipe_hash", "firmware", "lot", "operator", "software")
-FIELDS = ("serial", "since", "until", "outcome", *PLAIN)
+COLUMN_FIELDS = ("station", "nest", "recipe_name", "recipe_hash", "firmware", "lot", "operator", "software")
+QUERY_FIELDS = ("serial", "since", "until", "outcome", *COLUMN_FIELDS)
 
 
 def query_of(asked: Mapping[str, str]) -> Query:
     """The query; empty fields do not matter. A serial that ends in `*` is a beginning. Errors: UsageError."""
-    said = {k: asked[k].strip() for k in FIELDS if asked.get(k, "").strip()}
+    said = {k: asked[k].strip() for k in QUERY_FIELDS if asked.get(k, "").strip()}
     serial = said.get("serial")
     begins = serial is not None and serial.endswith("*")
     return Query(
@@ -23,8 +23,8 @@ def query_of(asked: Mapping[str, str]) -> Query:
         outcome=said["outcome"].upper() if "outcome" in said else None,
         since_ns=_time_ns(said.get("since"), next_day=False),
         until_ns=_time_ns(said.get("until"), next_day=True),
-        before=whole(asked.get("before", "")),
-        **{k: said[k] for k in PLAIN if k in said},
+        before=parse_whole_number(asked.get("before", "")),
+        **{k: said[k] for k in COLUMN_FIELDS if k in said},
     )
 
 

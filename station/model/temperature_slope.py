@@ -13,21 +13,21 @@ import numpy as np
 from station.domain.core.types import Array, Floats
 
 #: Stiffness tried: variance of f over a whole run beside that of the noise of a stop.
-RATIOS = np.geomspace(1e-2, 1e8, 21)
+STIFFNESS_RATIOS = np.geomspace(1e-2, 1e8, 21)
 #: Runs that the stiffness is judged by, at most.
-JUDGES = 48
+MAX_LIKELIHOOD_RUNS = 48
 #: Modes kept of what is not known of a slope.
 MODES = 3
 
 
-class Runs(NamedTuple):
+class RunTemperatures(NamedTuple):
     """Times (r, n) from the first one as parts of the longest run, and mean temperatures (r, n), of runs of n stops."""
 
     time: Floats
     value: Floats
 
 
-class Slope(NamedTuple):
+class TemperatureSlope(NamedTuple):
     """Slope (n) at each stop of a run, and modes (n, MODES) of its error: their sum, each times a standard normal
     number, is the error."""
 
@@ -35,7 +35,7 @@ class Slope(NamedTuple):
     modes: Floats
 
 
-def slopes(runs: Sequence[tuple[Floats, Floats]]) -> list[Slope]:
+def temperature_slopes(runs: Sequence[tuple[Floats, Floats]]) -> list[TemperatureSlope]:
     """The slopes of runs, each given as times (n) in s and means (n) of its stops."""
     longest = max((float(np.ptp(t)) for t, _ in runs), default=0.0) or 1.0
     alike: dict[int, list[int]] = {}
@@ -43,34 +43,36 @@ def slopes(runs: Sequence[tuple[Floats, Floats]]) -> list[Slope]:
         alike.setdefault(len(t), []).append(i)
     scaled = {n: _stacked([runs[i] for i in places], longest) for n, places in alike.items()}
     ratio, noise = _stiffness(list(scaled.values()))
-    found: dict[int, Slope] = {}
+    found: dict[int, TemperatureSlope] = {}
     for n, places in alike.items():
         slope, modes = _slope(scaled[n], ratio, noise)
-        found.update({i: Slope(s / longest, m / longest) for i, s, m in zip(places, slope, modes, strict=True)})
+        found.update(
+            {i: TemperatureSlope(s / longest, m / longest) for i, s, m in zip(places, slope, modes, strict=True)}
+        )
     return [found[i] for i in range(len(runs))]
 
 
-def _stacked(runs: Sequence[tuple[Floats, Floats]], longest: float) -> Runs:
+def _stacked(runs: Sequence[tuple[Floats, Floats]], longest: float) -> RunTemperatures:
     time = np.stack([t - t.min(initial=np.inf) for t, _ in runs])
-    return Runs(time / longest, np.stack([T for _, T in runs]))
+    return RunTemperatures(time / longest, np.stack([T for _, T in runs]))
 
 
-def _stiffness(kinds: Sequence[Runs]) -> tuple[float, float]:
+def _stiffness(kinds: Sequence[RunTemperatures]) -> tuple[float, float]:
     """The ratio that restricted likelihood prefers, and the standard deviation of a stop's noise."""
     long = [runs for runs in kinds if runs.time.shape[1] > 2]
     if not long:
         return 1.0, 0.0
     alike = max(long, key=lambda runs: len(runs.time))
-    every = max(1, len(alike.time) // JUDGES)
-    judges = Runs(alike.time[::every], alike.value[::every])
+    every = max(1, len(alike.time) // MAX_LIKELIHOOD_RUNS)
+    judges = RunTemperatures(alike.time[::every], alike.value[::every])
     logdet, squares = _likelihoods(judges)
     free = len(judges.time) * (judges.time.shape[1] - 2)
     variance = np.maximum(squares / free, 1e-24)
     best = int(np.argmax(-0.5 * (logdet + free * np.log(variance))))
-    return float(RATIOS[best]), float(np.sqrt(variance[best]))
+    return float(STIFFNESS_RATIOS[best]), float(np.sqrt(variance[best]))
 
 
-def _likelihoods(runs: Runs) -> tuple[Floats, Floats]:
+def _likelihoods(runs: RunTemperatures) -> tuple[Floats, Floats]:
     """log|V| + log|BᵀV⁻¹B| and the sum of squares left of runs (r, n) together at each of RATIOS, noise of variance 1.
 
     Across the straight line B, V = I + ratio · C has the same eigenvectors at every ratio.
@@ -80,7 +82,7 @@ def _likelihoods(runs: Runs) -> tuple[Floats, Floats]:
     C = across.swapaxes(-1, -2) @ (V - np.eye(V.shape[-1])) @ across
     values, vectors = np.linalg.eigh(C)
     along = ((across @ vectors).swapaxes(-1, -2) @ runs.value[..., None])[..., 0]
-    grown = 1 + RATIOS[:, None, None] * np.maximum(values, 0.0)
+    grown = 1 + STIFFNESS_RATIOS[:, None, None] * np.maximum(values, 0.0)
     line = float(np.sum(np.linalg.slogdet(B.swapaxes(-1, -2) @ B)[1]))
     return np.asarray(line + np.log(grown).sum((1, 2))), np.asarray(np.sum(along**2 / grown, axis=(1, 2)))
 
@@ -91,13 +93,13 @@ def _covariance(t: Floats, ratio: float) -> tuple[Floats, Floats]:
     return np.eye(t.shape[-1]) + ratio * (low**2 * high / 2 - low**3 / 6), np.stack([np.ones_like(t), t], -1)
 
 
-def _slope(runs: Runs, ratio: float, noise: float) -> tuple[Floats, Floats]:
+def _slope(runs: RunTemperatures, ratio: float, noise: float) -> tuple[Floats, Floats]:
     """Slopes (r, n) per length of the longest run, and the modes of their errors (r, n, MODES)."""
     t = runs.time
     still = ~(np.ptp(t, axis=1) > 0)
     if t.shape[1] < 2 or still.any():
         # A run that never goes on has no slope, and one of a single stop none either.
-        return _some_still(runs, still | (t.shape[1] < 2), ratio, noise)
+        return _with_constant_runs(runs, still | (t.shape[1] < 2), ratio, noise)
     V, B = _covariance(t, ratio)
     # cov(f'(s), f(t)): ∫₀ᵗ min(s, u) du.
     low = np.minimum(t[:, :, None], t[:, None, :])
@@ -113,9 +115,9 @@ def _slope(runs: Runs, ratio: float, noise: float) -> tuple[Floats, Floats]:
     return slope, np.pad(modes, ((0, 0), (0, 0), (0, MODES - modes.shape[2])))
 
 
-def _some_still(runs: Runs, still: Array, ratio: float, noise: float) -> tuple[Floats, Floats]:
+def _with_constant_runs(runs: RunTemperatures, still: Array, ratio: float, noise: float) -> tuple[Floats, Floats]:
     """The same where some runs (r) have no slope: 0."""
     slope, modes = np.zeros(runs.time.shape), np.zeros((*runs.time.shape, MODES))
     if not still.all():
-        slope[~still], modes[~still] = _slope(Runs(runs.time[~still], runs.value[~still]), ratio, noise)
+        slope[~still], modes[~still] = _slope(RunTemperatures(runs.time[~still], runs.value[~still]), ratio, noise)
     return slope, modes

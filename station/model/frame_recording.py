@@ -7,48 +7,48 @@ from numpy.typing import NDArray
 
 from station.domain.can import encode
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.capture.annotations import Mark, Marks
+from station.domain.capture.annotations import Annotation, Annotations
 from station.domain.core import rotation
 from station.domain.core.types import Floats, Frames
 from station.errors import UsageError
 from station.model.campaign import Campaign, campaign_of
-from station.model.forward import feel, on_the_way
-from station.model.record import arrivals, passes, repeated_s, thermometer
+from station.model.forward import sensor_signal, signal_during_moves
+from station.model.recording import arrivals, repetition_delay_s, run_slices, thermometer_noise
 from station.model.scene import Scene
-from station.model.simulate import Job, Made, output, rates_of
-from station.model.timeline import Batch
+from station.model.simulate import SimulatedUnits, SimulationJob, device_output, rates_of
+from station.model.timeline import FleetPart
 
 #: Where simulated time starts: 2026-01-01T00:00:00Z.
-EPOCH_NS = 1_767_225_600_000_000_000
+SIMULATION_EPOCH_NS = 1_767_225_600_000_000_000
 #: A device tells its temperature once in so many seconds.
 TEMPERATURE_EVERY_S = 1.0
 #: The last node id that frames may have; each nest of the fixture has its own.
-NODES = 127
+MAX_NODE_ID = 127
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Recorded:
+class FrameRecording:
     """Frames in the order of time, the marks of every dwell, and what they were made of."""
 
     frames: Frames
-    marks: Marks
-    made: Made
+    marks: Annotations
+    made: SimulatedUnits
 
 
-def frames_of(job: Job, layout: SensorLayout) -> Recorded:
+def simulate_frames(job: SimulationJob, layout: SensorLayout) -> FrameRecording:
     """The frames of all units of a job. The unit in the fixture's k-th seat has node id k."""
-    job, batch = job.settled(), Batch(job.units)
-    if job.line.nests > NODES:
-        raise UsageError(f"{job.line.nests} nests are more than the {NODES} node ids of a bus; ask for fewer")
+    job, batch = job.with_drawn_form(), FleetPart(job.units)
+    if job.line.nests > MAX_NODE_ID:
+        raise UsageError(f"{job.line.nests} nests are more than the {MAX_NODE_ID} node ids of a bus; ask for fewer")
     rates = rates_of(job, batch)
     campaign = campaign_of(job.recipe, batch, job.seed, job.line)
-    scene, moving = _through(campaign, rates)
-    made = Made(batch.units, job.base(batch.units), job.active(scene), scene)
-    signal = on_the_way(feel(scene, made.active), moving, _plate(campaign, scene, moving))
-    reading = output(job, signal, made.base, made.active)
+    scene, moving = _every_sample(campaign, rates)
+    made = SimulatedUnits(batch.units, job.base(batch.units), job.active(scene), scene)
+    signal = signal_during_moves(sensor_signal(scene, made.active), moving, _plate(campaign, scene, moving))
+    reading = device_output(job, signal, made.base, made.active)
     frames = Frames.join(_sent(job, layout, made, reading))
     frames = frames[np.argsort(frames.time_ns, kind="stable")]
-    return Recorded(frames, _marks(campaign, frames), made)
+    return FrameRecording(frames, _marks(campaign, frames), made)
 
 
 def node_of(unit: int, nests: int) -> int:
@@ -56,7 +56,7 @@ def node_of(unit: int, nests: int) -> int:
     return unit % nests + 1
 
 
-def _through(campaign: Campaign, rate_hz: Floats) -> tuple[Scene, NDArray[np.bool_]]:
+def _every_sample(campaign: Campaign, rate_hz: Floats) -> tuple[Scene, NDArray[np.bool_]]:
     """Every sample of every run from its first move to its last dwell, and which (n) are on the way to their stop."""
     visits, since, first = [], [], 0
     for rate in rate_hz:
@@ -85,32 +85,32 @@ def _plate(campaign: Campaign, scene: Scene, moving: NDArray[np.bool_]) -> Float
     return np.asarray(rotation.from_vector(smooth[:, None] * turn[row]) @ origin[row])
 
 
-def _sent(job: Job, layout: SensorLayout, made: Made, reading: Floats) -> list[Frames]:
+def _sent(job: SimulationJob, layout: SensorLayout, made: SimulatedUnits, reading: Floats) -> list[Frames]:
     """Sample frames of every unit's every run, after the faults of the bus, and temperature frames."""
     scene, rate_hz = made.scene, job.recipe.device.rate_hz
-    time_ns = EPOCH_NS + np.rint((scene.need("started_s") + scene.time_s) * 1e9).astype(np.int64)
-    shown = scene.need("temperature_degC") + thermometer(scene, job.seed)
+    time_ns = SIMULATION_EPOCH_NS + np.rint((scene.require("started_s") + scene.time_s) * 1e9).astype(np.int64)
+    shown = scene.require("temperature_degC") + thermometer_noise(scene, job.seed)
     readings, temperatures = [], []
-    for unit, rows in passes(scene):
+    for unit, rows in run_slices(scene):
         node = node_of(unit, job.line.nests)
-        count = round(float(scene.need("since_power_s")[rows.start]) * rate_hz)
+        count = round(float(scene.require("since_power_s")[rows.start]) * rate_hz)
         readings.append(encode.sample_frames(layout, node, time_ns[rows], reading[rows], first_count=count))
         slow = slice(rows.start, rows.stop, max(1, round(TEMPERATURE_EVERY_S * rate_hz)))
         temperatures.append(encode.temperature_frames(layout, node, time_ns[slow], shown[slow]))
     seen, came = arrivals(scene, made.active, job.seed)
-    late_ns = np.rint(repeated_s(seen) * 1e9).astype(np.int64)
+    late_ns = np.rint(repetition_delay_s(seen) * 1e9).astype(np.int64)
     return [replace(Frames.join(readings)[came], time_ns=time_ns[seen] + late_ns), *temperatures]
 
 
-def _marks(campaign: Campaign, frames: Frames) -> Marks:
+def _marks(campaign: Campaign, frames: Frames) -> Annotations:
     """The dwells, s from the log's first frame."""
     visits = campaign.visits
-    zero_s = (int(frames.time_ns[0]) - EPOCH_NS) / 1e9
+    zero_s = (int(frames.time_ns[0]) - SIMULATION_EPOCH_NS) / 1e9
     begins = campaign.started_s() + campaign.arrival_s() + campaign.recipe.settle.time_s - zero_s
     dwell = campaign.dwell_s()
     texts = zip(visits.unit.text(), visits.position.text(), visits.seating.text(), strict=True)
     marks = (
-        Mark(
+        Annotation(
             unit=unit,
             node=node_of(int(visits.unit.code[i]), campaign.line.nests),
             run=int(visits.run[i]),
@@ -122,4 +122,4 @@ def _marks(campaign: Campaign, frames: Frames) -> Marks:
         )
         for i, (unit, position, seating) in enumerate(texts)
     )
-    return Marks(recipe=campaign.recipe.name, marks=tuple(marks))
+    return Annotations(recipe=campaign.recipe.name, marks=tuple(marks))

@@ -7,30 +7,30 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-Place = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 
 #: A page of mistakes helps nobody; the rest shows after these are mended.
-MOST = 20
+MOST_MISTAKES = 20
 
 
-def sentences(exc: ValidationError, model: type[BaseModel], line: Callable[[Place], int]) -> list[str]:
+def sentences(exc: ValidationError, model: type[BaseModel], line: Callable[[KeyPath], int]) -> list[str]:
     """One sentence a mistake, in the order of the file: 'line 7, key `dwell.time`: ...'."""
     found = set()
     for error in exc.errors(include_url=False):
         place = tuple(p for p in error["loc"])
         at = line(place)
         key = f", key `{_dotted(place)}`" if place else ""
-        found.add((at, f"line {at}{key}: {_what(error, model, place)}"))
+        found.add((at, f"line {at}{key}: {_mistake(error, model, place)}"))
     ordered = [text for _, text in sorted(found)]
-    more = len(ordered) - MOST
-    return ordered if more <= 0 else [*ordered[:MOST], f"and {more} more"]
+    more = len(ordered) - MOST_MISTAKES
+    return ordered if more <= 0 else [*ordered[:MOST_MISTAKES], f"and {more} more"]
 
 
-def _dotted(place: Place) -> str:
+def _dotted(place: KeyPath) -> str:
     return ".".join(str(p) for p in place)
 
 
-def _what(error: Any, model: type[BaseModel], place: Place) -> str:
+def _mistake(error: Any, model: type[BaseModel], place: KeyPath) -> str:
     kind, message = error["type"], str(error["msg"])
     if kind == "extra_forbidden":
         return f"unknown key{_nearest(str(place[-1]), known_keys(model, place[:-1]))}"
@@ -39,13 +39,13 @@ def _what(error: Any, model: type[BaseModel], place: Place) -> str:
     if kind in ("value_error", "assertion_error"):
         return message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
     if kind in ("model_type", "model_attributes_type", "dict_type"):
-        return f"must be a block of keys, not {_shown(error['input'])}"
+        return f"must be a block of keys, not {_abbreviated(error['input'])}"
     told = message[0].lower() + message[1:]
     told = told.replace("input should be", "must be").replace("input should", "must")
-    return f"{told}, not {_shown(error['input'])}"
+    return f"{told}, not {_abbreviated(error['input'])}"
 
 
-def _shown(value: Any) -> str:
+def _abbreviated(value: Any) -> str:
     text = "nothing" if value is None else repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
@@ -57,7 +57,7 @@ def _nearest(word: str, known: Sequence[str]) -> str:
     return f"; the known ones are {', '.join(known)}" if known else "; no key may stand here"
 
 
-def known_keys(model: Any, place: Place) -> tuple[str, ...]:
+def known_keys(model: Any, place: KeyPath) -> tuple[str, ...]:
     """Names of the keys that may stand in the block at `place` of a document of this model."""
     for step in place:
         model = _step(model, step)

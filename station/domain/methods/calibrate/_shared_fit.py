@@ -15,13 +15,13 @@ from station.domain.core import linear_algebra
 from station.domain.core.types import Floats
 from station.domain.methods import coefficients
 from station.domain.methods.calibrate import _outliers
-from station.domain.methods.method import Fit, Problem
+from station.domain.methods.method import Fit, FitProblem
 
 Columns = tuple[tuple[int, ...], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shared:
+class SharedSolution:
     """What one truth comes to: T (v, 4) = [1, truth]; jacobian (12, v, 3); kept (12) coefficients of a perfect sensor
     that are not fitted, else 0; free (12) bool; spread (v, 3) = 1/(1 − leverage), 0 where the others say nothing."""
 
@@ -32,37 +32,37 @@ class Shared:
     spread: Floats
 
 
-def fit(problem: Problem, columns: Columns, variance: tuple[Floats, Floats], even: NDArray[np.bool_]) -> Fit:
+def fit(problem: FitProblem, columns: Columns, variance: tuple[Floats, Floats], even: NDArray[np.bool_]) -> Fit:
     """The fit of all units as if their stops counted alike; `calm` tells for which of the `even` ones (u) it holds.
 
     variance: of a mean by noise and by the declared error of its pose, each (u, 1, 3).
     """
     v = len(problem.pose)
-    shared = of_truth(np.ascontiguousarray(problem.true[0]).tobytes(), v, columns)
+    shared = shared_solution(np.ascontiguousarray(problem.true[0]).tobytes(), v, columns)
     theta = shared.kept + _times(shared.jacobian.reshape(12, -1), problem.mean - _readings(shared, shared.kept))
     residual = problem.mean - _readings(shared, theta)
     square, weight = residual**2, 1 / (variance[0] + variance[1]).reshape(-1, 3, 1)
     chi2 = (square @ weight).sum(axis=(1, 2))
     drop = (square * shared.spread) @ weight
     parameters = sum(map(len, columns))
-    calm = even & (chi2 <= loud(3 * v - parameters)) & (drop.max(axis=(1, 2)) < loud_stop(v))
+    calm = even & (chi2 <= chi2_limit(3 * v - parameters)) & (drop.max(axis=(1, 2)) < outlier_limit(v))
     return _fit(shared, theta, residual, variance, parameters, calm)
 
 
 @lru_cache(maxsize=64)
-def loud_stop(stops: int) -> float:
+def outlier_limit(stops: int) -> float:
     """Drop in χ² beyond which one of so many stops does not fit with the others."""
     return float(scipy.special.chdtri(3, _outliers.LEVEL / stops))
 
 
 @lru_cache(maxsize=64)
-def loud(dof: int) -> float:
+def chi2_limit(dof: int) -> float:
     """χ² beyond which residuals are larger than noise explains."""
     return float(scipy.special.chdtri(dof, _outliers.LEVEL)) if dof > 0 else float("inf")
 
 
 @lru_cache(maxsize=64)
-def of_truth(truth: bytes, v: int, columns: Columns) -> Shared:
+def shared_solution(truth: bytes, v: int, columns: Columns) -> SharedSolution:
     """Shared parts for the truth (v, 3) with these bytes."""
     true = np.frombuffer(truth).reshape(v, 3)
     T = np.column_stack([np.ones(v), true])
@@ -74,9 +74,9 @@ def of_truth(truth: bytes, v: int, columns: Columns) -> Shared:
         jacobian[at, :, i] = G
         free[at] = True
         leverage[:, i] = (X * G.T).sum(axis=1)
-    alone = leverage > _outliers.ALONE
+    alone = leverage > _outliers.FULL_LEVERAGE
     spread = np.where(alone, 0.0, 1 / np.where(alone, 1.0, 1 - leverage))
-    return Shared(T, jacobian, np.where(free, 0.0, coefficients.NOMINAL), free, spread)
+    return SharedSolution(T, jacobian, np.where(free, 0.0, coefficients.NOMINAL), free, spread)
 
 
 def coefficients_of(axis: int, columns: tuple[int, ...]) -> list[int]:
@@ -89,14 +89,14 @@ def _times(J: Floats, readings: Floats) -> Floats:
     return np.asarray((J @ readings.reshape(len(readings), -1, 1))[..., 0])
 
 
-def _readings(shared: Shared, theta: Floats) -> Floats:
+def _readings(shared: SharedSolution, theta: Floats) -> Floats:
     """What units with coefficients (…, 12) read: (…, v, 3)."""
     by_column = np.concatenate([theta[..., None, :3], np.swapaxes(coefficients.matrix_of(theta), -1, -2)], axis=-2)
     return np.asarray(shared.T @ by_column)
 
 
 def _fit(
-    shared: Shared,
+    shared: SharedSolution,
     theta: Floats,
     residual: Floats,
     variance: tuple[Floats, Floats],
@@ -115,7 +115,7 @@ def _fit(
         noise=np.broadcast_to(variance[0], residual.shape),
         pose_variance=np.broadcast_to(variance[1], residual.shape),
         parameters=parameters,
-        calm=calm,
+        consistent=calm,
         pose_std_rad=np.zeros(u),
         notes=((),) * u,
     )

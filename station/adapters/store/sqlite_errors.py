@@ -37,19 +37,19 @@ _SYSTEM = {
 
 
 @contextmanager
-def told(kind: type[StationError], path: Path, doing: str) -> Iterator[None]:
+def translate_errors(kind: type[StationError], path: Path, doing: str) -> Iterator[None]:
     """Turns what SQLite or the system says about `path` into `kind`: "the log PATH cannot be DOING: WHY"."""
     try:
         yield
     except sqlite3.Error as exc:
         raise kind(f"the log {path} cannot be {doing}: {_why(exc)}") from exc
     except OSError as exc:
-        raise kind(f"the log {path} cannot be {doing}: {reason(exc)}") from exc
+        raise kind(f"the log {path} cannot be {doing}: {os_error_reason(exc)}") from exc
     except OverflowError as exc:
         raise kind(f"the log {path} cannot be {doing}: a whole number is beyond 64 bits") from exc
 
 
-def reason(exc: OSError) -> str:
+def os_error_reason(exc: OSError) -> str:
     """The system's complaint with its remedy."""
     return _SYSTEM.get(exc.errno or 0, exc.strerror or str(exc))
 

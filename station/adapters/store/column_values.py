@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from station.domain.records.chain import Value
-from station.domain.records.framepack.plain import Laid
-from station.ports.store import Begin, VisitRecord
+from station.domain.records.framepack.plain import PlainFrames
+from station.ports.store import AttemptStart, VisitRecord
 
 
 def text(value: str) -> str:
@@ -20,14 +20,14 @@ def text(value: str) -> str:
     return str(value).encode("utf-8", "backslashreplace").decode()
 
 
-def columns(begin: Begin, attempt: str, recipe: int | None, product: int | None) -> dict[str, Value]:
+def columns(begin: AttemptStart, attempt: str, recipe: int | None, product: int | None) -> dict[str, Value]:
     """The attempt's columns by name: what is known, and the record numbers of recipe and product."""
     known = {f.name: getattr(begin, f.name) for f in dataclasses.fields(begin)}
     cleaned = {name: text(value) if isinstance(value, str) else value for name, value in known.items()}
     return {**cleaned, "id": attempt, "recipe": recipe, "product": product}
 
 
-def visit(record: VisitRecord, laid: Laid) -> tuple[Value, ...]:
+def visit(record: VisitRecord, laid: PlainFrames) -> tuple[Value, ...]:
     """The visit's columns after `attempt`; laid: its frames as plain bytes."""
     return (
         *(record.run, record.visit, text(record.position), text(record.seating), text(record.kind)),
@@ -46,11 +46,11 @@ def document(value: Any) -> str:
         made = _JSON.encode(value)
         made.encode()
     except ValueError:  # NaN, infinity, or text that is no text: rare, and worth a second look at every value
-        made = _JSON.encode(plain(value))
+        made = _JSON.encode(to_plain(value))
     return made
 
 
-def plain(value: Any) -> Any:
+def to_plain(value: Any) -> Any:
     """The value as JSON knows it: mappings, arrays, dataclasses and numpy scalars become dict, list, number."""
     if value is None or isinstance(value, bool | np.bool_):
         return None if value is None else bool(value)
@@ -67,17 +67,17 @@ def _nested(value: Any) -> Any:
     if isinstance(value, bytes | bytearray | memoryview):
         return bytes(value).hex()
     if isinstance(value, Mapping):
-        return {text(k): plain(v) for k, v in value.items()}
+        return {text(k): to_plain(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return to_plain(value.tolist())
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {f.name: to_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, Sequence | set | frozenset):
-        return [plain(v) for v in value]
+        return [to_plain(v) for v in value]
     raise TypeError(f"the log cannot keep a {type(value).__name__}")
 
 
-def _known(value: Any) -> Any:
+def _encode_unknown(value: Any) -> Any:
     """What the JSON encoder does not know by itself, as what it knows."""
     if isinstance(value, np.ndarray):
         return value.tolist()
@@ -87,5 +87,10 @@ def _known(value: Any) -> Any:
 
 
 _JSON = json.JSONEncoder(
-    sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False, check_circular=False, default=_known
+    sort_keys=True,
+    separators=(",", ":"),
+    ensure_ascii=False,
+    allow_nan=False,
+    check_circular=False,
+    default=_encode_unknown,
 )

@@ -14,7 +14,7 @@ _PREFIXES = {
 _BEGINNINGS = ("deg/s", "rad", "uT", "g", "1")
 
 
-def shown_as(values: Iterable[float], unit: str) -> tuple[float, str]:
+def display_unit(values: Iterable[float], unit: str) -> tuple[float, str]:
     """Factor and unit in which values of `unit` are easy to read."""
     largest = max((abs(v) for v in values if math.isfinite(v)), default=0.0)
     for start in _BEGINNINGS:
@@ -28,7 +28,7 @@ def shown_as(values: Iterable[float], unit: str) -> tuple[float, str]:
     return 1.0, unit.replace("degC", "°C")
 
 
-def number(value: float, digits: int = 3) -> str:
+def format_significant(value: float, digits: int = 3) -> str:
     """A number with so many digits that mean something, no exponent where it can be helped, a real minus."""
     if not math.isfinite(value):
         return "–"
@@ -38,7 +38,7 @@ def number(value: float, digits: int = 3) -> str:
     return text.replace("-", "−")
 
 
-def evenly(values: Sequence[float], digits: int = 3) -> list[str]:
+def format_aligned(values: Sequence[float], digits: int = 3) -> list[str]:
     """Numbers that stand beside each other: as many decimals for all as the largest of them needs, nought for what is
     far below it."""
     largest = max((abs(v) for v in values if math.isfinite(v)), default=0.0)
@@ -46,18 +46,18 @@ def evenly(values: Sequence[float], digits: int = 3) -> list[str]:
     return [f"{v:.{places}f}".replace("-", "−") if abs(v) > 0.5 * 10**-places else "0" for v in values]
 
 
-def size(value: float, unit: str, digits: int = 3) -> str:
+def format_size(value: float, unit: str, digits: int = 3) -> str:
     """A size with its unit."""
-    factor, words = shown_as([value], unit)
-    return f"{number(value * factor, digits)} {words}".strip()
+    factor, words = display_unit([value], unit)
+    return f"{format_significant(value * factor, digits)} {words}".strip()
 
 
-def with_std(value: float, std: float, unit: str) -> str:
+def format_interval(value: float, std: float, unit: str) -> str:
     """value ± 1.96 std, with as many digits as the interval deserves."""
-    factor, words = shown_as([value], unit)
+    factor, words = display_unit([value], unit)
     wide = 1.96 * std * factor
     if not (wide > 0 and math.isfinite(wide)):
-        return f"{number(value * factor, 4)} {words}"
+        return f"{format_significant(value * factor, 4)} {words}"
     places = max(0, 1 - math.floor(math.log10(wide)))
     low = f"{value * factor:.{places}f} ± {wide:.{places}f} {words}"
     return low.replace("-", "−")

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def without(*packages: str) -> Iterator[None]:
+def hide_packages(*packages: str) -> Iterator[None]:
     """What is imported inside finds these packages not installed, unless they are loaded already.
 
     A name that stands in sys.modules as None cannot be imported (The Python Language Reference, 5.3.1). Outside they

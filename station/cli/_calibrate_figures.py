@@ -5,27 +5,27 @@ from collections.abc import Mapping
 import numpy as np
 
 from station.cli._budget_table import NEGLIGIBLE
-from station.domain.core.types import Calibration, Stops
-from station.domain.evaluation.pipeline import Result
+from station.domain.core.types import Calibration, ReducedVisits
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.methods import coefficients
 from station.domain.methods.uncertainty import Budget
 from station.domain.recipe.recipe import Recipe
 from station.reporting.drawing.figure import Figure, Series, svg
-from station.reporting.drawing.tables import bars
+from station.reporting.drawing.tables import bar_chart
 
 
-def of_unit(recipe: Recipe, result: Result) -> Mapping[str, str]:
+def unit_figures(recipe: Recipe, result: CalibrationResult) -> Mapping[str, str]:
     """Pictures of one unit by name, as SVG text; none where it could not be calibrated."""
     found, stops, budget = result.calibration, result.stops, result.budget
     if found is None or stops is None or budget is None:
         return {}
-    pictures = {"residual": residual(recipe, found, stops, result.serial)}
+    pictures = {"residual": residual_svg(recipe, found, stops, result.serial)}
     if recipe.pose_known:
-        pictures["tilt"] = tilt(recipe, found, result.serial)
-    return {**pictures, "budget": budget_bars(recipe, budget, result.serial)}
+        pictures["tilt"] = tilt_svg(recipe, found, result.serial)
+    return {**pictures, "budget": budget_svg(recipe, budget, result.serial)}
 
 
-def residual(recipe: Recipe, found: Calibration, stops: Stops, serial: str) -> str:
+def residual_svg(recipe: Recipe, found: Calibration, stops: ReducedVisits, serial: str) -> str:
     """Residual of every axis at every stop, with the bars that noise alone gives."""
     x = np.arange(len(stops), dtype=float)
     wide = 1.96 * np.sqrt(np.einsum("vii->vi", stops.cov))
@@ -37,20 +37,20 @@ def residual(recipe: Recipe, found: Calibration, stops: Stops, serial: str) -> s
     limit = recipe.limits.residual
     levels = () if limit is None else ((limit, "limit"), (-limit, ""))
     title = f"{serial}: residual at each position, bars ± 95 % of noise"
-    return svg(Figure(title, "", recipe.unit, tuple(series), _names(found), levels))
+    return svg(Figure(title, "", recipe.unit, tuple(series), _position_names(found), levels))
 
 
-def tilt(recipe: Recipe, found: Calibration, serial: str) -> str:
+def tilt_svg(recipe: Recipe, found: Calibration, serial: str) -> str:
     """Tilt of every stop from its nominal pose, ± 1.96 standard deviations."""
     x, y = list(map(float, range(len(found.tilt_deg)))), found.tilt_deg
     wide = 1.96 * found.tilt_std_deg
     one = Series(x, y.tolist(), low=np.maximum(y - wide, 0).tolist(), high=(y + wide).tolist(), colour=1)
     limit = recipe.limits.tilt_deg
     title = f"{serial}: tilt of each position from its nominal pose, ± 95 %"
-    return svg(Figure(title, "", "deg", (one,), _names(found), () if limit is None else ((limit, "limit"),)))
+    return svg(Figure(title, "", "deg", (one,), _position_names(found), () if limit is None else ((limit, "limit"),)))
 
 
-def budget_bars(recipe: Recipe, budget: Budget, serial: str) -> str:
+def budget_svg(recipe: Recipe, budget: Budget, serial: str) -> str:
     """Which cause contributes how much to the least certain offset (or coefficient, where no offset is fitted)."""
     std = budget.std()
     worst = int(np.argmax(np.where(coefficients.OFFSETS, std, -1.0)))
@@ -61,8 +61,8 @@ def budget_bars(recipe: Recipe, budget: Budget, serial: str) -> str:
     rows = [(cause, part) for cause, part in parts.items() if part > NEGLIGIBLE * std[worst]]
     rows = [*sorted(rows, key=lambda r: -r[1]), ("together", float(std[worst]))]
     title = f"{serial}: standard uncertainty of {coefficients.NAMES[worst]} by cause"
-    return bars(title, rows, "" if unit == "1" else unit)
+    return bar_chart(title, rows, "" if unit == "1" else unit)
 
 
-def _names(found: Calibration) -> tuple[str, ...]:
+def _position_names(found: Calibration) -> tuple[str, ...]:
     return tuple(f"{n} (out)" if d else n for n, d in zip(found.positions, found.disturbed, strict=True))

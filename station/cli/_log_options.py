@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from station.adapters.store.reader import LogReader
 
 #: Nanoseconds in 64 bits reach so far from 1970.
-BEYOND_S = 9.2e9
-_AGO = {"m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
+FURTHEST_TIME_S = 9.2e9
+_AGE_UNITS = {"m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
 
 
 def open_log(db: Path | None, config: Path | None) -> "LogReader":
@@ -26,12 +26,12 @@ def open_log(db: Path | None, config: Path | None) -> "LogReader":
     return LogReader(db)
 
 
-def time_ns(text: str | None, option: str) -> int | None:
+def parse_time_ns(text: str | None, option: str) -> int | None:
     """`2026-11-21`, `2026-11-21T13:00` (local unless it says otherwise) or `7d` ago, since 1970 in ns."""
     if text is None:
         return None
-    if text[-1:] in _AGO and text[:-1].isdigit():
-        moment = datetime.now().astimezone() - timedelta(**{_AGO[text[-1]]: int(text[:-1])})
+    if text[-1:] in _AGE_UNITS and text[:-1].isdigit():
+        moment = datetime.now().astimezone() - timedelta(**{_AGE_UNITS[text[-1]]: int(text[:-1])})
     else:
         try:
             moment = datetime.fromisoformat(text)
@@ -43,12 +43,12 @@ def time_ns(text: str | None, option: str) -> int | None:
         since_1970_s = moment.astimezone().timestamp()
     except (OverflowError, ValueError):
         since_1970_s = math.inf
-    if not abs(since_1970_s) < BEYOND_S:
+    if not abs(since_1970_s) < FURTHEST_TIME_S:
         raise UsageError(f"{option} {text[:40]!r} is beyond every clock of the log; give a year from 1700 to 2260")
     return int(since_1970_s * 1e9)
 
 
-def known_head(text: str | None) -> dict[int, bytes]:
+def parse_head(text: str | None) -> dict[int, bytes]:
     """`NUMBER:HASH` as certificates and exports print it; nothing where nothing was said."""
     if text is None:
         return {}

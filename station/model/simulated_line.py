@@ -8,7 +8,7 @@ from station.domain.recipe.moves import ACCELERATION_DEG_S2, SPEED_DEG_S, turn_s
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class SimulatedLine:
     """How the simulated line works. Its numbers are those of an ordinary bench; none of them is a defect.
 
     A unit that goes round again sits in the next nest, and the operators take turns, as a line must do that wants

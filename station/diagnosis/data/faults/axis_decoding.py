@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.diagnosis.data.faults.fault import Fault, Number, of_unit, rows_of_units
+from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, rows_of_units, unit_label
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.effects.axis_permutation import MAPPINGS, MATRICES
@@ -13,13 +13,13 @@ from station.model.scene import Scene
 #: Factors of ranges and units; the last two are degrees and revolutions.
 FACTORS = (0.001, 1 / 9.80665, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 9.80665, 16.0, 1000.0, 9806.65, 180 / np.pi)
 #: A good unit's gain is within this factor of 1; a factor is taken for one of the list within the same.
-GAIN = 1.15
+GAIN_FACTOR = 1.15
 #: Likeness (cosine) of the fitted matrix to the best mapping, and how much better than to the right one.
-LIKE, BETTER = 0.9, 0.15
+MIN_COSINE, MIN_COSINE_LEAD = 0.9, 0.15
 
 
 @dataclass(frozen=True, slots=True)
-class Read:
+class AxisDecoding:
     """How a unit is decoded: number of its mapping, and the factor of its readings."""
 
     mapping: int
@@ -27,7 +27,7 @@ class Read:
     measured: float
 
 
-def decoded(scene: Scene, mean: Floats) -> dict[int, Read]:
+def wrong_decodings(scene: Scene, mean: Floats) -> dict[int, AxisDecoding]:
     """What stands on the axes of each unit that is decoded wrongly; mean (v, 3) of the stops."""
     found = {}
     for u, rows in enumerate(rows_of_units(scene.visits.unit)):
@@ -37,7 +37,7 @@ def decoded(scene: Scene, mean: Floats) -> dict[int, Read]:
     return found
 
 
-def _by_pose(scene: Scene, mean: Floats, rows: slice) -> Read | None:
+def _by_pose(scene: Scene, mean: Floats, rows: slice) -> AxisDecoding | None:
     """From the matrix between nominal vectors and readings."""
     visits = scene.visits
     R = np.einsum("vij,vjk->vik", visits.nest_R[rows], visits.seat_R[rows])
@@ -51,30 +51,30 @@ def _by_pose(scene: Scene, mean: Floats, rows: slice) -> Read | None:
         return None
     like = np.einsum("kij,ij->k", MATRICES, matrix) / (size * np.sqrt(3))
     best = int(np.argmax(like))
-    if like[best] < LIKE:
+    if like[best] < MIN_COSINE:
         return None
-    best = best if like[best] > like[0] + BETTER else 0
+    best = best if like[best] > like[0] + MIN_COSINE_LEAD else 0
     measured = float(np.median(np.einsum("ij,ij->i", MATRICES[best], matrix)))
-    return Read(best, _factor(measured), measured)
+    return AxisDecoding(best, _factor(measured), measured)
 
 
-def _by_magnitude(scene: Scene, mean: Floats) -> Read | None:
+def _by_magnitude(scene: Scene, mean: Floats) -> AxisDecoding | None:
     """From the length of the readings alone, where a whole factor is plain."""
     true = float(np.linalg.norm(scene.visits.stimulus[0]))
     measured = float(np.median(np.linalg.norm(mean, axis=1))) / true
     factor = _factor(measured)
-    return Read(0, factor, measured) if factor in FACTORS else None
+    return AxisDecoding(0, factor, measured) if factor in FACTORS else None
 
 
 def _factor(measured: float) -> float:
     """1 for a good gain, a listed factor nearby, or the measured one."""
-    if 1 / GAIN <= measured <= GAIN:
+    if 1 / GAIN_FACTOR <= measured <= GAIN_FACTOR:
         return 1.0
     near = min(FACTORS, key=lambda f: abs(np.log(max(measured, 1e-12) / f)))
-    return near if max(measured / near, near / max(measured, 1e-12)) < GAIN else measured
+    return near if max(measured / near, near / max(measured, 1e-12)) < GAIN_FACTOR else measured
 
 
-def faults(recipe: Recipe, table: SampleTable, scene: Scene, found: dict[int, Read]) -> list[Fault]:
+def faults(recipe: Recipe, table: SampleTable, scene: Scene, found: dict[int, AxisDecoding]) -> list[GrossFault]:
     """The faults of the units that are decoded wrongly."""
     turned = {u: r for u, r in found.items() if r.mapping}
     scaled = {u: r for u, r in found.items() if r.factor != 1.0}
@@ -82,24 +82,26 @@ def faults(recipe: Recipe, table: SampleTable, scene: Scene, found: dict[int, Re
     size = recipe.reference.strength()
     if turned:
         numbers = tuple(
-            Number("mapping", None, of_unit(table.unit, u), MAPPINGS[r.mapping], None, "") for u, r in turned.items()
+            FaultParameter("mapping", None, unit_label(table.unit, u), MAPPINGS[r.mapping], None, "")
+            for u, r in turned.items()
         )
         u, r = next(iter(turned.items()))
-        told = f"{MAPPINGS[r.mapping]} stands on x, y, z of {of_unit(table.unit, u)}"
-        alike = _alike(scene, turned, len(table.unit.names))
-        out.append(Fault("axis-permutation", "unit", numbers, told, 1000.0 * len(turned), alike, size, 0.0))
+        told = f"{MAPPINGS[r.mapping]} stands on x, y, z of {unit_label(table.unit, u)}"
+        alike = _indistinguishable(scene, turned, len(table.unit.names))
+        out.append(GrossFault("axis-permutation", "unit", numbers, told, 1000.0 * len(turned), alike, size, 0.0))
     if scaled:
         numbers = tuple(
-            Number("factor", None, of_unit(table.unit, u), r.factor, 0.01 * r.factor, "1") for u, r in scaled.items()
+            FaultParameter("factor", None, unit_label(table.unit, u), r.factor, 0.01 * r.factor, "1")
+            for u, r in scaled.items()
         )
         u, r = next(iter(scaled.items()))
-        told = f"{of_unit(table.unit, u)} reads {r.measured:.4g} times too much"
+        told = f"{unit_label(table.unit, u)} reads {r.measured:.4g} times too much"
         off = float(np.mean([abs(r.measured - 1) for r in scaled.values()])) * size
-        out.append(Fault("wrong-scale", "unit", numbers, told, 1000.0 * len(scaled), (), off, 0.0))
+        out.append(GrossFault("wrong-scale", "unit", numbers, told, 1000.0 * len(scaled), (), off, 0.0))
     return out
 
 
-def _alike(scene: Scene, turned: dict[int, Read], units: int) -> tuple[str, ...]:
+def _indistinguishable(scene: Scene, turned: dict[int, AxisDecoding], units: int) -> tuple[str, ...]:
     """A proper rotation may be the mounting as well as the decoding; a mirror image can only be the decoding."""
     if any(np.linalg.det(MATRICES[r.mapping]) < 0 for r in turned.values()):
         return ()
@@ -108,7 +110,7 @@ def _alike(scene: Scene, turned: dict[int, Read], units: int) -> tuple[str, ...]
     return ("package-rotation", "nest-tilt") if same and not reseated else ("package-rotation",)
 
 
-def repaired(table: SampleTable, found: dict[int, Read]) -> Floats:
+def corrected_readings(table: SampleTable, found: dict[int, AxisDecoding]) -> Floats:
     """Readings (n, 3) as they would have been decoded rightly."""
     reading = table.reading.copy()
     units = rows_of_units(table.unit)

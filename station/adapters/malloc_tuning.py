@@ -9,27 +9,27 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_MMAP_MAX = -1, -3, -4
 #: Arrays up to this size, 20 s of a full 1 Mbit/s bus, come out of memory that is at hand.
 LARGEST_BYTES: Final = 4 << 20
 #: So much free memory stays with the process; the decoding of 20 s of a full bus needs no more.
-KEPT_BYTES: Final = 32 << 20
+RETAINED_BYTES: Final = 32 << 20
 
 
-def keep_freed() -> bool:
+def retain_freed_memory() -> bool:
     """Lets this process keep memory that it frees, for its next arrays; False where the C library knows no such thing.
 
     Left alone, glibc hands an array's memory back to the kernel when it is freed, and gets it anew, page by page, each
     cleared and mapped at its first touch: 450 page faults to decode 9,000 frames, every time.
     """
-    return _changed({_M_MMAP_THRESHOLD: LARGEST_BYTES, _M_TRIM_THRESHOLD: KEPT_BYTES})
+    return _set_malloc_options({_M_MMAP_THRESHOLD: LARGEST_BYTES, _M_TRIM_THRESHOLD: RETAINED_BYTES})
 
 
-def keep_all() -> bool:
+def retain_all_memory() -> bool:
     """The same for arrays of any size, until the process ends: for a command that works through one table and is done.
 
     An array of more than 32 MiB always comes fresh from the kernel otherwise; in a diagnosis of 400 units that was a
     fifth of the time, in one of 40 units nothing.
     """
-    return _changed({_M_MMAP_MAX: 0, _M_TRIM_THRESHOLD: 1 << 30})
+    return _set_malloc_options({_M_MMAP_MAX: 0, _M_TRIM_THRESHOLD: 1 << 30})
 
 
-def _changed(settings: Mapping[int, int]) -> bool:
+def _set_malloc_options(settings: Mapping[int, int]) -> bool:
     change = getattr(ctypes.CDLL(None), "mallopt", None)
     return change is not None and all(change(name, value) for name, value in settings.items())

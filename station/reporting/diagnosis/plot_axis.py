@@ -12,8 +12,8 @@ from station.reporting.diagnosis.data import ReportData
 #: Steps of a number's axis within which a signature is averaged.
 BINS = 24
 #: Share of a signature that an axis must order to be the one to draw it on; stops that are drawn one by one.
-ENOUGH, STOPS = 0.6, 96
-WORDS = {
+MIN_EXPLAINED, MAX_SINGLE_VISITS = 0.6, 96
+AXIS_LABELS = {
     "time_s": "time within the run, s",
     "temperature_degC": "temperature, °C",
     "temperature_rate": "rate of temperature, °C/s",
@@ -29,7 +29,7 @@ WORDS = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Across:
+class PlotAxis:
     """A horizontal axis: name, where each stop stands (v, NaN where it has no place), words for the places 0, 1, 2 …;
     single: each stop has a place of its own."""
 
@@ -38,7 +38,7 @@ class Across:
     places: tuple[str, ...] = ()
     single: bool = False
 
-    def only(self, rows: NDArray[np.bool_]) -> "Across":
+    def only(self, rows: NDArray[np.bool_]) -> "PlotAxis":
         """The same for some of the stops (v)."""
         return replace(self, at=np.where(rows, self.at, np.nan))
 
@@ -55,45 +55,45 @@ class Across:
         return out
 
 
-def across(data: ReportData, name: str) -> Across | None:
+def plot_axis(data: ReportData, name: str) -> PlotAxis | None:
     """An axis by name, None where nobody recorded it or it never changes."""
     if name in ("position", "unit"):
         labels: Labels = getattr(data, name)
-        found = Across(name, labels.code.astype(float), labels.names)
+        found = PlotAxis(name, labels.code.astype(float), labels.names)
     elif name == "previous":
         before = np.where(data.previous >= 0, data.position.code[data.previous].astype(float), np.nan)
-        found = Across(name, before, data.position.names)
+        found = PlotAxis(name, before, data.position.names)
     elif name == "order":
-        found = Across(name, data.visit.astype(float))
+        found = PlotAxis(name, data.visit.astype(float))
     elif name in data.values:
-        found = Across(name, data.values[name])
+        found = PlotAxis(name, data.values[name])
     else:
         return None
     there = found.at[np.isfinite(found.at)]
     return found if len(there) and float(np.ptp(there)) > 0 else None
 
 
-def best_axis(data: ReportData, signature: Floats, rows: NDArray[np.bool_], wanted: Sequence[str]) -> Across | None:
+def best_axis(data: ReportData, signature: Floats, rows: NDArray[np.bool_], wanted: Sequence[str]) -> PlotAxis | None:
     """The axis that orders a signature best: the wanted one, else that whose steps leave the least of it; where all
     leave much, the stops themselves."""
-    found = [a for name in wanted if (a := across(data, name)) is not None]
+    found = [a for name in wanted if (a := plot_axis(data, name)) is not None]
     if found:
         return found[0]
     names = ("position", "previous", "unit", "order", *data.values)
-    choices = [(_explained(a, signature, rows), a) for name in names if (a := across(data, name)) is not None]
+    choices = [(_explained(a, signature, rows), a) for name in names if (a := plot_axis(data, name)) is not None]
     share, best = max(choices, key=lambda choice: choice[0], default=(0.0, None))
-    return best if share > ENOUGH else one_by_one(rows)
+    return best if share > MIN_EXPLAINED else one_by_one(rows)
 
 
-def one_by_one(rows: NDArray[np.bool_]) -> Across | None:
+def one_by_one(rows: NDArray[np.bool_]) -> PlotAxis | None:
     """The chosen stops (v) one after the other, as many as can be told apart."""
-    chosen = np.flatnonzero(rows)[:STOPS]
+    chosen = np.flatnonzero(rows)[:MAX_SINGLE_VISITS]
     at = np.full(len(rows), np.nan)
     at[chosen] = np.arange(len(chosen))
-    return Across("stops", at, single=True) if len(chosen) > 1 else None
+    return PlotAxis("stops", at, single=True) if len(chosen) > 1 else None
 
 
-def _explained(axis: Across, signature: Floats, rows: NDArray[np.bool_]) -> float:
+def _explained(axis: PlotAxis, signature: Floats, rows: NDArray[np.bool_]) -> float:
     """Share of a signature's variance that the steps of an axis explain, fairly between few and many steps."""
     bins = np.where(rows, axis.bins(), -1)
     there = bins >= 0
