@@ -1,3 +1,4 @@
+.DEFAULT_GOAL := help
 # Two commands matter: `make run` and `make test`. Each makes what it needs first.
 PYTHON ?= python3
 VENV   ?= .venv
@@ -7,7 +8,10 @@ SCALE  ?= 1
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: run test check lock blind torture bench bench-diagnosis pictures clean
+.PHONY: drawing help run test check lock blind torture bench bench-diagnosis pictures clean
+
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 $(VENV)/.run: requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -49,13 +53,13 @@ torture: $(VENV)/.dev  ## the worst days in earnest, as one table: an hour and m
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --group fuzz
 	$(BIN)/python benchmarks/torture.py --seed $(SEED) --scale $(SCALE)
 
-bench: $(VENV)/.dev  ## every goal of speed in one table; a quarter of an hour, QUICK=1: a few minutes; WRITE=1: into README
-	PYTHONPATH=. $(BIN)/python benchmarks/table.py $(if $(QUICK),--quick) $(if $(WRITE),--write README.md)
+bench: $(VENV)/.dev  ## every goal of speed in one table; a quarter of an hour, QUICK=1: a few minutes; WRITE=1: into docs/benchmarks.md
+	PYTHONPATH=. $(BIN)/python benchmarks/table.py $(if $(QUICK),--quick) $(if $(WRITE),--write docs/benchmarks.md)
 
 bench-diagnosis: $(VENV)/.bench  ## how good the diagnosis is, beside other ways to choose a cause; a quarter of an hour
 	PYTHONPATH=. $(BIN)/python benchmarks/diagnosis.py --seed $(SEED)
 
-lock: ## renew the lock files from pyproject.toml
+lock:  ## renew the lock files from pyproject.toml
 	$(PYTHON) -m pip install --quiet uv
 	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group build -o requirements.lock
 	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group dev -o requirements-dev.lock
@@ -67,5 +71,8 @@ blind: $(VENV)/.dev  ## hide new causes (make blind SEED=7) and see whether the 
 pictures: $(VENV)/.dev  ## renew the guide's pictures of the page, as the tests see it
 	STATION_PICTURES=docs/pictures $(BIN)/python -m pytest tests/browser
 
-clean:
+drawing: $(VENV)/.dev  ## renew the picture of the rooms in docs/architecture.md from the imports
+	$(BIN)/python docs/draw_architecture.py
+
+clean:  ## remove what the targets made
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -1,6 +1,6 @@
 """All benchmarks of speed in one go, and one table: what, figure, peer or limit, goal, reached or missed.
 
-    python benchmarks/table.py [--quick] [--rows 1 6 7] [--write README.md] [--folder DIR]
+    python benchmarks/table.py [--quick] [--rows 1 6 7] [--write docs/benchmarks.md] [--folder DIR]
 
 Each line comes from a script of its own, which has options of its own; here they run one after the other, some fifteen
 minutes in all, a few with --quick. What cannot run on this machine says so in the table. --write puts the table into a

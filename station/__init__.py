@@ -1,3 +1,3 @@
 """End-of-line calibration station for CAN devices."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -1,0 +1,1 @@
+"""Text files into frozen settings, recipes and products; every mistake with file, line and key."""

@@ -1,0 +1,1 @@
+"""What the simulation gets wrong: floor, candidates, search, sizes, gains, next run."""

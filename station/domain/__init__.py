@@ -1,0 +1,1 @@
+"""What computes, free of wires, disks, clocks and threads."""

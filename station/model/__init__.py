@@ -1,0 +1,1 @@
+"""The forward simulation: a campaign of units, rig and bus, with one file for each cause."""

@@ -1,0 +1,1 @@
+"""The run and the other use cases, on ports alone."""
