@@ -35,7 +35,7 @@ ERROR_DEG = 0.001
 #: Readings of this long leave a simulated device together, s, while nobody looks (during a move).
 BLOCK_S = 0.5
 #: In place of a serial in `--fault`: the bus itself; the gold reference.
-BUS_PREFIX, GOLD_SERIAL = "BUS/", "GOLD_SERIAL"
+BUS_PREFIX, GOLD_SERIAL = "BUS/", "GOLD"
 
 
 class SimulatedFixture:

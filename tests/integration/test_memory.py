@@ -22,8 +22,8 @@ print(faults(), max(faults() for _ in range(5)))
 @pytest.mark.parametrize(
     ("how", "size", "count", "least"),
     [
-        ("keep_freed", 250_000, 20, 1000),  # 5 MB in pages of 4 KiB
-        ("keep_all", 50_000_000, 2, 40),  # 100 MB, at best in pages of 2 MiB
+        ("retain_freed_memory", 250_000, 20, 1000),  # 5 MB in pages of 4 KiB
+        ("retain_all_memory", 50_000_000, 2, 40),  # 100 MB, at best in pages of 2 MiB
     ],
 )
 def test_freed_memory_is_used_again(how: str, size: int, count: int, least: int) -> None:
