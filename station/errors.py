@@ -7,7 +7,8 @@ StationError
 │   ├── ConfigError                config.yaml
 │   ├── ProductError               dbc/*.yaml, *.dbc, *.eds: frames and device map
 │   ├── SamplesError               a samples table
-│   └── LogError                   a CAN log or a station log that cannot be read
+│   ├── LogError                   a CAN log or a station log that cannot be read
+│   └── InvalidValue               one value in a document, raised in a schema's validator
 ├── UnitFault             exit 1   the unit: outcome FAIL
 │   ├── WrongProduct               it is not what the recipe is for
 │   ├── DeviceRefused              an SDO abort code
@@ -78,6 +79,13 @@ class SamplesError(InputError):
 
 class LogError(InputError):
     """A CAN log or station log that cannot be read."""
+
+
+class InvalidValue(InputError, ValueError):
+    """A value that a schema refuses, raised in its validator: pydantic takes it for a ValueError.
+
+    The sentence names the value and the remedy; file, line and key are added where the document is read.
+    """
 
 
 class UnitFault(StationError):

@@ -11,15 +11,15 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from station.config.validation_sentences import sentences
+from station.config.validation_messages import mistakes
 from station.errors import InputError
+from station.messages import Message, system_reason
 
 Model = TypeVar("Model", bound=BaseModel)
 KeyPath = tuple[str | int, ...]
 
 #: Beyond these a file is not a recipe but an accident or an attack.
 MOST_BYTES, BYTES_A_NODE, MOST_DEPTH = 1_000_000, 50, 32
-TOO_LARGE = "there is too much nested or listed here; this cannot be the right file"
 
 #: C0 and C1 controls but tab and line ends, and the marks that reorder text on a screen.
 CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
@@ -32,7 +32,7 @@ _WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """What a file says, and on which line each part of it stands. path: as a person would name the file."""
+    """The data of a file, and the line of each part of them. path: as a person would name the file."""
 
     path: Path
     data: Any
@@ -66,9 +66,10 @@ def load_document(path: Path, error: type[InputError] = InputError, most_bytes: 
         data = builder.build(yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
     except yaml.MarkedYAMLError as exc:
         line = exc.problem_mark.line + 1 if exc.problem_mark else 1
-        raise error(f"{path} line {line}: this is not YAML: {exc.problem or exc.context}") from exc
+        why = Message("line-not-yaml", why=exc.problem or exc.context or "")
+        raise error("line-of-file", file=str(path), line=line, reason=why) from exc
     except (yaml.YAMLError, RecursionError) as exc:
-        raise error(f"{path}: this is not YAML: {' '.join(str(exc).split())[:200]}") from exc
+        raise error("file-not-yaml", file=str(path), why=" ".join(str(exc).split())[:200]) from exc
     return Document(path, data, builder.lines)
 
 
@@ -77,12 +78,12 @@ def validate(document: Document, model: type[Model], error: type[InputError]) ->
     try:
         return model.model_validate(document.data)
     except ValidationError as exc:
-        found = sentences(exc, model, document.line)
-        raise error(f"{document.path} {'; '.join(found)}") from None
+        reasons = mistakes(exc, model, document.line)
+        raise error("document-mistakes", file=str(document.path), mistakes=reasons) from None
 
 
 def canonical(model: BaseModel) -> str:
-    """The model as JSON that is the same for the same content: defaults said, keys sorted, no comments."""
+    """The model as JSON that is the same for the same content: defaults written out, keys sorted, no comments."""
     data = model.model_dump(mode="json", by_alias=True)
     return json.dumps(data, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
@@ -97,17 +98,17 @@ def _text(path: Path, error: type[InputError], most_bytes: int) -> str:
         with path.open("rb") as file:
             raw = file.read(most_bytes + 1)
     except OSError as exc:
-        raise error(f"{path} cannot be read: {exc.strerror or exc}; check the name and the rights") from exc
+        raise error("file-unreadable", file=str(path), why=system_reason(exc)) from exc
     if len(raw) > most_bytes:
-        raise error(f"{path} is longer than {most_bytes} bytes; this cannot be the right file")
+        raise error("file-too-long", file=str(path), limit=most_bytes)
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as exc:
         line = raw[: exc.start].count(b"\n") + 1
-        raise error(f"{path} line {line}: this is not UTF-8 text; save the file as UTF-8") from exc
+        raise error("line-of-file", file=str(path), line=line, reason=Message("line-not-utf8")) from exc
     if bad := CONTROL.search(text):
         line = text[: bad.start()].count("\n") + 1
-        raise error(f"{path} line {line}: control character U+{ord(bad[0]):04X}; remove it")
+        raise error("line-of-file", file=str(path), line=line, reason=_control(bad[0]))
     return text
 
 
@@ -127,7 +128,7 @@ class _Builder:
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    raise self.refusal(event, "a second document starts here; keep one document in one file")
+                    raise self.refusal(event, Message("yaml-second-document"))
                 data = self.node(next(events), events, ())
         return data
 
@@ -149,9 +150,9 @@ class _Builder:
         return self.scalar(event)
 
     def alias(self, event: yaml.AliasEvent) -> Any:
-        """What an anchor stands for. It counts as if it were written out, so aliases of aliases cannot explode."""
+        """The value of an anchor. It counts as if it were written out, so aliases of aliases cannot explode."""
         if event.anchor not in self.anchors:
-            raise self.refusal(event, f"alias *{event.anchor} has no finished anchor before it; write the value out")
+            raise self.refusal(event, Message("yaml-alias-without-anchor", alias=str(event.anchor)))
         data, size = self.anchors[event.anchor]
         self.count(event, size)
         return data
@@ -160,14 +161,14 @@ class _Builder:
         self.count(event, 1)
         self.lines.setdefault(place, _line(event))
         if (tag := getattr(event, "tag", None)) is not None:
-            raise self.refusal(event, f"tag {tag} is not allowed here; remove it")
+            raise self.refusal(event, Message("yaml-tag", tag=str(tag)))
         if len(place) > MOST_DEPTH:
-            raise self.refusal(event, TOO_LARGE)
+            raise self.too_large(event)
 
     def count(self, event: yaml.Event, nodes: int) -> None:
         self.nodes += nodes
         if self.nodes > self.most_nodes:
-            raise self.refusal(event, TOO_LARGE)
+            raise self.too_large(event)
 
     def sequence(self, events: Iterator[yaml.Event], place: KeyPath) -> list[Any]:
         out: list[Any] = []
@@ -179,10 +180,10 @@ class _Builder:
         out: dict[str, Any] = {}
         while not isinstance(event := next(events), yaml.MappingEndEvent):
             if not isinstance(event, yaml.ScalarEvent):
-                raise self.refusal(event, "a key must be a word")
+                raise self.refusal(event, Message("yaml-key-not-text"))
             key = str(event.value)
             if key in out:
-                raise self.refusal(event, f"key `{key}` stands here a second time; keep one of them")
+                raise self.refusal(event, Message("yaml-key-twice", key=key))
             self.lines[(*place, key)] = _line(event)
             self.check(event, (*place, key))
             out[key] = self.node(next(events), events, (*place, key))
@@ -191,11 +192,18 @@ class _Builder:
     def scalar(self, event: Any) -> Any:
         text = str(event.value)
         if bad := CONTROL.search(text):
-            raise self.refusal(event, f"control character U+{ord(bad[0]):04X} in a value; remove it")
+            raise self.refusal(event, _control(bad[0]))
         return text if event.style not in (None, "") else parse_plain_scalar(text)
 
-    def refusal(self, event: yaml.Event, why: str) -> InputError:
-        return self.error(f"{self.path} line {_line(event)}: {why}")
+    def too_large(self, event: yaml.Event) -> InputError:
+        return self.refusal(event, Message("yaml-too-large", limit=self.most_nodes, depth=MOST_DEPTH))
+
+    def refusal(self, event: yaml.Event, why: Message) -> InputError:
+        return self.error("line-of-file", file=str(self.path), line=_line(event), reason=why)
+
+
+def _control(character: str) -> Message:
+    return Message("line-control-character", code=ord(character))
 
 
 def parse_plain_scalar(text: str) -> Any:

@@ -12,9 +12,7 @@ from station.errors import ProductError
 def product_path(name: str, near: Path | None = None) -> Path:
     """The file of a product by name, searched around the recipe `near`, here, and as shipped."""
     if re.fullmatch(r"\w[\w.+\- ]*", name) is None:
-        raise ProductError(
-            f"product {name[:40]!r} is not a plain name; write the name of a file in dbc/, such as gs-21"
-        )
+        raise ProductError("product-name-not-plain", name=repr(name[:40]))
     return find_file(f"{name}.yaml", "dbc", near, ProductError)
 
 

@@ -16,19 +16,18 @@ def shipped_folder() -> Path:
 
 
 def find_file(name: str, folder: str, near: Path | None, error: type[InputError]) -> Path:
-    """The file `name`: a path as it stands, else in `folder` around the file `near`, here, or as shipped.
+    """The file `name`: a path as given, else in `folder` around the file `near`, here, or as shipped.
 
     Errors: `error` naming the folders that were searched.
     """
-    stands = Path(name)
-    if stands.is_absolute() or stands.exists():
-        return stands
-    tried = list(dict.fromkeys(_folders(folder, near)))
-    for place in tried:
+    given = Path(name)
+    if given.is_absolute() or given.exists():
+        return given
+    folders = list(dict.fromkeys(_folders(folder, near)))
+    for place in folders:
         if (place / name).is_file():
             return place / name
-    listed = ", ".join(str(p) for p in tried)
-    raise error(f"there is no {name} here nor in {listed}; check the name")
+    raise error("no-such-file-in-folders", file=name, folders=[str(p) for p in (Path(), *folders)])
 
 
 def _folders(folder: str, near: Path | None) -> Iterable[Path]:

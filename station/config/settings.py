@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from station.config.documents import Document, load_document, validate
 from station.config.search_path import shipped_folder
 from station.domain.recipe.recipe import Name, Positive, StrictModel
-from station.errors import ConfigError
+from station.errors import ConfigError, InvalidValue
 
 Node = Annotated[int, Field(ge=1, le=127)]
 PathText = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f]*$")]
@@ -64,7 +64,7 @@ class GoldenSettings(StrictModel):
 
 
 class Settings(StrictModel):
-    """Everything about this station that no recipe says."""
+    """Everything about this station that is not in a recipe."""
 
     schema_: Annotated[Literal["station.config/1"], Field(alias="schema")] = "station.config/1"
     station: Name = "station-1"
@@ -82,13 +82,13 @@ class Settings(StrictModel):
 
     @model_validator(mode="after")
     def _nests_differ(self) -> Self:
-        seen: dict[Any, str] = {}
+        by_node: dict[Any, str] = {}
         for nest in self.nests:
-            if nest.node in seen:
-                raise ValueError(f"nests {seen[nest.node]!r} and {nest.name!r} both have node {nest.node}; change one")
-            if nest.name in seen.values():
-                raise ValueError(f"nest {nest.name!r} is listed twice; names must be unique")
-            seen[nest.node] = nest.name
+            if nest.node in by_node:
+                raise InvalidValue("nest-node-twice", first=by_node[nest.node], second=nest.name, node=nest.node)
+            if nest.name in by_node.values():
+                raise InvalidValue("nest-name-twice", name=nest.name)
+            by_node[nest.node] = nest.name
         return self
 
 
@@ -99,7 +99,7 @@ def config_path(path: Path | None = None) -> Path:
 
 
 def load_config(path: Path | None = None) -> tuple[Settings, Document]:
-    """Settings, and the document they stand in (a positioner checks its own block of it). Errors: ConfigError."""
+    """Settings, and the document they come from (a positioner checks its own block of it). Errors: ConfigError."""
     document = load_document(config_path(path), ConfigError)
     return validate(document, Settings, ConfigError), document
 

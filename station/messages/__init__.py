@@ -7,5 +7,6 @@ Parameters take Python's format specs (`{offset:+.4g}`), `{count:plural(frame|fr
 
 from station.messages.catalogue import languages, render, templates
 from station.messages.message import Message, Value
+from station.messages.system import system_reason
 
-__all__ = ["Message", "Value", "languages", "render", "templates"]
+__all__ = ["Message", "Value", "languages", "render", "system_reason", "templates"]

@@ -20,7 +20,7 @@ from station.adapters.store import keys
 from station.adapters.store.sqlite import SqliteStore
 from station.config.documents import content_hash
 from station.config.settings import Settings, load_config
-from station.config.validation_sentences import sentences
+from station.config.validation_messages import mistakes
 from station.domain.core.types import NestAssignment
 from station.domain.recipe import references
 from station.errors import RecipeError, UsageError
@@ -131,7 +131,7 @@ def _overridden(settings: Settings, order: RunOrder) -> Settings:
     try:
         return Settings.model_validate({**told, **own, "bus": {**told["bus"], **bus}})
     except ValidationError as exc:
-        raise UsageError("; ".join(sentences(exc, Settings, lambda _: 1)).replace("line 1, ", "")) from None
+        raise UsageError("options-mistakes", mistakes=mistakes(exc, Settings)) from None
 
 
 def _check_simulation_options(order: RunOrder) -> None:

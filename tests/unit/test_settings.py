@@ -50,8 +50,8 @@ def test_files_may_lie_deep(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (("node: 18", "node: 0x11"), "nests 'A' and 'B' both have node 17; change one"),
-        (("name: B", "name: A"), "nest 'A' is listed twice"),
+        (("node: 18", "node: 0x11"), "nests A and B both have node 17; change one"),
+        (("name: B", "name: A"), "nest A is listed twice"),
         (("node: 18", "node: 128"), "line 4, key `nests.1.node`"),
         (("station: bench-7", "statoin: bench-7"), "line 1, key `statoin`: unknown key; did you mean `station`?"),
         (("nests:", "nets:"), "key `nests`: is missing"),
@@ -64,7 +64,7 @@ def test_a_mistake_is_one_sentence_with_its_place(tmp_path: Path, change: tuple[
     with pytest.raises(ConfigError) as caught:
         load_settings(written(tmp_path, GOOD.replace(*change)))
     assert words in caught.value.sentence
-    assert "config.yaml line" in caught.value.sentence
+    assert "config.yaml, line" in caught.value.sentence
 
 
 def test_a_file_is_found_beside_what_names_it_then_here_then_as_shipped(
@@ -86,7 +86,7 @@ def test_a_file_is_found_beside_what_names_it_then_here_then_as_shipped(
 
 
 def test_what_is_nowhere_names_the_places_that_were_searched() -> None:
-    with pytest.raises(RecipeError, match=r"there is no no-such\.yaml here nor in recipes, .*recipes; check the name"):
+    with pytest.raises(RecipeError, match=r"There is no no-such\.yaml in \., recipes, .*recipes; check the name"):
         find_file("no-such.yaml", "recipes", None, RecipeError)
 
 

@@ -1,0 +1,34 @@
+"""The operating system's refusals as messages: by their number, so that every language has them."""
+
+import errno
+
+from station.messages.message import Message
+
+_REASONS = {
+    errno.ENOENT: "system-no-such-file",
+    errno.EACCES: "system-no-permission",
+    errno.EPERM: "system-no-permission",
+    errno.EISDIR: "system-is-folder",
+    errno.ENOTDIR: "system-not-folder",
+    errno.EEXIST: "system-exists",
+    errno.ENOSPC: "system-disk-full",
+    errno.EDQUOT: "system-disk-full",
+    errno.EFBIG: "system-disk-full",
+    errno.EROFS: "system-read-only",
+    errno.EIO: "system-disk-error",
+    errno.ENAMETOOLONG: "system-name-too-long",
+    errno.ELOOP: "system-link-loop",
+    errno.EMFILE: "system-too-many-files",
+    errno.ENFILE: "system-too-many-files",
+    errno.EPIPE: "system-pipe-closed",
+    errno.EADDRINUSE: "system-address-in-use",
+    errno.EADDRNOTAVAIL: "system-no-such-address",
+    errno.ECONNREFUSED: "system-refused-connection",
+    errno.ETIMEDOUT: "system-timed-out",
+}
+
+
+def system_reason(error: OSError) -> Message:
+    """Why the system refused, as a part of a sentence: "the disk is full"."""
+    id_ = _REASONS.get(error.errno or 0)
+    return Message(id_) if id_ else Message.text(" ".join((error.strerror or str(error)).split()))
