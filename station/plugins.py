@@ -11,17 +11,15 @@ from station.errors import UsageError
 def names(package: str) -> tuple[str, ...]:
     """Ids of all plug-ins in `package` (dotted name), without importing them, in alphabetical order."""
     path = importlib.import_module(package).__path__
-    found = (m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_"))
-    return tuple(sorted(name.replace("_", "-") for name in found))
+    modules = (m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_"))
+    return tuple(sorted(name.replace("_", "-") for name in modules))
 
 
 @cache
 def load(package: str, name: str) -> type:
-    """The public class of the plug-in `name`; UsageError lists the known names when there is none."""
+    """The public class of the plug-in `name`; UsageError lists the names when there is none."""
     if name not in names(package):
-        known = ", ".join(names(package))
-        kind = package.rsplit(".", 1)[-1]
-        raise UsageError(f"there is no {name!r} among the {kind}; the known ones are {known}")
+        raise UsageError("plugin-unknown", name=name, kind=package.rsplit(".", 1)[-1], names=names(package))
     module = importlib.import_module(f"{package}.{name.replace('-', '_')}")
     classes = [
         value
@@ -29,8 +27,8 @@ def load(package: str, name: str) -> type:
         if inspect.isclass(value) and value.__module__ == module.__name__ and not key.startswith("_")
     ]
     if len(classes) != 1:
-        listed = ", ".join(c.__name__ for c in classes) or "none"
-        raise UsageError(f"{module.__name__} must hold exactly one public class, but holds {listed}")
+        listed = [c.__name__ for c in classes]
+        raise UsageError("plugin-classes", module=module.__name__, count=len(classes), classes=listed)
     return classes[0]
 
 

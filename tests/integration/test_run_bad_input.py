@@ -61,7 +61,7 @@ def refused(folder: Path, kind: type[StationError] | tuple[type[StationError], .
         ({"unit": "m/s2"}, "the nearest is"),
         ({"runs": [{"seating": "upside-down"}]}, "seating 'upside-down' is not defined"),
         ({"product": None}, "names no product"),
-        ({"product": "no-such-thing"}, "there is no no-such-thing.yaml"),
+        ({"product": "no-such-thing"}, "There is no no-such-thing.yaml"),
         ({"product": "../accelerometer"}, "is not a plain name"),
         ({"dwell": {"time_s": 1, "until_std": 0.001}}, "either time_s or until_std"),
     ],
@@ -84,7 +84,7 @@ def test_a_recipe_that_cannot_be_run(tmp_path: Path, changes: dict[str, object],
 def test_a_config_that_cannot_be_used(tmp_path: Path, changes: dict[str, object], words: str) -> None:
     said = refused(tmp_path, ConfigError, config=fixture_run.config(tmp_path, **changes))
     assert words in said
-    assert "config.yaml line" in said
+    assert "config.yaml, line" in said
 
 
 def test_an_unknown_positioner_names_the_known_ones(tmp_path: Path) -> None:
@@ -150,7 +150,7 @@ def test_an_unknown_key_in_the_device_map(tmp_path: Path) -> None:
 
     said = refused(tmp_path, ProductError, recipe=str(product(tmp_path, change)))
     assert "did you mean `matrix`?" in said
-    assert "accelerometer.yaml line" in said
+    assert "accelerometer.yaml, line" in said
 
 
 def test_a_simulation_without_an_eds(tmp_path: Path) -> None:
