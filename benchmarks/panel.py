@@ -151,7 +151,7 @@ def show(live: Path, number: int) -> None:
     """The live file of a run at its `number`-th reading."""
     nests = [{"serial": f"SN{i:04d}", "nest": n, "node": i, "vector": [number / 1e3, 0, 1], "outcome": ""}
              for i, n in enumerate("ABCD")]  # fmt: skip
-    state = {"nests": nests, "done": number, "total": 10**6, "sentences": [], "over": True, "fault": ""}
+    state = {"nests": nests, "done": number, "total": 10**6, "messages": [], "over": True, "fault": ""}
     beside = live.with_suffix(".tmp")
     beside.write_text(json.dumps({"pid": 1, "unit": "g", "recipe": "r/1", "poses": [], "state": state}))
     beside.replace(live)

@@ -14,6 +14,7 @@ from station.domain.evaluation.model_comparison import LargerModel
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.methods import decision_rule
 from station.domain.recipe.recipe import Recipe
+from station.messages import render
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -123,5 +124,5 @@ def _summary(recipe: Recipe, told: CalibrationSummary) -> str:
     if passed:
         worst = told.worst_false_accept
         chance = "below 1e-6" if worst < 1e-6 else f"at most {worst:.2g}"
-        text += f"; probability of a false accept {chance}; rule {decision_rule.rule_of(limits)}"
+        text += f"; probability of a false accept {chance}; rule {render(decision_rule.rule_of(limits))}"
     return text

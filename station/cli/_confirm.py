@@ -8,6 +8,7 @@ from pathlib import Path
 from station.cli._live_state import LiveStateWriter, RealTimePacer
 from station.cli._presence import is_served
 from station.errors import UsageError
+from station.messages import Message, render
 from station.service.stop_request import StopRequest
 
 #: How often the page's answer is looked for, s.
@@ -16,16 +17,16 @@ _POLL_S = 0.05
 _PAGE_TIMEOUT_S = 30.0
 
 
-def wait_for_person(sentence: str) -> None:
+def wait_for_person(action: Message) -> None:
     """Asks somebody at the terminal to do something and waits. Errors: UsageError when nobody is there."""
     if not sys.stdin.isatty():
-        raise UsageError(f"somebody must {sentence}, but nobody is at a terminal; run this from one")
-    print(f"{sentence}, then press Enter: ", end="", file=sys.stderr, flush=True)
+        raise UsageError("nobody-at-terminal", action=action)
+    print(render(Message("then-press-enter", action=action)), end=" ", file=sys.stderr, flush=True)
     sys.stdin.readline()
 
 
 class PageConfirmation:
-    """Asks on the page: the sentence stands in the live file with a mark, and `<log>.answer.json` gives the mark back.
+    """Asks on the page: the message stands in the live file with a mark, and `<log>.answer.json` gives the mark back.
 
     Waits as long as it takes; a stop ends the wait, and so does a page that is gone for patience_s: the fixture is
     parked as after any stop. Time that a person takes counts neither as pace nor as progress.
@@ -43,10 +44,10 @@ class PageConfirmation:
         self._path = database.with_name(database.name + ".answer.json")
         self._live, self._held, self._stop = live, held, stop
 
-    def __call__(self, sentence: str) -> None:
+    def __call__(self, action: Message) -> None:
         """Returns when somebody has confirmed it. Errors: Aborted."""
         began_s = served_s = time.monotonic()
-        mark = self._live.ask(sentence)
+        mark = self._live.ask(action)
         try:
             while self._answered_mark() != mark:
                 served_s = self._seen(served_s)

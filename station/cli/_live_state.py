@@ -13,6 +13,7 @@ from station.cli import _output
 from station.domain.recipe.recipe import Recipe
 from station.domain.run.progress import Event, LiveReading
 from station.domain.run.run_state import RunState
+from station.messages import Message
 from station.ports.bus import Bus
 from station.service.itinerary import tumble_visits, verification_visits
 from station.service.stop_request import StopRequest
@@ -55,16 +56,16 @@ class LiveStateWriter:
         if not isinstance(event, LiveReading) or time.monotonic() - self._written_s > _READING_INTERVAL_S:
             self._write()
 
-    def ask(self, sentence: str) -> str:
+    def ask(self, action: Message) -> str:
         """Shows what a person must do and confirm; the mark that the answer must bear."""
         mark = secrets.token_hex(8)
-        self._state = replace(self._state, confirm=sentence, question=mark)
+        self._state = replace(self._state, confirm=action, question=mark)
         self._write()
         return mark
 
     def clear_question(self, waited_s: float) -> None:
         """Nothing is asked any more; the time that it took is no part of the estimate."""
-        self._state = replace(self._state, confirm="", question="", began_s=self._state.began_s + waited_s)
+        self._state = replace(self._state, confirm=None, question="", began_s=self._state.began_s + waited_s)
         self._write()
 
     def _write(self) -> None:
@@ -95,7 +96,9 @@ def write_atomically(path: Path, document: Mapping[str, Any]) -> None:
 
 
 def _field_values(value: Any) -> dict[str, Any]:
-    """A frozen value by its fields; asdict would copy every number in it."""
+    """A message as documents hold it, any other frozen value by its fields; asdict would copy every number in it."""
+    if isinstance(value, Message):
+        return value.document()
     return {f.name: getattr(value, f.name) for f in fields(value)}
 
 

@@ -8,6 +8,7 @@ from station.cli import _output
 from station.cli._confirm import wait_for_person
 from station.domain.core.types import NestAssignment
 from station.domain.run.progress import LoadDone
+from station.messages import Message
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
 from station.wiring import Bench, RunOrder, open_bench
@@ -45,7 +46,7 @@ def _run_load(bench: Bench, cells: Sequence[StudyCell]) -> None:
     nodes = {n.name: n.node for n in bench.station.settings.nests}
     seats = [NestAssignment(serial, nest, nodes[nest]) for serial, nest in cells]
     if not bench.simulated:
-        wait_for_person("put in " + ", ".join(f"{s.serial} ({s.nest})" for s in seats))
+        wait_for_person(Message("load-units", units=", ".join(f"{s.serial} ({s.nest})" for s in seats)))
     bench.fixture.place(seats)
     confirm = (lambda _: None) if bench.simulated else wait_for_person
     with closing(Runner(bench.station, bench.job, StopRequest(), confirm).run(seats)) as events:

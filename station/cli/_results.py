@@ -104,7 +104,13 @@ def _rms(values: Sequence[float]) -> float:
 def unit_document(r: Row) -> dict[str, Any]:
     """A unit as `station.calibration/1` prints it; what was not reached is null."""
     told = dict.fromkeys(calibration_document.ABSENT) if r.fit is None else calibration_document.unit(r.fit)
-    return {**told, "serial": r.serial, "outcome": str(r.outcome), "reasons": [s.sentence for s in r.reasons]}
+    return {
+        **told,
+        "serial": r.serial,
+        "outcome": str(r.outcome),
+        "reasons": [s.sentence for s in r.reasons],
+        "messages": [s.message.document() for s in r.reasons],
+    }
 
 
 def run_document(results: Sequence[UnitResult], recipe: Recipe) -> dict[str, Any]:

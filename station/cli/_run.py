@@ -27,7 +27,9 @@ from station.domain.run.progress import (
     VisitRejected,
     VisitStarted,
 )
+from station.domain.run.run_state import about, rejection
 from station.errors import Aborted, StationError, UsageError
+from station.messages import Message, render
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
 from station.wiring import Bench, RunOrder, open_bench
@@ -104,7 +106,7 @@ def _run(bench: Bench, serials: Sequence[str], face: RunOptions) -> tuple[list[U
     held = RealTimePacer(face.pace, bench.station.clock.monotonic_s, stop)
     results: list[UnitResult] = []
     loads = assign_nests(bench, serials, face.nests)
-    confirm: Callable[[str], None]
+    confirm: Callable[[Message], None]
     if face.confirm_at_page:
         confirm = PageConfirmation(bench.database, live, held, stop)
     else:
@@ -115,7 +117,7 @@ def _run(bench: Bench, serials: Sequence[str], face: RunOptions) -> tuple[list[U
             if number:
                 try:
                     with stop:  # nothing is being written: a signal may end the wait at once
-                        confirm("put in " + ", ".join(f"{s.serial} ({s.nest})" for s in seats))
+                        confirm(Message("load-units", units=", ".join(f"{s.serial} ({s.nest})" for s in seats)))
                 except Aborted as exc:
                     return results, exc
             bench.fixture.place(seats)
@@ -149,21 +151,20 @@ class _ProgressLines:
             self._step(PHASES[event.phase])
         elif isinstance(event, VisitStarted):
             self._bar.update(self._task, description=f"{self._title}: {event.position}")
-            self._tell(event.sentence)
+            self._tell(event.instruction)
         elif isinstance(event, VisitDone):
             self._step(event.position)
         elif isinstance(event, Notice):
-            self._tell(f"{event.serial}: {event.sentence}" if event.serial else event.sentence)
+            self._tell(about(event.serial, event.message))
         elif isinstance(event, VisitRejected):
-            more = "; measuring it again" if event.again else ""
-            self._tell(f"{event.serial}: {'; '.join(r.sentence for r in event.reasons)}{more}")
+            self._tell(rejection(event))
 
     def _step(self, what: str) -> None:
         self._bar.update(self._task, advance=1, description=f"{self._title}: {what}")
 
-    def _tell(self, sentence: str) -> None:
-        if sentence:
-            self._bar.console.print(sentence, markup=False, highlight=False)
+    def _tell(self, message: Message | None) -> None:
+        if message is not None:
+            self._bar.console.print(render(message), markup=False, highlight=False)
 
 
 @contextmanager

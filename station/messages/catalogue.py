@@ -58,7 +58,12 @@ class _Formatter(string.Formatter):
             return join["between"].join(_text(part, self._language) for part in value)
         if isinstance(value, Message) or (isinstance(value, Sequence) and not isinstance(value, str)):
             return _text(value, self._language)
-        return "–" if value is None else format(value, format_spec)
+        if value is None:
+            return "–"
+        try:
+            return format(value, format_spec)
+        except ValueError:  # a later version's parameter may be of another kind
+            return str(value)
 
 
 def _text(value: Value, language: str) -> str:

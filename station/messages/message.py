@@ -1,5 +1,6 @@
 """The value that events, reasons, refusals and errors carry instead of a rendered sentence."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
@@ -36,6 +37,12 @@ class Message:
         return {"id": self.id} | {name: _plain(value) for name, value in self.parameters.items()}
 
     @staticmethod
+    def recorded(document: Mapping[str, Any]) -> "Message":
+        """The message of a log's entry; its sentence as it stands where an older version kept nothing else."""
+        kept = document.get("message")
+        return Message.of(kept) if kept else Message.text(str(document["sentence"]))
+
+    @staticmethod
     def of(document: Mapping[str, Any]) -> "Message":
         """The message that `document()` described."""
         parameters = {name: _value(value) for name, value in document.items() if name != "id"}
@@ -47,6 +54,8 @@ def _plain(value: Value) -> Any:
         return value.document()
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [_plain(part) for part in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None  # JSON knows no other
     return value
 
 

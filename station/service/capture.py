@@ -14,6 +14,7 @@ from station.domain.noise.noise_prior import MAX_UNITS
 from station.domain.recipe.plan import PlannedVisit as Planned
 from station.domain.run.progress import Event, LiveReading, Notice
 from station.errors import PositionerFault
+from station.messages import Message
 from station.service import dwell_control
 from station.service.bus_errors import refuse_bus_off
 from station.service.dwell_control import GOLD_KEY, Readings
@@ -126,7 +127,7 @@ class Capture:
                 return
             if turned:
                 for sentence in sorted(wrong - said):
-                    yield Notice(f"{sentence}; {asked}")
+                    yield Notice(Message.text(f"{sentence}; {asked}"))
                 said |= wrong
         raise PositionerFault(
             f"position {planned.position!r} was not brought up and held still within {face_s:g} s; "

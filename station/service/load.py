@@ -31,6 +31,7 @@ from station.errors import (
     UnitFault,
     WrongUnit,
 )
+from station.messages import Message
 from station.service import compute, record
 from station.service.bus_errors import with_bus_state
 from station.service.capture import Capture
@@ -50,7 +51,7 @@ UNIT_ERRORS = (UnitFault, DeviceSilent, WrongUnit)
 class Load:
     """Use `run()` once, and `leave()` whatever happened."""
 
-    def __init__(self, station: Station, job: Job, stop: StopRequest, confirm: Callable[[str], None]) -> None:
+    def __init__(self, station: Station, job: Job, stop: StopRequest, confirm: Callable[[Message], None]) -> None:
         self._station, self._job, self._stop, self._confirm = station, job, stop, confirm
         self._units: list[Unit] = []
         self._writers: dict[str, WriteBack] = {}
@@ -142,7 +143,7 @@ class Load:
         store = self._station.store
         identify(unit, self._job, store)
         if told := check_suspect_unit(unit, self._station):
-            yield Notice(told, unit.seat.serial)
+            yield Notice(Message.text(told), unit.seat.serial)
         read_old_values(unit, self._job, store)
         make_ready(unit, self._job)
         if unit.identity is not None:
@@ -207,14 +208,14 @@ class Load:
         if run.motors == "off":
             yield from self._ask(f"run {number}: switch the line's motors off")
         if run.prewarm_s and self._capture is not None:
-            yield Notice(f"run {number}: warming up for {run.prewarm_s:g} s")
+            yield Notice(Message.text(f"run {number}: warming up for {run.prewarm_s:g} s"))
             self._capture.wait(run.prewarm_s)
 
     def _ask(self, sentence: str) -> Iterator[Event]:
         """Waits until a person has done it."""
-        yield Notice(sentence)
+        yield Notice(Message.text(sentence))
         with self._stop:  # nothing is being written: a signal may end the wait at once
-            self._confirm(sentence)
+            self._confirm(Message.text(sentence))
         self._stop.check()
 
     def _judge(self) -> Iterator[Event]:
@@ -223,7 +224,7 @@ class Load:
     def _judge_one(self, unit: Unit) -> Iterator[Event]:
         if stands := thermometer.frozen_warning(unit.visits, unit.seat.node, self._job.layout):
             self._station.store.event(unit.attempt, "thermometer-frozen", {"sentence": stands})
-            yield Notice(f"{unit.name}: {stands}", unit.seat.serial)
+            yield Notice(Message.text(f"{unit.name}: {stands}"), unit.seat.serial)
         prior = None if self._capture is None else self._capture.pace.prior
         fit = compute.calibrate(unit, self._job, self._station, prior)
         unit.fit = replace(fit, visits=None)  # the log keeps the stops; a long batch must not keep them in memory too

@@ -16,6 +16,7 @@ from station.domain.recipe.plan import PlannedVisit as Planned
 from station.domain.records.framepack.plain import PlainFrames
 from station.domain.run.progress import Event, VisitDone, VisitRejected, VisitStarted
 from station.errors import PositionerFault
+from station.messages import Message
 from station.ports.store import VisitRecord
 from station.service.capture import Capture, CapturedDwell
 from station.service.station import Job, Station
@@ -45,7 +46,7 @@ class VisitMeasurement:
     ) -> Generator[Event, None, RejectedUnits]:
         """Moves there and measures; place: (number, total). A bad stop is measured again as the recipe allows."""
         asked = self._asked(planned)
-        yield VisitStarted(*place, planned.position, asked)
+        yield VisitStarted(*place, planned.position, Message.text(asked) if asked else None)
         self._move(planned)
         number = plan.visit_index(self._job.recipe, planned.run, planned.visit) if kind == "tumble" else None
         means: dict[str, tuple[float, ...]] = {}
@@ -114,16 +115,16 @@ class VisitMeasurement:
             f"the gold reference {gold.serial} (node {node}) gave {count} of {due:.0f} readings at "
             f"{planned.position!r}; without it nothing measured there counts: check its cable and power"
         )
-        return (Reason("gold-silent", sentence, count, due * GOLD_MIN_SHARE, "1"),)
+        return (Reason.text("gold-silent", sentence, count, due * GOLD_MIN_SHARE, "1"),)
 
     def _check_alive(self, unit: Unit, planned: Planned) -> Reasons:
         """What boot-up and heartbeat say against the device."""
         if unit.device.boot_ups() != unit.boot_ups:
-            return (Reason("rebooted", f"the device restarted by itself at {planned.position!r}"),)
+            return (Reason.text("rebooted", f"the device restarted by itself at {planned.position!r}"),)
         age_s, limit_s = unit.device.heartbeat_age_s(), MAX_LATE_HEARTBEATS * unit.heartbeat_s
         if unit.heartbeat_s and age_s > limit_s:
             told = f"no heartbeat for {age_s:.1f} s at {planned.position!r}; one is due every {unit.heartbeat_s:g} s"
-            return (Reason("heartbeat", told, age_s, limit_s, "s"),)
+            return (Reason.text("heartbeat", told, age_s, limit_s, "s"),)
         return ()
 
     def _emergencies(self, unit: Unit) -> tuple[str, ...]:

@@ -1,12 +1,12 @@
 """What the log keeps of an attempt, as plain documents."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
 from station import __version__
 from station.domain.capture.visit_check import STATION_CHECKS
 from station.domain.core.types import NestAssignment, Outcome, Reason
+from station.messages import render
 from station.ports.store import AttemptStart
 from station.service.measure import RejectedUnits
 from station.service.station import Job, Station
@@ -39,7 +39,7 @@ def verdict_document(unit: Unit, outcome: Outcome) -> dict[str, Any]:
     return {
         "outcome": str(outcome),
         "reasons": _reasons(unit.reasons),
-        "rule": found.rule if found else None,
+        "rule": render(found.rule) if found else None,
         "false_accept": found.false_accept if found else None,
         "false_reject": found.false_reject if found else None,
         "written": unit.written,
@@ -49,7 +49,7 @@ def verdict_document(unit: Unit, outcome: Outcome) -> dict[str, Any]:
 
 
 def _reasons(found: Sequence[Reason]) -> list[dict[str, Any]]:
-    return [asdict(r) for r in found]
+    return [r.document() for r in found]
 
 
 def rejection_outcome(bad: RejectedUnits, serial: str, alive: int) -> Outcome:

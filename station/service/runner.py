@@ -4,6 +4,7 @@ from collections.abc import Callable, Generator, Sequence
 
 from station.domain.core.types import NestAssignment
 from station.domain.run.progress import Event
+from station.messages import Message
 from station.service.load import Load
 from station.service.station import Job, Station
 from station.service.stop_request import StopRequest
@@ -17,7 +18,7 @@ class Runner:
         station: Station,
         job: Job,
         stop: StopRequest | None = None,
-        confirm: Callable[[str], None] = lambda _: None,
+        confirm: Callable[[Message], None] = lambda _: None,
     ) -> None:
         self._station, self._job = station, job
         self._stop = stop or StopRequest()

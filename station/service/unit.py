@@ -81,7 +81,7 @@ def reason_of(error: StationError) -> Reason:
     """An error as a reason of the record: wrong-product, device-silent, …"""
     name = type(error).__name__
     check = "".join(f"-{c.lower()}" if c.isupper() else c for c in name).lstrip("-")
-    return Reason(check, error.sentence)
+    return Reason(error.message, check=check)
 
 
 def check_same_unit(unit: Unit, job: Job) -> None:

@@ -4,8 +4,13 @@ import json
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from starlette.requests import Request
+
+from station.messages import Message, render
+from station.messages.message import TEXT
+from station.web.sentences import translate
 
 _FOLDER = Path(__file__).parent / "languages"
 LANGUAGE_COOKIE = "station_language"
@@ -15,6 +20,17 @@ LANGUAGE_COOKIE = "station_language"
 def all_texts() -> Mapping[str, Mapping[str, str]]:
     """Language code → key → text."""
     return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(_FOLDER.glob("*.json"))}
+
+
+def sentence(kept: Message | Mapping[str, Any] | str | None, code: str) -> str:
+    """A message, or what a document keeps of one, in that language; an older log's sentence as it was kept."""
+    if kept is None:
+        return ""
+    if isinstance(kept, Mapping):
+        kept = Message.of(kept)
+    message = Message.text(kept) if isinstance(kept, str) else kept
+    said = render(message, code)
+    return translate(said, code) if message.id == TEXT else said
 
 
 def of_request(request: Request) -> str:

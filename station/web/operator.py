@@ -18,7 +18,6 @@ from station.web.accounts import Account
 from station.web.guard import form_of, require_right
 from station.web.operator_actions import ACTIONS, ActionForm, PassedAlready
 from station.web.panel import Panel
-from station.web.sentences import translate
 from station.web.sessions import Session
 
 #: How often the state is looked at, and how often an unchanged one is confirmed, s.
@@ -65,14 +64,14 @@ async def _stream(panel: Panel, session: Session, code: str) -> AsyncIterator[st
 
 def _translated(key: str, value: Any, code: str) -> Any:
     """What a screen shows, its sentences in the reader's language."""
-    if key in ("fault", "golden", "asked"):
-        return translate(value, code)
-    if key == "sentences":
-        return [translate(sentence, code) for sentence in value]
+    if key in ("fault", "golden", "instruction"):
+        return language.sentence(value, code)
+    if key == "messages":
+        return [language.sentence(message, code) for message in value]
     if key == "confirm" and value:
-        return {**value, "confirm": translate(value["confirm"], code)}
+        return {**value, "confirm": language.sentence(value["confirm"], code)}
     if key.startswith("nest ") and "reasons" in value:
-        return {**value, "reasons": [translate(sentence, code) for sentence in value["reasons"]]}
+        return {**value, "reasons": [language.sentence(message, code) for message in value["reasons"]]}
     return value
 
 
@@ -88,7 +87,7 @@ async def command(request: Request, session: Session) -> Response:
             raise UsageError(f"there is no action {action[:20]!r}; use one of {', '.join(ACTIONS)}")
         told = await run_in_threadpool(_perform, panel, action, session.account, said)
     except StationError as exc:
-        answer = {"error": translate(exc.sentence, language.of_request(request))}
+        answer = {"error": language.sentence(exc.message, language.of_request(request))}
         if isinstance(exc, PassedAlready):
             answer["again"] = said.serial if session.account.may("again") else ""
         return JSONResponse(answer, 409)

@@ -9,7 +9,7 @@ from typing import Any
 from station.adapters.bus.socketcan import state_of
 from station.config.settings import Settings
 from station.errors import StationError, StoreFault
-from station.web import fixture
+from station.web import fixture, language
 from station.web.queue import LoadQueue
 from station.web.run_launcher import RunLauncher, companion_file
 from station.wiring.golden_register import standings
@@ -55,7 +55,7 @@ class Screen:
     def question(self) -> tuple[str, str]:
         """What the run wants a person to do and confirm, and the mark that the answer must bear; '' where nothing."""
         state = self.state() if self._live.get("pid") == self._runs.pid() else {}
-        return state.get("confirm", ""), state.get("question", "")
+        return language.sentence(state.get("confirm"), "en"), state.get("question", "")
 
     def load_pid(self) -> int:
         """Pid of the run whose units are in the nests at this moment, 0 when none is under way."""
@@ -101,8 +101,8 @@ class Screen:
             "following": following,
             "now_svg": self._picture(poses, at, now),
             "next_svg": self._picture(poses, at + 1, following),
-            "asked": state.get("asked", "") if mine else "",
-            "confirm": {k: state.get(k, "") for k in ("confirm", "question")} if mine else {},
+            "instruction": state.get("instruction") if mine else None,
+            "confirm": {k: state.get(k) or "" for k in ("confirm", "question")} if mine else {},
             "waiting": {nest: w.serial for nest, w in self._queue.waiting.items()},
             "writing": state.get("writing", "") if mine else "",
             "done": state.get("done", 0) if mine or not running else 0,
@@ -112,7 +112,7 @@ class Screen:
             "bus": self._bus(mine=mine),
             "unit": self._live.get("unit", ""),
             "recipe": self._live.get("recipe", self._runs.order.recipe),
-            "sentences": state.get("sentences", []) if mine or not running else [],
+            "messages": state.get("messages", []) if mine or not running else [],
             "fault": self._fault(state, running=running) or unkept,
             "golden": self._golden_problem(),
             **{f"nest {n.name}": self._nest(n.name, state, running=running, mine=mine) for n in self._settings.nests},
@@ -139,7 +139,7 @@ class Screen:
             there = {**(kept or {"serial": ""}), "scanned": False}
         return {**there, "next": waits.serial if waits else ""}
 
-    def _fault(self, state: Mapping[str, Any], *, running: bool) -> str:
+    def _fault(self, state: Mapping[str, Any], *, running: bool) -> Mapping[str, Any] | str:
         """Why there is no run, where it did not end by itself."""
         if running:
             return ""
@@ -147,7 +147,7 @@ class Screen:
             return self._runs.last_words() or "the run ended before it began, without a word"
         if self._live and not state.get("over", False):
             return self._runs.last_words() or "the run ended without a word; its units count as interrupted"
-        return str(state.get("fault", ""))
+        return state.get("fault") or ""
 
     def _golden_problem(self) -> str:
         """What is due or wrong with the golden units, looked up every few seconds; '' when all is well."""

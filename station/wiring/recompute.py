@@ -22,6 +22,9 @@ from station.domain.records.framepack import plain as raw
 from station.errors import LogError
 from station.service import compute
 
+#: Parts of a calibration that are words about its numbers: a later version may say them otherwise.
+_WORDS = frozenset({"reasons", "messages", "checks", "notes", "rule"})
+
 
 @dataclass(frozen=True, slots=True)
 class Recomputed:
@@ -52,7 +55,8 @@ def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
     visits = stored_visits(kept["visits"], reader.frames(attempt))
     result = refit_attempt(attempt, visits, recipe, (product, layout), kept)
     again = json.loads(column_values.document(calibration_document.unit(result)))
-    before, after = dict(_leaves("", stored)), dict(_leaves("", again))
+    before, after = ({k: v for k, v in document.items() if k not in _WORDS} for document in (stored, again))
+    before, after = dict(_leaves("", before)), dict(_leaves("", after))
     names = {**before, **after}
     different = tuple(name for name in names if before.get(name, ...) != after.get(name, ...))
     return Recomputed(attempt.attempt, attempt.serial, len(names), different)

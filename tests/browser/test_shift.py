@@ -191,7 +191,7 @@ def test_a_thousand_updates_leave_nothing_behind(serve: Serve, log_in: LogIn, tm
             for n in nests
         ]
         sentences = [f"sentence {number - i}" for i in range(20)]
-        state = {"nests": changed, "done": number, "total": 1000, "sentences": sentences, "over": True, "fault": ""}
+        state = {"nests": changed, "done": number, "total": 1000, "messages": sentences, "over": True, "fault": ""}
         beside = live.with_suffix(".tmp")
         beside.write_text(json.dumps({**document, "state": state}))
         beside.replace(live)

@@ -69,9 +69,11 @@ def checks() -> set[str]:
     found = {"offset", "gain", "cross-axis"}
     for path in [*(ROOT / "domain").rglob("*.py"), *(ROOT / "service").rglob("*.py")]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("Reason", "_largest"):
-                first = node.args[0]
-                found |= {first.value} if isinstance(first, ast.Constant) else set()
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("Reason", "Reason.text", "_largest"):
+                given = [k.value for k in node.keywords if k.arg == "check"] or node.args[:1]
+                if isinstance(given[0], ast.Call):
+                    given = given[0].args[:1]
+                found |= {part.value for part in given if isinstance(part, ast.Constant)}
     from station import errors
 
     kinds = [v for v in vars(errors).values() if isinstance(v, type) and issubclass(v, errors.StationError)]

@@ -14,6 +14,7 @@ from station.adapters.store.search import Query
 from station.config.search_path import shipped_folder
 from station.domain.run.progress import Event, LoadDone, UnitResult
 from station.errors import StationError
+from station.messages import Message
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
 from station.wiring import Bench, RunOrder, open_bench
@@ -72,7 +73,7 @@ def run(
     *,
     units: int = 1,
     hook: Hook | None = None,
-    confirm: Callable[[str], None] = lambda _: None,
+    confirm: Callable[[Message], None] = lambda _: None,
     wrap: Callable[[Bench], Bench] = lambda bench: bench,
     **order: Any,
 ) -> Ran:

@@ -22,6 +22,7 @@ from station.domain.run.progress import (
     VisitDone,
     VisitStarted,
 )
+from station.messages import Message, render
 from station.wiring.recompute import parse_recipe_and_product, recompute, refit_attempt, stored_visits
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
@@ -153,7 +154,7 @@ def test_a_second_run_reads_the_first_ones_values_as_old(tmp_path: Path) -> None
 
 
 def test_several_runs_and_seatings_ask_for_reseating_once(tmp_path: Path) -> None:
-    asked: list[str] = []
+    asked: list[Message] = []
     name = fixture_run.recipe(
         tmp_path,
         seatings={"turned": {"axis": [0, 0, 1], "angle_deg": 180}},
@@ -163,8 +164,10 @@ def test_several_runs_and_seatings_ask_for_reseating_once(tmp_path: Path) -> Non
     ran = fixture_run.run(tmp_path, recipe=name, confirm=asked.append)
     assert ran.results["SN0001"].outcome is Outcome.PASS, ran.results["SN0001"].reasons
     turn = "turn every unit in its nest to seating 'turned', then go on"
-    assert asked == [turn, "run 1: switch the line's motors off"], "nothing goes on before a person has done it"
-    told = [e.sentence for e in ran.of(Notice)]
+    assert [render(m) for m in asked] == [turn, "run 1: switch the line's motors off"], (
+        "nothing goes on before a person has done it"
+    )
+    told = [render(e.message) for e in ran.of(Notice)]
     assert any("motors off" in t for t in told)
     visits = [v for v in ran.life("SN0001")["visits"] if v["kind"] == "tumble"]
     assert [(v["run"], v["seating"]) for v in visits] == [(0, "home")] * 6 + [(1, "turned")] * 6

@@ -14,6 +14,7 @@ from station.domain.recipe.plan import PlannedVisit
 from station.domain.recipe.recipe import Recipe
 from station.domain.run.progress import Notice, VisitStarted
 from station.errors import PositionerFault
+from station.messages import render
 from station.wiring import Bench
 from tests.fakes import fixture_run
 
@@ -70,13 +71,13 @@ def by_hand(wrong: dict[str, str] | None = None, delay_s: float = 2.0):  # type:
 
 
 def sentences(events: Iterator[Notice]) -> list[str]:
-    return [e.sentence for e in events]
+    return [render(e.message) for e in events]
 
 
 def test_each_face_is_asked_for_and_recognised(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, units=2, wrap=by_hand())
     assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
-    asked = [e.sentence for e in ran.of(VisitStarted)]
+    asked = [render(e.instruction) for e in ran.of(VisitStarted) if e.instruction]
     assert asked[2] == "bring position 'x-up' up (+x of the unit) and let go"
     assert len(asked) == 8
     assert not ran.of(Notice)

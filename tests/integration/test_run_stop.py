@@ -16,6 +16,7 @@ from station.domain.run.progress import (
     VisitStarted,
 )
 from station.errors import Aborted, BusFault, PositionerFault, StoreFault
+from station.messages import Message
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
 from station.wiring import Bench, RunOrder, open_bench
@@ -95,7 +96,7 @@ def test_a_signal_may_end_the_wait_for_a_person_at_once(tmp_path: Path) -> None:
     held: list[StopRequest] = []
     interruptible: list[bool] = []
 
-    def confirm(_: str) -> None:
+    def confirm(_: Message) -> None:
         """Somebody presses Ctrl-C instead: the signal's handler raises out of the wait where it may."""
         interruptible.append(held[-1].waiting)
         held[-1].request()

@@ -12,6 +12,7 @@ from station.cli._confirm import PageConfirmation
 from station.cli._live_state import LiveStateWriter, RealTimePacer
 from station.cli._presence import is_served, serving
 from station.errors import Aborted
+from station.messages import Message
 from station.service.stop_request import StopRequest
 from station.wiring.jobs import load_job
 
@@ -22,6 +23,9 @@ with serving(pathlib.Path(sys.argv[1])):
     print(flush=True)
     input()
 """
+
+
+TURN = Message.text("turn SN1 in its nest")
 
 
 def asked(database: Path, patience_s: float) -> PageConfirmation:
@@ -51,7 +55,7 @@ def test_a_page_that_is_killed_is_gone_at_once_and_a_second_one_counts(tmp_path:
 
 def test_without_a_page_a_question_becomes_a_stop(tmp_path: Path) -> None:
     with pytest.raises(Aborted, match="nobody serves the operator's page any more; start `station panel`"):
-        asked(tmp_path / "s.db", patience_s=0.1)("turn SN1 in its nest")
+        asked(tmp_path / "s.db", patience_s=0.1)(TURN)
     told = json.loads((tmp_path / "s.db.live.json").read_text())
     assert told["state"]["question"] == "", "what nobody can answer is not shown any longer"
 
@@ -61,7 +65,7 @@ def test_with_a_page_it_waits_for_the_answer(tmp_path: Path) -> None:
     ended = threading.Event()
 
     def question() -> None:
-        asked(database, patience_s=0.0)("turn SN1 in its nest")
+        asked(database, patience_s=0.0)(TURN)
         ended.set()
 
     with serving(database):

@@ -11,6 +11,7 @@ from station.adapters.clock import VirtualClock
 from station.cli._live_state import LiveStateWriter, RealTimePacer
 from station.domain.core.types import NestAssignment
 from station.domain.run.progress import LoadStarted, VisitStarted
+from station.messages import Message
 from station.service.stop_request import StopRequest
 from station.wiring.jobs import load_job
 
@@ -20,7 +21,7 @@ BEGUN = LoadStarted((NestAssignment("SN1", "A", 17),), 8, 25.0)
 def test_the_live_file_holds_the_state_after_every_event(tmp_path: Path) -> None:
     job, _ = load_job("six-point")
     live = LiveStateWriter(tmp_path / "s.db", job.recipe, {"operator": "anna"})
-    for event in (BEGUN, VisitStarted(1, 6, "z-up", "")):
+    for event in (BEGUN, VisitStarted(1, 6, "z-up")):
         live.event(event)
     told = json.loads((tmp_path / "s.db.live.json").read_text())
     assert (told["schema"], told["operator"], told["unit"]) == ("station.live/1", "anna", "g")
@@ -83,11 +84,12 @@ def test_a_question_bears_a_mark_and_the_time_it_takes_is_no_progress(tmp_path: 
         return dict(json.loads((tmp_path / "s.db.live.json").read_text())["state"])
 
     began_s = state()["began_s"]
-    mark = live.ask("turn it")
-    assert (state()["confirm"], state()["question"]) == ("turn it", mark)
-    assert live.ask("turn it") != mark, "an old answer does not fit a new question"
+    turn = Message("load-units", units="SN1 (A)")
+    mark = live.ask(turn)
+    assert (state()["confirm"], state()["question"]) == ({"id": "load-units", "units": "SN1 (A)"}, mark)
+    assert live.ask(turn) != mark, "an old answer does not fit a new question"
     live.clear_question(40.0)
-    assert (state()["confirm"], state()["question"], state()["began_s"]) == ("", "", began_s + 40.0)
+    assert (state()["confirm"], state()["question"], state()["began_s"]) == (None, "", began_s + 40.0)
 
 
 def test_time_that_a_person_takes_is_not_made_up_for() -> None:

@@ -75,25 +75,27 @@ def _transport(d: Visit, recipe: Recipe) -> Iterator[Reason]:
     wanted = recipe.device.rate_hz * d.lasted_s
     count = int(np.count_nonzero(d.samples.usable))
     if d.samples.frame_errors.frames == 0:
-        yield Reason("silent", f"no readings came at {d.position!r}; check cable, power and node id", 0, wanted, "1")
+        yield Reason.text(
+            "silent", f"no readings came at {d.position!r}; check cable, power and node id", 0, wanted, "1"
+        )
         return
     if d.drops:
-        yield Reason(
+        yield Reason.text(
             "kernel-drops", f"the kernel dropped {d.drops} frames at {d.position!r}; this PC is too busy", d.drops, 0
         )
     if not d.samples.frame_errors.clean:
         said = ", ".join(d.samples.frame_errors.sentences())
-        yield Reason("frames", f"bad frames at {d.position!r}: {said}")
+        yield Reason.text("frames", f"bad frames at {d.position!r}: {said}")
     rate = _rate_hz(d)
     allowed = recipe.device.clock_tolerance_ppm * 1e-6 + RATE_COUNTS / max(count, 1)
     if rate is not None and abs(rate / recipe.device.rate_hz - 1) > max(allowed, MIN_RATE_DEVIATION):
         sentence = f"readings came at {rate:.1f} Hz at {d.position!r}, but the recipe says {recipe.device.rate_hz:g} Hz"
-        yield Reason("rate", sentence, rate, recipe.device.rate_hz, "Hz")
+        yield Reason.text("rate", sentence, rate, recipe.device.rate_hz, "Hz")
     elif count < MIN_FRAME_SHARE * wanted:
         sentence = (
             f"{count} good readings at {d.position!r}, but {wanted:.0f} were due; check the rate and the bus load"
         )
-        yield Reason("too-few", sentence, count, MIN_FRAME_SHARE * wanted)
+        yield Reason.text("too-few", sentence, count, MIN_FRAME_SHARE * wanted)
 
 
 def _rate_hz(d: Visit) -> float | None:
@@ -113,14 +115,16 @@ def _axes(d: Visit, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iterat
         ends = [v * signal.scale + signal.offset for v in signal.raw_limits()]
         top = min(recipe.device.full_scale or np.inf, max(ends))
         if high >= top - signal.scale or low <= max(-top, min(ends)) + signal.scale:
-            yield Reason(
+            yield Reason.text(
                 "clipped", f"axis {axis} is clipped at {d.position!r}", float(max(high, -low)), float(top), unit
             )
         elif low == high and noise > abs(signal.scale) / 2:
-            yield Reason("stuck", f"axis {axis} stands still at {low:.6g} {unit} at {d.position!r}: no noise at all")
+            yield Reason.text(
+                "stuck", f"axis {axis} stands still at {low:.6g} {unit} at {d.position!r}: no noise at all"
+            )
         if limit is not None and std[i] > limit:
             sentence = f"axis {axis} has {std[i]:.3g} {unit} of noise at {d.position!r}, more than {limit:g}"
-            yield Reason("noise", sentence, float(std[i]), limit, unit)
+            yield Reason.text("noise", sentence, float(std[i]), limit, unit)
 
 
 def _rest(d: Visit, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
@@ -135,7 +139,7 @@ def _rest(d: Visit, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
         sentence = (
             f"the readings moved by {worst:.3g} {recipe.unit} during the dwell at {d.position!r}; was it touched?"
         )
-        yield Reason("not-still", sentence, worst, float(matters), recipe.unit)
+        yield Reason.text("not-still", sentence, worst, float(matters), recipe.unit)
 
 
 def _face(d: Visit, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
@@ -145,7 +149,7 @@ def _face(d: Visit, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
     angle = angle_deg(mean, d.true)
     if angle > FACE_DEG:
         sentence = f"{face(mean)} is up instead of {face(d.true)} at {d.position!r} ({angle:.0f} degrees off)"
-        yield Reason("wrong-face", sentence, angle, FACE_DEG, "deg")
+        yield Reason.text("wrong-face", sentence, angle, FACE_DEG, "deg")
 
 
 def _surroundings(d: Visit, recipe: Recipe) -> Iterator[Reason]:
@@ -153,6 +157,8 @@ def _surroundings(d: Visit, recipe: Recipe) -> Iterator[Reason]:
     if limits is not None and d.temperature_degC is not None and not limits[0] <= d.temperature_degC <= limits[1]:
         low, high = limits
         sentence = f"{d.temperature_degC:.1f} degC at {d.position!r} is outside {low:g} to {high:g} degC"
-        yield Reason("temperature", sentence, d.temperature_degC, high if d.temperature_degC > high else low, "degC")
+        yield Reason.text(
+            "temperature", sentence, d.temperature_degC, high if d.temperature_degC > high else low, "degC"
+        )
     for told in d.emergencies:
-        yield Reason("emergency", f"the device reported {told} at {d.position!r}")
+        yield Reason.text("emergency", f"the device reported {told} at {d.position!r}")

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from station.messages import Message, render
+
 Floats = NDArray[np.float64]
 Array = NDArray[Any]
 
@@ -195,13 +197,36 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """One ground of a verdict, for a person: what was found, the limit, and the sentence."""
+    """One ground of a verdict: the message, and the measured value with its limit, both in `unit`.
 
-    check: str
-    sentence: str
+    check: what the log counts it under; left out, the message's id. Several messages may tell of one check.
+    """
+
+    message: Message
     value: float | None = None
     limit: float | None = None
     unit: str = ""
+    check: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "check", self.check or self.message.id)
+
+    @property
+    def sentence(self) -> str:
+        """The message in English."""
+        return render(self.message)
+
+    @staticmethod
+    def text(
+        check: str, sentence: str, value: float | None = None, limit: float | None = None, unit: str = ""
+    ) -> "Reason":
+        """A reason whose sentence has no id yet."""
+        return Reason(Message.text(sentence), value, limit, unit, check)
+
+    def document(self) -> dict[str, Any]:
+        """As the log keeps it."""
+        numbers = {"value": self.value, "limit": self.limit, "unit": self.unit}
+        return {"check": self.check, "sentence": self.sentence, **numbers, "message": self.message.document()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +235,6 @@ class Verdict:
 
     outcome: Outcome
     reasons: tuple[Reason, ...]
-    rule: str
+    rule: Message
     false_accept: float
     false_reject: float

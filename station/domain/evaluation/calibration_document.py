@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from station.domain.core.types import Calibration, Reason, ReducedVisits
+from station.domain.core.types import Calibration, ReducedVisits
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.methods import decision_rule
 from station.domain.recipe.recipe import Recipe
+from station.messages import render
 
 SCHEMA = "station.calibration/1"
 #: Where a unit could not be calibrated these are null.
@@ -21,7 +22,7 @@ def head(recipe: Recipe) -> dict[str, Any]:
         "recipe": {"name": recipe.name, "version": recipe.version},
         "method": recipe.method,
         "unit": recipe.unit,
-        "rule": decision_rule.rule_of(recipe.limits),
+        "rule": render(decision_rule.rule_of(recipe.limits)),
     }
 
 
@@ -32,7 +33,8 @@ def unit(result: CalibrationResult) -> dict[str, Any]:
         "serial": result.serial,
         "outcome": str(verdict.outcome),
         "reasons": [r.sentence for r in verdict.reasons],
-        "checks": [_reason(r) for r in verdict.reasons],
+        "messages": [r.message.document() for r in verdict.reasons],
+        "checks": [r.document() for r in verdict.reasons],
     }
     if found is None or result.stops is None or result.budget is None or not _finite(found):
         return {**head, **dict.fromkeys(ABSENT), "notes": []}
@@ -81,10 +83,6 @@ def _position(found: Calibration, stops: ReducedVisits, v: int) -> dict[str, Any
         "effective": float(stops.effective[v]),
         "temperature_degC": _number(stops.temperature_degC[v]),
     }
-
-
-def _reason(r: Reason) -> dict[str, Any]:
-    return {"check": r.check, "sentence": r.sentence, "value": r.value, "limit": r.limit, "unit": r.unit}
 
 
 def _number(value: Any) -> float | None:

@@ -19,6 +19,7 @@ from station.domain.planning import adaptive_dwell, design
 from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
+from station.messages import Message
 
 NO_ROUNDING = np.zeros(12)
 #: Units solved together: enough to be fast, few enough for a processor's cache.
@@ -201,11 +202,11 @@ def _scatter(budget: Budget, unit: str) -> Iterator[str]:
 def _invalid_fit_reasons(found: Calibration, notes: tuple[str, ...]) -> Iterator[Reason]:
     """A fit that is no calibration: not settled, not finite, or a matrix that mirrors."""
     if notes:
-        yield Reason("fit", notes[0])
+        yield Reason.text("fit", notes[0])
     if not (np.isfinite(found.offset).all() and np.isfinite(found.matrix).all()):
-        yield Reason("fit", "the fit gave no finite coefficients")
+        yield Reason.text("fit", "the fit gave no finite coefficients")
     elif not np.linalg.det(found.matrix) > 0:
-        yield Reason("fit", "the fitted matrix mirrors or flattens space; two axes are swapped or one is inverted")
+        yield Reason.text("fit", "the fitted matrix mirrors or flattens space; two axes are swapped or one is inverted")
 
 
 def _undetermined_reason(recipe: Recipe, stops: ReducedVisits) -> str:
@@ -229,4 +230,6 @@ def _directions(stops: ReducedVisits) -> Floats:
 
 def _refused(serial: str, why: str) -> CalibrationResult:
     sentence = f"unit {serial} cannot be calibrated: {why}"
-    return CalibrationResult(serial, Verdict(Outcome.ERROR, (Reason("samples", sentence),), "none", 0.0, 0.0))
+    return CalibrationResult(
+        serial, Verdict(Outcome.ERROR, (Reason.text("samples", sentence),), Message("rule-none"), 0.0, 0.0)
+    )

@@ -36,7 +36,9 @@ def _stuck(recipe: Recipe, stops: ReducedVisits) -> Iterator[Reason]:
         poses = {(p, s) for p, s in zip(stops.position, stops.seating, strict=True)}
         if len(poses) > 1 and not stops.std[:, i].any() and np.ptp(stops.mean[:, i]) == 0:
             value = float(stops.mean[0, i])
-            yield Reason("stuck", f"axis {axis} reads {value:.6g} {recipe.unit} whatever the position: it is stuck")
+            yield Reason.text(
+                "stuck", f"axis {axis} reads {value:.6g} {recipe.unit} whatever the position: it is stuck"
+            )
 
 
 def _clipped(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
@@ -46,7 +48,7 @@ def _clipped(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
     extreme = np.maximum(visits.dwells.high, -visits.dwells.low)
     for v, i in np.argwhere(extreme >= FULL * full):
         told = f"axis {'xyz'[i]} is at the end of its range ({full:g} {recipe.unit}) at {visits.position[v]!r}"
-        yield Reason("clipped", told, float(extreme[v, i]), full, recipe.unit)
+        yield Reason.text("clipped", told, float(extreme[v, i]), full, recipe.unit)
 
 
 def _moved(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
@@ -60,7 +62,7 @@ def _moved(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
             f"axis {'xyz'[i]} moved by {-size:+.3g} {recipe.unit} during the dwell at {visits.position[v]!r}, more "
             f"than the residual may be ({limit:g}); lengthen settle.time_s or look for what touched it"
         )
-        yield Reason("not-still", told, abs(size), limit, recipe.unit)
+        yield Reason.text("not-still", told, abs(size), limit, recipe.unit)
 
 
 def _stimulus(recipe: Recipe, stops: ReducedVisits) -> Iterator[Reason]:
@@ -77,7 +79,7 @@ def _stimulus(recipe: Recipe, stops: ReducedVisits) -> Iterator[Reason]:
     ratio = float(np.median((size / wanted)[strong]))
     if len(stops) > 1 and not 1 / SCALE < ratio < SCALE:
         hint = "; are they in m/s²?" if abs(ratio / 9.80665 - 1) < 0.05 else "; look at range and unit"
-        yield Reason("scale", f"readings are {ratio:.3g} times the stimulus{hint}", ratio, SCALE)
+        yield Reason.text("scale", f"readings are {ratio:.3g} times the stimulus{hint}", ratio, SCALE)
     elif known.all():
         yield from _faces(stops, wanted, size, strong)
 
@@ -91,7 +93,7 @@ def _faces(stops: ReducedVisits, wanted: Floats, size: Floats, strong: NDArray[n
         like = stops.position[int(np.argmax(nominal @ found[v]))]
         seems = f"; it looks like {like!r}" if like != stops.position[v] else ""
         told = f"at {stops.position[v]!r} the reading points {angle:.0f} deg elsewhere than the recipe says{seems}"
-        yield Reason("wrong-face", told, angle, FACE_DEG, "deg")
+        yield Reason.text("wrong-face", told, angle, FACE_DEG, "deg")
 
 
 def _drifted(visits: UnitVisits) -> NDArray[np.bool_]:

@@ -87,7 +87,7 @@ def check(verified: tuple[VerifiedPosition, ...], recipe: Recipe) -> tuple[Reaso
             _unexpected_error(v, recipe.unit) for v in verified if v.chance is not None and v.chance < MIN_P_VALUE
         )
     return tuple(
-        Reason(
+        Reason.text(
             "verify",
             f"at {v.position!r} the device's own output is {v.error:.3g} {recipe.unit} off, more than {limit:g}",
             v.error,
@@ -104,4 +104,4 @@ def _unexpected_error(v: VerifiedPosition, unit: str) -> Reason:
         f"at {v.position!r} the device's own output is {v.error:.3g} {unit} off, far beyond the forecast; "
         f"what was written, or how the device applies it, is not what was calibrated"
     )
-    return Reason("verify", told, v.error, None, unit)
+    return Reason.text("verify", told, v.error, None, unit)

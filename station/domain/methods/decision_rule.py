@@ -11,6 +11,7 @@ from station.domain.core.types import Calibration, Floats, Outcome, Reason, Redu
 from station.domain.methods import coefficients
 from station.domain.methods.uncertainty import Budget
 from station.domain.recipe.recipe import Limits, Recipe
+from station.messages import Message
 
 #: Expanded uncertainty of the guard-band rule, w = U.
 COVERAGE_FACTOR = 2.0
@@ -49,13 +50,13 @@ def judge(
     )
 
 
-def rule_of(limits: Limits) -> str:
+def rule_of(limits: Limits) -> Message:
     """The decision rule in words."""
     if limits.rule == "guard-band":
-        return "guard-band: accepted within the limit less the expanded uncertainty U (k = 2)"
+        return Message("rule-guard-band")
     if limits.rule == "false-accept":
-        return f"false-accept: accepted where a unit at the limit would pass with probability {limits.false_accept:g}"
-    return "simple: accepted within the limit, no guard band"
+        return Message("rule-false-accept", probability=limits.false_accept)
+    return Message("rule-simple")
 
 
 def limited_coefficients(limits: Limits, found: Calibration, budget: Budget) -> LimitedCoefficients:
@@ -120,10 +121,10 @@ def _coefficients(recipe: Recipe, t: LimitedCoefficients) -> Iterator[Reason]:
         what = f"{name} is {deviation:+.4g}{_as_unit(unit)}" + (" off 1" if check == "gain" else "")
         if guard >= limit:
             told = f"{what}, but its uncertainty {COVERAGE_FACTOR * std:.2g} leaves nothing of the limit {limit:g}"
-            yield Reason(check, f"{told}: this recipe cannot decide it", float(deviation), float(limit), unit)
+            yield Reason.text(check, f"{told}: this recipe cannot decide it", float(deviation), float(limit), unit)
         else:
             told = f"{what}, beyond {limit:g}" + (f" less the guard band {guard:.2g}" if guard else "")
-            yield Reason(check, told, float(deviation), float(limit - guard), unit)
+            yield Reason.text(check, told, float(deviation), float(limit - guard), unit)
 
 
 def _as_unit(unit: str) -> str:
@@ -149,7 +150,7 @@ def _gates(recipe: Recipe, found: Calibration, stops: ReducedVisits) -> Iterator
             f"readings of an axis across the stimulus differ by {spread:.3g} {recipe.unit}, more than "
             f"{limits.consistency:g}: cross-axis or pose errors are larger than the method may ignore"
         )
-        yield Reason("consistency", told, spread, limits.consistency, recipe.unit)
+        yield Reason.text("consistency", told, spread, limits.consistency, recipe.unit)
     if limits.temperature_degC is not None:
         yield from _temperature(limits.temperature_degC, stops)
 
@@ -158,7 +159,7 @@ def _largest(check: str, size: Floats, limit: float, names: Sequence[str], unit:
     worst = int(np.argmax(size))
     if not size[worst] <= limit:
         told = f"{what} at {names[worst]!r} is {size[worst]:.3g} {unit}, more than {limit:g}"
-        yield Reason(check, told, float(size[worst]), limit, unit)
+        yield Reason.text(check, told, float(size[worst]), limit, unit)
 
 
 def _temperature(limits: tuple[float, float], stops: ReducedVisits) -> Iterator[Reason]:
@@ -168,7 +169,7 @@ def _temperature(limits: tuple[float, float], stops: ReducedVisits) -> Iterator[
     for v in np.flatnonzero(outside)[:1]:
         T = float(stops.temperature_degC[v])
         told = f"it was {T:.1f} degC at {stops.position[v]!r}, outside {low:g} to {high:g}"
-        yield Reason("temperature", told, T, high if high < T else low, "degC")
+        yield Reason.text("temperature", told, T, high if high < T else low, "degC")
 
 
 def consistency(stops: ReducedVisits, disturbed: NDArray[np.bool_]) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 from station.domain.core.types import NestAssignment, Outcome, Reason
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.errors import StationError, StationFault
+from station.messages import Message
 
 
 class Phase(StrEnum):
@@ -107,19 +108,19 @@ class Identified(Event):
 
 @dataclass(frozen=True, slots=True)
 class VisitStarted(Event):
-    """The fixture goes to a stop (number from 1); sentence: what a person who turns it by hand must do, or ''."""
+    """The fixture goes to a position (number from 1); instruction: what a person who turns it by hand must do."""
 
     number: int
     total: int
     position: str
-    sentence: str
+    instruction: Message | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Notice(Event):
-    """A sentence for the operator; serial '' means the whole fixture."""
+    """A message for the operator; serial '' means the whole fixture."""
 
-    sentence: str
+    message: Message
     serial: str = ""
 
 

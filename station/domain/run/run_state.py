@@ -17,9 +17,10 @@ from station.domain.run.progress import (
     VisitRejected,
     VisitStarted,
 )
+from station.messages import Message
 
-#: Sentences kept for a page that comes late.
-MAX_SENTENCES = 20
+#: Messages held for a page that comes late.
+MAX_MESSAGES = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +36,7 @@ class NestState:
     vector: tuple[float, ...] = ()
     noise: float | None = None
     outcome: str = ""
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Message, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +45,8 @@ class RunState:
 
     stops: every position of the load in its order, those of the verification last; at: number among them of the stop
     where the fixture is or goes to, -1 before the first; done: how many are over.
-    confirm: what a person must do and then confirm, or ''; question: the mark that the confirmation bears.
-    fault: the sentence of what ended the load for everybody, or ''.
+    instruction: what a person who turns the fixture must do; confirm: what somebody must do and then confirm, and
+    question: the mark that the confirmation bears. fault: what ended the load for everybody.
     """
 
     stops: tuple[str, ...] = ()
@@ -53,8 +54,8 @@ class RunState:
     position: str = ""
     following: str = ""
     at: int = -1
-    asked: str = ""
-    confirm: str = ""
+    instruction: Message | None = None
+    confirm: Message | None = None
     question: str = ""
     writing: str = ""
     done: int = 0
@@ -62,34 +63,36 @@ class RunState:
     began_s: float = 0.0
     estimate_s: float = 0.0
     over: bool = False
-    fault: str = ""
+    fault: Message | None = None
     nests: tuple[NestState, ...] = ()
-    sentences: tuple[str, ...] = ()
+    messages: tuple[Message, ...] = ()
 
     def after(self, event: Event, now_s: float) -> "RunState":
         """The state once `event` has happened at `now_s` (epoch)."""
         if isinstance(event, LoadStarted):
             nests = tuple(NestState(s.serial, s.nest, s.node) for s in event.seats)
-            fresh = RunState(self.stops, following=self._stop(0), sentences=self.sentences)
+            fresh = RunState(self.stops, following=self._stop(0), messages=self.messages)
             return replace(fresh, total=event.stops, began_s=now_s, estimate_s=event.estimate_s, nests=nests)
         if isinstance(event, PhaseEntered):
             return replace(self, phase=str(event.phase), writing="")
         if isinstance(event, VisitStarted | VisitDone | LiveReading):
             return self._after_visit_event(event)
         if isinstance(event, LoadDone):
-            fault = "" if event.fault is None else event.fault.sentence
-            return replace(self, over=True, phase="done", position="", following="", asked="", fault=fault)
+            fault = None if event.fault is None else event.fault.message
+            return replace(self, over=True, phase="done", position="", following="", instruction=None, fault=fault)
         return self._after_unit_event(event)
 
     def _after_visit_event(self, event: "VisitStarted | VisitDone | LiveReading") -> "RunState":
         if isinstance(event, VisitStarted):
             following = self._stop(self.done + 1)
-            return replace(self, position=event.position, at=self.done, following=following, asked=event.sentence)
+            return replace(
+                self, position=event.position, at=self.done, following=following, instruction=event.instruction
+            )
         state = self
         for serial, vector in event.means.items():
             state = state._nest(serial, vector=tuple(vector))
         if isinstance(event, VisitDone):
-            return replace(state, done=self.done + 1, asked="")
+            return replace(state, done=self.done + 1, instruction=None)
         for serial, noise in event.noise.items():
             state = state._nest(serial, noise=noise)
         return state
@@ -98,15 +101,14 @@ class RunState:
         if isinstance(event, Identified):
             return self._nest(event.seat.serial, device=f"{event.name} {event.software}".strip())
         if isinstance(event, VisitRejected):
-            words = "; ".join(r.sentence for r in event.reasons)
-            return self._told(f"{event.serial}: {words}" + ("; measuring it again" if event.again else ""))
+            return self._with_message(rejection(event))
         if isinstance(event, Notice):
-            return self._told(f"{event.serial}: {event.sentence}" if event.serial else event.sentence)
+            return self._with_message(about(event.serial, event.message))
         if isinstance(event, ObjectWritten):
             return replace(self, writing=f"{event.name} ({event.number}/{event.total})")
         if isinstance(event, UnitDone):
             r = event.result
-            why = tuple(reason.sentence for reason in r.reasons)
+            why = tuple(reason.message for reason in r.reasons)
             return self._nest(r.seat.serial, attempt=r.attempt, outcome=str(r.outcome), reasons=why, noise=r.noise)
         return self
 
@@ -118,5 +120,18 @@ class RunState:
         nests = tuple(replace(n, **changes) if n.serial == serial else n for n in self.nests)
         return replace(self, nests=nests)
 
-    def _told(self, sentence: str) -> "RunState":
-        return replace(self, sentences=(*self.sentences, sentence)[-MAX_SENTENCES:])
+    def _with_message(self, message: Message) -> "RunState":
+        return replace(self, messages=(*self.messages, message)[-MAX_MESSAGES:])
+
+
+def about(serial: str, message: Message) -> Message:
+    """The message with the unit it is about; serial '' is the whole fixture, which needs no name."""
+    return Message("about-unit", serial=serial, message=message) if serial else message
+
+
+def rejection(event: VisitRejected) -> Message:
+    """Why a visit does not count, and whether it is measured again."""
+    reasons = tuple(reason.message for reason in event.reasons)
+    if event.again:
+        return Message("visit-measured-again", serial=event.serial, position=event.position, reasons=reasons)
+    return Message("visit-rejected", serial=event.serial, position=event.position, reasons=reasons)

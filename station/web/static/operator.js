@@ -43,7 +43,7 @@
     say(byId("now"), state.writing || state.position || "–");
     say(byId("next"), state.following || "–");
     say(byId("recipe"), state.recipe);
-    say(byId("asked"), state.asked);
+    say(byId("instruction"), state.instruction);
     bus(state.bus || {});
     people();
     say(byId("phase"), state.stopping ? texts.stopping : state.running ? texts[`phase_${state.phase}`] || state.phase : texts.idle);
@@ -54,10 +54,10 @@
     say(byId("fault"), state.fault ? `⚠ ${state.fault}` : "");
     byId("golden").hidden = !state.golden || state.golden === state.fault;
     say(byId("golden"), state.golden ? `⚠ ${state.golden}` : "");
-    list(byId("sentences"), state.sentences);
-    document.querySelector(".messages").hidden = !state.sentences.length;
+    list(byId("messages"), state.messages);
+    document.querySelector(".messages").hidden = !state.messages.length;
     document.body.dataset.running = String(state.running);
-    document.body.dataset.hand = String(Boolean(state.asked || (state.confirm || {}).question));
+    document.body.dataset.hand = String(Boolean(state.instruction || (state.confirm || {}).question));
     if (form) buttons();
     time();
   }
