@@ -19,11 +19,11 @@ import bulk_log
 import figures
 import numpy as np
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
-from station.adapters.store.verify import Trust
+from station.adapters.store.reader import SqliteLogReader
+from station.ports.log_reader import Query, Trust
 from station.service.runner import Runner
-from station.wiring import RunOrder, open_bench
+from station.wiring.bench import open_bench
+from station.wiring.run_order import RunOrder
 
 DAY_NS = 86_400_000_000_000
 
@@ -44,7 +44,7 @@ def main() -> None:
         size = path.stat().st_size / 1e9
         print(f"sqlite {sqlite3.sqlite_version}; a log of {options.units} units, {size:.1f} GB, ", end="")
         print(f"made in {time.perf_counter() - begun:.0f} s; one unit in {options.every} has all its records")
-        with LogReader(path) as log:
+        with SqliteLogReader(path) as log:
             serials(log, options.units, options.every, options.asks)
             containment(log, options.units)
             if not options.no_walk:
@@ -62,7 +62,7 @@ def one_run(folder: Path, recipe: str = "six-point") -> Path:
     return path
 
 
-def serials(log: LogReader, units: int, every: int, asks: int) -> None:
+def serials(log: SqliteLogReader, units: int, every: int, asks: int) -> None:
     """Row 9, first half."""
     choose = random.Random(1)
     took, records = [], 0
@@ -83,7 +83,7 @@ def serials(log: LogReader, units: int, every: int, asks: int) -> None:
     )
 
 
-def containment(log: LogReader, units: int) -> None:
+def containment(log: SqliteLogReader, units: int) -> None:
     """Row 9, second half."""
     middle = bulk_log.FIRST_NS + units // 2 * bulk_log.STEP_NS
     nest_b = Query(recipe_name="six-point", nest="B", since_ns=middle)
@@ -119,7 +119,7 @@ def containment(log: LogReader, units: int) -> None:
     figures.keep(9, what, figure, f"sqlite {sqlite3.sqlite_version}", "< 1 s", slowest < 1)
 
 
-def whole(log: LogReader) -> None:
+def whole(log: SqliteLogReader) -> None:
     """The walk along the chain."""
     begun = time.perf_counter()
     findings = list(log.findings(Trust()))

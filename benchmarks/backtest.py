@@ -10,6 +10,7 @@ import os
 import resource
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 import bulk_log
@@ -17,12 +18,12 @@ import figures
 import yaml
 from audit import one_run
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.config.recipes import load_recipe
 from station.config.search_path import shipped_folder
-from station.wiring.backtest import run
-from station.wiring.recompute import recompute
+from station.ports.log_reader import Query
+from station.service.backtest import run
+from station.service.recompute import recompute
 
 GOAL_S = 120
 KEPT = {"attempt", "finish"}
@@ -48,9 +49,9 @@ def main() -> None:
         visits = sum(table == "visit" for table, _ in whole.rows)
         size = path.stat().st_size / 1e9
         print(f"{options.units} units of recipe {recipe.name}, {visits} stops each; {size:.1f} GB")
-        with LogReader(path) as log:
+        with SqliteLogReader(path) as log:
             begun, used = time.perf_counter(), _cpu_s()
-            found = run(log, log.attempts(Query()), tighter, processes=options.processes)
+            found = run(partial(SqliteLogReader, log.path), log.attempts(Query()), tighter, processes=options.processes)
             took, used = time.perf_counter() - begun, _cpu_s() - used
     each = took / options.units
     print(f"row 11: {options.units} units on {options.processes} processes: {took:.0f} s, {each * 1e3:.2f} ms a unit")
@@ -85,7 +86,7 @@ def _cpu_s() -> float:
 def single(path: Path) -> float:
     """Seconds for one unit from its raw frames: the median of nine."""
     took = []
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         (attempt,) = log.attempts(Query())
         for _ in range(9):
             begun = time.perf_counter()

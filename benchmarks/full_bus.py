@@ -37,18 +37,20 @@ import panel as pages
 import wires
 
 from station.adapters.bus.socketcan import STREAM_BUFFER_BYTES, _Channel, _enlarge
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.config.recipes import load_recipe
 from station.config.search_path import shipped_folder
 from station.domain.core.types import Frames
 from station.domain.evaluation import pipeline
 from station.domain.run.progress import VisitStarted
 from station.model.simulate import SimulationJob, simulate
+from station.ports.log_reader import Query
 from station.service.itinerary import tumble_visits, verification_visits
 from station.service.runner import Runner
-from station.wiring import Bench, RunOrder, bench, open_bench
+from station.wiring import bench
+from station.wiring.bench import Bench, open_bench
 from station.wiring.live_device import LiveDevices, Population
+from station.wiring.run_order import RunOrder
 
 NODES, SERIALS = (0x11, 0x12, 0x13, 0x14), ("SN0001", "SN0002", "SN0003", "SN0004")
 RATE_HZ, BLOCK_S = 2252, 0.005
@@ -241,7 +243,7 @@ def visits(database: Path) -> dict[str, Any]:
     """What the log says of every visit: frames received, lost by the counter, dropped by the kernel, why rejected."""
     kept: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
-    with LogReader(database) as log:
+    with SqliteLogReader(database) as log:
         for attempt in log.attempts(Query()):
             for visit in log.attempt(attempt)["visits"]:
                 told, whole = visit["statistics"], visit["kind"] != "rejected"

@@ -28,7 +28,7 @@ from station.domain.methods.scatter import SolvedUnits
 from station.domain.methods.uncertainty import covariance_of_noise
 from station.domain.recipe import directions
 from station.domain.recipe.recipe import Recipe
-from station.wiring.backtest import PORTION
+from station.service.backtest import PORTION
 from tests.fakes import tumble
 
 NOISE = 1e-4

@@ -26,11 +26,11 @@ import zstandard
 
 from station.adapters.bus import write_log
 from station.adapters.dbc import read_layouts
-from station.adapters.store import column_values
 from station.adapters.store.sqlite import SqliteStore
 from station.domain.can.encode import sample_frames, temperature_frames
 from station.domain.can.sensor_layout import FrameMap, SensorLayout, resolve
 from station.domain.core.types import Frames
+from station.domain.records import plain_json
 from station.domain.records.framepack import codec
 from station.domain.records.framepack import plain as raw
 from station.ports.store import AttemptStart, VisitRecord
@@ -99,7 +99,7 @@ def row_7(layout: SensorLayout, rate_hz: int, stops: int, folder: str | None) ->
         for setting in ("journal_mode = WAL", "synchronous = FULL"):
             peer.execute(f"PRAGMA {setting}")
         peer.execute("CREATE TABLE visit (id INTEGER PRIMARY KEY, statistics TEXT, frames BLOB)")
-        same = [(column_values.document(s), raw.to_bytes(f)) for s, f in zip(statistics, frames, strict=True)]
+        same = [(plain_json.document(s), raw.to_bytes(f)) for s, f in zip(statistics, frames, strict=True)]
         for number in range(stops):
             records = [
                 VisitRecord(0, number, "z-up", "home", "tumble", 1, 2, f, s, kept)

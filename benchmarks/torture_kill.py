@@ -37,17 +37,17 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.canopen.network import ServiceNetwork
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
-from station.adapters.store.audit_document import result
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
-from station.adapters.store.verify import Trust
 from station.domain.core.types import Outcome
 from station.domain.product.writeback import classify
+from station.domain.records.stored_attempt import result
 from station.domain.run.progress import Phase, PhaseEntered, UnitDone
+from station.ports.log_reader import Query, Trust
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
-from station.wiring import RunOrder, open_bench
+from station.wiring.bench import open_bench
+from station.wiring.run_order import RunOrder
 
 SERIAL = "SN0001"
 #: What is a point: before and after each of these calls.
@@ -186,7 +186,7 @@ def come_again(folder: Path, number: int) -> None:
 
 def lives(folder: Path) -> list[dict[str, Any]]:
     """Every attempt of the unit, oldest first; the chain of the log is checked on the way."""
-    with LogReader(folder / "station.db") as log:
+    with SqliteLogReader(folder / "station.db") as log:
         found = list(log.findings(Trust()))
         if found:
             raise RuntimeError(f"the log in {folder} is broken: {found[0]}")

@@ -26,7 +26,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from station.config.search_path import shipped_folder
 from station.domain.core.types import Outcome
 from station.service.runner import Runner
-from station.wiring import Bench, RunOrder, open_bench
+from station.wiring.bench import Bench, open_bench
+from station.wiring.run_order import RunOrder
 
 GOAL, WAL_MIB = 0.05, 64
 #: The shortest run there is: what could grow does so by the unit, not by the second.

@@ -27,10 +27,10 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "vcan")]
 
-from station.adapters.store.reader import LogReader
+from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
-from station.adapters.store.verify import Trust
 from station.errors import StationError
+from station.ports.log_reader import Trust
 
 NAME, SECTOR = "station.db", 512
 #: What belongs to a disk: the index of the write-ahead log is shared memory, the lock is the process's.
@@ -124,7 +124,7 @@ def fault(files: Files, least: int, folder: Path) -> str:
     try:
         with SqliteStore(path) as store:
             number = store.head().number
-        with LogReader(path) as log:
+        with SqliteLogReader(path) as log:
             found = [f.what for f in log.findings(Trust())]
     except StationError as error:
         return f"it does not open: {error.sentence}"

@@ -5,12 +5,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from station.adapters.store.search import Query
 from station.cli import _audit_text, _output
 from station.errors import LogError, UsageError
+from station.ports.log_reader import Query
 
 if TYPE_CHECKING:
-    from station.adapters.store.reader import LogReader
+    from station.ports.log_reader import LogReader
 
 #: Something is wrong with the data: an edited log, or coefficients that do not come out again.
 WRONG_DATA_EXIT_CODE = 2
@@ -37,7 +37,7 @@ def run_audit(log: "LogReader", ask: AuditRequest, *, as_json: bool) -> int:
     """Prints the answer; the exit code. Errors: LogError, UsageError."""
     if (ask.key or ask.known) and not ask.verify:
         raise UsageError("--key and --head are for checking the chain; add --verify")
-    document: dict[str, Any] = {"schema": "station.audit/1", "log": str(log.path), "head": asdict(log.head())}
+    document: dict[str, Any] = {"schema": "station.audit/1", "log": log.location, "head": asdict(log.head())}
     if ask.verify:
         document["verify"] = _verify(log, ask)
     if ask.lists:
@@ -54,10 +54,9 @@ def run_audit(log: "LogReader", ask: AuditRequest, *, as_json: bool) -> int:
 
 
 def _verify(log: "LogReader", ask: AuditRequest) -> dict[str, Any]:
-    from station.adapters.store import keys
-    from station.adapters.store.verify import Trust
+    from station.wiring.logs import trust_of
 
-    trust = Trust(ask.known, keys.load_public_key(ask.key) if ask.key else None)
+    trust = trust_of(ask.known, ask.key)
     head = log.head()
     with _output.progress() as bar:
         task = bar.add_task("checking the chain", total=max(head.number, 1))
@@ -72,12 +71,14 @@ def _attempts(log: "LogReader", ask: AuditRequest) -> dict[str, Any]:
         return {"count": len(found), "attempts": found}
     life = log.life(ask.query, ask.limit)
     if not life:
-        raise LogError(f"the log {log.path} holds no such attempt of serial {serial!r}; `station audit` lists them all")
+        raise LogError(
+            f"the log {log.location} holds no such attempt of serial {serial!r}; `station audit` lists them all"
+        )
     return {"serial": serial, "count": len(life), "attempts": life}
 
 
 def _row(attempt: dict[str, Any]) -> dict[str, Any]:
-    from station.adapters.store.audit_document import utc
+    from station.domain.records.stored_attempt import utc
 
     ended = attempt["ended_ns"]
     attempt["record"] = attempt.pop("number")
@@ -85,7 +86,7 @@ def _row(attempt: dict[str, Any]) -> dict[str, Any]:
 
 
 def _recompute(log: "LogReader", ask: AuditRequest) -> list[dict[str, Any]]:
-    from station.wiring.recompute import recompute
+    from station.service.recompute import recompute
 
     found = log.attempts(ask.query, ask.limit)
     with _output.progress() as bar:

@@ -2,18 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
 from typing import Any
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Attempt, Query
 from station.cli import _output
 from station.config.recipes import recipe_hash
 from station.domain.evaluation import backtest
 from station.domain.evaluation.backtest import BacktestResult
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError
-from station.wiring.backtest import run
-from station.wiring.recompute import parse_recipe_and_product
+from station.ports.log_reader import Attempt, LogReader, Query
+from station.service.backtest import run
+from station.service.recompute import parse_recipe_and_product
+from station.wiring.logs import open_log
 
 _MOST_LISTED = 20
 
@@ -33,14 +35,14 @@ def run_backtest(log: LogReader, ask: BacktestRequest, *, as_json: bool) -> int:
     attempts = log.attempts(ask.query)
     if not attempts:
         raise LogError(
-            f"the log {log.path} holds no such attempt with recipe {ask.query.recipe_name!r}; "
+            f"the log {log.location} holds no such attempt with recipe {ask.query.recipe_name!r}; "
             f"name the one they were made with by --of"
         )
     from_frames = ask.from_frames or _windows_differ(log, attempts, ask.recipe)
     with _output.progress() as bar:
         task = bar.add_task("computing again", total=len(attempts))
         compared = run(
-            log,
+            partial(open_log, Path(log.location)),
             attempts,
             ask.recipe,
             from_frames=from_frames,
@@ -68,7 +70,7 @@ def _document(
     done = compared.verdicts.total()
     return {
         "schema": "station.backtest/1",
-        "log": str(log.path),
+        "log": log.location,
         "head": asdict(log.head()),
         "recipe": {"name": ask.recipe.name, "version": ask.recipe.version, "hash": recipe_hash(ask.recipe)},
         "of": ask.query.recipe_name,

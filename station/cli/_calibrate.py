@@ -7,8 +7,6 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from station.adapters.malloc_tuning import retain_all_memory
-from station.adapters.samples import by_units
 from station.cli import _calibrate_table, _output
 from station.cli._calibrate_json import CalibrationJsonWriter
 from station.cli._calibrate_table import CalibrationSummary
@@ -21,6 +19,8 @@ from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.product import writeback
 from station.domain.recipe.recipe import Recipe
 from station.errors import InputError, SamplesError, UsageError
+from station.wiring.process_memory import retain_all_memory
+from station.wiring.sample_files import by_units
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,12 +60,11 @@ def _order_sentence(found: dict[str, Any]) -> str:
 
 def _positioner(config: Path) -> Positioner:
     """The positioner of config.yaml; nothing is moved with it."""
-    from station.adapters.clock import VirtualClock
     from station.config.settings import load_config
-    from station.wiring.positioners import positioner
+    from station.wiring.positioners import unused_positioner
 
     settings, document = load_config(config)
-    return positioner(settings, document, VirtualClock())
+    return unused_positioner(settings, document)
 
 
 def _estimated_moves(

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from station.adapters.malloc_tuning import retain_all_memory
 from station.cli import _output
 from station.config.models import load_model
 from station.config.recipes import load_recipe
@@ -29,6 +28,7 @@ from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError, SamplesError, UsageError
 from station.model.model_file import Model
+from station.wiring.process_memory import retain_all_memory
 
 #: Endings of recorded CAN logs, as `station replay` reads them.
 CAN_LOGS = (".log", ".blf", ".asc", ".mf4")
@@ -80,7 +80,7 @@ def _table(samples: Path | None, db: Path | None, since: str | None, recipe_name
         return _table_of_store(db, since, recipe)
     if samples.suffix.lower() in CAN_LOGS:
         return _table_of_recording(samples, recipe_name)
-    from station.adapters.samples import read_samples, rows_about
+    from station.wiring.sample_files import read_samples, rows_about
 
     rows = rows_about(samples)
     if rows > MOST_ROWS:
@@ -95,7 +95,7 @@ def _table(samples: Path | None, db: Path | None, since: str | None, recipe_name
 
 def _check_names(table: SampleTable, recipe: Recipe, path: Path) -> None:
     """Errors: SamplesError with the line of the first position or seating that the recipe does not know."""
-    from station.adapters.samples.checks import PieceOrigin
+    from station.wiring.sample_files import PieceOrigin
 
     seating = table.labels.get("seating")
     columns = [("seating", seating, ["home", *recipe.seatings])] if seating is not None else []
@@ -116,9 +116,9 @@ def _check_names(table: SampleTable, recipe: Recipe, path: Path) -> None:
 
 def _table_of_recording(log: Path, recipe_name: str) -> SampleTable:
     """All samples of a recorded CAN log, by the marks beside it."""
-    from station.adapters.samples import join
     from station.cli._replay import open_recording
     from station.service.replay import tables
+    from station.wiring.sample_files import join
 
     job, frames, marks = open_recording(log, recipe_name, None)
     return join(list(tables(frames, marks, job)))
@@ -126,18 +126,18 @@ def _table_of_recording(log: Path, recipe_name: str) -> SampleTable:
 
 def _table_of_store(db: Path | None, since: str | None, recipe: Recipe) -> SampleTable:
     """All samples of this recipe in the log."""
-    from station.adapters.samples import join
-    from station.adapters.store.search import Query
-    from station.cli._log_options import open_log, parse_time_ns
-    from station.wiring import stored_attempts as stored
+    from station.cli._log_options import open_named_log, parse_time_ns
+    from station.ports.log_reader import Query
+    from station.service import stored_attempts as stored
+    from station.wiring.sample_files import join
 
-    with open_log(db, None) as log:
+    with open_named_log(db, None) as log:
         query = Query(recipe_name=recipe.name, since_ns=parse_time_ns(since, "--since"))
         attempts = log.attempts(query)[::-1]
         tables = list(stored.samples(log, attempts))
         if not tables:
             raise LogError(
-                f"the log {log.path} holds no stops of recipe {recipe.name!r}; `station audit` lists what it holds"
+                f"the log {log.location} holds no stops of recipe {recipe.name!r}; `station audit` lists what it holds"
             )
         return join(tables)
 

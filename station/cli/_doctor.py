@@ -6,19 +6,19 @@ import socket
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from station.adapters.canopen import eds
-from station.adapters.store import keys
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
 from station.cli import _output
 from station.config.settings import Settings, load_settings
 from station.domain.product.map_check import mismatches
 from station.errors import BusFault, ConfigError, ReferenceOverdue, StationError, StationFault, StoreFault, UsageError
-from station.wiring import golden_register
+from station.ports.log_reader import Query
+from station.service import golden_register
 from station.wiring.jobs import load_job
+from station.wiring.logs import find_log, open_log, public_key_of_signer
+from station.wiring.product_files import read_dictionary
 
 #: A transmit queue shorter than this fills up in bursts; how long the bus is listened to, s.
 SHORT_QUEUE, LISTEN_S = 100, 1.0
@@ -75,7 +75,7 @@ def _run_check(name: str, check: Callable[[DoctorContext], str], station: Doctor
 
 def _bus(station: DoctorContext) -> str:
     bus = station.settings.bus
-    from station.adapters.bus._netlink import query_link
+    from station.wiring.bus_status import query_link
 
     setup = f"ip link set {bus.channel} type can bitrate {bus.bitrate} && ip link set {bus.channel} up"
     try:
@@ -100,12 +100,12 @@ def _bus(station: DoctorContext) -> str:
 
 def _traffic(station: DoctorContext) -> str:
     """Listens for a moment and sends nothing: another station may be at work. Error frames are somebody's trouble."""
-    from station.adapters.bus.socketcan import SocketCan
     from station.domain.can.error_frames import error_frames
     from station.domain.core.types import ERROR, Frames
+    from station.wiring.bus_status import open_listener
 
     name = station.settings.bus.channel
-    bus = SocketCan(name)
+    bus = open_listener(name)
     try:
         channel, until_s = bus.stream(()), time.monotonic() + LISTEN_S
         parts = [channel.receive(0.0)]
@@ -141,7 +141,7 @@ def _clock(station: DoctorContext) -> str:
     if now_s < 1.7e9:
         raise StationFault("the clock stands before 2024; set it, or let NTP set it: `timedatectl set-ntp true`")
     if station.database.exists():
-        with LogReader(station.database) as log:
+        with open_log(station.database) as log:
             newest = log.attempts(Query(), 1)
         ahead_s = newest[0].started_ns / 1e9 - now_s if newest else 0.0
         if ahead_s > 1:
@@ -169,7 +169,7 @@ def _map(station: DoctorContext) -> str:
     job, source = load_job(station.recipe)
     if source.eds is None:
         return f"{source.product} names no EDS to hold the map against"
-    wrong = mismatches(job.product.map, eds.load(source.eds, station.settings.nests[0].node))
+    wrong = mismatches(job.product.map, read_dictionary(source.eds, station.settings.nests[0].node))
     if wrong:
         raise ConfigError(f"{source.product} does not fit {source.eds}: {'; '.join(wrong)}")
     return f"{source.product} fits {source.eds}"
@@ -182,13 +182,13 @@ def _key(station: DoctorContext) -> str:
     mode = Path(path).stat().st_mode & 0o077 if Path(path).exists() else 0
     if mode:
         raise ConfigError(f"others may read the station key {path}; `chmod 600 {path}`")
-    return f"{path}, public half {keys.load_signer(Path(path)).public_key.hex()[:16]}…"
+    return f"{path}, public half {public_key_of_signer(Path(path)).hex()[:16]}…"
 
 
 def _golden(station: DoctorContext) -> str:
     if station.settings.golden is None:
         return "not wanted by config.yaml"
-    found = golden_register.standings(station.settings, station.database)
+    found = golden_register.standings(station.settings, partial(find_log, station.database))
     if not found:
         raise UsageError(f"{station.settings.golden.file} registers none; run one and `station golden register SERIAL`")
     problems = [s.problem for s in found if s.problem]

@@ -11,11 +11,10 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Attempt, Query
 from station.cli import _output
 from station.errors import LogError, UsageError
-from station.wiring import stored_attempts
+from station.ports.log_reader import Attempt, LogReader, Query
+from station.service import stored_attempts
 
 RESULTS_SCHEMA = "station.results/1"
 _ENDINGS = {"samples": (".parquet", ".csv"), "results": (".parquet", ".csv", ".json"), "frames": (".log", ".blf")}
@@ -46,7 +45,7 @@ def select_attempts(log: LogReader, query: Query, serials: Sequence[str], ids: S
     queries = [replace(query, serial=serial) for serial in serials] or [query]
     found = {a.number: a for q in queries for a in log.attempts(q) if not ids or a.attempt in ids}
     if not found:
-        raise LogError(f"the log {log.path} holds no such attempt; `station audit` lists those it holds")
+        raise LogError(f"the log {log.location} holds no such attempt; `station audit` lists those it holds")
     return [found[number] for number in sorted(found)]
 
 
@@ -68,7 +67,7 @@ def export(log: LogReader, attempts: Sequence[Attempt], wanted: ExportFiles, *, 
         _output.print_line(
             f"{told['path']}: {told['rows']} {told['what']} of {len(attempts)} attempts, sha256 {told['sha256']}"
         )
-    _output.print_line(f"head of {log.path}: {files[0]['head']['number']}:{files[0]['head']['hash']}")
+    _output.print_line(f"head of {log.location}: {files[0]['head']['number']}:{files[0]['head']['hash']}")
     return 0
 
 
@@ -81,7 +80,7 @@ def _file(log: LogReader, attempts: Sequence[Attempt], path: Path, write: Any) -
         "what": what,
         "rows": rows,
         "sha256": _sha256(path),
-        "log": str(log.path),
+        "log": log.location,
         "head": asdict(log.head()),
         "attempts": [a.attempt for a in attempts],
     }
@@ -92,7 +91,7 @@ def _file(log: LogReader, attempts: Sequence[Attempt], path: Path, write: Any) -
 
 
 def _samples(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[str, int]:
-    from station.adapters.samples import write_parts
+    from station.wiring.sample_files import write_parts
 
     rows = 0
 
@@ -146,8 +145,7 @@ def _results_parquet(rows: Sequence[dict[str, Any]], log: LogReader, path: Path)
 
 
 def _frames(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[str, int]:
-    from station.adapters.annotations import write_marks
-    from station.adapters.bus import write_log
+    from station.wiring.recordings import write_log, write_marks
 
     found, marks = stored_attempts.frames(log, attempts)
     write_log(path, found)

@@ -2,14 +2,15 @@
 
 from dataclasses import asdict, dataclass
 from datetime import date
+from functools import partial
 from pathlib import Path
 
-from station.adapters.store.reader import LogReader
 from station.cli import _output
 from station.config.settings import load_settings
 from station.domain.line_quality.golden import RegisteredUnit
 from station.errors import ConfigError, ReferenceOverdue, UsageError
-from station.wiring import golden_register
+from station.service import golden_register
+from station.wiring.logs import find_log, open_log
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,7 @@ def manage_golden_units(
         golden_register.save(register, units)
     elif action not in ("check", "list"):
         raise UsageError(f"there is no action {action[:20]!r}; use register, remove, check or list")
-    standings = golden_register.standings(settings, database)
+    standings = golden_register.standings(settings, partial(find_log, database))
     if as_json:
         document = {"schema": golden_register.SCHEMA, "units": [asdict(u) for u in units.values()]}
         _output.print_json({**document, "standings": [asdict(s) for s in standings]})
@@ -53,7 +54,7 @@ def _update_register(
     if serial is None:
         raise UsageError(f"say which unit: station golden {action} SERIAL")
     if action == "register":
-        with LogReader(database) as log:
+        with open_log(database) as log:
             units[serial] = golden_register.expect(
                 log, serial, bad=said.bad, share=said.within, due=_parse_day(said.due)
             )

@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING
 from station.errors import UsageError
 
 if TYPE_CHECKING:
-    from station.adapters.store.reader import LogReader
+    from station.ports.log_reader import LogReader
 
 #: Nanoseconds in 64 bits reach so far from 1970.
 FURTHEST_TIME_S = 9.2e9
 _AGE_UNITS = {"m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
 
 
-def open_log(db: Path | None, config: Path | None) -> "LogReader":
+def open_named_log(db: Path | None, config: Path | None) -> "LogReader":
     """The log named on the command line, or else the one that config.yaml names. Errors: LogError, ConfigError."""
-    from station.adapters.store.reader import LogReader
+    from station.wiring.logs import open_log
 
     if db is None:
         from station.config.settings import load_settings
 
         db = Path(load_settings(config).database)
-    return LogReader(db)
+    return open_log(db)
 
 
 def parse_time_ns(text: str | None, option: str) -> int | None:

@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
 from station.cli import _output
 from station.cli._msa_runs import StudyCell, measure_missing
 from station.config.settings import load_settings
 from station.domain.core.types import Floats
 from station.domain.line_quality import msa
 from station.errors import UsageError
+from station.ports.log_reader import Query
 from station.web.line_statistics import VALUE_NAMES, attempt_values, limits_of
-from station.wiring import RunOrder
 from station.wiring.jobs import load_job
+from station.wiring.logs import open_log
+from station.wiring.run_order import RunOrder
 
 SCHEMA = "station.msa/1"
 #: Parts of a study on the simulated station that names none.
@@ -176,7 +176,7 @@ def _readings_by_cell(order: RunOrder, ask: MsaRequest, serials: Sequence[str]) 
     if not database.exists():
         return {}
     cells: dict[StudyCell, list[float]] = {}
-    with LogReader(database) as log:
+    with open_log(database) as log:
         made = [m for serial in serials for m in attempt_values(log, Query(serial=serial), 10_000)]
     for m in made:
         if ask.value in m.values and m.outcome in ("PASS", "FAIL"):

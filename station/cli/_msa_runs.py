@@ -11,7 +11,8 @@ from station.domain.run.progress import LoadDone
 from station.messages import Message
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
-from station.wiring import Bench, RunOrder, open_bench
+from station.wiring.bench import Bench, open_bench
+from station.wiring.run_order import RunOrder
 
 #: A serial and a nest's name.
 StudyCell = tuple[str, str]

@@ -6,7 +6,8 @@ from station.errors import UsageError
 from station.service import recovery
 from station.service.identify import identify_for_recovery
 from station.service.unit import Unit
-from station.wiring import Bench, RunOrder, open_bench
+from station.wiring.bench import Bench, open_bench
+from station.wiring.run_order import RunOrder
 
 #: A unit that holds a mixture fails; one that holds all old or all new values is sound.
 _EXIT_CODES = {"old": 0, "new": 0, "mixed": 1, "other": 1}

@@ -7,9 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from station.adapters.annotations import find_marks_file, read_marks
-from station.adapters.bus import read_log
-from station.adapters.dbc import read_layouts
 from station.cli import _output
 from station.cli._results import Row, print_results, unit_document
 from station.config.settings import load_settings
@@ -20,7 +17,9 @@ from station.domain.core.types import ERROR, Frames, Outcome
 from station.errors import LogError, UsageError
 from station.service.replay import ReplayedUnit, replay
 from station.service.station import Job
-from station.wiring import load_job
+from station.wiring.jobs import load_job
+from station.wiring.product_files import read_layouts
+from station.wiring.recordings import find_marks_file, read_log, read_marks
 
 
 def replay_log(log: Path, recipe: str | None, marks: Path | None, *, as_json: bool) -> int:

@@ -1,18 +1,18 @@
 """The face of the report: a self-contained page, a JSON document, or tables."""
 
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
-from station.adapters.store.search import Query
 from station.cli import _output
 from station.errors import UsageError
+from station.ports.log_reader import Query
 from station.web import charts
 from station.web.line_statistics import gather_statistics
 from station.web.render import environment
 
 if TYPE_CHECKING:
-    from station.adapters.store.reader import LogReader
+    from station.ports.log_reader import LogReader
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ def run_report(log: "LogReader", ask: ReportRequest, *, as_json: bool) -> int:
 
 def _page(log: "LogReader", drawn: charts.Charts, count: int) -> str:
     head = log.head()
-    title = f"Line report: {log.path.name}"
+    title = f"Line report: {PurePath(log.location).name}"
     said = f"{count} finished attempts; control charts show the newest of them, limits are three σ within subgroups."
     template = environment().get_template("report.html")
     return template.render(title=title, said=said, charts=drawn, head=f"{head.number}:{head.hash}")

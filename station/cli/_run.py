@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from station.cli import _output
@@ -30,10 +31,12 @@ from station.domain.run.progress import (
 from station.domain.run.run_state import about, rejection
 from station.errors import Aborted, StationError, UsageError
 from station.messages import Message, render
+from station.service.golden_register import refuse_unless_checked
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
-from station.wiring import Bench, RunOrder, open_bench
-from station.wiring.golden_register import refuse_unless_checked
+from station.wiring.bench import Bench, open_bench
+from station.wiring.logs import find_log
+from station.wiring.run_order import RunOrder
 
 PHASES = {
     Phase.IDENTIFY: "identifying",
@@ -63,7 +66,7 @@ def run_units(order: RunOrder, given: Sequence[str], units: int | None, face: Ru
         serials = ask_serials(bench, given, units)
         serials_of.check_all(serials, bench.job.recipe)
         _check_faults(order, serials)
-        refuse_unless_checked(bench.station.settings, bench.database, serials)
+        refuse_unless_checked(bench.station.settings, partial(find_log, bench.database), serials)
         for sentence in bench.told:
             _output.print_remark(sentence)
         results, fault = _run(bench, serials, face)

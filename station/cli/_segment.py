@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from station.adapters.samples import write_samples
 from station.cli import _output
 from station.config.recipes import load_recipe
 from station.domain.capture import rest_segments
@@ -13,6 +12,7 @@ from station.domain.core.types import Floats
 from station.domain.evaluation.quality import FACE_DEG
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError, UsageError
+from station.wiring.sample_files import write_samples
 
 
 @dataclass(frozen=True, slots=True)

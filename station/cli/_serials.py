@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from station.domain.core.types import NestAssignment
 from station.domain.recipe import serial
 from station.errors import UsageError
-from station.wiring import Bench
+from station.wiring.bench import Bench
 
 #: A scanner that floods is no scanner.
 LONGEST_LINE = 200

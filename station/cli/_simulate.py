@@ -71,7 +71,7 @@ def _job(asked: SimulateRequest, name: str) -> SimulationJob:
 
 def _write_table(out: Path, job: SimulationJob) -> dict[str, Any]:
     """Samples, some units at a time."""
-    from station.adapters.samples import write_parts
+    from station.wiring.sample_files import write_parts
 
     known = truth.Truth(job)
 
@@ -89,9 +89,8 @@ def _write_table(out: Path, job: SimulationJob) -> dict[str, Any]:
 
 def _write_log(out: Path, job: SimulationJob, name: str, product: str | None) -> dict[str, Any]:
     """CAN frames, and their marks."""
-    from station.adapters.annotations import write_marks
-    from station.adapters.bus import write_log
     from station.model.frame_recording import simulate_frames
+    from station.wiring.recordings import write_log, write_marks
 
     recorded = simulate_frames(job, _layout(job, name, product))
     write_log(out, recorded.frames)
@@ -101,9 +100,9 @@ def _write_log(out: Path, job: SimulationJob, name: str, product: str | None) ->
 
 def _layout(job: SimulationJob, name: str, product: str | None) -> "SensorLayout":
     """The frames of the product."""
-    from station.adapters.dbc import read_layouts
     from station.config.products import load_product, product_path
     from station.domain.can.sensor_layout import resolve
+    from station.wiring.product_files import read_layouts
 
     said, near = product or job.recipe.product, recipe_path(name)
     if said is None:

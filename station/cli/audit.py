@@ -45,9 +45,9 @@ def command(
 
         station audit --verify
     """
-    from station.adapters.store.search import Query
     from station.cli import _audit
-    from station.cli._log_options import open_log, parse_head, parse_time_ns
+    from station.cli._log_options import open_named_log, parse_head, parse_time_ns
+    from station.ports.log_reader import Query
 
     query = Query(
         serial=serial,
@@ -63,6 +63,6 @@ def command(
         since_ns=parse_time_ns(since, "--since"),
         until_ns=parse_time_ns(until, "--until"),
     )
-    with open_log(db, config) as log:
+    with open_named_log(db, config) as log:
         ask = _audit.AuditRequest(query, limit, verify=verify, recompute=recompute, key=key, known=parse_head(head))
         return _audit.run_audit(log, ask, as_json=json)

@@ -30,10 +30,10 @@ def command(
     Reduced stops (means with their covariances) are computed from where settling and dwell are as they were; then
     what only raw samples show, such as clipping, is taken over as it was found.
     """
-    from station.adapters.store.search import Query
     from station.cli import _backtest
-    from station.cli._log_options import open_log, parse_time_ns
+    from station.cli._log_options import open_named_log, parse_time_ns
     from station.config.recipes import load_recipe
+    from station.ports.log_reader import Query
 
     changed = load_recipe(recipe)
     query = Query(
@@ -43,6 +43,6 @@ def command(
         since_ns=parse_time_ns(since, "--since"),
         until_ns=parse_time_ns(until, "--until"),
     )
-    with open_log(db, config) as log:
+    with open_named_log(db, config) as log:
         ask = _backtest.BacktestRequest(changed, query, from_frames=from_frames, processes=processes)
         return _backtest.run_backtest(log, ask, as_json=json)

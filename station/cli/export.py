@@ -35,9 +35,9 @@ def command(
 
     Beside each file stands FILE.export.json with the file's SHA-256 and the head of the log it came from.
     """
-    from station.adapters.store.search import Query
     from station.cli import _export
-    from station.cli._log_options import open_log, parse_time_ns
+    from station.cli._log_options import open_named_log, parse_time_ns
+    from station.ports.log_reader import Query
 
     query = Query(
         station=station,
@@ -49,6 +49,6 @@ def command(
         until_ns=parse_time_ns(until, "--until"),
     )
     wanted = _export.ExportFiles(samples, results, frames)
-    with open_log(db, config) as log:
+    with open_named_log(db, config) as log:
         found = _export.select_attempts(log, query, serial or [], attempt or [])
         return _export.export(log, found, wanted, as_json=json)

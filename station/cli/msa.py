@@ -43,7 +43,7 @@ def command(
         station msa grr --samples readings.csv --tolerance 0.2
     """
     from station.cli._msa import MsaRequest, run_study
-    from station.wiring import RunOrder
+    from station.wiring.run_order import RunOrder
 
     order = RunOrder(recipe=recipe, config=config, database=db, simulate=simulate, seed=seed)
     ask = MsaRequest(

@@ -33,7 +33,7 @@ def command(
         station recover SN0042 --restore
     """
     from station.cli._recover import recover_unit
-    from station.wiring import RunOrder
+    from station.wiring.run_order import RunOrder
 
     if restore and go_on:
         raise UsageError("--restore and --continue are two ways; choose one")

@@ -33,9 +33,9 @@ def command(
 
         station report --value "gain z" --size 4 --json
     """
-    from station.adapters.store.search import Query
-    from station.cli._log_options import open_log, parse_time_ns
+    from station.cli._log_options import open_named_log, parse_time_ns
     from station.cli._report import ReportRequest, run_report
+    from station.ports.log_reader import Query
 
     query = Query(
         station=station,
@@ -45,5 +45,5 @@ def command(
         since_ns=parse_time_ns(since, "--since"),
         until_ns=parse_time_ns(until, "--until"),
     )
-    with open_log(db, config) as log:
+    with open_named_log(db, config) as log:
         return run_report(log, ReportRequest(query, value, size, most, out), as_json=json)

@@ -50,7 +50,7 @@ def command(
     """
     from station.cli._run import RunOptions, run_units
     from station.errors import UsageError
-    from station.wiring import RunOrder
+    from station.wiring.run_order import RunOrder
 
     order = RunOrder(
         recipe=recipe,

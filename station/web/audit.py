@@ -9,11 +9,10 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
-from station.adapters.store.audit_document import result
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Attempt, Query
 from station.domain.methods import coefficients
+from station.domain.records.stored_attempt import result
 from station.errors import LogError
+from station.ports.log_reader import Attempt, LogReader, Query
 from station.reporting.drawing.figure import Figure, Series, svg
 from station.web import certificate, language, render
 from station.web.certificate_pdf import pdf
@@ -145,7 +144,7 @@ def _certificate(panel: Panel, serial: str, attempt: str, code: str) -> certific
 
 
 def _recompute(panel: Panel, serial: str, attempt: str) -> dict[str, Any]:
-    from station.wiring.recompute import recompute as again
+    from station.service.recompute import recompute as again
 
     with panel.log() as log:
         done = again(log, _attempt(log, serial, attempt))

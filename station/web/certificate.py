@@ -4,11 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from station.adapters.store import audit_document
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Attempt
 from station.domain.recipe.recipe import Recipe
+from station.domain.records import stored_attempt
 from station.errors import LogError
+from station.ports.log_reader import Attempt, LogReader
 from station.web import language
 from station.web.render import format_number, format_time, format_to_uncertainty
 from station.web.sentences import translate
@@ -45,7 +44,7 @@ class Certificate:
 def build(log: LogReader, attempt: Attempt, code: str = "en") -> Certificate:
     """The certificate of one ended attempt in that language. Errors: LogError where it came to no calibration."""
     kept = log.attempt(attempt)
-    fit, verdict = audit_document.result(kept, "calibration"), audit_document.result(kept, "verdict")
+    fit, verdict = stored_attempt.result(kept, "calibration"), stored_attempt.result(kept, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
         raise LogError(
             f"the attempt {attempt.attempt} of {attempt.serial} came to no calibration; it has no certificate"
@@ -91,7 +90,7 @@ class _Writer:
 
 
 def _unit(w: _Writer, kept: Mapping[str, Any]) -> Rows:
-    identity = audit_document.result(dict(kept), "identity") or {}
+    identity = stored_attempt.result(dict(kept), "identity") or {}
     device = " ".join(str(identity[k]) for k in ("name", "hardware", "software") if identity.get(k))
     return (
         (w("serial"), str(kept["serial"])),
@@ -149,7 +148,7 @@ def _positions(fit: Mapping[str, Any]) -> Rows:
 
 
 def _verification(kept: Mapping[str, Any]) -> Rows:
-    found = audit_document.result(dict(kept), "verification")
+    found = stored_attempt.result(dict(kept), "verification")
     if not found:
         return ()
     limit = f"{format_number(found.get('limit'), 4)} {found.get('unit', '')}"

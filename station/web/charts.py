@@ -6,9 +6,9 @@ from statistics import fmean
 
 import numpy as np
 
-from station.adapters.store.audit_document import utc
 from station.domain.core.types import Floats
 from station.domain.line_quality import spc
+from station.domain.records.stored_attempt import utc
 from station.errors import UsageError
 from station.reporting.drawing.figure import Figure, Series, svg
 from station.reporting.drawing.tables import bar_chart

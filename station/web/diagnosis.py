@@ -10,15 +10,15 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from station.adapters.samples import join, write_samples
-from station.adapters.store.search import Attempt, Query
 from station.errors import LogError, UsageError
+from station.ports.log_reader import Attempt, Query
+from station.service import stored_attempts
 from station.web import render
 from station.web.guard import form_of, require_right
 from station.web.panel import Panel
 from station.web.run_launcher import companion_file
 from station.web.sessions import Session
-from station.wiring import stored_attempts
+from station.wiring.sample_files import join, write_samples
 
 #: So many units at most in one selection.
 MOST_UNITS = 200

@@ -5,21 +5,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from threading import Lock
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Attempt, Query
-from station.adapters.store.yields import Yield
+from station.ports.log_reader import Attempt, LogReader, Query, Yield
 from station.web.line_statistics import AttemptValues, values_and_checks
 
 DAY_NS = 86_400 * 10**9
 #: So many attempts and so many questions are remembered.
 MOST_ATTEMPTS, MOST_QUESTIONS = 4000, 16
-
-# Days (UTC) whose counts may differ since record :seen: of attempts that ended since, and of earlier attempts of units
-# that came again since, which are no longer the unit's last.
-_CHANGED_DAYS = f"""
-    SELECT a.started_ns / {DAY_NS} FROM finish f JOIN attempt a ON a.seq = f.attempt WHERE f.seq > :seen
-    UNION SELECT p.started_ns / {DAY_NS} FROM attempt a JOIN attempt p INDEXED BY attempt_serial
-        ON p.serial = a.serial AND p.recipe_name = a.recipe_name AND p.seq < a.seq WHERE a.seq > :seen"""
 
 
 @dataclass(slots=True)
@@ -67,7 +58,7 @@ class LineCache:
         if newest == self._seen:
             return
         if self._days:
-            touched = {day for (day,) in log.db.execute(_CHANGED_DAYS, {"seen": self._seen})}
+            touched = log.changed_days(self._seen)
             self._days = {q: {d: y for d, y in days.items() if d not in touched} for q, days in self._days.items()}
         self._seen = newest
 

@@ -7,15 +7,13 @@ from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from typing import Any, Protocol
 
-from station.adapters.store import audit_document
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Attempt, Query
-from station.adapters.store.yields import CELL, SEPARATOR, Yield
 from station.domain.methods import coefficients
 from station.domain.recipe.recipe import Limits, Recipe
+from station.domain.records import stored_attempt
+from station.ports.log_reader import YIELD_CELL, YIELD_SEPARATOR, Attempt, LogReader, Query, Yield
 
 #: What the yields are split by.
-YIELD_SPLITS = CELL
+YIELD_SPLITS = YIELD_CELL
 #: Parts of a cycle, in their order.
 CYCLE_PARTS = ("identify", "measure", "compute and write", "verify", "close")
 #: Values that a control chart can follow.
@@ -102,7 +100,7 @@ def _yields(cells: Sequence[Yield]) -> dict[str, list[Yield]]:
     for place, by in enumerate(YIELD_SPLITS):
         groups: dict[str, list[Yield]] = {}
         for cell in cells:
-            groups.setdefault(cell.group.split(SEPARATOR)[place], []).append(cell)
+            groups.setdefault(cell.group.split(YIELD_SEPARATOR)[place], []).append(cell)
         found[by] = [_sum(name, group) for name, group in sorted(groups.items())]
     return found
 
@@ -114,12 +112,12 @@ def _sum(name: str, cells: Sequence[Yield]) -> Yield:
 
 
 def _checks(kept: dict[str, Any]) -> list[str]:
-    verdict = audit_document.result(kept, "verdict") or {}
+    verdict = stored_attempt.result(kept, "verdict") or {}
     return sorted({str(r["check"]) for r in verdict.get("reasons", ())})
 
 
 def _values_of(kept: dict[str, Any]) -> AttemptValues:
-    fit, verdict = audit_document.result(kept, "calibration") or {}, audit_document.result(kept, "verdict") or {}
+    fit, verdict = stored_attempt.result(kept, "calibration") or {}, stored_attempt.result(kept, "verdict") or {}
     values: dict[str, float] = {}
     if fit.get("offset") is not None:
         theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from prometheus_client import CollectorRegistry, Gauge
@@ -12,26 +13,17 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from station.adapters.store.reader import LogReader
 from station.errors import StationError
+from station.ports.log_reader import LogReader
+from station.service.golden_register import standings
 from station.web.guard import session_of
 from station.web.panel import Panel
-from station.wiring.golden_register import standings
+from station.wiring.logs import find_log
 
 #: States of a controller, as station.ports.bus names them.
 STATES = ("active", "warning", "passive", "bus-off", "down", "unknown")
 #: Stops and units that the figures of the present look back over.
 RECENT_VISITS, RECENT_UNITS = 200, 50
-
-_OUTCOMES = "SELECT outcome, count(*) FROM finish GROUP BY outcome"
-# The + keeps the walk on the newest records; by the index of outcomes every PASS there is would be sorted.
-_CYCLE = """SELECT avg(f.ended_ns - a.started_ns) / 1e9, max(f.ended_ns) / 1e9
-    FROM (SELECT attempt, ended_ns FROM finish WHERE +outcome = 'PASS' ORDER BY seq DESC LIMIT ?) f
-    JOIN attempt a ON a.seq = f.attempt"""
-_STREAM = """SELECT sum(json_extract(statistics, '$.kernel_drops')), sum(json_extract(statistics, '$.lost')),
-    sum(json_extract(statistics, '$.crc_errors')), sum(kind = 'rejected'), count(*),
-    sum(json_array_length(statistics, '$.bus_errors') > 0)
-    FROM (SELECT kind, statistics FROM visit ORDER BY seq DESC LIMIT ?)"""
 
 
 async def metrics(request: Request) -> Response:
@@ -74,23 +66,25 @@ def gather(panel: Panel) -> CollectorRegistry:
 
 
 def _of_log(registry: CollectorRegistry, log: LogReader) -> None:
+    figures = log.recent(RECENT_UNITS, RECENT_VISITS)
     units = Gauge("station_attempts", "finished attempts in the log", ["outcome"], registry=registry)
-    for outcome, count in log.db.execute(_OUTCOMES):
+    for outcome, count in figures.outcomes.items():
         units.labels(outcome).set(count)
-    cycle, last = log.db.execute(_CYCLE, [RECENT_UNITS]).fetchone()
-    if cycle is not None:
+    if figures.cycle_s is not None and figures.last_pass_s is not None:
         _gauge(
             registry, "station_cycle_seconds", f"mean cycle time of the newest {RECENT_UNITS} units that passed"
-        ).set(cycle)
-        _gauge(registry, "station_last_pass_timestamp_seconds", "when a unit passed last").set(last)
-    drops, lost, crc, rejected, stops, bus = log.db.execute(_STREAM, [RECENT_VISITS]).fetchone()
+        ).set(figures.cycle_s)
+        _gauge(registry, "station_last_pass_timestamp_seconds", "when a unit passed last").set(figures.last_pass_s)
     recent = f"in the newest {RECENT_VISITS} stops"
-    _gauge(registry, "station_recent_stops", "stops that the recent figures look at").set(stops)
-    _gauge(registry, "station_recent_kernel_drops", f"frames that the kernel dropped {recent}").set(drops or 0)
-    _gauge(registry, "station_recent_frames_lost", f"frames missing by their counters {recent}").set(lost or 0)
-    _gauge(registry, "station_recent_crc_errors", f"frames with a wrong CRC {recent}").set(crc or 0)
-    _gauge(registry, "station_recent_bus_error_stops", f"stops with error frames of the bus {recent}").set(bus or 0)
-    _gauge(registry, "station_recent_rejected_stops", f"stops measured again or given up {recent}").set(rejected or 0)
+    for name, meaning, count in (
+        ("station_recent_stops", "stops that the recent figures look at", figures.visits),
+        ("station_recent_kernel_drops", f"frames that the kernel dropped {recent}", figures.kernel_drops),
+        ("station_recent_frames_lost", f"frames missing by their counters {recent}", figures.lost),
+        ("station_recent_crc_errors", f"frames with a wrong CRC {recent}", figures.crc_errors),
+        ("station_recent_bus_error_stops", f"stops with error frames of the bus {recent}", figures.bus_error_visits),
+        ("station_recent_rejected_stops", f"stops measured again or given up {recent}", figures.rejected),
+    ):
+        _gauge(registry, name, meaning).set(count)
 
 
 def _bus(registry: CollectorRegistry, bus: Mapping[str, Any]) -> None:
@@ -107,7 +101,7 @@ def _bus(registry: CollectorRegistry, bus: Mapping[str, Any]) -> None:
 
 
 def _golden(registry: CollectorRegistry, panel: Panel) -> None:
-    found = standings(panel.settings, panel.order.database)
+    found = standings(panel.settings, partial(find_log, panel.order.database))
     age = Gauge("station_golden_age_seconds", "since the unit's last run", ["serial", "kind"], registry=registry)
     bad = Gauge("station_golden_problem", "1 while the check is due or failed", ["serial", "kind"], registry=registry)
     for s in found:

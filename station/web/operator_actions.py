@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from station.adapters.store.audit_document import utc
-from station.adapters.store.search import Attempt, Query
 from station.domain.recipe import serial as serials_of
+from station.domain.records.stored_attempt import utc
 from station.errors import StoreFault, UsageError
+from station.ports.log_reader import Attempt, Query
+from station.service import golden_register
 from station.web.accounts import Account
 from station.web.panel import Panel
 from station.web.queue import WaitingUnit
 from station.web.run_launcher import companion_file
-from station.wiring import golden_register
 
 LONGEST_REASON = 200
 

@@ -10,10 +10,10 @@ from types import MappingProxyType
 
 from anyio import CapacityLimiter
 
-from station.adapters.store.reader import LogReader
 from station.config.settings import Settings
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError
+from station.ports.log_reader import LogReader
 from station.web.accounts import Account, load
 from station.web.journal import Journal
 from station.web.line_cache import LineCache
@@ -21,6 +21,7 @@ from station.web.queue import LoadQueue
 from station.web.run_launcher import LaunchOptions, RunLauncher, companion_file
 from station.web.screen import Screen
 from station.web.sessions import LoginThrottle, Sessions
+from station.wiring.logs import open_log
 
 #: Passwords checked at the same time.
 MOST_PARALLEL_HASHES = 2
@@ -79,4 +80,4 @@ class Panel:
         """The log, opened for one question. Errors: LogError; nothing was ever run where there is no file."""
         if not self.order.database.exists():
             raise LogError(f"there is no log {self.order.database} yet; the first run makes it")
-        return LogReader(self.order.database)
+        return open_log(self.order.database)

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from datetime import datetime, timedelta
 
-from station.adapters.store.search import Query
 from station.errors import UsageError
+from station.ports.log_reader import Query
 from station.web.guard import parse_whole_number
 
 #: Fields of the form that are columns of the query as they stand.

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import HTMLResponse
 
-from station.adapters.store.audit_document import utc
+from station.domain.records.stored_attempt import utc
 from station.web import language
 from station.web.accounts import RIGHTS
 from station.web.sentences import translate

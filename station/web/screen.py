@@ -4,15 +4,17 @@ import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
-from station.adapters.bus.socketcan import state_of
 from station.config.settings import Settings
 from station.errors import StationError, StoreFault
+from station.service.golden_register import standings
 from station.web import fixture, language
 from station.web.queue import LoadQueue
 from station.web.run_launcher import RunLauncher, companion_file
-from station.wiring.golden_register import standings
+from station.wiring.bus_status import state_of
+from station.wiring.logs import find_log
 
 #: A value older than this is looked up again, s: the rate at which all screens together look.
 LIVE_MAX_AGE_S = 0.03
@@ -154,7 +156,7 @@ class Screen:
         at_s, told = self._golden
         if time.monotonic() - at_s > GOLDEN_POLL_S:
             try:
-                found = standings(self._settings, self._runs.order.database)
+                found = standings(self._settings, partial(find_log, self._runs.order.database))
                 told = "; ".join(s.problem for s in found if s.problem)
             except StationError as exc:
                 told = exc.sentence

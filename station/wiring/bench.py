@@ -29,11 +29,11 @@ from station.ports.clock import Clock
 from station.ports.device import Device
 from station.ports.positioner import Positioner
 from station.ports.store import Store
+from station.service.learnt_model import with_model
 from station.service.recovery import close_unfinished
 from station.service.station import Job, Station
 from station.wiring.bus_owner import claim_bus
 from station.wiring.jobs import Source, load_job
-from station.wiring.learnt_model import with_model
 from station.wiring.positioners import positioner
 from station.wiring.run_order import RunOrder
 from station.wiring.simulated import SimulatedFixture

@@ -5,6 +5,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel
 
 from station import plugins
+from station.adapters.clock import VirtualClock
 from station.config.documents import Document, validate
 from station.config.settings import Settings
 from station.errors import ConfigError
@@ -21,6 +22,11 @@ def positioner(settings: Settings, document: Document, clock: Clock) -> Position
     options = options_of(settings, document, made.Settings)
     built: Positioner = made(options, clock)
     return built
+
+
+def unused_positioner(settings: Settings, document: Document) -> Positioner:
+    """The same for its estimates only: nothing is moved with it. Errors: UsageError, ConfigError."""
+    return positioner(settings, document, VirtualClock())
 
 
 def options_of(settings: Settings, document: Document, model: type[Options]) -> Options:

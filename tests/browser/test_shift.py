@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
+from station.ports.log_reader import Query
 from station.web.journal import Journal
 from tests.browser.chrome import Browser
 from tests.browser.conftest import Site
@@ -65,7 +65,7 @@ def test_a_shift(serve: Serve, log_in: LogIn, pictures: Path) -> None:
     page.wait("document.body.dataset.running === 'true'", 20)
     page.wait("document.querySelectorAll('[data-outcome=PASS]').length === 3", 90)
     page.picture(pictures / "done.png")
-    with LogReader(site.database) as log:
+    with SqliteLogReader(site.database) as log:
         attempts = log.attempts(Query())
     assert {a.operator for a in attempts} == {"olga"}
     ended = sorted((a.serial, a.outcome) for a in attempts)

@@ -7,7 +7,7 @@ import numpy as np
 from station.domain.core.types import ERROR, Frames
 from station.ports.bus import Endpoint
 from station.ports.clock import EventClock
-from station.wiring import Bench
+from station.wiring.bench import Bench
 
 #: Name → class of <linux/can/error.h>, and (byte, bit) of the payload where the class has details.
 KINDS: dict[str, tuple[int, tuple[int, int] | None]] = {

@@ -8,16 +8,17 @@ from typing import Any
 
 import yaml
 
-from station.adapters.store.audit_document import result
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.config.search_path import shipped_folder
+from station.domain.records.stored_attempt import result
 from station.domain.run.progress import Event, LoadDone, UnitResult
 from station.errors import StationError
 from station.messages import Message
+from station.ports.log_reader import Query
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
-from station.wiring import Bench, RunOrder, open_bench
+from station.wiring.bench import Bench, open_bench
+from station.wiring.run_order import RunOrder
 
 Hook = Callable[[Event, StopRequest, Bench], None]
 
@@ -39,7 +40,7 @@ class Ran:
 
     def lives(self, serial: str) -> list[dict[str, Any]]:
         """Every attempt of a serial, as the log tells it."""
-        with LogReader(self.folder / "station.db") as log:
+        with SqliteLogReader(self.folder / "station.db") as log:
             return log.life(Query(serial=serial))
 
     def life(self, serial: str) -> dict[str, Any]:

@@ -10,11 +10,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
-from station.adapters.store.verify import Trust
 from station.errors import StationError
+from station.ports.log_reader import Query, Trust
 from tests.fakes import fixture_run
 
 SERIAL = "SN0001"
@@ -45,7 +44,7 @@ def _log(path: Path) -> dict[str, Any]:
     if not path.exists() or not path.stat().st_size:
         return {"findings": [], "outcome": None, "writes": 0}
     SqliteStore(path).close()
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         found = [f.what for f in log.findings(Trust())]
         lives = log.life(Query(serial=SERIAL))
     last = lives[-1] if lives else {"outcome": None, "writes": []}

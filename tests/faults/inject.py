@@ -27,7 +27,7 @@ from station.adapters.store.sqlite import SqliteStore
 from station.domain.core.types import NestAssignment
 from station.domain.run.progress import Event, LiveReading, PhaseEntered, VisitStarted
 from station.service.stop_request import StopRequest
-from station.wiring import Bench
+from station.wiring.bench import Bench
 from tests.fakes import fixture_run
 from tests.fakes.bus_trouble import troubled
 from tests.fakes.fixture_run import Ran

@@ -1,21 +1,22 @@
 """`station backtest`: nothing changes where nothing was changed, and every change is shown."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.cli.app import main
 from station.config.recipes import load_recipe
 from station.domain.core.types import ReducedVisits
 from station.domain.evaluation import backtest
 from station.domain.evaluation.reduced_visits_document import from_document, to_document
 from station.errors import LogError, RecipeError
-from station.wiring.backtest import run
+from station.ports.log_reader import Query
+from station.service.backtest import run
 from tests.fakes import fixture_run
 
 Out = pytest.CaptureFixture[str]
@@ -57,7 +58,7 @@ def test_tighter_limits_fail_the_units_beyond_them_and_say_why(folder: Path, cap
 
 
 def kept(folder: Path) -> list[dict[str, Any]]:
-    with LogReader(folder / "station.db") as log:
+    with SqliteLogReader(folder / "station.db") as log:
         lives = [log.life(Query(serial=a.serial))[0] for a in log.attempts(Query())]
     return [{"serial": k["serial"], **_calibration(k)} for k in lives]
 
@@ -94,12 +95,12 @@ def test_other_dwells_are_computed_from_frames_by_themselves(folder: Path, capsy
 
 
 def test_two_processes_give_what_one_gives(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("station.wiring.backtest.PORTION", 2)
+    monkeypatch.setattr("station.service.backtest.PORTION", 2)
     tight = load_recipe(fixture_run.recipe(folder, limits={"offset": 0.03}))
     done: list[int] = []
-    with LogReader(folder / "station.db") as log:
-        one = run(log, log.attempts(Query()), tight, processes=1)
-        two = run(log, log.attempts(Query()), tight, processes=2, progress=done.append)
+    with SqliteLogReader(folder / "station.db") as log:
+        one = run(partial(SqliteLogReader, log.path), log.attempts(Query()), tight, processes=1)
+        two = run(partial(SqliteLogReader, log.path), log.attempts(Query()), tight, processes=2, progress=done.append)
     assert (one.verdicts, one.changes) == (two.verdicts, two.changes)
     assert one.moved.tobytes() == two.moved.tobytes()
     assert sum(done) == 4
@@ -108,8 +109,8 @@ def test_two_processes_give_what_one_gives(folder: Path, monkeypatch: pytest.Mon
 def test_wrong_orders_end_in_one_sentence(folder: Path, capsys: Out) -> None:
     assert "name the one they were made with by --of" in asked(capsys, folder, "--recipe", "tilt-24", code=2)
     few = load_recipe("six-point").model_copy(update={"positions": load_recipe("six-point").positions[:2]})
-    with LogReader(folder / "station.db") as log, pytest.raises(RecipeError):
-        run(log, log.attempts(Query()), few)
+    with SqliteLogReader(folder / "station.db") as log, pytest.raises(RecipeError):
+        run(partial(SqliteLogReader, log.path), log.attempts(Query()), few)
 
 
 def test_reduced_stops_come_back_bit_for_bit_and_without_what_the_recipe_leaves_out() -> None:

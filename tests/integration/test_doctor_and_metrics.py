@@ -11,7 +11,6 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 from starlette.testclient import TestClient
 
-from station.adapters.bus import _netlink
 from station.adapters.bus._netlink import Link
 from station.cli.app import main
 from station.config.settings import load_settings
@@ -20,6 +19,7 @@ from station.web.app import create_app
 from station.web.panel import Panel
 from station.web.queue import WaitingUnit
 from station.web.run_launcher import LaunchOptions
+from station.wiring import bus_status
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
 
@@ -76,15 +76,15 @@ def test_a_controller_with_another_bit_rate_or_a_short_queue_is_named(
     bus = {"interface": "socketcan", "channel": "can0", "bitrate": 500000}
     fixture_run.config(folder, database="station.db", bus=bus)
     link = Link(True, "can", "active", ErrorCounters(3, 0), bitrate=250000, queue=10)
-    monkeypatch.setattr(_netlink, "query_link", lambda _: link)
+    monkeypatch.setattr(bus_status, "query_link", lambda _: link)
     well, said = doctor(capsys)[1]["bus"]
     assert not well
     assert "can0 runs at 250000 bit/s, but config.yaml says 500000" in said
-    monkeypatch.setattr(_netlink, "query_link", lambda _: replace(link, bitrate=500000))
+    monkeypatch.setattr(bus_status, "query_link", lambda _: replace(link, bitrate=500000))
     well, said = doctor(capsys)[1]["bus"]
     assert well
     assert "errors sending 3, receiving 0; its queue holds 10 frames, `ip link set can0 txqueuelen 1000`" in said
-    monkeypatch.setattr(_netlink, "query_link", lambda _: replace(link, bitrate=500000, can_state="passive"))
+    monkeypatch.setattr(bus_status, "query_link", lambda _: replace(link, bitrate=500000, can_state="passive"))
     assert "can0 is passive, errors sending 3" in doctor(capsys)[1]["bus"][1]
 
 

@@ -51,7 +51,7 @@ def test_a_check_that_is_too_old_locks(folder: Path, monkeypatch: pytest.MonkeyP
     fixture_run.run(folder, ["SN9001"])
     assert station("golden", "register", "SN9001") == 0
     now_s = time.time()
-    monkeypatch.setattr("station.wiring.golden_register.time.time", lambda: now_s + 9 * 3600)
+    monkeypatch.setattr("station.service.golden_register.time.time", lambda: now_s + 9 * 3600)
     assert station("golden", "check") == 3
     assert station("run", "--simulate", "--serial", "SN0001") == 3
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.config.search_path import shipped_folder
 from station.domain.core.types import SampleTable
-from station.wiring import stored_attempts
+from station.ports.log_reader import Query
+from station.service import stored_attempts
 from tests.fakes import fixture_run
 
 
@@ -26,7 +26,7 @@ def turned(folder: Path) -> Path:
 
 
 def tables(folder: Path) -> list[SampleTable]:
-    with LogReader(folder / "station.db") as log:
+    with SqliteLogReader(folder / "station.db") as log:
         return list(stored_attempts.samples(log, log.attempts(Query())))
 
 

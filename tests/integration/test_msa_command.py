@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.cli._msa_runs import missing_loads
 from station.cli.app import main
+from station.ports.log_reader import Query
 from tests.unit.test_msa import AIAG
 
 
@@ -65,7 +65,7 @@ def test_a_study_on_the_simulated_station_goes_on_where_it_stopped(
     told = json.loads(capsys.readouterr().out)
     assert told["schema"] == "station.msa/1"
     assert told["anova"]["percent_grr"] < 10
-    with LogReader(Path(db)) as log:
+    with SqliteLogReader(Path(db)) as log:
         assert log.count(Query()) == 8
     assert station(*grr, "--json") == 0, "nothing is missing, nothing is run"
     assert json.loads(capsys.readouterr().out)["anova"] == told["anova"]

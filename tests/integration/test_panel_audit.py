@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.config.settings import load_settings
+from station.ports.log_reader import Query
 from station.web import accounts, certificate
 from station.web.accounts import Account, Role
 from station.web.app import create_app
@@ -69,7 +69,7 @@ def test_stored_text_stays_text(client: TestClient) -> None:
 
 
 def test_a_certificate_holds_what_an_auditor_asks_for(client: TestClient, folder: Path) -> None:
-    with LogReader(folder / "station.db") as log:
+    with SqliteLogReader(folder / "station.db") as log:
         attempt = log.attempts(Query(serial="SN0001"))[0]
         made = certificate.build(log, attempt)
         head = log.head()
@@ -95,7 +95,7 @@ def test_a_certificate_holds_what_an_auditor_asks_for(client: TestClient, folder
 def test_a_certificate_in_the_readers_language(
     client: TestClient, folder: Path, tmp_path: Path, code: str, words: tuple[str, ...]
 ) -> None:
-    with LogReader(folder / "station.db") as log:
+    with SqliteLogReader(folder / "station.db") as log:
         attempt = log.attempts(Query(serial="SN0001"))[0]
         english, other = certificate.build(log, attempt), certificate.build(log, attempt, code)
     asked = {"serial": "SN0001", "attempt": attempt.attempt, "language": code}
@@ -118,7 +118,7 @@ _SAME = {"", "u (k = 1)", "U (k = 2)", "Software"}
 
 
 def test_a_name_in_chinese_stands_on_a_german_certificate(folder: Path) -> None:
-    with LogReader(folder / "station.db") as log:
+    with SqliteLogReader(folder / "station.db") as log:
         made = certificate.build(log, log.attempts(Query(serial="SN0001"))[0], "de")
     section = certificate.CertificateTable("Gerät", ("", ""), (("Bediener", "王 <b>小</b>\x07"),))
     plain, named = pdf(replace(made, sections=())), pdf(replace(made, sections=(section,)))
@@ -135,7 +135,7 @@ def test_reasons_and_refusals_come_in_the_readers_language(client: TestClient) -
 
 
 def test_no_calibration_no_certificate(client: TestClient, folder: Path) -> None:
-    with LogReader(folder / "station.db") as log:
+    with SqliteLogReader(folder / "station.db") as log:
         attempt = log.attempts(Query(serial="SN0002"))[0]
     answer = client.get("/audit/certificate", params={"serial": "SN0002", "attempt": attempt.attempt})
     assert answer.status_code == 400
@@ -143,7 +143,7 @@ def test_no_calibration_no_certificate(client: TestClient, folder: Path) -> None
 
 
 def test_computed_again_to_the_last_bit(client: TestClient, folder: Path) -> None:
-    with LogReader(folder / "station.db") as log:
+    with SqliteLogReader(folder / "station.db") as log:
         attempt = log.attempts(Query(serial="SN0001"))[0]
     data = {"csrf": client.headers["csrf"], "serial": "SN0001", "attempt": attempt.attempt}
     assert "bit for bit" in client.post("/audit/recompute", data=data, headers=HTML).text

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.cli._presence import serving
 from station.config.settings import load_settings
+from station.ports.log_reader import Query
 from station.web import accounts
 from station.web.accounts import Account, Role
 from station.web.app import create_app
@@ -106,12 +106,12 @@ def test_a_reseating_waits_for_the_page_and_goes_on_when_it_is_confirmed(
     assert all("<svg" in picture for picture in before)
     assert "nothing is asked" in page.do("confirm", question="0" * 16)["error"]
     assert page.shown("confirm")["question"] == mark, "a wrong mark confirms nothing"
-    with LogReader(tmp_path / "station.db") as log:
+    with SqliteLogReader(tmp_path / "station.db") as log:
         assert len(log.life(Query(serial="SN0001"))[0]["visits"]) == 6, "nothing is measured while a person turns it"
     page.do("confirm", question=mark)
     page.wait_for_end()
     assert page.nest("A")["outcome"] == "PASS"
-    with LogReader(tmp_path / "station.db") as log:
+    with SqliteLogReader(tmp_path / "station.db") as log:
         (life,) = log.life(Query(serial="SN0001"))
     assert [v["seating"] for v in life["visits"] if v["kind"] == "tumble"] == ["home"] * 6 + ["turned"] * 6
     deeds = [(line["person"], line["deed"]) for line in page.panel.journal.lines()]
@@ -164,7 +164,7 @@ def test_a_unit_that_passed_is_refused_and_an_engineer_takes_it_again_on_purpose
     assert engineer.do("again", serial="SN0001", reason="customer return 4711") == {"told": "SN0001: A"}
     last = list(panel.journal.lines())[-1]
     assert (last["person"], last["deed"], last["detail"]["reason"]) == ("engineer", "again", "customer return 4711")
-    with LogReader(tmp_path / "station.db") as log:
+    with SqliteLogReader(tmp_path / "station.db") as log:
         assert last["detail"]["passed"] == log.attempts(Query(serial="SN0001"))[0].attempt
 
 
@@ -190,7 +190,7 @@ def test_units_are_taken_up_again_in_the_nests_where_they_sit(make: Callable[...
     panel.queue.put({"B": WaitingUnit("SN0002")})
     page.do("start")
     page.wait_for_end()
-    with LogReader(tmp_path / "station.db") as log:
+    with SqliteLogReader(tmp_path / "station.db") as log:
         assert [(a.serial, a.nest) for a in log.attempts(Query())] == [("SN0002", "B")]
 
 

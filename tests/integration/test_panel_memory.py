@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.config.settings import load_settings
+from station.ports.log_reader import Query
 from station.ports.store import AttemptStart
 from station.web.app import create_app
 from station.web.line_cache import DAY_NS, LineCache
@@ -49,7 +49,7 @@ def test_remembered_yields_are_those_counted_anew(tmp_path: Path, seed: int) -> 
             if late and rng.random() < 0.3:
                 store.finish(late.pop(0), "INTERRUPTED", day(number, step + 1))
             if rng.random() < 0.4:
-                with LogReader(tmp_path / "s.db") as log:
+                with SqliteLogReader(tmp_path / "s.db") as log:
                     for asked in (whole, replace(whole, nest="A"), Query(since_ns=day(max(0, number - 2), 0))):
                         assert _table(memory.yields(log, asked)) == _table(log.yields(asked, "cell")), (step, asked)
     assert len(memory._days) == 2, "questions that differ in their span only share their days"
@@ -61,14 +61,14 @@ def _table(cells: list[object]) -> list[str]:
 
 def test_a_day_that_is_over_is_not_counted_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     memory, counted = LineCache(), list[Query]()
-    real = LogReader.yields
+    real = SqliteLogReader.yields
 
-    def spy(self: LogReader, query: Query, by: str = "all") -> list[object]:
+    def spy(self: SqliteLogReader, query: Query, by: str = "all") -> list[object]:
         counted.append(query)
         return real(self, query, by)  # type: ignore[return-value]
 
-    monkeypatch.setattr(LogReader, "yields", spy)
-    with SqliteStore(tmp_path / "s.db") as store, LogReader(tmp_path / "s.db") as log:
+    monkeypatch.setattr(SqliteLogReader, "yields", spy)
+    with SqliteStore(tmp_path / "s.db") as store, SqliteLogReader(tmp_path / "s.db") as log:
 
         def run(serial: str, number: int) -> None:
             attempt = store.begin(replace(BEGIN, serial=serial, started_ns=day(number, 1)))
@@ -107,9 +107,9 @@ def test_the_page_counts_before_anybody_asks(tmp_path: Path) -> None:
 def test_finished_attempts_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fixture_run.run(tmp_path, ["SN0001", "SN0002"])
     memory, read = LineCache(), list[str]()
-    real = LogReader.attempt
-    monkeypatch.setattr(LogReader, "attempt", lambda self, a: read.append(a.serial) or real(self, a))
-    with LogReader(tmp_path / "station.db") as log:
+    real = SqliteLogReader.attempt
+    monkeypatch.setattr(SqliteLogReader, "attempt", lambda self, a: read.append(a.serial) or real(self, a))
+    with SqliteLogReader(tmp_path / "station.db") as log:
         since = log.attempts(Query())[-1].started_ns // DAY_NS * DAY_NS
         first = gather_statistics(log, Query(since_ns=since), 50, memory)
         assert sorted(read) == ["SN0001", "SN0002"]

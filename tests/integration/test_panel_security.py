@@ -9,8 +9,8 @@ import pytest
 from starlette.routing import Mount, Route
 from starlette.testclient import TestClient
 
-from station.adapters.store.search import Query
 from station.config.settings import load_settings
+from station.ports.log_reader import Query
 from station.web import accounts, audit
 from station.web.accounts import RIGHTS, Account, Role
 from station.web.app import create_app

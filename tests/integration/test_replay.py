@@ -11,8 +11,7 @@ import pytest
 from station.adapters.annotations import find_marks_file, read_marks, write_marks
 from station.adapters.bus import write_log
 from station.adapters.bus._python_can import mf4
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.cli._replay import decode_log, replay_log
 from station.domain.capture.annotations import Annotation, Annotations, annotate_visits
 from station.domain.capture.assemble import CapturedVisit
@@ -21,8 +20,9 @@ from station.domain.product import product_record
 from station.domain.run.progress import Event, LoadDone
 from station.errors import LogError
 from station.ports.bus import Channel
+from station.ports.log_reader import Query
 from station.service.stop_request import StopRequest
-from station.wiring import Bench
+from station.wiring.bench import Bench
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
 
@@ -43,7 +43,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
 
     ran = fixture_run.run(folder, units=2, wrap=listen, hook=keep)
     parts, stops = [], []
-    with LogReader(folder / "station.db") as log:
+    with SqliteLogReader(folder / "station.db") as log:
         for attempt in log.attempts(Query()):
             visits = log.attempt(attempt)["visits"]
             kept = [

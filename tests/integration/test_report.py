@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.cli.app import main
 from station.domain.line_quality import spc
 from station.errors import UsageError
+from station.ports.log_reader import Query
 from station.web import charts
 from station.web.line_statistics import CYCLE_PARTS, LineStatistics, gather_statistics, limits_of
 from tests.fakes import fixture_run
@@ -26,7 +26,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def line(database: Path) -> LineStatistics:
-    with LogReader(database) as log:
+    with SqliteLogReader(database) as log:
         return gather_statistics(log, Query(), 100)
 
 
@@ -38,7 +38,7 @@ def test_a_unit_that_fails_first_and_passes_then_is_no_first_pass(line: LineStat
 
 
 def test_every_split_is_what_the_log_says_by_itself(database: Path, line: LineStatistics) -> None:
-    with LogReader(database) as log:
+    with SqliteLogReader(database) as log:
         for by, found in line.yields.items():
             alone = log.yields(Query(), by)
             assert [(y.group, y.attempts, y.units, y.first_pass, y.final_pass) for y in found] == [
@@ -87,7 +87,7 @@ def test_too_few_values_are_said_and_wrong_ones_refused(line: LineStatistics) ->
 
 
 def test_an_empty_log_has_an_empty_report(database: Path) -> None:
-    with LogReader(database) as log:
+    with SqliteLogReader(database) as log:
         nothing = gather_statistics(log, Query(station="elsewhere"), 100)
     drawn = charts.draw(nothing, "offset x", 1)
     assert drawn.figures == ()

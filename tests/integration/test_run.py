@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from station.wiring.recompute import parse_recipe_and_product, recompute, refit_attempt, stored_visits
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.cli.app import main
 from station.domain.core.types import Outcome
 from station.domain.run.progress import (
@@ -23,7 +23,8 @@ from station.domain.run.progress import (
     VisitStarted,
 )
 from station.messages import Message, render
-from station.wiring.recompute import parse_recipe_and_product, recompute, refit_attempt, stored_visits
+from station.ports.log_reader import Query
+from station.service.recompute import parse_recipe_and_product, recompute, refit_attempt, stored_visits
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
 
@@ -196,7 +197,7 @@ def test_dwells_of_different_length_are_computed_again_bit_for_bit(
     recipe = fixture_run.recipe(tmp_path, dwell={"until_std": 8e-5, "min_s": 0.2, "max_s": 5})
     ran = fixture_run.run(tmp_path, units=2, recipe=recipe)
     assert len(set(dwelt_s(ran, "tumble"))) > 1
-    with LogReader(tmp_path / "station.db") as log:
+    with SqliteLogReader(tmp_path / "station.db") as log:
         for attempt in log.attempts(Query()):
             again = recompute(log, attempt)
             assert again.identical and again.compared > 100, again.differences
@@ -212,7 +213,7 @@ def test_earlier_units_tell_the_noise_of_the_next(tmp_path: Path, capsys: pytest
     then = fixture_run.run(tmp_path, ["SN0003"], recipe=recipe)
     assert [first.kept(serial, "dwell")["prior"] for serial in ("SN0001", "SN0002")] == [None, None]
     assert then.kept("SN0003", "dwell")["prior"]["units"] == 2
-    with LogReader(tmp_path / "station.db") as log:
+    with SqliteLogReader(tmp_path / "station.db") as log:
         for attempt in log.attempts(Query()):
             again = recompute(log, attempt)
             assert again.identical and again.compared > 100, again.differences
@@ -255,11 +256,11 @@ def dwelt_s(ran: Ran, kind: str) -> list[float]:
 
 
 def test_recipe_and_product_in_the_log_are_enough_to_refit(four: Ran) -> None:
-    from station.adapters.store.search import Query
     from station.domain.product import product_record
     from station.domain.recipe.recipe import Recipe
+    from station.ports.log_reader import Query
 
-    with LogReader(four.folder / "station.db") as log:
+    with SqliteLogReader(four.folder / "station.db") as log:
         (attempt,) = log.attempts(Query(serial="SN0001"))
         recipe_json, product_json = log.recipe_and_product(attempt)
     assert Recipe.model_validate(json.loads(recipe_json)).name == "six-point"

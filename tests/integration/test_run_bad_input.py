@@ -24,7 +24,8 @@ from station.errors import (
     UsageError,
 )
 from station.model.simulate import SimulationJob
-from station.wiring import RunOrder, open_bench
+from station.wiring.bench import open_bench
+from station.wiring.run_order import RunOrder
 from tests.fakes import fixture_run
 
 SIX = [{"name": f, "up": f} for f in ("+z", "-z", "+x", "-x", "+y", "-y")]

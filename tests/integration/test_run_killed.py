@@ -78,7 +78,7 @@ def test_a_half_written_unit_is_held_and_the_remedy_named(tmp_path: Path) -> Non
 @pytest.mark.parametrize("restore", [True, False])
 def test_recovery_makes_it_whole_and_the_next_run_takes_it(tmp_path: Path, restore: bool) -> None:
     from station.cli._recover import recover_unit
-    from station.wiring import RunOrder
+    from station.wiring.run_order import RunOrder
 
     old = half_written(tmp_path)
     order = RunOrder(simulate=True, database=tmp_path / "station.db", device_state=tmp_path / "devices")
@@ -102,7 +102,7 @@ def test_recovery_makes_it_whole_and_the_next_run_takes_it(tmp_path: Path, resto
 def test_a_unit_nobody_interrupted_needs_no_recovery(tmp_path: Path) -> None:
     from station.cli._recover import recover_unit
     from station.errors import UsageError
-    from station.wiring import RunOrder
+    from station.wiring.run_order import RunOrder
 
     fixture_run.run(tmp_path)
     order = RunOrder(simulate=True, database=tmp_path / "station.db", device_state=tmp_path / "devices")

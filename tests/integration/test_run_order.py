@@ -8,7 +8,7 @@ from typing import Any
 from station.domain.core.types import Outcome
 from station.domain.run.progress import Event, UnitDone
 from station.service.stop_request import StopRequest
-from station.wiring import Bench
+from station.wiring.bench import Bench
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
 

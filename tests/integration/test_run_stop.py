@@ -19,7 +19,8 @@ from station.errors import Aborted, BusFault, PositionerFault, StoreFault
 from station.messages import Message
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
-from station.wiring import Bench, RunOrder, open_bench
+from station.wiring.bench import Bench, open_bench
+from station.wiring.run_order import RunOrder
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
 

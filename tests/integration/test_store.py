@@ -15,12 +15,11 @@ import numpy as np
 import pytest
 
 from station.adapters.store import ids
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
-from station.adapters.store.verify import Trust
 from station.domain.records.framepack import plain
 from station.errors import LogError, StoreFault
+from station.ports.log_reader import Query, Trust
 from tests.fakes import logs
 
 
@@ -30,7 +29,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def whole(path: Path) -> bool:
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         return list(log.findings(Trust())) == []
 
 
@@ -39,7 +38,7 @@ def test_everything_that_was_kept_comes_back(path: Path) -> None:
     with SqliteStore(path, epoch_ns=lambda: 42) as store:
         attempt = logs.unit(store)
         store.event(attempt, "label-printed", {"by": b"\x01\xff", "at": np.float64(1.5)})
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         (life,) = log.life(Query(serial="SN1"))
         (row,) = log.attempts(Query())
         raw = log.frames(row)
@@ -77,7 +76,7 @@ def test_plain_frames_of_an_earlier_log_are_checked_and_packed_as_they_were_seal
         assert whole(path)
         store.finish(attempt, "PASS", 5)
         store.tidy()
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         assert log.db.execute("SELECT (SELECT count(*) FROM frames), (SELECT count(*) FROM archive)").fetchone() == (
             0,
             1,
@@ -94,7 +93,7 @@ def test_plain_frames_of_an_earlier_log_are_checked_and_packed_as_they_were_seal
 
 def test_each_call_is_there_for_others_as_soon_as_it_returns(path: Path) -> None:
     rng = np.random.default_rng(1)
-    with SqliteStore(path) as store, LogReader(path) as log:
+    with SqliteStore(path) as store, SqliteLogReader(path) as log:
         attempt = store.begin(logs.begin())
         assert [u.attempt for u in log.running()] == [attempt]
         store.visit([attempt], [logs.visit(0, rng)])
@@ -113,7 +112,7 @@ def test_each_call_is_there_for_others_as_soon_as_it_returns(path: Path) -> None
 def test_a_running_attempt_has_its_frames_and_a_finished_one_the_same_packed(path: Path) -> None:
     rng = np.random.default_rng(3)
     made = logs.visit(0, rng)
-    with SqliteStore(path) as store, LogReader(path) as log:
+    with SqliteStore(path) as store, SqliteLogReader(path) as log:
         attempt = store.begin(logs.begin())
         store.visit([attempt], [made])
         (row,) = log.attempts(Query())
@@ -134,7 +133,7 @@ def test_frames_that_a_crash_left_plain_are_packed_at_the_next_opening(path: Pat
         assert [u.visits for u in store.unfinished()] == [1]
         store.finish(attempt, "INTERRUPTED", 1)
     SqliteStore(path).close()
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         left = [log.db.execute(f"SELECT count(*) FROM {table}").fetchone()[0] for table in ("frames", "archive")]
     assert left == [0, 1]
     assert whole(path)
@@ -182,7 +181,7 @@ def test_recipe_and_product_are_kept_once(path: Path) -> None:
     with SqliteStore(path) as store:
         for number in range(3):
             logs.unit(store, f"SN{number}")
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         assert log.db.execute("SELECT count(*) FROM document").fetchone() == (2,)
 
 
@@ -197,7 +196,7 @@ def test_any_text_is_kept_as_text(path: Path, serial: str) -> None:
         store.result(attempt, serial, {"x": [serial]})
         store.finish(attempt, "ABORTED", 1)
     kept = serial.encode("utf-8", "backslashreplace").decode()
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         (life,) = log.life(Query(serial=kept))
     assert life["serial"] == life["operator"] == life["lot"] == life["events"][0]["kind"] == kept
     assert life["events"][0]["detail"] == {kept: kept}
@@ -229,7 +228,7 @@ def test_a_clock_that_steps_back_changes_no_order(path: Path) -> None:
         attempt = store.begin(logs.begin())
         for kind in "abc":
             store.event(attempt, kind, {})
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         assert [e.kind for e in log.events()] == ["a", "b", "c"]
     assert whole(path)
 
@@ -244,7 +243,7 @@ def test_threads_may_share_a_store(path: Path) -> None:
             t.start()
         for t in threads:
             t.join()
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         lives = [log.life(Query(serial=f"SN{n}"))[0] for n in range(4)]
     assert [[e["detail"]["n"] for e in life["events"]] for life in lives] == [list(range(25))] * 4
     assert whole(path)
@@ -300,7 +299,7 @@ def test_containment_by_every_question(path: Path) -> None:
         logs.unit(store, "SN2", "FAIL", started_ns=2 * hour, nest="B")
         logs.unit(store, "SN2", started_ns=3 * hour, nest="B", recipe_name="tilt-24", recipe_hash="ee" * 32)
         logs.unit(store, "XX3", started_ns=4 * hour, station="bench-2", operator="Bo", lot="L8", software="0.2.0")
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
 
         def serials(**asked: object) -> list[str]:
             return [a.serial for a in log.attempts(Query(**asked))]  # type: ignore[arg-type]
@@ -325,7 +324,7 @@ def test_yield_counts_every_attempt_and_fail_pass_pass_is_no_first_pass(path: Pa
             logs.unit(store, "SN1", outcome)
         logs.unit(store, "SN2", "PASS", nest="B")
         logs.unit(store, "SN3", "ERROR", nest="B")
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         (all_units,) = log.yields(Query())
         by_nest = {y.group: y for y in log.yields(Query(), "nest")}
         with pytest.raises(Exception, match="no yield by 'colour'"):
@@ -347,12 +346,12 @@ def test_what_is_no_log_is_said_so(tmp_path: Path) -> None:
     text.write_text("not a database, but long enough to have a header of its own " * 50)
     for path, sentence in ((other, "not a station log"), (empty, "is empty"), (text, "not a station log")):
         with pytest.raises(LogError, match=sentence):
-            LogReader(path)
+            SqliteLogReader(path)
     for path in (other, text):
         with pytest.raises(StoreFault, match="not a station log"):
             SqliteStore(path)
     with pytest.raises(LogError, match="there is no log"):
-        LogReader(tmp_path / "none.db")
+        SqliteLogReader(tmp_path / "none.db")
     with pytest.raises(StoreFault, match="its folder does not exist"):
         SqliteStore(tmp_path / "no" / "where.db")
 
@@ -382,17 +381,17 @@ def test_a_lost_head_file_is_told_by_the_check_and_then_stands_in_the_log(path: 
         logs.unit(store)
     head = path.with_name("station.db.head")
     head.unlink()
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         assert [f.what for f in log.findings(Trust())] == ["unanchored"]
     with SqliteStore(path):
         pass
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         assert [e.kind for e in log.events()] == ["head-file-lost"]
     assert whole(path)
 
 
 def test_whoever_follows_the_log_sees_every_record_once_and_in_order(path: Path) -> None:
-    with SqliteStore(path) as store, LogReader(path) as log:
+    with SqliteStore(path) as store, SqliteLogReader(path) as log:
         attempt = logs.unit(store)
         store.event("", "log-in", {})
         seen = log.changes(limit=4)

@@ -9,17 +9,17 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from benchmarks import torture_edits
 from station.adapters.store import keys
-from station.adapters.store.reader import LogReader
+from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
-from station.adapters.store.verify import Trust
 from station.domain.records.chain import IntegrityFinding
 from station.errors import ConfigError, UsageError
+from station.ports.log_reader import Trust
 from tests.conftest import SEED
 from tests.fakes import logs
 
 
 def findings(path: Path, trust: Trust = Trust()) -> list[IntegrityFinding]:  # noqa: B008 - frozen
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         return list(log.findings(trust))
 
 

@@ -14,11 +14,10 @@ from sqlite_utils import Database
 from sqlite_utils.migrations import Migrations
 
 from station.adapters.store import file, schema
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Query
+from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
-from station.adapters.store.verify import Trust
 from station.errors import LogError, StationError, StoreFault
+from station.ports.log_reader import Query, Trust
 from tests.fakes import logs
 
 SIDES = ("", "-wal", ".head")
@@ -30,17 +29,17 @@ def path(tmp_path: Path) -> Path:
 
 
 def findings(path: Path) -> list[str]:
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         return [f.what for f in log.findings(Trust())]
 
 
 def outcomes(path: Path) -> list[str | None]:
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         return [a.outcome for a in log.attempts(Query())]
 
 
 def records(path: Path) -> int:
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         return log.head().number
 
 
@@ -104,7 +103,7 @@ def test_after_a_full_disk_the_same_store_goes_on(path: Path) -> None:
             store.event(attempt, "x", {"text": "y" * 9000})
         store.event(attempt, "space again", {})
         store.finish(attempt, "ERROR", 1)
-    with LogReader(path) as log:
+    with SqliteLogReader(path) as log:
         assert [e.kind for e in log.events()] == ["space again"]
     assert findings(path) == []
 
@@ -173,7 +172,7 @@ def test_a_log_without_its_header_is_no_log(path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[:100] = bytes(100)
     path.write_bytes(data)
-    for opened in (SqliteStore, LogReader):
+    for opened in (SqliteStore, SqliteLogReader):
         with pytest.raises(StationError, match="its first page is damaged"):
             opened(path)
 
@@ -198,14 +197,14 @@ def test_an_old_schema_is_migrated_with_a_backup_and_old_seals_still_hold(
         head = store.head()
     monkeypatch.setattr(file, "migrations", extended(add_column))
     with pytest.raises(LogError, match="of an older schema; open it once with `station run`"):
-        LogReader(path)
+        SqliteLogReader(path)
     monkeypatch.setitem(schema.COLUMNS, "attempt", (*schema.COLUMNS["attempt"], "shift"))
     with SqliteStore(path) as store:
         assert store.head() == head
     assert findings(path) == []
     (backup,) = path.parent.glob("station.db.before-migration-*.bak")
     monkeypatch.undo()
-    with LogReader(backup) as log:
+    with SqliteLogReader(backup) as log:
         assert (log.head(), log.count(Query())) == (head, 1)
 
 
@@ -232,7 +231,7 @@ def test_a_newer_schema_is_refused_by_writer_and_reader(path: Path, monkeypatch:
     with pytest.raises(StoreFault, match=r"written by a newer station .* update this one"):
         SqliteStore(path)
     with pytest.raises(LogError, match="written by a newer station"):
-        LogReader(path)
+        SqliteLogReader(path)
 
 
 def copy(path: Path, folder: Path) -> Path:

@@ -18,7 +18,7 @@ from station.domain.product.object_dictionary import ObjectDictionary
 from station.domain.product.product import Product, decode_serial, stored_serial
 from station.domain.product.sdo_codes import ABORT, meaning, sentence
 from station.errors import ProductError, UsageError
-from station.wiring import load_job
+from station.wiring.jobs import load_job
 
 DBC = Path(__file__).parents[2] / "dbc"
 SHIPPED = sorted(path.stem for path in DBC.glob("*.yaml"))

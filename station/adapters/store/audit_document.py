@@ -2,14 +2,14 @@
 
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict
-from datetime import UTC, datetime
 from typing import Any
 
 from station.adapters.store import search
 from station.adapters.store.schema import SPAN
-from station.adapters.store.search import Attempt, Query
+from station.domain.records.stored_attempt import utc
+from station.ports.log_reader import Attempt, Query
 
 _VISITS = f"""
     SELECT seq, run, visit, position, seating, kind, arrived_ns, left_ns, frame_count, frames_sha256, statistics
@@ -44,16 +44,6 @@ def of_attempt(db: sqlite3.Connection, attempt: Attempt) -> dict[str, Any]:
         "writes": [_write(row) for row in _rows(db, _WRITES, a)],
         "events": [{**row, "detail": json.loads(row["detail"])} for row in _rows(db, _EVENTS, a)],
     }
-
-
-def result(life: Mapping[str, Any], name: str) -> Any:
-    """The newest result of that name in an attempt's life, or None."""
-    return next((r["document"] for r in reversed(life["results"]) if r["name"] == name), None)
-
-
-def utc(time_ns: int) -> str:
-    """A time stamp for a person, UTC."""
-    return datetime.fromtimestamp(time_ns / 1e9, UTC).isoformat(timespec="milliseconds")
 
 
 def _rows(db: sqlite3.Connection, query: str, parameters: dict[str, int]) -> Iterator[dict[str, Any]]:

@@ -1,7 +1,8 @@
 """What is new in the log since a record: each table is asked by its primary key only."""
 
 import sqlite3
-from dataclasses import dataclass
+
+from station.ports.log_reader import LogChange
 
 #: Table → SQL for its time and what it is about, in a word.
 _TIME_AND_DETAIL = {
@@ -12,18 +13,6 @@ _TIME_AND_DETAIL = {
     "result": ("t.at_ns", "t.name"),
     "finish": ("t.ended_ns", "t.outcome"),
 }
-
-
-@dataclass(frozen=True, slots=True)
-class LogChange:
-    """One new record. number: the cursor for the next call; what: attempt | event | visit | write | result | finish;
-    attempt: its id, "" for an event of the station; detail: serial, kind, position, name or outcome."""
-
-    number: int
-    what: str
-    attempt: str
-    at_ns: int
-    detail: str
 
 
 def _part(table: str) -> str:
@@ -39,3 +28,18 @@ _QUERY = " UNION ALL ".join(map(_part, _TIME_AND_DETAIL)) + " ORDER BY 1 LIMIT :
 def since(db: sqlite3.Connection, after: int, limit: int) -> list[LogChange]:
     """Records with numbers beyond `after`, oldest first, at most `limit`."""
     return [LogChange(*row) for row in db.execute(_QUERY, {"after": after, "limit": limit})]
+
+
+_DAY_NS = 86_400 * 10**9
+
+# Days (UTC) whose counts may differ since record :after: of attempts that ended since, and of earlier attempts of units
+# that came again since, which are no longer the unit's last.
+_CHANGED_DAYS = f"""
+    SELECT a.started_ns / {_DAY_NS} FROM finish f JOIN attempt a ON a.seq = f.attempt WHERE f.seq > :after
+    UNION SELECT p.started_ns / {_DAY_NS} FROM attempt a JOIN attempt p INDEXED BY attempt_serial
+        ON p.serial = a.serial AND p.recipe_name = a.recipe_name AND p.seq < a.seq WHERE a.seq > :after"""
+
+
+def changed_days(db: sqlite3.Connection, after: int) -> frozenset[int]:
+    """See LogReader.changed_days."""
+    return frozenset(day for (day,) in db.execute(_CHANGED_DAYS, {"after": after}))

@@ -3,8 +3,9 @@
 import json
 import sqlite3
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
+
+from station.ports.log_reader import ReducedAttempt
 
 _BEFORE = "json_extract(c.document, '$.outcome', '$.offset', '$.matrix', '$.checks')"
 
@@ -21,19 +22,6 @@ _DWELLS = """
     CROSS JOIN finish f ON f.attempt = a.seq
     CROSS JOIN result r ON r.seq BETWEEN a.seq AND f.seq AND +r.attempt = a.seq AND +r.name = 'dwell'
     ORDER BY a.seq DESC"""
-
-
-@dataclass(frozen=True, slots=True)
-class ReducedAttempt:
-    """One attempt. number: its record; product: the record of its product; stops: JSON;
-    before: JSON of outcome, offset, matrix, checks."""
-
-    number: int
-    attempt: str
-    serial: str
-    product: int | None
-    stops: str
-    before: str
 
 
 def read(db: sqlite3.Connection, numbers: Sequence[int]) -> list[ReducedAttempt]:

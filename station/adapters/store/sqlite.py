@@ -12,7 +12,7 @@ from station.adapters.store import anchor, archive, column_values, file, ids, ke
 from station.adapters.store.owner import OwnerLock
 from station.adapters.store.schema import COLUMNS
 from station.adapters.store.sqlite_errors import translate_errors
-from station.domain.records import chain
+from station.domain.records import chain, plain_json
 from station.domain.records.chain import Value
 from station.domain.records.framepack import plain as raw
 from station.errors import StationError, StoreFault
@@ -79,7 +79,7 @@ class SqliteStore:
         """Appends an event, which may still come after the finish; attempt "": it is about the station."""
         with self._transaction("written"):
             of = self._of(attempt) if attempt else None
-            self._append("event", of, self._epoch_ns(), column_values.text(kind), column_values.document(detail))
+            self._append("event", of, self._epoch_ns(), plain_json.text(kind), plain_json.document(detail))
 
     def visit(self, attempts: Sequence[str], visits: Sequence[VisitRecord]) -> None:
         """Keeps one stop of every nest, in one transaction."""
@@ -97,8 +97,8 @@ class SqliteStore:
             for one in stages:
                 self._append(
                     "write",
-                    *(self._running(attempt), self._epoch_ns(), one.index, one.sub, column_values.text(one.name)),
-                    *(one.stage, column_values.number(one.value), one.old, one.written, one.read_back),
+                    *(self._running(attempt), self._epoch_ns(), one.index, one.sub, plain_json.text(one.name)),
+                    *(one.stage, plain_json.number(one.value), one.old, one.written, one.read_back),
                 )
 
     def result(self, attempt: str, name: str, document: Mapping[str, Any]) -> None:
@@ -108,8 +108,8 @@ class SqliteStore:
                 "result",
                 self._running(attempt),
                 self._epoch_ns(),
-                column_values.text(name),
-                column_values.document(document),
+                plain_json.text(name),
+                plain_json.document(document),
             )
 
     def finish(self, attempt: str, outcome: str, ended_ns: int) -> None:
@@ -138,7 +138,7 @@ class SqliteStore:
     def suspect(self, serial: str) -> SuspectAttempt | None:
         """The unit's last attempt that may have left it half written."""
         with self._turn, translate_errors(StoreFault, self.path, "read"):
-            return unfinished.find_suspect(self._db, column_values.text(serial))
+            return unfinished.find_suspect(self._db, plain_json.text(serial))
 
     def dwells(self, recipe_hash: str, newest: int) -> Sequence[Mapping[str, Any]]:
         """Results `dwell` of the newest attempts with a recipe, oldest first."""

@@ -2,9 +2,8 @@
 
 import heapq
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from station.domain.records import chain
 from station.domain.records.chain import ChainVerifier, IntegrityFinding, SealedRecord
 from station.domain.records.framepack import plain
 from station.errors import LogError
+from station.ports.log_reader import NO_EXTRA_TRUST, Trust, ignore_progress
 from station.ports.store import LogHead
 
 #: Raw frames of every visit must lie in one of two places, and in the plain one only as they were sealed.
@@ -30,23 +30,8 @@ _STRAY = "SELECT visit FROM frames WHERE visit NOT IN (SELECT seq FROM visit)"
 _PROGRESS = 1000
 
 
-@dataclass(frozen=True, slots=True)
-class Trust:
-    """What a check may rely on beside the log itself.
-
-    known: seals by record number from a certificate or export, instead of the head file. public_key: the station's,
-    32 bytes; None: the key that the log itself names, if any.
-    """
-
-    known: Mapping[int, bytes] = field(default_factory=dict)
-    public_key: bytes | None = None
-
-
-_NO_EXTRA_TRUST = Trust()
-
-
 def findings(
-    path: Path, db: Database, trust: Trust = _NO_EXTRA_TRUST, progress: Callable[[int], None] = lambda _number: None
+    path: Path, db: Database, trust: Trust = NO_EXTRA_TRUST, progress: Callable[[int], None] = ignore_progress
 ) -> Iterator[IntegrityFinding]:
     """Everything wrong with the log; nothing when it is whole. The log may grow meanwhile: a snapshot is checked.
 

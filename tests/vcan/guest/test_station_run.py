@@ -16,12 +16,12 @@ from vcan_harness.programs import Candump, Logged, canplayer
 from station.adapters.annotations import find_marks_file, read_marks
 from station.adapters.bus import read_log
 from station.adapters.bus.socketcan import SocketCan
-from station.adapters.store.audit_document import result
 from station.cli import app
 from station.domain.capture.annotations import Annotation, Annotations
 from station.domain.core.types import Frames, Outcome
+from station.domain.records.stored_attempt import result
 from station.service.replay import ReplayedUnit, replay
-from station.wiring import load_job
+from station.wiring.jobs import load_job
 
 NODES, SERIALS = (0x11, 0x12), ("SN0042", "SN0043")
 COEFFICIENTS = [*((0x2101, sub) for sub in range(1, 10)), *((0x2102, sub) for sub in range(1, 4))]

@@ -13,11 +13,11 @@ from vcan_harness.interface import Interface, Link, create_vcan
 from vcan_harness.programs import Candump, Logged, cansend
 from vcan_harness.waiting import until
 
-from station.adapters.store.audit_document import result
 from station.domain.core.types import Outcome
+from station.domain.records.stored_attempt import result
 from station.domain.run.progress import Event, Identified, LiveReading, VisitRejected, VisitStarted
 from station.errors import BusFault
-from station.wiring import Bench
+from station.wiring.bench import Bench
 
 NODE, SERIAL = 0x11, "SN0042"
 FLOOD = ("-g", "0", "-n", "2000", "-I", f"{0x180 + NODE:X}", "-L", "8", "-D", "i")

@@ -12,16 +12,17 @@ import numpy as np
 import yaml
 from vcan_harness.interface import Interface
 
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Attempt, Query
+from station.adapters.store.reader import SqliteLogReader
 from station.config.search_path import shipped_folder
 from station.domain.core.types import Floats, Frames
 from station.domain.run.progress import Event, LoadDone, UnitResult, VisitStarted
 from station.errors import StationError
+from station.ports.log_reader import Attempt, Query
 from station.service.itinerary import tumble_visits, verification_visits
 from station.service.runner import Runner
-from station.wiring import Bench, RunOrder, open_bench
+from station.wiring.bench import Bench, open_bench
 from station.wiring.live_device import LiveDevices, Population
+from station.wiring.run_order import RunOrder
 
 #: Small enough for a guest that does everything ten times slower, large enough for a verdict. A guest that stands
 #: still for a moment spoils a stop, so stops may be repeated more often than on a bench.
@@ -150,7 +151,7 @@ class Kept:
 
 def visits(folder: Path, serial: str) -> list[Kept]:
     """The visits of the last attempt of a serial, with their raw frames."""
-    with LogReader(folder / "station.db") as log:
+    with SqliteLogReader(folder / "station.db") as log:
         attempt = newest(log, serial)
         told = log.attempt(attempt)["visits"]
         return [
@@ -159,14 +160,14 @@ def visits(folder: Path, serial: str) -> list[Kept]:
         ]
 
 
-def newest(log: LogReader, serial: str) -> Attempt:
+def newest(log: SqliteLogReader, serial: str) -> Attempt:
     """The last attempt of a serial."""
     return log.attempts(Query(serial=serial), limit=1)[0]
 
 
 def life(folder: Path, serial: str) -> list[dict[str, Any]]:
     """Every attempt of a serial, oldest first."""
-    with LogReader(folder / "station.db") as log:
+    with SqliteLogReader(folder / "station.db") as log:
         return log.life(Query(serial=serial))
 
 

@@ -7,15 +7,14 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from station.adapters.store import audit_document
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Attempt
 from station.domain.capture.annotations import Annotation, Annotations, annotate_visits
 from station.domain.capture.assemble import CapturedVisit, run_starts_ns, sample_table
 from station.domain.core.types import Floats, Frames, Labels, NestAssignment, SampleTable
 from station.domain.methods import coefficients
+from station.domain.records import stored_attempt
 from station.errors import UsageError
-from station.wiring.recompute import parse_recipe_and_product, stored_visits
+from station.ports.log_reader import Attempt, LogReader
+from station.service.recompute import parse_recipe_and_product, stored_visits
 
 #: Columns that a log of this software can always fill.
 ALWAYS_COLUMNS = ("started_s", "since_clamp_s", "since_power_s")
@@ -122,9 +121,9 @@ def _check_apart(marks: Sequence[tuple[Attempt, CapturedVisit]]) -> None:
 
 
 def _result(attempt: Attempt, kept: dict[str, Any]) -> dict[str, Any]:
-    fit = audit_document.result(kept, "calibration") or {}
-    verdict = audit_document.result(kept, "verdict") or {}
-    identity = audit_document.result(kept, "identity") or {}
+    fit = stored_attempt.result(kept, "calibration") or {}
+    verdict = stored_attempt.result(kept, "verdict") or {}
+    identity = stored_attempt.result(kept, "identity") or {}
     theta, std = _theta(fit)
     return {
         "serial": attempt.serial,

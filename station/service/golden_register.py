@@ -3,22 +3,24 @@
 import json
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from datetime import date
 from pathlib import Path
 from typing import Any
 
-from station.adapters.store import audit_document
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Attempt, Query
 from station.config.settings import Settings
 from station.domain.line_quality.golden import GoldenStatus, LatestResult, RegisteredUnit, golden_status
 from station.domain.methods import coefficients
 from station.domain.recipe.recipe import Recipe
+from station.domain.records import stored_attempt
 from station.errors import ConfigError, LogError, ReferenceOverdue
+from station.ports.log_reader import Attempt, LogReader, Query
 
 SCHEMA = "station.golden/1"
+
+#: Opens the log; None where nothing was ever run.
+FindLog = Callable[[], LogReader | None]
 
 
 def load(path: Path) -> dict[str, RegisteredUnit]:
@@ -51,7 +53,9 @@ def expect(log: LogReader, serial: str, *, bad: bool, share: float, due: str) ->
     """
     attempt = _newest(log, serial, None)
     if attempt is None:
-        raise LogError(f"the log {log.path} holds no PASS or FAIL of {serial!r}; run the unit once, then register it")
+        raise LogError(
+            f"the log {log.location} holds no PASS or FAIL of {serial!r}; run the unit once, then register it"
+        )
     wanted = "FAIL" if bad else "PASS"
     if attempt.outcome != wanted:
         raise LogError(f"{serial} came out {attempt.outcome} last, so it is no {'known-bad' if bad else 'golden'} unit")
@@ -69,24 +73,25 @@ def expect(log: LogReader, serial: str, *, bad: bool, share: float, due: str) ->
     )
 
 
-def standings(settings: Settings, database: Path) -> list[GoldenStatus]:
+def standings(settings: Settings, find_log: FindLog) -> list[GoldenStatus]:
     """Every registered unit; nothing where config.yaml has no golden block. Errors: ConfigError, LogError."""
     if settings.golden is None:
         return []
     units = load(Path(settings.golden.file))
     if not units:
         return []
-    shown: dict[str, LatestResult | None] = dict.fromkeys(units)
-    if database.exists():
-        with LogReader(database) as log:
+    results: dict[str, LatestResult | None] = dict.fromkeys(units)
+    log = find_log()
+    if log is not None:
+        with log:
             for serial, unit in units.items():
                 attempt = _newest(log, serial, unit.recipe)
-                shown[serial] = None if attempt is None else _golden_result(log, attempt)
+                results[serial] = None if attempt is None else _golden_result(log, attempt)
     now_s, today = time.time(), date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall here
-    return [golden_status(u, shown[s], now_s, today, settings.golden.every_h) for s, u in units.items()]
+    return [golden_status(u, results[s], now_s, today, settings.golden.every_h) for s, u in units.items()]
 
 
-def refuse_unless_checked(settings: Settings, database: Path, serials: Sequence[str]) -> None:
+def refuse_unless_checked(settings: Settings, find_log: FindLog, serials: Sequence[str]) -> None:
     """Lets a load of registered units only always through. Errors: ReferenceOverdue while a check is due or failed."""
     if settings.golden is None:
         return
@@ -96,7 +101,7 @@ def refuse_unless_checked(settings: Settings, database: Path, serials: Sequence[
         raise ReferenceOverdue(f"config.yaml wants golden units, but {register} holds none; `station golden register`")
     if set(serials) <= set(units):
         return
-    problems = [s.problem for s in standings(settings, database) if s.problem]
+    problems = [s.problem for s in standings(settings, find_log) if s.problem]
     if problems:
         raise ReferenceOverdue("; ".join(problems))
 
@@ -109,7 +114,7 @@ def _newest(log: LogReader, serial: str, recipe: str | None) -> Attempt | None:
 
 def _golden_result(log: LogReader, attempt: Attempt) -> LatestResult:
     kept = log.attempt(attempt)
-    fit, verdict = audit_document.result(kept, "calibration") or {}, audit_document.result(kept, "verdict") or {}
+    fit, verdict = stored_attempt.result(kept, "calibration") or {}, stored_attempt.result(kept, "verdict") or {}
     values: dict[str, float] = {}
     if fit.get("offset") is not None:
         theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]

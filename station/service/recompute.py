@@ -6,9 +6,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from station.adapters.store import audit_document, column_values
-from station.adapters.store.reader import LogReader
-from station.adapters.store.search import Attempt
 from station.domain.can.sensor_layout import SensorLayout
 from station.domain.capture.assemble import CapturedVisit
 from station.domain.core.types import Frames, NestAssignment
@@ -18,8 +15,10 @@ from station.domain.noise import noise_document
 from station.domain.product import product_record
 from station.domain.product.product import Product
 from station.domain.recipe.recipe import Recipe
+from station.domain.records import plain_json, stored_attempt
 from station.domain.records.framepack import plain as raw
 from station.errors import LogError
+from station.ports.log_reader import Attempt, LogReader
 from station.service import compute
 
 #: Parts of a calibration that are words about its numbers: a later version may say them otherwise.
@@ -48,13 +47,13 @@ class Recomputed:
 def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
     """Refits one attempt and compares. Errors: LogError where its record cannot be read."""
     kept = reader.attempt(attempt)
-    stored = audit_document.result(kept, "calibration")
+    stored = stored_attempt.result(kept, "calibration")
     if stored is None:
         return Recomputed(attempt.attempt, attempt.serial, 0, (), "it came to no calibration")
     recipe, product, layout = parse_recipe_and_product(*reader.recipe_and_product(attempt))
     visits = stored_visits(kept["visits"], reader.frames(attempt))
     result = refit_attempt(attempt, visits, recipe, (product, layout), kept)
-    again = json.loads(column_values.document(calibration_document.unit(result)))
+    again = json.loads(plain_json.document(calibration_document.unit(result)))
     before, after = ({k: v for k, v in document.items() if k not in _WORDS} for document in (stored, again))
     before, after = dict(_leaves("", before)), dict(_leaves("", after))
     names = {**before, **after}
@@ -87,7 +86,7 @@ def refit_attempt(
     """The run's own computation over kept visits, on its day and with what it knew of the noise; kept: the attempt."""
     seat = NestAssignment(attempt.serial, attempt.nest, attempt.node)
     table = compute.samples_of(seat, visits, recipe, product[1], {})
-    prior = noise_document.to_prior(audit_document.result(kept, "dwell"))
+    prior = noise_document.to_prior(stored_attempt.result(kept, "dwell"))
     return compute.refit(table, recipe, product[0], judged_ns(kept), prior)
 
 

@@ -7,14 +7,9 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from station.adapters.store import reduced
-from station.adapters.store.reader import LogReader
-from station.adapters.store.reduced import ReducedAttempt
-from station.adapters.store.search import Attempt, Query
 from station.domain.core.types import Floats
 from station.domain.evaluation import backtest, pipeline, reduced_visits_document
 from station.domain.evaluation.backtest import BacktestResult, PreviousResult
@@ -24,24 +19,28 @@ from station.domain.product import product_record, writeback
 from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
 from station.errors import StationFault
-from station.wiring.recompute import parse_recipe_and_product, refit_attempt, stored_visits
+from station.ports.log_reader import Attempt, LogReader, Query, ReducedAttempt
+from station.service.recompute import parse_recipe_and_product, refit_attempt, stored_visits
 
 #: Attempts of one task: enough to be solved together, few enough to show progress.
 PORTION, PORTION_OF_FRAMES = 1024, 32
 
+#: Opens the log, in whatever process.
+OpenLog = Callable[[], LogReader]
+
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What one process does at a time. recipe: JSON; numbers: records of the attempts."""
+    """What one process does at a time. recipe: JSON; numbers: records of the attempts; open_log can be pickled."""
 
-    path: Path
+    open_log: OpenLog
     recipe: str
     numbers: tuple[int, ...]
     from_frames: bool
 
 
 def run(
-    log: LogReader,
+    open_log: OpenLog,
     attempts: Sequence[Attempt],
     recipe: Recipe,
     *,
@@ -49,7 +48,8 @@ def run(
     processes: int | None = None,
     progress: Callable[[int], None] = lambda _done: None,
 ) -> BacktestResult:
-    """Compares all attempts; from_frames: from raw frames, not from the reduced stops. progress: attempts done.
+    """Compares all attempts. open_log: opens the log in each process. from_frames: from raw frames, not from the
+    reduced stops. progress: attempts done.
 
     Errors: RecipeError when the recipe cannot be computed at all, LogError, StationFault.
     """
@@ -58,7 +58,7 @@ def run(
     numbers = [a.number for a in attempts]
     text = recipe.model_dump_json(by_alias=True)
     parts = [tuple(numbers[i : i + portion]) for i in range(0, len(numbers), portion)]
-    tasks = [Task(log.path, text, part, from_frames) for part in parts]
+    tasks = [Task(open_log, text, part, from_frames) for part in parts]
     workers = min(processes or os.cpu_count() or 1, len(tasks))
     if workers <= 1:
         return BacktestResult.join([_with_progress(compute_portion(task), task, progress) for task in tasks])
@@ -76,8 +76,8 @@ def run(
 def compute_portion(task: Task) -> BacktestResult:
     """One portion, in whatever process."""
     recipe = Recipe.model_validate_json(task.recipe)
-    with LogReader(task.path) as log:
-        rows = reduced.read(log.db.conn, task.numbers)
+    with task.open_log() as log:
+        rows = log.reduced(task.numbers)
         results = _from_frames(log, rows, recipe) if task.from_frames else _from_stops(log, rows, recipe)
     return backtest.compare([_before(row) for row in rows], results, from_samples=task.from_frames)
 
@@ -104,7 +104,7 @@ def _from_stops(log: LogReader, rows: Sequence[ReducedAttempt], recipe: Recipe) 
 def _rounding(log: LogReader, product: int | None) -> Floats:
     if product is None:
         return pipeline.NO_ROUNDING
-    return writeback.rounding_std(product_record.load(reduced.document(log.db.conn, product))[0].map)
+    return writeback.rounding_std(product_record.load(log.document(product))[0].map)
 
 
 def _from_frames(log: LogReader, rows: Sequence[ReducedAttempt], recipe: Recipe) -> list[CalibrationResult]:

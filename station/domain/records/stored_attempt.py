@@ -1,0 +1,15 @@
+"""Looks into a stored attempt: the document that a log reader makes of everything kept of it."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+
+def result(stored: Mapping[str, Any], name: str) -> Any:
+    """The newest result of that name in a stored attempt, or None."""
+    return next((r["document"] for r in reversed(stored["results"]) if r["name"] == name), None)
+
+
+def utc(time_ns: int) -> str:
+    """A time stamp for a person, UTC; time_ns: since 1970."""
+    return datetime.fromtimestamp(time_ns / 1e9, UTC).isoformat(timespec="milliseconds")

@@ -1,0 +1,6 @@
+"""Samples tables as files: which adapters read and write them."""
+
+from station.adapters.samples import by_units, join, read_samples, rows_about, write_parts, write_samples
+from station.adapters.samples.checks import PieceOrigin
+
+__all__ = ["PieceOrigin", "by_units", "join", "read_samples", "rows_about", "write_parts", "write_samples"]
