@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from station.wiring.recompute import parse_recipe_and_product, recompute, refit_attempt, stored_visits
 
 from station.adapters.store.reader import SqliteLogReader
 from station.cli.app import main

@@ -15,7 +15,6 @@ from station.domain.recipe.recipe import Recipe
 from station.domain.run.progress import Notice, VisitStarted
 from station.errors import PositionerFault
 from station.messages import render
-from station.wiring import Bench
 from station.wiring.bench import Bench
 from tests.fakes import fixture_run
 
