@@ -12,8 +12,8 @@ from station.adapters.store import keys
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.domain.records.chain import IntegrityFinding
-from station.errors import ConfigError, UsageError
 from station.ports.log_reader import Trust
+from station.errors import ConfigError, StoreFault, UsageError
 from tests.conftest import SEED
 from tests.fakes import logs
 
@@ -72,7 +72,7 @@ def test_a_guard_that_was_taken_off_is_named(tmp_path: Path) -> None:
     db = sqlite3.connect(path)
     db.execute("DROP TRIGGER visit_no_delete")
     db.close()
-    assert [(f.what, f.kind) for f in findings(path)] == [("unguarded", "visit_no_delete")]
+    assert [(f.what, f.kind) for f in findings(path)] == [("unguarded", "trigger visit_no_delete")]
 
 
 def test_a_log_rebuilt_by_somebody_else_shows_against_key_and_printed_head(tmp_path: Path, key_file: Path) -> None:
@@ -100,3 +100,41 @@ def test_a_key_that_is_none_is_one_sentence(tmp_path: Path, key_file: Path) -> N
             keys.load_signer(broken)
         with pytest.raises(UsageError, match="openssl genpkey"):
             keys.load_public_key(broken)
+
+
+ADDED = {
+    "a trigger that swallows finishes": "CREATE TRIGGER t BEFORE INSERT ON finish BEGIN SELECT RAISE(IGNORE); END",
+    "a trigger that swallows frames": "CREATE TRIGGER t BEFORE INSERT ON frames BEGIN SELECT RAISE(IGNORE); END",
+    "a trigger that takes a finish away again": (
+        "CREATE TRIGGER t AFTER INSERT ON finish BEGIN DELETE FROM finish WHERE seq = NEW.seq; END"
+    ),
+    "a view": "CREATE VIEW passed AS SELECT * FROM attempt",
+    "an index that refuses a second unit": "CREATE UNIQUE INDEX one_serial ON attempt(station)",
+    "a guard of another meaning": (
+        "DROP TRIGGER finish_no_delete; CREATE TRIGGER finish_no_delete BEFORE DELETE ON visit BEGIN SELECT 1; END"
+    ),
+}
+
+
+@pytest.mark.parametrize("how", ADDED)
+def test_whatever_was_added_to_the_schema_is_named_and_the_log_refused(tmp_path: Path, how: str) -> None:
+    path = tmp_path / "station.db"
+    SqliteStore(path).close()
+    db = sqlite3.connect(path)
+    db.executescript(ADDED[how])
+    db.close()
+    assert {f.what for f in findings(path)} == {"unguarded"}
+    with pytest.raises(StoreFault, match="has been altered"):
+        SqliteStore(path)
+
+
+@pytest.mark.parametrize("how", [how for how in ADDED if "finish" in how and "guard" not in how])
+def test_a_finish_that_is_swallowed_meanwhile_is_a_fault_and_no_pass(tmp_path: Path, how: str) -> None:
+    path = tmp_path / "station.db"
+    with SqliteStore(path) as store:
+        attempt = store.begin(logs.begin())
+        other = sqlite3.connect(path)
+        other.executescript("DROP TRIGGER finish_no_delete;" + ADDED[how])
+        other.close()
+        with pytest.raises(StoreFault, match=r"swallows records|does not show record"):
+            store.finish(attempt, "PASS", 1)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sqlite_utils import Database
 
-from station.adapters.store.schema import COLUMNS, migrations
+from station.adapters.store.schema import COLUMNS, foreign_objects, migrations
 from station.adapters.store.sqlite_errors import translate_errors
 from station.domain.records.chain import SCHEMA, genesis
 from station.errors import LogError, StationError, StoreFault
@@ -62,6 +62,8 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
     tables = set(db.table_names())
     check_schema(db, tables, path, StoreFault)
     if not migrations.pending(db):
+        if altered := foreign_objects(db, migrations):
+            raise StoreFault("log-schema-refused", path=str(path), objects=altered)
         return
     _back_up(connection, path)
     migrations.apply(db)

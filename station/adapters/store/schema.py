@@ -10,6 +10,7 @@ after its finish all of them are packed into one sealed `archive` record, and on
 from __future__ import annotations
 
 import uuid
+from functools import cache
 from typing import TYPE_CHECKING
 
 from sqlite_utils.migrations import Migrations
@@ -110,6 +111,34 @@ def guard(db: Database, table: str) -> None:
         )
 
 
-def guards() -> set[str]:
-    """Names of all triggers that a healthy log has."""
-    return {f"{table}_no_{deed}" for table in COLUMNS for deed in ("update", "delete")} | {"frames_stay"}
+def foreign_objects(db: Database, steps: Migrations) -> list[str]:
+    """What the file defines otherwise than these migrations would have made it: tables, indices, triggers, views.
+
+    A trigger, view or index that somebody added can swallow a record or show another; one that is altered, too.
+    SQLite keeps every definition as text in sqlite_master, so the texts are compared.
+    """
+    made = _definitions(_reference(steps))
+    found = _definitions(db)
+    return sorted(
+        f"{kind} {name}"
+        for kind, name in made.keys() | found.keys()
+        if made.get((kind, name)) != found.get((kind, name)) and name not in _OF_SQLITE
+    )
+
+
+#: Statistics that SQLite keeps for itself where somebody ran ANALYZE: they change the speed, never an answer.
+_OF_SQLITE = frozenset({"sqlite_stat1", "sqlite_stat4", "sqlite_sequence"})
+
+
+@cache
+def _reference(steps: Migrations) -> Database:
+    from sqlite_utils import Database
+
+    made = Database(memory=True, execute_plugins=False)
+    steps.apply(made)
+    return made
+
+
+def _definitions(db: Database) -> dict[tuple[str, str], str]:
+    rows = db.execute("SELECT type, name, coalesce(sql, '') FROM sqlite_master").fetchall()
+    return {(kind, name): " ".join(sql.split()) for kind, name, sql in rows}

@@ -89,7 +89,8 @@ class SqliteStore:
             numbers = self._append_all(
                 "visit", [(self._running(a), *row) for a, row in zip(attempts, rows, strict=True)]
             )
-            self._db.executemany("INSERT INTO frames VALUES (?, ?)", zip(numbers, (k.data for k in kept), strict=True))
+            frames = [(number, k.data) for number, k in zip(numbers, kept, strict=True)]
+            self._insert("frames", "INSERT INTO frames VALUES (?, ?)", frames)
 
     def write(self, attempt: str, *stages: WriteRecord) -> None:
         """Keeps stages of object writes: the intent before, the fact after, and with it the intent of the next."""
@@ -115,10 +116,18 @@ class SqliteStore:
     def finish(self, attempt: str, outcome: str, ended_ns: int) -> None:
         """Closes the attempt; when this returns, the record is on the disk."""
         with self._transaction("written"):
-            self._append("finish", self._running(attempt), str(outcome), ended_ns)
+            number = self._append("finish", self._running(attempt), str(outcome), ended_ns)
             self._note_head()
+        self._read_back(number)
         del self._open[attempt]
         self._keep_head(durable=True)
+
+    def _read_back(self, number: int) -> None:
+        """The record stands in the file as it was sealed: nothing is shown as passed on the word of a commit alone."""
+        with self._turn, translate_errors(StoreFault, self.path, "read"):
+            row = self._db.execute("SELECT hash FROM finish WHERE seq = ?", (number,)).fetchone()
+        if row is None or bytes(row[0]) != self._hash:
+            raise StoreFault("log-finish-missing", path=str(self.path), number=number)
 
     def tidy(self) -> None:
         """Packs the raw frames of finished attempts. What fails stays plain, and the next call tries again."""
@@ -194,9 +203,14 @@ class SqliteStore:
             previous, self._hash = self._hash, chain.link(self._hash, chain.canonical(table, COLUMNS[table], values))
             signature = self._signer.sign(self._hash) if self._signer else None
             sealed.append((number, previous, self._hash, signature, *values))
-        self._db.executemany(_INSERT[table], sealed)
+        self._insert(table, _INSERT[table], sealed)
         self._number += len(sealed)
         return range(first, self._number + 1)
+
+    def _insert(self, table: str, statement: str, rows: Sequence[tuple[Value, ...]]) -> None:
+        """Every row, or StoreFault: a trigger may swallow one without an error (SQLite, RAISE(IGNORE))."""
+        if (count := self._db.executemany(statement, rows).rowcount) != len(rows):
+            raise StoreFault("log-rows-swallowed", path=str(self.path), table=table, kept=count, rows=len(rows))
 
     def _document(self, kind: str, text: str) -> int | None:
         """The record that holds this text, made when it is the first time."""

@@ -9,14 +9,15 @@ from pathlib import Path
 
 from sqlite_utils import Database
 
-from station.adapters.store import anchor, keys
-from station.adapters.store.schema import COLUMNS, guards
+from station.adapters.store import anchor, file, keys
+from station.adapters.store.schema import COLUMNS, foreign_objects
 from station.adapters.store.sqlite_errors import is_damage
 from station.domain.records import chain
 from station.domain.records.chain import ChainVerifier, IntegrityFinding, SealedRecord
 from station.domain.records.framepack import plain
 from station.errors import LogError
 from station.ports.log_reader import NO_EXTRA_TRUST, Trust, ignore_progress
+from station.messages import Message, render
 from station.ports.store import LogHead
 
 #: Raw frames of every visit must lie in one of two places, and in the plain one only as they were sealed.
@@ -65,11 +66,8 @@ def log_id(db: Database) -> str:
 
 
 def _schema(db: Database) -> Iterator[IntegrityFinding]:
-    present = {row[0] for row in db.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")}
-    for name in sorted(guards() - present):
-        yield IntegrityFinding(
-            "unguarded", name, 0, f"the guard {name} was taken off the log, so records could be altered"
-        )
+    for name in foreign_objects(db, file.migrations):
+        yield IntegrityFinding("unguarded", name, 0, render(Message("log-schema-altered", object=name)))
     meta = dict(db.execute("SELECT key, value FROM meta").fetchall())
     if set(meta) != {"schema", "log_id"} or meta["schema"] != chain.SCHEMA:
         yield IntegrityFinding("edited", "meta", 0, "what the log says about itself (table meta) was edited")
