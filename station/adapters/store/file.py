@@ -62,12 +62,17 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
     tables = set(db.table_names())
     check_schema(db, tables, path, StoreFault)
     if not migrations.pending(db):
-        if altered := foreign_objects(db, migrations):
+        if altered := altered_objects(db):
             raise StoreFault("log-schema-refused", path=str(path), objects=altered)
         return
     _back_up(connection, path)
     migrations.apply(db)
     _sync_folder(path)
+
+
+def altered_objects(db: Database) -> list[str]:
+    """What in the log's schema is not as this version makes it."""
+    return foreign_objects(db, migrations)
 
 
 def _preallocate_wal(wal: Path) -> None:

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from sqlite_utils import Database
 
-from station.adapters.store import anchor, file, keys
-from station.adapters.store.schema import COLUMNS, foreign_objects
+from station.adapters.store import anchor, keys
+from station.adapters.store.file import altered_objects
+from station.adapters.store.schema import COLUMNS
 from station.adapters.store.sqlite_errors import is_damage
 from station.domain.records import chain
 from station.domain.records.chain import ChainVerifier, IntegrityFinding, SealedRecord
@@ -66,7 +67,7 @@ def log_id(db: Database) -> str:
 
 
 def _schema(db: Database) -> Iterator[IntegrityFinding]:
-    for name in foreign_objects(db, file.migrations):
+    for name in altered_objects(db):
         yield IntegrityFinding("unguarded", name, 0, render(Message("log-schema-altered", object=name)))
     meta = dict(db.execute("SELECT key, value FROM meta").fetchall())
     if set(meta) != {"schema", "log_id"} or meta["schema"] != chain.SCHEMA:
