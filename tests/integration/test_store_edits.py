@@ -12,8 +12,8 @@ from station.adapters.store import keys
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.domain.records.chain import IntegrityFinding
-from station.ports.log_reader import Trust
 from station.errors import ConfigError, StoreFault, UsageError
+from station.ports.log_reader import Trust
 from tests.conftest import SEED
 from tests.fakes import logs
 

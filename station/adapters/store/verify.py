@@ -17,8 +17,8 @@ from station.domain.records import chain
 from station.domain.records.chain import ChainVerifier, IntegrityFinding, SealedRecord
 from station.domain.records.framepack import plain
 from station.errors import LogError
-from station.ports.log_reader import NO_EXTRA_TRUST, Trust, ignore_progress
 from station.messages import Message, render
+from station.ports.log_reader import NO_EXTRA_TRUST, Trust, ignore_progress
 from station.ports.store import LogHead
 
 #: Raw frames of every visit must lie in one of two places, and in the plain one only as they were sealed.
