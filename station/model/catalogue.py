@@ -36,6 +36,14 @@ def page() -> str:
         parts.append("| id | physics | parameter | typical (range) | of | needs |\n|---|---|---|---|---|---|")
         parts.extend(_line(row) for row in told if row["level"] == level)
         parts.append("")
+    parts.append("## What to do, and what shows a cause\n")
+    parts.append("| id | remedy | what shows it | drawn over | with unknown pose |\n|---|---|---|---|---|")
+    parts.extend(
+        f"| `{row['effect']}` | {row['remedy']} | {row['shown_by']} | {row['drawn_over']} | "
+        f"{'yes' if row['pose_free'] else 'no'} |"
+        for row in told
+    )
+    parts.append("")
     parts.append("## Where the sizes come from\n")
     parts.append("| id | parameter | source |\n|---|---|---|")
     parts.extend(f"| `{row['effect']}` | {p['name']} | {p['source']} |" for row in told for p in row["parameters"])
@@ -51,7 +59,11 @@ def _row(kind: type[Effect]) -> dict[str, Any]:
         "of": list(kind.of),
         "axes": [axis for axis in kind.axes if axis],
         "needs": list(kind.needs),
-        "sensors": list(kind.sensors),
+        "quantities": list(kind.quantities),
+        "remedy": kind.remedy,
+        "shown_by": kind.shown_by,
+        "drawn_over": kind.drawn_over,
+        "pose_free": kind.pose_free,
         "parameters": [_parameter(effect, p) for p in (kind.parameter, *kind.forms)],
     }
 

@@ -14,18 +14,17 @@ Axes x, y, z are those of the reading unless the effect says a frame. A coeffici
 
 import hashlib
 import re
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station import plugins
 from station.domain.core.types import Array, Floats
+from station.domain.recipe import sensor
 from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 from station.model.scene import Scene, Signal
@@ -66,18 +65,24 @@ class Parameter:
 
     @property
     def field(self) -> str:
-        """The field that holds it: the name with its unit, time_constant_s."""
-        return f"{self.name}_{self.unit.lower()}"
+        """The field that holds it: the name with its unit, time_constant_s; the name alone of a pure number."""
+        unit = self.unit if self.unit == "degC" else self.unit.lower()
+        return f"{self.name}_{unit}" if unit else self.name
 
     def unit_in(self, unit: str) -> str:
         """The unit's text in a recipe's unit: u/degC becomes g/degC."""
-        return _U.sub(unit, self.unit)
+        return unit_in(self.unit, unit)
 
     def scale(self, recipe: Recipe) -> float:
         """What a size given for 1 g is multiplied by in this recipe: its stimulus, to the power that u has."""
         above, _, below = self.unit.partition("/")
         power = bool(_U.search(above)) - bool(_U.search(below)) * (2 if "²" in below else 1)
         return float(stimulus_strength(recipe) ** power)
+
+
+def unit_in(text: str, unit: str) -> str:
+    """A unit's text with u replaced by the recipe's unit."""
+    return _U.sub(unit, text)
 
 
 def stimulus_strength(recipe: Recipe) -> float:
@@ -92,20 +97,44 @@ def random_stream(seed: int, *key: object) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest, "little")))
 
 
+class Coefficient(NamedTuple):
+    """One column of a cause's coefficients as the documents write it; axis "" is none."""
+
+    name: str
+    axis: str
+    unit: str
+
+
+#: What a cause may be drawn over in a report; `reporting/diagnosis/cause_axis.py` makes the axis of each.
+DrawnOver = Literal[
+    "dwell", "expected", "group", "input", "input-product", "motor", "order", "other-axis", "position", "run",
+    "samples", "since-clamp", "since-power", "step", "temperature", "temperature-input", "temperature-rate", "time",
+    "tone-phase", "unit", "visits",
+]  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Effect(ABC):
     """A cause. Fields are its parameters: `size` (rms of its coefficients) and those of its form, units in names.
 
-    id: from the file's name; physics: first line of the file; level: device, rig or bus; of: who shares one
+    id: from the file's name; physics: one sentence; remedy: what to do on the line; shown_by: the change of a recipe
+    that shows it where another hides it; drawn_over: what its residual is drawn against; told_apart_by: pairs of
+    another cause's id and what would tell the two apart where no run of a recipe does; pose_free: whether it changes
+    the length of a reading, so that visits of unknown pose show it; level: device, rig or bus; of: who shares one
     coefficient (the first is simulated, the others are tried too); axes: one coefficient each; needs: covariates
     without which it cannot be seen; forms: the parameters besides `size`; shape_grid: their values to scan, by field;
-    sensors: the kinds that can feel it.
+    quantities: what a sensor that can feel it measures, empty for any.
     """
 
     size: float
 
     id: ClassVar[str]
     physics: ClassVar[str]
+    remedy: ClassVar[str]
+    shown_by: ClassVar[str]
+    drawn_over: ClassVar[DrawnOver]
+    told_apart_by: ClassVar[tuple[tuple[str, str], ...]] = ()
+    pose_free: ClassVar[bool] = True
     stage: ClassVar[EffectStage]
     level: ClassVar[Literal["device", "rig", "bus"]]
     of: ClassVar[tuple[str, ...]]
@@ -114,17 +143,26 @@ class Effect(ABC):
     forms: ClassVar[tuple[Parameter, ...]] = ()
     shape_grid: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     needs: ClassVar[tuple[str, ...]] = ()
-    sensors: ClassVar[tuple[str, ...]] = plugins.names("station.domain.recipe.sensors")
+    quantities: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls) -> None:
         cls.id = cls.__module__.rsplit(".", 1)[-1].replace("_", "-")
-        cls.physics = (sys.modules[cls.__module__].__doc__ or "").strip().splitlines()[0]
         cls.shape_grid = {p.field: p.grid for p in cls.forms if p.grid}
 
     @classmethod
     def example(cls) -> Self:
         """This cause at its typical size, in a recipe whose stimulus is 1."""
         return cls(cls.parameter.typical)
+
+    @classmethod
+    def acts_on(cls, recipe: Recipe) -> bool:
+        """Whether the recipe's sensor can feel it."""
+        return not cls.quantities or sensor.of(recipe).quantity in cls.quantities
+
+    @property
+    def columns(self) -> tuple[Coefficient, ...]:
+        """What each column of its coefficients is, u for the recipe's unit."""
+        return tuple(Coefficient(self.parameter.name, axis, self.parameter.unit) for axis in self.axes)
 
     @classmethod
     def read_size(cls, text: str, unit: str = "u") -> float:
@@ -170,18 +208,30 @@ class Effect(ABC):
         """The coefficient as the documents write it."""
         return float(coefficient)
 
-    def told(self, names: Sequence[str], coefficients: Floats, unit: str) -> list[dict[str, object]]:
-        """The parameters that do something, in the contracts' form {name, axis, of, value, unit}; the form's last."""
-        p = self.parameter
+    def size_of(self, coefficients: Floats) -> float:
+        """The size (rms) that coefficients (groups, columns) speak of."""
+        return float(np.sqrt(np.mean(coefficients**2)))
+
+    @property
+    def form_parameters(self) -> tuple[Parameter, ...]:
+        """The parameters of the form that this very value has something to say about."""
+        return self.forms
+
+    def parameter_rows(self, names: Sequence[str], coefficients: Floats, unit: str) -> list[dict[str, object]]:
+        """The parameters that do something, as the documents write them: {name, axis, of, value, unit}; the form's
+        last."""
         rows: list[dict[str, object]] = [
-            {"name": p.name, "axis": axis or None, "of": of, "value": self.value_of(c), "unit": p.unit_in(unit)}
+            {
+                "name": column.name, "axis": column.axis or None, "of": of, "value": self.value_of(c),
+                "unit": unit_in(column.unit, unit),
+            }
             for of, row in zip(names, coefficients, strict=True)
-            for axis, c in zip(self.axes, row, strict=True)
-            if c != p.neutral
-        ]
+            for column, c in zip(self.columns, row, strict=True)
+            if c != self.parameter.neutral
+        ]  # fmt: skip
         return rows + [
             {"name": f.name, "axis": None, "of": "common", "value": getattr(self, f.field), "unit": f.unit_in(unit)}
-            for f in self.forms
+            for f in self.form_parameters
         ]
 
 
@@ -201,6 +251,7 @@ class PoseEffect(Effect):
     """Turns a part by a rotation vector (rad, right-handed) in `frame`."""
 
     stage: ClassVar[EffectStage] = EffectStage.POSE
+    pose_free: ClassVar[bool] = False
     frame: ClassVar[Literal["device", "nest", "station"]]
 
     def apply(self, c: Floats) -> Floats:
@@ -237,6 +288,7 @@ class GoldEffect(Effect):
     """Adds to what the gold reference reads."""
 
     stage: ClassVar[EffectStage] = EffectStage.GOLD
+    pose_free: ClassVar[bool] = False
 
     @abstractmethod
     def apply(self, c: Floats) -> Floats:

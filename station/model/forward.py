@@ -150,7 +150,7 @@ def signature(
     signal = sensor_signal(scene, active)
     rest = Signal(scene, signal.at_stop[scene.visit], signal.at_stop)
     derivatives = []
-    for step in np.eye(len(effect.axes)) * h:
+    for step in np.eye(len(effect.columns)) * h:
         acting = ActiveEffect(effect, np.tile(step, (groups, 1)), of)
         if isinstance(effect, SensorEffect):
             # It adds to the reading: all else is the same on both sides.

@@ -67,7 +67,8 @@ class ModelEffect(StrictModel):
             if name not in known:
                 listed = ", ".join(known) or "none"
                 raise InputError(f"model: {self.effect} has no shape parameter {name!r}; it has {listed}")
-        return replace(kind.example(), **shape)
+        example = kind.example()
+        return replace(example, **{name: type(getattr(example, name))(value) for name, value in shape.items()})
 
     def acting(self, scene: Scene, seed: int | None) -> list[ActiveEffect]:
         """This cause at work in a scene, once for each level its parameters speak of.
@@ -78,19 +79,20 @@ class ModelEffect(StrictModel):
         effect = self.build()
         levels: dict[str, dict[str, Floats]] = defaultdict(dict)
         for p in self.parameters:
-            if p.name == effect.parameter.name:
-                at = levels[p.of.partition(":")[0]].setdefault(p.of, neutral_coefficients(effect))
-                at[self._axis(effect, p)] = effect.read_size(p.value) if isinstance(p.value, str) else p.value
+            if (at := self.place(effect, p)) is not None:
+                c = levels[p.of.partition(":")[0]].setdefault(p.of, neutral_coefficients(effect))
+                c[at] = effect.read_size(p.value) if isinstance(p.value, str) else p.value
         return [_for_all_groups(effect, level, known, scene, seed) for level, known in levels.items()]
 
-    def _axis(self, effect: Effect, p: ModelParameter) -> Any:
-        """Which of the coefficients a parameter is; a missing axis means all."""
-        if p.axis is None:
-            return slice(None)
-        if p.axis not in effect.axes:
-            listed = ", ".join(effect.axes)
-            raise InputError(f"model: {self.effect} has no axis {p.axis!r}; it has {listed}")
-        return effect.axes.index(p.axis)
+    def place(self, effect: Effect, p: ModelParameter) -> list[int] | None:
+        """Which columns of the coefficients a parameter is, a missing axis meaning all; None of another parameter."""
+        named = [i for i, column in enumerate(effect.columns) if column.name == p.name]
+        if not named:
+            return None
+        found = [i for i in named if p.axis in (None, effect.columns[i].axis)]
+        if not found:
+            raise InputError("model-axis", effect=self.effect, axis=str(p.axis), axes=effect.axes)
+        return found
 
 
 class Model(StrictModel):
@@ -109,14 +111,14 @@ class Model(StrictModel):
 
 def neutral_coefficients(effect: Effect) -> Floats:
     """Coefficients (axes) that do nothing."""
-    return np.full(len(effect.axes), effect.parameter.neutral)
+    return np.full(len(effect.columns), effect.parameter.neutral)
 
 
 def _for_all_groups(
     effect: Effect, level: str, known: dict[str, Floats], scene: Scene, seed: int | None
 ) -> ActiveEffect:
     """Coefficients of every group of a level in the scene, from those of the known groups."""
-    rms = float(np.sqrt(np.mean([c**2 for c in known.values()])))
+    rms = effect.size_of(np.array(list(known.values())))
     if level == "common" and effect.of[0] == "visit":
         # A standard deviation of what differs at each stop: the model knows no more, and draws it.
         level, known = "visit", {}
@@ -124,7 +126,7 @@ def _for_all_groups(
     c = np.tile(neutral_coefficients(effect), (len(names), 1))
     strange = [i for i, name in enumerate(names) if name not in known]
     # A swapped axis is one unit's fault, a bumped stop is past: neither says anything of the others.
-    spreads = effect.stage is not EffectStage.OUTPUT and not (known and level in ("run", "visit"))
+    spreads = effect.stage is not EffectStage.OUTPUT and not (known and level in ("run", "visit", "power-on"))
     if strange and seed is not None and spreads:
         c[strange] = replace(effect, size=rms).coefficients([names[i] for i in strange], seed)
     for i, name in enumerate(names):

@@ -28,6 +28,10 @@ COVARIATES = (
 )
 
 
+#: Two runs whose power-on is the same to within this belong to one power cycle, s.
+POWER_ON_TOLERANCE_S = 1.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """Rows (n) at `visits` (v); visit (n) is the row's stop, time_s (n) counts from the start of the run.
@@ -67,14 +71,16 @@ class Scene:
     def group(self, level: str) -> tuple[NDArray[np.int32], tuple[str, ...]]:
         """Group codes (v) of the visits and the groups' names as the contracts write them: ("unit:SN1", …).
 
-        level: common, unit, run, visit, run-of-recipe, nest, position, station, lot or operator. Where a table
-        does not say the nest, station, lot or operator, all visits are one group, "common".
+        level: common, unit, run, power-on, visit, run-of-recipe, nest, position, station, lot or operator. Where a
+        table does not say the nest, station, lot or operator, all visits are one group, "common".
         """
+        if level == "power-on":
+            return power_cycles(self)
         return self.visits.group(level, len(self.recipe.runs))
 
     def codes(self, level: str) -> NDArray[np.int32]:
         """Group codes (v) alone, without the names, which take long to write."""
-        return self.visits.codes(level, len(self.recipe.runs))
+        return power_cycles(self)[0] if level == "power-on" else self.visits.codes(level, len(self.recipe.runs))
 
     def is_recorded(self, name: str) -> bool:
         """Whether this covariate, this label of the visits, or the gold was recorded."""
@@ -110,6 +116,32 @@ class Signal:
         previous = self.scene.visits.previous
         step = np.where(previous[:, None] >= 0, self.at_stop[previous] - self.at_stop, 0.0)
         return np.asarray(step[self.scene.visit])
+
+
+def power_cycles(scene: Scene) -> tuple[NDArray[np.int32], tuple[str, ...]]:
+    """Power cycle (v) of each visit and their names, "power-on:SN1/0", counted within a unit.
+
+    A new one begins where `since_power_s` falls back, and with each run whose power-on is not the last run's by the
+    clock of the campaign; where nobody recorded when a unit was powered, each run is one.
+    """
+    visits = scene.visits
+    unit, first = visits.unit.code, visits.previous < 0
+    begins = first.copy()
+    if scene.since_power_s is not None and len(scene):
+        rows = np.unique(scene.visit, return_index=True)[1]
+        since = np.full(len(visits), np.nan)
+        since[scene.visit[rows]] = scene.since_power_s[rows]
+        begins[1:] |= ~first[1:] & (np.diff(since) < 0)
+        if scene.started_s is not None:
+            powered = np.full(len(visits), np.nan)
+            powered[scene.visit[rows]] = (scene.started_s + scene.time_s - scene.since_power_s)[rows]
+            same = np.abs(np.diff(powered)) < POWER_ON_TOLERANCE_S
+            begins[1:] &= ~(first[1:] & same & (unit[1:] == unit[:-1]))
+    code = np.cumsum(begins) - 1
+    new_unit = np.flatnonzero(np.diff(unit, prepend=-1))
+    within = code - np.repeat(code[new_unit], np.diff(np.append(new_unit, len(unit))))
+    names = tuple(f"power-on:{visits.unit.names[unit[i]]}/{within[i]}" for i in np.flatnonzero(begins))
+    return code.astype(np.int32), names
 
 
 def scene_of_table(recipe: Recipe, table: SampleTable) -> Scene:

@@ -1,6 +1,6 @@
 """A whole campaign out of nothing: recipe, units, causes and a seed → the samples table, and the truth about it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
@@ -115,8 +115,9 @@ class SimulatedCampaign(SimulatedUnits):
     table: SampleTable
 
 
-def parse_effect(name: str, recipe: Recipe, size: str | None = None) -> Effect:
-    """A cause by id, in the recipe's unit; size as a person wrote it, or the typical one scaled to the stimulus.
+def parse_effect(name: str, recipe: Recipe, size: str | None = None, form: Mapping[str, str] | None = None) -> Effect:
+    """A cause by id, in the recipe's unit; size as a person wrote it, or the typical one scaled to the stimulus; form:
+    parameters of its form by name, such as degree or time_constant_s.
 
     UsageError names the known ids, a size that is none, and a cause that this recipe's sensor cannot feel.
     """
@@ -125,22 +126,54 @@ def parse_effect(name: str, recipe: Recipe, size: str | None = None) -> Effect:
         near = " or ".join(get_close_matches(name, known, 2, 0.0))
         raise UsageError(f"there is no effect {name[:40]!r}; the nearest are {near}, and `station effects` lists all")
     kind: type[Effect] = plugins.load(EFFECTS, name)
-    if recipe.sensor not in kind.sensors:
-        raise UsageError(f"{name} cannot act on a {recipe.sensor}, only on {' or '.join(kind.sensors)}; leave it out")
+    if not kind.acts_on(recipe):
+        raise UsageError("effect-sensor", effect=name, sensor=recipe.sensor, quantities=kind.quantities)
+    shaped = _with_form(kind.example(), form or {})
     if size is not None:
-        return replace(kind.example(), size=kind.read_size(size, recipe.unit))
-    example = kind.example()
-    return replace(example, size=example.size * kind.parameter.scale(recipe))
+        return replace(shaped, size=kind.read_size(size, recipe.unit))
+    return replace(shaped, size=shaped.size * kind.parameter.scale(recipe))
+
+
+def _with_form(effect: Effect, form: Mapping[str, str]) -> Effect:
+    """The cause with parameters of its form as a person wrote them; within the range met in practice."""
+    known = {name: p for p in effect.forms for name in (p.name, p.field)}
+    found: dict[str, float] = {}
+    for name, text in form.items():
+        if name not in known:
+            raise UsageError(
+                "effect-form-name", effect=effect.id, name=name[:40], known=[p.field for p in effect.forms]
+            )
+        p = known[name]
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not (np.isfinite(value) and min(p.low, p.typical) <= value <= p.high):
+            raise UsageError(
+                "effect-form-value", effect=effect.id, name=p.field, text=text[:40], low=p.low, high=p.high
+            )
+        found[p.field] = type(getattr(effect, p.field))(value)
+    return replace(effect, **found)
 
 
 def parse_effects(asked: Sequence[str], recipe: Recipe) -> tuple[Effect, ...]:
-    """Causes as a person asks for them, ID or ID=SIZE; UsageError also for one that is asked for twice."""
-    pairs = [text.partition("=") for text in asked]
+    """Causes as a person asks for them, ID or ID=SIZE, each with parameters of its form behind commas
+    (warm-up=5e-4,time_constant_s=60); UsageError also for one that is asked for twice."""
+    pairs = [_split_request(text) for text in asked]
     names = [name for name, _, _ in pairs]
     for name in names:
         if names.count(name) > 1:
             raise UsageError(f"effect {name} is asked for {names.count(name)} times; say it once, with its whole size")
-    return tuple(parse_effect(name, recipe, size if equals else None) for name, equals, size in pairs)
+    return tuple(parse_effect(name, recipe, size, form) for name, size, form in pairs)
+
+
+def _split_request(text: str) -> tuple[str, str | None, dict[str, str]]:
+    """ID[=SIZE][,NAME=VALUE…] as id, size and form; a mapping such as -y,x,z is a size with commas."""
+    first, *rest = text.split(",")
+    name, equals, size = first.partition("=")
+    sizes = [size, *(part for part in rest if "=" not in part)]
+    form = dict(part.split("=", 1) for part in rest if "=" in part)
+    return name, ",".join(sizes) if equals else None, form
 
 
 def simulate(job: SimulationJob) -> SimulatedCampaign:

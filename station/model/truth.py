@@ -22,7 +22,7 @@ class Truth:
             self.units.append({"serial": name, "offset": offset.tolist(), "matrix": matrix.tolist()})
         for key, acting in part.active.items():
             names = part.scene.group(acting.of)[1]
-            told = acting.effect.told(names, acting.coefficients, self.job.recipe.unit)
+            told = acting.effect.parameter_rows(names, acting.coefficients, self.job.recipe.unit)
             # Parts of a fleet share what is common; it is told once.
             self.effects.setdefault(key, {}).update({(p["name"], p["axis"], p["of"]): p for p in told})
 

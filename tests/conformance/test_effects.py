@@ -3,7 +3,7 @@
 import dataclasses
 import doctest
 import importlib
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -11,14 +11,23 @@ import pytest
 from station import plugins
 from station.domain.recipe.recipe import Recipe
 from station.model.campaign import scene_of_plan
-from station.model.effect import Effect, EffectStage, GoldEffect, OutputEffect, PoseEffect, SensorEffect, StimulusEffect
+from station.model.effect import (
+    DrawnOver,
+    Effect,
+    EffectStage,
+    GoldEffect,
+    OutputEffect,
+    PoseEffect,
+    SensorEffect,
+    StimulusEffect,
+)
 from station.model.forward import ActiveEffect, BaseResponse, convert_output, forward, gold_error, signature
 from station.model.scene import COVARIATES, Scene
 from station.model.simulate import SimulationJob, parse_effect, simulate
 
 IDS = plugins.names("station.model.effects")
 SMOOTH = {EffectStage.POSE, EffectStage.STIMULUS, EffectStage.SENSOR}
-LEVELS = ("common", "unit", "run", "visit", "nest", "position", "station", "lot", "operator")
+LEVELS = ("common", "unit", "run", "power-on", "visit", "nest", "position", "station", "lot", "operator")
 
 #: Contracts, section 6: name, unit, axes, frame of the parameters of each id.
 XYZ, ALONE = ("x", "y", "z"), ("",)
@@ -36,6 +45,7 @@ CONTRACT: dict[str, tuple[str, str, tuple[str, ...], str]] = {
     "cross-quadratic": ("coefficient", "1/u", ("x:y", "x:z", "y:x", "y:z", "z:x", "z:y"), ""),
     "offset-temperature": ("coefficient", "u/degC", XYZ, ""),
     "gain-temperature": ("coefficient", "1/degC", XYZ, ""),
+    "turn-on-offset": ("offset", "u", XYZ, ""),
     "temperature-rate": ("coefficient", "u·s/degC", XYZ, ""),
     "warm-up": ("amplitude", "u", XYZ, ""),
     "clamp-creep": ("amplitude", "u", XYZ, ""),
@@ -64,6 +74,7 @@ FORMS = {
     **dict.fromkeys(("warm-up", "clamp-creep", "settling", "filter-lag", "lever-arm"), ("time_constant", "s")),
     "motor-tone": ("frequency", "Hz"),
     "step": ("at", "s"),
+    **dict.fromkeys(("offset-temperature", "gain-temperature"), ("degree", "")),
 }
 
 
@@ -146,6 +157,10 @@ def test_file_says_what_a_reader_needs(name: str) -> None:
     effect = kind(name)
     assert effect.id == name
     assert effect.physics.endswith(".") and 20 < len(effect.physics) <= 120
+    assert 10 < len(effect.remedy) <= 120 and not effect.remedy.endswith(".")
+    assert 10 < len(effect.shown_by) <= 120 and not effect.shown_by.endswith(".")
+    assert effect.drawn_over in get_args(DrawnOver)
+    assert {other for other, _ in effect.told_apart_by} <= set(IDS) - {name}
     assert effect.level in ("device", "rig", "bus")
     assert effect.of and set(effect.of) <= set(LEVELS)
     assert set(effect.needs) <= {*COVARIATES, "gold"}
@@ -275,7 +290,7 @@ def test_coefficients_belong_to_their_groups(name: str, recipe: Recipe) -> None:
 def test_told_in_the_contracts_form(name: str, recipe: Recipe, scene: Scene) -> None:
     effect = parse_effect(name, recipe)
     on = acting(effect, scene)
-    told = effect.told(scene.group(on.of)[1], on.coefficients, recipe.unit)
+    told = effect.parameter_rows(scene.group(on.of)[1], on.coefficients, recipe.unit)
     assert told
     for row in told:
         assert set(row) == {"name", "axis", "of", "value", "unit"}

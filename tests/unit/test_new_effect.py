@@ -1,4 +1,4 @@
-"""A cause in a file of its own is simulated, listed and told with no other file touched."""
+"""A cause in a file of its own is simulated, found blind, drawn and listed with no other file touched."""
 
 import importlib
 import sys
@@ -9,12 +9,18 @@ import numpy as np
 import pytest
 
 from station import plugins
+from station.diagnosis.results.diagnose import diagnose
+from station.diagnosis.results.diagnosis_document import document
+from station.diagnosis.search import alarm
 from station.model import catalogue, truth
+from station.model.model_file import Model
 from station.model.simulate import SimulationJob, parse_effect, simulate
-from tests.unit.tilt_recipe import tilt
+from station.reporting.diagnosis.gather import report_data
+from station.reporting.diagnosis.page import build_page
+from tests.unit.tilt_recipe import THREE_RUNS, tilt
 
 FILE = '''
-"""The reading follows the sine of what the axis feels: a ripple of the converter.
+"""The reading follows the sine of the sum of all axes: a ripple of their common supply.
 
 >>> 1 + 1
 2
@@ -33,14 +39,18 @@ from station.model.scene import Signal
 class Ripple(SensorEffect):
     """Height of the ripple."""
 
+    physics = "The reading follows the sine of the sum of all axes: a ripple of their common supply."
+    remedy = "have the converter linearised"
+    shown_by = "add tilts between the faces"
+    drawn_over = "input"
     level = "device"
     of = ("unit",)
     parameter = Parameter("height", "u", 1e-3, 1e-4, 1e-2, "made up")
     size: float = parameter.typical
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
-        """c · sin(7a)."""
-        return np.asarray(c * np.sin(7 * signal.true))
+        """c · sin(5 Σ a)."""
+        return np.asarray(c * np.sin(5 * signal.true.sum(1, keepdims=True)))
 '''
 
 
@@ -64,14 +74,34 @@ def test_a_new_file_is_all_it_takes() -> None:
     assert "ripple" in plugins.names("station.model.effects")
     plain = SimulationJob(recipe, ("A",), 3)
     made = simulate(SimulationJob(recipe, ("A",), 3, (parse_effect("ripple", recipe, "0.01"),)))
-    told = truth.document(plain, [made])["effects"][0]
-    c = np.array([p["value"] for p in told["parameters"]])
-    assert told["effect"] == "ripple" and np.sqrt(np.mean(c**2)) == pytest.approx(0.01)
+    written = truth.document(plain, [made])["effects"][0]
+    c = np.array([p["value"] for p in written["parameters"]])
+    assert written["effect"] == "ripple" and np.sqrt(np.mean(c**2)) == pytest.approx(0.01)
     visits = made.scene.visits
     true = np.einsum("vji,vj->vi", visits.nest_R, visits.stimulus)[made.scene.visit]
     change = made.table.reading - simulate(plain).table.reading
-    np.testing.assert_allclose(change, c * np.sin(7 * true), atol=1e-12)
+    np.testing.assert_allclose(change, c * np.sin(5 * true.sum(1, keepdims=True)), atol=1e-12)
     assert any(row["effect"] == "ripple" for row in catalogue.rows())
+    assert (
+        "| `ripple` | have the converter linearised | add tilts between the faces | input | yes |" in catalogue.page()
+    )
+
+
+@pytest.mark.usefixtures("ripple")
+def test_it_is_found_blind_and_the_report_has_its_remedy_and_picture() -> None:
+    recipe = tilt(runs=THREE_RUNS)
+    job = SimulationJob(recipe, ("A", "B"), 4, (parse_effect("ripple", recipe),))
+    made = simulate(job)
+    found = diagnose(recipe, made.table, Model(), lambda *campaign: alarm.bootstrap(*campaign, 1))
+    written = document(found)
+    assert (written["verdict"], [c["effect"] for c in written["causes"]]) == ("named", ["ripple"])
+    rows = truth.document(job, [made])["effects"][0]["parameters"]
+    true = {(row["of"], row["axis"]): row["value"] for row in rows}
+    for row in written["causes"][0]["parameters"]:
+        assert row["value"] == pytest.approx(true[row["of"], row["axis"]], abs=5 * row["std"])
+    page = build_page(report_data(found, written))
+    assert page.do == "Have the converter linearised."
+    assert page.hero is not None and page.hero.svg.startswith("<svg")
 
 
 def test_it_is_gone_again() -> None:

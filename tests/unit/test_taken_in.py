@@ -18,7 +18,7 @@ def model(*effects: str) -> Model:
 def test_of_the_device_only_angles_are_of_offset_and_matrix(name: str) -> None:
     recipe = load_recipe(name)
     kinds: dict[str, type[Effect]] = {e: plugins.load(EFFECTS, e) for e in plugins.names(EFFECTS)}
-    device = {e: k.example() for e, k in kinds.items() if k.level == "device" and recipe.sensor in k.sensors}
+    device = {e: k.example() for e, k in kinds.items() if k.level == "device" and k.acts_on(recipe)}
     assert {e for e, made in device.items() if in_matrix(made, recipe)} == {"cross-axis", "package-rotation"}
 
 

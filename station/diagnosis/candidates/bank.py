@@ -31,7 +31,7 @@ MAX_JUMP_TIMES = 32
 #: Times between two of them that are tried at most.
 MAX_REFINED_JUMP_TIMES = 12
 #: Levels whose groups belong to one unit each.
-PER_UNIT_LEVELS = ("unit", "run", "visit", "unit-position")
+PER_UNIT_LEVELS = ("unit", "run", "power-on", "visit", "unit-position")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,7 +138,7 @@ def cause_library(recipe: Recipe) -> tuple[Effect, ...]:
     """Every cause that can act in this recipe and whose signature is smooth, at its typical size."""
     kinds = (PoseEffect, StimulusEffect, SensorEffect, GoldEffect)
     found = (c.example() for c in plugins.load_all("station.model.effects").values() if issubclass(c, kinds))
-    return tuple(e for e in found if recipe.sensor in e.sensors and _acts_on_means(e, recipe))
+    return tuple(e for e in found if e.acts_on(recipe) and _acts_on_means(e, recipe))
 
 
 def _acts_on_means(effect: Effect, recipe: Recipe) -> bool:

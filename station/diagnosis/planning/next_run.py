@@ -1,22 +1,19 @@
 """The next run for a diagnosis that ended in a tie."""
 
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import numpy as np
 
+from station import plugins
 from station.diagnosis.planning.proposal import CauseHypothesis, CauseTie, MeasuredCampaign, Proposal, propose
 from station.diagnosis.results.diagnose import Cause, Diagnosis
 from station.errors import RecipeError
+from station.model.effect import Effect
+from station.model.model_file import EFFECTS
 
 #: Units that a plan needs at most to know what more units would show.
 MAX_PLANNED_UNITS = 6
-#: Pairs that no order, temperature, seat or nest can part, and what would.
-TIE_BREAKERS = {
-    frozenset({"settling", "filter-lag"}): "another output data rate: ringing of the rig keeps its frequency in Hz",
-    frozenset({"quadratic", "asymmetry"}): "tilts between the faces, or more than 1 g on a centrifuge",
-    frozenset({"base-tilt", "index-error"}): "a level on the rig: an error of every position can look like its tilt",
-    frozenset({"nest-tilt", "index-error"}): "the same positions in another nest",
-}
 
 
 def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
@@ -31,8 +28,7 @@ def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
         found = None
     if found is None:
         members = {name for c in tied for name in (c.finding.name, *c.finding.indistinguishable_from)}
-        told = [text for pair, text in TIE_BREAKERS.items() if pair <= members]
-        change = told[0] if told else "no run of the menu separates them"
+        change = next(_tie_breakers(members), "no run of the menu separates them")
         return {"recipe_change": change, "separates": [], "minutes": 0.0, "certainty": 0.5}, None
     return {
         "recipe_change": found.change,
@@ -40,6 +36,13 @@ def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
         "minutes": round(found.minutes, 1),
         "certainty": found.certainty,
     }, found
+
+
+def _tie_breakers(members: Collection[str]) -> Iterator[str]:
+    """What would tell two of these causes apart though no run does, as their files say."""
+    for name in sorted(members):
+        kind: type[Effect] = plugins.load(EFFECTS, name)
+        yield from (text for other, text in kind.told_apart_by if other in members)
 
 
 def _tie(c: Cause) -> CauseTie | None:

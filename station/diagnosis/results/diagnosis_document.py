@@ -11,7 +11,7 @@ from station.diagnosis.results.diagnose import Cause, Diagnosis, calibration_shi
 from station.diagnosis.results.estimate import Estimate
 from station.diagnosis.results.gain import HeldOutGain
 from station.diagnosis.results.remaining_residual import remaining_rms
-from station.model.effect import Effect
+from station.model.effect import Effect, unit_in
 
 SCHEMA = "station.diagnosis/1"
 
@@ -124,18 +124,17 @@ def _parameters(e: Estimate, unit: str) -> list[dict[str, Any]]:
     candidate, effect = e.item.candidate, e.item.candidate.effect
     if effect is None:
         return []
-    p = effect.parameter
     rows: list[dict[str, Any]] = [
         {
-            "name": p.name, "axis": axis or None, "of": candidate.names[g],
-            "value": float(e.value[g, i]), "std": float(e.std[g, i]), "unit": p.unit_in(unit),
+            "name": column.name, "axis": column.axis or None, "of": candidate.names[g],
+            "value": float(e.value[g, i]), "std": float(e.std[g, i]), "unit": unit_in(column.unit, unit),
         }
         for g in range(len(candidate.names)) if e.item.hit[g]
-        for i, axis in enumerate(effect.axes)
+        for i, column in enumerate(effect.columns)
     ]  # fmt: skip
     told = {t.field: t for t in e.form}
     for effect, of in _forms_with_groups(e):
-        for form in effect.forms:
+        for form in effect.form_parameters:
             std = told[form.field].std if form.field in told else e.form_std(form.field)
             value = float(getattr(effect, form.field))
             rows.append(

@@ -99,8 +99,7 @@ def _accepted_from_model(view: ResidualView, told: ModelEffect) -> Iterator[Acce
         code, names = view.scene.group(found.of)
         std = np.zeros(found.coefficients.shape)
         for p in told.parameters:
-            if p.name == effect.parameter.name and p.of in names:
-                at = slice(None) if p.axis is None else effect.axes.index(p.axis)
+            if (at := told.place(effect, p)) is not None and p.of in names:
                 std[names.index(p.of), at] = p.std or 0.0
         hit = np.any(found.coefficients != 0.0, axis=1) | np.any(std > 0, axis=1)
         if hit.any():

@@ -40,6 +40,10 @@ MATRICES = np.array([matrix_of(mapping) for mapping in MAPPINGS])
 class AxisPermutation(OutputEffect):
     """What stands on x, y, z, per unit."""
 
+    physics = "The axes come out swapped or with the wrong sign: the part is mounted turned, or the decoding is wrong."
+    remedy = "check how the unit sits in its nest, and the axes in the decoding, before anything else"
+    shown_by = "state the orientation of every position in the recipe"
+    drawn_over = "expected"
     level = "device"
     of = ("unit", "common")
     axes = SINGLE_COEFFICIENT

@@ -16,6 +16,10 @@ from station.model.effect import Parameter, PoseEffect
 class BaseTilt(PoseEffect):
     """Angle about the two level axes of the station, common to all."""
 
+    physics = "The rig does not stand level."
+    remedy = "level the rig"
+    shown_by = "measure units in several nests, and one run in another seating"
+    drawn_over = "position"
     level = "rig"
     of = ("common", "station")
     frame = "station"
@@ -23,5 +27,5 @@ class BaseTilt(PoseEffect):
     parameter = Parameter(
         "angle", "rad", 5e-4, 1e-4, 2e-3, "a bench levelled with a bubble, .1–2 mrad (1″ is 4.85 µg); unchecked"
     )
-    sensors = ("accelerometer", "magnetometer")
+    quantities = ("acceleration", "magnetic field")
     size: float = parameter.typical

@@ -22,6 +22,10 @@ from station.model.scene import Signal
 class BiasDrift(SensorEffect):
     """Rate of the offset, per unit and axis."""
 
+    physics = "The offset creeps evenly with time, whatever the temperature does."
+    remedy = "calibrate offsets at the middle of the run, or return to one position and subtract the drift"
+    shown_by = "add visits to a run, and return to one position"
+    drawn_over = "time"
     level = "device"
     of = ("unit", "run", "common")
     parameter = Parameter(

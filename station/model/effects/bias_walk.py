@@ -22,6 +22,10 @@ from station.model.scene import Scene, Signal
 class BiasWalk(SensorEffect):
     """Standard deviation of a step; coefficients are the steps themselves, per visit and axis."""
 
+    physics = "The offset wanders at random: each stop adds a small step to all that came before."
+    remedy = "dwell longer, visit positions twice, and ask the supplier about low-frequency noise"
+    shown_by = "return to one position within a run"
+    drawn_over = "order"
     level = "device"
     of = ("visit",)
     parameter = Parameter("step_std", "u", 1e-5, 1e-6, 5e-5, "bias instability of 1–50 µg over seconds; unchecked")
@@ -42,7 +46,7 @@ class BiasWalk(SensorEffect):
         """Normal steps (groups, 3)."""
         return np.asarray(self.size * rng.standard_normal((groups, 3)))
 
-    def told(self, names: Sequence[str], coefficients: Floats, unit: str) -> list[dict[str, object]]:
+    def parameter_rows(self, names: Sequence[str], coefficients: Floats, unit: str) -> list[dict[str, object]]:
         """The standard deviation alone: the steps are noise."""
         del names, coefficients
         return [{"name": "step_std", "axis": None, "of": "common", "value": self.size, "unit": unit}]

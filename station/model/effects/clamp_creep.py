@@ -22,6 +22,10 @@ from station.model.scene import Signal
 class ClampCreep(SensorEffect):
     """Offset for each factor e of time, per unit and axis."""
 
+    physics = "The clamp's stress on the part relaxes, and the offset with it."
+    remedy = "wait after clamping, or clamp with less force"
+    shown_by = "add a run without opening the clamp"
+    drawn_over = "since-clamp"
     level = "rig"
     of = ("unit", "nest", "common")
     parameter = Parameter("amplitude", "u", 3e-4, 5e-5, 2e-3, "stress of .1–several mg relaxing in minutes; unchecked")

@@ -19,6 +19,10 @@ from station.model.effect import SINGLE_COEFFICIENT, OutputEffect, Parameter
 class Clipping(OutputEffect):
     """Limit of the reading, per unit."""
 
+    physics = "The output saturates below its full scale."
+    remedy = "set a wider range; no calibration restores what was cut off"
+    shown_by = "state `device.full_scale` in the recipe"
+    drawn_over = "expected"
     level = "device"
     of = ("unit", "common")
     axes = SINGLE_COEFFICIENT

@@ -19,6 +19,10 @@ from station.model.effect import SINGLE_COEFFICIENT, ClockEffect, Parameter
 class ClockError(ClockEffect):
     """Relative error of the rate, per unit."""
 
+    physics = "The device's oscillator is off, and with it the rate at which it samples."
+    remedy = "take time from the host's clock, and ask the supplier about the oscillator"
+    shown_by = "state `device.rate_hz` in the recipe, and dwell longer"
+    drawn_over = "unit"
     level = "bus"
     of = ("unit", "common")
     axes = SINGLE_COEFFICIENT

@@ -21,6 +21,10 @@ from station.model.scene import Signal
 class CrossAxis(SensorEffect):
     """Coefficient of the other axis, per unit and pair of axes."""
 
+    physics = "The axes are not square to each other: each reads a little of the other two, alike both ways."
+    remedy = "calibrate with method n-point, which takes the angles between the axes out"
+    shown_by = "add positions that load two axes at once"
+    drawn_over = "other-axis"
     level = "device"
     of = ("unit", "common")
     axes = ("xy", "xz", "yz")

@@ -22,6 +22,10 @@ from station.model.scene import Signal
 class CrossQuadratic(SensorEffect):
     """Coefficient of a_i · a_j, per unit and pair."""
 
+    physics = "A reading grows with the product of its own axis and another: a side load changes the gain."
+    remedy = "add the product of two axes to the compensation, or ask the supplier about the lot"
+    shown_by = "add positions at edges and corners: at six faces the product is zero"
+    drawn_over = "input-product"
     level = "device"
     of = ("unit", "common")
     axes = ("x:y", "x:z", "y:x", "y:z", "z:x", "z:y")

@@ -21,6 +21,10 @@ from station.model.scene import Signal
 class Cubic(SensorEffect):
     """Coefficient of a³, per unit and axis."""
 
+    physics = "A reading grows with the cube of what the axis feels: the spring stiffens."
+    remedy = "add the cube to the compensation, or ask the supplier about the lot"
+    shown_by = "add positions at 45°: at six faces a cube is a gain"
+    drawn_over = "input"
     level = "device"
     of = ("unit", "common")
     parameter = Parameter("coefficient", "1/u²", 2e-4, 5e-5, 5e-4, "usual for MEMS in ±2 g, 50–500 µg/g³; unchecked")

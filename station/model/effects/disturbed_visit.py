@@ -20,6 +20,10 @@ from station.model.effect import Parameter, PoseEffect
 class DisturbedVisit(PoseEffect):
     """Angle about each axis of the nest, per visit."""
 
+    physics = "Somebody bumps the rig, or a part is not pushed home: one stop is wrong."
+    remedy = "run these units again, and find who or what touches the rig"
+    shown_by = "make more than one visit a unit"
+    drawn_over = "visits"
     level = "rig"
     of = ("visit",)
     frame = "nest"

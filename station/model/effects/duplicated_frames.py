@@ -21,6 +21,10 @@ from station.model.effect import BusEffect, Parameter
 class DuplicatedFrames(BusEffect):
     """Fraction of frames that arrive twice."""
 
+    physics = "Frames arrive twice: an acknowledge is missed and the controller repeats the frame."
+    remedy = "check what makes the controller repeat: termination, a second controller, the adapter"
+    shown_by = "record the frame `counter`"
+    drawn_over = "unit"
     parameter = Parameter("fraction", "1", 0.01, 1e-4, 0.1, "repeats after an error in the last bit of a frame")
     size: float = parameter.typical
 

@@ -24,6 +24,11 @@ from station.model.scene import Signal
 class FilterLag(StimulusEffect):
     """Fraction of the step that is left on arrival, per unit and axis."""
 
+    physics = "The device's low-pass filter has not yet forgotten the last orientation."
+    remedy = "lengthen `settle.time_s` in the recipe, or set a faster filter while calibrating"
+    shown_by = "set `settle.time_s` to 0, so that the dwell begins during the move's last swing"
+    drawn_over = "dwell"
+    told_apart_by = (("settling", "another output data rate: ringing of the rig keeps its frequency in Hz"),)
     level = "device"
     of = ("unit", "common")
     parameter = Parameter(

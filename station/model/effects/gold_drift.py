@@ -17,6 +17,10 @@ from station.model.effect import GoldEffect, Parameter
 class GoldDrift(GoldEffect):
     """Offset of the gold on each axis, common to all it is used for."""
 
+    physics = "The gold reference has moved since it was calibrated."
+    remedy = "have the gold reference calibrated, and compare it with a second one"
+    shown_by = "read a gold reference in the nest (`gold_x`, `gold_y`, `gold_z`)"
+    drawn_over = "position"
     level = "rig"
     of = ("common", "station", "run")
     parameter = Parameter("offset", "u", 5e-4, 1e-4, 9e-3, "ageing: ±3.5 mg typical in 10 years (ADXL355 data sheet)")

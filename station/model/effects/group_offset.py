@@ -22,6 +22,12 @@ from station.model.scene import Signal
 class GroupOffset(SensorEffect):
     """Offset, per nest (or operator, station, lot) and axis."""
 
+    physics = (
+        "All that is measured at one nest, by one operator, at one station or from one lot reads the same amount off."
+    )
+    remedy = "measure the same unit at both places to find the one that is wrong"
+    shown_by = "measure the same unit at both places, and record `station`, `nest`, `lot`, `operator`"
+    drawn_over = "group"
     level = "rig"
     of = ("nest", "operator", "station", "lot")
     parameter = Parameter("offset", "u", 5e-4, 5e-5, 2e-3, "differences between seats and crews, .05–2 mg; unchecked")

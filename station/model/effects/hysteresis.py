@@ -22,6 +22,10 @@ from station.model.scene import Signal
 class Hysteresis(SensorEffect):
     """Fraction of the step that stays, per unit and axis."""
 
+    physics = "The reading remembers the stop before: the suspension does not quite come back."
+    remedy = "go round in both directions and average, or ask the supplier about the lot"
+    shown_by = "add a run in reversed order"
+    drawn_over = "step"
     level = "device"
     of = ("unit", "common")
     parameter = Parameter("coefficient", "1", 1e-4, 2e-5, 2e-4, ".01–.1 % of full scale; unchecked")

@@ -16,6 +16,14 @@ from station.model.effect import Parameter, PoseEffect
 class IndexingError(PoseEffect):
     """Angle about each axis of the nest, per position."""
 
+    physics = "A position of the rig is off by the same angle, each time and for every unit."
+    remedy = "measure the positioner's angles and enter them in the recipe, or have the index serviced"
+    shown_by = "measure two units or more, and one run in reversed order"
+    drawn_over = "position"
+    told_apart_by = (
+        ("base-tilt", "a level on the rig: an error of every position can look like its tilt"),
+        ("nest-tilt", "the same positions in another nest"),
+    )
     level = "rig"
     of = ("position",)
     frame = "nest"

@@ -22,6 +22,10 @@ from station.model.scene import Signal
 class LeverArm(StimulusEffect):
     """Acceleration at arrival, per nest (each sits elsewhere) and axis."""
 
+    physics = "The fixture still turns a little on arrival, and the sensor feels it because it sits away from the axis."
+    remedy = "wait for the full stop: lengthen `settle.time_s` in the recipe"
+    shown_by = "set `settle.time_s` to 0, so that the dwell begins during the move's last swing"
+    drawn_over = "dwell"
     level = "rig"
     of = ("nest", "common")
     parameter = Parameter("amplitude", "u", 1e-3, 3e-4, 2.5e-2, "ω²r at r = .1 m: .31 mg at 10 °/s, 25 mg at 90 °/s")
@@ -29,7 +33,7 @@ class LeverArm(StimulusEffect):
         Parameter("time_constant", "s", 0.15, 0.03, 0.5, "run-out of a drive", grid=(0.03, 0.06, 0.12, 0.25, 0.5)),
     )
     needs = ("since_arrival_s",)
-    sensors = ("accelerometer",)
+    quantities = ("acceleration",)
     size: float = parameter.typical
     time_constant_s: float = forms[0].typical
 

@@ -21,13 +21,17 @@ from station.model.scene import Signal
 class LocalGravity(StimulusEffect):
     """g/g_nominal − 1, common to all."""
 
+    physics = "Gravity here is not what the recipe says: latitude, height or an anomaly left out."
+    remedy = "enter latitude and altitude of the site in the recipe"
+    shown_by = "measure a gold reference"
+    drawn_over = "input"
     level = "rig"
     of = ("common",)
     axes = SINGLE_COEFFICIENT
     parameter = Parameter(
         "coefficient", "1", 7e-4, -2.8e-3, 2.6e-3, "normal gravity from the equator to the pole (WGS 84)"
     )
-    sensors = ("accelerometer",)
+    quantities = ("acceleration",)
     size: float = parameter.typical
 
     def apply(self, signal: Signal, c: Floats) -> Floats:

@@ -21,6 +21,10 @@ from station.model.effect import BusEffect, Parameter
 class LostFrames(BusEffect):
     """Fraction of frames that do not arrive."""
 
+    physics = "Frames get lost: the bus is too full, or the adapter's buffer runs over."
+    remedy = "lower the load of the bus, or check the adapter and its buffer"
+    shown_by = "record the frame `counter`"
+    drawn_over = "unit"
     parameter = Parameter(
         "fraction", "1", 0.01, 1e-4, 0.1, "a healthy bus loses none; an adapter under load a per cent"
     )

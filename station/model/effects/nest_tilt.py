@@ -16,6 +16,10 @@ from station.model.effect import Parameter, PoseEffect
 class NestTilt(PoseEffect):
     """Angle about each axis of the nest, per nest."""
 
+    physics = "The nest holds every part turned by the same small angle: a worn or badly shimmed seat."
+    remedy = "shim or replace the seat of the nest, then measure its orientation again"
+    shown_by = "add a run with the units turned in the nest (`seating`), or use several nests"
+    drawn_over = "position"
     level = "rig"
     of = ("nest", "common")
     frame = "nest"

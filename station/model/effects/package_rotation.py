@@ -16,6 +16,10 @@ from station.model.effect import Parameter, PoseEffect
 class PackageRotation(PoseEffect):
     """Angle about each axis of the device, per unit."""
 
+    physics = "The sensor sits turned in its housing: soldered askew."
+    remedy = "calibrate with method n-point, which takes the rotation out, or ask the supplier how the sensor is placed"
+    shown_by = "add a run with the units turned in the nest (`seating`)"
+    drawn_over = "position"
     level = "device"
     of = ("unit", "common")
     frame = "device"

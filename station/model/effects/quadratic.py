@@ -21,6 +21,11 @@ from station.model.scene import Signal
 class Quadratic(SensorEffect):
     """Coefficient of a², per unit and axis."""
 
+    physics = "A reading grows with the square of what the axis feels: second-order nonlinearity of the suspension."
+    remedy = "add the square to the compensation, or ask the supplier about the lot"
+    shown_by = "add positions at 45°, so that each axis feels three magnitudes"
+    drawn_over = "input"
+    told_apart_by = (("asymmetry", "tilts between the faces, or more than 1 g on a centrifuge"),)
     level = "device"
     of = ("unit", "common")
     parameter = Parameter(

@@ -19,6 +19,10 @@ from station.model.effect import SINGLE_COEFFICIENT, OutputEffect, Parameter
 class Quantization(OutputEffect):
     """Step of the output, per unit."""
 
+    physics = "The output comes in coarser steps than the data sheet says: low bits are lost."
+    remedy = "set the range and the output format that the data sheet promises"
+    shown_by = "state `device.lsb` in the recipe"
+    drawn_over = "samples"
     level = "device"
     of = ("unit", "common")
     axes = SINGLE_COEFFICIENT

@@ -21,6 +21,10 @@ from station.model.effect import BusEffect, Parameter
 class ReorderedFrames(BusEffect):
     """Fraction of frames that change places with their successor."""
 
+    physics = "Frames overtake each other on the way from the adapter."
+    remedy = "replace the adapter or its driver; sort by the frame counter meanwhile"
+    shown_by = "record the frame `counter`"
+    drawn_over = "unit"
     parameter = Parameter("fraction", "1", 0.01, 1e-4, 0.1, "USB adapters that hand over several buffers at once")
     size: float = parameter.typical
 

@@ -19,6 +19,10 @@ from station.model.effect import Parameter, PoseEffect
 class Repeatability(PoseEffect):
     """Standard deviation of the angle about each axis of the nest; coefficients are the angles themselves."""
 
+    physics = "The positioner comes to rest a little elsewhere each time."
+    remedy = "check the positioner for play: clamp, bearing, brake; visit positions more than once meanwhile"
+    shown_by = "return to one position within a run"
+    drawn_over = "position"
     level = "rig"
     of = ("visit",)
     frame = "nest"

@@ -23,6 +23,11 @@ from station.model.scene import Signal
 class Settling(StimulusEffect):
     """Fraction of the move that is left on arrival, per axis, common to the rig."""
 
+    physics = "The fixture still swings to its place when the dwell begins: the rest of the last move dies away."
+    remedy = "lengthen `settle.time_s` in the recipe, or stiffen the fixture"
+    shown_by = "set `settle.time_s` to 0, so that the dwell begins during the move's last swing"
+    drawn_over = "dwell"
+    told_apart_by = (("filter-lag", "another output data rate: ringing of the rig keeps its frequency in Hz"),)
     level = "rig"
     of = ("common", "nest")
     parameter = Parameter(

@@ -27,6 +27,10 @@ from station.model.timeline import run_timeline
 class Step(SensorEffect):
     """Height of the jump, per run and axis, and its time from the start of the run."""
 
+    physics = "Something jumps in the middle of a run and stays: a part slips, a solder joint gives, a supply sags."
+    remedy = "check the seating and the solder joints of these units, and run them again"
+    shown_by = "add visits to a run"
+    drawn_over = "time"
     level = "rig"
     of = ("run", "unit", "common")
     parameter = Parameter("offset", "u", 1e-3, 1e-4, 1e-2, "slip of a clamped part, .1–10 mg; unchecked")

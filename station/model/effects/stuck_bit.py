@@ -23,6 +23,10 @@ from station.model.effect import SINGLE_COEFFICIENT, OutputEffect, Parameter
 class StuckBit(OutputEffect):
     """Weight of the bit, per unit; negative where it is stuck at 1."""
 
+    physics = "One bit of the output never changes: a broken line of the converter or a fault in packing."
+    remedy = "check the packing of the frame, then replace the converter or the device"
+    shown_by = "state `device.lsb` in the recipe"
+    drawn_over = "samples"
     level = "device"
     of = ("unit", "common")
     axes = SINGLE_COEFFICIENT

@@ -22,6 +22,10 @@ from station.model.scene import Signal
 class TemperatureRate(SensorEffect):
     """Offset for each degree a second, per unit and axis."""
 
+    physics = "The offset follows how fast the temperature changes: the package is warmer on one side."
+    remedy = "let the units reach room temperature before the run, and keep draughts away"
+    shown_by = "let the temperature rise and fall within a run"
+    drawn_over = "temperature-rate"
     level = "device"
     of = ("unit", "common")
     parameter = Parameter(

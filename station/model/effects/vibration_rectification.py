@@ -22,6 +22,10 @@ from station.model.scene import Signal
 class VibrationRectification(SensorEffect):
     """Shift at full drive, per unit and axis."""
 
+    physics = "Vibration that the sensor cannot follow shifts its mean: its nonlinearity rectifies it."
+    remedy = "switch the motors off while measuring, or decouple the fixture from them"
+    shown_by = "add a run with the motors off (`motors: off`)"
+    drawn_over = "motor"
     level = "device"
     of = ("unit", "common")
     parameter = Parameter(

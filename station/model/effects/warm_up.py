@@ -22,6 +22,10 @@ from station.model.scene import Signal
 class WarmUp(SensorEffect):
     """Offset at power-on, per unit and axis."""
 
+    physics = "After power-on the device warms itself and its offset runs in."
+    remedy = "power the units several time constants before the first visit"
+    shown_by = "add a run with the units powered long before"
+    drawn_over = "since-power"
     level = "device"
     of = ("unit", "common")
     parameter = Parameter(

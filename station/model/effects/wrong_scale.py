@@ -19,6 +19,10 @@ from station.model.effect import SINGLE_COEFFICIENT, OutputEffect, Parameter
 class WrongScale(OutputEffect):
     """Factor of the reading, per unit."""
 
+    physics = "Everything reads a whole factor too much or too little: the wrong range or unit is set."
+    remedy = "check range and unit of the device and in the decoding, before anything else"
+    shown_by = "state `reference.magnitude` in the recipe"
+    drawn_over = "expected"
     level = "device"
     of = ("unit", "common")
     axes = SINGLE_COEFFICIENT

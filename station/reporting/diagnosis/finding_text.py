@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from station.reporting.diagnosis.cause_text import cause_text
 from station.reporting.diagnosis.data import ReportData
 from station.reporting.diagnosis.quantity_format import display_unit, format_significant, format_size
-from station.reporting.diagnosis.remedies import cause_text
 
 CauseDocument = Mapping[str, Any]
 

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from station.domain.core.types import Floats
 from station.reporting.diagnosis import plots, tables
+from station.reporting.diagnosis.cause_text import needed_by
 from station.reporting.diagnosis.data import DwellCourse, ReportData
 from station.reporting.diagnosis.finding_text import leading_cause
 from station.reporting.diagnosis.plot_axis import best_axis
 from station.reporting.diagnosis.quantity_format import display_unit
-from station.reporting.diagnosis.remedies import needed_by
 from station.reporting.drawing.figure import Figure, Series, svg
 
 HOW_TO_READ = (

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from station.reporting.diagnosis import lead_figure, plots, tables
+from station.reporting.diagnosis.cause_text import cause_text, needed_by
 from station.reporting.diagnosis.data import ReportData
 from station.reporting.diagnosis.finding_text import (
     BADGES,
@@ -15,7 +16,6 @@ from station.reporting.diagnosis.finding_text import (
 )
 from station.reporting.diagnosis.plot_axis import best_axis, plot_axis
 from station.reporting.diagnosis.quantity_format import format_significant, format_size
-from station.reporting.diagnosis.remedies import cause_text, needed_by
 from station.reporting.diagnosis.tables import ReportTable
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from station.reporting.diagnosis.cause_text import cause_text, makes_testable, unit_of
 from station.reporting.diagnosis.data import ReportData
 from station.reporting.diagnosis.finding_text import main_parameters
 from station.reporting.diagnosis.quantity_format import (
@@ -15,7 +16,6 @@ from station.reporting.diagnosis.quantity_format import (
     format_significant,
     format_size,
 )
-from station.reporting.diagnosis.remedies import cause_text, makes_testable, unit_of
 from station.reporting.drawing import tables as drawing
 from station.reporting.drawing.figure import Figure, Series, svg
 
