@@ -67,7 +67,9 @@ def _reason_against(effect: Effect, whole: Recipe, *, gains_only: bool) -> str:
 
 
 def in_matrix(effect: Effect, recipe: Recipe) -> bool:
-    """Whether an offset and a matrix hold all that a cause does to the readings, in whatever pose."""
+    """Whether an offset and a matrix hold all that a cause does to the readings, in whatever pose and run."""
+    if effect.of[0] != "unit":
+        return False
     scene = _random_scene(recipe)
     felt = resting_stimulus(scene)[scene.visit]
     columns = np.concatenate([np.tile(np.eye(3), (len(felt), 1)), np.kron(felt, np.eye(3))], axis=1)
