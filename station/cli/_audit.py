@@ -60,7 +60,7 @@ def _verify(log: "LogReader", ask: AuditRequest) -> dict[str, Any]:
     head = log.head()
     with _output.progress() as bar:
         task = bar.add_task("checking the chain", total=max(head.number, 1))
-        findings = [asdict(f) for f in log.findings(trust, lambda number: bar.update(task, completed=number))]
+        findings = [f.document() for f in log.findings(trust, lambda number: bar.update(task, completed=number))]
     return {"records": head.number, "whole": not findings, "findings": findings}
 
 

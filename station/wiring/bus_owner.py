@@ -7,6 +7,7 @@ from pathlib import Path
 from station.adapters.store.owner import OwnerLock
 from station.config.settings import BusSettings
 from station.errors import BusFault
+from station.messages import Message
 
 #: Where programs of every user of a machine keep the locks of its devices (FHS 3.0, 3.15.4 and 5.9).
 _LOCKS = Path("/run/lock")
@@ -17,7 +18,7 @@ def claim_bus(bus: BusSettings, name: str) -> OwnerLock:
 
     Errors: BusFault with the name, process and start of the station that has it.
     """
-    return OwnerLock(lock_path(bus.channel), f"the bus {bus.channel}", name, time.time_ns(), BusFault)
+    return OwnerLock(lock_path(bus.channel), Message("owned-bus", channel=bus.channel), name, time.time_ns(), BusFault)
 
 
 def lock_path(channel: str) -> Path:

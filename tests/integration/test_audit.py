@@ -114,7 +114,7 @@ def test_the_chain_is_whole_and_answers_to_its_printed_head(db: Path, capsys: Ou
         (["--head", "5:ab"], "--head wants NUMBER:HASH"),
         (["--head", f"5:{'a' * 64}"], "add --verify"),
         (["--limit", "0"], "--limit"),
-        (["--verify", "--key", "none.pem"], "openssl genpkey"),
+        (["--verify", "--key", "none.pem"], "The public key none.pem is not PEM"),
     ],
 )
 def test_wrong_questions_end_in_one_sentence(db: Path, args: list[str], said: str, capsys: Out) -> None:

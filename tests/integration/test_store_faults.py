@@ -123,7 +123,7 @@ def test_a_read_only_file_is_refused_at_the_start(public_path: Path) -> None:
     public_path.chmod(0o444)
     public_path.with_name("station.db.lock").chmod(0o666)
     public_path.parent.chmod(0o555)
-    with logs.as_nobody(), pytest.raises(StoreFault, match="read-only; give the station the right to write the file"):
+    with logs.as_nobody(), pytest.raises(StoreFault, match="read-only; let the station write the file"):
         SqliteStore(public_path)
 
 
@@ -142,7 +142,7 @@ def test_a_locked_file_is_a_sentence_after_a_short_wait(path: Path) -> None:
         attempt = store.begin(logs.begin())
         other = sqlite3.connect(path)
         other.execute("BEGIN IMMEDIATE")
-        with pytest.raises(StoreFault, match="another program holds it locked"):
+        with pytest.raises(StoreFault, match="another program has locked it"):
             store.event(attempt, "x", {})
         other.close()
         store.finish(attempt, "ERROR", 1)
@@ -196,7 +196,7 @@ def test_an_old_schema_is_migrated_with_a_backup_and_old_seals_still_hold(
         logs.unit(store)
         head = store.head()
     monkeypatch.setattr(file, "migrations", extended(add_column))
-    with pytest.raises(LogError, match="of an older schema; open it once with `station run`"):
+    with pytest.raises(LogError, match="has an older schema: run `station run` on it once"):
         SqliteLogReader(path)
     monkeypatch.setitem(schema.COLUMNS, "attempt", (*schema.COLUMNS["attempt"], "shift"))
     with SqliteStore(path) as store:

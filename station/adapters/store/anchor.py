@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 
 from station.domain.records.chain import SCHEMA
+from station.messages import Message
 from station.ports.store import LogHead
 
 _LENGTH = 256
@@ -23,12 +24,12 @@ class Anchor:
     """Writes the head file. Errors: OSError as the system raises it."""
 
     def __init__(self, log: Path, log_id: str) -> None:
-        self._told = json.dumps({"schema": SCHEMA, "log_id": log_id}).removesuffix("}")
+        self._fields = json.dumps({"schema": SCHEMA, "log_id": log_id}).removesuffix("}")
         self._handle = os.open(head_file_path(log), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
     def write(self, head: LogHead, durable: bool) -> None:
-        """Keeps this head; `durable` waits for the disk."""
-        line = f'{self._told}, "number": {head.number}, "hash": "{head.hash}"}}'
+        """Writes this head; `durable` waits for the disk."""
+        line = f'{self._fields}, "number": {head.number}, "hash": "{head.hash}"}}'
         os.pwrite(self._handle, line.encode().ljust(_LENGTH - 1) + b"\n", 0)
         if durable:
             os.fdatasync(self._handle)
@@ -40,16 +41,16 @@ class Anchor:
             self._handle = -1
 
 
-def read(log: Path, log_id: str) -> LogHead | str:
-    """The head as kept, or a sentence that says why there is none for this log."""
+def read(log: Path, log_id: str) -> LogHead | Message:
+    """The head as written, or why there is none for this log."""
     path = head_file_path(log)
     try:
-        said = json.loads(path.read_bytes()[:_LENGTH] or b"null")
-        head = LogHead(int(said["number"]), bytes.fromhex(said["hash"]).hex())
+        line = json.loads(path.read_bytes()[:_LENGTH] or b"null")
+        head = LogHead(int(line["number"]), bytes.fromhex(line["hash"]).hex())
     except FileNotFoundError:
-        return f"the head file {path} is missing, so a cut-off end of the log could not be seen"
+        return Message("head-file-missing", path=str(path))
     except (OSError, ValueError, KeyError, TypeError):
-        return f"the head file {path} cannot be read, so a cut-off end of the log could not be seen"
-    if said.get("log_id") != log_id:
-        return f"the head file {path} belongs to another log"
+        return Message("head-file-unreadable", path=str(path))
+    if line.get("log_id") != log_id:
+        return Message("head-file-of-another-log", path=str(path))
     return head

@@ -29,12 +29,12 @@ def unpacked_attempts(db: sqlite3.Connection) -> list[int]:
 
 def pack_frames(db: sqlite3.Connection, attempt: int) -> bytes | None:
     """The plain frames of all visits of an attempt as one archive; None where packing could lose anything."""
-    kept = [data for (data,) in db.execute(_PLAIN, {"a": attempt})]
-    if not kept or len(kept) != count_visits(db, attempt):
+    stored = [data for (data,) in db.execute(_PLAIN, {"a": attempt})]
+    if not stored or len(stored) != count_visits(db, attempt):
         return None
-    data = codec.pack([plain.from_bytes(one) for one in kept])
-    forms = map(plain.form_of, kept)
-    same = [plain.to_bytes(one, form) for one, form in zip(codec.unpack(data), forms, strict=True)] == kept
+    data = codec.pack([plain.from_bytes(one) for one in stored])
+    forms = map(plain.form_of, stored)
+    same = [plain.to_bytes(one, form) for one, form in zip(codec.unpack(data), forms, strict=True)] == stored
     return data if same else None
 
 

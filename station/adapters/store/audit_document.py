@@ -24,17 +24,17 @@ _SEAL = "SELECT seq, hash FROM finish WHERE attempt = :a"
 
 def of_query(db: sqlite3.Connection, query: Query, limit: int | None = None) -> list[dict[str, Any]]:
     """Every attempt that the query names, the newest `limit` of them, oldest first."""
-    found = list(search.attempts(db, query, limit))
-    return [of_attempt(db, attempt) for attempt in reversed(found)]
+    attempts = list(search.attempts(db, query, limit))
+    return [of_attempt(db, attempt) for attempt in reversed(attempts)]
 
 
 def of_attempt(db: sqlite3.Connection, attempt: Attempt) -> dict[str, Any]:
     """One attempt: identity, visits, results, object writes, events, and the seal of its end."""
     a = {"a": attempt.number}
     sealed = db.execute(_SEAL, a).fetchone()
-    known = {k: v for k, v in asdict(attempt).items() if k != "number"}
+    columns = {k: v for k, v in asdict(attempt).items() if k != "number"}
     return {
-        **known,
+        **columns,
         "record": attempt.number,
         "started": utc(attempt.started_ns),
         "ended": None if attempt.ended_ns is None else utc(attempt.ended_ns),

@@ -9,9 +9,9 @@ from station.ports.store import AttemptStart, VisitRecord
 
 
 def columns(begin: AttemptStart, attempt: str, recipe: int | None, product: int | None) -> dict[str, Value]:
-    """The attempt's columns by name: what is known, and the record numbers of recipe and product."""
-    known = {f.name: getattr(begin, f.name) for f in dataclasses.fields(begin)}
-    cleaned = {name: plain_json.text(value) if isinstance(value, str) else value for name, value in known.items()}
+    """The attempt's columns by name: what its start says, and the record numbers of recipe and product."""
+    values = {f.name: getattr(begin, f.name) for f in dataclasses.fields(begin)}
+    cleaned = {name: plain_json.text(value) if isinstance(value, str) else value for name, value in values.items()}
     return {**cleaned, "id": attempt, "recipe": recipe, "product": product}
 
 

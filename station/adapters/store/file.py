@@ -12,6 +12,7 @@ from station.adapters.store.schema import COLUMNS, foreign_objects, migrations
 from station.adapters.store.sqlite_errors import translate_errors
 from station.domain.records.chain import SCHEMA, genesis
 from station.errors import LogError, StationError, StoreFault
+from station.messages import Message
 
 #: Pages of write-ahead log that are kept on disk after a checkpoint; a long-reading page may not let it grow for ever.
 _WAL_LIMIT_BYTES = 64 * 1024 * 1024
@@ -24,8 +25,8 @@ def open_for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
     """The log, made or migrated as needed: WAL, synchronous FULL. Errors: StoreFault."""
     with translate_errors(StoreFault, path, "opened"):
         if path.exists() and not path.is_file():
-            what = "a folder" if path.is_dir() else "no ordinary file"
-            raise StoreFault(f"the log {path} cannot be opened: it is {what}; name another file with --db FILE")
+            what = Message("log-is-folder" if path.is_dir() else "log-no-ordinary-file")
+            raise StoreFault("log-not-opened", path=str(path), reason=what)
         if not path.exists() or not path.stat().st_size:
             _make(path.resolve())
         connection = sqlite3.connect(path, timeout=busy_s, isolation_level=None, check_same_thread=False)
@@ -41,16 +42,16 @@ def open_for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
 
 def _make(path: Path) -> None:
     """A new log takes its name when it is whole: a disk that fills up meanwhile leaves nothing that is half a log."""
-    beside = path.with_name(path.name + ".new")
-    beside.unlink(missing_ok=True)
+    new = path.with_name(path.name + ".new")
+    new.unlink(missing_ok=True)
     try:
-        with closing(sqlite3.connect(beside, isolation_level=None)) as connection:
+        with closing(sqlite3.connect(new, isolation_level=None)) as connection:
             migrations.apply(Database(connection, execute_plugins=False))
-        for left in ("-wal", "-shm"):  # of a log that was deleted: SQLite would write it into this one
-            path.with_name(path.name + left).unlink(missing_ok=True)
-        beside.replace(path)
+        for ending in ("-wal", "-shm"):  # of a log that was deleted: SQLite would write it into this one
+            path.with_name(path.name + ending).unlink(missing_ok=True)
+        new.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        new.unlink(missing_ok=True)
     _sync_folder(path)
 
 
@@ -79,7 +80,7 @@ def _preallocate_wal(wal: Path) -> None:
     """Gives the write-ahead log its usual length from the start: a commit's fsync then waits for its data alone.
 
     A file that grows has its new length and blocks to write with each fsync. What follows the last frame is passed
-    over: no zeros are a frame (SQLite, "Database File Format", 4.2). A disk without room for it is left as it was.
+    over: no zeros are a frame (SQLite, "Database File Format", 4.2). On a disk without room the file keeps its size.
     Written page by page: the kernel keeps what is written in one go as one piece, and a commit would write all of it.
     """
     handle = os.open(wal, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
@@ -101,14 +102,14 @@ def open_for_reading(path: Path) -> Database:
     """The log, opened so that nothing can be changed. Errors: LogError."""
     with translate_errors(LogError, path, "read"):
         if not path.is_file():
-            raise LogError(f"there is no log {path}; name one with --db FILE, or make one with `station run`")
+            raise LogError("log-missing", path=str(path))
         connection = sqlite3.connect(_uri(path), uri=True, isolation_level=None, check_same_thread=False)
     try:
         with translate_errors(LogError, path, "read"):
             db = Database(connection, execute_plugins=False)
             check_schema(db, set(db.table_names()), path, LogError)
             if migrations.pending(db):
-                raise LogError(f"the log {path} is of an older schema; open it once with `station run` to migrate it")
+                raise LogError("log-older", path=str(path))
     except LogError:
         connection.close()
         raise
@@ -124,8 +125,8 @@ def newest(connection: sqlite3.Connection, log_id: str) -> tuple[int, bytes]:
 
 def seal_of(connection: sqlite3.Connection, number: int) -> bytes | None:
     """The seal of the record with that number, whatever table it is in; None where there is none."""
-    found = " UNION ALL ".join(f"SELECT hash FROM {table} WHERE seq = :n" for table in COLUMNS)
-    row = connection.execute(found, {"n": number}).fetchone()
+    query = " UNION ALL ".join(f"SELECT hash FROM {table} WHERE seq = :n" for table in COLUMNS)
+    row = connection.execute(query, {"n": number}).fetchone()
     return None if row is None else bytes(row[0])
 
 
@@ -140,20 +141,19 @@ def check_schema(db: Database, tables: set[str], path: Path, kind: type[StationE
     """Raises `kind` unless this is an empty file or a station log of a schema that this program knows."""
     if not tables:
         if kind is LogError:
-            raise LogError(f"the log {path} is empty; name another with --db FILE")
+            raise LogError("log-empty", path=str(path))
         return
     row = db.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone() if "meta" in tables else None
     if row is None:
-        raise kind(f"{path} is a database, but not a station log; name another file with --db FILE")
+        raise kind("log-other-database", path=str(path))
     applied = {m.name for m in migrations.applied(db)}
     unknown = applied - {m.name for m in migrations.pending(Database(memory=True))}
     if row[0] != SCHEMA or unknown:
-        what = f"schema {row[0]}, {len(unknown)} unknown steps"
-        raise kind(f"the log {path} was written by a newer station ({what}); update this one")
+        raise kind("log-newer", path=str(path), schema=str(row[0]), count=len(unknown))
 
 
 def _back_up(connection: sqlite3.Connection, path: Path) -> None:
-    """A whole copy beside the log, on the disk before the first change."""
+    """A whole copy next to the log, on the disk before the first change."""
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S")
     copy = path.with_name(f"{path.name}.before-migration-{stamp}.bak")
     target = sqlite3.connect(copy)

@@ -15,8 +15,6 @@ from station.errors import ConfigError, UsageError
 #: The kind of event by which a log names the key that signs it from there on.
 KEY_EVENT = "signing-key"
 
-_REMEDY = "make one with `openssl genpkey -algorithm ed25519 -out station.key`"
-
 
 @dataclass(frozen=True, slots=True)
 class Signer:
@@ -34,9 +32,9 @@ def load_signer(path: Path) -> Signer:
     try:
         key = load_pem_private_key(path.read_bytes(), None)
     except (OSError, ValueError, TypeError) as exc:
-        raise ConfigError(f"the station key {path} cannot be read as an unencrypted PEM key; {_REMEDY}") from exc
+        raise ConfigError("station-key-unreadable", path=str(path)) from exc
     if not isinstance(key, Ed25519PrivateKey):
-        raise ConfigError(f"the station key {path} is not an Ed25519 key; {_REMEDY}")
+        raise ConfigError("key-other-kind", path=str(path))
     return Signer(key.sign, key.public_key().public_bytes_raw())
 
 
@@ -49,9 +47,9 @@ def load_public_key(path: Path) -> bytes:
         data = path.read_bytes()
         key = load_pem_private_key(data, None).public_key() if b"PRIVATE" in data else load_pem_public_key(data)
     except (OSError, ValueError, TypeError) as exc:
-        raise UsageError(f"the public key {path} cannot be read as PEM; {_REMEDY}") from exc
+        raise UsageError("public-key-unreadable", path=str(path)) from exc
     if not isinstance(key, Ed25519PublicKey):
-        raise UsageError(f"the key {path} is not an Ed25519 key; {_REMEDY}")
+        raise UsageError("key-other-kind", path=str(path))
     return key.public_bytes_raw()
 
 

@@ -10,17 +10,18 @@ from typing import Self
 
 from station.adapters.store.sqlite_errors import os_error_reason
 from station.errors import StationError, StoreFault
+from station.messages import Message
 
 
 class OwnerLock:
     """Holds `lock` (flock) as long as it lives; the file says who: name, pid, start time.
 
-    what: what is owned, as sentences call it ("the log station.db"). fault: the type of the errors, which name the
-    present owner when there is one.
+    what: what is owned, as a part of a sentence (Message("owned-log", path="station.db")). fault: the type of
+    the errors, which name the present owner when there is one.
     """
 
     def __init__(
-        self, lock: Path, what: str, name: str, started_ns: int, fault: type[StationError] = StoreFault
+        self, lock: Path, what: Message, name: str, started_ns: int, fault: type[StationError] = StoreFault
     ) -> None:
         self._what, self._fault = what, fault
         try:
@@ -32,9 +33,9 @@ class OwnerLock:
         except BlockingIOError as exc:
             present = self._present()
             os.close(self._handle)
-            raise fault(f"{what} is in use by {present}; only one may own it, stop that one first") from exc
+            raise fault("in-use", what=what, owner=present) from exc
         try:
-            self._say(name, started_ns)
+            self._sign(name, started_ns)
         except OSError as exc:
             self.release()
             raise self._lock_error(exc) from exc
@@ -51,21 +52,21 @@ class OwnerLock:
     def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
         self.release()
 
-    def _say(self, name: str, started_ns: int) -> None:
+    def _sign(self, name: str, started_ns: int) -> None:
         text = json.dumps({"name": name, "pid": os.getpid(), "started_ns": started_ns})
         os.ftruncate(self._handle, 0)
         os.pwrite(self._handle, text.encode(), 0)
 
     def _lock_error(self, exc: OSError) -> StationError:
-        return self._fault(f"{self._what} cannot be locked: {os_error_reason(exc)}")
+        return self._fault("lock-not-taken", what=self._what, reason=os_error_reason(exc))
 
-    def _present(self) -> str:
+    def _present(self) -> Message:
         try:
-            said = json.loads(os.pread(self._handle, 4096, 0))
-            since = datetime.fromtimestamp(said["started_ns"] / 1e9).astimezone()
-            return f"{said['name']} (pid {said['pid']}) since {since:%Y-%m-%d %H:%M:%S}"
+            owner = json.loads(os.pread(self._handle, 4096, 0))
+            since = f"{datetime.fromtimestamp(owner['started_ns'] / 1e9).astimezone():%Y-%m-%d %H:%M:%S}"
+            return Message("owner-process", name=str(owner["name"]), pid=int(owner["pid"]), since=since)
         except (ValueError, KeyError, TypeError):
-            return "another process, which is just starting"
+            return Message("owner-starting")
 
 
 def _open(lock: Path) -> int:

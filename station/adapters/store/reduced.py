@@ -31,8 +31,8 @@ def read(db: sqlite3.Connection, numbers: Sequence[int]) -> list[ReducedAttempt]
 
 def dwells(db: sqlite3.Connection, recipe_hash: str, newest: int) -> list[dict[str, Any]]:
     """See Store.dwells."""
-    found = db.execute(_DWELLS, (recipe_hash, newest)).fetchall()
-    return [json.loads(text) for (text,) in reversed(found)]
+    rows = db.execute(_DWELLS, (recipe_hash, newest)).fetchall()
+    return [json.loads(text) for (text,) in reversed(rows)]
 
 
 def document(db: sqlite3.Connection, number: int) -> str:

@@ -11,11 +11,12 @@ from typing import Any
 from station.adapters.store import anchor, archive, column_values, file, ids, keys, reduced, unfinished
 from station.adapters.store.owner import OwnerLock
 from station.adapters.store.schema import COLUMNS
-from station.adapters.store.sqlite_errors import translate_errors
+from station.adapters.store.sqlite_errors import Doing, os_error_reason, translate_errors
 from station.domain.records import chain, plain_json
 from station.domain.records.chain import Value
 from station.domain.records.framepack import plain as raw
 from station.errors import StationError, StoreFault
+from station.messages import Message, render
 from station.ports.store import AttemptStart, LogHead, SuspectAttempt, UnfinishedAttempt, VisitRecord, WriteRecord
 
 _INSERT = {
@@ -28,8 +29,8 @@ _INSERT = {
 class SqliteStore:
     """Implements `ports.store.Store` on one file, which belongs to this process until `close`.
 
-    owner: what the lock tells a second process. epoch_ns: the clock of events, results and writes. signer: the
-    station's key, or None. Safe to call from several threads. Errors: StoreFault.
+    owner: the name that a second process reads in the lock. epoch_ns: the clock of events, results and writes.
+    signer: the station's key, or None. Safe to call from several threads. Errors: StoreFault.
     """
 
     def __init__(
@@ -43,11 +44,11 @@ class SqliteStore:
         self.path = path
         self._epoch_ns, self._signer = epoch_ns, signer
         self._turn = Lock()
-        self._anchor_fault = ""
+        self._anchor_fault: Message | None = None
         self._open: dict[str, int] = {}
         with ExitStack() as opened, translate_errors(StoreFault, path, "opened"):
             lock = path.with_name(path.name + ".lock")
-            opened.callback(OwnerLock(lock, f"the log {path}", owner, time.time_ns()).release)
+            opened.callback(OwnerLock(lock, Message("owned-log", path=str(path)), owner, time.time_ns()).release)
             self._db = file.open_for_writing(path, busy_s)
             opened.callback(self._db.close)
             log_id = self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0]
@@ -64,13 +65,13 @@ class SqliteStore:
     def begin(self, begin: AttemptStart) -> str:
         """Creates the attempt before the device is touched; returns its UUIDv7."""
         if self._anchor_fault:
-            raise StoreFault(f"the head file of the log {self.path} cannot be written: {self._anchor_fault}")
+            raise StoreFault("head-file-not-written", path=str(self.path), reason=self._anchor_fault)
         attempt = ids.uuid7(self._epoch_ns())
         with self._transaction("written"):
             recipe = self._document("recipe", begin.recipe_json)
             product = self._document("product", begin.product_json)
-            known = column_values.columns(begin, attempt, recipe, product)
-            number = self._append("attempt", *(known[name] for name in COLUMNS["attempt"]))
+            columns = column_values.columns(begin, attempt, recipe, product)
+            number = self._append("attempt", *(columns[name] for name in COLUMNS["attempt"]))
             self._note_head()
         self._open[attempt] = number
         return attempt
@@ -82,14 +83,14 @@ class SqliteStore:
             self._append("event", of, self._epoch_ns(), plain_json.text(kind), plain_json.document(detail))
 
     def visit(self, attempts: Sequence[str], visits: Sequence[VisitRecord]) -> None:
-        """Keeps one stop of every nest, in one transaction."""
-        kept = [v.laid or raw.to_plain(v.frames) for v in visits]
-        rows = [column_values.visit(v, laid) for v, laid in zip(visits, kept, strict=True)]
+        """Keeps one visit of every nest, in one transaction."""
+        packed = [v.laid or raw.to_plain(v.frames) for v in visits]
+        rows = [column_values.visit(v, plain) for v, plain in zip(visits, packed, strict=True)]
         with self._transaction("written"):
             numbers = self._append_all(
                 "visit", [(self._running(a), *row) for a, row in zip(attempts, rows, strict=True)]
             )
-            frames = [(number, k.data) for number, k in zip(numbers, kept, strict=True)]
+            frames = [(number, one.data) for number, one in zip(numbers, packed, strict=True)]
             self._insert("frames", "INSERT INTO frames VALUES (?, ?)", frames)
 
     def write(self, attempt: str, *stages: WriteRecord) -> None:
@@ -140,9 +141,9 @@ class SqliteStore:
     def unfinished(self) -> tuple[UnfinishedAttempt, ...]:
         """Attempts without an end, oldest first; they may be written to and finished like any other."""
         with self._turn, translate_errors(StoreFault, self.path, "read"):
-            found = unfinished.find_unfinished(self._db)
-        self._open.update({u.attempt: number for number, u in found})
-        return tuple(u for _, u in found)
+            open_attempts = unfinished.find_unfinished(self._db)
+        self._open.update({u.attempt: number for number, u in open_attempts})
+        return tuple(u for _, u in open_attempts)
 
     def suspect(self, serial: str) -> SuspectAttempt | None:
         """The unit's last attempt that may have left it half written."""
@@ -170,7 +171,7 @@ class SqliteStore:
         self.close()
 
     @contextmanager
-    def _transaction(self, doing: str) -> Iterator[None]:
+    def _transaction(self, doing: Doing) -> Iterator[None]:
         with self._turn:
             before = self._number, self._hash
             with translate_errors(StoreFault, self.path, doing):
@@ -223,16 +224,13 @@ class SqliteStore:
         return self._append("document", key, kind, text)
 
     def _check_end(self, log_id: str) -> None:
-        """A log whose end was cut off or replaced since it was last closed is not gone on with: that would hide it."""
-        kept = anchor.read(self.path, log_id)
-        if isinstance(kept, str):
-            self.event("", "head-file-lost", {"sentence": kept})
-        elif kept.number and file.seal_of(self._db, kept.number) != bytes.fromhex(kept.hash):
+        """A log whose end was cut off or replaced since it was last closed is refused: to go on would hide it."""
+        head = anchor.read(self.path, log_id)
+        if isinstance(head, Message):
+            self.event("", "head-file-lost", {"sentence": render(head), "message": head.document()})
+        elif head.number and file.seal_of(self._db, head.number) != bytes.fromhex(head.hash):
             self.close()
-            raise StoreFault(
-                f"the log {self.path} is not as it was left at record {kept.number}: its end was cut off or replaced; "
-                f"keep it with its head file for `station audit --verify` and start a new log with --db"
-            )
+            raise StoreFault("log-end-replaced", path=str(self.path), number=head.number)
 
     def _name_key(self) -> None:
         """The log says once, as a record like any other, with what key it is signed from here on."""
@@ -254,13 +252,13 @@ class SqliteStore:
         if number is None:
             row = self._db.execute("SELECT seq FROM attempt WHERE id = ?", (attempt,)).fetchone()
             if row is None:
-                raise StoreFault(f"the log {self.path} holds no attempt {attempt}")
+                raise StoreFault("log-no-attempt", path=str(self.path), attempt=attempt)
             number = int(row[0])
         return number
 
     def _running(self, attempt: str) -> int:
         if attempt not in self._open:
-            raise StoreFault(f"attempt {attempt} is not running in the log {self.path}; begin another one")
+            raise StoreFault("log-attempt-not-running", path=str(self.path), attempt=attempt)
         return self._open[attempt]
 
     def _keep_head(self, durable: bool) -> None:
@@ -268,4 +266,4 @@ class SqliteStore:
         try:
             self._anchor.write(self.head(), durable)
         except OSError as exc:
-            self._anchor_fault = exc.strerror or str(exc)
+            self._anchor_fault = os_error_reason(exc)

@@ -1,63 +1,73 @@
-"""SQLite's and the file system's complaints as one sentence each, with the remedy."""
+"""SQLite's and the file system's complaints as messages, each with its remedy."""
 
 import errno
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 from station.errors import StationError
+from station.messages import Message, system_reason
+
+Doing = Literal["opened", "read", "written"]
+
+_SENTENCES = {"opened": "log-not-opened", "read": "log-not-read", "written": "log-not-written"}
 
 _SQLITE = {
-    sqlite3.SQLITE_FULL: "the disk is full; free some space, then run the unit again",
-    sqlite3.SQLITE_READONLY: "it is read-only; give the station the right to write the file and its folder",
-    sqlite3.SQLITE_PERM: "access is denied; give the station the right to write the file and its folder",
-    sqlite3.SQLITE_AUTH: "access is denied; give the station the right to write the file and its folder",
-    sqlite3.SQLITE_BUSY: "another program holds it locked; close that program and try again",
-    sqlite3.SQLITE_LOCKED: "another program holds it locked; close that program and try again",
-    sqlite3.SQLITE_CORRUPT: "the file is damaged; keep it, run `station audit --verify`, and start a new log",
-    sqlite3.SQLITE_NOTADB: "it is not a station log, or its first page is damaged; name another file",
-    sqlite3.SQLITE_CANTOPEN: "it cannot be opened; check that the folder exists and may be written",
-    sqlite3.SQLITE_IOERR: "the disk refused to read or write; check the disk and its free space",
-    sqlite3.SQLITE_TOOBIG: "one record is larger than SQLite can keep (1 GB)",
+    sqlite3.SQLITE_FULL: "log-disk-full",
+    sqlite3.SQLITE_READONLY: "log-read-only",
+    sqlite3.SQLITE_PERM: "log-no-permission",
+    sqlite3.SQLITE_AUTH: "log-no-permission",
+    sqlite3.SQLITE_BUSY: "log-locked",
+    sqlite3.SQLITE_LOCKED: "log-locked",
+    sqlite3.SQLITE_CORRUPT: "log-damaged",
+    sqlite3.SQLITE_NOTADB: "log-no-database",
+    sqlite3.SQLITE_CANTOPEN: "log-no-access",
+    sqlite3.SQLITE_IOERR: "log-disk-error",
+    sqlite3.SQLITE_TOOBIG: "log-record-too-large",
 }
 
 _SYSTEM = {
-    errno.ENOSPC: _SQLITE[sqlite3.SQLITE_FULL],
-    errno.EDQUOT: _SQLITE[sqlite3.SQLITE_FULL],
-    errno.EFBIG: _SQLITE[sqlite3.SQLITE_FULL],
-    errno.EROFS: _SQLITE[sqlite3.SQLITE_READONLY],
-    errno.EACCES: _SQLITE[sqlite3.SQLITE_PERM],
-    errno.EPERM: _SQLITE[sqlite3.SQLITE_PERM],
-    errno.ENOENT: "its folder does not exist; make it first",
-    errno.EISDIR: "it is a folder; name a file",
-    errno.ENOTDIR: "a part of its path is not a folder; name another file",
-    errno.EIO: _SQLITE[sqlite3.SQLITE_IOERR],
+    errno.ENOSPC: "log-disk-full",
+    errno.EDQUOT: "log-disk-full",
+    errno.EFBIG: "log-disk-full",
+    errno.EROFS: "log-read-only",
+    errno.EACCES: "log-no-permission",
+    errno.EPERM: "log-no-permission",
+    errno.ENOENT: "log-no-folder",
+    errno.EISDIR: "log-is-folder",
+    errno.ENOTDIR: "log-path-not-folder",
+    errno.EIO: "log-disk-error",
 }
 
 
 @contextmanager
-def translate_errors(kind: type[StationError], path: Path, doing: str) -> Iterator[None]:
-    """Turns what SQLite or the system says about `path` into `kind`: "the log PATH cannot be DOING: WHY"."""
+def translate_errors(kind: type[StationError], path: Path, doing: Doing) -> Iterator[None]:
+    """Turns what SQLite or the system reports about `path` into `kind`: "The log PATH cannot be DOING: WHY."."""
     try:
         yield
     except sqlite3.Error as exc:
-        raise kind(f"the log {path} cannot be {doing}: {_why(exc)}") from exc
+        raise kind(_refusal(doing, path, _sqlite_reason(exc))) from exc
     except OSError as exc:
-        raise kind(f"the log {path} cannot be {doing}: {os_error_reason(exc)}") from exc
+        raise kind(_refusal(doing, path, os_error_reason(exc))) from exc
     except OverflowError as exc:
-        raise kind(f"the log {path} cannot be {doing}: a whole number is beyond 64 bits") from exc
+        raise kind(_refusal(doing, path, Message("log-number-too-large"))) from exc
 
 
-def os_error_reason(exc: OSError) -> str:
+def _refusal(doing: Doing, path: Path, reason: Message) -> Message:
+    return Message(_SENTENCES[doing], path=str(path), reason=reason)
+
+
+def os_error_reason(exc: OSError) -> Message:
     """The system's complaint with its remedy."""
-    return _SYSTEM.get(exc.errno or 0, exc.strerror or str(exc))
+    id_ = _SYSTEM.get(exc.errno or 0)
+    return Message(id_) if id_ else system_reason(exc)
 
 
-def _why(exc: sqlite3.Error) -> str:
-    code = getattr(exc, "sqlite_errorcode", 0)
-    known = _SQLITE.get(code & 0xFF)
-    return known or f"{exc}".replace("\n", " ")
+def _sqlite_reason(exc: sqlite3.Error) -> Message:
+    id_ = _SQLITE.get(getattr(exc, "sqlite_errorcode", 0) & 0xFF)
+    return Message(id_) if id_ else Message.text(" ".join(f"{exc}".split()))
 
 
 def is_damage(exc: sqlite3.Error) -> bool:

@@ -22,12 +22,12 @@ def find_unfinished(db: sqlite3.Connection) -> list[tuple[int, UnfinishedAttempt
     begun, ended = db.execute("SELECT (SELECT count(*) FROM attempt), (SELECT count(*) FROM finish)").fetchone()
     if begun == ended:
         return []
-    found = []
+    unfinished = []
     for number, uid, serial, station, nest, node, started_ns, product, event, visits in db.execute(_ATTEMPTS):
         writes = tuple(WriteRecord(*row) for row in db.execute(_WRITES, {"a": number}))
         state = UnfinishedAttempt(uid, serial, station, nest, node, started_ns, event or "", visits, writes, product)
-        found.append((number, state))
-    return found
+        unfinished.append((number, state))
+    return unfinished
 
 
 _OF_SERIAL = "SELECT seq, id, started_ns FROM attempt WHERE serial = ? ORDER BY seq DESC"

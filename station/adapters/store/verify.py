@@ -17,7 +17,7 @@ from station.domain.records import chain
 from station.domain.records.chain import ChainVerifier, IntegrityFinding, SealedRecord
 from station.domain.records.framepack import plain
 from station.errors import LogError
-from station.messages import Message, render
+from station.messages import Message
 from station.ports.log_reader import NO_EXTRA_TRUST, Trust, ignore_progress
 from station.ports.store import LogHead
 
@@ -28,7 +28,7 @@ _FRAMES = """
 
 _STRAY = "SELECT visit FROM frames WHERE visit NOT IN (SELECT seq FROM visit)"
 
-#: How often progress is told, in records.
+#: How often progress is reported, in records.
 _PROGRESS = 1000
 
 
@@ -37,23 +37,23 @@ def findings(
 ) -> Iterator[IntegrityFinding]:
     """Everything wrong with the log; nothing when it is whole. The log may grow meanwhile: a snapshot is checked.
 
-    progress is told the record's number now and then.
+    progress is given the record's number now and then.
     """
     # The head file is read first: it may lag behind the snapshot, never run ahead of it.
-    kept = None if trust.known else anchor.read(path, log_id(db))
+    head = None if trust.known else anchor.read(path, log_id(db))
     connection = db.conn
     connection.text_factory = lambda data: data.decode("utf-8", "surrogateescape")
     try:
         connection.execute("SAVEPOINT verification")
         yield from _schema(db)
-        yield from _chain(db, kept, trust, progress)
-        yield from _head(db, kept)
+        yield from _chain(db, head, trust, progress)
+        yield from _head(db, head)
         yield from _frames(db)
         yield from _pages(db)
     except sqlite3.DatabaseError as exc:
         if not is_damage(exc):
-            raise LogError(f"the log {path} cannot be read: {exc}") from exc
-        yield IntegrityFinding("damaged", "", 0, f"the file {path} is damaged and cannot be read further: {exc}")
+            raise LogError("log-not-read", path=str(path), reason=Message.text(str(exc))) from exc
+        yield IntegrityFinding("damaged", "", 0, Message("log-file-damaged", path=str(path), why=str(exc)))
     finally:
         with suppress(sqlite3.DatabaseError):  # of a damaged file even the end of a snapshot fails
             connection.execute("RELEASE verification")
@@ -68,15 +68,15 @@ def log_id(db: Database) -> str:
 
 def _schema(db: Database) -> Iterator[IntegrityFinding]:
     for name in altered_objects(db):
-        yield IntegrityFinding("unguarded", name, 0, render(Message("log-schema-altered", object=name)))
+        yield IntegrityFinding("unguarded", name, 0, Message("log-schema-altered", object=name))
     meta = dict(db.execute("SELECT key, value FROM meta").fetchall())
     if set(meta) != {"schema", "log_id"} or meta["schema"] != chain.SCHEMA:
-        yield IntegrityFinding("edited", "meta", 0, "what the log says about itself (table meta) was edited")
+        yield IntegrityFinding("edited", "meta", 0, Message("log-meta-edited"))
 
 
-def _anchors(db: Database, kept: LogHead | str | None, trust: Trust) -> dict[int, bytes]:
+def _anchors(db: Database, head: LogHead | Message | None, trust: Trust) -> dict[int, bytes]:
     noted = {number: seal for number, seal in db.execute("SELECT number, hash FROM head") if number}
-    in_file = {kept.number: bytes.fromhex(kept.hash)} if isinstance(kept, LogHead) and kept.number else {}
+    in_file = {head.number: bytes.fromhex(head.hash)} if isinstance(head, LogHead) and head.number else {}
     return noted | in_file | dict(trust.known)
 
 
@@ -87,11 +87,11 @@ def _verifier(db: Database, trust: Trust) -> Callable[[bytes, bytes], bool] | No
 
 def _chain(
     db: Database,
-    kept: LogHead | str | None,
+    head: LogHead | Message | None,
     trust: Trust,
     progress: Callable[[int], None],
 ) -> Iterator[IntegrityFinding]:
-    anchors = _anchors(db, kept, trust)
+    anchors = _anchors(db, head, trust)
     walk = ChainVerifier(chain.genesis(log_id(db)), anchors, _verifier(db, trust))
     streams = [_records(db, table) for table in COLUMNS]
     for record in heapq.merge(*streams, key=attrgetter("number")):
@@ -100,9 +100,7 @@ def _chain(
             progress(record.number)
     yield from chain.check_tail(walk.number, anchors)
     if trust.public_key is not None and not walk.signed:
-        yield IntegrityFinding(
-            "unsigned", "", 0, "no record of this log is signed, so it says nothing against the key given"
-        )
+        yield IntegrityFinding("unsigned", "", 0, Message("log-not-signed"))
 
 
 def _records(db: Database, table: str) -> Iterator[SealedRecord]:
@@ -113,32 +111,30 @@ def _records(db: Database, table: str) -> Iterator[SealedRecord]:
         yield SealedRecord(number, table, previous, seal, chain.canonical(table, names, values), signature)
 
 
-def _head(db: Database, kept: LogHead | str | None) -> Iterator[IntegrityFinding]:
+def _head(db: Database, head: LogHead | Message | None) -> Iterator[IntegrityFinding]:
     """The note inside the log is made with every beginning and every finish."""
     (due,) = db.execute(
         "SELECT max(coalesce(max(a.seq), 0), (SELECT coalesce(max(seq), 0) FROM finish)) FROM attempt a"
     )
     noted = db.execute("SELECT number, hash FROM head").fetchall()
     if [number for number, _ in noted] != list(due):
-        yield IntegrityFinding("edited", "head", 0, "the log's own note of how far it has come (table head) was edited")
-    if isinstance(kept, str):
-        yield IntegrityFinding("unanchored", "head file", 0, kept)
+        yield IntegrityFinding("edited", "head", 0, Message("log-head-edited"))
+    if isinstance(head, Message):
+        yield IntegrityFinding("unanchored", "head file", 0, head)
 
 
 def _frames(db: Database) -> Iterator[IntegrityFinding]:
     for number, sha256, data, archive in db.execute(_FRAMES):
         if data is None:
-            yield IntegrityFinding("deleted", "frames", number, f"the raw frames of visit record {number} are missing")
+            yield IntegrityFinding("deleted", "frames", number, Message("log-frames-missing", number=number))
         elif archive is not None or plain.digest(data) != sha256:
-            yield IntegrityFinding("edited", "frames", number, f"the raw frames of visit record {number} were edited")
+            yield IntegrityFinding("edited", "frames", number, Message("log-frames-edited", number=number))
     for (number,) in db.execute(_STRAY):
-        yield IntegrityFinding(
-            "inserted", "frames", number, f"there are raw frames for a visit record {number} that is none"
-        )
+        yield IntegrityFinding("inserted", "frames", number, Message("log-frames-stray", number=number))
 
 
 def _pages(db: Database) -> Iterator[IntegrityFinding]:
     """SQLite's own check of its pages and indices."""
-    for (said,) in db.execute("PRAGMA integrity_check(20)"):
-        if said != "ok":
-            yield IntegrityFinding("damaged", "", 0, f"SQLite finds its pages damaged: {' '.join(said.split())}")
+    for (report,) in db.execute("PRAGMA integrity_check(20)"):
+        if report != "ok":
+            yield IntegrityFinding("damaged", "", 0, Message("log-pages-damaged", report=" ".join(report.split())))

@@ -29,7 +29,7 @@ _OTHER = (
 def yields(db: sqlite3.Connection, query: Query, by: str = "all") -> list[Yield]:
     """Yields of the attempts that the query names, by group, in the order of the groups' names. Errors: UsageError."""
     if by not in GROUPS:
-        raise UsageError(f"there is no yield by {by!r}; use one of {', '.join(GROUPS)}")
+        raise UsageError("yield-unknown-group", group=by, groups=tuple(GROUPS))
     condition, parameters = where(query)
     first, last = f"NOT EXISTS ({_OTHER} < a.seq)", f"NOT EXISTS ({_OTHER} > a.seq)"
     outcomes = ", ".join(f"sum(outcome = '{o}')" for o in ("PASS", "FAIL", "ERROR", "ABORTED", "INTERRUPTED"))

@@ -10,6 +10,8 @@ import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from station.messages import Message, render
+
 Value = int | float | str | bytes | None
 
 SCHEMA = "station.log/1"
@@ -76,7 +78,17 @@ class IntegrityFinding:
     what: str
     kind: str
     number: int
-    sentence: str
+    message: Message
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong, in English."""
+        return render(self.message)
+
+    def document(self) -> dict[str, object]:
+        """As `audit --verify --json` prints it."""
+        head = {"what": self.what, "kind": self.kind, "number": self.number, "sentence": self.sentence}
+        return head | {"message": self.message.document()}
 
 
 @dataclass(slots=True)
@@ -106,20 +118,16 @@ class ChainVerifier:
         if not self.number:
             self.hash, self._sealable = self.start, (self.start,)
         if r.number == self.number or r.number < 1:
-            yield IntegrityFinding(
-                "inserted", r.kind, r.number, f"{r.kind} record {r.number} uses a number that is taken"
-            )
+            yield _finding("inserted", "record-number-twice", r)
             return
         gap = r.number > self.number + 1
         if gap:
             yield _missing(self.number + 1, r.number - 1)
         expected = link(r.previous, r.body)
         if expected != r.hash:
-            yield IntegrityFinding(
-                "edited", r.kind, r.number, f"{r.kind} record {r.number} was edited: it breaks its own seal"
-            )
+            yield _finding("edited", "record-edited", r)
         elif not gap and r.previous not in self._sealable:
-            yield _displaced(r)
+            yield _finding("reordered", "record-moved", r)
         yield from self._signature(r)
         yield from self._anchor(r)
         self.number, self.hash, self._sealable = r.number, r.hash, (r.hash, expected)
@@ -128,34 +136,30 @@ class ChainVerifier:
         """The first signed record seals all before it; from there on every record must be signed."""
         if r.signature is None:
             if self.signed:
-                yield IntegrityFinding(
-                    "unsigned", r.kind, r.number, f"{r.kind} record {r.number} has lost its signature"
-                )
+                yield _finding("unsigned", "record-signature-lost", r)
             return
         self.signed = True
         if self.verify is None or not self.verify(r.signature, r.hash):
-            yield IntegrityFinding("forged", r.kind, r.number, f"{r.kind} record {r.number} was not signed by this key")
+            yield _finding("forged", "record-forged", r)
 
     def _anchor(self, r: SealedRecord) -> Iterator[IntegrityFinding]:
-        known = self.anchors.get(r.number)
-        if known is not None and known != r.hash:
-            what = f"{r.kind} record {r.number} is not the one whose seal was kept outside the table"
-            yield IntegrityFinding("replaced", r.kind, r.number, what)
+        seal = self.anchors.get(r.number)
+        if seal is not None and seal != r.hash:
+            yield _finding("replaced", "record-replaced", r)
 
 
 def _missing(first: int, last: int) -> IntegrityFinding:
-    which = f"record {first} is" if first == last else f"records {first} to {last} are"
-    return IntegrityFinding("deleted", "", first, f"{which} missing from the log")
+    if first == last:
+        return IntegrityFinding("deleted", "", first, Message("record-missing", number=first))
+    return IntegrityFinding("deleted", "", first, Message("records-missing", first=first, last=last))
 
 
-def _displaced(r: SealedRecord) -> IntegrityFinding:
-    sentence = f"{r.kind} record {r.number} does not follow record {r.number - 1}: one of them was moved or replaced"
-    return IntegrityFinding("reordered", r.kind, r.number, sentence)
+def _finding(what: str, id_: str, r: SealedRecord) -> IntegrityFinding:
+    return IntegrityFinding(what, r.kind, r.number, Message(id_, kind=r.kind, number=r.number))
 
 
 def check_tail(last: int, anchors: Mapping[int, bytes]) -> Iterator[IntegrityFinding]:
     """What the anchors say about the end of the log: records that once were and no longer are."""
     beyond = max((n for n in anchors if n > last), default=0)
     if beyond:
-        sentence = f"the log ends at record {last} but once reached {beyond}: its end was cut off"
-        yield IntegrityFinding("truncated", "", last + 1, sentence)
+        yield IntegrityFinding("truncated", "", last + 1, Message("records-cut-off", last=last, reached=beyond))
