@@ -3,6 +3,7 @@
 import numpy as np
 
 from station.domain.core.types import Floats
+from station.domain.recipe import sensor
 from station.domain.recipe.recipe import Recipe
 
 #: Fewer readings tell nothing about rest.
@@ -53,7 +54,7 @@ def has_direction(true: Floats, recipe: Recipe) -> bool:
     Not where the pose is unknown; not for a magnetometer, whose hard iron may be larger than the field; not for a
     stimulus as weak as an offset, such as the Earth's turning at a gyroscope's rest.
     """
-    if recipe.sensor == "magnetometer" or not np.isfinite(true).all():
+    if sensor.of(recipe).large_offset or not np.isfinite(true).all():
         return False
     strongest = max((float(np.linalg.norm(recipe.stimulus(p))) for p in recipe.positions), default=0.0)
     return bool(np.linalg.norm(true) >= least_directed_stimulus(strongest, recipe) > 0)

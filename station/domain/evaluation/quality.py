@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from station.domain.capture.rest_detection import least_directed_stimulus
 from station.domain.core.types import Floats, Reason, ReducedVisits
 from station.domain.evaluation.unit_visits import UnitVisits
+from station.domain.recipe import sensor
 from station.domain.recipe.recipe import Recipe
 
 #: A mean reading this far from the nominal direction means another face.
@@ -70,7 +71,7 @@ def _stimulus(recipe: Recipe, stops: ReducedVisits) -> Iterator[Reason]:
     size = np.linalg.norm(stops.mean, axis=1)
     known = np.asarray(np.isfinite(stops.true).all(axis=1))
     wanted = np.linalg.norm(np.where(known[:, None], stops.true, recipe.reference.strength() * np.eye(3)[2]), axis=1)
-    if recipe.sensor == "magnetometer" or not (wanted > 0).all():
+    if sensor.of(recipe).large_offset or not (wanted > 0).all():
         return
     # At a weak stimulus, such as a gyroscope's rest, the offset decides what is read.
     strong = np.asarray(wanted >= least_directed_stimulus(float(wanted.max()), recipe)) | ~known

@@ -5,9 +5,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from station import plugins
 from station.domain.can.sensor_layout import FrameMap
 from station.domain.product.device_map import DeviceMap, SerialObject
-from station.domain.recipe.recipe import Name, StrictModel
+from station.domain.recipe import sensor as sensor_kind
+from station.domain.recipe.recipe import Name, StrictModel, one_of
 from station.errors import UsageError
 
 Word = Annotated[int, Field(ge=0, le=0xFFFF_FFFF)]
@@ -28,7 +30,7 @@ class Product(StrictModel):
 
     schema_: Annotated[Literal["station.product/1"], Field(alias="schema")]
     name: Name
-    sensor: Literal["accelerometer", "magnetometer", "gyroscope"]
+    sensor: Annotated[str, one_of(lambda: plugins.names(sensor_kind.PACKAGE))]
     eds: Name | None = None
     frames: FrameMap
     identity: ProductIdentity

@@ -93,7 +93,7 @@ class Position(StrictModel):
 class Site(StrictModel):
     """Where the station stands, for local gravity and the Earth's turning.
 
-    heading_deg: azimuth of the station's x axis, clockwise from north; only a gyroscope wants it.
+    heading_deg: azimuth of the station's x axis, clockwise from north; wanted by sensors that feel the Earth's turning.
     """
 
     latitude_deg: Annotated[float, Field(ge=-90, le=90)]
@@ -268,7 +268,7 @@ class VerifyBlock(StrictModel):
 SENSORS, METHODS = "station.domain.recipe.sensors", "station.domain.methods.calibrate"
 
 
-def _one_of(known: Callable[[], Sequence[str]]) -> BeforeValidator:
+def one_of(known: Callable[[], Sequence[str]]) -> BeforeValidator:
     """Checks that a value is one of the names there are, plug-ins found by file."""
 
     def check(value: Any) -> Any:
@@ -292,8 +292,8 @@ class Recipe(StrictModel):
     schema_: Annotated[Literal["station.recipe/1"], Field(alias="schema")]
     name: Name
     version: Annotated[int, Field(ge=1)]
-    sensor: Annotated[str, _one_of(lambda: plugins.names(SENSORS))]
-    unit: Annotated[str, _one_of(_units)]
+    sensor: Annotated[str, one_of(lambda: plugins.names(SENSORS))]
+    unit: Annotated[str, one_of(_units)]
     reference: Reference
     positions: tuple[Position, ...] = ()
     seatings: dict[Name, Turn] = {}
@@ -302,7 +302,7 @@ class Recipe(StrictModel):
     settle: Settle = Settle()
     dwell: DwellRule = DwellRule(time_s=1.0)
     visit_repeats: Annotated[int, Field(ge=0, le=5)] = 1
-    method: Annotated[str, _one_of(lambda: plugins.names(METHODS))] = "n-point"
+    method: Annotated[str, one_of(lambda: plugins.names(METHODS))] = "n-point"
     model: Literal["offset-gain", "matrix"] = "matrix"
     product: Name | None = None
     serial_pattern: str | None = None
@@ -339,13 +339,17 @@ class Recipe(StrictModel):
             return np.array(self.reference.vector, float)
         return np.array([0.0, 0.0, self.reference.strength()])
 
+    @property
+    def _sensor_kind(self) -> Any:
+        return plugins.load(SENSORS, self.sensor)
+
     def earth_rate(self, position: Position) -> Floats:
         """The Earth's turning (3) in the nest's frame, deg/s, as far as the site tells it.
 
         While the nest turns, what lies across its axis goes round and averages out over whole turns.
         """
         site = self.reference.site
-        if site is None or self.sensor != "gyroscope":
+        if site is None or not self._sensor_kind.feels_earth_rate:
             return np.zeros(3)
         earth = position.matrix().T @ gravity.earth_rate(site.latitude_deg, site.heading_deg)
         axis = np.array(position.rate or (0.0, 0.0, 0.0), float)

@@ -16,6 +16,8 @@ from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.effect import stimulus_strength
+from station.model.effects.gold_drift import GoldDrift
+from station.model.effects.local_gravity import LocalGravity
 from station.model.scene import Scene
 
 #: What is open where a certificate is silent: offset as a part of the stimulus, and gain, one standard deviation.
@@ -51,7 +53,7 @@ def testable_causes(recipe: Recipe, table: SampleTable) -> tuple[str, ...]:
     """The causes that these data can show."""
     if table.gold is None or not recipe.pose_known or recipe.reference.source == "rate":
         return ()
-    return ("gold-drift", "local-gravity") if recipe.sensor == "accelerometer" else ("gold-drift",)
+    return tuple(kind.id for kind in (GoldDrift, LocalGravity) if kind.acts_on(recipe))
 
 
 def faults(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.intp]) -> list[GrossFault]:

@@ -16,6 +16,8 @@ class Accelerometer:
     unit: ClassVar[str] = "g"
     quantity: ClassVar[str] = "acceleration"
     sources: ClassVar[tuple[str, ...]] = ("gravity", "gold")
+    feels_earth_rate: ClassVar[bool] = False
+    large_offset: ClassVar[bool] = False
 
     def truth_errors(
         self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats

@@ -20,6 +20,8 @@ class Gyroscope:
     unit: ClassVar[str] = "deg/s"
     quantity: ClassVar[str] = "rate"
     sources: ClassVar[tuple[str, ...]] = ("rate", "gold")
+    feels_earth_rate: ClassVar[bool] = True
+    large_offset: ClassVar[bool] = False
 
     def truth_errors(
         self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats

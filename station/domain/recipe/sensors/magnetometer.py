@@ -16,6 +16,8 @@ class Magnetometer:
     unit: ClassVar[str] = "uT"
     quantity: ClassVar[str] = "magnetic field"
     sources: ClassVar[tuple[str, ...]] = ("field", "gold")
+    feels_earth_rate: ClassVar[bool] = False
+    large_offset: ClassVar[bool] = True
 
     def truth_errors(
         self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats
