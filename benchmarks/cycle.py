@@ -37,7 +37,7 @@ PARTS = {
     "decode and check frames": [("station.domain.can.decode", "", ("samples",))],
     "calibration": [("station.service.compute", "", ("calibrate", "verify"))],
     "SDO": [("station.adapters.canopen.sdo_client", "SdoClient", ("upload", "download"))],
-    "the page's view": [("station.cli._live_state", "Live", ("event",))],
+    "the page's view": [("station.panel_protocol.live_state", "Live", ("event",))],
 }
 RIG, OTHER, DWELL = "simulated rig", "all else", "while it settles and dwells"
 

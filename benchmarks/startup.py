@@ -22,7 +22,7 @@ import figures
 #: The command itself; it says when its first event with readings is shown, and ends.
 FIRST_FRAMES = """
 import os, sys, time
-import station.cli._live_state as live
+import station.panel_protocol.live_state as live
 from station.cli.app import main
 from station.domain.run.progress import Reading
 shown = live.Live.event

@@ -1,9 +1,9 @@
 """`station.calibration/1` written unit by unit, so that memory does not grow with the units; whole or not at all."""
 
-import os
 import shutil
 import sys
 import tempfile
+from contextlib import ExitStack
 from json import dumps
 from pathlib import Path
 from types import TracebackType
@@ -11,6 +11,7 @@ from typing import IO, Any
 
 from station.cli import _output
 from station.errors import UsageError
+from station.files.replace import replacing
 
 
 class CalibrationJsonWriter:
@@ -21,6 +22,7 @@ class CalibrationJsonWriter:
 
     def __init__(self, path: Path | None, head: dict[str, Any]) -> None:
         self._path, self._head = path, head
+        self._opened = ExitStack()
         self._file: IO[str] | None = None
         self._first = True
 
@@ -36,37 +38,23 @@ class CalibrationJsonWriter:
             self._file.write(("" if self._first else ", ") + dumps(unit, allow_nan=False, ensure_ascii=False))
             self._first = False
 
-    def __exit__(self, kind: type[BaseException] | None, _error: object, _trace: TracebackType | None) -> None:
-        if self._file is None or self._path is None:
-            return
-        with self._file as file:
-            if kind is None:
-                file.write("]}\n")
-                file.flush()
-                if str(self._path) == "-":
-                    self._to_standard_output(file)
-        if str(self._path) != "-":
-            self._settle(self._path, keep=kind is None)
-
-    @property
-    def _part(self) -> Path:
-        assert self._path is not None
-        return self._path.with_name(f"{self._path.name}.part")
+    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
+        if self._file is not None and kind is None:
+            self._file.write("]}\n")
+            self._file.flush()
+            if str(self._path) == "-":
+                self._to_standard_output(self._file)
+        self._opened.__exit__(kind, exc, tb)
 
     def _open(self, path: Path) -> IO[str]:
         if str(path) == "-":
-            return tempfile.TemporaryFile("w+", encoding="utf-8")
+            return self._opened.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8"))
         try:
-            return self._part.open("w", encoding="utf-8")
+            part = self._opened.enter_context(replacing(path))
         except OSError as exc:
-            told = f"--json {path} cannot be written ({exc.strerror}); name a file in a folder that exists"
-            raise UsageError(told) from exc
-
-    def _settle(self, path: Path, *, keep: bool) -> None:
-        if keep:
-            os.replace(self._part, path)  # noqa: PTH105 - one name, whole or not at all
-        else:
-            self._part.unlink()
+            reason = f"--json {path} cannot be written ({exc.strerror}); name a file in a folder that exists"
+            raise UsageError(reason) from exc
+        return self._opened.enter_context(part.open("w", encoding="utf-8"))
 
     @staticmethod
     def _to_standard_output(file: IO[str]) -> None:

@@ -1,14 +1,15 @@
 """Who says that something which only a person can do is done: somebody at the terminal, or somebody at the page."""
 
-import json
 import sys
 import time
 from pathlib import Path
 
-from station.cli._live_state import LiveStateWriter, RealTimePacer
-from station.cli._presence import is_served
+from station.cli._pacing import RealTimePacer
 from station.errors import UsageError
 from station.messages import Message, render
+from station.panel_protocol.answer import read_answer
+from station.panel_protocol.live_state import LiveStateWriter
+from station.panel_protocol.presence import is_served
 from station.service.stop_request import StopRequest
 
 #: How often the page's answer is looked for, s.
@@ -26,7 +27,7 @@ def wait_for_person(action: Message) -> None:
 
 
 class PageConfirmation:
-    """Asks on the page: the message stands in the live file with a mark, and `<log>.answer.json` gives the mark back.
+    """Asks on the page: the message stands in the live state with a mark, and the answer gives the mark back.
 
     Waits as long as it takes; a stop ends the wait, and so does a page that is gone for patience_s: the fixture is
     parked as after any stop. Time that a person takes counts neither as pace nor as progress.
@@ -41,7 +42,6 @@ class PageConfirmation:
         patience_s: float = _PAGE_TIMEOUT_S,
     ) -> None:
         self._database, self._page_timeout_s = database, patience_s
-        self._path = database.with_name(database.name + ".answer.json")
         self._live, self._held, self._stop = live, held, stop
 
     def __call__(self, action: Message) -> None:
@@ -49,7 +49,7 @@ class PageConfirmation:
         began_s = served_s = time.monotonic()
         mark = self._live.ask(action)
         try:
-            while self._answered_mark() != mark:
+            while read_answer(self._database) != mark:
                 served_s = self._seen(served_s)
                 self._stop.check()
                 time.sleep(_POLL_S)
@@ -66,10 +66,3 @@ class PageConfirmation:
         if now_s - served_s > self._page_timeout_s:
             self._stop.request("nobody serves the operator's page any more; start `station panel` and begin again")
         return served_s
-
-    def _answered_mark(self) -> str:
-        """The mark of the last question that was answered, or ''; half a file is none, the page replaces it whole."""
-        try:
-            return str(json.loads(self._path.read_bytes())["question"])
-        except (OSError, ValueError, KeyError, TypeError):
-            return ""

@@ -2,8 +2,8 @@
 
 import hashlib
 import json
-import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import date
 from difflib import get_close_matches
@@ -27,6 +27,7 @@ from station.diagnosis.search.cause_search import NullFactory
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError, SamplesError, UsageError
+from station.files.replace import replace_text
 from station.model.model_file import Model
 from station.wiring.process_memory import retain_all_memory
 
@@ -168,19 +169,16 @@ def _cached_null(seed: int) -> NullFactory:
 
 
 def _cache_folder() -> Path:
-    root = os.environ.get("XDG_CACHE_HOME")
-    return (Path(root) if root else Path.home() / ".cache") / "station" / "null"
+    from platformdirs import user_cache_path
+
+    return user_cache_path("station") / "null"
 
 
 def _store_null(path: Path, null: NullDistribution) -> None:
     """Keeps a null distribution; a cache that cannot be written only costs time."""
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
+    with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(json.dumps(null.document()), encoding="utf-8")
-        part.replace(path)
-    except OSError:
-        part.unlink(missing_ok=True)
+        replace_text(path, json.dumps(null.document()))
 
 
 def _write(wanted: DiagnoseOutputs, told: Mapping[str, Any], found: Diagnosis, model: Model) -> None:
@@ -232,10 +230,8 @@ def _heading(name: str, proposal: Proposal) -> str:
 
 
 def _write_text(path: Path, option: str, text: str) -> None:
-    part = path.with_name(f"{path.name}.part")
     try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
+        replace_text(path, text)
     except OSError as exc:
         raise UsageError(
             f"{option} {path} cannot be written ({exc.strerror}); name a file in a folder that exists"

@@ -3,7 +3,6 @@
 import csv
 import hashlib
 import json
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
@@ -13,6 +12,7 @@ from typing import Any
 
 from station.cli import _output
 from station.errors import LogError, UsageError
+from station.files.replace import replacing
 from station.ports.log_reader import Attempt, LogReader, Query
 from station.service import stored_attempts
 
@@ -57,9 +57,9 @@ def export(log: LogReader, attempts: Sequence[Attempt], wanted: ExportFiles, *, 
         files.append(_file(log, attempts, wanted.samples, lambda path: _samples(log, attempts, path)))
     if wanted.results is not None:
         files.append(_file(log, attempts, wanted.results, lambda path: _results(log, attempts, path)))
-    if wanted.frames is not None:
-        files.append(_file(log, attempts, wanted.frames, lambda path: _frames(log, attempts, path)))
-        files[-1]["marks"] = str(_marks_of(wanted.frames))
+    if (frames := wanted.frames) is not None:
+        files.append(_file(log, attempts, frames, lambda path: _frames(log, attempts, path, _marks_of(frames))))
+        files[-1]["marks"] = str(_marks_of(frames))
     if as_json:
         _output.print_json({"schema": "station.export/1", "files": files})
         return 0
@@ -144,12 +144,12 @@ def _results_parquet(rows: Sequence[dict[str, Any]], log: LogReader, path: Path)
     )
 
 
-def _frames(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[str, int]:
+def _frames(log: LogReader, attempts: Sequence[Attempt], path: Path, marks_file: Path) -> tuple[str, int]:
     from station.wiring.recordings import write_log, write_marks
 
     found, marks = stored_attempts.frames(log, attempts)
     write_log(path, found)
-    with _atomic_file(_marks_of(path.with_name(path.name.removeprefix(".writing-")))) as unfinished:
+    with _atomic_file(marks_file) as unfinished:
         write_marks(unfinished, marks)
     return "frames", len(found)
 
@@ -161,16 +161,11 @@ def _marks_of(path: Path) -> Path:
 @contextmanager
 def _atomic_file(path: Path) -> Iterator[Path]:
     """A place to write to; the file appears under its name only when it is whole and on the disk."""
-    unfinished = path.with_name(f".writing-{path.name}")
     try:
-        yield unfinished
-        with unfinished.open("rb") as file:
-            os.fsync(file.fileno())
-        unfinished.replace(path)
+        with replacing(path, durable=True) as unfinished:
+            yield unfinished
     except OSError as exc:
         raise UsageError(f"{path} cannot be written ({exc.strerror or exc}); choose another place") from exc
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def _sha256(path: Path) -> str:

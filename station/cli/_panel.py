@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from station.cli import _output
-from station.cli._presence import serving
 from station.config.settings import Settings, load_settings
 from station.errors import ConfigError, StationFault, UsageError
+from station.panel_protocol.presence import serving
 from station.web import accounts
 from station.web.accounts import Account, Role
 from station.web.panel import Panel

@@ -10,7 +10,7 @@ from typing import Any
 
 from station.cli import _output
 from station.cli._confirm import PageConfirmation, wait_for_person
-from station.cli._live_state import LiveStateWriter, RealTimePacer
+from station.cli._pacing import RealTimePacer
 from station.cli._results import print_results, run_document, run_row
 from station.cli._serials import ask_serials, assign_nests
 from station.domain.core.types import Outcome
@@ -31,6 +31,7 @@ from station.domain.run.progress import (
 from station.domain.run.run_state import about, rejection
 from station.errors import Aborted, StationError, UsageError
 from station.messages import Message, render
+from station.panel_protocol.live_state import LiveStateWriter
 from station.service.golden_register import refuse_unless_checked
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
@@ -104,8 +105,8 @@ def exit_code(results: Sequence[UnitResult], fault: StationError | None) -> int:
 def _run(bench: Bench, serials: Sequence[str], face: RunOptions) -> tuple[list[UnitResult], StationError | None]:
     stop = StopRequest()
     settings = bench.station.settings
-    told = {"station": settings.station, "operator": settings.operator, "simulated": bench.simulated}
-    live = LiveStateWriter(bench.database, bench.job.recipe, told, bench.station.bus)
+    head = {"station": settings.station, "operator": settings.operator, "simulated": bench.simulated}
+    live = LiveStateWriter(bench.database, bench.job.recipe, head, _output.print_remark, bench.station.bus)
     held = RealTimePacer(face.pace, bench.station.clock.monotonic_s, stop)
     results: list[UnitResult] = []
     loads = assign_nests(bench, serials, face.nests)

@@ -1,7 +1,6 @@
 """Golden and known-bad units of this station: their register, where they stand by the log, and the lock they are."""
 
 import json
-import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -15,6 +14,7 @@ from station.domain.methods import coefficients
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
 from station.errors import ConfigError, LogError, ReferenceOverdue
+from station.files.replace import replace_text
 from station.ports.log_reader import Attempt, LogReader, Query
 
 SCHEMA = "station.golden/1"
@@ -37,11 +37,9 @@ def load(path: Path) -> dict[str, RegisteredUnit]:
 
 def save(path: Path, units: dict[str, RegisteredUnit]) -> None:
     """Writes the register whole or not at all. Errors: ConfigError."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
     text = json.dumps({"schema": SCHEMA, "units": [asdict(u) for u in units.values()]}, indent=1, allow_nan=False)
     try:
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
+        replace_text(path, text, durable=True)
     except OSError as exc:
         raise ConfigError(f"{path} cannot be written ({exc.strerror}); check golden.file") from exc
 

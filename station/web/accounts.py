@@ -4,13 +4,13 @@ import base64
 import hashlib
 import hmac
 import json
-import os
 import secrets
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
 from station.errors import ConfigError, UsageError
+from station.files.replace import replace_text
 
 #: RFC 7914 and OWASP's floor: N = 2¹⁷, r = 8, p = 1, about 0.2 s and 128 MiB for one guess.
 _N, _R, _P = 2**17, 8, 1
@@ -90,12 +90,7 @@ def save(path: Path, accounts: dict[str, Account]) -> None:
     """Writes the file whole or not at all, readable by its owner only."""
     rows = [{"name": a.name, "role": a.role.value, "password": a.password} for a in accounts.values()]
     text = json.dumps({"schema": "station.accounts/1", "accounts": rows}, indent=1)
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    beside.replace(path)
+    replace_text(path, text, durable=True, mode=0o600)
 
 
 def _scrypt(password: str, salt: bytes, n: int, r: int, p: int) -> bytes:

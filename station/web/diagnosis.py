@@ -11,12 +11,12 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 
 from station.errors import LogError, UsageError
+from station.panel_protocol.companion import Companion, companion_file
 from station.ports.log_reader import Attempt, Query
 from station.service import stored_attempts
 from station.web import render
 from station.web.guard import form_of, require_right
 from station.web.panel import Panel
-from station.web.run_launcher import companion_file
 from station.web.sessions import Session
 from station.wiring.sample_files import join, write_samples
 
@@ -68,7 +68,7 @@ def _start_diagnosis(panel: Panel, serials: list[str], name: str) -> None:
         recipe_json = log.recipe_and_product(attempts[-1])[0] if attempts else ""
     if not tables:
         raise LogError("these units have no stops in the log; there is nothing to diagnose")
-    folder = companion_file(panel.order.database, ".diagnoses") / name
+    folder = companion_file(panel.order.database, Companion.DIAGNOSES) / name
     folder.mkdir(parents=True)
     (folder / "recipe.yaml").write_text(recipe_json, encoding="utf-8")  # JSON is YAML
     write_samples(join(tables), folder / "samples.parquet")
@@ -87,7 +87,7 @@ def _of_one_recipe(found: list[Attempt]) -> list[Attempt]:
 
 
 def _folder(panel: Panel, name: str) -> Path:
-    folder = companion_file(panel.order.database, ".diagnoses") / name
+    folder = companion_file(panel.order.database, Companion.DIAGNOSES) / name
     if len(name) != 16 or set(name) - set("0123456789abcdef") or not folder.is_dir():
         raise UsageError("there is no such diagnosis; begin one from the audit page")
     return folder

@@ -6,11 +6,11 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from fcntl import LOCK_EX, flock
 from pathlib import Path
 from typing import IO, Any
 
 from station.errors import LogError, StoreFault
+from station.files import lock
 
 SCHEMA = "station.panel-journal/1"
 _FIRST_PREVIOUS = "0" * 64
@@ -27,7 +27,7 @@ class Journal:
         """Appends one line and waits until it is on the disk. Errors: StoreFault: what cannot be kept is not done."""
         try:
             with self.path.open("a+b", buffering=0) as file:
-                flock(file, LOCK_EX)
+                lock.wait_for(file.fileno())
                 _end_torn_line(file)
                 line = {
                     "schema": SCHEMA,

@@ -1,7 +1,5 @@
 """What a person may do at the operator's page; each deed stands in the journal before it is done."""
 
-import json
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,12 +7,13 @@ from pathlib import Path
 from station.domain.recipe import serial as serials_of
 from station.domain.records.stored_attempt import utc
 from station.errors import StoreFault, UsageError
+from station.panel_protocol.answer import write_answer
+from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.queue import WaitingUnit
 from station.ports.log_reader import Attempt, Query
 from station.service import golden_register
 from station.web.accounts import Account
 from station.web.panel import Panel
-from station.web.queue import WaitingUnit
-from station.web.run_launcher import companion_file
 
 LONGEST_REASON = 200
 
@@ -109,13 +108,11 @@ def confirm(panel: Panel, who: Account, said: ActionForm) -> str:
     if not mark or said.question != mark:
         raise UsageError("nothing is asked any more; look at the page again")
     panel.journal.add(who.name, "confirm", sentence=asked)
-    answer = companion_file(panel.order.database, ".answer.json")
-    part = answer.with_name(f".{answer.name}.{os.getpid()}")
     try:
-        part.write_text(json.dumps({"schema": "station.answer/1", "question": mark}), encoding="utf-8")
-        part.replace(answer)
+        write_answer(panel.order.database, mark)
     except OSError as exc:
-        raise StoreFault(f"{answer} cannot be written ({exc.strerror}); free the disk, then try again") from exc
+        file = companion_file(panel.order.database, Companion.ANSWER)
+        raise StoreFault(f"{file} cannot be written ({exc.strerror}); free the disk, then try again") from exc
     return ""
 
 

@@ -13,12 +13,13 @@ from anyio import CapacityLimiter
 from station.config.settings import Settings
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError
+from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.queue import LoadQueue
 from station.ports.log_reader import LogReader
 from station.web.accounts import Account, load
 from station.web.journal import Journal
 from station.web.line_cache import LineCache
-from station.web.queue import LoadQueue
-from station.web.run_launcher import LaunchOptions, RunLauncher, companion_file
+from station.web.run_launcher import LaunchOptions, RunLauncher
 from station.web.screen import Screen
 from station.web.sessions import LoginThrottle, Sessions
 from station.wiring.logs import open_log
@@ -59,9 +60,9 @@ class Panel:
     def __post_init__(self) -> None:
         self.sessions = Sessions(self.monotonic_s)
         self.login_throttle = LoginThrottle(self.monotonic_s)
-        self.journal = Journal(companion_file(self.order.database, ".panel.jsonl"))
+        self.journal = Journal(companion_file(self.order.database, Companion.JOURNAL))
         self.runs = RunLauncher(self.order)
-        self.queue = LoadQueue(companion_file(self.order.database, ".queue.json"))
+        self.queue = LoadQueue(companion_file(self.order.database, Companion.QUEUE))
         self.screen = Screen(self.settings, self.runs, self.queue)
 
     @property

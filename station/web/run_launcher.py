@@ -1,6 +1,5 @@
 """Runs are processes of their own: started in their own session, found again by their lock, stopped by a signal."""
 
-import json
 import os
 import signal
 import subprocess
@@ -10,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from station.errors import StationFault, UsageError
+from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.owner import owner_pid
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,33 +41,6 @@ class LaunchOptions:
         return [f"--fault={f}" for f, serial in whose.items() if serial in serials | {"", "BUS", "GOLD"}]
 
 
-def companion_file(database: Path, ending: str) -> Path:
-    """A file of this log: `station.db` + `.live.json`."""
-    return database.with_name(database.name + ending)
-
-
-def owner_pid(database: Path) -> int | None:
-    """The pid that holds the log right now, whoever started it; None when nobody does.
-
-    A pid in the lock file counts only while that process has the file open: pids are used again, locks are not
-    taken here, because even a short one would turn a starting run away.
-    """
-    lock = companion_file(database, ".lock")
-    try:
-        pid = int(json.loads(lock.read_bytes())["pid"])
-        handles = list(Path(f"/proc/{pid}/fd").iterdir())
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    return pid if any(_same_file(handle, lock) for handle in handles) else None
-
-
-def _same_file(handle: Path, lock: Path) -> bool:
-    try:
-        return handle.samefile(lock)
-    except OSError:
-        return False
-
-
 class RunLauncher:
     """Starts and stops runs on one log. Children of this process are reaped whenever somebody asks."""
 
@@ -87,9 +61,9 @@ class RunLauncher:
         if self.pid() is not None:
             raise UsageError("a run is under way on this station; wait for its end or stop it")
         words = [sys.executable, "-m", "station", *self.order.words(units, operator)]
-        with self._said().open("wb") as said:
+        with self._errors().open("wb") as errors:
             self._child = subprocess.Popen(
-                words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said, start_new_session=True
+                words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors, start_new_session=True
             )
         self.started = self._child.pid
         return self._child.pid
@@ -108,10 +82,10 @@ class RunLauncher:
     def last_words(self) -> str:
         """The last sentence of the last run started here on its standard error, or ''."""
         try:
-            lines = self._said().read_text(encoding="utf-8", errors="replace").strip().splitlines()
+            lines = self._errors().read_text(encoding="utf-8", errors="replace").strip().splitlines()
         except OSError:
             return ""
         return lines[-1].removeprefix("station: ")[:500] if lines else ""
 
-    def _said(self) -> Path:
-        return companion_file(self.order.database, ".run.err")
+    def _errors(self) -> Path:
+        return companion_file(self.order.database, Companion.ERRORS)

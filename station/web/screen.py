@@ -9,10 +9,11 @@ from typing import Any
 
 from station.config.settings import Settings
 from station.errors import StationError, StoreFault
+from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.queue import LoadQueue
 from station.service.golden_register import standings
 from station.web import fixture, language
-from station.web.queue import LoadQueue
-from station.web.run_launcher import RunLauncher, companion_file
+from station.web.run_launcher import RunLauncher
 from station.wiring.bus_status import state_of
 from station.wiring.logs import find_log
 
@@ -31,7 +32,7 @@ class Screen:
         self._golden: tuple[float, str] = (-GOLDEN_POLL_S, "")
         self._settings, self._runs, self._queue = settings, runs, queue
         self._between: tuple[float, dict[str, Any]] = (-BUS_POLL_S, {})
-        self._path = companion_file(runs.order.database, ".live.json")
+        self._path = companion_file(runs.order.database, Companion.LIVE)
         self._stamp: tuple[int, int] | None = None
         self._live: dict[str, Any] = {}
         self._shown: dict[str, Any] = {}

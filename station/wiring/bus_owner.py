@@ -4,9 +4,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from station.adapters.store.owner import OwnerLock
 from station.config.settings import BusSettings
 from station.errors import BusFault
+from station.files.owner import OwnerLock
 from station.messages import Message
 
 #: Where programs of every user of a machine keep the locks of its devices (FHS 3.0, 3.15.4 and 5.9).

@@ -22,10 +22,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from station.adapters.store.owner import OwnerLock
 from station.adapters.store.sqlite import SqliteStore
 from station.domain.core.types import NestAssignment
 from station.domain.run.progress import Event, LiveReading, PhaseEntered, VisitStarted
+from station.files.owner import OwnerLock
 from station.service.stop_request import StopRequest
 from station.wiring.bench import Bench
 from tests.fakes import fixture_run

@@ -14,10 +14,10 @@ from starlette.testclient import TestClient
 from station.adapters.bus._netlink import Link
 from station.cli.app import main
 from station.config.settings import load_settings
+from station.panel_protocol.queue import WaitingUnit
 from station.ports.bus import ErrorCounters
 from station.web.app import create_app
 from station.web.panel import Panel
-from station.web.queue import WaitingUnit
 from station.web.run_launcher import LaunchOptions
 from station.wiring import bus_status
 from station.wiring.jobs import load_job

@@ -8,14 +8,14 @@ import pytest
 from starlette.testclient import TestClient
 
 from station.adapters.store.reader import SqliteLogReader
-from station.cli._presence import serving
 from station.config.settings import load_settings
+from station.panel_protocol.presence import serving
+from station.panel_protocol.queue import WaitingUnit
 from station.ports.log_reader import Query
 from station.web import accounts
 from station.web.accounts import Account, Role
 from station.web.app import create_app
 from station.web.panel import Panel
-from station.web.queue import WaitingUnit
 from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run

@@ -9,16 +9,17 @@ from pathlib import Path
 import pytest
 
 from station.cli._confirm import PageConfirmation
-from station.cli._live_state import LiveStateWriter, RealTimePacer
-from station.cli._presence import is_served, serving
+from station.cli._pacing import RealTimePacer
 from station.errors import Aborted
 from station.messages import Message
+from station.panel_protocol.live_state import LiveStateWriter
+from station.panel_protocol.presence import is_served, serving
 from station.service.stop_request import StopRequest
 from station.wiring.jobs import load_job
 
 PAGE = """
 import pathlib, sys
-from station.cli._presence import serving
+from station.panel_protocol.presence import serving
 with serving(pathlib.Path(sys.argv[1])):
     print(flush=True)
     input()
@@ -32,7 +33,11 @@ def asked(database: Path, patience_s: float) -> PageConfirmation:
     job, _ = load_job("six-point")
     stop = StopRequest()
     return PageConfirmation(
-        database, LiveStateWriter(database, job.recipe, {}), RealTimePacer(None, lambda: 0.0, stop), stop, patience_s
+        database,
+        LiveStateWriter(database, job.recipe, {}, print),
+        RealTimePacer(None, lambda: 0.0, stop),
+        stop,
+        patience_s,
     )
 
 

@@ -8,10 +8,11 @@ import pytest
 
 from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.clock import VirtualClock
-from station.cli._live_state import LiveStateWriter, RealTimePacer
+from station.cli._pacing import RealTimePacer
 from station.domain.core.types import NestAssignment
 from station.domain.run.progress import LoadStarted, VisitStarted
 from station.messages import Message
+from station.panel_protocol.live_state import LiveStateWriter
 from station.service.stop_request import StopRequest
 from station.wiring.jobs import load_job
 
@@ -20,7 +21,7 @@ BEGUN = LoadStarted((NestAssignment("SN1", "A", 17),), 8, 25.0)
 
 def test_the_live_file_holds_the_state_after_every_event(tmp_path: Path) -> None:
     job, _ = load_job("six-point")
-    live = LiveStateWriter(tmp_path / "s.db", job.recipe, {"operator": "anna"})
+    live = LiveStateWriter(tmp_path / "s.db", job.recipe, {"operator": "anna"}, print)
     for event in (BEGUN, VisitStarted(1, 6, "z-up")):
         live.event(event)
     told = json.loads((tmp_path / "s.db.live.json").read_text())
@@ -35,7 +36,7 @@ def test_the_live_file_tells_the_state_of_the_bus(tmp_path: Path) -> None:
     job, _ = load_job("six-point")
     bus = SimulatedBus(VirtualClock(), "sim0")
     bus.break_wire("cable-out")
-    LiveStateWriter(tmp_path / "s.db", job.recipe, {}, bus).event(BEGUN)
+    LiveStateWriter(tmp_path / "s.db", job.recipe, {}, print, bus).event(BEGUN)
     told = json.loads((tmp_path / "s.db.live.json").read_text())["bus"]
     assert told == {"name": "sim0", "state": "passive", "counters": {"sending": 128, "receiving": 0}}
     bus.close()
@@ -45,10 +46,10 @@ def test_a_view_that_cannot_be_written_is_said_once_and_stops_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     job, _ = load_job("six-point")
-    live = LiveStateWriter(tmp_path / "none" / "s.db", job.recipe, {})
+    live = LiveStateWriter(tmp_path / "none" / "s.db", job.recipe, {}, print)
     live.event(BEGUN)
     live.event(BEGUN)
-    assert capsys.readouterr().err.count("cannot be written") == 1
+    assert capsys.readouterr().out.count("cannot be written") == 1
 
 
 def test_a_paced_run_waits_for_real_time_and_a_stop_ends_the_wait() -> None:
@@ -67,7 +68,7 @@ def test_a_paced_run_waits_for_real_time_and_a_stop_ends_the_wait() -> None:
 
 def test_a_seating_turns_the_picture_of_the_same_position(tmp_path: Path) -> None:
     job, _ = load_job("tilt-24")
-    live = LiveStateWriter(tmp_path / "s.db", job.recipe, {})
+    live = LiveStateWriter(tmp_path / "s.db", job.recipe, {}, print)
     live.event(BEGUN)
     told = json.loads((tmp_path / "s.db.live.json").read_text())
     stops = told["state"]["stops"]
@@ -77,7 +78,7 @@ def test_a_seating_turns_the_picture_of_the_same_position(tmp_path: Path) -> Non
 
 def test_a_question_bears_a_mark_and_the_time_it_takes_is_no_progress(tmp_path: Path) -> None:
     job, _ = load_job("six-point")
-    live = LiveStateWriter(tmp_path / "s.db", job.recipe, {})
+    live = LiveStateWriter(tmp_path / "s.db", job.recipe, {}, print)
     live.event(BEGUN)
 
     def state() -> dict[str, object]:

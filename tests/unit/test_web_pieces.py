@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from station.domain.core import rotation
+from station.panel_protocol.owner import owner_pid
 from station.web import fixture, language
-from station.web.run_launcher import LaunchOptions, RunLauncher, owner_pid
+from station.web.run_launcher import LaunchOptions, RunLauncher
 
 
 def test_every_language_says_everything_and_nothing_more() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from station.errors import StoreFault
-from station.web.queue import LoadQueue, WaitingUnit
+from station.panel_protocol.queue import LoadQueue, WaitingUnit
 
 
 @pytest.fixture

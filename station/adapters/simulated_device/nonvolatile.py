@@ -1,12 +1,11 @@
 """The non-volatile memory of a simulated device: what was saved last, in this process or in a file that outlives it."""
 
 import json
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from station.errors import ConfigError, UsageError
+from station.files.replace import replace_text
 
 #: Values by address, written as in the contracts: {"2101:01": 1.0}. Bytes are hex text.
 SavedObjects = dict[str, int | float | str]
@@ -45,7 +44,7 @@ class NonVolatileMemory:
         """Keeps these objects in place of the old ones: all of them or, when power fails, none."""
         self._objects = dict(objects)
         if self._path is not None:
-            _write(self._path, json.dumps({"objects": self._objects}, indent=1))
+            replace_text(self._path, json.dumps({"objects": self._objects}, indent=1), durable=True)
 
     def clear(self) -> None:
         """Forgets everything: factory values at the next start."""
@@ -58,18 +57,3 @@ def _read(path: Path) -> SavedObjects:
         return dict(objects)
     except (OSError, ValueError, KeyError, TypeError) as exc:
         raise ConfigError(f"{path} is not the memory of a simulated device; delete it to start afresh") from exc
-
-
-def _write(path: Path, text: str) -> None:
-    """Temporary file in the same folder, fsync, rename, fsync of the folder: the old or the new, never half."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    Path(name).replace(path)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)

@@ -9,13 +9,14 @@ from threading import Lock
 from typing import Any
 
 from station.adapters.store import anchor, archive, column_values, file, ids, keys, reduced, unfinished
-from station.adapters.store.owner import OwnerLock
 from station.adapters.store.schema import COLUMNS
-from station.adapters.store.sqlite_errors import Doing, os_error_reason, translate_errors
+from station.adapters.store.sqlite_errors import Doing, translate_errors
 from station.domain.records import chain, plain_json
 from station.domain.records.chain import Value
 from station.domain.records.framepack import plain as raw
 from station.errors import StationError, StoreFault
+from station.files.owner import OwnerLock
+from station.files.system_errors import os_error_reason
 from station.messages import Message, render
 from station.ports.store import AttemptStart, LogHead, SuspectAttempt, UnfinishedAttempt, VisitRecord, WriteRecord
 

@@ -1,6 +1,5 @@
 """SQLite's and the file system's complaints as messages, each with its remedy."""
 
-import errno
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,7 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from station.errors import StationError
-from station.messages import Message, system_reason
+from station.files.system_errors import os_error_reason
+from station.messages import Message
 
 Doing = Literal["opened", "read", "written"]
 
@@ -28,19 +28,6 @@ _SQLITE = {
     sqlite3.SQLITE_TOOBIG: "log-record-too-large",
 }
 
-_SYSTEM = {
-    errno.ENOSPC: "log-disk-full",
-    errno.EDQUOT: "log-disk-full",
-    errno.EFBIG: "log-disk-full",
-    errno.EROFS: "log-read-only",
-    errno.EACCES: "log-no-permission",
-    errno.EPERM: "log-no-permission",
-    errno.ENOENT: "log-no-folder",
-    errno.EISDIR: "log-is-folder",
-    errno.ENOTDIR: "log-path-not-folder",
-    errno.EIO: "log-disk-error",
-}
-
 
 @contextmanager
 def translate_errors(kind: type[StationError], path: Path, doing: Doing) -> Iterator[None]:
@@ -57,12 +44,6 @@ def translate_errors(kind: type[StationError], path: Path, doing: Doing) -> Iter
 
 def _refusal(doing: Doing, path: Path, reason: Message) -> Message:
     return Message(_SENTENCES[doing], path=str(path), reason=reason)
-
-
-def os_error_reason(exc: OSError) -> Message:
-    """The system's complaint with its remedy."""
-    id_ = _SYSTEM.get(exc.errno or 0)
-    return Message(id_) if id_ else system_reason(exc)
 
 
 def _sqlite_reason(exc: sqlite3.Error) -> Message:

@@ -1,6 +1,5 @@
 """One thing, one owner: a lock that dies with its process, so that nothing stale ever blocks a start."""
 
-import fcntl
 import json
 import os
 from datetime import datetime
@@ -8,8 +7,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from station.adapters.store.sqlite_errors import os_error_reason
 from station.errors import StationError, StoreFault
+from station.files.lock import take
+from station.files.system_errors import os_error_reason
 from station.messages import Message
 
 
@@ -29,7 +29,7 @@ class OwnerLock:
         except OSError as exc:
             raise self._lock_error(exc) from exc
         try:
-            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            take(self._handle)
         except BlockingIOError as exc:
             present = self._present()
             os.close(self._handle)

@@ -1,13 +1,13 @@
 """Units scanned and not yet in work, nest by nest; kept in a file, so that a page started again forgets none."""
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Lock
 
 from station.errors import StoreFault
+from station.files.replace import replace_text
 
 SCHEMA = "station.queue/1"
 
@@ -91,13 +91,8 @@ class LoadQueue:
 
     def _keep(self, lists: QueueState) -> None:
         """Writes the file whole or not at all, then takes the change over."""
-        beside = self._path.with_name(f".{self._path.name}.{os.getpid()}")
         try:
-            with beside.open("w", encoding="utf-8") as file:
-                json.dump({"schema": SCHEMA, **asdict(lists)}, file)
-                file.flush()
-                os.fsync(file.fileno())
-            beside.replace(self._path)
+            replace_text(self._path, json.dumps({"schema": SCHEMA, **asdict(lists)}), durable=True)
         except OSError as exc:
             raise StoreFault(f"{self._path} cannot be written ({exc.strerror}); free the disk, then try again") from exc
         self._stamp, self._kept = _file_stamp(self._path), lists

@@ -1,0 +1,22 @@
+"""The files beside a log by which a run and the page find each other: `station.db` + `.live.json`."""
+
+from enum import StrEnum
+from pathlib import Path
+
+
+class Companion(StrEnum):
+    """Endings, after the log's whole name."""
+
+    LIVE = ".live.json"  # station.live/1, by the run: what goes on
+    ANSWER = ".answer.json"  # station.answer/1, by the page: the mark of the confirmed question
+    QUEUE = ".queue.json"  # station.queue/1, by the page: units of the next load
+    PRESENCE = ".panel.lock"  # shared lock of every page that serves this log
+    OWNER = ".lock"  # lock of the run that writes the log
+    ERRORS = ".run.err"  # standard error of the run that the page started
+    JOURNAL = ".panel.jsonl"  # station.panel-journal/1, by the page: who did what
+    DIAGNOSES = ".diagnoses"  # folder of the page's diagnoses
+
+
+def companion_file(database: Path, ending: Companion) -> Path:
+    """That file of this log."""
+    return database.with_name(database.name + ending.value)

@@ -1,0 +1,28 @@
+"""Which process writes a log right now, whoever started it."""
+
+import json
+from pathlib import Path
+
+from station.panel_protocol.companion import Companion, companion_file
+
+
+def owner_pid(database: Path) -> int | None:
+    """The pid that holds the log right now; None when nobody does.
+
+    A pid in the lock file counts only while that process has the file open: pids are used again, locks are not
+    taken here, because even a short one would turn a starting run away.
+    """
+    lock = companion_file(database, Companion.OWNER)
+    try:
+        pid = int(json.loads(lock.read_bytes())["pid"])
+        handles = list(Path(f"/proc/{pid}/fd").iterdir())
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return pid if any(_same_file(handle, lock) for handle in handles) else None
+
+
+def _same_file(handle: Path, lock: Path) -> bool:
+    try:
+        return handle.samefile(lock)
+    except OSError:
+        return False
