@@ -1,48 +1,38 @@
-"""Frames of one stop as they come in: settling, dwelling, and the wait for a person who turns the fixture."""
+"""Frames of one visit as they come in: settling, dwelling, and the wait for a person who turns the fixture."""
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from station.domain.can.decode import decode_samples
+from station.domain.can.decode import Samples
+from station.domain.can.sample_decoder import SampleDecoder
 from station.domain.capture.rest_detection import angle_deg, at_rest, expected_noise, face, has_direction
 from station.domain.capture.visit_check import FACE_DEG
 from station.domain.core.types import ERROR, Floats, Frames
 from station.domain.noise.noise_prior import MAX_UNITS
-from station.domain.recipe.plan import PlannedVisit as Planned
+from station.domain.recipe.plan import PlannedVisit
 from station.domain.run.progress import Event, LiveReading, Notice
 from station.errors import PositionerFault
 from station.messages import Message
 from station.service import dwell_control
 from station.service.bus_errors import refuse_bus_off
 from station.service.dwell_control import GOLD_KEY, Readings
-from station.service.frame_collector import FrameCollector
 from station.service.station import Job, Station
 from station.service.stop_request import StopRequest
 from station.service.unit import Unit
+from station.service.visit_collector import VisitCollector
 
 #: How often the stream is looked at, s, while waiting for rest and while dwelling; how soon a stop is noticed.
 POLL_S, DWELL_POLL_S = 0.05, 0.2
 #: How long the part must have been still before it counts, s, and the readings that this needs at least.
 HOLD_S, HOLD_READINGS = 0.2, 16
+#: Readings older than this say nothing about rest.
+RECENT_S = 1.0
 #: Where any pose will do, the next one is so far from the last, degrees.
 POSE_CHANGE_MIN_DEG = 15.0
 #: A hand needs longer to let go.
 HOLD_BY_HAND_S = 0.6
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CapturedDwell:
-    """What came in at one stop since the arrival, when the dwell began and ended, kernel drops in it."""
-
-    intake: FrameCollector
-    arrived_ns: int
-    from_ns: int
-    to_ns: int
-    lasted_s: float
-    drops: int
 
 
 class Capture:
@@ -65,7 +55,7 @@ class Capture:
         """Lets time pass, with the stream emptied and the operator's stop seen."""
         until_s = self._station.clock.monotonic_s() + duration_s
         while (left_s := until_s - self._station.clock.monotonic_s()) > 0:
-            self._pass_over(self._look(min(DWELL_POLL_S, left_s)))
+            self._pass_over(self._poll(min(DWELL_POLL_S, left_s)))
 
     def drain(self) -> None:
         """Drops what is waiting: frames from before the arrival belong to no stop, error frames to the next one."""
@@ -79,46 +69,43 @@ class Capture:
         if len(errors):
             self._errors.append(errors)
 
-    def take(self, units: Sequence[Unit], stop: int | None) -> Generator[Event, None, CapturedDwell]:
+    def take(self, units: Sequence[Unit], number: int | None) -> Generator[Event, None, VisitCollector]:
         """Settles and dwells; the fixture has just arrived. Yields what is read meanwhile. Errors: BusFault,
-        Aborted. stop: its place in the plan of all runs, None for a verification."""
+        Aborted. number: the visit's place in the plan of all runs, None for a verification."""
         clock = self._station.clock
-        arrived_ns = clock.epoch_ns()
-        before, self._errors = self._errors, []
-        intake = FrameCollector(units, self._job)
-        for errors in before:
-            intake.add(errors)
-        self._settle(units, intake)
+        earlier, self._errors = self._errors, []
+        collector = VisitCollector(units, self._job, clock.epoch_ns(), earlier)
+        self._settle(collector)
         drops, began_s, from_ns = self._channel.drops(), clock.monotonic_s(), clock.epoch_ns()
-        ask_s, lasted_s = self.pace.first_s(stop), 0.0
-        inside: list[Frames] = []
-        read = partial(self._readings, inside, units)
-        while ask_s - lasted_s > 1e-9:
-            inside.append(self._look(min(DWELL_POLL_S, ask_s - lasted_s)))
-            intake.add(inside[-1])
-            intake.encode_pending()
-            yield self._reading(inside[-1], units)
+        check_s, lasted_s = self.pace.first_s(number), 0.0
+        read = partial(_dwell_readings, collector, from_ns)
+        while check_s - lasted_s > 1e-9:
+            collector.add(self._poll(min(DWELL_POLL_S, check_s - lasted_s)))
+            collector.update()
+            yield _live_reading(collector)
             lasted_s = clock.monotonic_s() - began_s
-            if ask_s - lasted_s <= 1e-9:
-                ask_s = self.pace.until_s(stop, lasted_s, read)
+            if check_s - lasted_s <= 1e-9:
+                check_s = self.pace.until_s(number, lasted_s, read)
         to_ns = clock.epoch_ns()
-        self.pace.ended(stop, lasted_s, read)
-        intake.add(self._receive())
-        intake.encode_pending()
-        return CapturedDwell(intake, arrived_ns, from_ns, to_ns, lasted_s, self._channel.drops() - drops)
+        self.pace.ended(number, lasted_s, read)
+        collector.add(self._receive())
+        collector.finish(from_ns, to_ns, self._channel.drops() - drops)
+        return collector
 
-    def wait_for_face(self, units: Sequence[Unit], planned: Planned, asked: str) -> Generator[Event, None, None]:
-        """Until the wanted face is up and still in every nest; says once what else was brought up."""
+    def wait_for_face(self, units: Sequence[Unit], planned: PlannedVisit, request: str) -> Generator[Event, None, None]:
+        """Until the wanted face is up and still in every nest; reports once what else was brought up."""
         clock, face_s = self._station.clock, self._station.settings.timeouts.face_s
         deadline_s = clock.monotonic_s() + face_s
-        said: set[str] = set()
-        frames, turned = Frames.empty(), False
+        reported: set[str] = set()
+        decoders, turned = [SampleDecoder(self._job.layout, unit.seat.node) for unit in units], False
         while clock.monotonic_s() < deadline_s:
-            newest = self._look(DWELL_POLL_S)
+            newest = self._poll(DWELL_POLL_S)
             self._pass_over(newest)
-            frames = Frames.join([frames, newest])
-            frames = frames[frames.time_ns > clock.epoch_ns() - round(2 * HOLD_BY_HAND_S * 1e9)]
-            windows = [self._window(frames, unit, HOLD_BY_HAND_S) for unit in units]
+            from_ns = clock.epoch_ns() - round(2 * HOLD_BY_HAND_S * 1e9)
+            for decoder in decoders:
+                decoder.add(newest)
+                decoder.forget(from_ns)
+            windows = [self._rest_window(decoder.recent(from_ns), HOLD_BY_HAND_S) for decoder in decoders]
             if not all(at_rest(w, self._noise, self._lsb) for w in windows):
                 turned = turned or all(len(w) for w in windows)
                 continue
@@ -126,47 +113,31 @@ class Capture:
             if not wrong:
                 return
             if turned:
-                for sentence in sorted(wrong - said):
-                    yield Notice(Message.text(f"{sentence}; {asked}"))
-                said |= wrong
+                for sentence in sorted(wrong - reported):
+                    yield Notice(Message.text(f"{sentence}; {request}"))
+                reported |= wrong
         raise PositionerFault(
             f"position {planned.position!r} was not brought up and held still within {face_s:g} s; "
             "start again when somebody is there to turn the fixture"
         )
 
-    def _reading(self, newest: Frames, units: Sequence[Unit]) -> LiveReading:
-        """The newest frames as a page may show them; a unit that sent fewer than two readings is left out."""
-        read = {u.seat.serial: xyz for u in units if len(xyz := self._usable(newest, u.seat.node)) > 1}
-        return LiveReading(
-            {serial: tuple(float(v) for v in xyz.mean(axis=0)) for serial, xyz in read.items()},
-            {serial: float(xyz.std(axis=0, ddof=1).max()) for serial, xyz in read.items()},
-        )
-
-    def _readings(self, inside: list[Frames], units: Sequence[Unit]) -> Readings:
-        """What the units have said in this dwell, and the gold reference beside them."""
-        block = Frames.join(inside)
-        said = {u.seat.serial: self._usable(block, u.seat.node) for u in units}
-        gold = self._job.gold_node
-        return said if gold is None else said | {GOLD_KEY: self._usable(block, gold)}
-
-    def _settle(self, units: Sequence[Unit], intake: FrameCollector) -> None:
-        """The recipe's settling time, then until every unit is still; a unit that never is, the stop's check names.
+    def _settle(self, collector: VisitCollector) -> None:
+        """The recipe's settling time, then until every unit is still; a unit that never is, the visit's check names.
 
         A recipe without settling time wants to see the settling, so nothing is waited for.
         """
         settle_s = self._job.recipe.settle.time_s
-        clock, parts = self._station.clock, list[Frames]()
+        clock = self._station.clock
         began_s = clock.monotonic_s()
         while settle_s and clock.monotonic_s() - began_s < self._station.settings.timeouts.settle_s:
-            parts.append(self._look(POLL_S))
-            intake.add(parts[-1])
+            collector.add(self._poll(POLL_S))
             if clock.monotonic_s() - began_s < settle_s:
                 continue
-            recent = Frames.join(parts[-round(1 / POLL_S) :])
-            if all(at_rest(self._window(recent, u, HOLD_S), self._noise, self._lsb) for u in units):
+            recent = collector.recent(clock.epoch_ns() - round(RECENT_S * 1e9))
+            if all(at_rest(self._rest_window(samples, HOLD_S), self._noise, self._lsb) for samples in recent):
                 break
 
-    def _look(self, duration_s: float) -> Frames:
+    def _poll(self, duration_s: float) -> Frames:
         """Lets a moment pass and takes what came."""
         self._stop.check()
         self._station.clock.sleep(duration_s)
@@ -176,17 +147,13 @@ class Capture:
         """What is waiting. Errors: BusFault, after bus-off too."""
         return refuse_bus_off(self._channel.receive(0.0), self._station.bus)
 
-    def _window(self, frames: Frames, unit: Unit, hold_s: float) -> Floats:
-        """The newest readings of a unit (n, 3), long enough to tell rest from movement; none when they are too few."""
+    def _rest_window(self, samples: Samples, hold_s: float) -> Floats:
+        """The newest readings (n, 3), long enough to tell rest from movement; none when they are too few."""
         count = max(HOLD_READINGS, round(hold_s * self._job.recipe.device.rate_hz))
-        readings = self._usable(frames, unit.seat.node)
+        readings = samples.readings
         return readings[-count:] if len(readings) >= count else readings[:0]
 
-    def _usable(self, frames: Frames, node: int) -> Floats:
-        told = decode_samples(frames, self._job.layout, node)
-        return told.xyz[told.usable]
-
-    def _wrong_face(self, unit: Unit, window: Floats, planned: Planned) -> str:
+    def _wrong_face(self, unit: Unit, window: Floats, planned: PlannedVisit) -> str:
         """What is up instead, in words; '' where it is right. Where any pose will do, it must be another one."""
         mean = np.asarray(window.mean(axis=0))
         if not self._job.recipe.pose_known:
@@ -195,3 +162,18 @@ class Capture:
         if not has_direction(planned.true, self._job.recipe) or angle_deg(mean, planned.true) <= FACE_DEG:
             return ""
         return f"nest {unit.seat.nest} shows {face(mean)} up"
+
+
+def _live_reading(collector: VisitCollector) -> LiveReading:
+    """The newest readings as a page may show them; a unit that sent fewer than two is left out."""
+    newest = {serial: xyz for serial, samples in collector.newest().items() if len(xyz := samples.readings) > 1}
+    return LiveReading(
+        {serial: tuple(float(v) for v in xyz.mean(axis=0)) for serial, xyz in newest.items()},
+        {serial: float(xyz.std(axis=0, ddof=1).max()) for serial, xyz in newest.items()},
+    )
+
+
+def _dwell_readings(collector: VisitCollector, from_ns: int) -> Readings:
+    """What the units have read in this dwell, and the gold reference with them."""
+    gold = collector.gold_readings(from_ns)
+    return collector.readings(from_ns) | ({} if gold is None else {GOLD_KEY: gold})

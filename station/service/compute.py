@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from station.domain.can.decode import decode_samples
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.capture.assemble import CapturedVisit, dwell_frames, sample_table
+from station.domain.capture.assemble import sample_table
+from station.domain.capture.visit import CapturedVisit, Visit, decode_visit
 from station.domain.core.types import Floats, NestAssignment, Reason, SampleTable
 from station.domain.evaluation import pipeline, verification
 from station.domain.evaluation.pipeline import CalibrationResult
@@ -36,22 +36,19 @@ def calibrate(unit: Unit, job: Job, station: Station, prior: NoisePrior | None) 
 
 def samples_of(
     seat: NestAssignment,
-    visits: Sequence[CapturedVisit],
+    visits: Sequence[Visit],
     recipe: Recipe,
     layout: SensorLayout,
     labels: Mapping[str, str],
 ) -> SampleTable:
-    """The samples table of a unit's tumble, with the gold reference where the recipe takes its truth from one."""
+    """The samples table of a unit's tumble, with the gold reference where it was decoded with the visits."""
+    return sample_table(seat.serial, visits, layout.counter_values, labels, counter_bits=recipe.device.counter_bits)
+
+
+def decode_visits(node: int, captured: Sequence[CapturedVisit], recipe: Recipe, layout: SensorLayout) -> list[Visit]:
+    """Visits of a record or a recording as the run saw them, with the gold reference where the recipe has one."""
     gold = recipe.reference.gold if recipe.reference.source == "gold" else None
-    return sample_table(
-        seat.serial,
-        seat.node,
-        visits,
-        layout,
-        labels,
-        counter_bits=recipe.device.counter_bits,
-        gold_node=None if gold is None else gold.node,
-    )
+    return [decode_visit(visit, layout, node, None if gold is None else gold.node) for visit in captured]
 
 
 def refit(
@@ -70,8 +67,8 @@ def verify(unit: Unit, job: Job, stops: Sequence[PlannedVisit]) -> tuple[tuple[R
     """Reasons against the unit's own corrected output, and the document for the record, which the unit keeps too."""
     strength = job.recipe.reference.strength()
     found = tuple(
-        _verified(kept, _true(kept, planned, job), strength, unit, job)
-        for kept, planned in zip(unit.verify_visits, stops, strict=True)
+        _verified(visit, _true(visit, planned, job), strength, unit, job)
+        for visit, planned in zip(unit.verify_visits, stops, strict=True)
     )
     positions = [_document(v) for v in found]
     if job.plain is not None:
@@ -96,28 +93,24 @@ def _without_model(
     return [replace(v, mean=before.calibration.correct(r), cov=None) for v, r in zip(found, raw, strict=True)]
 
 
-def _true(kept: CapturedVisit, planned: PlannedVisit, job: Job) -> Floats:
+def _true(visit: Visit, planned: PlannedVisit, job: Job) -> Floats:
     """True vector (3) at a verify stop: the recipe's, or what the gold reference says it was."""
-    if job.gold_node is None:
+    if visit.gold is None:
         return planned.true
-    told = decode_samples(dwell_frames(kept), job.layout, job.gold_node)
-    mean = told.xyz[told.usable].mean(axis=0, keepdims=True)
-    true, _ = references.gold_vectors(job.recipe, (mean, np.zeros((1, 3, 3))), (kept.seating,))
+    mean = visit.gold.readings.mean(axis=0, keepdims=True)
+    true, _ = references.gold_vectors(job.recipe, (mean, np.zeros((1, 3, 3))), (visit.seating,))
     return np.asarray(true[0])
 
 
-def _verified(
-    kept: CapturedVisit, true: Floats, strength: float, unit: Unit, job: Job
-) -> verification.VerifiedPosition:
+def _verified(visit: Visit, true: Floats, strength: float, unit: Unit, job: Job) -> verification.VerifiedPosition:
     """Mean output at a verify stop, with its forecast; of a product without a switch the station corrects it itself."""
-    told = decode_samples(dwell_frames(kept), job.layout, unit.seat.node)
-    output, fit = told.xyz[told.usable], unit.fit
+    output, fit = visit.readings, unit.fit
     if fit is None or fit.calibration is None:
-        return verification.VerifiedPosition(kept.position, np.asarray(output.mean(axis=0)), true, strength)
+        return verification.VerifiedPosition(visit.position, np.asarray(output.mean(axis=0)), true, strength)
     if job.product.map.output is None:
         output = fit.calibration.correct(output)
     cov = verification.error_covariance(fit, job.recipe, true, output)
-    return verification.VerifiedPosition(kept.position, np.asarray(output.mean(axis=0)), true, strength, cov)
+    return verification.VerifiedPosition(visit.position, np.asarray(output.mean(axis=0)), true, strength, cov)
 
 
 def _document(v: verification.VerifiedPosition) -> dict[str, Any]:

@@ -222,7 +222,7 @@ class Load:
         yield from self._each(self._judge_one)
 
     def _judge_one(self, unit: Unit) -> Iterator[Event]:
-        if stands := thermometer.frozen_warning(unit.visits, unit.seat.node, self._job.layout):
+        if stands := thermometer.frozen_warning(unit.visits, self._job.layout):
             self._station.store.event(unit.attempt, "thermometer-frozen", {"sentence": stands})
             yield Notice(Message.text(f"{unit.name}: {stands}"), unit.seat.serial)
         prior = None if self._capture is None else self._capture.pace.prior

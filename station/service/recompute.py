@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.capture.assemble import CapturedVisit
+from station.domain.capture.visit import CapturedVisit
 from station.domain.core.types import Frames, NestAssignment
 from station.domain.evaluation import calibration_document
 from station.domain.evaluation.pipeline import CalibrationResult
@@ -85,7 +85,8 @@ def refit_attempt(
 ) -> CalibrationResult:
     """The run's own computation over kept visits, on its day and with what it knew of the noise; kept: the attempt."""
     seat = NestAssignment(attempt.serial, attempt.nest, attempt.node)
-    table = compute.samples_of(seat, visits, recipe, product[1], {})
+    decoded = compute.decode_visits(attempt.node, visits, recipe, product[1])
+    table = compute.samples_of(seat, decoded, recipe, product[1], {})
     prior = noise_document.to_prior(stored_attempt.result(kept, "dwell"))
     return compute.refit(table, recipe, product[0], judged_ns(kept), prior)
 

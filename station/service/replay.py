@@ -3,15 +3,14 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from station.domain.can.decode import decode_samples
 from station.domain.capture.annotations import Annotation, Annotations, captured_visits
-from station.domain.capture.assemble import CapturedVisit, dwell_frames
-from station.domain.capture.visit_check import Visit, check
+from station.domain.capture.visit import Visit
+from station.domain.capture.visit_check import check
 from station.domain.core.types import Frames, NestAssignment, Outcome, Reason, SampleTable, Verdict
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.recipe import plan
 from station.errors import LogError
-from station.service.compute import refit, samples_of
+from station.service.compute import decode_visits, refit, samples_of
 from station.service.station import Job
 
 
@@ -30,7 +29,7 @@ class ReplayedUnit:
 def replay(frames: Frames, marks: Annotations, job: Job) -> Iterator[ReplayedUnit]:
     """Every unit of a log, one after the other. Errors: LogError when a mark lies outside the log or the recipe."""
     for seat, visits, table in _units(frames, marks, job):
-        bad = tuple(reason for visit in visits for reason in _check(visit, seat, job))
+        bad = tuple(reason for visit in visits for reason in _check(visit, job))
         result = refit(table, job.recipe, job.product, int(frames.time_ns[0]))
         yield _replayed_unit(seat, result, bad, visits)
 
@@ -40,14 +39,12 @@ def tables(frames: Frames, marks: Annotations, job: Job) -> Iterator[SampleTable
     return (table for _, _, table in _units(frames, marks, job))
 
 
-def _units(
-    frames: Frames, marks: Annotations, job: Job
-) -> Iterator[tuple[NestAssignment, list[CapturedVisit], SampleTable]]:
+def _units(frames: Frames, marks: Annotations, job: Job) -> Iterator[tuple[NestAssignment, list[Visit], SampleTable]]:
     """Every unit with its marked visits, and the samples of those that it is calibrated by."""
     for serial, own in marks.units().items():
         seat = NestAssignment(serial, "", own[0].node)
         _check_marks(own, frames, job)
-        visits = list(captured_visits(own, frames))
+        visits = decode_visits(seat.node, captured_visits(own, frames), job.recipe, job.layout)
         labels = {"nest": f"node-{seat.node}"}
         table = samples_of(seat, [v for v in visits if _is_tumble(v, job)], job.recipe, job.layout, labels)
         if not len(table):
@@ -70,32 +67,20 @@ def _check_marks(marks: Sequence[Annotation], frames: Frames, job: Job) -> None:
             raise LogError(f"{what} names position {mark.position!r}, which the recipe {job.recipe.name} does not have")
 
 
-def _is_tumble(visit: CapturedVisit, job: Job) -> bool:
+def _is_tumble(visit: Visit, job: Job) -> bool:
     return not job.recipe.pose_known or visit.position in {p.name for p in job.recipe.positions}
 
 
-def _check(visit: CapturedVisit, seat: NestAssignment, job: Job) -> tuple[Reason, ...]:
+def _check(visit: Visit, job: Job) -> tuple[Reason, ...]:
     """The checks of a live stop; what only a live bus tells (drops, heartbeat) a log cannot say."""
     recipe = job.recipe
-    told = decode_samples(dwell_frames(visit), job.layout, seat.node)
-    around = decode_samples(visit.frames, job.layout, seat.node).temperature_degC
     stops = plan.planned_visits(recipe, visit.run % len(recipe.runs)) if recipe.pose_known else ()
     true = {s.position: s.true for s in stops}
-    if visit.position not in true:
-        return ()
-    dwelled = Visit(
-        position=visit.position,
-        samples=told,
-        true=true[visit.position],
-        lasted_s=(visit.to_ns - visit.from_ns) / 1e9,
-        drops=0,
-        temperature_degC=float(around[-1]) if len(around) else None,
-    )
-    return check(dwelled, recipe, job.layout)
+    return check(visit, true[visit.position], recipe, job.layout) if visit.position in true else ()
 
 
 def _replayed_unit(
-    seat: NestAssignment, result: CalibrationResult, bad: tuple[Reason, ...], visits: Sequence[CapturedVisit]
+    seat: NestAssignment, result: CalibrationResult, bad: tuple[Reason, ...], visits: Sequence[Visit]
 ) -> ReplayedUnit:
     verdict: Verdict = result.verdict
     outcome = Outcome.FAIL if bad and verdict.outcome is Outcome.PASS else verdict.outcome

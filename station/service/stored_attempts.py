@@ -8,7 +8,8 @@ import numpy as np
 from pydantic import ValidationError
 
 from station.domain.capture.annotations import Annotation, Annotations, annotate_visits
-from station.domain.capture.assemble import CapturedVisit, run_starts_ns, sample_table
+from station.domain.capture.assemble import run_starts_ns, sample_table
+from station.domain.capture.visit import CapturedVisit, decode_visit
 from station.domain.core.types import Floats, Frames, Labels, NestAssignment, SampleTable
 from station.domain.methods import coefficients
 from station.domain.records import stored_attempt
@@ -36,7 +37,8 @@ def samples(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[SampleTable
             continue
         labels = {"station": attempt.station, "nest": attempt.nest, "lot": attempt.lot, "operator": attempt.operator}
         bits = recipe.device.counter_bits
-        table = sample_table(attempt.serial, attempt.node, visits, layout, counter_bits=bits, everything=True)
+        decoded = [decode_visit(visit, layout, attempt.node) for visit in visits]
+        table = sample_table(attempt.serial, decoded, layout.counter_values, counter_bits=bits, everything=True)
         table = replace(table, values={**table.values, **_clocks(table, visits, kept["events"])})
         before = runs.get(attempt.serial, 0)
         runs[attempt.serial] = before + len(recipe.runs)

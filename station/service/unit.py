@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from station.domain.capture.assemble import CapturedVisit
+from station.domain.capture.visit import Visit
 from station.domain.core.types import Floats, NestAssignment, Outcome, Reason
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.product.product import decode_serial
@@ -42,8 +42,8 @@ class Unit:
     last_mean: Floats | None = None
     noise: float | None = None
     temperature_degC: float | None = None
-    visits: list[CapturedVisit] = field(default_factory=list)
-    verify_visits: list[CapturedVisit] = field(default_factory=list)
+    visits: list[Visit] = field(default_factory=list)
+    verify_visits: list[Visit] = field(default_factory=list)
     fit: CalibrationResult | None = None
     verification: Mapping[str, Any] | None = None
     reasons: list[Reason] = field(default_factory=list)

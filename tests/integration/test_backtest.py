@@ -144,7 +144,7 @@ def test_reduced_stops_come_back_bit_for_bit_and_without_what_the_recipe_leaves_
 
 
 def test_a_longer_settling_cuts_later_and_never_before_the_arrival() -> None:
-    from station.domain.capture.assemble import CapturedVisit
+    from station.domain.capture.visit import CapturedVisit
     from station.domain.core.types import Frames
 
     recipe = load_recipe("six-point")

@@ -14,7 +14,7 @@ from station.adapters.bus._python_can import mf4
 from station.adapters.store.reader import SqliteLogReader
 from station.cli._replay import decode_log, replay_log
 from station.domain.capture.annotations import Annotation, Annotations, annotate_visits
-from station.domain.capture.assemble import CapturedVisit
+from station.domain.capture.visit import CapturedVisit
 from station.domain.core.types import Frames, NestAssignment
 from station.domain.product import product_record
 from station.domain.run.progress import Event, LoadDone

@@ -10,7 +10,8 @@ from station.config.products import load_product
 from station.config.search_path import shipped_folder
 from station.domain.can import encode
 from station.domain.can.sensor_layout import SensorLayout, resolve
-from station.domain.capture.assemble import CapturedVisit, dwell_frames, sample_table
+from station.domain.capture.assemble import sample_table
+from station.domain.capture.visit import CapturedVisit, Visit, decode_visit, dwell_frames
 from station.domain.core.types import Frames
 
 NODE, LSB, START = 17, 1e-4, 1_767_225_600_000_000_000
@@ -37,13 +38,17 @@ def visit(
     )  # fmt: skip
 
 
+def decoded(layout: SensorLayout, visits: list[CapturedVisit]) -> list[Visit]:
+    return [decode_visit(one, layout, NODE) for one in visits]
+
+
 def test_only_the_dwell_is_in_the_table_on_the_clock_of_its_run(layout: SensorLayout) -> None:
     visits = [
         visit(layout, 0, 0, 5.0, (0, 0, 1)),
         visit(layout, 1, 0, 9.0, (0, 1, 0)),
         visit(layout, 0, 1, 30.0, (1, 0, 0)),
     ]
-    table = sample_table("SN0042", NODE, visits, layout, {"nest": "A", "lot": ""})
+    table = sample_table("SN0042", decoded(layout, visits), layout.counter_values, {"nest": "A", "lot": ""})
     assert len(table) == 60
     assert list(table.unit.text()[:1]) == ["SN0042"]
     assert table.run.tolist() == [0] * 40 + [1] * 20
@@ -63,12 +68,12 @@ def test_a_bad_crc_is_left_out_and_a_repeat_only_kept_for_exports(layout: Sensor
     broken = CapturedVisit(0, 0, "p0", "home", kept.arrived_ns, kept.from_ns, kept.to_ns,
                        Frames(kept.frames.time_ns, kept.frames.can_id, kept.frames.length, data))  # fmt: skip
     assert len(dwell_frames(broken)) == 20
-    assert len(sample_table("SN1", NODE, [broken], layout)) == 18
-    assert len(sample_table("SN1", NODE, [broken], layout, everything=True)) == 19
+    assert len(sample_table("SN1", decoded(layout, [broken]), layout.counter_values)) == 18
+    assert len(sample_table("SN1", decoded(layout, [broken]), layout.counter_values, everything=True)) == 19
 
 
 def test_no_visits_make_an_empty_table(layout: SensorLayout) -> None:
-    assert len(sample_table("SN1", NODE, [], layout)) == 0
+    assert len(sample_table("SN1", decoded(layout, []), layout.counter_values)) == 0
 
 
 def test_the_counter_counts_on_modulo_what_the_recipe_says(layout: SensorLayout) -> None:
@@ -79,7 +84,7 @@ def test_the_counter_counts_on_modulo_what_the_recipe_says(layout: SensorLayout)
         )
         for i in range(2)
     ]
-    table = sample_table("SN1", NODE, kept, layout, counter_bits=8)
+    table = sample_table("SN1", decoded(layout, kept), layout.counter_values, counter_bits=8)
     # Two dwells of 100 frames, 100 frames of moving between them: the count goes on as if nobody had looked away.
     wanted = np.concatenate([np.arange(100), np.arange(200, 300)]) % 256
     assert table.values["counter"].tolist() == wanted.tolist()
@@ -90,5 +95,5 @@ def test_moves_longer_than_the_stops_do_not_bend_the_count(layout: SensorLayout)
     frames = frames_at(layout, 0.0, (0, 0, 1), 3000)
     starts = [START + i * 2_510_000_000 for i in range(10)]
     kept = [CapturedVisit(0, i, f"p{i}", "home", t, t, t + 10**9, frames) for i, t in enumerate(starts)]
-    table = sample_table("SN1", NODE, kept, layout, counter_bits=16)
+    table = sample_table("SN1", decoded(layout, kept), layout.counter_values, counter_bits=16)
     assert table.values["counter"].tolist() == np.concatenate([i * 251 + np.arange(100) for i in range(10)]).tolist()

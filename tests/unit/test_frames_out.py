@@ -10,6 +10,7 @@ from station.domain.can.sensor_layout import EndToEnd, FrameMap, SampleRoles, Se
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.capture.annotations import captured_visits
 from station.domain.capture.assemble import sample_table
+from station.domain.capture.visit import decode_visit
 from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 from station.model.forward import forward
@@ -49,7 +50,11 @@ def test_dwells_decode_to_the_calibrated_truth() -> None:
     for i, (unit, own) in enumerate(made.marks.units().items()):
         node = node_of(i, 2)
         assert {m.node for m in own} == {node}
-        table = sample_table(unit, node, captured_visits(own, made.frames), layout())
+        table = sample_table(
+            unit,
+            [decode_visit(v, layout(), node) for v in captured_visits(own, made.frames)],
+            layout().counter_values,
+        )
         assert len(table) == pytest.approx(2 * 24 * 50, abs=48)
         visits = made.made.scene.visits
         mine = np.flatnonzero(visits.unit.code == i)

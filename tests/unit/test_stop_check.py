@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from station.domain.can import encode
 from station.domain.can.decode import decode_samples
 from station.domain.can.sensor_layout import SensorLayout, resolve
 from station.domain.capture.rest_detection import angle_deg, at_rest, expected_noise, face, has_direction
-from station.domain.capture.visit_check import STATION_CHECKS, Visit, check, statistics
+from station.domain.capture.visit import Visit
+from station.domain.capture.visit_check import STATION_CHECKS, check, statistics
 from station.domain.core.types import Floats, Frames
 from station.domain.recipe.recipe import Recipe
 from tests.conftest import SEED
@@ -43,13 +45,13 @@ def frames(layout: SensorLayout, xyz: Floats, rate_hz: float = 100.0) -> Frames:
     return encode.sample_frames(layout, NODE, time_ns, xyz)
 
 
-def dwelled(layout: SensorLayout, came: Frames, **change: object) -> Visit:
-    whole = Visit("z-up", decode_samples(came, layout, NODE), UP, 1.0, 0, 24.0)
+def visit(layout: SensorLayout, came: Frames, **change: object) -> Visit:
+    whole = Visit(0, 0, "z-up", "home", 0, 0, 10**9, decode_samples(came, layout, NODE), temperature_degC=24.0)
     return replace(whole, **change)  # type: ignore[arg-type]
 
 
-def checks(layout: SensorLayout, recipe: Recipe, xyz: Floats, **change: object) -> set[str]:
-    found = check(dwelled(layout, frames(layout, xyz), **change), recipe, layout)
+def checks(layout: SensorLayout, recipe: Recipe, xyz: Floats, true: Floats = UP, **change: object) -> set[str]:
+    found = check(visit(layout, frames(layout, xyz), **change), true, recipe, layout)
     assert all(r.sentence.isprintable() for r in found)
     return {r.check for r in found}
 
@@ -65,20 +67,20 @@ def test_a_good_dwell_has_nothing_against_it(layout: SensorLayout, recipe: Recip
         ("temperature", {"temperature_degC": 45.0}),
         ("temperature", {"temperature_degC": -3.0}),
         ("emergency", {"emergencies": ("emergency 0x4210 (register 0x01)",)}),
-        ("too-few", {"lasted_s": 2.0}),
+        ("too-few", {"to_ns": 2 * 10**9}),
         ("wrong-face", {"true": np.array([1.0, 0, 0])}),
         ("wrong-face", {"true": -UP}),
     ],
 )
-def test_what_happened_around_it(layout: SensorLayout, recipe: Recipe, wrong: str, change: dict[str, object]) -> None:
+def test_what_happened_around_it(layout: SensorLayout, recipe: Recipe, wrong: str, change: dict[str, Any]) -> None:
     assert checks(layout, recipe, readings(), **change) == {wrong}
 
 
 def test_no_frames_at_all_is_silence(layout: SensorLayout, recipe: Recipe) -> None:
-    found = check(dwelled(layout, Frames.empty()), recipe, layout)
+    found = check(visit(layout, Frames.empty()), UP, recipe, layout)
     assert [r.check for r in found] == ["silent"]
     assert found[0].check in STATION_CHECKS
-    assert statistics(dwelled(layout, Frames.empty()))["mean"] is None
+    assert statistics(visit(layout, Frames.empty()))["mean"] is None
 
 
 def test_axes_that_cannot_be(layout: SensorLayout, recipe: Recipe) -> None:
@@ -99,7 +101,7 @@ def test_a_coarse_sensor_may_stand_still(layout: SensorLayout, recipe: Recipe) -
         replace(s, scale=0.0125) if s.name in "XYZ" else s for s in layout.sample.signals
     )))  # fmt: skip
     came = frames(coarse, still)
-    assert not check(dwelled(coarse, came), quiet, coarse)
+    assert not check(visit(coarse, came), UP, quiet, coarse)
 
 
 def test_a_part_that_is_touched_during_the_dwell(layout: SensorLayout, recipe: Recipe) -> None:
@@ -113,26 +115,26 @@ def test_a_part_that_is_touched_during_the_dwell(layout: SensorLayout, recipe: R
 def test_the_transport(layout: SensorLayout, recipe: Recipe) -> None:
     whole = frames(layout, readings())
     lost = whole[np.delete(np.arange(100), [40, 41])]
-    assert {r.check for r in check(dwelled(layout, lost), recipe, layout)} == {"frames"}
+    assert {r.check for r in check(visit(layout, lost), UP, recipe, layout)} == {"frames"}
     again = whole[np.insert(np.arange(100), 40, 40)]
-    assert {r.check for r in check(dwelled(layout, again), recipe, layout)} == {"frames"}
+    assert {r.check for r in check(visit(layout, again), UP, recipe, layout)} == {"frames"}
     data = whole.data.copy()
     data[7, 5] ^= 0x10
     bad = Frames(whole.time_ns, whole.can_id, whole.length, data)
-    (found,) = check(dwelled(layout, bad), recipe, layout)
+    (found,) = check(visit(layout, bad), UP, recipe, layout)
     assert "1 frames with a wrong CRC" in found.sentence
 
 
 @pytest.mark.parametrize(("rate_hz", "said"), [(100.5, False), (110.0, True), (91.0, True)])
 def test_a_clock_that_is_off(layout: SensorLayout, recipe: Recipe, rate_hz: float, said: bool) -> None:
     came = frames(layout, readings(round(rate_hz)), rate_hz)
-    found = {r.check for r in check(dwelled(layout, came), recipe, layout)}
+    found = {r.check for r in check(visit(layout, came), UP, recipe, layout)}
     assert found == ({"rate"} if said else set())
 
 
 def test_statistics_are_of_the_usable_readings(layout: SensorLayout) -> None:
     xyz = readings()
-    told = statistics(dwelled(layout, frames(layout, xyz)))
+    told = statistics(visit(layout, frames(layout, xyz)))
     np.testing.assert_allclose(told["mean"], xyz.mean(axis=0), atol=6.25e-5)  # type: ignore[arg-type]
     assert (told["count"], told["lost"], told["crc_errors"], told["kernel_drops"]) == (100, 0, 0, 0)
 

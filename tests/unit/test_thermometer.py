@@ -11,8 +11,8 @@ from station.config.products import load_product
 from station.config.search_path import shipped_folder
 from station.domain.can import encode
 from station.domain.can.sensor_layout import SensorLayout, resolve
-from station.domain.capture.assemble import CapturedVisit
 from station.domain.capture.thermometer import MIN_VISITS, frozen_warning
+from station.domain.capture.visit import CapturedVisit, Visit, decode_visit
 
 NODE = 17
 
@@ -23,16 +23,17 @@ def layout() -> SensorLayout:
     return resolve(frames, read_layouts(Path(shipped_folder(), "dbc", frames.dbc)))
 
 
-def stops(layout: SensorLayout, *temperatures_degC: float | None) -> list[CapturedVisit]:
-    """One stop for each temperature; None: no such frame came there."""
-    told = [np.array([] if t is None else [t]) for t in temperatures_degC]
-    frames = [encode.temperature_frames(layout, NODE, np.arange(len(t)), t) for t in told]
-    return [CapturedVisit(0, i, "z-up", "home", 0, 0, 1, f) for i, f in enumerate(frames)]
+def visits(layout: SensorLayout, *temperatures_degC: float | None, node: int = NODE) -> list[Visit]:
+    """One visit for each temperature; None: no such frame came there."""
+    read = [np.array([] if t is None else [t]) for t in temperatures_degC]
+    frames = [encode.temperature_frames(layout, NODE, np.arange(len(t)), t) for t in read]
+    captured = [CapturedVisit(0, i, "z-up", "home", 0, 0, 1, f) for i, f in enumerate(frames)]
+    return [decode_visit(visit, layout, node) for visit in captured]
 
 
 def test_six_stops_at_one_temperature_are_told_of(layout: SensorLayout) -> None:
-    told = frozen_warning(stops(layout, *[24.31] * MIN_VISITS), NODE, layout)
-    assert told.startswith("the thermometer stood at 24.31 degC over 6 stops")
+    warning = frozen_warning(visits(layout, *[24.31] * MIN_VISITS), layout)
+    assert warning.startswith("the thermometer stood at 24.31 degC over 6 stops")
 
 
 @pytest.mark.parametrize(
@@ -45,15 +46,15 @@ def test_six_stops_at_one_temperature_are_told_of(layout: SensorLayout) -> None:
     ],
 )
 def test_too_few_stops_or_one_step_tell_nothing(layout: SensorLayout, read: list[float | None]) -> None:
-    assert frozen_warning(stops(layout, *read), NODE, layout) == ""
+    assert frozen_warning(visits(layout, *read), layout) == ""
 
 
 def test_a_coarse_thermometer_may_stand_still(layout: SensorLayout) -> None:
     assert layout.temperature is not None
     signals = tuple(replace(s, scale=0.5) for s in layout.temperature.signals)
     coarse = replace(layout, temperature=replace(layout.temperature, signals=signals))
-    assert frozen_warning(stops(coarse, *[24.5] * 20), NODE, coarse) == ""
+    assert frozen_warning(visits(coarse, *[24.5] * 20), coarse) == ""
 
 
 def test_another_units_thermometer_is_not_this_ones(layout: SensorLayout) -> None:
-    assert frozen_warning(stops(layout, *[24.31] * MIN_VISITS), NODE + 1, layout) == ""
+    assert frozen_warning(visits(layout, *[24.31] * MIN_VISITS, node=NODE + 1), layout) == ""

@@ -1,6 +1,7 @@
 """Frames of one node → samples, and everything that is wrong with them."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,7 @@ class FrameErrors:
     def sentences(self) -> tuple[str, ...]:
         """Each trouble in words, for a person."""
         c = self.counter
-        told = [
+        counts = [
             (self.wrong_length, "frames of the wrong length"),
             (self.remote, "remote frames with the sensor's identifier"),
             (self.crc_errors, "frames with a wrong CRC"),
@@ -44,23 +45,21 @@ class FrameErrors:
             (c.repeats, f"frames repeated, up to {c.longest_repeat} in a row"),
             (c.late, "frames out of order"),
         ]
-        said = [f"{number} {what}" for number, what in told if number]
-        return tuple(said + ["the frame counter is stuck"] * c.stuck)
+        found = [f"{number} {what}" for number, what in counts if number]
+        return tuple(found + ["the frame counter is stuck"] * c.stuck)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
     """Readings of one node in the order of arrival, one row for each decodable frame.
 
-    time_ns (n); xyz (n, 3) physical; payload (n, w) and the axes' places in it; counter, status (n) or None; crc_ok
-    (n), all True without a CRC; usable (n): right CRC, finite, and no repeat of the frame before.
-    temperature_time_ns, temperature_degC (t): the device's own thermometer.
+    time_ns (n); xyz (n, 3) physical; counter, status (n) or None; crc_ok (n), all True without a CRC; usable (n):
+    right CRC, finite, and no repeat of the frame before. temperature_time_ns, temperature_degC (t): the device's own
+    thermometer, which may have spoken outside of the readings' span.
     """
 
     time_ns: NDArray[np.int64]
     xyz: Floats
-    payload: NDArray[np.uint8]
-    axes: tuple[SignalLayout, ...]
     counter: Array | None
     status: Array | None
     crc_ok: NDArray[np.bool_]
@@ -73,41 +72,110 @@ class Samples:
         return len(self.time_ns)
 
     @property
-    def raw(self) -> Array:
-        """Readings as sent (n, 3), taken from the payloads when somebody asks."""
-        return np.stack([raw(self.payload, axis) for axis in self.axes], axis=1)
+    def readings(self) -> Floats:
+        """The usable readings (m, 3)."""
+        return self.xyz if self.usable.all() else self.xyz[self.usable]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DecodedFrames:
+    """Frames of one node, each decoded by itself; what its neighbours say about it is `check_sequence`'s.
+
+    time_ns, counter, status, crc_ok (n), xyz (n, 3), finite (n): as in `Samples`; wrong_length_ns, remote_ns: when
+    frames came that cannot be decoded; temperature_time_ns, temperature_degC (t).
+    """
+
+    time_ns: NDArray[np.int64]
+    xyz: Floats
+    counter: Array | None
+    status: Array | None
+    crc_ok: NDArray[np.bool_]
+    finite: NDArray[np.bool_]
+    wrong_length_ns: NDArray[np.int64]
+    remote_ns: NDArray[np.int64]
+    temperature_time_ns: NDArray[np.int64]
+    temperature_degC: Floats
+
+    @staticmethod
+    def join(parts: "Sequence[DecodedFrames]") -> "DecodedFrames":
+        """At least one part of one node, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
+        columns: dict[str, list[Array]] = {
+            f.name: [getattr(part, f.name) for part in parts]
+            for f in fields(DecodedFrames)
+            if getattr(parts[0], f.name) is not None
+        }
+        return replace(parts[0], **{name: np.concatenate(column) for name, column in columns.items()})
+
+    def between(self, from_ns: int, to_ns: int) -> "DecodedFrames":
+        """The readings in [from_ns, to_ns), and what was wrong among them; temperatures stay as they are."""
+        rows = _inside(self.time_ns, from_ns, to_ns)
+        cut: dict[str, Array] = {
+            "wrong_length_ns": self.wrong_length_ns[_inside(self.wrong_length_ns, from_ns, to_ns)],
+            "remote_ns": self.remote_ns[_inside(self.remote_ns, from_ns, to_ns)],
+        }
+        if not rows.all():
+            cut |= {name: value[rows] for name in _ROWS if (value := getattr(self, name)) is not None}
+        return replace(self, **cut)
+
+
+#: Columns of `DecodedFrames` that have one row for each decodable frame.
+_ROWS = ("time_ns", "xyz", "counter", "status", "crc_ok", "finite")
 
 
 def decode_samples(frames: Frames, layout: SensorLayout, node: int) -> Samples:
     """Everything that `node` said about itself in `frames`; frames of others are left out."""
-    whole, trouble = _well_formed(frames, layout.sample, layout.id_of(layout.sample, node))
+    return check_sequence(decode_frames(frames, layout, node), layout.counter_values)
+
+
+def decode_frames(frames: Frames, layout: SensorLayout, node: int) -> DecodedFrames:
+    """The frames of `node` among `frames`, each decoded by itself."""
+    whole, wrong_length_ns, remote_ns = _well_formed(frames, layout.sample, layout.id_of(layout.sample, node))
     xyz = _physical(whole.data, layout.axes)
     counter = None if layout.counter is None else raw(whole.data, layout.counter)
-    crc_ok = _crc_ok(whole.data, counter, layout, node)
-    finite = _finite(xyz, layout)
-    usable, counted = _check_counter(whole.time_ns, counter, crc_ok, layout.counter_values)
     roles = layout.map.sample
-    temperature = decode_temperatures(frames, layout, node)
-    return Samples(
+    temperature_time_ns, temperature_degC = decode_temperatures(frames, layout, node)
+    return DecodedFrames(
         time_ns=whole.time_ns,
         xyz=xyz,
-        payload=whole.data,
-        axes=layout.axes,
         counter=counter,
         status=None if roles.status is None else raw(whole.data, layout.sample.signal(roles.status)),
-        crc_ok=crc_ok,
-        usable=usable & finite,
-        temperature_time_ns=temperature[0],
-        temperature_degC=temperature[1],
+        crc_ok=_crc_ok(whole.data, counter, layout, node),
+        finite=_finite(xyz, layout),
+        wrong_length_ns=wrong_length_ns,
+        remote_ns=remote_ns,
+        temperature_time_ns=temperature_time_ns,
+        temperature_degC=temperature_degC,
+    )
+
+
+def check_sequence(decoded: DecodedFrames, counter_values: int) -> Samples:
+    """The frames as a sequence: which of them say something new, and what is wrong with it."""
+    usable, counted = _check_counter(decoded.time_ns, decoded.counter, decoded.crc_ok, counter_values)
+    wrong_length, remote = len(decoded.wrong_length_ns), len(decoded.remote_ns)
+    return Samples(
+        time_ns=decoded.time_ns,
+        xyz=decoded.xyz,
+        counter=decoded.counter,
+        status=decoded.status,
+        crc_ok=decoded.crc_ok,
+        usable=usable & decoded.finite,
+        temperature_time_ns=decoded.temperature_time_ns,
+        temperature_degC=decoded.temperature_degC,
         frame_errors=FrameErrors(
-            frames=trouble.frames,
-            wrong_length=trouble.wrong_length,
-            remote=trouble.remote,
-            crc_errors=int(np.count_nonzero(~crc_ok)),
-            not_finite=int(np.count_nonzero(~finite)),
+            frames=len(decoded.time_ns) + wrong_length + remote,
+            wrong_length=wrong_length,
+            remote=remote,
+            crc_errors=int(np.count_nonzero(~decoded.crc_ok)),
+            not_finite=int(np.count_nonzero(~decoded.finite)),
             counter=counted,
         ),
     )
+
+
+def _inside(time_ns: NDArray[np.int64], from_ns: int, to_ns: int) -> NDArray[np.bool_]:
+    return np.asarray((time_ns >= from_ns) & (time_ns < to_ns))
 
 
 def _physical(data: NDArray[np.uint8], axes: tuple[SignalLayout, ...]) -> Floats:
@@ -118,14 +186,17 @@ def _physical(data: NDArray[np.uint8], axes: tuple[SignalLayout, ...]) -> Floats
     return np.asarray(np.stack([physical(raw(data, axis), axis) for axis in axes], axis=1), np.float64)
 
 
-def _well_formed(frames: Frames, layout: FrameLayout, can_id: int) -> tuple[Frames, FrameErrors]:
-    """The node's frames that can be decoded, and how many cannot."""
+def _well_formed(
+    frames: Frames, layout: FrameLayout, can_id: int
+) -> tuple[Frames, NDArray[np.int64], NDArray[np.int64]]:
+    """The node's frames that can be decoded, and when those came that cannot: of the wrong length, and remote ones."""
     named = frames.can_id == np.uint32(can_id)
     right = named & (frames.length == layout.length)
     mine, good = int(np.count_nonzero(named)), int(np.count_nonzero(right))
-    asked = 0 if mine == len(frames) else int(np.count_nonzero(frames.can_id == np.uint32(can_id | REMOTE)))
-    trouble = FrameErrors(frames=mine + asked, wrong_length=mine - good, remote=asked)
-    return (frames if good == len(frames) else frames[right]), trouble
+    none = frames.time_ns[:0]
+    wrong_length_ns = none if mine == good else frames.time_ns[named & ~right]
+    remote_ns = none if mine == len(frames) else frames.time_ns[frames.can_id == np.uint32(can_id | REMOTE)]
+    return (frames if good == len(frames) else frames[right]), wrong_length_ns, remote_ns
 
 
 def _finite(xyz: Floats, layout: SensorLayout) -> NDArray[np.bool_]:
@@ -165,6 +236,6 @@ def decode_temperatures(frames: Frames, layout: SensorLayout, node: int) -> tupl
     roles = layout.map.temperature
     if layout.temperature is None or roles is None:
         return np.zeros(0, np.int64), np.zeros(0)
-    whole, _ = _well_formed(frames, layout.temperature, layout.id_of(layout.temperature, node))
+    whole, _, _ = _well_formed(frames, layout.temperature, layout.id_of(layout.temperature, node))
     signal = layout.temperature.signal(roles.signal)
     return whole.time_ns, physical(raw(whole.data, signal), signal).astype(np.float64)

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.capture.assemble import CapturedVisit
+from station.domain.capture.visit import CapturedVisit
 from station.domain.core.types import Frames, NestAssignment
 from station.domain.recipe.recipe import Finite, Name, StrictModel
 

@@ -33,11 +33,17 @@ def at_rest(reading: Floats, noise: float, lsb: float) -> bool:
     half = len(reading) // 2
     if len(reading) < MIN_READINGS or not np.isfinite(reading).all():
         return False
-    first, second = reading[:half], reading[half:]
-    within = np.sqrt((first.var(axis=0) + second.var(axis=0)) / 2)
-    apart = np.abs(first.mean(axis=0) - second.mean(axis=0))
+    apart, within = compare_halves(reading)
     allowed = MOVED * np.maximum(within, noise) * np.sqrt(2 / half) + lsb
     return bool((apart <= allowed).all() and (within <= 30 * noise + lsb).all())
+
+
+def compare_halves(reading: Floats) -> tuple[Floats, Floats]:
+    """How far the means of both halves of readings (n, 3) lie apart (3), and the standard deviation within them (3)."""
+    half = len(reading) // 2
+    first, second = reading[:half], reading[half:]
+    within = np.sqrt((first.var(axis=0) + second.var(axis=0)) / 2)
+    return np.abs(first.mean(axis=0) - second.mean(axis=0)), np.asarray(within)
 
 
 def angle_deg(reading: Floats, true: Floats) -> float:

@@ -4,31 +4,30 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from station.domain.can.decode import decode_samples
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.capture.assemble import CapturedVisit
+from station.domain.capture.visit import Visit
 
 #: So many stops tell, seconds and movements apart. A coarser step than this, degC, may stand still in a quiet room.
 MIN_VISITS, FINE_DEGC = 6, 0.1
 
 
-def frozen_warning(visits: Sequence[CapturedVisit], node: int, layout: SensorLayout) -> str:
+def frozen_warning(visits: Sequence[Visit], layout: SensorLayout) -> str:
     """'' or a sentence: the reading has not moved by one step over all stops although its steps are fine.
 
-    visits: the stops of one load, with their frames. A thermometer whose noise has a standard deviation of one step
+    visits: those of one load. A thermometer whose noise has a standard deviation of one step
     or more shows any one value in no more than 38 % of its readings, so in six running in fewer than one load of a
     hundred; and steps below 0.1 degC are finer than the air of a room is still. It is a warning and no verdict: a
     heavily filtered thermometer may be this quiet.
     """
     step = _step_degC(layout)
-    read = [t for visit in visits if len(t := decode_samples(visit.frames, layout, node).temperature_degC)]
+    read = [t for visit in visits if len(t := visit.samples.temperature_degC)]
     if step is None or step > FINE_DEGC or len(read) < MIN_VISITS:
         return ""
-    told = np.concatenate(read)
-    if np.ptp(told) >= step / 2:
+    joined = np.concatenate(read)
+    if np.ptp(joined) >= step / 2:
         return ""
     return (
-        f"the thermometer stood at {told[0]:.6g} degC over {len(read)} stops and never moved by a step of {step:g} "
+        f"the thermometer stood at {joined[0]:.6g} degC over {len(read)} stops and never moved by a step of {step:g} "
         "degC; if it is frozen, no limit on the temperature means anything: check it against another one"
     )
 

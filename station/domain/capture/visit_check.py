@@ -1,13 +1,12 @@
 """Is a dwell evidence? Everything that can be wrong with one stop of one unit, as reasons."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from station.domain.can.decode import Samples
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.capture.rest_detection import angle_deg, expected_noise, face, has_direction
+from station.domain.capture.rest_detection import angle_deg, compare_halves, expected_noise, face, has_direction
+from station.domain.capture.visit import Visit
 from station.domain.core.types import Floats, Reason
 from station.domain.recipe.recipe import Recipe
 
@@ -23,36 +22,21 @@ RATE_COUNTS, MIN_RATE_DEVIATION = 3.0, 0.02
 MOVED = 6.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Visit:
-    """One dwell of one unit: its samples, what the stimulus should be, and what happened around it.
+def check(visit: Visit, true: Floats, recipe: Recipe, layout: SensorLayout) -> tuple[Reason, ...]:
+    """Every reason why this visit's dwell is no evidence; nothing when it is good.
 
-    true (3) in the recipe's unit, NaN where the pose is unknown; lasted_s; drops: frames that the kernel dropped;
-    temperature_degC or None; emergencies: EMCY messages in words.
+    true (3): the stimulus in the recipe's unit, NaN where the pose is unknown.
     """
-
-    position: str
-    samples: Samples
-    true: Floats
-    lasted_s: float
-    drops: int
-    temperature_degC: float | None
-    emergencies: tuple[str, ...] = ()
-
-
-def check(dwelled: Visit, recipe: Recipe, layout: SensorLayout) -> tuple[Reason, ...]:
-    """Every reason why this dwell is no evidence; nothing when it is good."""
-    found = [*_transport(dwelled, recipe)]
-    xyz = dwelled.samples.xyz[dwelled.samples.usable]
+    found = [*_transport(visit, recipe)]
+    xyz = visit.readings
     if len(xyz) >= 2:
-        found += [*_axes(dwelled, xyz, recipe, layout), *_rest(dwelled, xyz, recipe), *_face(dwelled, xyz, recipe)]
-    return (*found, *_surroundings(dwelled, recipe))
+        found += [*_axes(visit, xyz, recipe, layout), *_rest(visit, xyz, recipe), *_face(visit, xyz, true, recipe)]
+    return (*found, *_surroundings(visit, recipe))
 
 
-def statistics(dwelled: Visit) -> dict[str, object]:
-    """What the record keeps of a dwell beside its raw frames."""
-    samples, trouble = dwelled.samples, dwelled.samples.frame_errors
-    xyz = samples.xyz[samples.usable]
+def statistics(visit: Visit) -> dict[str, object]:
+    """What the record keeps of a visit beside its raw frames."""
+    trouble, xyz = visit.samples.frame_errors, visit.readings
     some = len(xyz) > 0
     return {
         "mean": xyz.mean(axis=0).tolist() if some else None,
@@ -65,9 +49,9 @@ def statistics(dwelled: Visit) -> dict[str, object]:
         "late": trouble.counter.late,
         "crc_errors": trouble.crc_errors,
         "wrong_length": trouble.wrong_length,
-        "kernel_drops": dwelled.drops,
-        "temperature_degC": dwelled.temperature_degC,
-        "emergencies": list(dwelled.emergencies),
+        "kernel_drops": visit.drops,
+        "temperature_degC": visit.temperature_degC,
+        "emergencies": list(visit.emergencies),
     }
 
 
@@ -84,8 +68,8 @@ def _transport(d: Visit, recipe: Recipe) -> Iterator[Reason]:
             "kernel-drops", f"the kernel dropped {d.drops} frames at {d.position!r}; this PC is too busy", d.drops, 0
         )
     if not d.samples.frame_errors.clean:
-        said = ", ".join(d.samples.frame_errors.sentences())
-        yield Reason.text("frames", f"bad frames at {d.position!r}: {said}")
+        wrong = ", ".join(d.samples.frame_errors.sentences())
+        yield Reason.text("frames", f"bad frames at {d.position!r}: {wrong}")
     rate = _rate_hz(d)
     allowed = recipe.device.clock_tolerance_ppm * 1e-6 + RATE_COUNTS / max(count, 1)
     if rate is not None and abs(rate / recipe.device.rate_hz - 1) > max(allowed, MIN_RATE_DEVIATION):
@@ -128,12 +112,9 @@ def _axes(d: Visit, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iterat
 
 
 def _rest(d: Visit, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
-    half = len(xyz) // 2
-    first, second = xyz[:half], xyz[half:]
-    within = np.sqrt((first.var(axis=0) + second.var(axis=0)) / 2)
-    apart = np.abs(first.mean(axis=0) - second.mean(axis=0))
+    apart, within = compare_halves(xyz)
     matters = (recipe.limits.residual or 0.005 * recipe.reference.strength()) / 2
-    moved = (apart > MOVED * within * np.sqrt(2 / max(half, 1))) & (apart > matters)
+    moved = (apart > MOVED * within * np.sqrt(2 / max(len(xyz) // 2, 1))) & (apart > matters)
     if moved.any():
         worst = float(apart.max())
         sentence = (
@@ -142,13 +123,13 @@ def _rest(d: Visit, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
         yield Reason.text("not-still", sentence, worst, float(matters), recipe.unit)
 
 
-def _face(d: Visit, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
-    if not has_direction(d.true, recipe):
+def _face(d: Visit, xyz: Floats, true: Floats, recipe: Recipe) -> Iterator[Reason]:
+    if not has_direction(true, recipe):
         return
     mean = np.asarray(xyz.mean(axis=0))
-    angle = angle_deg(mean, d.true)
+    angle = angle_deg(mean, true)
     if angle > FACE_DEG:
-        sentence = f"{face(mean)} is up instead of {face(d.true)} at {d.position!r} ({angle:.0f} degrees off)"
+        sentence = f"{face(mean)} is up instead of {face(true)} at {d.position!r} ({angle:.0f} degrees off)"
         yield Reason.text("wrong-face", sentence, angle, FACE_DEG, "deg")
 
 
@@ -160,5 +141,5 @@ def _surroundings(d: Visit, recipe: Recipe) -> Iterator[Reason]:
         yield Reason.text(
             "temperature", sentence, d.temperature_degC, high if d.temperature_degC > high else low, "degC"
         )
-    for told in d.emergencies:
-        yield Reason.text("emergency", f"the device reported {told} at {d.position!r}")
+    for emergency in d.emergencies:
+        yield Reason.text("emergency", f"the device reported {emergency} at {d.position!r}")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.domain.capture.assemble import CapturedVisit
+from station.domain.capture.visit import CapturedVisit
 from station.domain.core.types import Floats, Outcome
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.methods import coefficients
