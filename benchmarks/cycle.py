@@ -34,7 +34,7 @@ PARTS = {
     "log, fsyncs included": [
         ("station.adapters.store.sqlite", "SqliteStore", ("begin", "event", "visit", "write", "result", "finish"))
     ],
-    "decode and check frames": [("station.domain.can.decode", "", ("samples",))],
+    "decode and check frames": [("station.domain.can.decode", "", ("decode_frames", "check_sequence"))],
     "calibration": [("station.service.compute", "", ("calibrate", "verify"))],
     "SDO": [("station.adapters.canopen.sdo_client", "SdoClient", ("upload", "download"))],
     "the page's view": [("station.panel_protocol.live_state", "Live", ("event",))],

@@ -2,12 +2,14 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from station.adapters.store.reader import SqliteLogReader
 from station.cli.app import main
+from station.domain.can import decode
 from station.domain.core.types import Outcome
 from station.domain.run.progress import (
     Identified,
@@ -267,3 +269,27 @@ def test_recipe_and_product_in_the_log_are_enough_to_refit(four: Ran) -> None:
     assert product.name == "accelerometer"
     assert layout.ids(17) == (0x191, 0x291)
     assert product_record.dump(product, layout) == product_json
+
+
+@pytest.mark.parametrize("dwell", [{"time_s": 0.5}, {"until_std": 8e-5, "min_s": 0.2, "max_s": 2}])
+def test_each_frame_of_a_run_is_decoded_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dwell: dict[str, float]
+) -> None:
+    """From the wire to the verdict: what is in the record's visits was decoded, and decoded a single time."""
+    decoded: list[int] = []
+    payloads_to_physical = decode._physical
+
+    def counting(data: Any, axes: Any) -> Any:
+        decoded.append(len(data))
+        return payloads_to_physical(data, axes)
+
+    monkeypatch.setattr(decode, "_physical", counting)
+    ran = fixture_run.run(tmp_path, units=2, recipe=fixture_run.recipe(tmp_path, dwell=dwell))
+    assert [r.outcome for r in ran.results.values()] == [Outcome.PASS] * 2
+    recorded = 0
+    with LogReader(tmp_path / "station.db") as log:
+        for attempt in log.attempts(Query()):
+            _, _, layout = parse_recipe_and_product(*log.recipe_and_product(attempt))
+            sample_id = layout.id_of(layout.sample, attempt.node)
+            recorded += sum(int(np.count_nonzero(frames.can_id == sample_id)) for frames in log.frames(attempt))
+    assert sum(decoded) == recorded > 0
