@@ -287,7 +287,7 @@ def test_each_frame_of_a_run_is_decoded_once(
     ran = fixture_run.run(tmp_path, units=2, recipe=fixture_run.recipe(tmp_path, dwell=dwell))
     assert [r.outcome for r in ran.results.values()] == [Outcome.PASS] * 2
     recorded = 0
-    with LogReader(tmp_path / "station.db") as log:
+    with SqliteLogReader(tmp_path / "station.db") as log:
         for attempt in log.attempts(Query()):
             _, _, layout = parse_recipe_and_product(*log.recipe_and_product(attempt))
             sample_id = layout.id_of(layout.sample, attempt.node)
