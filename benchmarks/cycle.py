@@ -37,7 +37,7 @@ PARTS = {
     "decode and check frames": [("station.domain.can.decode", "", ("decode_frames", "check_sequence"))],
     "calibration": [("station.service.compute", "", ("calibrate", "verify"))],
     "SDO": [("station.adapters.canopen.sdo_client", "SdoClient", ("upload", "download"))],
-    "the page's view": [("station.panel_protocol.live_state", "Live", ("event",))],
+    "the page's view": [("station.panel_protocol.live_state", "LiveStateWriter", ("event",))],
 }
 RIG, OTHER, DWELL = "simulated rig", "all else", "while it settles and dwells"
 
