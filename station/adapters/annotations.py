@@ -7,8 +7,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from station.config.validation_messages import mistakes
 from station.domain.capture.annotations import Annotation, Annotations
 from station.errors import LogError
+from station.messages import Message, system_reason
 
 COLUMNS = ("unit", "node", "run", "visit", "position", "start_s", "end_s", "seating")
 #: Beyond this a file holds no marks.
@@ -28,12 +30,12 @@ def read_marks(path: Path) -> Annotations:
     """Reads marks by the file's ending. Errors: LogError with file, line and column."""
     try:
         if path.stat().st_size > MOST_BYTES:
-            raise LogError(f"{path} is larger than {MOST_BYTES} bytes; these are no marks")
+            raise LogError("file-too-long", file=str(path), limit=MOST_BYTES)
         text = path.read_text(encoding="utf-8-sig")
     except OSError as exc:
-        raise LogError(f"{path} cannot be read ({exc.strerror}); correct the path") from None
+        raise LogError("file-unreadable", file=str(path), why=system_reason(exc)) from None
     except UnicodeDecodeError as exc:
-        raise LogError(f"{path} is no text: byte {exc.start} is not UTF-8; save it as UTF-8") from None
+        raise LogError("file-not-utf8", file=str(path), byte=exc.start) from None
     return _of_csv(path, text) if path.suffix.lower() == ".csv" else _of_json(path, text)
 
 
@@ -52,30 +54,26 @@ def _of_json(path: Path, text: str) -> Annotations:
     try:
         return Annotations.model_validate(json.loads(text))
     except json.JSONDecodeError as exc:
-        raise LogError(f"{path} line {exc.lineno}: this is not JSON: {exc.msg}") from None
+        why = Message("line-not-json", why=exc.msg)
+        raise LogError("line-of-file", file=str(path), line=exc.lineno, reason=why) from None
     except ValidationError as exc:
-        raise LogError(f"{path}: {_first(exc)}") from None
+        reasons = mistakes(exc, Annotations)
+        raise LogError("document-mistakes", file=str(path), mistakes=reasons) from None
     except RecursionError:
-        raise LogError(f"{path} is nested too deeply; these are no marks") from None
+        raise LogError("file-nested-too-deep", file=str(path)) from None
 
 
 def _of_csv(path: Path, text: str) -> Annotations:
     rows = csv.DictReader(text.splitlines())
     missing = [c for c in COLUMNS[:-1] if c not in (rows.fieldnames or ())]
     if missing:
-        what = f"column {missing[0]} is" if len(missing) == 1 else f"columns {', '.join(missing)} are"
-        raise LogError(f"{path} line 1: the {what} missing; a marks table has {', '.join(COLUMNS)}")
+        raise LogError("marks-columns-missing", file=str(path), missing=missing, columns=COLUMNS)
     marks = []
     for row in rows:
-        told: dict[str, Any] = {c: row[c] for c in COLUMNS if row.get(c)}
+        cells: dict[str, Any] = {c: row[c] for c in COLUMNS if row.get(c)}
         try:
-            marks.append(Annotation.model_validate(told))
+            marks.append(Annotation.model_validate(cells))
         except ValidationError as exc:
-            raise LogError(f"{path} line {rows.line_num}: {_first(exc)}") from None
+            reason = mistakes(exc, Annotation)[0]
+            raise LogError("line-of-file", file=str(path), line=rows.line_num, reason=reason) from None
     return Annotations(marks=tuple(marks))
-
-
-def _first(exc: ValidationError) -> str:
-    error = exc.errors(include_url=False, include_input=False)[0]
-    key = ".".join(str(p) for p in error["loc"])
-    return f"{key}: {error['msg'][0].lower()}{error['msg'][1:]}"

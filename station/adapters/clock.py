@@ -55,7 +55,7 @@ class VirtualClock:
         self._actors.append(actor)
 
     def detach(self, actor: Actor) -> None:
-        """This actor acts no more: it was taken off the rig."""
+        """This actor acts no more: it has left the rig."""
         self._actors.remove(actor)
 
     def sleep(self, duration_s: float) -> None:
@@ -68,7 +68,7 @@ class VirtualClock:
     def settle(self) -> None:
         """Every actor acts at the present instant; time does not move."""
         if self._acting:
-            raise StationFault("an actor of the simulated rig waited inside its own act(); it may only receive(0.0)")
+            raise StationFault("simulated-actor-waited")
         self._acting = True
         try:
             for actor in self._actors:
@@ -83,6 +83,6 @@ class VirtualClock:
         """
         due_s = min((actor.next_due_s() for actor in self._actors), default=math.inf)
         if due_s <= self._now_s < until_s:
-            raise StationFault(f"an actor of the simulated rig is still due at {due_s:g} s after it acted then")
+            raise StationFault("simulated-actor-still-due", due_s=due_s)
         self._now_s = max(self._now_s, min(due_s, until_s))
         self.settle()

@@ -11,12 +11,13 @@ from station.domain.can.dbc_rules import DbcIssue, lint
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import EXTENDED
 from station.errors import ProductError
+from station.messages import Message, system_reason
 
 #: Beyond this a file is not one product's DBC but an accident, and parsing it takes longer than anybody waits.
 MOST_BYTES = 4_000_000
 #: A page of mistakes helps nobody; the rest shows after these are mended.
 MOST_FINDINGS = 10
-# cantools warns of double names in its log; here they are errors, said once.
+# cantools warns of double names in its log; here they are errors, reported once.
 logging.getLogger("cantools").addHandler(logging.NullHandler())
 _STARTS = re.compile(r"^\s*(?:BO_\s+\d+\s+(?P<message>\w+)|SG_\s+(?P<signal>\w+))", re.MULTILINE)
 _AT_LINE = re.compile(r"at line (\d+)")
@@ -29,21 +30,22 @@ def read_layouts(path: Path) -> Mapping[str, FrameLayout]:
     """
     text = _text(path)
     layouts = [_frame(m) for m in _messages(path, text)]
-    found = lint(layouts)
-    if found:
-        told = [_finding_sentence(text, finding) for finding in found[:MOST_FINDINGS]]
-        more = [f"and {len(found) - MOST_FINDINGS} more"] if len(found) > MOST_FINDINGS else []
-        raise ProductError(f"{path}, " + "; ".join([*told, *more]))
+    issues = lint(layouts)
+    if issues:
+        reasons = [_issue_message(text, issue) for issue in issues[:MOST_FINDINGS]]
+        if len(issues) > MOST_FINDINGS:
+            reasons.append(Message("more-mistakes", count=len(issues) - MOST_FINDINGS))
+        raise ProductError("document-mistakes", file=str(path), mistakes=reasons)
     return {layout.name: layout for layout in layouts}
 
 
 def _text(path: Path) -> str:
     try:
         if path.stat().st_size > MOST_BYTES:
-            raise ProductError(f"{path} is larger than {MOST_BYTES} bytes, which no DBC of one product is")
+            raise ProductError("file-too-long", file=str(path), limit=MOST_BYTES)
         content = path.read_bytes()
     except OSError as error:
-        raise ProductError(f"{path} cannot be read ({error.strerror}); correct the path") from None
+        raise ProductError("file-unreadable", file=str(path), why=system_reason(error)) from None
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError:
@@ -57,18 +59,20 @@ def _messages(path: Path, text: str) -> list[Any]:
     try:
         parsed: Any = database.load_string(text, "dbc", strict=True, sort_signals=None)
     except Error as error:
-        raise ProductError(_syntax_error_sentence(path, text, str(getattr(error, "e_dbc", error)))) from None
+        raise ProductError(_syntax_error(path, text, str(getattr(error, "e_dbc", error)))) from None
     return list(parsed.messages)
 
 
-def _syntax_error_sentence(path: Path, text: str, why: str) -> str:
-    """cantools' complaint as a sentence with a line."""
+def _syntax_error(path: Path, text: str, why: str) -> Message:
+    """cantools' complaint as a message with a line."""
     at = _AT_LINE.search(why)
     if at is not None:
-        return f"{path}, line {at[1]}: this is not DBC syntax ({why}); correct the line"
+        return Message("line-of-file", file=str(path), line=int(at[1]), reason=Message("dbc-syntax", why=why))
     named = [m for m in _STARTS.finditer(text) if m["message"] and re.search(rf"\b{re.escape(m['message'])}\b", why)]
-    line = f", line {_line(text, named[0].start('message'))}" if named else ""
-    return f"{path}{line}: {why.rstrip('.')}; correct the DBC"
+    reason = Message("dbc-refused", why=why.rstrip("."))
+    if not named:
+        return Message("document-mistakes", file=str(path), mistakes=[reason])
+    return Message("line-of-file", file=str(path), line=_line(text, named[0].start("message")), reason=reason)
 
 
 def _frame(message: Any) -> FrameLayout:
@@ -103,18 +107,18 @@ def _number(value: float) -> int | float:
     return value
 
 
-def _finding_sentence(text: str, finding: DbcIssue) -> str:
-    name = finding.message if finding.signal is None else f"{finding.message}.{finding.signal}"
-    return f"line {_line_of(text, finding)}, {name}: {finding.text}"
+def _issue_message(text: str, issue: DbcIssue) -> Message:
+    name = issue.message if issue.signal is None else f"{issue.message}.{issue.signal}"
+    return Message("dbc-issue", line=_line_of(text, issue), name=name, reason=Message.text(issue.text))
 
 
-def _line_of(text: str, finding: DbcIssue) -> int:
-    """Where a message or signal stands; of two with one name the second."""
+def _line_of(text: str, issue: DbcIssue) -> int:
+    """The line of a message or signal; of two with one name the second."""
     message, line = "", 1
     for start in _STARTS.finditer(text):
         if start["message"] is not None:
             message = start["message"]
-        if message == finding.message and start["signal"] == finding.signal:
+        if message == issue.message and start["signal"] == issue.signal:
             line = _line(text, start.end())
     return line
 

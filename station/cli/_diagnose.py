@@ -102,16 +102,15 @@ def _check_names(table: SampleTable, recipe: Recipe, path: Path) -> None:
     columns = [("seating", seating, ["home", *recipe.seatings])] if seating is not None else []
     if recipe.pose_known:
         columns.append(("position", table.position, [p.name for p in recipe.positions]))
-    for column, labels, known in columns:
-        strange = [i for i, name in enumerate(labels.names) if name not in known]
+    for column, labels, names in columns:
+        strange = [i for i, name in enumerate(labels.names) if name not in names]
         rows = np.flatnonzero(np.isin(labels.code, strange))
         if len(rows):
             name = labels.names[labels.code[rows[0]]]
-            near = get_close_matches(name, known, 1, 0)[0]
+            near = get_close_matches(name, names, 1, 0)[0]
+            place = PieceOrigin(path, 0).of(int(rows[0]))
             raise SamplesError(
-                f"{PieceOrigin(path, 0).of(int(rows[0]))}, column {column}: {name!r} is not in recipe "
-                f"{recipe.name}; the "
-                f"nearest there is {near!r}"
+                "samples-name-unknown", place=place, column=column, name=name, recipe=recipe.name, nearest=near
             )
 
 

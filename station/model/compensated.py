@@ -111,4 +111,4 @@ def _check(whole: Recipe, causes: tuple[str, ...]) -> None:
     try:
         design.check(whole)
     except RecipeError as exc:
-        raise RecipeError(f"to take in {', '.join(causes)}, {exc.sentence}") from None
+        raise RecipeError("compensation-not-possible", causes=causes, reason=exc.message) from None

@@ -173,7 +173,7 @@ class Effect(ABC):
             size = float("nan")
         if not np.isfinite(size):
             example = f"{cls.id}={cls.parameter.typical:g} ({cls.parameter.unit_in(unit)})"
-            raise UsageError(f"size {text[:40]!r} of {cls.id} is no number; write {example}")
+            raise UsageError("effect-size", effect=cls.id, text=text[:40], example=example)
         return size
 
     def draw(self, groups: int, rng: np.random.Generator) -> Floats:

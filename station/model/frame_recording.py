@@ -39,7 +39,7 @@ def simulate_frames(job: SimulationJob, layout: SensorLayout) -> FrameRecording:
     """The frames of all units of a job. The unit in the fixture's k-th seat has node id k."""
     job, batch = job.with_drawn_form(), FleetPart(job.units)
     if job.line.nests > MAX_NODE_ID:
-        raise UsageError(f"{job.line.nests} nests are more than the {MAX_NODE_ID} node ids of a bus; ask for fewer")
+        raise UsageError("too-many-nests", nests=job.line.nests, limit=MAX_NODE_ID)
     rates = rates_of(job, batch)
     campaign = campaign_of(job.recipe, batch, job.seed, job.line)
     scene, moving = _every_sample(campaign, rates)

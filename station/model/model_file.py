@@ -60,13 +60,12 @@ class ModelEffect(StrictModel):
         kind: type[Effect] = plugins.load(EFFECTS, self.effect)
         shape = dict(self.shape)
         for form in kind.forms:
-            told = [p.value for p in self.parameters if p.name == form.name]
-            shape.update({form.field: float(told[0])} if told else {})
-        known = [f.name for f in fields(kind) if f.name != "size"]
+            values = [p.value for p in self.parameters if p.name == form.name]
+            shape.update({form.field: float(values[0])} if values else {})
+        names = [f.name for f in fields(kind) if f.name != "size"]
         for name in shape:
-            if name not in known:
-                listed = ", ".join(known) or "none"
-                raise InputError(f"model: {self.effect} has no shape parameter {name!r}; it has {listed}")
+            if name not in names:
+                raise InputError("model-shape", effect=self.effect, name=name, names=names)
         example = kind.example()
         return replace(example, **{name: type(getattr(example, name))(value) for name, value in shape.items()})
 

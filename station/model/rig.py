@@ -110,8 +110,7 @@ class Rig:
 
     def _unit(self, nest: str) -> LiveUnit:
         if nest not in self._units:
-            loaded = ", ".join(self._units) or "none"
-            raise UsageError(f"there is no unit in nest {nest!r} of the simulated rig; the loaded nests are {loaded}")
+            raise UsageError("simulated-nest-empty", nest=nest, nests=tuple(self._units))
         return self._units[nest]
 
     def _signal(self, nest: str, time_s: Floats) -> tuple[Signal, ActiveEffects]:
@@ -140,7 +139,7 @@ class Rig:
     def _first(self) -> PlannedVisit:
         """The recipe's first stop."""
         if not self._job.recipe.positions:
-            raise UsageError("the simulated rig cannot guess how a person holds a unit; list positions in the recipe")
+            raise UsageError("simulated-without-positions")
         return plan.planned_visits(self._job.recipe, 0)[0]
 
     def _come_to_rest(self, now_s: float) -> None:

@@ -92,9 +92,7 @@ class Scene:
         """A covariate (n); SamplesError when nobody recorded it."""
         values: Floats | None = getattr(self, covariate)
         if values is None:
-            raise SamplesError(
-                f"{covariate} is not in the samples; record that column to simulate a cause that depends on it"
-            )
+            raise SamplesError("covariate-missing", column=covariate)
         return values
 
 

@@ -123,8 +123,7 @@ def parse_effect(name: str, recipe: Recipe, size: str | None = None, form: Mappi
     """
     known = plugins.names(EFFECTS)
     if name not in known:
-        near = " or ".join(get_close_matches(name, known, 2, 0.0))
-        raise UsageError(f"there is no effect {name[:40]!r}; the nearest are {near}, and `station effects` lists all")
+        raise UsageError("effect-unknown", name=name[:40], nearest=get_close_matches(name, known, 2, 0.0))
     kind: type[Effect] = plugins.load(EFFECTS, name)
     if not kind.acts_on(recipe):
         raise UsageError("effect-sensor", effect=name, sensor=recipe.sensor, quantities=kind.quantities)
@@ -163,7 +162,7 @@ def parse_effects(asked: Sequence[str], recipe: Recipe) -> tuple[Effect, ...]:
     names = [name for name, _, _ in pairs]
     for name in names:
         if names.count(name) > 1:
-            raise UsageError(f"effect {name} is asked for {names.count(name)} times; say it once, with its whole size")
+            raise UsageError("effect-repeated", effect=name, count=names.count(name))
     return tuple(parse_effect(name, recipe, size, form) for name, size, form in pairs)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from station.domain.core.types import Array, Floats, Labels
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
+from station.messages import Message
 
 #: Labels of a visit that group it with others.
 GROUP_LABELS = ("station", "nest", "lot", "operator")
@@ -121,7 +122,7 @@ def _pose(recipe: Recipe, name: str) -> tuple[Array, Floats]:
     try:
         position = recipe.position(name)
     except KeyError:
-        raise SamplesError(_unknown("position", name, [p.name for p in recipe.positions])) from None
+        raise SamplesError(_unknown("samples-position-unknown", name, [p.name for p in recipe.positions])) from None
     # A rate table turns about the nest's own axes, so its stimulus is given there.
     R = np.eye(3) if recipe.reference.source == "rate" else position.matrix()
     return R, recipe.stimulus(position)
@@ -131,9 +132,8 @@ def _seat(recipe: Recipe, name: str) -> Floats:
     try:
         return recipe.seating(name)
     except KeyError:
-        raise SamplesError(_unknown("seating", name, ["home", *recipe.seatings])) from None
+        raise SamplesError(_unknown("samples-seating-unknown", name, ["home", *recipe.seatings])) from None
 
 
-def _unknown(what: str, name: str, known: list[str]) -> str:
-    near = get_close_matches(name, known, 1, 0)[0]
-    return f"{what} {name!r} in the samples is not in the recipe; the nearest there is {near!r}"
+def _unknown(id_: str, name: str, names: list[str]) -> Message:
+    return Message(id_, name=name, nearest=get_close_matches(name, names, 1, 0)[0])

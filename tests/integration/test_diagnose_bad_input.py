@@ -83,13 +83,13 @@ def changed(table: pd.DataFrame, column: str, value: object, rows: slice = slice
     [
         (lambda t: t.drop(columns="z"), " has no column z; a samples table needs "),
         (lambda t: t.rename(columns={"seating": "seatin"}), "did you mean 'seating'?"),
-        (lambda t: changed(t, "y", np.inf, slice(7, 8)), "@7, column y: inf is no finite number"),
+        (lambda t: changed(t, "y", np.inf, slice(7, 8)), "@7, column y: inf is not a finite number"),
         (
             lambda t: changed(t, "position", "z-upp", slice(40, 60)),
             "@40, column position: 'z-upp' is not in recipe",
         ),
         (lambda t: changed(t, "seating", "sideways"), "@0, column seating: 'sideways' is not in recipe six-point"),
-        (lambda t: t.sample(frac=1, random_state=1), "as in many rows; sort the rows by unit, run and time"),
+        (lambda t: t.sample(frac=1, random_state=1), "rows; sort the rows by unit, run and time"),
         (lambda t: t.assign(z=1000 * t["z"]), "unit A: column z is in another unit than the others"),
         (lambda t: t.assign(x=0.5), "the readings of x are the same in every row"),
         (lambda t: t.assign(x=np.where(t["unit"] == "B", 0.5, t["x"])), "unit B: the readings of x are the same"),

@@ -154,11 +154,11 @@ def test_marks_that_do_not_fit_are_named(
     ("name", "text", "words"),
     [
         ("a.json", "{", "line 1: this is not JSON"),
-        ("a.json", '{"marks": [{"unit": "A"}]}', "marks.0.node: field required"),
+        ("a.json", '{"marks": [{"unit": "A"}]}', "key `marks.0.node`: is missing"),
         ("a.json", "[" * 100_000, "a.json"),
-        ("a.csv", "unit,run\nA,0\n", "line 1: the columns node, visit, position, start_s, end_s are missing"),
-        ("a.csv", "unit,node,run,visit,position,start_s,end_s\nA,x,0,0,z-up,0,1\n", "line 2: node:"),
-        ("a.csv", "unit,node,run,visit,position,start_s,end_s\nA,1,0,0,z-up,0,inf\n", "line 2: end_s:"),
+        ("a.csv", "unit,run\nA,0\n", "line 1: no column node, visit, position, start_s, end_s"),
+        ("a.csv", "unit,node,run,visit,position,start_s,end_s\nA,x,0,0,z-up,0,1\n", "line 2: key `node`:"),
+        ("a.csv", "unit,node,run,visit,position,start_s,end_s\nA,1,0,0,z-up,0,inf\n", "line 2: key `end_s`:"),
     ],
 )
 def test_unreadable_marks_are_one_sentence(tmp_path: Path, name: str, text: str, words: str) -> None:

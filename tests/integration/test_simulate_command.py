@@ -104,11 +104,11 @@ def test_a_model_file_is_simulated(tmp_path: Path, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(
     ("args", "said"),
     [
-        (["--out", "s.csv", "--effect", "quadratc"], "there is no effect 'quadratc'; the nearest are quadratic or"),
-        (["--out", "s.csv", "--effect", "quadratic=big"], "size 'big' of quadratic is no number"),
-        (["--out", "s.csv", "--effect", "quadratic="], "size '' of quadratic is no number"),
-        (["--out", "s.csv", "--effect", "axis-permutation=x,y"], "does not name each axis once"),
-        (["--out", "s.csv", "--effect", "step", "--effect", "step=2"], "effect step is asked for 2 times"),
+        (["--out", "s.csv", "--effect", "quadratc"], "There is no effect 'quadratc'; the nearest are quadratic, "),
+        (["--out", "s.csv", "--effect", "quadratic=big"], "Size 'big' of quadratic is not a number"),
+        (["--out", "s.csv", "--effect", "quadratic="], "Size '' of quadratic is not a number"),
+        (["--out", "s.csv", "--effect", "axis-permutation=x,y"], "must name each axis once"),
+        (["--out", "s.csv", "--effect", "step", "--effect", "step=2"], "Effect step is given 2 times"),
         (["--out", "s.xlsx"], ".xlsx is none of .parquet, .csv, .log, .blf"),
         (["--out", "s"], "none is none of .parquet"),
         (["--out", "nowhere/s.csv"], "there is no folder nowhere"),

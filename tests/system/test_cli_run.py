@@ -85,7 +85,7 @@ def test_an_interface_that_is_not_there_is_said_before_anything_is_asked(tmp_pat
         (["--serial", "SN0001", "--units", "3"], "do not agree"),
         (["--recipe", "no-such"], "There is no no-such.yaml"),
         (["--config", "absent.yaml"], "absent.yaml cannot be read"),
-        (["--effect", "gremlins"], "there is no effect 'gremlins'"),
+        (["--effect", "gremlins"], "There is no effect 'gremlins'"),
         (["--effect", "cross-axis=much"], "size 'much' of cross-axis is no number"),
         (["--fault", "hiccup"], "there is no fault 'hiccup'"),
         (["--model", "absent.yaml"], "absent.yaml cannot be read"),

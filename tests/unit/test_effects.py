@@ -362,10 +362,10 @@ def test_a_common_scalar_is_exactly_the_size() -> None:
 @pytest.mark.parametrize(
     ("name", "size", "said"),
     [
-        ("quadratic", "much", "size 'much' of quadratic is no number; write quadratic=0.0003 (1/g)"),
-        ("quadratic", "nan", "size 'nan' of quadratic is no number"),
-        ("axis-permutation", "x,x,z", "mapping 'x,x,z' of axis-permutation does not name each axis once"),
-        ("quadratc", None, "there is no effect 'quadratc'; the nearest are quadratic or cross-quadratic"),
+        ("quadratic", "much", "Size 'much' of quadratic is not a number; write for example quadratic=0.0003 (1/g)"),
+        ("quadratic", "nan", "Size 'nan' of quadratic is not a number"),
+        ("axis-permutation", "x,x,z", "Mapping 'x,x,z' of axis-permutation must name each axis once"),
+        ("quadratc", None, "There is no effect 'quadratc'; the nearest are quadratic, cross-quadratic"),
     ],
 )
 def test_bad_sizes_and_names_are_sentences(name: str, size: str | None, said: str) -> None:

@@ -72,7 +72,7 @@ def test_what_nobody_recorded_is_not_known(made: Any) -> None:
     assert bare.group("nest") == (pytest.approx(np.zeros(len(bare.visits))), ("common",))
     assert not bare.is_recorded("nest") and not bare.is_recorded("temperature_rate")
     np.testing.assert_array_equal(bare.visits.seat_R, np.tile(np.eye(3), (len(bare.visits), 1, 1)))
-    with pytest.raises(SamplesError, match="motor is not in the samples; record that column"):
+    with pytest.raises(SamplesError, match="no column motor; record it"):
         bare.require("motor")
 
 
@@ -84,11 +84,11 @@ def _one(position: str, seating: str = "home") -> SampleTable:
 
 def test_unknown_names_are_sentences_with_the_nearest() -> None:
     with pytest.raises(
-        SamplesError, match="position 'p99' in the samples is not in the recipe; the nearest there is 'p"
+        SamplesError, match="Position 'p99' of the samples is not in the recipe; the nearest one there is 'p"
     ):
         scene_of_table(tilt(), _one("p99"))
     with pytest.raises(
-        SamplesError, match=r"seating 'turnd' in the samples is not in the recipe; the nearest .* 'turned'"
+        SamplesError, match=r"Seating 'turnd' of the samples is not in the recipe; the nearest .* 'turned'"
     ):
         scene_of_table(tilt(), _one("p1", "turnd"))
 

@@ -52,6 +52,6 @@ def test_positions_that_do_not_show_it_are_refused_with_those_to_add() -> None:
     recipe = load_recipe("offset-gain")
     flat = recipe.model_copy(update={"positions": recipe.positions[:5]})
     short = flat.model_copy(update={"positions": tuple(p for p in flat.positions if p.name != "x-up")[:3]})
-    with pytest.raises(RecipeError, match=r"to take in cross-axis, .* undetermined .*add") as refused:
+    with pytest.raises(RecipeError, match=r"Compensating cross-axis is not possible: .* undetermined .*add") as refused:
         compensate(short, model("cross-axis"), gains_only=False)
     assert "\n" not in refused.value.sentence

@@ -1,4 +1,4 @@
-"""What may be wrong in the cells of a samples table, each in one sentence with file, row and column."""
+"""What may be wrong in the cells of a samples table, each as a message with file, row and column."""
 
 import csv
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ import numpy as np
 from station.adapters.samples.columns import INTEGER_COLUMNS, TEXT_COLUMNS
 from station.domain.core.types import Array, SampleTable
 from station.errors import SamplesError
+from station.messages import Message
 
 #: A run or visit beyond this is a slip of the pen.
 LARGEST = 1_000_000
@@ -23,10 +24,12 @@ class PieceOrigin:
     path: Path
     before: int
 
-    def of(self, row: int) -> str:
+    def of(self, row: int) -> Message:
         """A row as a person finds it: a line of a CSV (the header is line 1), a row of a Parquet file."""
-        at = self.before + int(row)
-        return f"{self.path}, line {at + 2}" if self.path.suffix.lower() == ".csv" else f"{self.path}, row {at + 1}"
+        at, file = self.before + int(row), str(self.path)
+        if self.path.suffix.lower() == ".csv":
+            return Message("samples-line", file=file, line=at + 2)
+        return Message("samples-row", file=file, row=at + 1)
 
 
 def check_cells(table: SampleTable, place: PieceOrigin) -> SampleTable:
@@ -40,7 +43,7 @@ def check_cells(table: SampleTable, place: PieceOrigin) -> SampleTable:
     for name, column in (("unit", table.unit), ("position", table.position)):
         for empty in np.flatnonzero([not n.strip() for n in column.names]):
             row = int(np.flatnonzero(column.code == empty)[0])
-            raise SamplesError(f"{place.of(row)}, column {name}: it is empty; every sample needs one")
+            raise SamplesError("samples-cell-empty", place=place.of(row), column=name)
     _rising(table, place)
     return SampleTable(
         unit=table.unit,
@@ -59,8 +62,9 @@ def _finite(column: Array, name: str, place: PieceOrigin) -> None:
     wrong = np.flatnonzero(~np.isfinite(column))
     if len(wrong):
         row = int(wrong[0])
-        told = "it is empty" if np.isnan(column[row]) else f"{column[row]} is no finite number"
-        raise SamplesError(f"{place.of(row)}, column {name}: {told}; correct the row or remove it")
+        if np.isnan(column[row]):
+            raise SamplesError("samples-cell-empty", place=place.of(row), column=name)
+        raise SamplesError("samples-not-finite", place=place.of(row), column=name, value=float(column[row]))
 
 
 def _count(column: Array, name: str, place: PieceOrigin) -> Array:
@@ -68,10 +72,8 @@ def _count(column: Array, name: str, place: PieceOrigin) -> Array:
     wrong = np.flatnonzero(~((column >= 0) & (column <= LARGEST)))
     if len(wrong):
         row = int(wrong[0])
-        raise SamplesError(
-            f"{place.of(row)}, column {name}: {column[row]:g} is not a whole number from 0 to {LARGEST}; number the "
-            f"{name}s from 0"
-        )
+        value = float(column[row])
+        raise SamplesError("samples-not-a-count", place=place.of(row), column=name, value=value, limit=LARGEST)
     return column.astype(np.int32)
 
 
@@ -81,29 +83,25 @@ def _rising(table: SampleTable, place: PieceOrigin) -> None:
     back = same & (np.diff(table.time_s) < 0)
     if back.sum() > max(BACKWARDS * same.sum(), 2):
         row = int(np.flatnonzero(back)[0]) + 1
-        raise SamplesError(
-            f"{place.of(row)}, column time_s: {table.time_s[row]:g} comes after {table.time_s[row - 1]:g}, as in many "
-            f"rows; sort the rows by unit, run and time"
-        )
+        time_s, before_s = float(table.time_s[row]), float(table.time_s[row - 1])
+        count = int(back.sum())
+        raise SamplesError("samples-time-back", place=place.of(row), time_s=time_s, before_s=before_s, count=count)
 
 
-def explain_csv(path: Path, wanted: list[str], found: Exception) -> str:
-    """The sentence for a CSV that the fast reader refused: the slow one looks for the first wrong cell."""
+def explain_csv(path: Path, wanted: list[str], refusal: Exception) -> Message:
+    """Why the fast reader refused a CSV: the slow one looks for the first wrong cell."""
     with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
         reader = csv.reader(file)
         header = [name.strip() for name in next(reader)]
         for row in reader:
+            place = Message("samples-line", file=str(path), line=reader.line_num)
             if row and len(row) != len(header):
-                return (
-                    f"{path}, line {reader.line_num}: {len(row)} cells where the header has {len(header)}; complete it"
-                )
+                return Message("samples-cells-in-row", place=place, cells=len(row), columns=len(header))
             for name, cell in zip(header, row, strict=False):
                 if name in wanted and not _reads(name, cell):
-                    kind = "a whole number" if name in INTEGER_COLUMNS else "a number"
-                    return (
-                        f"{path}, line {reader.line_num}, column {name}: {cell[:40]!r} is not {kind}; correct the cell"
-                    )
-    return f"{path} cannot be read as CSV ({' '.join(str(found).split())[:120]}); save it again as plain CSV"
+                    id_ = "samples-not-whole" if name in INTEGER_COLUMNS else "samples-not-number"
+                    return Message(id_, place=place, column=name, cell=cell[:40])
+    return Message("samples-no-csv", file=str(path), why=" ".join(str(refusal).split())[:120])
 
 
 def _reads(name: str, cell: str) -> bool:

@@ -1,10 +1,11 @@
-"""The columns of a samples table: names, types, and which must be there (contracts, section 3)."""
+"""The columns of a samples table: names, types, and which must be there (docs/formats.md, samples table)."""
 
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from station.errors import SamplesError
+from station.messages import Message
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -18,14 +19,14 @@ NUMBER_COLUMNS = (
 )
 REQUIRED_COLUMNS = ("unit", "run", "visit", "position", "time_s", "x", "y", "z")
 GOLD_COLUMNS = ("gold_x", "gold_y", "gold_z")
-KNOWN_COLUMNS = (*TEXT_COLUMNS, *INTEGER_COLUMNS, *NUMBER_COLUMNS)
+ALL_COLUMNS = (*TEXT_COLUMNS, *INTEGER_COLUMNS, *NUMBER_COLUMNS)
 
 
 def kind_of(path: Path) -> str:
     """csv or parquet, by the file's ending; SamplesError for another."""
     ending = path.suffix.lower().lstrip(".")
     if ending not in ("csv", "parquet"):
-        raise SamplesError(f"{path}: a samples table is a .csv or a .parquet file; rename or convert it")
+        raise SamplesError("samples-other-ending", file=str(path))
     return ending
 
 
@@ -36,25 +37,24 @@ def type_of(name: str) -> "pa.DataType":
     return pa.string() if name in TEXT_COLUMNS else pa.int64() if name in INTEGER_COLUMNS else pa.float64()
 
 
-def in_words(name: str) -> str:
-    """What stands in a column, for a sentence."""
-    return "text" if name in TEXT_COLUMNS else "whole numbers" if name in INTEGER_COLUMNS else "numbers"
+def content_of(name: str) -> Message:
+    """What a column holds, as a part of a sentence."""
+    if name in TEXT_COLUMNS:
+        return Message("content-text")
+    return Message("content-whole-numbers") if name in INTEGER_COLUMNS else Message("content-numbers")
 
 
 def check_columns(path: Path, names: list[str]) -> None:
-    """Required columns are there, none is double, none is a known one misspelt; others are left alone: SamplesError."""
+    """Required columns are there, none is there twice, none is misspelt; others are ignored: SamplesError."""
     for name in names:
-        near = get_close_matches(name.casefold(), [k for k in KNOWN_COLUMNS if k not in names], 1, 0.85)
+        near = get_close_matches(name.casefold(), [k for k in ALL_COLUMNS if k not in names], 1, 0.85)
         if names.count(name) > 1:
-            raise SamplesError(f"{path} has column {name!r} twice; keep one of them")
-        if name not in KNOWN_COLUMNS and near:
-            raise SamplesError(f"{path} has a column {name!r}, which means nothing here; did you mean {near[0]!r}?")
+            raise SamplesError("samples-column-twice", file=str(path), column=name)
+        if name not in ALL_COLUMNS and near:
+            raise SamplesError("samples-column-misspelt", file=str(path), column=name, nearest=near[0])
     missing = [name for name in REQUIRED_COLUMNS if name not in names]
     if missing:
-        told = ", ".join(missing)
-        raise SamplesError(f"{path} has no column {told}; a samples table needs {', '.join(REQUIRED_COLUMNS)}")
+        raise SamplesError("samples-columns-missing", file=str(path), missing=missing, required=REQUIRED_COLUMNS)
     some = [name for name in GOLD_COLUMNS if name in names]
     if 0 < len(some) < len(GOLD_COLUMNS):
-        raise SamplesError(
-            f"{path} has {', '.join(some)} but not all of {', '.join(GOLD_COLUMNS)}; add the missing ones"
-        )
+        raise SamplesError("samples-gold-incomplete", file=str(path), columns=some, required=GOLD_COLUMNS)

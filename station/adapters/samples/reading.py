@@ -9,13 +9,13 @@ import numpy as np
 
 from station.adapters.samples.checks import PieceOrigin, check_cells, explain_csv
 from station.adapters.samples.columns import (
+    ALL_COLUMNS,
     GOLD_COLUMNS,
-    KNOWN_COLUMNS,
     NUMBER_COLUMNS,
     SCHEMA,
     TEXT_COLUMNS,
     check_columns,
-    in_words,
+    content_of,
     kind_of,
     type_of,
 )
@@ -90,7 +90,7 @@ def pieces(path: Path) -> Iterator[SampleTable]:
             yield check_cells(_table(batch), PieceOrigin(path, row))
             row += batch.num_rows
     if not some:
-        raise SamplesError(f"{path} holds no samples; give at least one visit of one unit")
+        raise SamplesError("samples-empty", file=str(path))
 
 
 def join(parts: list[SampleTable]) -> SampleTable:
@@ -114,9 +114,9 @@ def join(parts: list[SampleTable]) -> SampleTable:
 
 
 def _batches(path: Path, columns: tuple[str, ...] | None = None) -> "Iterator[pa.RecordBatch]":
-    """Record batches with the known columns (or the named ones) in their own types."""
+    """Record batches with the columns of the format (or the named ones) in their own types."""
     if not path.is_file():
-        raise SamplesError(f"{path}: there is no such file; give a .csv or .parquet samples table")
+        raise SamplesError("samples-no-file", file=str(path))
     yield from (_csv(path, columns) if kind_of(path) == "csv" else _parquet(path, columns))
 
 
@@ -126,7 +126,7 @@ def _csv(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.RecordBatc
 
     names = _header(path)
     check_columns(path, names)
-    wanted = [n for n in (columns or KNOWN_COLUMNS) if n in names]
+    wanted = [n for n in (columns or ALL_COLUMNS) if n in names]
     try:
         with csv.open_csv(
             str(path),
@@ -147,7 +147,7 @@ def _header(path: Path) -> list[str]:
         with path.open(newline="", encoding="utf-8-sig") as file:
             row = next(csv.reader(file), [])
     except (UnicodeDecodeError, csv.Error) as exc:
-        raise SamplesError(f"{path} is no CSV text in UTF-8; save it as CSV with a header line") from exc
+        raise SamplesError("samples-not-utf8", file=str(path)) from exc
     return [name.strip() for name in row]
 
 
@@ -160,14 +160,14 @@ def _parquet(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.Record
         # Read ahead, the whole file would stay in memory until it is closed.
         with parquet.ParquetFile(str(path), pre_buffer=False, read_dictionary=text) as file:
             names = file.schema_arrow.names
-            told = (file.schema_arrow.metadata or {}).get(b"schema", SCHEMA.encode()).decode(errors="replace")
-            if told != SCHEMA:
-                raise SamplesError(f"{path} says its schema is {told!r}; this station reads {SCHEMA}")
+            schema = (file.schema_arrow.metadata or {}).get(b"schema", SCHEMA.encode()).decode(errors="replace")
+            if schema != SCHEMA:
+                raise SamplesError("samples-other-schema", file=str(path), schema=schema, expected=SCHEMA)
             check_columns(path, names)
-            for batch in file.iter_batches(PIECE, columns=[n for n in (columns or KNOWN_COLUMNS) if n in names]):
+            for batch in file.iter_batches(PIECE, columns=[n for n in (columns or ALL_COLUMNS) if n in names]):
                 yield _cast(path, batch)
     except (pa.ArrowException, UnicodeDecodeError, OSError) as exc:
-        raise SamplesError(f"{path} is no readable Parquet file; write it again") from exc
+        raise SamplesError("samples-no-parquet", file=str(path)) from exc
 
 
 def _cast(path: Path, batch: "pa.RecordBatch") -> "pa.RecordBatch":
@@ -183,26 +183,24 @@ def _cast(path: Path, batch: "pa.RecordBatch") -> "pa.RecordBatch":
         try:
             columns.append(column.cast(wanted))
         except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as exc:
-            kind = batch.schema.field(name).type
-            raise SamplesError(
-                f"{path}, column {name}: {kind} cannot be read as {type_of(name)}; write {in_words(name)} there"
-            ) from exc
+            kind, content = str(batch.schema.field(name).type), content_of(name)
+            raise SamplesError("samples-other-type", file=str(path), column=name, type=kind, content=content) from exc
     return pa.RecordBatch.from_arrays(columns, names=batch.schema.names)
 
 
 def _units_contiguous(path: Path) -> bool:
-    """Whether the rows of each unit stand together."""
-    seen: set[str] = set()
+    """Whether the rows of each unit follow each other."""
+    finished: set[str] = set()
     last = None
     for batch in _batches(path, ("unit",)):
-        found = batch.column("unit").dictionary_encode()
-        code = found.indices.to_numpy(zero_copy_only=False)
+        units = batch.column("unit").dictionary_encode()
+        code = units.indices.to_numpy(zero_copy_only=False)
         turns = code[np.r_[True, code[1:] != code[:-1]]] if len(code) else []
         for i in turns:
-            name = found.dictionary[int(i)].as_py()
-            if name != last and name in seen:
+            name = units.dictionary[int(i)].as_py()
+            if name != last and name in finished:
                 return False
-            seen.add(name)
+            finished.add(name)
             last = name
     return True
 
@@ -239,12 +237,12 @@ def _numbers(column: "pa.Array") -> Any:
 def _labels(batch: "pa.RecordBatch", name: str) -> Labels:
     import pyarrow as pa
 
-    found = batch.column(name)
-    if found.null_count:
-        found = found.cast(pa.string()).fill_null("")
+    column = batch.column(name)
+    if column.null_count:
+        column = column.cast(pa.string()).fill_null("")
     # Text from Parquet comes encoded; of that from CSV this makes codes.
-    found = found.dictionary_encode()
-    names, code = found.dictionary.to_pylist(), _numbers(found.indices).astype(np.int32)
+    column = column.dictionary_encode()
+    names, code = column.dictionary.to_pylist(), _numbers(column.indices).astype(np.int32)
     used = np.flatnonzero(np.bincount(code, minlength=len(names)))
     return Labels(tuple(names[i] for i in used), np.searchsorted(used, code).astype(np.int32))
 

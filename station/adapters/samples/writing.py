@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from station.adapters.samples.columns import GOLD_COLUMNS, KNOWN_COLUMNS, REQUIRED_COLUMNS, SCHEMA, kind_of, type_of
+from station.adapters.samples.columns import ALL_COLUMNS, GOLD_COLUMNS, REQUIRED_COLUMNS, SCHEMA, kind_of, type_of
 from station.adapters.samples.reading import join
 from station.domain.core.types import Labels, SampleTable
 
@@ -26,7 +26,7 @@ def write_samples(table: SampleTable, path: Path) -> None:
 def write_parts(tables: Iterable[SampleTable], path: Path, more: Mapping[str, str] | None = None) -> None:
     """The same for a table that comes in parts with the same columns; memory follows the part and not the file.
 
-    more: said in a Parquet file's metadata beside the schema; a CSV has no place for it.
+    more: written into a Parquet file's metadata next to the schema; a CSV has no place for it.
     """
     kind = kind_of(path)
     gathered = _gathered(tables)
@@ -80,7 +80,7 @@ def _batch(table: SampleTable) -> "pa.RecordBatch":
         **{k: np.asarray(v, float) for k, v in table.values.items()},
         **gold,
     }
-    order = [n for n in (*REQUIRED_COLUMNS, *KNOWN_COLUMNS) if n in columns]
+    order = [n for n in (*REQUIRED_COLUMNS, *ALL_COLUMNS) if n in columns]
     arrays = [pa.array(columns[n], type_of(n)) for n in dict.fromkeys(order)]
     return pa.RecordBatch.from_arrays(arrays, names=list(dict.fromkeys(order)))
 

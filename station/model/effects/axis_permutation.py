@@ -63,7 +63,7 @@ class AxisPermutation(OutputEffect):
         del unit
         mapping = text.replace(" ", "").replace("+", "")
         if mapping not in MAPPINGS:
-            raise UsageError(f"mapping {text!r} of {cls.id} does not name each axis once; write {cls.id}=-y,x,z")
+            raise UsageError("effect-mapping", effect=cls.id, text=text[:40])
         return float(MAPPINGS.index(mapping))
 
     def value_of(self, coefficient: float) -> str:
