@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from station.messages import Message, render
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
@@ -35,6 +37,11 @@ def print_line(text: str = "") -> None:
         print(text, flush=True)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def print_message(message: Message) -> None:
+    """A message as one line of its sentence on standard output, with nothing in it that could steer the terminal."""
+    print_line("".join(c if c.isprintable() else " " for c in render(message)))
 
 
 def print_remark(text: str) -> None:

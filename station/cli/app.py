@@ -4,6 +4,7 @@ import ast
 import difflib
 import gc
 import importlib
+import keyword
 import os
 import signal
 import sys
@@ -37,7 +38,7 @@ def commands() -> dict[str, str]:
     for path in sorted(_FOLDER.glob("[!_]*.py")):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.FunctionDef) and node.name == "command":
-                found[path.stem.replace("_", "-")] = (ast.get_docstring(node) or "").partition("\n")[0]
+                found[path.stem.rstrip("_").replace("_", "-")] = (ast.get_docstring(node) or "").partition("\n")[0]
     return found
 
 
@@ -80,7 +81,9 @@ def _run(name: str, args: list[str]) -> int:
     import typer
     from typer.main import get_command
 
-    function = importlib.import_module(f"station.cli.{name.replace('-', '_')}").command
+    # `import` is a word of Python's own, so its file ends in an underscore.
+    module = name.replace("-", "_") + ("_" if keyword.iskeyword(name) else "")
+    function = importlib.import_module(f"station.cli.{module}").command
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.command(name, help=_help(function))(function)
     try:

@@ -1,4 +1,4 @@
-"""A raw recording, turned by hand → the stretches in which the part lay still."""
+"""A raw recording, turned by hand → the stretches in which the unit was at rest."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,43 +6,113 @@ from numpy.typing import NDArray
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.errors import SamplesError
 
-#: Stillness is judged over this long, and a still stretch is at least as long.
+#: Rest is judged over this long, and a stretch at rest is at least as long.
 WINDOW_S = 1.0
-#: The quietest share of the windows shows the noise of a part at rest.
+#: Fewer readings in a window tell no noise.
+MIN_READINGS = 8
+#: The quietest share of the windows shows the noise of a unit at rest.
 QUIET_SHARE = 0.05
-#: A window moves when its standard deviation is above (1 + LOUDER/√n) times that noise: ten of its own deviations
-#: at 100 readings, where n readings know a standard deviation to 1/√(2n).
+#: A window moves when its standard deviation is above (1 + MOTION_MARGIN/√n) times that noise: ten of its own
+#: deviations at 100 readings, where n readings know a standard deviation to 1/√(2n).
 MOTION_MARGIN = 10.0
-#: This share of a window at either end may still move; a gap that short between stretches is none.
+#: This share of a window at either end may still move; a disturbance that short does not end a stretch.
 EDGE_SHARE = 0.2
+#: Means on both sides of a row differ when they are this many robust deviations of such differences apart …
+STEP_SIGMA = 8.0
+#: … and by this share of the readings' own size: a third of a degree.
+STEP_SHARE = 0.006
+#: A pause between two readings longer than this many steps, and this long, ends a stretch.
+GAP_STEPS, GAP_S = 5.0, 0.25
 #: Directions closer than this are one orientation.
 SAME_ORIENTATION_DEG = 10.0
 
+Ints = NDArray[np.int64]
 
-def find(time_s: Floats, reading: Floats) -> NDArray[np.int64]:
-    """Still stretches (k, 2) of readings (n, 3): first row and one past the last, in order.
 
-    A reading belongs to a still stretch when some window of WINDOW_S around it is as quiet as the recording can be.
+def find(time_s: Floats, reading: Floats) -> Ints:
+    """Stretches at rest (k, 2) of readings (n, 3): first row and one past the last, in order; k may be 0.
+
+    A reading belongs to one when some window of WINDOW_S around it is as quiet as the recording can be; a stretch ends
+    where the readings pause and where the means before and after differ, however short the move between them was.
     Errors: SamplesError when the recording is too short to tell.
     """
     window = _window(time_s)
     std = _moving_std(reading, window)
     quiet = np.quantile(std, QUIET_SHARE, axis=0) * (1 + MOTION_MARGIN / np.sqrt(window))
-    still = (std <= quiet).all(axis=1)
-    covered = np.cumsum(np.bincount(np.flatnonzero(still), minlength=len(reading) + 1))
-    covered -= np.r_[np.zeros(window, np.int64), covered[:-window]]
-    edge = np.flatnonzero(np.diff(np.r_[0, (covered[:-1] > 0).astype(np.int8), 0])).reshape(-1, 2)
-    return _trimmed(edge, round(EDGE_SHARE * window))
+    still = (std <= quiet).all(axis=1) & ~_straddles_gap(time_s, window)
+    runs = _runs(still)
+    if not len(runs):
+        return np.zeros((0, 2), np.int64)
+    edge = runs + np.array([0, window - 1])
+    short = round(EDGE_SHARE * window)
+    step = _step_threshold(reading, still, window)
+    parts = [part for a, b in _joined(reading, edge, short, step) for part in _split(reading, a, b, window, step)]
+    trimmed = np.array(parts, np.int64).reshape(-1, 2) + np.array([short, -short])
+    return np.asarray(trimmed[trimmed[:, 1] - trimmed[:, 0] >= window - 2 * short])
 
 
-def _trimmed(edge: NDArray[np.int64], short: int) -> NDArray[np.int64]:
-    """Stretches (k, 2) joined over gaps of up to `short` rows, then without so many at either end."""
-    apart = edge[1:, 0] - edge[:-1, 1] > short
-    joined = np.stack([edge[np.r_[True, apart], 0], edge[np.r_[apart, True], 1]], axis=1)
-    return np.asarray(joined + np.array([short, -short]))
+def _runs(flag: NDArray[np.bool_]) -> Ints:
+    """First row and one past the last (k, 2) of each run of True."""
+    return np.flatnonzero(np.diff(np.r_[0, flag.astype(np.int8), 0])).reshape(-1, 2)
 
 
-def table(time_s: Floats, reading: Floats, stretches: NDArray[np.int64], unit: str, names: list[str]) -> SampleTable:
+def _straddles_gap(time_s: Floats, window: int) -> NDArray[np.bool_]:
+    """Whether the window from each row on (n − window + 1) holds a pause of the recording, or a clock set back."""
+    apart = np.diff(time_s)
+    step = float(np.median(apart[apart > 0])) if (apart > 0).any() else 0.0
+    gap = (apart > max(GAP_STEPS * step, GAP_S)) | (apart < 0)
+    count = np.cumsum(np.r_[0, gap])
+    return np.asarray(count[window - 1 :] - count[: len(count) - window + 1] > 0)
+
+
+def _step_threshold(reading: Floats, still: NDArray[np.bool_], window: int) -> Floats:
+    """From which difference (3) on two neighbouring half-window means belong to two poses."""
+    half = window // 2
+    sums = np.cumsum(np.r_[np.zeros((1, 3)), reading - reading.mean(axis=0)], axis=0)
+    rows = np.flatnonzero(still)
+    before = sums[rows + half] - sums[rows]
+    after = sums[rows + 2 * half] - sums[rows + half]
+    spread = np.median(np.abs(after - before), axis=0) / half / 0.6745
+    size = float(np.median(np.linalg.norm(reading[rows + half], axis=1)))
+    return np.asarray(np.maximum(STEP_SIGMA * spread, STEP_SHARE * size))
+
+
+def _joined(reading: Floats, edge: Ints, short: int, step: Floats) -> list[tuple[int, int]]:
+    """Quiet stretches (k, 2), joined where they overlap or leave `short` rows, and have one mean on both sides."""
+    done: list[tuple[int, int]] = []
+    for begin, end in edge.tolist():
+        if done and begin - done[-1][1] <= short:
+            first, last = done[-1]
+            if begin >= last:
+                before, after = reading[max(first, last - 2 * short) : last], reading[begin : begin + 2 * short]
+                same = bool((np.abs(before.mean(axis=0) - after.mean(axis=0)) <= step).all())
+            else:
+                same = True  # they overlap: where exactly the mean changes is for _split to find
+            if same:
+                done[-1] = first, end
+                continue
+        done.append((begin, end))
+    return done
+
+
+def _split(reading: Floats, begin: int, end: int, window: int, step: Floats) -> list[tuple[int, int]]:
+    """Parts of a stretch without a step of the mean: of each step the row where it is largest."""
+    half = max(window // 4, 2)
+    if end - begin < 2 * half + 1:
+        return [(begin, end)]
+    sums = np.cumsum(np.r_[np.zeros((1, 3)), reading[begin:end] - reading[begin]], axis=0)
+    before = (sums[half:-half] - sums[: -2 * half]) / half
+    after = (sums[2 * half :] - sums[half:-half]) / half
+    excess = (np.abs(after - before) / np.where(step > 0, np.sqrt(2.0) * step, np.inf)).max(axis=1)
+    parts, start = [], begin
+    for first, last in _runs(excess > 1).tolist():
+        row = begin + half + first + int(np.argmax(excess[first:last]))
+        parts.append((start, row))
+        start = row
+    return [*parts, (start, end)]
+
+
+def table(time_s: Floats, reading: Floats, stretches: Ints, unit: str, names: list[str]) -> SampleTable:
     """A samples table of one run with one visit a stretch, at positions called `names`."""
     length = stretches[:, 1] - stretches[:, 0]
     rows = np.concatenate([np.arange(a, b) for a, b in stretches])
@@ -59,25 +129,27 @@ def table(time_s: Floats, reading: Floats, stretches: NDArray[np.int64], unit: s
     )
 
 
-def orientations(directions: Floats) -> NDArray[np.int64]:
-    """Number of the orientation of each direction (k, 3): those within ALIKE_DEG of its first one are one."""
-    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+def orientations(directions: Floats) -> Ints:
+    """Number of the orientation of each direction (k, 3): those within SAME_ORIENTATION_DEG of its first are one."""
+    unit = directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
     number = np.full(len(unit), -1)
     for i in range(len(unit)):
         if number[i] < 0:
             close = unit @ unit[i] > np.cos(np.deg2rad(SAME_ORIENTATION_DEG))
+            close[i] = True
             number[close & (number < 0)] = number.max() + 1
     return number
 
 
 def _window(time_s: Floats) -> int:
+    """Rows of a window: WINDOW_S of them, or MIN_READINGS of a slow recording."""
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
-    window = round(WINDOW_S / step) if step > 0 else 0
-    if window < 8 or len(time_s) < 4 * window:
-        raise SamplesError(
-            f"a recording of {len(time_s)} readings is too short to find where it lies still; "
-            f"record more than {4 * WINDOW_S:g} s at 8 readings a second or faster"
-        )
+    if step <= 0 and len(time_s) > 1:  # several readings share a stamp
+        step = float(time_s[-1] - time_s[0]) / (len(time_s) - 1)
+    window = max(round(WINDOW_S / step), MIN_READINGS) if step > 0 else 0
+    if window == 0 or len(time_s) < 4 * window:
+        least_s = 4 * max(WINDOW_S, MIN_READINGS * step)
+        raise SamplesError("recording-too-short", readings=len(time_s), least_s=least_s)
     return window
 
 

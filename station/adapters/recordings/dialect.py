@@ -1,0 +1,110 @@
+"""How a text writes its table: delimiter, decimal mark, comments, header, line of units."""
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+from station.errors import SamplesError
+
+_NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
+_COMMENT = re.compile(r"^\s*(#|%|//|!)")
+_RATE = re.compile(r"(?:sampl\w*|update|data)[ _-]*(?:rate|freq\w*)\D{0,12}?(\d+(?:\.\d+)?)", re.IGNORECASE)
+_UNIT = re.compile(r"[\[(<]([^\])>]*)[\])>]")
+DELIMITERS = (";", "\t", ",", "|", " ")
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """delimiter (a blank: any white space); decimal: `.` or `,`; first: index of the first line of data; names, units
+    (k) or no names; columns k; rate_hz: as a comment states it."""
+
+    delimiter: str
+    decimal: str
+    first: int
+    names: tuple[str, ...] | None
+    units: tuple[str, ...]
+    columns: int
+    rate_hz: float | None
+
+
+def recognise(file: str, lines: list[str]) -> Dialect:
+    """The dialect of a text by its first lines. Errors: SamplesError where they hold no table of numbers."""
+    kept = [(i, line) for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
+    scored = [(*_score(kept, delimiter), delimiter) for delimiter in DELIMITERS]
+    score, columns, delimiter = max(scored, key=lambda s: (round(s[0], 2), s[1]))
+    if score < 0.3:
+        raise SamplesError("no-table-of-numbers", file=file)
+    rows = [(i, split(line, delimiter)) for i, line in kept]
+    usual = _numeric_share([cells for _, cells in rows if len(cells) == columns][-50:])
+    first = next(
+        i for i, cells in rows if len(cells) == columns and _numeric_share([cells]) >= min(usual, 0.999) * 0.75
+    )
+    data = [cells for i, cells in rows if i >= first]
+    decimal = "," if delimiter != "," and any("," in c and _NUMBER.match(c) for cells in data for c in cells) else "."
+    names, units = _header(lines, first, delimiter, columns)
+    stated = [m for line in lines[:first] if (m := _RATE.search(line))]
+    return Dialect(delimiter, decimal, first, names, units, columns, float(stated[0][1]) if stated else None)
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line is a remark and no row."""
+    return _COMMENT.match(line) is not None
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    """The cells of a line; a delimiter at its end begins no cell."""
+    if delimiter == " ":
+        return line.split()
+    cells = [c.strip().strip('"') for c in line.rstrip("\r\n").split(delimiter)]
+    return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, with either decimal mark."""
+    return _NUMBER.match(cell) is not None
+
+
+def _score(lines: list[tuple[int, str]], delimiter: str) -> tuple[float, int]:
+    """How much of a text is rows of numbers by a delimiter (0 … 1), and how many cells they have."""
+    tail = lines[len(lines) // 2 :] or lines
+    rows = [split(line, delimiter) for _, line in tail]
+    ((columns, times),) = Counter(len(cells) for cells in rows).most_common(1) or ((0, 0),)
+    if columns < 2:
+        return 0.0, columns
+    alike = [cells for cells in rows if len(cells) == columns]
+    return times / len(rows) * _numeric_share(alike) ** 0.5, columns
+
+
+def _numeric_share(rows: list[list[str]]) -> float:
+    cells = [c for row in rows for c in row]
+    return sum(is_number(c) or not c for c in cells) / max(len(cells), 1)
+
+
+def _header(
+    lines: list[str], first: int, delimiter: str, columns: int
+) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
+    """Names and units of the columns by the lines above the data; a comment may be the header."""
+    above = [line for line in lines[:first] if line.strip()][-2:]
+    rows = [split(_COMMENT.sub("", line), delimiter) for line in above]
+    heads = [cells for cells in rows if len(cells) == columns and not any(is_number(c) for c in cells)]
+    if not heads:
+        return None, ("",) * columns
+    names, more = heads[0], heads[1] if len(heads) == 2 else []
+    if more and not _are_units(more):
+        names, more = more, []
+    units = [unit.strip() or _in_brackets(name) for name, unit in zip(names, more or [""] * columns, strict=True)]
+    plain = [_UNIT.sub("", n).strip() if _in_brackets(n) else n for n in names]
+    if len(set(plain)) < len(plain):
+        plain = names
+    return tuple(n or f"column {i}" for i, n in enumerate(plain)), tuple(u.strip(" []()") for u in units)
+
+
+def _in_brackets(name: str) -> str:
+    """A unit in brackets; an index in brackets is none."""
+    found = _UNIT.search(name)
+    return "" if found is None or found[1].strip().isdigit() else found[1].strip()
+
+
+def _are_units(cells: list[str]) -> bool:
+    """Whether a second line of a header holds units: short, and none longer than a unit is."""
+    return all(len(c.strip(" []()")) <= 8 for c in cells)

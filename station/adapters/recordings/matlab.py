@@ -1,0 +1,73 @@
+"""MAT files of version 4, 5 and 7 → raw tables: matrices, vectors of one length, and structs of them."""
+
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from station.adapters.recordings.limits import MOST_COLUMNS, check_shape
+from station.domain.core.types import Array
+from station.domain.recognition.raw_table import RawColumn, RawTable
+from station.errors import SamplesError
+
+_CORRUPT = (ValueError, TypeError, KeyError, IndexError, EOFError, OSError, OverflowError, MemoryError, zlib.error)
+#: Names of scalars that state the rate.
+RATES = ("fs", "rate", "rate_hz", "sample_rate", "samplerate", "sampling_rate", "fsamp", "frequency")
+
+
+def read(path: Path) -> list[RawTable]:
+    """One table for each length of columns in the file, the one of most readings first. Errors: SamplesError."""
+    from scipy import io
+    from scipy.io.matlab import MatReadError
+
+    file = str(path)
+    try:
+        found = io.loadmat(file, squeeze_me=True, struct_as_record=False, mat_dtype=False)
+    except NotImplementedError:
+        raise SamplesError("mat-version-7-3", file=file) from None
+    except (*_CORRUPT, MatReadError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise SamplesError("recording-not-parsed", file=file, reason=reason) from None
+    groups: dict[int, list[RawColumn]] = {}
+    rate_hz = None
+    for name, value in _leaves({k: v for k, v in found.items() if not k.startswith("__")}):
+        if value.size == 1 and name.rpartition(".")[2].lower() in RATES:
+            rate_hz = float(value.reshape(-1)[0])
+        for column in _columns(name, value):
+            assert column.values is not None
+            groups.setdefault(len(column.values), []).append(column)
+    tables = [
+        RawTable(file, tuple(columns[: MOST_COLUMNS + 1]), rate_hz=rate_hz)
+        for rows, columns in sorted(groups.items(), key=lambda g: -g[0] * len(g[1]))
+        if rows > 8
+    ]
+    if not tables:
+        raise SamplesError("no-table-of-numbers", file=file)
+    for table in tables:
+        check_shape(file, len(table), len(table.columns))
+    return tables
+
+
+def _leaves(values: Mapping[str, Any], depth: int = 0) -> Iterator[tuple[str, Array]]:
+    """Numeric arrays by name; the fields of a struct by `struct.field`."""
+    for name, value in values.items():
+        fields = getattr(value, "_fieldnames", None)
+        if fields is not None and depth < 4:
+            inner = {f"{name}.{field}": getattr(value, field) for field in fields}
+            yield from _leaves(inner, depth + 1)
+            continue
+        array = np.asarray(value)
+        if array.dtype.kind in "iufb" and array.ndim <= 2:
+            yield name, array
+
+
+def _columns(name: str, value: Array) -> Iterator[RawColumn]:
+    """A vector as a column; of a matrix its longer side is time."""
+    if value.ndim == 1:
+        yield RawColumn(name, value)
+    elif value.ndim == 2:
+        tall = value if value.shape[0] >= value.shape[1] else value.T
+        if tall.shape[1] <= MOST_COLUMNS:
+            yield from (RawColumn(f"{name}_{i}", np.ascontiguousarray(tall[:, i])) for i in range(tall.shape[1]))

@@ -1,0 +1,37 @@
+"""A file by what is in it → raw tables, within limits of size."""
+
+from pathlib import Path
+
+from station.adapters.recordings import arrow, matlab, mf4_signals, text
+from station.adapters.recordings.limits import MOST_BYTES
+from station.domain.recognition.raw_table import RawTable
+from station.errors import SamplesError
+
+
+def read_tables(path: Path) -> list[RawTable]:
+    """The tables of a file, one for each time base; none of an MF4 that holds CAN frames. Errors: SamplesError."""
+    try:
+        size = path.stat().st_size
+        if not path.is_file():
+            raise SamplesError("recording-not-found", file=str(path))
+        if size > MOST_BYTES:
+            raise SamplesError("recording-too-large", file=str(path), size_mb=size / 1e6, limit_mb=MOST_BYTES / 1e6)
+        with path.open("rb") as file:
+            head = file.read(256)
+        return _read(path, head)
+    except FileNotFoundError:
+        raise SamplesError("recording-not-found", file=str(path)) from None
+    except OSError as error:
+        raise SamplesError("recording-unreadable", file=str(path), reason=str(error.strerror)) from None
+
+
+def _read(path: Path, head: bytes) -> list[RawTable]:
+    if not head:
+        raise SamplesError("recording-empty", file=str(path))
+    if head.startswith(b"PAR1"):
+        return [arrow.read_parquet(path)]
+    if head.startswith((b"MDF  ", b"UnFinMF ", b"MDF")):
+        return mf4_signals.read(path)
+    if head.startswith((b"MATLAB", b"\x89HDF")) or (path.suffix.lower() == ".mat" and b"\0" in head):
+        return matlab.read(path)
+    return [text.read(path)]

@@ -1,0 +1,115 @@
+"""CSV, TSV and any other text with a row a reading → a raw table."""
+
+import io
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from station.adapters.recordings import arrow, dialect
+from station.adapters.recordings.dialect import Dialect
+from station.adapters.recordings.limits import MOST_LINE, check_shape
+from station.domain.core.types import Array
+from station.domain.recognition.raw_table import RawColumn, RawTable
+from station.errors import SamplesError
+from station.messages import Message
+
+#: Lines that show the dialect.
+HEAD = 400
+#: Rows of another length than the rest may be this share: a last line cut off, a message between.
+RAGGED = 0.002
+_CLOCK = re.compile(r"^(?:.*[ T])?(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?$")
+
+
+def read(path: Path) -> RawTable:
+    """Errors: SamplesError with the line at fault."""
+    file = str(path)
+    lines = _decoded(path).splitlines()
+    if not lines:
+        raise SamplesError("recording-empty", file=file)
+    longest = max(range(len(lines)), key=lambda i: len(lines[i]))
+    if len(lines[longest]) > MOST_LINE:
+        raise SamplesError("line-too-long", file=file, line=longest + 1, limit=MOST_LINE)
+    found = dialect.recognise(file, lines[:HEAD])
+    check_shape(file, len(lines) - found.first, found.columns)
+    names = found.names or tuple(f"column {i}" for i in range(found.columns))
+    places = [i for i in range(found.first, len(lines)) if lines[i].strip() and not dialect.is_comment(lines[i])]
+    table, ragged = _parsed(file, [lines[i] for i in places], found, places)
+    columns = tuple(
+        _column(name, unit, table.column(i).combine_chunks(), found)
+        for i, (name, unit) in enumerate(zip(names, found.units, strict=True))
+    )
+    remarks = (Message("rows-of-other-length", file=file, rows=ragged),) if ragged else ()
+    return RawTable(file, columns, found.names is not None, found.rate_hz, remarks)
+
+
+def _decoded(path: Path) -> str:
+    content = path.read_bytes()
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return content.decode("utf-16", errors="replace")
+    if b"\0" in content[:4096]:
+        raise SamplesError("recording-not-text", file=str(path))
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")
+
+
+def _parsed(file: str, lines: list[str], found: Dialect, places: list[int]) -> tuple[Any, int]:
+    """An Arrow table, and how many rows of another length were left out."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    delimiter = "\t" if found.delimiter == " " else found.delimiter
+    if found.delimiter == " ":
+        lines = ["\t".join(line.split()) for line in lines]
+    else:
+        lines = [line.rstrip().removesuffix(delimiter) if len(found.units) else line for line in lines]
+    wrong: list[tuple[int, int]] = []
+
+    def skip(row: Any) -> str:
+        wrong.append((row.number or 0, row.actual_columns))
+        return "skip"
+
+    options = csv.ReadOptions(
+        column_names=[str(i) for i in range(found.columns)], block_size=(1 << 31) - 1, use_threads=False
+    )
+    parse = csv.ParseOptions(delimiter=delimiter, invalid_row_handler=skip)
+    nulls = ["", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "-", "--", "#N/A", "-nan", "-NaN"]
+    convert = csv.ConvertOptions(decimal_point=found.decimal, null_values=nulls, strings_can_be_null=True)
+    try:
+        table = csv.read_csv(io.BytesIO("\n".join(lines).encode()), options, parse, convert)
+    except pa.ArrowInvalid as error:
+        raise SamplesError("recording-not-parsed", file=file, reason=" ".join(str(error).split())[:120]) from None
+    if len(wrong) > max(RAGGED * len(lines), 1):
+        line, cells = wrong[0]
+        number = places[min(max(line - 1, 0), len(places) - 1)] + 1
+        raise SamplesError("row-of-other-length", file=file, line=number, cells=cells, columns=found.columns)
+    return table, len(wrong)
+
+
+def _column(name: str, unit: str, column: Any, found: Dialect) -> RawColumn:
+    """Numbers, times of day or text."""
+    values, text, more = arrow.column(column)
+    if text is not None and (numbers := _from_text(text.text(), found.decimal)) is not None:
+        clock = unit or ("s" if _CLOCK.match(str(next((t for t in text.names if t), ""))) else "")
+        return RawColumn(name, numbers, None, clock)
+    return RawColumn(name, values, text, more or unit)
+
+
+def _from_text(cells: Array, decimal: str) -> Array | None:
+    """Numbers of cells of which a few are none, or seconds of times of day; None where it is text."""
+    sample = [str(c) for c in cells[:200] if str(c).strip()]
+    if sample and all(_CLOCK.match(c.strip()) for c in sample):
+        parts = [_CLOCK.match(str(c).strip()) for c in cells]
+        seconds = [int(m[1]) * 3600 + int(m[2]) * 60 + float(m[3].replace(",", ".")) if m else np.nan for m in parts]
+        return np.asarray(seconds, float)
+    if sum(map(dialect.is_number, sample)) <= 0.5 * max(len(sample), 1):
+        return None
+    return np.array([_number(str(c), decimal) for c in cells], float)
+
+
+def _number(cell: str, decimal: str) -> float:
+    plain = cell.strip().replace(decimal, ".")
+    return float(plain) if dialect.is_number(plain) else float("nan")

@@ -1,0 +1,128 @@
+"""The work of `station import` and `station segment`: files → recordings → visits → a samples table, and what was
+understood of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from station.cli import _output
+from station.config.recipes import load_recipe
+from station.domain.recipe.recipe import Recipe
+from station.domain.recognition import columns, samples, understanding
+from station.domain.recognition.clock import TIME_UNITS
+from station.domain.recognition.quantities import QUANTITIES
+from station.domain.recognition.raw_table import ImportOptions, RawTable
+from station.domain.recognition.recording import Recording, understand
+from station.domain.recognition.samples import UnitRecording, Visits
+from station.errors import SamplesError, StationError, UsageError
+from station.messages import Message
+from station.wiring.raw_tables import raw_tables, write_recording
+from station.wiring.sample_files import write_samples
+
+#: Readings a second where neither the file nor a person nor a recipe tells.
+ASSUMED_RATE_HZ = 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class ImportJob:
+    """options: what is stated of the columns; recipe: unit and positions; runs: files are runs and not units;
+    segmenting: rest is found, whatever visits a table of this station has."""
+
+    options: ImportOptions
+    recipe: str | None
+    dbc: Path | None
+    serial: str | None
+    runs: bool = False
+    segmenting: bool = False
+
+
+def import_files(
+    files: Sequence[Path], job: ImportJob, out: Path | None, *, raw: bool = False, as_json: bool = False
+) -> int:
+    """Prints what was understood of the files, and writes it. Errors: InputError."""
+    _check(job.options)
+    recipe = load_recipe(job.recipe) if job.recipe is not None else None
+    passes = [p for run, path in enumerate(files) for p in _passes(path, run, job, recipe)]
+    visited = [(p, None if raw else samples.visits_of(p.recording, recipe)) for p in passes]
+    told = [understanding.document(p, visits) for p, visits in visited]
+    if out is not None and raw:
+        write_recording(passes, out)
+    elif out is not None:
+        write_samples(samples.samples_table([(p, v) for p, v in visited if v is not None]), out)
+    if as_json:
+        _output.print_json({"schema": understanding.SCHEMA, "recordings": told})
+    else:
+        _print(visited, told, out)
+    return 0
+
+
+def _check(options: ImportOptions) -> None:
+    if options.time_unit not in (None, "none", *TIME_UNITS):
+        raise UsageError("time-unit-unknown", unit=str(options.time_unit))
+    if options.rate_hz is not None and not 0 < options.rate_hz < 1e7:
+        raise UsageError("rate-not-positive", rate_hz=options.rate_hz)
+    if options.scale is not None and options.scale == 0:
+        raise UsageError("scale-is-zero")
+    if options.unit is not None and options.scale is not None:
+        raise UsageError("unit-and-scale")
+
+
+def _passes(path: Path, number: int, job: ImportJob, recipe: Recipe | None) -> list[UnitRecording]:
+    """The passes of units in a file."""
+    found = []
+    for table in _chosen(raw_tables(path, job.dbc), job, recipe):
+        for serial, run, part in samples.by_unit_and_run(table):
+            if samples.is_samples_table(table) and not job.segmenting:
+                raise UsageError("samples-table-already", file=str(path))
+            name = serial or job.serial or path.stem
+            found.append(UnitRecording(name, number if job.runs else run, _understood(part, job, recipe)))
+    return found
+
+
+def _chosen(tables: list[RawTable], job: ImportJob, recipe: Recipe | None) -> list[RawTable]:
+    """Of the tables of one file the one that holds the axes. Errors: of the first where none does."""
+    if len(tables) == 1:
+        return tables
+    ranked: list[tuple[int, int]] = []
+    failed: list[StationError] = []
+    for i, table in enumerate(tables):
+        try:
+            roles = columns.assign(table, job.options, QUANTITIES[_unit(table, job, recipe)])
+            ranked.append((roles.rank, i))
+        except StationError as error:
+            failed.append(error)
+    if not ranked:
+        raise failed[0]
+    return [tables[min(ranked)[1]]]
+
+
+def _unit(table: RawTable, job: ImportJob, recipe: Recipe | None) -> str:
+    """The unit to scale to: the recipe's; else that of the quantity whose axes the table has, acceleration first."""
+    if recipe is not None:
+        return recipe.unit
+    for unit, quantity in QUANTITIES.items():
+        try:
+            columns.assign(table, job.options, quantity)
+            return unit
+        except SamplesError:
+            continue
+    return next(iter(QUANTITIES))
+
+
+def _understood(table: RawTable, job: ImportJob, recipe: Recipe | None) -> Recording:
+    rate_hz = recipe.device.rate_hz if recipe is not None else ASSUMED_RATE_HZ
+    return understand(table, job.options, _unit(table, job, recipe), rate_hz)
+
+
+def _print(
+    visited: Sequence[tuple[UnitRecording, Visits | None]], told: Sequence[dict[str, Any]], out: Path | None
+) -> None:
+    for (one, visits), document in zip(visited, told, strict=True):
+        remarks = (*one.recording.remarks, *(visits.remarks if visits is not None else ()))
+        for message in understanding.messages(document, remarks):
+            _output.print_message(message)
+    if out is not None:
+        count = sum(len(v.edges) for _, v in visited if v is not None)
+        written = Message("wrote-visits", file=str(out), visits=count) if count else Message("wrote-raw", file=str(out))
+        _output.print_message(written)

@@ -1,0 +1,106 @@
+"""Stamps of a recording → seconds from 0: their unit, the rate, its jitter, pauses and restarts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.core.types import Array, Floats
+from station.errors import SamplesError
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_SPELLINGS = {
+    "s": "s", "sec": "s", "second": "s", "seconds": "s", "ms": "ms", "msec": "ms", "millis": "ms", "us": "us",
+    "µs": "us", "μs": "us", "usec": "us", "micros": "us", "ns": "ns", "nsec": "ns", "nanos": "ns", "utc": "s",
+}  # fmt: skip
+#: The rate that recordings of such sensors have, as a middle and as limits, Hz.
+TYPICAL_HZ, LEAST_HZ, MOST_HZ = 100.0, 0.5, 30_000.0
+#: Stamps of the present day since 1970, s.
+EPOCH_S = (5e8, 5e9)
+#: More stamps than this share going back, and the rows are out of order.
+BACKWARDS = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Clock:
+    """time_s (n) from 0, in the order of `order` (n) rows. unit: of the stamps, `none` without any; inferred: by their
+    size; rate_hz: counts over the span, pauses left out; source: data | given | assumed; jitter_s: scatter of steps."""
+
+    time_s: Floats
+    order: NDArray[np.intp]
+    unit: str
+    inferred: bool
+    rate_hz: float
+    source: str
+    jitter_s: float = 0.0
+    gaps: int = 0
+    restarts: int = 0
+
+
+def counted(readings: int, counter: Array | None, rate_hz: float, source: str) -> Clock:
+    """Without stamps: by a counter of readings (n), or by their places, at a rate."""
+    places = np.arange(readings, dtype=float)
+    if counter is not None:
+        steps = np.diff(np.asarray(counter, float), prepend=float(counter[0]))
+        places = np.cumsum(np.where(steps > 0, steps, np.where(np.arange(readings) > 0, 1.0, 0.0)))
+    gaps = int(np.count_nonzero(np.diff(places) > 1))
+    order = np.arange(readings)
+    return Clock(places / rate_hz, order, unit="none", inferred=False, rate_hz=rate_hz, source=source, gaps=gaps)
+
+
+def stamped(file: str, stamps: Array, name: str, stated: str, wanted: str | None) -> Clock:
+    """By stamps (n). stated: the header's unit; wanted: the person's. Errors: SamplesError."""
+    unit = wanted or unit_of_name(name, stated)
+    inferred = unit is None
+    raw = stamps - stamps[0] if stamps.dtype.kind in "iu" else np.asarray(stamps, float)
+    raw = np.asarray(raw, float)
+    raw, restarts = _continued(raw)
+    if unit is None:
+        unit = _by_size(raw, float(stamps[0]))
+    time_s = (raw - raw[0]) * TIME_UNITS[unit]
+    back = np.diff(time_s) < 0
+    if back.sum() > max(BACKWARDS * len(back), 2):
+        row = int(np.flatnonzero(back)[0]) + 1
+        raise SamplesError("stamps-go-back", file=file, column=name, row=row + 1, rows=int(back.sum()))
+    order = np.argsort(time_s, kind="stable")
+    time_s = time_s[order] - time_s[order[0]]
+    if not time_s[-1] > 0:
+        raise SamplesError("stamps-stand-still", file=file, column=name)
+    steps = np.diff(time_s)
+    middle = float(np.median(steps[steps > 0]))
+    gap = steps > max(5 * middle, 0.25)
+    rate_hz = float(np.count_nonzero(~gap) / max(steps[~gap].sum(), 1e-12))
+    spread = steps[~gap] - 1 / rate_hz
+    jitter_s = float(np.sqrt(np.mean(spread**2))) if len(spread) else 0.0
+    return Clock(time_s, order, unit, inferred, rate_hz, "data", jitter_s, int(gap.sum()), restarts)
+
+
+def unit_of_name(name: str, stated: str) -> str | None:
+    """The unit that a header states beside a name, or at its end: `time_us`, `t [ms]`, `seconds_elapsed`."""
+    parts = [stated, *reversed(name.lower().replace("(", " ").replace(")", " ").replace("_", " ").split())]
+    parts += [tail for tail in ("us", "ms", "ns") if len(name) > 2 and name.lower().endswith(f"time{tail}")]
+    return next((_SPELLINGS[p.strip(" []().").lower()] for p in parts if p.strip(" []().").lower() in _SPELLINGS), None)
+
+
+def _continued(raw: Floats) -> tuple[Floats, int]:
+    """Stamps without restarts of their clock: after one, time goes on by a usual step."""
+    steps = np.diff(raw)
+    middle = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    far = np.flatnonzero(steps < -50 * max(middle, 1e-12))
+    if not len(far) or len(far) > BACKWARDS * len(raw):
+        return raw, 0
+    steps[far] = middle
+    return np.r_[raw[0], raw[0] + np.cumsum(steps)], len(far)
+
+
+def _by_size(raw: Floats, first: float) -> str:
+    """The unit in which stamps are of this day, or make the likeliest rate."""
+    for unit, size in TIME_UNITS.items():
+        if EPOCH_S[0] < first * size < EPOCH_S[1] and abs(first) > EPOCH_S[0]:
+            return unit
+    span = float(raw[-1] - raw[0])
+    if not span > 0:
+        return "s"
+    rates = {unit: (len(raw) - 1) / (span * size) for unit, size in TIME_UNITS.items()}
+    fits = {unit: rate for unit, rate in rates.items() if LEAST_HZ <= rate <= MOST_HZ} or rates
+    return min(fits, key=lambda unit: abs(np.log(fits[unit] / TYPICAL_HZ)))

@@ -1,0 +1,247 @@
+"""Which columns are x, y, z, time, temperature and labels: by their names first, by their content where names do not
+tell."""
+
+import re
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import numpy as np
+
+from station.domain.core.types import Array, Floats
+from station.domain.recognition.quantities import QUANTITIES, Quantity, canonical
+from station.domain.recognition.raw_table import ImportOptions, RawColumn, RawTable
+from station.errors import SamplesError, UsageError
+
+_TIME = re.compile(r"time|zeit|stamp|epoch|elapsed|seconds|^ts$|^t$|^utc$|时间", re.IGNORECASE)
+_COUNTER = re.compile(r"sample|index|count|frame|^n$|^i$|^no$|^nr$|^#$|^seq|序号", re.IGNORECASE)
+_TEMPERATURE = re.compile(r"temp|thermo|degc|°c|温", re.IGNORECASE)
+_LABEL = re.compile(r"label|part|pos|pose|face|visit|segment|block|section|orient|state|name|标签|位置", re.IGNORECASE)
+_DERIVED = re.compile(r"linear|user|free|gravity|filt|corr|cal(?!l)|euler|quat|angle|delta|jerk|std|var", re.IGNORECASE)
+#: Axes as names number them.
+_NUMBERED = re.compile(r"^(?P<stem>.*?)[\[(._ ]*(?P<axis>[0-3])[\])]*$")
+#: Ranks of names: from FOREIGN on they are of another quantity; without names content alone decides.
+FOREIGN, BY_CONTENT = 30, 25
+#: Most labels that are visits and not identifiers, and how many readings each must last.
+MOST_LABELS, LEAST_LASTING = 2000, 8
+
+
+@dataclass(frozen=True, slots=True)
+class Roles:
+    """Places of the columns: axes (3), time, counter, temperature, labels or None; inferred: axes by content; rank: how
+    well their names fit, 0 best."""
+
+    axes: tuple[int, int, int]
+    time: int | None
+    counter: int | None
+    temperature: int | None
+    labels: int | None
+    inferred: bool
+    rank: int
+
+
+def assign(table: RawTable, options: ImportOptions, quantity: Quantity) -> Roles:
+    """Errors: UsageError, SamplesError where a column is named that is not there, or no three columns can be axes."""
+    given = [place_of(table, name) for name in options.columns or ()]
+    if options.columns is not None and len(given) not in (3, 4):
+        raise UsageError("columns-not-three-or-four", columns=",".join(options.columns), count=len(given))
+    label = place_of(table, options.labels) if options.labels is not None else None
+    temperature = place_of(table, options.temperature) if options.temperature is not None else None
+    if len(given) == 4:
+        time: int | None = given[0]
+    else:
+        time = _time(table, taken={*given, label, temperature})
+    counter = None
+    if time is not None and options.time_unit == "none":
+        time, counter = None, time
+    elif time is None or (len(given) != 4 and _is_counter(table.columns[time], table.named)):
+        counter = time if time is not None else _counter(table, given)
+        time = None
+    if temperature is None:
+        temperature = _temperature(table, {*given, time, counter, label})
+    if label is None and options.blocks is None and options.find_labels:
+        label = _labels(table, {*given, time, counter, temperature})
+    if given:
+        axes, inferred, rank = (given[-3], given[-2], given[-1]), False, 0
+    else:
+        axes, inferred, rank = _axes(table, quantity, {time, counter, temperature, label})
+    for place in (*axes, time, temperature):
+        if place is not None and table.columns[place].values is None:
+            raise SamplesError("column-is-text", file=table.source, column=table.columns[place].name)
+    return Roles(axes, time, counter, temperature, label, inferred, rank)
+
+
+def place_of(table: RawTable, name: str) -> int:
+    """The column of that name, or number from 0. Errors: SamplesError with the nearest names."""
+    names = [c.name for c in table.columns]
+    if table.named and name in names:
+        return names.index(name)
+    folded = [n.casefold() for n in names]
+    if table.named and folded.count(name.strip().casefold()) == 1:
+        return folded.index(name.strip().casefold())
+    if name.strip().isdigit() and int(name) < len(names):
+        return int(name)
+    if not table.named:
+        raise SamplesError("column-number-unknown", file=table.source, column=name, last=len(names) - 1)
+    near = get_close_matches(name, names, 1, 0.0)
+    listed = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
+    raise SamplesError("column-name-unknown", file=table.source, column=name, nearest=near[0], known=listed)
+
+
+def _axes(table: RawTable, quantity: Quantity, taken: set[int | None]) -> tuple[tuple[int, int, int], bool, int]:
+    """Three columns, whether their content chose them, and the rank of their names."""
+    triples = _triples(table, taken) if table.named else []
+    ranked = sorted(triples, key=lambda t: _rank(t[0], quantity))
+    if ranked and _rank(ranked[0][0], quantity) < FOREIGN:
+        rank = _rank(ranked[0][0], quantity)
+        best = [t[1] for t in ranked if _rank(t[0], quantity) == rank]
+        return (best[0], False, rank) if len(best) == 1 else (_by_content(table, best, quantity), True, rank)
+    if ranked:
+        raise SamplesError(
+            "no-axes-of-quantity", file=table.source, unit=quantity.unit, found=_names(table, ranked[0][1])
+        )
+    free = [i for i in table.numeric() if i not in taken]
+    if len(free) < 3:
+        raise SamplesError("no-three-axes", file=table.source, columns=", ".join(c.name for c in table.columns[:12]))
+    runs = [(free[i], free[i + 1], free[i + 2]) for i in range(len(free) - 2)]
+    if len(free) > 3 and len(free) % 3 == 0:
+        runs = runs[::3]
+    return (runs[0] if len(runs) == 1 else _by_content(table, runs, quantity)), True, BY_CONTENT
+
+
+def _names(table: RawTable, places: tuple[int, int, int]) -> str:
+    return ", ".join(table.columns[i].name for i in places)
+
+
+def _rank(stem: str, quantity: Quantity) -> int:
+    """How well a common part of three names fits a quantity: 0 best; FOREIGN and more is another quantity's."""
+    words = stem.strip(" _.-[]()").lower()
+    derived = 5 if _DERIVED.search(words) else 0
+    if re.search(quantity.word, words):
+        return derived
+    if any(re.search(q.word, words) for q in QUANTITIES.values()):
+        return 40
+    return 10 + derived
+
+
+def _triples(table: RawTable, taken: set[int | None]) -> list[tuple[str, tuple[int, int, int]]]:
+    """Columns whose names differ by x, y, z alone, or by three numbers: what is common to them, and their places."""
+    groups: dict[tuple[str, str], dict[str, int]] = {}
+    for place in table.numeric():
+        if place in taken:
+            continue
+        name = table.columns[place].name.lower()
+        for i, letter in enumerate(name):
+            if letter in "xyz":
+                groups.setdefault((name[:i], name[i + 1 :]), {}).setdefault(letter, place)
+        if numbered := _NUMBERED.match(name):
+            groups.setdefault((numbered["stem"], "\0"), {}).setdefault(numbered["axis"], place)
+    found = []
+    for (head, tail), places in groups.items():
+        for axes in ("xyz", "012", "123"):
+            if all(a in places for a in axes):
+                found.append((f"{head} {tail}".replace("\0", ""), (places[axes[0]], places[axes[1]], places[axes[2]])))
+                break
+    return found
+
+
+def _by_content(table: RawTable, candidates: list[tuple[int, int, int]], quantity: Quantity) -> tuple[int, int, int]:
+    """Of several triples the one whose magnitude at rest is the steadiest, or, for a turn rate, the least steady."""
+    spreads = [_spread_of_magnitude(np.stack([table.numbers(i) for i in c], axis=1)) for c in candidates]
+    return candidates[int(np.argmin(spreads) if quantity.sizes is not None else np.argmax(spreads))]
+
+
+def _spread_of_magnitude(reading: Floats) -> float:
+    """Relative spread of the magnitudes of means over short stretches (n, 3); endless where nothing varies."""
+    rows = max(len(reading) // 200, 1)
+    usable = reading[: len(reading) // rows * rows]
+    size = np.linalg.norm(np.nan_to_num(usable).reshape(-1, rows, 3).mean(axis=1), axis=1)
+    middle = float(np.median(size))
+    alive = bool((np.ptp(np.nan_to_num(reading), axis=0) > 0).all())
+    return float(1.4826 * np.median(np.abs(size - middle)) / middle) if middle > 0 and alive else np.inf
+
+
+def _time(table: RawTable, taken: set[int | None]) -> int | None:
+    """The column of time: named so or, without names, the first that never falls."""
+    free = [i for i in table.numeric() if i not in taken]
+    named = [i for i in free if table.named and _TIME.search(table.columns[i].name)]
+    rising = [i for i in named if _rises(table.columns[i].values)]
+    if rising:
+        return min(rising, key=lambda i: (_is_counter(table.columns[i], named=True), _coarseness(table.numbers(i))))
+    if named:
+        return named[0]
+    counted = [i for i in free if table.named and _COUNTER.search(table.columns[i].name)]
+    rising = [i for i in (counted if table.named else free[:2]) if _rises(table.columns[i].values)]
+    return rising[0] if rising else None
+
+
+def _counter(table: RawTable, taken: list[int]) -> int | None:
+    free = [i for i in table.numeric() if i not in taken and table.named]
+    found = [i for i in free if _COUNTER.search(table.columns[i].name) and _rises(table.columns[i].values)]
+    return found[0] if found else None
+
+
+def _coarseness(values: Floats) -> float:
+    """Share of readings that have the stamp of the one before."""
+    return round(float(np.mean(np.diff(values) == 0)), 2) if len(values) > 1 else 0.0
+
+
+def _rises(values: Array | None) -> bool:
+    if values is None or len(values) < 3:
+        return False
+    apart = np.diff(np.asarray(values, float))
+    return bool(np.mean(apart < 0) < 0.1 and np.mean(apart > 0) > 0.05)
+
+
+def _is_counter(column: RawColumn, named: bool) -> bool:
+    """Whether a rising column counts readings and is no time."""
+    if column.values is None or column.unit:
+        return False
+    if named and _TIME.search(column.name) and not _COUNTER.search(column.name):
+        return False
+    apart = np.diff(np.asarray(column.values, float))
+    return bool(len(apart)) and bool(np.mean(apart == 1) > 0.9)
+
+
+def _temperature(table: RawTable, taken: set[int | None]) -> int | None:
+    if not table.named:
+        return None
+    named = [i for i in table.numeric() if i not in taken and _TEMPERATURE.search(table.columns[i].name)]
+    return next((i for i in named if np.isfinite(table.numbers(i)).any()), None)
+
+
+def _labels(table: RawTable, taken: set[int | None]) -> int | None:
+    """A column of text or whole numbers whose name says that it marks parts, and which lasts for some readings each."""
+    for place, column in enumerate(table.columns):
+        if place in taken or not table.named or not _LABEL.search(column.name):
+            continue
+        codes = column.text.code if column.text is not None else column.values
+        if codes is None or not _marks_parts(np.asarray(codes)):
+            continue
+        return place
+    return None
+
+
+def _marks_parts(codes: Array) -> bool:
+    if codes.dtype.kind == "f" and not np.all(codes[np.isfinite(codes)] % 1 == 0):
+        return False
+    changes = np.count_nonzero(codes[1:] != codes[:-1])
+    return bool(0 < changes < min(MOST_LABELS, len(codes) / LEAST_LASTING))
+
+
+def stated_unit(table: RawTable, axes: tuple[int, int, int], quantity: Quantity) -> str | None:
+    """The unit that the headers of the axes state; None where they state none, or no unit of this quantity."""
+    columns = [table.columns[i] for i in axes]
+    units = {canonical(c.unit, quantity) for c in columns if c.unit}
+    if len(units) > 1:
+        raise SamplesError("axes-differ-in-unit", file=table.source, units=", ".join(sorted(c.unit for c in columns)))
+    if units and (unit := units.pop()):
+        return unit
+    tails = {canonical(tail, quantity) for c in columns for tail in _tails(c.name)} - {None, "g"}
+    return tails.pop() if len(tails) == 1 else None
+
+
+def _tails(name: str) -> list[str]:
+    """What a name may end in that is a unit: acc_x_mps2, accelerometer_m_s2[0]."""
+    stem = re.sub(r"[\[(]?[0-9][\])]?$|[_.]?[xyz]$", "", name.lower().strip())
+    parts = [p for p in re.split(r"[_. ]", stem) if p]
+    return [*parts[-1:], "_".join(parts[-2:])]

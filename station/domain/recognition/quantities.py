@@ -1,0 +1,132 @@
+"""Units that readings come in, and what the readings' own size tells of them."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from station.domain.core.types import Floats
+
+#: Standard gravity, m/s².
+STANDARD_GRAVITY = 9.80665
+#: Sensitivity spreads by this much between parts of one type.
+SPREAD = 0.25
+#: Counts of a converter lie this near to a power of two a g.
+COUNTS_SPREAD = 0.12
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a sensor measures. unit: of the recipe; factors: of every other unit to it; word: a pattern that column
+    names of it match; sizes: least and greatest magnitude of a stimulus at rest in `unit`, None where rest shows none.
+    """
+
+    unit: str
+    word: str
+    factors: Mapping[str, float] = field(default_factory=dict)
+    sizes: tuple[float, float] | None = None
+
+
+QUANTITIES = {
+    "g": Quantity(
+        "g",
+        r"acc|beschl|specific.?force|加速|^a$|^f$",
+        {
+            "g": 1.0,
+            "m/s²": 1 / STANDARD_GRAVITY,
+            "mg": 1e-3,
+            "µg": 1e-6,
+            "cm/s²": 0.01 / STANDARD_GRAVITY,
+            "mm/s²": 1e-3 / STANDARD_GRAVITY,
+            "ft/s²": 0.3048 / STANDARD_GRAVITY,
+        },
+        (1.0, 1.0),
+    ),
+    "deg/s": Quantity(
+        "deg/s",
+        r"gyr|omega|angular|turn.?rate|drehrate|角速|^w$|^g$|^r$",
+        {"deg/s": 1.0, "rad/s": 180 / np.pi, "mdeg/s": 1e-3, "mrad/s": 0.18 / np.pi, "deg/h": 1 / 3600, "rpm": 6.0},
+    ),
+    "uT": Quantity(
+        "uT",
+        r"mag|compass|kompass|磁|^m$|^b$|^h$",
+        {"uT": 1.0, "nT": 1e-3, "mT": 1e3, "T": 1e6, "gauss": 100.0, "mgauss": 0.1},
+        (20.0, 70.0),
+    ),
+}
+
+_SPELLINGS = {
+    "g": "g", "gn": "g", "gee": "g", "m/s2": "m/s²", "ms2": "m/s²", "mps2": "m/s²", "mpss": "m/s²", "m/s/s": "m/s²",
+    "ms-2": "m/s²", "m.s-2": "m/s²", "mg": "mg", "millig": "mg", "ug": "µg", "cm/s2": "cm/s²", "gal": "cm/s²",
+    "mm/s2": "mm/s²", "ft/s2": "ft/s²",
+    "deg/s": "deg/s", "°/s": "deg/s", "dps": "deg/s", "degs": "deg/s", "deg/sec": "deg/s", "°/sec": "deg/s",
+    "rad/s": "rad/s", "rads": "rad/s", "rps": "rad/s", "rad/sec": "rad/s", "mdps": "mdeg/s", "mdeg/s": "mdeg/s",
+    "mrad/s": "mrad/s", "deg/h": "deg/h", "dph": "deg/h", "rpm": "rpm", "ut": "uT", "nt": "nT", "mt": "mT", "t": "T",
+    "gauss": "gauss", "gs": "gauss", "mgauss": "mgauss",
+    "lsb": "LSB", "count": "LSB", "counts": "LSB", "raw": "LSB", "digit": "LSB", "digits": "LSB", "adc": "LSB",
+}  # fmt: skip
+
+
+def canonical(text: str, quantity: Quantity) -> str | None:
+    """The unit that a header or a person means: a key of the quantity's factors, `LSB`, or None."""
+    spelled = text.strip().lower().replace("µ", "u").replace("μ", "u").replace("²", "2")
+    spelled = re.sub(r"[\s^*·()\[\]]", "", spelled).replace("m_s2", "m/s2").replace("sec2", "s2")
+    if spelled == "g" and quantity.unit == "uT":
+        return "gauss"
+    if spelled == "mg" and quantity.unit == "uT":
+        return "mgauss"
+    found = _SPELLINGS.get(spelled)
+    return found if found == "LSB" or found in quantity.factors else None
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """reading = (raw − zero) · factor. unit: what the raw numbers are; inferred: by their size, not by a name;
+    exact: whether the factor is a unit's own, so that the gain of the sensor stays in the readings."""
+
+    unit: str
+    factor: float
+    zero: float = 0.0
+    inferred: bool = True
+    exact: bool = True
+
+
+def from_magnitude(means: Floats, quantity: Quantity, *, whole: bool) -> Scale:
+    """The scale that the mean raw readings at rest (k, 3) themselves tell; whole: the raw numbers are integers."""
+    if quantity.sizes is None or not len(means):
+        return Scale(quantity.unit, 1.0)
+    centre, radius = sphere(means)
+    low, high = (quantity.sizes[0] * (1 - SPREAD), quantity.sizes[1] * (1 + SPREAD))
+    fits = [(unit, factor) for unit, factor in quantity.factors.items() if low <= radius * factor <= high]
+    off_centre = float(np.abs(centre).max()) > 2 * radius
+    if fits and not off_centre and not (whole and _counts(radius) and radius > 100):
+        return Scale(*fits[0])
+    if quantity.sizes[0] != quantity.sizes[1]:
+        return Scale(quantity.unit, 1.0)
+    bits = _counts(radius)
+    zero = float(2 ** round(np.log2(np.abs(np.median(centre))))) if off_centre and np.median(centre) > 0 else 0.0
+    return Scale("LSB", 1 / (bits or radius), zero, exact=bool(bits))
+
+
+def _counts(radius: float) -> int:
+    """The power of two that a magnitude in counts stands for; 0 where none is near."""
+    if not radius > 16:
+        return 0
+    power = int(2 ** round(np.log2(radius)))
+    return power if abs(radius / power - 1) < COUNTS_SPREAD else 0
+
+
+def sphere(points: Floats) -> tuple[Floats, float]:
+    """Centre (3) and radius of the sphere through points (k, 3); about zero where they do not span one."""
+    size = float(np.median(np.linalg.norm(points, axis=1)))
+    if not size > 0:
+        return np.zeros(3), 0.0
+    scaled = points / size
+    design = np.c_[2 * scaled, np.ones(len(scaled))]
+    spread = scaled - scaled.mean(axis=0)
+    if len(points) >= 5 and np.linalg.cond(design) < 1e6 and np.linalg.matrix_rank(spread, 1e-3) == 3:
+        found = np.linalg.lstsq(design, (scaled**2).sum(axis=1), rcond=None)[0]
+        radius = float(np.sqrt(max(found[3] + found[:3] @ found[:3], 0.0)))
+        return np.asarray(found[:3] * size), radius * size
+    return np.zeros(3), size

@@ -1,0 +1,171 @@
+"""A raw table → a recording in the recipe's unit, with what was understood and how."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.capture import rest_segments
+from station.domain.core.types import Floats
+from station.domain.recognition import clock, columns, quantities, visits
+from station.domain.recognition.clock import Clock
+from station.domain.recognition.columns import Roles
+from station.domain.recognition.quantities import QUANTITIES, Quantity, Scale
+from station.domain.recognition.raw_table import ImportOptions, RawTable
+from station.errors import SamplesError, UsageError
+from station.messages import Message
+
+#: A thermometer shows temperatures between these, °C.
+COLDEST, HOTTEST = -80.0, 250.0
+#: Readings that are missing may be this share, and rows with one are left out.
+MISSING = 0.6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Readings (n, 3) in the recipe's unit at time_s (n), temperature_degC (n) or None. edges (k, 2): visits that the
+    recording itself declares, or None; names: of their labels, or None; declared: how (labels, blocks, shown-blocks).
+    """
+
+    source: str
+    time_s: Floats
+    reading: Floats
+    temperature_degC: Floats | None
+    edges: NDArray[np.int64] | None
+    names: tuple[str, ...] | None
+    declared: str | None
+    axes: tuple[str, str, str]
+    axes_inferred: bool
+    clock: Clock
+    scale: Scale
+    unit: str
+    remarks: tuple[Message, ...]
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+
+def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_hz: float) -> Recording:
+    """A table's readings in `unit`; assumed_rate_hz: where neither stamps nor a person tell the rate.
+
+    Errors: UsageError, SamplesError.
+    """
+    quantity = QUANTITIES[unit]
+    roles = columns.assign(table, options, quantity)
+    keep, remarks = _complete_rows(table, roles)
+    raw = np.stack([table.numbers(i)[keep] for i in roles.axes], axis=1)
+    ticks = _clock(table, roles, options, keep, assumed_rate_hz)
+    raw, kept = raw[ticks.order], keep[ticks.order]
+    edges, names, declared = _declared(table, roles, options, kept, raw)
+    if declared == "shown-blocks" and ticks.unit != "none":
+        edges, names, declared = None, None, None
+    scale = _scale(table, roles, options, quantity, _rest_means(ticks.time_s, raw, edges), raw)
+    temperature, lost = _temperature(table, roles, kept)
+    return Recording(
+        source=table.source,
+        time_s=ticks.time_s,
+        reading=(raw - scale.zero) * scale.factor,
+        temperature_degC=temperature,
+        edges=edges,
+        names=names,
+        declared=declared,
+        axes=tuple(table.columns[i].name for i in roles.axes),  # type: ignore[arg-type]
+        axes_inferred=roles.inferred,
+        clock=ticks,
+        scale=scale,
+        unit=unit,
+        remarks=(*table.remarks, *remarks, *lost),
+    )
+
+
+def _complete_rows(table: RawTable, roles: Roles) -> tuple[NDArray[np.intp], tuple[Message, ...]]:
+    """Rows whose axes and stamp are all there."""
+    needed = [i for i in (*roles.axes, roles.time) if i is not None]
+    whole = np.all([np.isfinite(table.numbers(i)) for i in needed], axis=0)
+    missing = int(np.count_nonzero(~whole))
+    if missing > MISSING * len(table) or whole.sum() < 2:
+        raise SamplesError("readings-missing", file=table.source, missing=missing, rows=len(table))
+    note = (Message("rows-left-out", file=table.source, rows=missing, total=len(table)),) if missing else ()
+    return np.flatnonzero(whole), note
+
+
+def _clock(
+    table: RawTable, roles: Roles, options: ImportOptions, keep: NDArray[np.intp], assumed_rate_hz: float
+) -> Clock:
+    if roles.time is not None:
+        column = table.columns[roles.time]
+        assert column.values is not None
+        unit = None if options.time_unit == "none" else options.time_unit
+        found = clock.stamped(table.source, column.values[keep], column.name, column.unit, unit)
+        if options.rate_hz is not None:
+            time_s = np.arange(len(keep)) / options.rate_hz
+            found = replace(found, rate_hz=options.rate_hz, source="given", time_s=time_s)
+        return found
+    if options.time_unit not in (None, "none"):
+        raise UsageError("no-time-column", file=table.source, unit=str(options.time_unit))
+    counter = None if roles.counter is None else table.columns[roles.counter].values
+    rate_hz = options.rate_hz or table.rate_hz
+    if rate_hz is not None and not rate_hz > 0:
+        raise UsageError("rate-not-positive", rate_hz=rate_hz)
+    source = "given" if options.rate_hz else "data" if table.rate_hz else "assumed"
+    return clock.counted(len(keep), None if counter is None else counter[keep], rate_hz or assumed_rate_hz, source)
+
+
+def _declared(
+    table: RawTable, roles: Roles, options: ImportOptions, kept: NDArray[np.intp], raw: Floats
+) -> tuple[NDArray[np.int64] | None, tuple[str, ...] | None, str | None]:
+    if options.blocks is not None:
+        return visits.blocks(table.source, len(raw), options.blocks), None, "blocks"
+    if roles.labels is not None:
+        edges, names = visits.labelled(table.source, table.columns[roles.labels], kept)
+        return edges, names, "labels"
+    length = visits.shown_blocks(raw)
+    return (visits.blocks(table.source, len(raw), length), None, "shown-blocks") if length else (None, None, None)
+
+
+def _rest_means(time_s: Floats, raw: Floats, edges: NDArray[np.int64] | None) -> Floats:
+    """Mean raw readings (k, 3) at rest, or of parts where nothing rests."""
+    if edges is None:
+        try:
+            edges = rest_segments.find(time_s, raw)
+        except SamplesError:
+            edges = np.zeros((0, 2), np.int64)
+    if not len(edges):
+        rows = min(50, len(raw))
+        return np.asarray(raw[: len(raw) // rows * rows].reshape(-1, rows, 3).mean(axis=1))
+    return np.array([raw[a:b].mean(axis=0) for a, b in edges])
+
+
+def _scale(
+    table: RawTable, roles: Roles, options: ImportOptions, quantity: Quantity, means: Floats, raw: Floats
+) -> Scale:
+    if options.scale is not None or options.zero is not None:
+        return Scale("raw", options.scale or 1.0, options.zero or 0.0, inferred=False)
+    stated = columns.stated_unit(table, roles.axes, quantity) if table.named else None
+    if options.unit is not None:
+        stated = quantities.canonical(options.unit, quantity)
+        if stated is None:
+            known = ", ".join((*quantity.factors, "LSB"))
+            raise UsageError("unit-of-readings-unknown", unit=options.unit, known=known)
+    whole = bool(np.all(raw[:1000] % 1 == 0))
+    if stated is not None and stated != "LSB":
+        return Scale(stated, quantity.factors[stated], inferred=False)
+    found = quantities.from_magnitude(means, quantity, whole=whole or stated == "LSB")
+    return replace(found, inferred=stated is None)
+
+
+def _temperature(table: RawTable, roles: Roles, kept: NDArray[np.intp]) -> tuple[Floats | None, tuple[Message, ...]]:
+    """Temperature (n) in °C; a thermometer that says something now and then is taken as a line between its readings."""
+    if roles.temperature is None:
+        return None, ()
+    column = table.columns[roles.temperature]
+    values = table.numbers(roles.temperature)[kept]
+    known = np.flatnonzero(np.isfinite(values))
+    unit = column.unit.strip(" []()°").lower()
+    if unit in ("k", "kelvin") or (not unit and len(known) and 230 < np.median(values[known]) < 400):
+        values = values - 273.15
+    elif unit in ("f", "fahrenheit", "degf"):
+        values = (values - 32) / 1.8
+    if not len(known) or not COLDEST < np.median(values[known]) < HOTTEST:
+        return None, (Message("temperature-no-degrees", file=table.source, column=column.name),)
+    return np.interp(np.arange(len(values)), known, values[known]), ()

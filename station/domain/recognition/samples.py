@@ -1,0 +1,170 @@
+"""Recordings → a samples table: their visits, found or declared, and the names of the positions."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.capture import rest_segments
+from station.domain.core.types import Floats, Labels, SampleTable
+from station.domain.evaluation.quality import FACE_DEG
+from station.domain.recipe.recipe import Recipe
+from station.domain.recognition.raw_table import RawColumn, RawTable
+from station.domain.recognition.recording import Recording
+from station.errors import SamplesError, UsageError
+from station.messages import Message
+
+#: A recording that rests for less than this share of its time, in fewer orientations, is no tumble.
+LEAST_REST, LEAST_ORIENTATIONS = 0.5, 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitRecording:
+    """One pass of one unit."""
+
+    serial: str
+    run: int
+    recording: Recording
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Visits:
+    """edges (k, 2) of a recording's visits, their positions' names, and how they were found: rest, labels, blocks or
+    shown-blocks."""
+
+    edges: NDArray[np.int64]
+    names: tuple[str, ...]
+    found_by: str
+    remarks: tuple[Message, ...] = ()
+
+
+def is_samples_table(table: RawTable) -> bool:
+    """Whether a table has the columns of station.samples/1 already."""
+    return {"unit", "run", "visit", "position", "time_s", "x", "y", "z"} <= {c.name for c in table.columns}
+
+
+def by_unit_and_run(table: RawTable) -> list[tuple[str | None, int, RawTable]]:
+    """The passes of a table that this station wrote: serial, run, rows; one pass of nobody where it is none such."""
+    places = {c.name: i for i, c in enumerate(table.columns)}
+    if not {"unit", "run", "time_s"} <= places.keys():
+        return [(None, 0, table)]
+    unit, run = table.columns[places["unit"]], table.columns[places["run"]]
+    if run.values is None:
+        return [(None, 0, table)]
+    serials = unit.text.text() if unit.text is not None else np.asarray(unit.values, object)
+    runs = np.nan_to_num(np.asarray(run.values, float)).astype(int).tolist()
+    passes: list[tuple[str | None, int, RawTable]] = []
+    for key in dict.fromkeys(zip(serials.tolist(), runs, strict=True)):
+        rows = np.flatnonzero((serials == key[0]) & (np.array(runs) == key[1]))
+        passes.append((str(key[0]), key[1], _rows(table, rows)))
+    return passes
+
+
+def _rows(table: RawTable, rows: NDArray[np.intp]) -> RawTable:
+    columns = tuple(
+        RawColumn(
+            c.name,
+            None if c.values is None else c.values[rows],
+            None if c.text is None else c.text[rows],
+            c.unit,
+        )
+        for c in table.columns
+        if c.name not in ("unit", "run")
+    )
+    return RawTable(table.source, columns, table.named, table.rate_hz, table.remarks)
+
+
+def visits_of(recording: Recording, recipe: Recipe | None) -> Visits:
+    """The visits of a recording. Errors: SamplesError where there are none, or it is no tumble."""
+    if recording.edges is not None and recording.declared is not None:
+        names = recording.names or tuple(f"block-{i + 1:03d}" for i in range(len(recording.edges)))
+        found = Visits(recording.edges, names, recording.declared)
+    else:
+        edges = _rest(recording)
+        found = Visits(edges, tuple(f"still-{i + 1:02d}" for i in range(len(edges))), "rest")
+        _check_tumble(recording, edges)
+    return found if recipe is None or not recipe.pose_known else _named(recording, found, recipe)
+
+
+def _rest(recording: Recording) -> NDArray[np.int64]:
+    try:
+        return rest_segments.find(recording.time_s, recording.reading)
+    except SamplesError as error:
+        raise SamplesError("in-file", file=recording.source, reason=error.message) from None
+
+
+def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
+    share = float((edges[:, 1] - edges[:, 0]).sum() / len(recording))
+    if not len(edges):
+        raise SamplesError("never-at-rest", file=recording.source, duration_s=float(recording.time_s[-1]))
+    if len(edges) == 1:
+        raise SamplesError("one-rest-only", file=recording.source, rest_s=share * float(recording.time_s[-1]))
+    means = np.array([recording.reading[a:b].mean(axis=0) for a, b in edges])
+    poses = int(rest_segments.orientations(means).max()) + 1
+    if share < LEAST_REST and poses < LEAST_ORIENTATIONS:
+        raise SamplesError("no-tumble", file=recording.source, rest_percent=100 * share, poses=poses)
+
+
+def _named(recording: Recording, found: Visits, recipe: Recipe) -> Visits:
+    """Visits called by the recipe's positions: their labels where they are those, else the nearest by direction."""
+    known = [p.name for p in recipe.positions]
+    if set(found.names) <= set(known):
+        return found
+    means = np.array([recording.reading[a:b].mean(axis=0) for a, b in found.edges])
+    names = _nearest(recipe, means)
+    kept = [i for i, name in enumerate(names) if name]
+    if not kept:
+        raise SamplesError("no-visit-near-a-position", file=recording.source, recipe=recipe.name, degrees=FACE_DEG)
+    lost = len(names) - len(kept)
+    note = (Message("visits-near-no-position", file=recording.source, visits=lost, recipe=recipe.name),) if lost else ()
+    return Visits(found.edges[kept], tuple(names[i] for i in kept), found.found_by, note)
+
+
+def _nearest(recipe: Recipe, mean: Floats) -> list[str]:
+    """The nearest position of each mean reading (k, 3); '' where none is within FACE_DEG."""
+    true = np.array([recipe.true_vector(p) for p in recipe.positions])
+    sizes = np.linalg.norm(mean, axis=1)[:, None] * np.linalg.norm(true, axis=1)
+    cosines = (mean @ true.T) / np.maximum(sizes, 1e-300)
+    best = cosines.argmax(axis=1)
+    near = cosines.max(axis=1) > np.cos(np.deg2rad(FACE_DEG))
+    return [recipe.positions[b].name if ok else "" for b, ok in zip(best, near, strict=True)]
+
+
+def samples_table(passes: Sequence[tuple[UnitRecording, Visits]]) -> SampleTable:
+    """One samples table of several passes; temperature where all of them know it. Errors: UsageError."""
+    keys = [(p.serial, p.run) for p, _ in passes]
+    if len(set(keys)) < len(keys):
+        raise UsageError("pass-twice", unit=next(k[0] for k in keys if keys.count(k) > 1))
+    units, positions = _codes([p.serial for p, _ in passes]), _codes([n for _, v in passes for n in v.names])
+    parts = [_part(p, v, units, positions) for p, v in passes]
+    warm = all(p.recording.temperature_degC is not None for p, _ in passes)
+    return SampleTable(
+        unit=Labels(tuple(units), np.concatenate([part.unit.code for part in parts])),
+        run=np.concatenate([part.run for part in parts]),
+        visit=np.concatenate([part.visit for part in parts]),
+        position=Labels(tuple(positions), np.concatenate([part.position.code for part in parts])),
+        time_s=np.concatenate([part.time_s for part in parts]),
+        reading=np.concatenate([part.reading for part in parts]),
+        values={k: np.concatenate([part.values[k] for part in parts]) for k in ("temperature_degC",) if warm},
+    )
+
+
+def _codes(names: Sequence[str]) -> dict[str, int]:
+    return {name: i for i, name in enumerate(dict.fromkeys(names))}
+
+
+def _part(one: UnitRecording, visits: Visits, units: dict[str, int], positions: dict[str, int]) -> SampleTable:
+    rows = np.concatenate([np.arange(a, b) for a, b in visits.edges])
+    visit = np.repeat(np.arange(len(visits.edges), dtype=np.int32), visits.edges[:, 1] - visits.edges[:, 0])
+    code = np.array([positions[n] for n in visits.names], np.int32)
+    temperature = one.recording.temperature_degC
+    return SampleTable(
+        unit=Labels(tuple(units), np.full(len(rows), units[one.serial], np.int32)),
+        run=np.full(len(rows), one.run, np.int32),
+        visit=visit,
+        position=Labels(tuple(positions), code[visit]),
+        time_s=one.recording.time_s[rows],
+        reading=one.recording.reading[rows],
+        values={} if temperature is None else {"temperature_degC": temperature[rows]},
+    )

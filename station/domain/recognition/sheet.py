@@ -1,0 +1,116 @@
+"""What readings tell of the sensor itself, where no data sheet does: noise, resolution, range, rate."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.core.types import Array, Floats
+
+#: Differences of values are whole steps when they miss them by this share of one; by chance they miss by 0.29.
+WHOLE = 0.15
+#: Values from whose differences a step is found, and the fewest that show one.
+MOST_VALUES, LEAST_VALUES = 4000, 4
+#: A reading repeated this often in a visit, at the end of what the axis ever reads, is the end of its range.
+FLAT_SHARE = 0.5
+MAD = 1.4826
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InferredSheet:
+    """noise (3): standard deviation of one reading from one to the next; lsb (3): step of the readings, 0 where none
+    shows; full_scale: where readings are cut off flat, or None; rate_hz: readings over the time they took, or None;
+    jitter_s: scatter of a step in time."""
+
+    noise: Floats
+    lsb: Floats
+    full_scale: float | None
+    rate_hz: float | None
+    jitter_s: float
+
+
+def infer(reading: Floats, time_s: Floats, visit: Array) -> InferredSheet:
+    """From the readings (n, 3) of visits, numbered (n)."""
+    within = np.diff(visit) == 0
+    lsb = np.array([step_of(column) for column in reading.T])
+    noise = noise_of(reading, within)
+    rate_hz, jitter_s = rate_of(time_s, within)
+    return InferredSheet(noise, lsb, full_scale_of(reading, visit, lsb, noise), rate_hz, jitter_s)
+
+
+def noise_of(reading: Floats, within: NDArray[np.bool_]) -> Floats:
+    """White noise (3) of one reading from differences of neighbours within visits; rounding stays in it."""
+    near = np.diff(reading, axis=0)[within]
+    if not len(near):
+        return np.zeros(3)
+    robust = MAD * np.median(np.abs(near), axis=0)
+    # A coarse sensor's differences are mostly 0, or of few sizes: their mean square still tells.
+    bound = np.where(robust > 0, 5 * robust, np.inf)
+    return np.asarray(np.sqrt(np.mean(np.minimum(np.abs(near), bound) ** 2, axis=0) / 2))
+
+
+def rate_of(time_s: Floats, within: NDArray[np.bool_]) -> tuple[float | None, float]:
+    """Readings a second, by counts over the spans of the visits, and the scatter (s) of a step about it.
+
+    Steps of more than five usual ones are pauses and count on neither side.
+    """
+    steps = np.diff(time_s)[within]
+    going = steps[steps >= 0]
+    if not len(going) or not (going > 0).any():
+        return None, 0.0
+    usual = float(np.median(going[going > 0]))
+    kept = going[going <= 5 * usual]
+    span = float(kept.sum())
+    if not span > 0:
+        return None, 0.0
+    rate = len(kept) / span
+    return rate, float(np.sqrt(np.mean((kept - 1 / rate) ** 2)))
+
+
+def step_of(column: Floats) -> float:
+    """The step of which all readings (n) are multiples apart; 0 where they show none."""
+    values = np.unique(column)
+    if len(values) > MOST_VALUES:
+        middle = len(values) // 2
+        values = values[middle - MOST_VALUES // 2 : middle + MOST_VALUES // 2]
+    apart = np.diff(values)
+    size = float(np.abs(values).max(initial=0.0))
+    apart = apart[apart > 1e-9 * size]  # rounding of one number written twice
+    if len(apart) < LEAST_VALUES - 1:
+        return float(apart.min()) if len(apart) else 0.0
+    step = float(apart.min())
+    step = float(np.median(apart[apart < 1.5 * step]))
+    # Numbers printed with few digits miss the step a little: it is refined over farther and farther values.
+    offsets = np.cumsum(np.r_[0.0, apart])
+    reach = 8.0
+    while True:
+        near = offsets[offsets <= reach * step]
+        whole = np.round(near / step)
+        if whole.any():
+            step = float((whole @ near) / (whole @ whole))
+        if reach * step >= offsets[-1]:
+            break
+        reach *= 4
+    miss = offsets / step - np.round(offsets / step)
+    return step if float(np.sqrt(np.mean(miss**2))) < WHOLE and len(column) > len(values) else 0.0
+
+
+def full_scale_of(reading: Floats, visit: Array, lsb: Floats, noise: Floats) -> float | None:
+    """The magnitude at which readings (n, 3) are cut off; None where they are not.
+
+    A visit most of whose readings are the very greatest (or least) that the axis ever shows, while others scatter.
+    """
+    found = [
+        abs(float(end))
+        for i in range(3)
+        for end in (reading[:, i].max(), reading[:, i].min())
+        if noise[i] > lsb[i] and end != 0 and _flat(reading[:, i], visit, float(end))
+    ]
+    return max(found) if found else None
+
+
+def _flat(column: Floats, visit: Array, end: float) -> bool:
+    begin = np.flatnonzero(np.r_[True, np.diff(visit) != 0])
+    counts = np.diff(np.r_[begin, len(visit)])
+    share = np.add.reduceat(column == end, begin) / counts
+    return bool(((share >= FLAT_SHARE) & (counts >= LEAST_VALUES)).any())

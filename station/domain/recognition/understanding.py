@@ -1,0 +1,130 @@
+"""What was understood of a recording, for a person and as JSON: every number, and whether it was stated or inferred."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from station.domain.capture import rest_segments
+from station.domain.core.types import Floats
+from station.domain.recognition import sheet
+from station.domain.recognition.recording import Recording
+from station.domain.recognition.samples import UnitRecording, Visits
+from station.messages import Message
+
+SCHEMA = "station.import/1"
+
+
+def document(one: UnitRecording, visits: Visits | None) -> dict[str, Any]:
+    """One pass: axes, unit, rate, magnitude, noise, resolution, range, poses, temperature; `inferred` names those that
+    nothing stated."""
+    r = one.recording
+    edges = visits.edges if visits is not None else np.array([[0, len(r)]])
+    rows = np.concatenate([np.arange(a, b) for a, b in edges])
+    number = np.repeat(np.arange(len(edges)), edges[:, 1] - edges[:, 0])
+    found = sheet.infer(r.reading[rows], r.time_s[rows], number)
+    means = np.array([r.reading[a:b].mean(axis=0) for a, b in edges])
+    size = np.linalg.norm(means, axis=1)
+    warm = None if r.temperature_degC is None else r.temperature_degC[rows]
+    return {
+        "unit": one.serial,
+        "run": one.run,
+        "source": r.source,
+        "readings": len(r),
+        "duration_s": float(r.time_s[-1]),
+        "axes": list(r.axes),
+        "reading_unit": r.unit,
+        "raw_unit": r.scale.unit,
+        "scale": r.scale.factor,
+        "zero": r.scale.zero,
+        "time_unit": r.clock.unit,
+        "rate_hz": r.clock.rate_hz,
+        "jitter_s": r.clock.jitter_s,
+        "gaps": r.clock.gaps,
+        "restarts": r.clock.restarts,
+        "visits": 0 if visits is None else len(visits.edges),
+        "visits_by": None if visits is None else visits.found_by,
+        "poses": None if visits is None else _poses(means),
+        "magnitude": {"median": float(np.median(size)), "least": float(size.min()), "greatest": float(size.max())},
+        "noise": found.noise.tolist(),
+        "lsb": found.lsb.tolist(),
+        "full_scale": found.full_scale,
+        "temperature_degC": None if warm is None else [float(warm.min()), float(warm.max())],
+        "inferred": list(_inferred(r, visits)),
+        "remarks": [m.document() for m in (*r.remarks, *(visits.remarks if visits else ()))],
+    }
+
+
+def _poses(means: Floats) -> int:
+    return int(rest_segments.orientations(means).max(initial=-1)) + 1
+
+
+def _inferred(r: Recording, visits: Visits | None) -> Iterator[str]:
+    if r.axes_inferred:
+        yield "axes"
+    if r.scale.inferred:
+        yield "unit"
+    if r.clock.inferred:
+        yield "time_unit"
+    if r.clock.source != "given":
+        yield "rate"
+    if visits is not None and visits.found_by in ("rest", "shown-blocks"):
+        yield "visits"
+    yield from ("noise", "lsb", "full_scale")
+
+
+def messages(told: dict[str, Any], remarks: tuple[Message, ...]) -> Iterator[Message]:
+    """The same as lines for a person."""
+    guess = Message("mark-inferred")
+    stated = Message("mark-stated")
+
+    def how(*names: str) -> Message:
+        return guess if any(n in told["inferred"] for n in names) else stated
+
+    yield Message(
+        "understood-file", file=told["source"], unit=told["unit"], run=told["run"], readings=told["readings"],
+        duration_s=told["duration_s"],
+    )  # fmt: skip
+    yield Message("understood-axes", axes=tuple(told["axes"]), how=how("axes"))
+    yield _unit_message(told, how("unit"))
+    yield _rate_message(told, how("time_unit"))
+    if told["visits"]:
+        key = f"visits-by-{told['visits_by']}"
+        yield Message("understood-visits", visits=told["visits"], how=Message(key), poses=told["poses"])
+    size = told["magnitude"]
+    yield Message(
+        "understood-magnitude", median=size["median"], least=size["least"], greatest=size["greatest"],
+        unit=told["reading_unit"],
+    )  # fmt: skip
+    yield Message("understood-noise", noise=_three(told["noise"]), lsb=_three(told["lsb"]), unit=told["reading_unit"])
+    if told["full_scale"] is not None:
+        yield Message("understood-full-scale", full_scale=told["full_scale"], unit=told["reading_unit"])
+    if told["temperature_degC"] is not None:
+        low, high = told["temperature_degC"]
+        yield Message("understood-temperature", low=low, high=high)
+    yield from remarks
+
+
+def _unit_message(told: dict[str, Any], how: Message) -> Message:
+    if told["zero"]:
+        return Message(
+            "understood-counts", zero=told["zero"], counts=1 / told["scale"], unit=told["reading_unit"], how=how
+        )
+    if told["raw_unit"] == "LSB":
+        return Message("understood-lsb", counts=1 / told["scale"], unit=told["reading_unit"], how=how)
+    if told["raw_unit"] == told["reading_unit"]:
+        return Message("understood-same-unit", unit=told["reading_unit"], how=how)
+    return Message("understood-unit", raw=told["raw_unit"], factor=told["scale"], unit=told["reading_unit"], how=how)
+
+
+def _rate_message(told: dict[str, Any], how: Message) -> Message:
+    if told["time_unit"] == "none":
+        return Message("understood-no-clock", rate_hz=told["rate_hz"])
+    return Message(
+        "understood-rate", rate_hz=told["rate_hz"], jitter_ms=1e3 * told["jitter_s"], time_unit=told["time_unit"],
+        gaps=told["gaps"], restarts=told["restarts"], how=how,
+    )  # fmt: skip
+
+
+def _three(values: list[float]) -> tuple[str, ...]:
+    return tuple(f"{v:.3g}" for v in values)

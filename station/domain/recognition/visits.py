@@ -1,0 +1,54 @@
+"""Visits that a recording declares: blocks of so many readings, labels, or blocks that the readings themselves show."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.core.types import Array, Floats
+from station.domain.recognition.raw_table import RawColumn
+from station.errors import SamplesError, UsageError
+
+Ints = NDArray[np.int64]
+#: A jump from one reading to the next is larger than this many times the usual difference.
+JUMP = 12.0
+#: This share of the jumps must lie at multiples of one number of readings to make blocks of it.
+ON_GRID = 0.95
+LEAST_BLOCK, LEAST_BLOCKS = 8, 6
+
+
+def blocks(file: str, readings: int, length: int) -> Ints:
+    """First row and one past the last (k, 2) of blocks of `length` readings; a last part shorter than half is none."""
+    if not 2 <= length <= readings // 2:
+        raise UsageError("blocks-do-not-fit", file=file, blocks=length, readings=readings)
+    begin = np.arange(0, readings, length)
+    edges = np.stack([begin, np.minimum(begin + length, readings)], axis=1)
+    return np.asarray(edges[edges[:, 1] - edges[:, 0] > length // 2])
+
+
+def labelled(file: str, column: RawColumn, keep: Array) -> tuple[Ints, tuple[str, ...]]:
+    """Runs of one label (k, 2) among the rows kept, and the labels; rows without a label belong to none."""
+    if column.text is not None:
+        text = column.text.text()[keep]
+    else:
+        assert column.values is not None
+        text = np.array([f"{v:g}" if np.isfinite(v) else "" for v in np.asarray(column.values, float)[keep]], object)
+    begin = np.flatnonzero(np.r_[True, text[1:] != text[:-1]])
+    end = np.r_[begin[1:], len(text)]
+    kept = [(a, b) for a, b in zip(begin.tolist(), end.tolist(), strict=True) if str(text[a]).strip() and b - a > 1]
+    if not kept:
+        raise SamplesError("labels-empty", file=file, column=column.name)
+    return np.array(kept, np.int64), tuple(str(text[a]).strip() for a, _ in kept)
+
+
+def shown_blocks(reading: Floats) -> int:
+    """Readings of a block, where the readings (n, 3) jump at multiples of one number and nowhere else; else 0."""
+    apart = np.linalg.norm(np.diff(reading, axis=0), axis=1)
+    usual = float(np.median(apart))
+    jumps = np.flatnonzero(apart > JUMP * usual) + 1 if usual > 0 else np.zeros(0, np.int64)
+    if len(jumps) < LEAST_BLOCKS - 1:
+        return 0
+    lengths, times = np.unique(np.diff(np.r_[0, jumps]), return_counts=True)
+    length = int(lengths[np.argmax(times)])
+    on_grid = float(np.mean(jumps % length == 0)) if length >= LEAST_BLOCK else 0.0
+    # Most of the places where a block may end show a jump.
+    filled = len(jumps) / max(len(reading) // length - 1, 1) if length else 0.0
+    return length if on_grid >= ON_GRID and filled > 0.7 else 0

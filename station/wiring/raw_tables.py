@@ -1,0 +1,35 @@
+"""A file that others recorded → raw tables, whatever it is: a table, a measurement, CAN frames, a decoded log."""
+
+from pathlib import Path
+
+from station.adapters.bus import read_log
+from station.adapters.dbc import read_layouts
+from station.adapters.recordings import read_tables
+from station.adapters.recordings.writing import write_recording
+from station.domain.recognition import decoded
+from station.domain.recognition.raw_table import RawTable
+from station.errors import SamplesError, UsageError
+
+
+def raw_tables(path: Path, dbc: Path | None) -> list[RawTable]:
+    """Every table of a file, one for each time base or CAN message. Errors: InputError."""
+    if path.suffix.lower() in (".log", ".blf", ".asc") and dbc is not None:
+        return _of_frames(path, dbc)
+    if path.suffix.lower() in (".blf", ".asc") and path.is_file():
+        raise UsageError("frames-need-dbc", file=str(path))
+    tables = read_tables(path)
+    if tables:
+        return [part for table in tables for part in decoded.of_long_form(table)]
+    if dbc is None:
+        raise UsageError("frames-need-dbc", file=str(path))
+    return _of_frames(path, dbc)
+
+
+def _of_frames(path: Path, dbc: Path) -> list[RawTable]:
+    found = decoded.of_frames(str(path), read_log(path), read_layouts(dbc).values())
+    if not found:
+        raise SamplesError("no-frames-of-dbc", file=str(path), dbc=str(dbc))
+    return found
+
+
+__all__ = ["raw_tables", "write_recording"]
