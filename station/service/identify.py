@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from station.domain.product import number_format, writeback
 from station.domain.product.device_map import DeviceMap, DeviceSetting
 from station.domain.product.product import decode_serial, stored_serial
+from station.domain.run.unit_state import SWITCHED, UnitState
 from station.errors import DeviceRefused, ReadBackDiffers, StationError, WrongProduct, WrongUnit
 from station.ports.device import Identity
 from station.ports.store import Store
@@ -21,6 +22,7 @@ def identify(unit: Unit, job: Job, store: Store) -> None:
     document = {name: getattr(identity, name) for name in identity.__slots__}
     store.result(unit.attempt, "identity", {**document, "kept_serial": decode_serial(place, raw)})
     _check(unit, job, identity)
+    unit.enter(UnitState.IDENTIFIED)
 
 
 def identify_for_recovery(unit: Unit, job: Job) -> None:
@@ -64,14 +66,13 @@ def make_ready(unit: Unit, job: Job) -> None:
     unit.boot_ups = unit.device.boot_ups()
     unit.heartbeat_s = _heartbeat_s(unit)
     unit.device.emergencies()  # those of power-on are no news
+    unit.enter(UnitState.PREPARED)
     for setting in job.product.map.settings:
         if setting.calibrating is not None:
-            unit.switched = True
             set_checked(unit, setting.address, _raw(setting, setting.calibrating), setting.name)
     unit.device.nmt("start")
     switch = writeback.output(job.product.map, raw=True)
     if switch is not None:
-        unit.switched = True
         set_checked(unit, switch.address, switch.raw, switch.name)
 
 
@@ -95,7 +96,7 @@ def set_compensated(unit: Unit, job: Job) -> None:
 def restore_as_found(unit: Unit, job: Job) -> str:
     """Puts output and settings back as they were found, as far as the device still answers; '' or what failed."""
     try:
-        if unit.switched:
+        if unit.state in SWITCHED:
             for at, raw in unit.settings_old.items():
                 set_checked(unit, at, raw, "setting")
             output = job.product.map.output
@@ -104,7 +105,6 @@ def restore_as_found(unit: Unit, job: Job) -> str:
         unit.device.nmt("pre-operational")
     except StationError as exc:
         return exc.sentence
-    unit.switched = False
     return ""
 
 

@@ -8,6 +8,7 @@ from station.domain.core.types import NestAssignment, Outcome
 from station.domain.evaluation import calibration_document, reduced_visits_document
 from station.domain.product import writeback
 from station.domain.run.progress import (
+    PHASES,
     Event,
     Identified,
     Judged,
@@ -18,8 +19,8 @@ from station.domain.run.progress import (
     PhaseEntered,
     UnitDone,
     UnitResult,
-    follow,
 )
+from station.domain.run.unit_state import UnitState
 from station.errors import (
     Aborted,
     DeviceRefused,
@@ -110,7 +111,7 @@ class Load:
         return [u for u in self._units if u.alive]
 
     def _enter(self, phase: Phase) -> PhaseEntered:
-        self._phase = follow(self._phase, phase)
+        self._phase = PHASES.follow(self._phase, phase)
         return PhaseEntered(phase)
 
     def _begin(self, seats: Sequence[NestAssignment]) -> Iterator[Event]:
@@ -266,7 +267,8 @@ class Load:
             reasons, shown = compute.verify(unit, self._job, stops)
             self._station.store.result(unit.attempt, "verification", shown)
             unit.reasons.extend(reasons)
-            unit.verified = not reasons
+            if not reasons:
+                unit.enter(UnitState.VERIFIED)
             yield from self._end(unit, None, Outcome.FAIL if reasons else Outcome.PASS)
 
     def _drop(self, bad: RejectedUnits) -> Iterator[Event]:

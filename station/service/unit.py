@@ -9,6 +9,7 @@ from station.domain.core.types import Floats, NestAssignment, Outcome, Reason
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.product.product import decode_serial
 from station.domain.run.progress import UnitResult
+from station.domain.run.unit_state import HOLDS_NEW, UNIT_STATES, UnitState
 from station.errors import StationError, UnitFault, WrongUnit
 from station.ports.device import Device, Identity
 from station.service.station import Job
@@ -20,23 +21,19 @@ Address = tuple[int, int]
 class Unit:
     """Working state of one attempt. old, settings_old: raw values of the objects as the device came.
 
-    switched: output or settings are not as they were found; touched: coefficients may differ from `old`;
-    written: new coefficients are saved and read back after a reset. noise in the recipe's unit; heartbeat_s: 0 for
-    none; emergency: an error that the device has reported and not taken back; last_mean (3): of the last good stop.
+    noise in the recipe's unit; heartbeat_s: 0 for none; emergency: an error that the device has reported and not
+    taken back; last_mean (3): of the last good visit.
     """
 
     seat: NestAssignment
     attempt: str
     device: Device
     began_s: float
+    state: UnitState = UnitState.SEATED
     boot_ups: int = 0
     identity: Identity | None = None
     old: Mapping[Address, bytes] = field(default_factory=dict)
     settings_old: Mapping[Address, bytes] = field(default_factory=dict)
-    switched: bool = False
-    touched: bool = False
-    written: bool = False
-    verified: bool = False
     heartbeat_s: float = 0.0
     emergency: str = ""
     last_mean: Floats | None = None
@@ -52,12 +49,26 @@ class Unit:
     @property
     def alive(self) -> bool:
         """Whether the attempt still goes on."""
-        return self.result is None
+        return self.state is not UnitState.CLOSED
+
+    @property
+    def written(self) -> bool:
+        """Whether the new coefficients are saved and were read back after a reset."""
+        return self.state in HOLDS_NEW
+
+    @property
+    def verified(self) -> bool:
+        """Whether its own output was right afterwards."""
+        return self.state is UnitState.VERIFIED
 
     @property
     def name(self) -> str:
         """How sentences call it."""
         return f"unit {self.seat.serial} in nest {self.seat.nest}"
+
+    def enter(self, state: UnitState) -> None:
+        """Goes on to `state`. Errors: StationFault where the table allows no such step."""
+        self.state = UNIT_STATES.follow(self.state, state)
 
     def end(self, outcome: Outcome, duration_s: float) -> UnitResult:
         """Ends the attempt; the first end counts."""
@@ -74,6 +85,7 @@ class Unit:
                 duration_s=duration_s,
                 verification=self.verification,
             )
+            self.enter(UnitState.CLOSED)
         return self.result
 
 

@@ -7,6 +7,7 @@ from station.domain.product import writeback
 from station.domain.product.device_map import DeviceMap
 from station.domain.product.writeback import ObjectWrite
 from station.domain.run.progress import Event, ObjectWritten
+from station.domain.run.unit_state import UNCERTAIN, UnitState
 from station.errors import DeviceRefused, DeviceSilent, ReadBackDiffers, StationError, StationFault, UnitFault
 from station.ports.store import WriteRecord
 from station.service.identify import objects_to_text, set_compensated
@@ -48,11 +49,13 @@ class WriteBack:
         done = False
         try:
             self._keep(*((first, "intent", None) for first in self._writes[:1]))
+            unit.enter(UnitState.WRITING)
             for number, write in enumerate(self._writes, 1):
                 self._write_one(write, self._writes[number : number + 1])
                 yield ObjectWritten(unit.seat.serial, write.name, number, len(self._writes))
             self._check_checksum()
             set_compensated(unit, self._job)
+            unit.enter(UnitState.WRITTEN)
             done = True
         finally:
             if not done:
@@ -67,6 +70,7 @@ class WriteBack:
             self.put_back()
             raise
         self._keep((command, "intent", None))
+        unit.enter(UnitState.SAVING)
         try:
             unit.device.download(*command.address, command.raw, command.timeout_s)
         except DeviceRefused:
@@ -87,7 +91,7 @@ class WriteBack:
         unit.device.nmt("reset-node")
         unit.device.wait_boot_up(self._station.settings.timeouts.boot_s)
         unit.boot_ups = unit.device.boot_ups()
-        unit.switched = False
+        unit.enter(UnitState.RESTARTED)
 
     def read_again(self) -> None:
         """Reads every object after the reset; whatever differs is said, and the record says what the device holds."""
@@ -104,12 +108,11 @@ class WriteBack:
                 "it does not keep what it is told, so it must not be shipped"
             )
         self._check_checksum()
-        unit.touched, unit.written = False, True
+        unit.enter(UnitState.STORED)
 
     def _write_one(self, write: ObjectWrite, after: Sequence[ObjectWrite]) -> None:
         """Writes what the log already intends, and reads it back; the fact is kept together with the next intent."""
         unit, following = self._unit, [(w, "intent", None) for w in after]
-        unit.touched = True
         try:
             unit.device.download(*write.address, write.raw, write.timeout_s)
         except DeviceRefused:
@@ -133,7 +136,7 @@ class WriteBack:
     def put_back(self) -> None:
         """Old values into the device again, so that no mixture is left; the record says how that went."""
         unit = self._unit
-        if not unit.touched:
+        if unit.state not in UNCERTAIN:
             return
         # An empty text cannot be written by SDO; it is no coefficient either.
         wanted = {w.address: unit.old[w.address] for w in self._writes if w.read_back and unit.old[w.address]}
@@ -143,7 +146,7 @@ class WriteBack:
             self._station.store.event(unit.attempt, "put-back-failed", {"sentence": exc.sentence})
             self._read_state_after_reset()
         else:
-            unit.touched = False
+            unit.enter(UnitState.PUT_BACK)
             self._state("old")
 
     def _read_state_after_reset(self) -> None:
@@ -154,7 +157,8 @@ class WriteBack:
             state = writeback.classify(self._unit.old, wanted, {at: self._unit.device.upload(*at) for at in wanted})
         except StationError as exc:
             self._station.store.event(self._unit.attempt, "state-unknown", {"sentence": exc.sentence})
-        self._unit.touched = state != "old"
+        if state == "old":
+            self._unit.enter(UnitState.REVERTED)
         self._state(state)
 
     def _wanted(self) -> dict[Address, bytes]:

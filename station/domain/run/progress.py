@@ -7,7 +7,8 @@ from typing import Any
 
 from station.domain.core.types import NestAssignment, Outcome, Reason
 from station.domain.evaluation.pipeline import CalibrationResult
-from station.errors import StationError, StationFault
+from station.domain.run.transitions import TransitionTable
+from station.errors import StationError
 from station.messages import Message
 
 
@@ -28,32 +29,22 @@ class Phase(StrEnum):
 
 
 #: The only ways on. CLOSE may follow everything: a fault, a stop, or no unit left to go on with.
-TRANSITIONS: Mapping[Phase, frozenset[Phase]] = {
-    Phase.BEGIN: frozenset({Phase.IDENTIFY, Phase.CLOSE}),
-    Phase.IDENTIFY: frozenset({Phase.MEASURE, Phase.CLOSE}),
-    Phase.MEASURE: frozenset({Phase.JUDGE, Phase.CLOSE}),
-    Phase.JUDGE: frozenset({Phase.WRITE, Phase.CLOSE}),
-    Phase.WRITE: frozenset({Phase.SAVE, Phase.CLOSE}),
-    Phase.SAVE: frozenset({Phase.RESTART, Phase.CLOSE}),
-    Phase.RESTART: frozenset({Phase.VERIFY, Phase.CLOSE}),
-    Phase.VERIFY: frozenset({Phase.CLOSE}),
-    Phase.CLOSE: frozenset({Phase.PARK}),
-    Phase.PARK: frozenset({Phase.DONE}),
-    Phase.DONE: frozenset(),
-}
-
-
-def follow(present: Phase, wanted: Phase) -> Phase:
-    """`wanted`, when the table lets it follow `present`; StationFault otherwise."""
-    if wanted not in TRANSITIONS[present]:
-        raise StationFault(f"the run cannot go from {present} to {wanted}; this is a fault of the program")
-    return wanted
-
-
-def diagram() -> str:
-    """The transition table as a Mermaid state diagram."""
-    lines = [f"    {a} --> {b}" for a, after in TRANSITIONS.items() for b in Phase if b in after]
-    return "\n".join(["stateDiagram-v2", f"    [*] --> {Phase.BEGIN}", *lines, f"    {Phase.DONE} --> [*]"])
+PHASES = TransitionTable(
+    "the run",
+    {
+        Phase.BEGIN: frozenset({Phase.IDENTIFY, Phase.CLOSE}),
+        Phase.IDENTIFY: frozenset({Phase.MEASURE, Phase.CLOSE}),
+        Phase.MEASURE: frozenset({Phase.JUDGE, Phase.CLOSE}),
+        Phase.JUDGE: frozenset({Phase.WRITE, Phase.CLOSE}),
+        Phase.WRITE: frozenset({Phase.SAVE, Phase.CLOSE}),
+        Phase.SAVE: frozenset({Phase.RESTART, Phase.CLOSE}),
+        Phase.RESTART: frozenset({Phase.VERIFY, Phase.CLOSE}),
+        Phase.VERIFY: frozenset({Phase.CLOSE}),
+        Phase.CLOSE: frozenset({Phase.PARK}),
+        Phase.PARK: frozenset({Phase.DONE}),
+        Phase.DONE: frozenset(),
+    },
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
