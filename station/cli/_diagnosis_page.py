@@ -5,15 +5,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from station.cli._pages import environment
 from station.diagnosis.results.diagnose import Diagnosis
 from station.errors import UsageError
 from station.reporting.diagnosis.gather import report_data
 from station.reporting.diagnosis.page import ReportPage, build_page
-
-_FOLDER = Path(__file__).parent / "templates"
 
 
 def page_of_diagnosis(found: Diagnosis, told: Mapping[str, Any]) -> ReportPage:
@@ -23,8 +21,8 @@ def page_of_diagnosis(found: Diagnosis, told: Mapping[str, Any]) -> ReportPage:
 
 def html(page: ReportPage) -> str:
     """The page as HTML; every text is escaped, only the figures, whose makers escape, go in as they are."""
-    made = Environment(loader=FileSystemLoader(_FOLDER), autoescape=True, undefined=StrictUndefined)
-    made.filters |= {"drawing": Markup, "words": _mark_code}
+    made = environment()
+    made.filters["words"] = _mark_code
     return made.get_template("diagnosis.html").render(page=page)
 
 

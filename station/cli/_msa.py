@@ -17,7 +17,8 @@ from station.domain.core.types import Floats
 from station.domain.line_quality import msa
 from station.errors import UsageError
 from station.ports.log_reader import Query
-from station.web.line_statistics import VALUE_NAMES, attempt_values, limits_of
+from station.reporting.line.statistics import VALUE_NAMES, limits_of
+from station.service.line_statistics import attempt_values
 from station.wiring.jobs import load_job
 from station.wiring.logs import open_log
 from station.wiring.run_order import RunOrder

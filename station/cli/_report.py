@@ -5,11 +5,12 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from station.cli import _output
+from station.cli._pages import environment
 from station.errors import UsageError
 from station.ports.log_reader import Query
-from station.web import charts
-from station.web.line_statistics import gather_statistics
-from station.web.render import environment
+from station.reporting.line import charts
+from station.reporting.words import words_of
+from station.service.line_statistics import gather_statistics
 
 if TYPE_CHECKING:
     from station.ports.log_reader import LogReader
@@ -29,7 +30,7 @@ class ReportRequest:
 def run_report(log: "LogReader", ask: ReportRequest, *, as_json: bool) -> int:
     """Writes and prints the report. Errors: LogError, UsageError."""
     line = gather_statistics(log, ask.query, ask.most)
-    drawn = charts.draw(line, ask.value, ask.size)
+    drawn = charts.draw(line, ask.value, ask.size, words_of("en"))
     if ask.out is not None:
         _write(ask.out, _page(log, drawn, len(line.attempts)))
     if as_json:

@@ -13,9 +13,11 @@ from station.domain.methods import coefficients
 from station.domain.records.stored_attempt import result
 from station.errors import LogError
 from station.ports.log_reader import Attempt, LogReader, Query
+from station.reporting.certificate.document import Certificate
+from station.reporting.certificate.pdf import pdf
 from station.reporting.drawing.figure import Figure, Series, svg
-from station.web import certificate, language, render
-from station.web.certificate_pdf import pdf
+from station.service.certificates import certificate_of
+from station.web import language, render
 from station.web.guard import form_of, require_right
 from station.web.panel import Panel
 from station.web.query_form import QUERY_FIELDS, query_of
@@ -138,9 +140,9 @@ def _unit_and_attempt(asked: dict[str, str]) -> tuple[str, str]:
     return asked.get("serial", ""), asked.get("attempt", "")
 
 
-def _certificate(panel: Panel, serial: str, attempt: str, code: str) -> certificate.Certificate:
+def _certificate(panel: Panel, serial: str, attempt: str, code: str) -> Certificate:
     with panel.log() as log:
-        return certificate.build(log, _attempt(log, serial, attempt), code)
+        return certificate_of(log, _attempt(log, serial, attempt), language.words(code))
 
 
 def _recompute(panel: Panel, serial: str, attempt: str) -> dict[str, Any]:

@@ -9,10 +9,12 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from station.errors import StationError, UsageError
-from station.web import charts, language, render
+from station.reporting.line import charts
+from station.reporting.line.statistics import VALUE_NAMES, LineStatistics
+from station.service.line_statistics import gather_statistics
+from station.web import language, render
 from station.web.guard import parse_whole_number, require_right
 from station.web.line_cache import DAY_NS
-from station.web.line_statistics import VALUE_NAMES, LineStatistics, gather_statistics
 from station.web.panel import Panel
 from station.web.query_form import query_of
 from station.web.sessions import Session
@@ -34,7 +36,7 @@ async def show(request: Request, session: Session) -> Response:
         raise UsageError("the size of a subgroup is a number from 1 to 25")
     panel: Panel = request.app.state.panel
     line = await run_in_threadpool(_statistics, panel, asked)
-    drawn = await run_in_threadpool(charts.draw, line, value, size, language.of_request(request))
+    drawn = await run_in_threadpool(charts.draw, line, value, size, language.words(language.of_request(request)))
     return render.page(
         *(request, "charts.html", session),
         asked=asked, value=value, size=size, values=VALUE_NAMES, charts=drawn,

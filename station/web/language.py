@@ -1,25 +1,23 @@
-"""Texts of the page in several languages: one JSON file each in languages/, every one with the same keys."""
+"""Which language a person reads, and what they read in it."""
 
-import json
 from collections.abc import Mapping
-from functools import lru_cache
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 from starlette.requests import Request
 
 from station.messages import Message, render
+from station.messages.labels import all_texts
 from station.messages.message import TEXT
+from station.reporting.words import Words, words_of
 from station.web.sentences import translate
 
-_FOLDER = Path(__file__).parent / "languages"
 LANGUAGE_COOKIE = "station_language"
 
 
-@lru_cache(maxsize=1)
-def all_texts() -> Mapping[str, Mapping[str, str]]:
-    """Language code → key → text."""
-    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(_FOLDER.glob("*.json"))}
+def words(code: str) -> Words:
+    """Words of that language, with the sentences of older logs."""
+    return words_of(code, partial(translate, code=code))
 
 
 def sentence(kept: Message | Mapping[str, Any] | str | None, code: str) -> str:

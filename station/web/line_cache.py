@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from threading import Lock
 
 from station.ports.log_reader import Attempt, LogReader, Query, Yield
-from station.web.line_statistics import AttemptValues, values_and_checks
+from station.reporting.line.statistics import AttemptValues, values_and_checks
 
 DAY_NS = 86_400 * 10**9
 #: So many attempts and so many questions are remembered.

@@ -1,6 +1,5 @@
 """Templates → answers: HTML with everything escaped, in the person's language, with their rights and their token."""
 
-import math
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,8 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse
 
 from station.domain.records.stored_attempt import utc
+from station.messages import labels
+from station.reporting.number_text import format_number, format_time, format_to_uncertainty
 from station.web import language
 from station.web.accounts import RIGHTS
 from station.web.sentences import translate
@@ -44,28 +45,10 @@ def _translated(context: Context, sentence: str) -> str:
     return translate(sentence, str(context["language"]))
 
 
-def format_number(value: Any, digits: int = 6) -> str:
-    """A figure for a person: short, with a real minus; '–' where there is none."""
-    return "–" if value is None else f"{value:.{digits}g}".replace("-", "−")
-
-
-def format_to_uncertainty(value: Any, spread: float | None) -> str:
-    """A figure to the decimal place of the second digit of its uncertainty (GUM 7.2.6), as a person reads it."""
-    if value is None or not spread or not 1e-9 < spread < 1e3:
-        return format_number(value, 7)
-    places = max(0, 1 - math.floor(math.log10(spread)))
-    return f"{value:.{places}f}".replace("-", "−")
-
-
-def format_time(stamp: str) -> str:
-    """An ISO time stamp in UTC as a person reads it, to the second."""
-    return stamp[:19].replace("T", " ") + " UTC"
-
-
 def page(request: Request, name: str, session: Session | None, status: int = 200, **values: Any) -> HTMLResponse:
     """One page. values: what its template shows."""
     code = language.of_request(request)
-    texts = language.all_texts()[code]
+    texts = labels.all_texts()[code]
     account = session.account if session else None
     html = (
         environment()
@@ -73,7 +56,7 @@ def page(request: Request, name: str, session: Session | None, status: int = 200
         .render(
             t=texts,
             language=code,
-            languages={known: texts["language_name"] for known, texts in language.all_texts().items()},
+            languages={known: texts["language_name"] for known, texts in labels.all_texts().items()},
             query=urlencode([(k, v) for k, v in request.query_params.multi_items() if k != "language"]),
             station=request.app.state.panel.settings.station,
             # Only a path of ours: of any other the browser might make an address of somebody else's.

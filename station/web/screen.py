@@ -11,8 +11,9 @@ from station.config.settings import Settings
 from station.errors import StationError, StoreFault
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.queue import LoadQueue
+from station.reporting.drawing import fixture
 from station.service.golden_register import standings
-from station.web import fixture, language
+from station.web import language
 from station.web.run_launcher import RunLauncher
 from station.wiring.bus_status import state_of
 from station.wiring.logs import find_log

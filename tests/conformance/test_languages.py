@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 import station
-from station.web import language
+from station.messages import labels
 from station.web.sentences import catalogue, translate
 
 ROOT = Path(station.__file__).parent
-OTHERS = sorted(set(language.all_texts()) - {"en"})
+OTHERS = sorted(set(labels.all_texts()) - {"en"})
 #: Where every sentence is one that an operator may read: reasons, faults of unit, bus, fixture and log.
 RUN_TIME = (
     *("domain/stop_check.py", "domain/quality.py", "domain/verification.py", "domain/judge.py", "domain/pipeline.py"),
@@ -82,7 +82,7 @@ def checks() -> set[str]:
 
 
 def test_every_language_says_everything() -> None:
-    texts = language.all_texts()
+    texts = labels.all_texts()
     assert {"en", "de", "zh"} <= set(texts)
     for code, said in texts.items():
         assert set(said) == set(texts["en"]), code
@@ -92,7 +92,7 @@ def test_every_language_says_everything() -> None:
 def test_every_reason_has_a_name_in_every_language() -> None:
     wanted = checks()
     assert {"noise", "stuck", "verify", "device-silent", "offset", "residual", "aborted"} <= wanted
-    for code, said in language.all_texts().items():
+    for code, said in labels.all_texts().items():
         assert sorted(c for c in wanted if not said.get(f"check_{c}")) == [], code
 
 
@@ -163,5 +163,5 @@ def test_every_deed_in_the_journal_has_a_name() -> None:
     added = [n for n in calls if isinstance(n.func, ast.Attribute) and ast.unparse(n.func).endswith("journal.add")]
     deeds = {n.args[1].value for n in added if isinstance(n.args[1], ast.Constant)}
     assert {"log-in", "scan", "again", "confirm", "certificate"} <= deeds
-    for code, said in language.all_texts().items():
+    for code, said in labels.all_texts().items():
         assert sorted(d for d in deeds if f"deed_{d}" not in said) == [], code

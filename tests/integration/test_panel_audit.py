@@ -10,10 +10,12 @@ from starlette.testclient import TestClient
 from station.adapters.store.reader import SqliteLogReader
 from station.config.settings import load_settings
 from station.ports.log_reader import Query
-from station.web import accounts, certificate
+from station.reporting.certificate import document
+from station.reporting.certificate.pdf import pdf
+from station.service.certificates import certificate_of
+from station.web import accounts, language
 from station.web.accounts import Account, Role
 from station.web.app import create_app
-from station.web.certificate_pdf import pdf
 from station.web.panel import Panel
 from station.web.query_form import query_of
 from station.web.run_launcher import LaunchOptions
@@ -71,7 +73,7 @@ def test_stored_text_stays_text(client: TestClient) -> None:
 def test_a_certificate_holds_what_an_auditor_asks_for(client: TestClient, folder: Path) -> None:
     with SqliteLogReader(folder / "station.db") as log:
         attempt = log.attempts(Query(serial="SN0001"))[0]
-        made = certificate.build(log, attempt)
+        made = document.build(log, attempt)
         head = log.head()
     page = client.get("/audit/certificate", params={"serial": "SN0001", "attempt": attempt.attempt}, headers=HTML).text
     values = next(s for s in made.sections if s.title.startswith("Calibration"))
@@ -97,7 +99,7 @@ def test_a_certificate_in_the_readers_language(
 ) -> None:
     with SqliteLogReader(folder / "station.db") as log:
         attempt = log.attempts(Query(serial="SN0001"))[0]
-        english, other = certificate.build(log, attempt), certificate.build(log, attempt, code)
+        english, other = document.build(log, attempt), document.build(log, attempt, code)
     asked = {"serial": "SN0001", "attempt": attempt.attempt, "language": code}
     page = client.get("/audit/certificate", params=asked, headers=HTML).text
     client.cookies.delete("station_language")
@@ -119,8 +121,8 @@ _SAME = {"", "u (k = 1)", "U (k = 2)", "Software"}
 
 def test_a_name_in_chinese_stands_on_a_german_certificate(folder: Path) -> None:
     with SqliteLogReader(folder / "station.db") as log:
-        made = certificate.build(log, log.attempts(Query(serial="SN0001"))[0], "de")
-    section = certificate.CertificateTable("Gerät", ("", ""), (("Bediener", "王 <b>小</b>\x07"),))
+        made = certificate_of(log, log.attempts(Query(serial="SN0001"))[0], language.words("de"))
+    section = document.CertificateTable("Gerät", ("", ""), (("Bediener", "王 <b>小</b>\x07"),))
     plain, named = pdf(replace(made, sections=())), pdf(replace(made, sections=(section,)))
     assert len(named) > len(plain)
 

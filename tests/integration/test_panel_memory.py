@@ -12,9 +12,9 @@ from station.adapters.store.sqlite import SqliteStore
 from station.config.settings import load_settings
 from station.ports.log_reader import Query
 from station.ports.store import AttemptStart
+from station.service.line_statistics import gather_statistics
 from station.web.app import create_app
 from station.web.line_cache import DAY_NS, LineCache
-from station.web.line_statistics import gather_statistics
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job

@@ -11,8 +11,10 @@ from station.cli.app import main
 from station.domain.line_quality import spc
 from station.errors import UsageError
 from station.ports.log_reader import Query
-from station.web import charts
-from station.web.line_statistics import CYCLE_PARTS, LineStatistics, gather_statistics, limits_of
+from station.reporting.line import charts
+from station.reporting.line.statistics import CYCLE_PARTS, LineStatistics, limits_of
+from station.reporting.words import words_of
+from station.service.line_statistics import gather_statistics
 from tests.fakes import fixture_run
 
 
@@ -55,7 +57,7 @@ def test_parts_of_the_cycle_make_the_cycle(line: LineStatistics) -> None:
 
 
 def test_the_capability_is_that_of_the_values_in_the_log(line: LineStatistics) -> None:
-    drawn = charts.draw(line, "offset x", 2)
+    drawn = charts.draw(line, "offset x", 2, words_of("en"))
     table = dict(next(t for t in drawn.tables if t.title == "Capability: offset x").rows)
     values = np.array([m.values["offset x"] for m in line.attempts if "offset x" in m.values])
     assert line.recipe is not None
@@ -67,7 +69,7 @@ def test_the_capability_is_that_of_the_values_in_the_log(line: LineStatistics) -
 
 
 def test_every_figure_is_there(line: LineStatistics) -> None:
-    titles = "".join(charts.draw(line, "gain z", 2).figures)
+    titles = "".join(charts.draw(line, "gain z", 2, words_of("en")).figures)
     for wanted in (
         "Yield by day",
         "Reasons of attempts",
@@ -77,19 +79,19 @@ def test_every_figure_is_there(line: LineStatistics) -> None:
         "Tilt of each",
     ):
         assert wanted in titles
-    assert "moving range" in "".join(charts.draw(line, "noise", 1).figures)
+    assert "moving range" in "".join(charts.draw(line, "noise", 1, words_of("en")).figures)
 
 
 def test_too_few_values_are_said_and_wrong_ones_refused(line: LineStatistics) -> None:
-    assert "needs two subgroups" in charts.draw(line, "offset x", 20).problem
+    assert "needs two subgroups" in charts.draw(line, "offset x", 20, words_of("en")).problem
     with pytest.raises(UsageError, match="there is no value"):
-        charts.draw(line, "offset q", 1)
+        charts.draw(line, "offset q", 1, words_of("en"))
 
 
 def test_an_empty_log_has_an_empty_report(database: Path) -> None:
     with SqliteLogReader(database) as log:
         nothing = gather_statistics(log, Query(station="elsewhere"), 100)
-    drawn = charts.draw(nothing, "offset x", 1)
+    drawn = charts.draw(nothing, "offset x", 1, words_of("en"))
     assert drawn.figures == ()
     assert drawn.problem
 

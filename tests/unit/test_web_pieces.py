@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from station.domain.core import rotation
+from station.messages import labels
 from station.panel_protocol.owner import owner_pid
-from station.web import fixture, language
+from station.reporting.drawing import fixture
 from station.web.run_launcher import LaunchOptions, RunLauncher
 
 
 def test_every_language_says_everything_and_nothing_more() -> None:
-    texts = language.all_texts()
+    texts = labels.all_texts()
     assert set(texts) == {"en", "de", "zh"}
     for code, said in texts.items():
         assert set(said) == set(texts["en"]), code

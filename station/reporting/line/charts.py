@@ -12,10 +12,9 @@ from station.domain.records.stored_attempt import utc
 from station.errors import UsageError
 from station.reporting.drawing.figure import Figure, Series, svg
 from station.reporting.drawing.tables import bar_chart
-from station.web import language
-from station.web.line_statistics import CYCLE_PARTS, VALUE_NAMES, YIELD_SPLITS, LineStatistics, limits_of
-from station.web.render import format_number
-from station.web.sentences import translate
+from station.reporting.line.statistics import CYCLE_PARTS, VALUE_NAMES, YIELD_SPLITS, LineStatistics, limits_of
+from station.reporting.number_text import format_number
+from station.reporting.words import Words
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +40,12 @@ class Charts:
 Translate = Callable[[str], str]
 
 
-def draw(line: LineStatistics, value: str, size: int, code: str = "en") -> Charts:
-    """All figures. value: what the control chart follows, in subgroups of `size` attempts; code: the language."""
+def draw(line: LineStatistics, value: str, size: int, words: Words) -> Charts:
+    """All figures. value: what the control chart follows, in subgroups of `size` attempts."""
 
-    def say(words: str) -> str:
-        return translate(words, code)
-
+    say = words.say
     control, capability, problem = _control(line, value, size, say)
-    figures = [_yield(line, say), _pareto(line, code), _cycle(line, say), *control, *_tilts(line, say)]
+    figures = [_yield(line, say), _pareto(line, words), _cycle(line, say), *control, *_tilts(line, say)]
     tables = [*(_yields(by, line) for by in YIELD_SPLITS), *capability, _tilt_table(line)]
     return Charts(tuple(f for f in figures if f), tuple(_translated(table, say) for table in tables), say(problem))
 
@@ -74,12 +71,12 @@ def _shares(x: Sequence[float], shares: Sequence[float], name: str, colour: int)
     return Series([a for a, _ in kept], [b for _, b in kept], name, "dots", colour=colour)
 
 
-def _pareto(line: LineStatistics, code: str) -> str:
+def _pareto(line: LineStatistics, words: Words) -> str:
     """Reasons by their names in the reader's language; one that it has no name for, by its code."""
-    names = language.all_texts()[code]
+    names = words.texts
     rows = [(names.get(f"check_{check}", check), float(count)) for check, count in line.reasons.items()]
-    title = translate("Reasons of attempts that did not pass", code)
-    return bar_chart(title, rows, translate("attempts", code)) if rows else ""
+    title = words.say("Reasons of attempts that did not pass")
+    return bar_chart(title, rows, words.say("attempts")) if rows else ""
 
 
 def _cycle(line: LineStatistics, say: Translate) -> str:

@@ -1,16 +1,15 @@
-"""The line in figures: what finished attempts in the log come to, gathered once for the page and for the report."""
+"""The line in figures: what finished attempts come to, one by one and counted."""
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
 from station.domain.methods import coefficients
 from station.domain.recipe.recipe import Limits, Recipe
 from station.domain.records import stored_attempt
-from station.ports.log_reader import YIELD_CELL, YIELD_SEPARATOR, Attempt, LogReader, Query, Yield
+from station.ports.log_reader import YIELD_CELL, YIELD_SEPARATOR, Yield
 
 #: What the yields are split by.
 YIELD_SPLITS = YIELD_CELL
@@ -43,43 +42,9 @@ class LineStatistics:
     reasons: Mapping[str, int] = field(default_factory=dict)
 
 
-class StatisticsCache(Protocol):
-    """What may be remembered of a log between two looks."""
-
-    def measured(self, log: LogReader, attempt: Attempt) -> tuple[AttemptValues, tuple[str, ...]]:
-        """A finished attempt's values, and the checks that speak against it."""
-
-    def yields(self, log: LogReader, query: Query) -> list[Yield]:
-        """Cells of the attempts that the query names."""
-
-
-def gather_statistics(log: LogReader, query: Query, most: int, known: StatisticsCache | None = None) -> LineStatistics:
-    """The newest `most` finished attempts that the query names. known: what is remembered of the log, where the query
-    spans whole days up to now. Errors: LogError."""
-    found = _finished(log, query, most)
-    lives = [known.measured(log, a) if known else values_and_checks(log.attempt(a)) for a in reversed(found)]
-    reasons = Counter(check for _, checks in lives for check in checks)
-    recipe = Recipe.model_validate_json(log.recipe_and_product(found[0])[0]) if found else None
-    return LineStatistics(
-        recipe=recipe,
-        attempts=tuple(m for m, _ in lives),
-        yields=_yields(known.yields(log, query) if known else log.yields(query, "cell")),
-        reasons=dict(reasons.most_common(12)),
-    )
-
-
 def values_and_checks(kept: dict[str, Any]) -> tuple[AttemptValues, tuple[str, ...]]:
     """One finished attempt's values, and the checks that speak against it."""
-    return _values_of(kept), tuple(_checks(kept))
-
-
-def attempt_values(log: LogReader, query: Query, most: int) -> list[AttemptValues]:
-    """The newest `most` finished attempts that the query names, oldest first, without anything around them."""
-    return [_values_of(log.attempt(a)) for a in reversed(_finished(log, query, most))]
-
-
-def _finished(log: LogReader, query: Query, most: int) -> list[Attempt]:
-    return [a for a in log.attempts(query, most) if a.outcome is not None]
+    return values_of(kept), tuple(_checks(kept))
 
 
 def limits_of(name: str, limits: Limits) -> tuple[float | None, float | None]:
@@ -94,7 +59,7 @@ def limits_of(name: str, limits: Limits) -> tuple[float | None, float | None]:
     return (None, None) if half is None else (nominal - half, nominal + half)
 
 
-def _yields(cells: Sequence[Yield]) -> dict[str, list[Yield]]:
+def yields_by_split(cells: Sequence[Yield]) -> dict[str, list[Yield]]:
     """Yields by each split: a unit is first or last wherever it is counted, so the cells' counts only add up."""
     found: dict[str, list[Yield]] = {}
     for place, by in enumerate(YIELD_SPLITS):
@@ -116,7 +81,8 @@ def _checks(kept: dict[str, Any]) -> list[str]:
     return sorted({str(r["check"]) for r in verdict.get("reasons", ())})
 
 
-def _values_of(kept: dict[str, Any]) -> AttemptValues:
+def values_of(kept: dict[str, Any]) -> AttemptValues:
+    """One finished attempt's values; kept: everything the log holds of it."""
     fit, verdict = stored_attempt.result(kept, "calibration") or {}, stored_attempt.result(kept, "verdict") or {}
     values: dict[str, float] = {}
     if fit.get("offset") is not None:

@@ -6,7 +6,7 @@ from io import BytesIO
 from itertools import groupby
 from typing import Any
 
-from station.web.certificate import Certificate, CertificateTable
+from station.reporting.certificate.document import Certificate, CertificateTable
 
 _WIDTH = 511.0
 #: Widths of a table's columns, by how many it has.

@@ -7,10 +7,9 @@ from typing import Any
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
 from station.errors import LogError
-from station.ports.log_reader import Attempt, LogReader
-from station.web import language
-from station.web.render import format_number, format_time, format_to_uncertainty
-from station.web.sentences import translate
+from station.ports.store import LogHead
+from station.reporting.number_text import format_number, format_time, format_to_uncertainty
+from station.reporting.words import Words
 
 Rows = tuple[tuple[str, ...], ...]
 
@@ -41,16 +40,15 @@ class Certificate:
         return f"{self.texts['cert_title']} {self.serial}"
 
 
-def build(log: LogReader, attempt: Attempt, code: str = "en") -> Certificate:
-    """The certificate of one ended attempt in that language. Errors: LogError where it came to no calibration."""
-    kept = log.attempt(attempt)
+def build(kept: Mapping[str, Any], recipe: Recipe, head: LogHead, words: Words) -> Certificate:
+    """The certificate of one ended attempt. kept: everything the log holds of it, with the recipe it used; head: the
+    newest record of the log. Errors: LogError where it came to no calibration."""
     fit, verdict = stored_attempt.result(kept, "calibration"), stored_attempt.result(kept, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
         raise LogError(
-            f"the attempt {attempt.attempt} of {attempt.serial} came to no calibration; it has no certificate"
+            f"the attempt {kept['attempt']} of {kept['serial']} came to no calibration; it has no certificate"
         )
-    recipe = Recipe.model_validate_json(log.recipe_and_product(attempt)[0])
-    w = _Writer(code)
+    w = _Writer(words)
     stops = ("cert_position", "cert_tilt", "cert_tilt_u", "cert_residual")
     sections = (
         w.section("cert_unit", (), _unit(w, kept)),
@@ -59,25 +57,21 @@ def build(log: LogReader, attempt: Attempt, code: str = "en") -> Certificate:
         w.section("cert_stops", stops, _positions(fit), f" {recipe.unit}"),
         w.section("cert_verification", ("cert_position", "cert_error", "cert_limit"), _verification(kept)),
         w.section("cert_reference", (), _reference(w, recipe)),
-        w.section("cert_provenance", (), _provenance(w, kept, asdict(log.head()))),
+        w.section("cert_provenance", (), _provenance(w, kept, asdict(head))),
     )
     filled = tuple(s for s in sections if s.rows)
-    return Certificate(attempt.serial, attempt.attempt, str(verdict["outcome"]), code, w.texts, filled)
+    return Certificate(kept["serial"], kept["attempt"], str(verdict["outcome"]), words.code, w.texts, filled)
 
 
 class _Writer:
     """Words of one language."""
 
-    def __init__(self, code: str) -> None:
-        self.code, self.texts = code, language.all_texts()[code]
+    def __init__(self, words: Words) -> None:
+        self.texts, self.say = words.texts, words.say
 
     def __call__(self, key: str, *values: str) -> str:
         """The text `cert_KEY`, with its values."""
         return self.texts[f"cert_{key}"].format(*values)
-
-    def say(self, sentence: str) -> str:
-        """A sentence of the station."""
-        return translate(sentence, self.code)
 
     def section(self, title: str, columns: Sequence[str], rows: Rows, more: str = "") -> CertificateTable:
         """A table with its heads; more: goes behind the last one."""

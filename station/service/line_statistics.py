@@ -1,0 +1,48 @@
+"""Figures of the line out of the log, gathered once for the page and for the report."""
+
+from collections import Counter
+from typing import Protocol
+
+from station.domain.recipe.recipe import Recipe
+from station.ports.log_reader import Attempt, LogReader, Query, Yield
+from station.reporting.line.statistics import (
+    AttemptValues,
+    LineStatistics,
+    values_and_checks,
+    values_of,
+    yields_by_split,
+)
+
+
+class StatisticsCache(Protocol):
+    """What may be remembered of a log between two looks."""
+
+    def measured(self, log: LogReader, attempt: Attempt) -> tuple[AttemptValues, tuple[str, ...]]:
+        """A finished attempt's values, and the checks that speak against it."""
+
+    def yields(self, log: LogReader, query: Query) -> list[Yield]:
+        """Cells of the attempts that the query names."""
+
+
+def gather_statistics(log: LogReader, query: Query, most: int, known: StatisticsCache | None = None) -> LineStatistics:
+    """The newest `most` finished attempts that the query names. known: what is remembered of the log, where the query
+    spans whole days up to now. Errors: LogError."""
+    found = _finished(log, query, most)
+    lives = [known.measured(log, a) if known else values_and_checks(log.attempt(a)) for a in reversed(found)]
+    reasons = Counter(check for _, checks in lives for check in checks)
+    recipe = Recipe.model_validate_json(log.recipe_and_product(found[0])[0]) if found else None
+    return LineStatistics(
+        recipe=recipe,
+        attempts=tuple(m for m, _ in lives),
+        yields=yields_by_split(known.yields(log, query) if known else log.yields(query, "cell")),
+        reasons=dict(reasons.most_common(12)),
+    )
+
+
+def attempt_values(log: LogReader, query: Query, most: int) -> list[AttemptValues]:
+    """The newest `most` finished attempts that the query names, oldest first, without anything around them."""
+    return [values_of(log.attempt(a)) for a in reversed(_finished(log, query, most))]
+
+
+def _finished(log: LogReader, query: Query, most: int) -> list[Attempt]:
+    return [a for a in log.attempts(query, most) if a.outcome is not None]
