@@ -73,7 +73,7 @@ def test_stored_text_stays_text(client: TestClient) -> None:
 def test_a_certificate_holds_what_an_auditor_asks_for(client: TestClient, folder: Path) -> None:
     with SqliteLogReader(folder / "station.db") as log:
         attempt = log.attempts(Query(serial="SN0001"))[0]
-        made = document.build(log, attempt)
+        made = certificate_of(log, attempt, language.words("en"))
         head = log.head()
     page = client.get("/audit/certificate", params={"serial": "SN0001", "attempt": attempt.attempt}, headers=HTML).text
     values = next(s for s in made.sections if s.title.startswith("Calibration"))
@@ -99,7 +99,7 @@ def test_a_certificate_in_the_readers_language(
 ) -> None:
     with SqliteLogReader(folder / "station.db") as log:
         attempt = log.attempts(Query(serial="SN0001"))[0]
-        english, other = document.build(log, attempt), document.build(log, attempt, code)
+        english, other = (certificate_of(log, attempt, language.words(one)) for one in ("en", code))
     asked = {"serial": "SN0001", "attempt": attempt.attempt, "language": code}
     page = client.get("/audit/certificate", params=asked, headers=HTML).text
     client.cookies.delete("station_language")
