@@ -79,7 +79,13 @@ def test_a_certificate_holds_what_an_auditor_asks_for(client: TestClient, folder
     values = next(s for s in made.sections if s.title.startswith("Calibration"))
     assert [row[0] for row in values.rows[:4]] == ["offset x", "offset y", "offset z", "gain x"]
     assert all(row[3] != "–" for row in values.rows)
-    for wanted in ("guarded acceptance", attempt.recipe_hash, attempt.config_hash, f"{head.number}:{head.hash}", "due for"):
+    for wanted in (
+        "guarded acceptance",
+        attempt.recipe_hash,
+        attempt.config_hash,
+        f"{head.number}:{head.hash}",
+        "due for",
+    ):
         assert wanted in page
     paper = client.get("/audit/certificate.pdf", params={"serial": "SN0001", "attempt": attempt.attempt})
     assert paper.headers["content-type"] == "application/pdf"
