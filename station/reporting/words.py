@@ -3,7 +3,8 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from station.messages import labels
+from station.messages import Message, labels, render
+from station.messages.message import TEXT
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,6 +14,11 @@ class Words:
     code: str
     texts: Mapping[str, str]
     say: Callable[[str], str]
+
+    def render(self, message: Message) -> str:
+        """A message in this language; what an older log kept as a sentence, as `say` has it."""
+        text = render(message, self.code)
+        return self.say(text) if message.id == TEXT else text
 
 
 def words_of(code: str, say: Callable[[str], str] = str) -> Words:

@@ -40,6 +40,7 @@ def verdict_document(unit: Unit, outcome: Outcome) -> dict[str, Any]:
         "outcome": str(outcome),
         "reasons": _reasons(unit.reasons),
         "rule": render(found.rule) if found else None,
+        "rule_message": found.rule.document() if found else None,
         "false_accept": found.false_accept if found else None,
         "false_reject": found.false_reject if found else None,
         "written": unit.written,

@@ -96,7 +96,7 @@ def test_a_certificate_holds_what_an_auditor_asks_for(client: TestClient, folder
 @pytest.mark.parametrize(
     ("code", "words"),
     [
-        ("de", ("Kalibrierzertifikat", "Entscheidungsregel", "Schutzband", "Querempfindlichkeit x von y", "GUT")),
+        ("de", ("Kalibrierzertifikat", "Entscheidungsregel", "Schutzabstand", "Querempfindlichkeit x von y", "GUT")),
         ("zh", ("校准证书", "判定规则", "保护带", "横轴 x 来自 y", "合格")),
     ],
 )

@@ -7,6 +7,7 @@ from typing import Any
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
 from station.errors import LogError
+from station.messages import Message
 from station.ports.store import LogHead
 from station.reporting.number_text import format_number, format_time, format_to_uncertainty
 from station.reporting.words import Words
@@ -67,7 +68,7 @@ class _Writer:
     """Words of one language."""
 
     def __init__(self, words: Words) -> None:
-        self.texts, self.say = words.texts, words.say
+        self.texts, self.say, self.render = words.texts, words.say, words.render
 
     def __call__(self, key: str, *values: str) -> str:
         """The text `cert_KEY`, with its values."""
@@ -100,8 +101,8 @@ def _result(w: _Writer, kept: Mapping[str, Any], fit: Mapping[str, Any], verdict
     outcome = w.texts[kept["outcome"]] if kept["outcome"] else w("running")
     return (
         (w("outcome"), outcome),
-        *((w("reason"), w.say(str(r["sentence"]))) for r in verdict["reasons"]),
-        (w("rule"), w.say(str(verdict["rule"] or "–"))),
+        *((w("reason"), w.render(Message.recorded(r))) for r in verdict["reasons"]),
+        (w("rule"), _rule(w, verdict)),
         *((w(key), format_number(verdict.get(key), 3)) for key in ("false_accept", "false_reject")),
         (w("residual_rms"), f"{format_number(fit['residual_rms'], 3)} {fit['budget'][0]['unit']}"),
         (w("temperature"), f"{format_number(fit.get('temperature_degC'), 4)} °C"),
@@ -109,6 +110,12 @@ def _result(w: _Writer, kept: Mapping[str, Any], fit: Mapping[str, Any], verdict
         (w("verified"), w("yes") if verdict["verified"] else w("no")),
         *((w("note"), w.say(str(note))) for note in fit.get("notes", ())),
     )
+
+
+def _rule(w: _Writer, verdict: Mapping[str, Any]) -> str:
+    """The decision rule; an older log keeps only its sentence."""
+    kept = verdict.get("rule_message")
+    return w.render(Message.of(kept)) if kept else w.say(str(verdict["rule"] or "–"))
 
 
 def _values(w: _Writer, fit: Mapping[str, Any]) -> Rows:
