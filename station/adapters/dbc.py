@@ -109,7 +109,7 @@ def _number(value: float) -> int | float:
 
 def _issue_message(text: str, issue: DbcIssue) -> Message:
     name = issue.message if issue.signal is None else f"{issue.message}.{issue.signal}"
-    return Message("dbc-issue", line=_line_of(text, issue), name=name, reason=Message.text(issue.text))
+    return Message("dbc-issue", line=_line_of(text, issue), name=name, reason=issue.mistake)
 
 
 def _line_of(text: str, issue: DbcIssue) -> int:

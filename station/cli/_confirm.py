@@ -64,5 +64,5 @@ class PageConfirmation:
         if is_served(self._database):
             return now_s
         if now_s - served_s > self._page_timeout_s:
-            self._stop.request("nobody serves the operator's page any more; start `station panel` and begin again")
+            self._stop.request(Message("page-gone"))
         return served_s

@@ -115,7 +115,7 @@ def _traffic(station: DoctorContext) -> str:
         bus.close()
     frames = Frames.join(parts)
     if told := error_frames(frames):
-        raise BusFault(f"{name} reports errors: {'; '.join(told)}")
+        raise BusFault("bus-reports-errors", bus=name, errors=told)
     plain = frames.can_id[(frames.can_id & ERROR) == 0]
     if not len(plain):
         return f"nothing came on {name} in {LISTEN_S:g} s; are the units powered?"
@@ -171,7 +171,7 @@ def _map(station: DoctorContext) -> str:
         return f"{source.product} names no EDS to hold the map against"
     wrong = mismatches(job.product.map, read_dictionary(source.eds, station.settings.nests[0].node))
     if wrong:
-        raise ConfigError(f"{source.product} does not fit {source.eds}: {'; '.join(wrong)}")
+        raise ConfigError("map-contradicts-eds", file=str(source.product), eds=str(source.eds), mismatches=wrong)
     return f"{source.product} fits {source.eds}"
 
 

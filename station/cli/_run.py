@@ -183,7 +183,7 @@ def _stop_signals(stop: StopRequest) -> Iterator[None]:
     def ask(number: int, _frame: object) -> None:
         nonlocal asked
         asked += 1
-        stop.request("stopped by the operator" if number == signal.SIGINT else f"stopped by signal {number}")
+        stop.request(None if number == signal.SIGINT else Message("stopped-by-signal", signal=number))
         if asked > 2:
             raise KeyboardInterrupt
         if stop.waiting:

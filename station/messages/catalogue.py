@@ -70,5 +70,5 @@ def _text(value: Value, language: str) -> str:
     if isinstance(value, Message):
         return render(value, language)
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return ", ".join(_text(part, language) for part in value)
+        return ", ".join(_text(part, language) for part in value) or "–"
     return "–" if value is None else str(value)

@@ -7,6 +7,7 @@ from station.domain.product.device_map import DeviceMap, DeviceSetting
 from station.domain.product.product import decode_serial, stored_serial
 from station.domain.run.unit_state import SWITCHED, UnitState
 from station.errors import DeviceRefused, ReadBackDiffers, StationError, WrongProduct, WrongUnit
+from station.messages import Message
 from station.ports.device import Identity
 from station.ports.store import Store
 from station.service.station import Job
@@ -14,7 +15,7 @@ from station.service.unit import Address, Unit
 
 
 def identify(unit: Unit, job: Job, store: Store) -> None:
-    """Reads who the device is and keeps it. Errors: WrongProduct; WrongUnit when the label is another unit's."""
+    """Reads who the device is and records it. Errors: WrongProduct; WrongUnit when the label is another unit's."""
     identity = unit.device.identify()
     place = job.product.map.serial
     raw = unit.device.upload(*place.address)
@@ -26,7 +27,7 @@ def identify(unit: Unit, job: Job, store: Store) -> None:
 
 
 def identify_for_recovery(unit: Unit, job: Job) -> None:
-    """The same for a unit whose attempt is over: nothing is kept but what recovery itself says."""
+    """The same for a unit whose attempt is over: nothing is recorded but what recovery itself adds."""
     identity = unit.device.identify()
     place = job.product.map.serial
     unit.identity, unit.old = identity, {place.address: unit.device.upload(*place.address)}
@@ -42,14 +43,11 @@ def _check(unit: Unit, job: Job, identity: Identity) -> None:
         name=identity.name,
     )
     if wrong:
-        raise WrongProduct(f"{unit.name} is no {job.product.name}: {', '.join(wrong)}; take it out")
+        raise WrongProduct("wrong-product", unit=unit.label, product=job.product.name, mismatches=wrong)
     place = job.product.map.serial
     found, wanted = decode_serial(place, unit.old[place.address]), stored_serial(place, unit.seat.serial)
     if found != wanted:
-        raise WrongUnit(
-            f"nest {unit.seat.nest} holds a unit that calls itself {found}, but the label "
-            f"{unit.seat.serial} means {wanted}; put the right unit in, or scan the right label"
-        )
+        raise WrongUnit("wrong-unit", unit=unit.label, read=found, expected=wanted)
 
 
 def read_old_values(unit: Unit, job: Job, store: Store) -> None:
@@ -65,7 +63,7 @@ def make_ready(unit: Unit, job: Job) -> None:
     """Settings for calibrating, NMT operational, raw output; each switch is read back."""
     unit.boot_ups = unit.device.boot_ups()
     unit.heartbeat_s = _heartbeat_s(unit)
-    unit.device.emergencies()  # those of power-on are no news
+    unit.device.emergencies()  # those of power-on are known
     unit.enter(UnitState.PREPARED)
     for setting in job.product.map.settings:
         if setting.calibrating is not None:
@@ -93,8 +91,8 @@ def set_compensated(unit: Unit, job: Job) -> None:
         set_checked(unit, switch.address, switch.raw, switch.name)
 
 
-def restore_as_found(unit: Unit, job: Job) -> str:
-    """Puts output and settings back as they were found, as far as the device still answers; '' or what failed."""
+def restore_as_found(unit: Unit, job: Job) -> Message | None:
+    """Puts output and settings back as they were found, as far as the device still answers; None or what failed."""
     try:
         if unit.state in SWITCHED:
             for at, raw in unit.settings_old.items():
@@ -104,15 +102,15 @@ def restore_as_found(unit: Unit, job: Job) -> str:
                 set_checked(unit, output.address, unit.old[output.address], "output switch")
         unit.device.nmt("pre-operational")
     except StationError as exc:
-        return exc.sentence
-    return ""
+        return exc.message
+    return None
 
 
 def set_checked(unit: Unit, at: Address, raw: bytes, name: str) -> None:
     """Writes one object and reads it back. Errors: ReadBackDiffers."""
     unit.device.download(*at, raw)
     if (read := unit.device.upload(*at)) != raw:
-        raise ReadBackDiffers(f"{unit.name}: {name} reads {read.hex()} after {raw.hex()} was written; check the device")
+        raise ReadBackDiffers("setting-differs", unit=unit.label, name=name, read=read.hex(), written=raw.hex())
 
 
 def _changed(device_map: DeviceMap) -> Iterator[Address]:
@@ -136,5 +134,5 @@ def objects_to_text(raws: Mapping[Address, bytes]) -> dict[str, str]:
 
 
 def objects_from_text(objects: Mapping[str, str]) -> dict[Address, bytes]:
-    """What `as_text` wrote."""
+    """What `objects_to_text` wrote."""
     return {(int(key[:4], 16), int(key[5:], 16)): bytes.fromhex(raw) for key, raw in objects.items()}

@@ -144,7 +144,7 @@ class Load:
         store = self._station.store
         identify(unit, self._job, store)
         if told := check_suspect_unit(unit, self._station):
-            yield Notice(Message.text(told), unit.seat.serial)
+            yield Notice(told, unit.seat.serial)
         read_old_values(unit, self._job, store)
         make_ready(unit, self._job)
         if unit.identity is not None:
@@ -286,7 +286,7 @@ class Load:
         failed = restore_as_found(unit, self._job)
         try:
             if failed:
-                self._station.store.event(unit.attempt, "not-left-as-found", {"sentence": failed})
+                self._station.store.event(unit.attempt, "not-left-as-found", record.message_entry(failed))
             self._station.store.result(unit.attempt, "verdict", record.verdict_document(unit, outcome))
             self._station.store.finish(unit.attempt, outcome, self._station.clock.epoch_ns())
         except StoreFault as lost:
@@ -308,7 +308,7 @@ class Load:
 def attribute_silence(unit: Unit, fault: StationError) -> StationError:
     """A silence that came of a restart is the unit's own."""
     if isinstance(fault, DeviceSilent) and 0 < unit.boot_ups != unit.device.boot_ups():
-        return UnitFault(f"{unit.name} restarted by itself ({fault.sentence})")
+        return UnitFault("unit-restarted", unit=unit.label, when=Message("silent-then", fault=fault.message))
     return fault
 
 

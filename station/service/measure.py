@@ -15,7 +15,7 @@ from station.domain.recipe.plan import PlannedVisit
 from station.domain.records.framepack.plain import PlainFrames
 from station.domain.run.progress import Event, VisitDone, VisitRejected, VisitStarted
 from station.errors import PositionerFault
-from station.messages import Message
+from station.messages import Message, render
 from station.ports.store import VisitRecord
 from station.service.capture import Capture
 from station.service.station import Job, Station
@@ -159,7 +159,7 @@ def _visit_record(
     more = {
         "from_ns": captured.from_ns,
         "to_ns": captured.to_ns,
-        "bus_errors": list(error_frames(captured.frames)),
+        "bus_errors": [render(m) for m in error_frames(captured.frames)],
         "reasons": [r.sentence for r in reasons],
     }
     return VisitRecord(

@@ -6,7 +6,7 @@ from typing import Any
 from station import __version__
 from station.domain.capture.visit_check import STATION_CHECKS
 from station.domain.core.types import NestAssignment, Outcome, Reason
-from station.messages import render
+from station.messages import Message, render
 from station.ports.store import AttemptStart
 from station.service.measure import RejectedUnits
 from station.service.station import Job, Station
@@ -47,6 +47,11 @@ def verdict_document(unit: Unit, outcome: Outcome) -> dict[str, Any]:
         "verified": unit.verified,
         "noise": unit.noise,
     }
+
+
+def message_entry(message: Message) -> dict[str, Any]:
+    """A message as the detail of an event: in English for people, with id and parameters for programs."""
+    return {"sentence": render(message), "message": message.document()}
 
 
 def _reasons(found: Sequence[Reason]) -> list[dict[str, Any]]:

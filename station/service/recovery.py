@@ -6,29 +6,29 @@ from datetime import UTC, datetime
 from station.domain.core.types import Outcome
 from station.domain.product import writeback
 from station.errors import DeviceRefused, ReadBackDiffers
+from station.messages import Message
 from station.ports.store import SuspectAttempt
 from station.service.identify import objects_from_text
+from station.service.record import message_entry
 from station.service.station import Job, Station
 from station.service.unit import Address, Unit
 from station.service.write_back import flag_last, put_back
 
-STATE_SENTENCES = {
-    "old": "all its objects hold the old values: nothing of that attempt is left in it",
-    "new": "all its objects hold the new values, which were never verified",
-    "mixed": "some of its objects hold old values and some new ones: it must not be used as it is",
-    "other": "it holds values that are neither the old nor the new ones: somebody else has written it since",
-}
+
+def device_state(state: str) -> Message:
+    """What a unit's objects hold: old, new, mixed or other values."""
+    return Message(f"device-state-{state}")
 
 
-def close_unfinished(station: Station) -> tuple[str, ...]:
-    """Ends every attempt that a crash left open as INTERRUPTED; sentences for the operator."""
-    told = []
+def close_unfinished(station: Station) -> tuple[Message, ...]:
+    """Ends every attempt that a crash left open as INTERRUPTED; messages for the operator."""
+    notices = []
     for left in station.store.unfinished():
         station.store.event(left.attempt, "interrupted", {"after": left.last_event, "visits": left.visits})
         station.store.finish(left.attempt, Outcome.INTERRUPTED, station.clock.epoch_ns())
-        more = "; its device may be half written and is looked at when it comes again" if left.writes else ""
-        told.append(f"the attempt of {left.serial} begun {_when(left.started_ns)} was interrupted{more}")
-    return tuple(told)
+        id_ = "attempt-interrupted-in-write" if left.writes else "attempt-interrupted"
+        notices.append(Message(id_, serial=left.serial, began=_when(left.started_ns)))
+    return tuple(notices)
 
 
 def read_device_state(unit: Unit, suspect: SuspectAttempt, station: Station) -> str:
@@ -41,27 +41,24 @@ def read_device_state(unit: Unit, suspect: SuspectAttempt, station: Station) -> 
     # An object that was empty before (a text) says nothing about the calibration, and SDO cannot make it empty again.
     planned = {at: raw for at, raw in objects_from_text(suspect.planned).items() if at in old}
     state = str(writeback.classify(old, planned, {at: unit.device.upload(*at) for at in planned}))
-    station.store.event(suspect.attempt, "device-state", {"state": state, "seen": "read back after a reset"})
+    station.store.event(suspect.attempt, "device-state", {"state": state, "source": "read back after a reset"})
     return state
 
 
-def check_suspect_unit(unit: Unit, station: Station) -> str:
-    """The first look at a unit that an earlier attempt may have left half written; '' or a sentence to tell.
+def check_suspect_unit(unit: Unit, station: Station) -> Message | None:
+    """Examines a unit that an earlier attempt may have left half written; None or a message for the operator.
 
     Errors: ReadBackDiffers with the remedy when it holds a mixture; nothing is guessed.
     """
     suspect = station.store.suspect(unit.seat.serial)
     if suspect is None:
-        return ""
+        return None
     state = read_device_state(unit, suspect, station)
-    said = f"{unit.name} was left in an attempt of {_when(suspect.started_ns)}; {STATE_SENTENCES[state]}"
+    began = _when(suspect.started_ns)
+    found = Message("unit-left-in-attempt", unit=unit.label, began=began, state=device_state(state))
     if state == "mixed":
-        serial = unit.seat.serial
-        raise ReadBackDiffers(
-            f"{said}; `station recover {serial} --restore` brings the old values back, "
-            f"`station recover {serial} --continue` finishes the new ones"
-        )
-    return said
+        raise ReadBackDiffers("unit-needs-recovery", found=found, serial=unit.seat.serial)
+    return found
 
 
 def recover(unit: Unit, suspect: SuspectAttempt, station: Station, job: Job, *, restore: bool) -> str:
@@ -78,13 +75,11 @@ def recover(unit: Unit, suspect: SuspectAttempt, station: Station, job: Job, *, 
     try:
         unit.device.download(*save.address, save.raw, save.timeout_s)
     except DeviceRefused as exc:
-        station.store.event(suspect.attempt, "recovery-failed", {"sentence": exc.sentence})
+        station.store.event(suspect.attempt, "recovery-failed", message_entry(exc.message))
         raise
     state = read_device_state(unit, suspect, station)
     if state != ("old" if restore else "new"):
-        raise ReadBackDiffers(
-            f"{unit.name} does not keep what it is told: {STATE_SENTENCES[state]}; take it out of the line"
-        )
+        raise ReadBackDiffers("recovery-not-stored", unit=unit.label, state=device_state(state))
     return state
 
 

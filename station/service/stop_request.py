@@ -1,6 +1,7 @@
 """The operator's stop: seen at safe places only, so that no device is left half written."""
 
 from station.errors import Aborted
+from station.messages import Message
 
 
 class StopRequest:
@@ -12,13 +13,13 @@ class StopRequest:
 
     def __init__(self) -> None:
         self.requested = False
-        self.why = "stopped by the operator"
+        self.why = Message("stopped-by-operator")
         self.waiting = False
 
-    def request(self, why: str = "stopped by the operator") -> None:
+    def request(self, why: Message | None = None) -> None:
         """Asks for the stop; asking again changes nothing."""
         if not self.requested:
-            self.why = why
+            self.why = why or self.why
             self.requested = True
 
     def check(self) -> None:

@@ -11,6 +11,7 @@ from station.domain.product.product import decode_serial
 from station.domain.run.progress import UnitResult
 from station.domain.run.unit_state import HOLDS_NEW, UNIT_STATES, UnitState
 from station.errors import StationError, UnitFault, WrongUnit
+from station.messages import Message
 from station.ports.device import Device, Identity
 from station.service.station import Job
 
@@ -66,6 +67,11 @@ class Unit:
         """How sentences call it."""
         return f"unit {self.seat.serial} in nest {self.seat.nest}"
 
+    @property
+    def label(self) -> Message:
+        """How messages name it."""
+        return Message("unit-in-nest", serial=self.seat.serial, nest=self.seat.nest)
+
     def enter(self, state: UnitState) -> None:
         """Goes on to `state`. Errors: StationFault where the table allows no such step."""
         self.state = UNIT_STATES.follow(self.state, state)
@@ -102,13 +108,10 @@ def check_same_unit(unit: Unit, job: Job) -> None:
     now = decode_serial(place, unit.device.upload(*place.address))
     before = decode_serial(place, unit.old[place.address])
     if now != before:
-        raise WrongUnit(
-            f"nest {unit.seat.nest} now holds a unit that calls itself {now}, but it was {before} at the start: "
-            "it was swapped; put the first one back and start again"
-        )
+        raise WrongUnit("unit-swapped", unit=unit.label, read=now, expected=before)
 
 
-def check_not_rebooted(unit: Unit, when: str) -> None:
+def check_not_rebooted(unit: Unit, when: Message) -> None:
     """UnitFault when the device restarted by itself since the last reset of ours."""
     if unit.device.boot_ups() != unit.boot_ups:
-        raise UnitFault(f"{unit.name} restarted by itself {when}; its supply or its firmware is at fault")
+        raise UnitFault("unit-restarted", unit=unit.label, when=when)

@@ -5,12 +5,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from station.domain.core.types import Calibration
 from station.domain.product import writeback
 from station.domain.product.device_map import DeviceMap
+from station.domain.product.sdo_codes import address
 from station.domain.product.writeback import ObjectWrite
 from station.domain.run.progress import Event, ObjectWritten
 from station.domain.run.unit_state import UNCERTAIN, UnitState
 from station.errors import DeviceRefused, DeviceSilent, ReadBackDiffers, StationError, StationFault, UnitFault
+from station.messages import Message
 from station.ports.store import WriteRecord
 from station.service.identify import objects_to_text, set_compensated
+from station.service.record import message_entry
 from station.service.station import Job, Station
 from station.service.unit import Address, Unit, check_not_rebooted, check_same_unit
 
@@ -42,7 +45,7 @@ class WriteBack:
     def write(self) -> Iterator[Event]:
         """Writes and reads back every object; then output and settings as they must be saved."""
         unit = self._unit
-        check_not_rebooted(unit, "while it was measured")
+        check_not_rebooted(unit, Message("while-measured"))
         check_same_unit(unit, self._job)
         # The whole plan stands in the log before the first write: a crash in between is then recognised.
         self._station.store.result(unit.attempt, "write-plan", {"objects": objects_to_text(self._wanted())})
@@ -65,7 +68,7 @@ class WriteBack:
         """Stores in the device's flash: once, with its own time-out. An answer that does not come decides nothing."""
         unit, command = self._unit, writeback.save(self._map)
         try:
-            check_not_rebooted(unit, "between write and save")
+            check_not_rebooted(unit, Message("between-write-and-save"))
         except UnitFault:
             self.put_back()
             raise
@@ -79,7 +82,7 @@ class WriteBack:
             raise
         except DeviceSilent as exc:
             self._keep((command, "unknown", None))
-            self._station.store.event(unit.attempt, "save-unanswered", {"sentence": exc.sentence})
+            self._station.store.event(unit.attempt, "save-unanswered", message_entry(exc.message))
             # It may still be writing its flash: a reset now would break that off.
             self._station.clock.sleep(self._station.settings.timeouts.save_s)
         else:
@@ -102,11 +105,8 @@ class WriteBack:
         state = writeback.classify(unit.old, wanted, read)
         self._state(state)
         if state != "new":
-            names = ", ".join(w.name for w in self._writes if w.address in wanted and read[w.address] != w.raw)
-            raise ReadBackDiffers(
-                f"{unit.name} holds {state} values after save and reset ({names}); "
-                "it does not keep what it is told, so it must not be shipped"
-            )
+            names = tuple(w.name for w in self._writes if w.address in wanted and read[w.address] != w.raw)
+            raise ReadBackDiffers(f"{state}-values-after-reset", unit=unit.label, names=names)
         self._check_checksum()
         unit.enter(UnitState.STORED)
 
@@ -127,9 +127,9 @@ class WriteBack:
         read = unit.device.upload(*write.address)
         if read != write.raw:
             self._keep((write, "written", read))
-            where = f"0x{write.index:04X}:{write.sub:02X}"
+            where = {"name": write.name, "object": address(*write.address)}
             raise ReadBackDiffers(
-                f"{unit.name}: {write.name} at {where} reads back {read.hex()} after {write.raw.hex()} was written"
+                "read-back-differs", unit=unit.label, read=read.hex(), written=write.raw.hex(), **where
             )
         self._keep((write, "verified", read), *following)
 
@@ -143,7 +143,7 @@ class WriteBack:
         try:
             put_back(unit, writeback.unlock(self._map), flag_last(self._map, wanted), wanted)
         except StationError as exc:
-            self._station.store.event(unit.attempt, "put-back-failed", {"sentence": exc.sentence})
+            self._station.store.event(unit.attempt, "put-back-failed", message_entry(exc.message))
             self._read_state_after_reset()
         else:
             unit.enter(UnitState.PUT_BACK)
@@ -156,7 +156,7 @@ class WriteBack:
             self.restart()
             state = writeback.classify(self._unit.old, wanted, {at: self._unit.device.upload(*at) for at in wanted})
         except StationError as exc:
-            self._station.store.event(self._unit.attempt, "state-unknown", {"sentence": exc.sentence})
+            self._station.store.event(self._unit.attempt, "state-unknown", message_entry(exc.message))
         if state == "old":
             self._unit.enter(UnitState.REVERTED)
         self._state(state)
@@ -171,10 +171,8 @@ class WriteBack:
             return
         read = self._unit.device.upload(*self._map.checksum.address)
         if read != expected:
-            raise ReadBackDiffers(
-                f"{self._unit.name} computes the checksum {read[::-1].hex()} over its coefficients, "
-                f"but they give {expected[::-1].hex()}; its memory or its firmware is at fault"
-            )
+            checksums = {"read": read[::-1].hex(), "expected": expected[::-1].hex()}
+            raise ReadBackDiffers("checksum-differs", unit=self._unit.label, **checksums)
 
     def _state(self, state: str) -> None:
         self._station.store.result(self._unit.attempt, "device-state", {"state": state})
@@ -213,5 +211,4 @@ def put_back(unit: Unit, unlock: ObjectWrite | None, order: Sequence[Address], w
     for at in different:
         unit.device.download(*at, wanted[at])
         if unit.device.upload(*at) != wanted[at]:
-            index, sub = at
-            raise StationFault(f"{unit.name}: 0x{index:04X}:{sub:02X} does not take its old value again")
+            raise StationFault("old-value-not-restored", unit=unit.label, object=address(*at))

@@ -24,6 +24,7 @@ from station.config.validation_messages import mistakes
 from station.domain.core.types import NestAssignment
 from station.domain.recipe import references
 from station.errors import RecipeError, UsageError
+from station.messages import render
 from station.ports.bus import Bus
 from station.ports.clock import Clock
 from station.ports.device import Device
@@ -118,7 +119,7 @@ def open_bench(order: RunOrder) -> Bench:
         store = _store(database, settings, clock, opened)
         device = _devices(bus, clock, settings, job)
         station = Station(settings, content_hash(settings), bus, turned_by, store, clock, device)
-        told = (*learnt, *close_unfinished(station))
+        told = (*learnt, *(render(m) for m in close_unfinished(station)))
         return Bench(station, job, source, fixture, database, order.simulate, told, opened.pop_all())
     raise AssertionError("unreachable: ExitStack swallows nothing")
 

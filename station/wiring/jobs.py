@@ -72,7 +72,7 @@ def _check_map(where: Path, product: Product, eds: Path | None) -> None:
 
     wrong = map_check.mismatches(product.map, load(eds, product.frames.node_of_dbc))
     if wrong:
-        raise ProductError(f"{where}: the device map contradicts {eds.name}: {'; '.join(wrong)}; correct one of them")
+        raise ProductError("map-contradicts-eds", file=str(where), eds=eds.name, mismatches=wrong)
 
 
 def _check_units(dbc: Path, recipe: Recipe, units: list[str]) -> None:

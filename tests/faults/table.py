@@ -42,18 +42,18 @@ NEW, MIXED = "new", "mixed"
 
 _WHO = _rows(
     "Who sits in the nest",
-    ("no device, or without power", "device deaf", ERROR, "did not answer the request to read 0x1000:00 within 1 s"),
+    ("no device, or without power", "device deaf", ERROR, "Read of 0x1000:00 from node 17 timed out after 1 s"),
     ("the device hears, but nobody hears it", "device silent", ERROR, "check power, wiring, bit rate and node id"),
     ("another vendor", "device reads:index=0x1018,sub=1,value=5", FAIL, "vendor is 0x5, not 0xCA1B0"),
     ("another product", "device reads:index=0x1018,sub=2,value=7", FAIL, "product code is 0x7"),
     ("an old revision", "device reads:index=0x1018,sub=3,value=1", FAIL, "revision is 0x1, older"),
     ("another device type", "device reads:index=0x1000,sub=0,value=0", FAIL, "device type is 0x0"),
-    ("the label is another unit's", "device reads:index=0x1018,sub=4,value=9", ERROR, "but the label SN0001 means 1"),
-    ("two units in each other's nest", "seats swapped", ERROR, "calls itself 2, but the label SN0001 means 1"),
-    ("identity refused", "device refuse:index=0x1018,sub=1,code=0x06020000", FAIL, "there is no such object"),
+    ("the label is another unit's", "device reads:index=0x1018,sub=4,value=9", ERROR, "but its label means 1"),
+    ("two units in each other's nest", "seats swapped", ERROR, "identifies as 2, but its label means 1"),
+    ("identity refused", "device refuse:index=0x1018,sub=1,code=0x06020000", FAIL, "the object does not exist"),
     ("two devices with one node id", "device twice", ERROR, "two devices share this node id"),
-    ("power lost while it is identified", "device power-cut:at=10", ERROR, "did not answer the request to read"),
-    ("unit exchanged while it is identified", "device other-unit:at=10,value=77", ERROR, "calls itself 77"),
+    ("power lost while it is identified", "device power-cut:at=10", ERROR, "Read of 0x"),
+    ("unit exchanged while it is identified", "device other-unit:at=10,value=77", ERROR, "identifies as 77"),
     (
         "unit exchanged after it was measured",
         "device other-unit:at=33,value=77",
@@ -65,7 +65,7 @@ _WHO = _rows(
 _ANSWERS = _rows(
     "Answers on the bus",
     ("every answer 0.5 s late", "device late:seconds=0.5", PASS, "", NEW),
-    ("one answer 3 s late", "device late:seconds=3,at=12,times=1", ERROR, "within 1 s"),
+    ("one answer 3 s late", "device late:seconds=3,at=12,times=1", ERROR, "timed out after 1 s"),
     ("one answer comes twice: a bus may do that", "device stale:at=12,times=1", PASS, "", NEW),
     ("every answer comes twice, the second late", "device stale", ERROR, "two devices share this node id"),
     ("the same from one point on", "device stale:at=30", ERROR, "two devices share this node id"),
@@ -74,15 +74,15 @@ _ANSWERS = _rows(
         "one answer for another object",
         "device wrong-object:at=12,times=1,value=8192",
         ERROR,
-        "belong to other requests",
+        "to other requests arrived",
     ),
     (
         "a coefficient answered as another one",
         "device wrong-object:index=0x2101,sub=4,value=0x2102",
         ERROR,
-        "1 answers came that belong to other requests",
+        "1 answer to other requests",
     ),
-    ("toggle bit wrong in a segment", "device wrong-toggle", ERROR, "belong to other requests"),
+    ("toggle bit wrong in a segment", "device wrong-toggle", ERROR, "to other requests arrived"),
     ("a node babbles with the highest priority", "device babble:after_s=26", PASS, "", NEW),
     ("it babbles from the start, and others get through", "device babble", PASS, "", NEW),
 )
@@ -126,14 +126,14 @@ _STREAM = _rows(
 
 _RESETS = _rows(
     "Resets at every step",
-    ("while its identity is read", "device reboot:at=3", ERROR, "did not answer the request to read 0x1018:02"),
-    ("while its old values are read", "device reboot:at=20", ERROR, "did not answer the request to read 0x2101:08"),
+    ("while its identity is read", "device reboot:at=3", ERROR, "Read of 0x1018:02 from node 17 timed out"),
+    ("while its old values are read", "device reboot:at=20", ERROR, "Read of 0x2101:08 from node 17 timed out"),
     ("while it is made ready", "device reboot:at=33", FAIL, "restarted by itself"),
     ("at the unlock", "device reboot:index=0x2104", FAIL, "restarted by itself"),
     ("at the first coefficient", "device reboot:at=40", FAIL, "restarted by itself"),
     ("between the coefficients", "device reboot:at=60", FAIL, "restarted by itself"),
     ("power gone for 1 s between the coefficients", "device power-cut:at=60,seconds=1", FAIL, "restarted by itself"),
-    ("power gone for good between the coefficients", "device power-cut:at=60", ERROR, "did not answer"),
+    ("power gone for good between the coefficients", "device power-cut:at=60", ERROR, "timed out after"),
     ("at a coefficient's write", "device power-cut:index=0x2101,sub=4,access=write,seconds=1", FAIL, "restarted by"),
     ("before the save", "device reboot:at=75", FAIL, "restarted by itself"),
     ("at the save", "device reboot:index=0x1010", FAIL, "holds old values after save and reset"),
@@ -157,16 +157,16 @@ _WRITES = _rows(
         ERROR,
         "request to take 0x2101:04",
     ),
-    ("a write done but not answered", "device silent:index=0x2101,sub=4,access=write", ERROR, "to take 0x2101:04"),
-    ("a write not heard", "device deaf:index=0x2101,sub=4,access=write", ERROR, "to take 0x2101:04"),
-    ("silent from the middle of the write on", "device silent:at=60", ERROR, "did not answer the request to take"),
-    ("deaf from the middle of the write on", "device deaf:at=60", ERROR, "did not answer the request to take"),
-    ("the unlock done but not answered", "device silent:index=0x2104", ERROR, "did not answer the request to take"),
+    ("a write done but not answered", "device silent:index=0x2101,sub=4,access=write", ERROR, "Write to 0x2101:04"),
+    ("a write not heard", "device deaf:index=0x2101,sub=4,access=write", ERROR, "Write to 0x2101:04"),
+    ("silent from the middle of the write on", "device silent:at=60", ERROR, "Write to 0x"),
+    ("deaf from the middle of the write on", "device deaf:at=60", ERROR, "Write to 0x"),
+    ("the unlock done but not answered", "device silent:index=0x2104", ERROR, "Write to 0x"),
 )
 
 _SAVES = _rows(
     "Saving",
-    ("save fails", "device save-fails", FAIL, "0x1010:01: its hardware failed"),
+    ("save fails", "device save-fails", FAIL, "0x1010:01: hardware error"),
     ("save confirmed, nothing kept", "device save-lies", FAIL, "holds old values after save and reset"),
     ("power lost half-way through the save", "device save-torn", ERROR, "sent no boot-up message", MIXED),
     ("save done but not answered", "device silent:index=0x1010", PASS, "", NEW),
@@ -183,15 +183,15 @@ _BUS = _rows(
     ("error-passive in a dwell", "bus error-passive at 4.5 s", PASS, "", NEW, "error passive while receiving"),
     ("error-passive while the fixture moves", "bus error-passive at 6.0 s", PASS, "", NEW, "error passive while rec"),
     ("error-passive while it is written", "bus error-passive at 20.0 s", PASS, "", NEW, "error passive while receiv"),
-    ("a frame nobody acknowledged", "bus no-acknowledge at 4.5 s", PASS, "", NEW, "nobody acknowledged a frame"),
+    ("a frame nobody acknowledged", "bus no-acknowledge at 4.5 s", PASS, "", NEW, "no node acknowledged a frame"),
     ("bit errors", "bus bit-error at 4.5 s", PASS, "", NEW, "single bit error"),
     ("the adapter's buffer overflowed", "bus overflow at 4.5 s", PASS, "", NEW, "receive buffer overflowed"),
 )
 
 _WIRE = _rows(
     "Cable, link and bit rate",
-    ("the station's bit rate is wrong", "wire wrong-bit-rate", ERROR, "is bus-off: look at bit rate, wiring"),
-    ("the cable is out from the start", "wire cable-out", ERROR, "nobody acknowledges its frames: look at cable"),
+    ("the station's bit rate is wrong", "wire wrong-bit-rate", ERROR, "is bus-off: check bit rate, wiring"),
+    ("the cable is out from the start", "wire cable-out", ERROR, "no node acknowledges its frames: check cable"),
     ("cable out in a dwell, for good", "wire cable-out:after_s=8.3", ERROR, "no heartbeat for"),
     (
         "cable out and in again in a dwell: measured once more",
@@ -208,8 +208,8 @@ _WIRE = _rows(
         ERROR,
         "within 1 s",
     ),
-    ("cable out in the middle of the write, for 3 s", "wire cable-out:after_s=19.84,seconds=3", ERROR, "within 1 s"),
-    ("cable out in the middle of the write, for good", "wire cable-out:after_s=19.84", ERROR, "nobody acknowledges"),
+    ("cable out in the middle of the write, for 3 s", "wire cable-out:after_s=19.84,seconds=3", ERROR, "timed out after 1 s"),
+    ("cable out in the middle of the write, for good", "wire cable-out:after_s=19.84", ERROR, "no node acknowledges"),
     ("the link is down from the start", "wire link-down", ERROR, "went down; bring it up with `ip link set"),
     ("link down in the tumble", "wire link-down:after_s=6", ERROR, "went down; bring it up with `ip link set"),
     ("link down and up again in the tumble", "wire link-down:after_s=6,seconds=1", ERROR, "went down; bring it up"),
@@ -218,7 +218,7 @@ _WIRE = _rows(
     ("nothing can be sent (ENOBUFS)", "wire queue-full", ERROR, "could not send for 1 s, its queue is full"),
     ("nothing can be sent in the middle of the write", "wire queue-full:after_s=19.84", ERROR, "its queue is full"),
     ("a full queue empties within its time", "wire queue-full:after_s=19.84,seconds=0.5", PASS, "", NEW),
-    ("a node babbles and nobody else gets through", "wire jammed", ERROR, "did not answer the request to read 0x1000"),
+    ("a node babbles and nobody else gets through", "wire jammed", ERROR, "Read of 0x1000"),
     ("the same in the tumble", "wire jammed:after_s=6", ERROR, "no heartbeat for"),
 )
 
@@ -239,7 +239,7 @@ _GOLD = _rows(
     ),
     ("it falls silent after the write", "gold stream-stops:after_s=22", ERROR, "the gold reference G1 (node 5)", NEW),
     ("a third of its frames is lost", "gold frames-lost:fraction=0.3", ERROR, "the gold reference G1 (node 5) gave"),
-    ("it is past its due date", "gold due=2020-01-31", ERROR, "was due for calibration on 2020-01-31"),
+    ("it is past its due date", "gold due=2020-01-31", ERROR, "expired on 2020-01-31"),
 )
 
 _RIG = (
@@ -309,13 +309,13 @@ _LOG = _rows(
 _STOPS = (
     *_rows(
         "The operator's stop",
-        ("while the units are identified", "stop at identify", ABORTED, "stopped by the operator"),
-        ("before the tumble", "stop at measure", ABORTED, "stopped by the operator"),
-        ("while the fit is computed", "stop at judge", ABORTED, "stopped by the operator"),
-        ("before the first write", "stop at write", ABORTED, "stopped by the operator"),
-        ("before the save: the unit is finished first", "stop at save", ABORTED, "stopped by the operator", NEW),
-        ("before the reset: the unit is finished first", "stop at restart", ABORTED, "stopped by the operator", NEW),
-        ("before the verification", "stop at verify", ABORTED, "stopped by the operator", NEW),
+        ("while the units are identified", "stop at identify", ABORTED, "Stopped by the operator"),
+        ("before the tumble", "stop at measure", ABORTED, "Stopped by the operator"),
+        ("while the fit is computed", "stop at judge", ABORTED, "Stopped by the operator"),
+        ("before the first write", "stop at write", ABORTED, "Stopped by the operator"),
+        ("before the save: the unit is finished first", "stop at save", ABORTED, "Stopped by the operator", NEW),
+        ("before the reset: the unit is finished first", "stop at restart", ABORTED, "Stopped by the operator", NEW),
+        ("before the verification", "stop at verify", ABORTED, "Stopped by the operator", NEW),
     ),
 )
 

@@ -57,7 +57,7 @@ def refused(folder: Path, kind: type[StationError] | tuple[type[StationError], .
         ({"positions": [{"name": "a"}, *SIX[1:]]}, "position 'a' says no orientation"),
         ({"positions": [{"name": "a", "up": "+z", "rotate": []}, *SIX[1:]]}, "both say the orientation"),
         ({"limits": {"offset": -0.1}}, "greater than 0"),
-        ({"limits": {"temperature_degC": [40, 10]}}, "holds no temperature"),
+        ({"limits": {"temperature_degC": [40, 10]}}, "is empty; the lower limit"),
         ({"limits": {"rule": "false-accept"}}, "needs false_accept"),
         ({"unit": "m/s2"}, "the nearest is"),
         ({"runs": [{"seating": "upside-down"}]}, "seating 'upside-down' is not defined"),
@@ -180,7 +180,7 @@ def gold(folder: Path, **change: object) -> str:
 
 def test_a_reference_past_its_due_date_measures_nothing(tmp_path: Path) -> None:
     said = refused(tmp_path, ReferenceOverdue, recipe=gold(tmp_path, due="2020-01-31"))
-    assert "was due for calibration on 2020-01-31" in said
+    assert "expired on 2020-01-31" in said
 
 
 @pytest.mark.parametrize(("node", "words"), [(None, "gold.node is missing"), (17, "is also the node of nest A")])

@@ -64,11 +64,11 @@ class Bus:
     ("state", "remedy"), [("bus-off", ": look at bit rate"), ("passive", ", nobody ack"), ("down", ": bring it up")]
 )
 def test_a_silence_that_is_the_bus_s_doing_says_so(state: str, remedy: str) -> None:
-    told = with_bus_state(DeviceSilent("node 5 did not answer"), Bus(state))  # type: ignore[arg-type]
-    assert told.sentence.startswith(f"node 5 did not answer; can0 is {state}{remedy}")
+    told = with_bus_state(DeviceSilent("node 5 did not answer."), Bus(state))  # type: ignore[arg-type]
+    assert told.sentence.startswith(f"node 5 did not answer. can0 is {state}{remedy}")
 
 
 def test_any_other_fault_and_any_good_bus_leave_the_sentence_alone() -> None:
-    silent, refused = DeviceSilent("node 5 did not answer"), DeviceRefused("value too high", code=0x06090030)
+    silent, refused = DeviceSilent("node 5 did not answer."), DeviceRefused("value too high", code=0x06090030)
     assert with_bus_state(silent, Bus("active")) is silent  # type: ignore[arg-type]
     assert with_bus_state(refused, Bus("bus-off")) is refused  # type: ignore[arg-type]

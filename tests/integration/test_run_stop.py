@@ -114,7 +114,7 @@ def test_a_signal_may_end_the_wait_for_a_person_at_once(tmp_path: Path) -> None:
 
 def test_a_stop_before_the_first_unit_touches_nothing(tmp_path: Path) -> None:
     stop = StopRequest()
-    stop.request("cover opened")
+    stop.request(Message.text("cover opened"))
     with open_bench(RunOrder(simulate=True, database=tmp_path / "station.db")) as bench:
         (seats,) = bench.loads(["SN0001"])
         bench.fixture.place(seats)

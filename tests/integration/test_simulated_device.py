@@ -351,5 +351,5 @@ def test_the_same_world_gives_the_same_frames(rig: Rig) -> None:
 
 
 def test_no_answer_to_a_read_of_what_is_write_only(rig: Rig) -> None:
-    with pytest.raises(DeviceRefused, match="the object can only be written"):
+    with pytest.raises(DeviceRefused, match="the object is write-only"):
         rig().station.upload(0x2104, 0)

@@ -90,7 +90,7 @@ def test_ctrl_c_is_exit_4() -> None:
         "app._dispatch = stop\napp.main([])\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (4, "station: stopped by the operator\n")
+    assert (done.returncode, done.stderr) == (4, "station: Stopped by the operator.\n")
 
 
 def test_a_reader_that_goes_away_leaves_no_traceback() -> None:

@@ -133,7 +133,7 @@ def test_an_overdue_gold_sensor_stops_the_line(tmp_path: Path, station: Callable
     (tmp_path / "gold.yaml").write_text(yaml.safe_dump({k: v for k, v in text.items() if v is not None}))
     code, out, err = station("calibrate", "--samples", samples(tmp_path), "--recipe", tmp_path / "gold.yaml")
     assert (code, out) == (3, "")
-    assert "gold reference G7 was due for calibration on 2020-01-31" in err
+    assert "gold reference G7 expired on 2020-01-31" in err
 
 
 def test_check_tells_what_a_recipe_will_know(station: Callable[..., Said]) -> None:

@@ -80,7 +80,7 @@ def test_an_interface_that_is_not_there_is_said_before_anything_is_asked(tmp_pat
 @pytest.mark.parametrize(
     ("args", "words"),
     [
-        (["--serial", "SN0001", "--serial", "SN0001"], "'SN0001' was given twice"),
+        (["--serial", "SN0001", "--serial", "SN0001"], "'SN0001' is listed twice"),
         (["--serial", "X1"], "does not match the recipe's pattern"),
         (["--serial", "SN0001", "--units", "3"], "do not agree"),
         (["--recipe", "no-such"], "There is no no-such.yaml"),

@@ -59,7 +59,7 @@ def test_a_page_that_is_killed_is_gone_at_once_and_a_second_one_counts(tmp_path:
 
 
 def test_without_a_page_a_question_becomes_a_stop(tmp_path: Path) -> None:
-    with pytest.raises(Aborted, match="nobody serves the operator's page any more; start `station panel`"):
+    with pytest.raises(Aborted, match="The operator's page is no longer served: start `station panel`"):
         asked(tmp_path / "s.db", patience_s=0.1)(TURN)
     told = json.loads((tmp_path / "s.db.live.json").read_text())
     assert told["state"]["question"] == "", "what nobody can answer is not shown any longer"

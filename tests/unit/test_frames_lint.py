@@ -12,6 +12,7 @@ from station.domain.can.dbc_rules import lint
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import EXTENDED
 from station.errors import ProductError
+from station.messages import render
 
 DBC = Path(__file__).resolve().parents[2] / "dbc" / "accelerometer.dbc"
 
@@ -20,7 +21,7 @@ DBC = Path(__file__).resolve().parents[2] / "dbc" / "accelerometer.dbc"
     ("old", "new", "sentence"),
     [
         ("BO_ 641 TEMP", "BO_ 385 TEMP", "line 17, TEMPERATURE: identifier 0x181 is also that of ACCELERATION"),
-        ("BO_ 641 TEMPERATURE", "BO_ 641 ACCELERATION", "line 17, ACCELERATION: the name is used by two messages"),
+        ("BO_ 641 TEMPERATURE", "BO_ 641 ACCELERATION", "line 17, ACCELERATION: two messages have this name"),
         (
             '(6.25E-005,0) [-2.048|2.0479375] "g" STATION\n SG_ Y',
             '(0,0) [0|0] "g" STATION\n SG_ Y',
@@ -28,7 +29,7 @@ DBC = Path(__file__).resolve().parents[2] / "dbc" / "accelerometer.dbc"
         ),
         ("[0|14]", "[14|3]", "line 11, ACCELERATION.COUNTER: minimum 14 is above maximum 3"),
         ("[0|14]", "[-1|14]", "line 11, ACCELERATION.COUNTER: minimum -1 is negative but the signal is unsigned"),
-        ("[0|14]", "[0|20]", "maximum 20 cannot be reached: 4 unsigned bits hold 0 to 15"),
+        ("[0|14]", "[0|20]", "maximum 20 cannot be reached: 4 bits hold 0 to 15"),
         (
             "[-327.68|327.67]",
             "[-400|327.67]",
@@ -93,13 +94,13 @@ def test_western_text_is_read_as_such(tmp_path: Path) -> None:
 
 
 def _texts(*signals: SignalLayout, length: int = 8) -> list[str]:
-    return [f.text for f in lint([FrameLayout("F", 1, length, signals)])]
+    return [render(f.mistake) for f in lint([FrameLayout("F", 1, length, signals)])]
 
 
 def test_rules_that_no_parsed_file_reaches() -> None:
     assert "is listed twice" in _texts(SignalLayout("A", 0, 8), SignalLayout("A", 8, 8))[0]
     assert "0 bytes long" in _texts(SignalLayout("A", 0, 8), length=0)[0]
-    assert "is no number" in _texts(SignalLayout("A", 0, 8, scale=float("nan")))[0]
+    assert "is not a number" in _texts(SignalLayout("A", 0, 8, scale=float("nan")))[0]
     assert "a float of 24 bits does not exist" in _texts(SignalLayout("A", 0, 24, is_float=True))[0]
     assert "length 65" in _texts(SignalLayout("A", 0, 65))[0]
     chosen = SignalLayout("A", 8, 8, selector="M", selected_by=(3, 300))

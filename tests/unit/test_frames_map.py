@@ -87,9 +87,9 @@ def test_what_the_dbc_lacks_is_named(change: dict[str, Any], sentence: str) -> N
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
-        ({"sample": {**BARE["sample"]}}, "e2e protects with a CRC and a counter"),  # type: ignore[dict-item]
+        ({"sample": {**BARE["sample"]}}, "e2e needs a CRC and a counter"),  # type: ignore[dict-item]
         ({"e2e": None, "sample": {**BARE["sample"]}}, "counter_values needs sample.counter"),  # type: ignore[dict-item]
-        ({"counter_values": 16}, "counter_values of profile P01 is 15"),
+        ({"counter_values": 16}, "profile P01 fixes counter_values at 15"),
         ({"node_of_dbc": 0}, "greater than or equal to 1"),
         ({"sample": {"message": "A", "x": "X", "y": "Y"}}, "z"),
         ({"unknown": 1}, "Extra inputs"),

@@ -17,6 +17,7 @@ from station.domain.can.sensor_layout import FrameMap, SensorLayout, resolve
 from station.domain.can.sequence_counter import CounterErrors
 from station.domain.can.signals import FrameLayout, SignalLayout, decode, raw
 from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
+from station.messages import Message
 from tests.unit.dbc_text import Text, messages
 from tests.unit.test_frames_map import BARE, BLOCK, DBC
 
@@ -53,7 +54,7 @@ def test_what_was_encoded_comes_back(layout: SensorLayout) -> None:
     assert set(found.status) == {3}
     assert found.usable.all() and found.crc_ok.all()
     assert found.frame_errors == FrameErrors(frames=100) and found.frame_errors.clean
-    assert found.frame_errors.sentences() == ()
+    assert found.frame_errors.messages() == ()
 
 
 def test_cantools_reads_our_frames(layout: SensorLayout) -> None:
@@ -87,7 +88,7 @@ def test_a_flipped_bit_costs_one_sample_and_no_more(layout: SensorLayout, byte: 
     found = decode_samples(frames, layout, NODE)
     assert found.frame_errors == FrameErrors(frames=100, crc_errors=1)
     assert np.flatnonzero(~found.usable).tolist() == [40]
-    assert found.frame_errors.sentences() == ("1 frames with a wrong CRC",)
+    assert found.frame_errors.messages() == (Message("frames-wrong-crc", count=1),)
 
 
 def test_wrong_lengths_and_remote_frames_are_counted_and_left_out(layout: SensorLayout) -> None:
@@ -109,7 +110,7 @@ def test_lost_repeated_and_late_frames(layout: SensorLayout) -> None:
     found = decode_samples(frames[order], layout, NODE)
     assert found.frame_errors.counter == CounterErrors(lost=15, gaps=3, repeats=1, longest_repeat=1, late=1)
     assert np.flatnonzero(~found.usable).tolist() == [36]
-    assert found.frame_errors.sentences()[0] == "15 frames lost, at 3 places"
+    assert found.frame_errors.messages()[0] == Message("frames-lost", count=15, gaps=3)
 
 
 def test_a_frozen_sensor_is_stuck(layout: SensorLayout) -> None:
@@ -118,7 +119,7 @@ def test_a_frozen_sensor_is_stuck(layout: SensorLayout) -> None:
     found = decode_samples(_alter(frozen, time_ns=np.arange(30) * MS), layout, NODE)
     assert found.frame_errors.counter.stuck
     assert found.usable.sum() == 21
-    assert found.frame_errors.sentences()[-1] == "the frame counter is stuck"
+    assert found.frame_errors.messages()[-1] == Message("counter-stuck")
 
 
 def test_a_counter_value_that_cannot_be_is_an_error(layout: SensorLayout) -> None:

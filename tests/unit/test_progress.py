@@ -6,6 +6,7 @@ import pytest
 
 from station.domain.run.progress import PHASES, Phase
 from station.errors import Aborted, StationFault
+from station.messages import Message
 from station.service.stop_request import StopRequest
 
 
@@ -42,8 +43,8 @@ def test_the_diagram_draws_every_transition_once() -> None:
 def test_a_stop_is_seen_at_the_next_check_and_keeps_its_first_reason() -> None:
     stop = StopRequest()
     stop.check()
-    stop.request("cover opened")
-    stop.request("again")
+    stop.request(Message.text("cover opened"))
+    stop.request(Message.text("again"))
     with pytest.raises(Aborted, match="cover opened"):
         stop.check()
 

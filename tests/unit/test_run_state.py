@@ -72,7 +72,7 @@ def test_phases_writes_and_the_end_with_its_fault() -> None:
 def test_messages_are_held_but_never_without_end() -> None:
     state = BEGUN.after(VisitRejected("SN1", "z-up", (Reason.text("gaps", "frames were lost"),), True), 1001)
     reasons = (Message.text("frames were lost"),)
-    assert state.messages == (Message("visit-measured-again", serial="SN1", position="z-up", reasons=reasons),)
+    assert state.messages == (Message("visit-measured-again", serial="SN1", reasons=reasons),)
     for i in range(3 * MAX_MESSAGES):
         state = state.after(Notice(Message.text(f"sentence {i}"), "SN2"), 1002)
     assert len(state.messages) == MAX_MESSAGES

@@ -31,7 +31,7 @@ def test_anything_else_is_refused_in_one_short_sentence(text: str) -> None:
 
 
 def test_no_serial_comes_twice() -> None:
-    with pytest.raises(UsageError, match=r"'SN0002' was given twice"):
+    with pytest.raises(UsageError, match=r"'SN0002' is listed twice"):
         serial.check_all(["SN0001", "SN0002", "SN0002"], recipe())
     assert serial.check_all(["SN0001", "SN0002"], recipe()) == ("SN0001", "SN0002")
 

@@ -76,7 +76,7 @@ class CanopenDevice:
     def nmt(self, command: str) -> None:
         """Sends start, stop, pre-operational, reset-node or reset-communication to this node."""
         if command not in _COMMANDS:
-            raise UsageError(f"there is no NMT command {command!r}; the known ones are {', '.join(_COMMANDS)}")
+            raise UsageError("nmt-command-unknown", command=command, known=tuple(_COMMANDS))
         if command.startswith("reset"):
             self._boot_ups_before_reset = self.boot_ups()
             self._state = "unknown"
@@ -86,7 +86,7 @@ class CanopenDevice:
         """Waits for the boot-up message after the last reset. Errors: DeviceSilent."""
         deadline_s = self._network.clock.monotonic_s() + timeout_s
         if not self._network.wait(lambda: self._boot_ups > self._boot_ups_before_reset, deadline_s):
-            raise DeviceSilent(f"node {self._node} sent no boot-up message within {timeout_s:g} s of its reset")
+            raise DeviceSilent("no-boot-up", node=self._node, timeout_s=timeout_s)
 
     def state(self) -> str:
         """NMT state last heard: operational, pre-operational, stopped, booting or unknown."""

@@ -15,6 +15,7 @@ from canopen.objectdictionary.eds import import_eds
 from station.domain.product.object_dictionary import TYPES, ObjectDictionary, ObjectEntry, Value
 from station.domain.product.sdo_codes import address
 from station.errors import ProductError
+from station.messages import system_reason
 
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
@@ -32,11 +33,11 @@ def load(path: Path, node: int) -> ObjectDictionary:
     try:
         found = _entries(text)
     except ProductError as exc:
-        raise ProductError(f"{path}: {exc.sentence}") from None
+        raise ProductError("eds-mistake", file=str(path), mistake=exc.message) from None
     except (configparser.Error, ValueError, KeyError, AttributeError, TypeError) as exc:
-        raise ProductError(f"{path} is no EDS that can be used: {' '.join(str(exc).split())[:200]}") from exc
+        raise ProductError("eds-not-readable", file=str(path), why=" ".join(str(exc).split())[:200]) from exc
     if not found:
-        raise ProductError(f"{path} describes no objects; check `eds` in the product file")
+        raise ProductError("eds-empty", file=str(path))
     own = [replace(e, default=e.default + node) if isinstance(e.default, int) and counts else e for e, counts in found]
     return ObjectDictionary(node, {(entry.index, entry.sub): entry for entry in own})
 
@@ -54,10 +55,10 @@ def _entries(text: str) -> tuple[tuple[ObjectEntry, bool], ...]:
 def _text(path: Path) -> str:
     try:
         if path.stat().st_size > _MOST_BYTES:
-            raise ProductError(f"{path} has more than {_MOST_BYTES} bytes; an EDS has some thousand")
+            raise ProductError("eds-too-long", file=str(path), limit=_MOST_BYTES)
         return path.read_text(encoding="latin-1")
     except OSError as exc:
-        raise ProductError(f"{path} cannot be read ({exc.strerror}); check `eds` in the product file") from exc
+        raise ProductError("eds-no-access", file=str(path), why=system_reason(exc)) from exc
 
 
 def _variables(text: str) -> Iterator[ODVariable]:
@@ -79,7 +80,7 @@ class _Sections:
     def check(self) -> None:
         """Refuses what is no EDS at all."""
         if "deviceinfo" not in self._names:
-            raise ProductError("has no [DeviceInfo], so it is no EDS; check `eds` in the product file")
+            raise ProductError("eds-without-device-info")
 
     def counts_from_node(self, variable: ODVariable) -> bool:
         """Whether the default is the node id, or that and more."""
@@ -96,12 +97,12 @@ def _entry(variable: ODVariable, sections: _Sections, text: str) -> ObjectEntry:
     where = address(variable.index, variable.subindex)
     code = variable.data_type or 0
     if code not in TYPES:
-        raise ProductError(f"{where} has the data type {code:#x}, which this station does not know")
+        raise ProductError("eds-data-type", object=where, type=code)
     kind = TYPES[code][0]
     default: Value | None = variable.default
     if default is None:
         if sections.word(variable, "DefaultValue") and kind not in ("STRING", "OCTETS", "DOMAIN"):
-            raise ProductError(f"{where} has a default that is no number; write it without leading zeros, or as 0x…")
+            raise ProductError("eds-default-not-number", object=where)
         default = text.encode("latin-1") if variable.index == _STORE_EDS else _EMPTY.get(kind, 0)
     return ObjectEntry(
         index=variable.index,
@@ -125,5 +126,5 @@ def _limit(where: str, word: str, parsed: float | None) -> float | None:
     except ValueError:
         limit = math.nan
     if not math.isfinite(limit):
-        raise ProductError(f"{where} has the limit {word[:40]!r}, which is no number")
+        raise ProductError("eds-limit-not-number", object=where, limit=word[:40])
     return limit

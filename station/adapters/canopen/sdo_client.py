@@ -7,7 +7,7 @@ mixing their transfers, abort codes hidden, a command repeated that had been exe
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from canopen.sdo import constants as sdo
 
@@ -16,9 +16,11 @@ from station.adapters.canopen.network import ServiceNetwork
 from station.adapters.canopen.sdo_transfer import Exchange, NoAnswer, Refused, Violation
 from station.domain.product import sdo_codes
 from station.errors import BusFault, DeviceRefused, DeviceSilent
+from station.messages import Message
 
 TransferResult = TypeVar("TransferResult")
 Address = tuple[int, int]
+Access = Literal["read", "write"]
 
 #: Longer values go in blocks, where the device knows them.
 BLOCK_FROM = 400
@@ -97,18 +99,18 @@ class SdoClient:
     def _download(self, index: int, sub: int, data: bytes, timeout_s: float | None) -> None:
         if len(data) > BLOCK_FROM and self._has_blocks:
             try:
-                self._run("take", index, sub, timeout_s, lambda: sdo_block.download(index, sub, data))
+                self._run("write", index, sub, timeout_s, lambda: sdo_block.download(index, sub, data))
             except DeviceRefused as refusal:
                 if refusal.code != sdo.ABORT_INVALID_COMMAND_SPECIFIER:
                     raise
                 self._has_blocks = False
             else:
                 return
-        self._run("take", index, sub, timeout_s, lambda: sdo_transfer.download(index, sub, data))
+        self._run("write", index, sub, timeout_s, lambda: sdo_transfer.download(index, sub, data))
 
     def _run(
         self,
-        deed: str,
+        access: Access,
         index: int,
         sub: int,
         timeout_s: float | None,
@@ -120,14 +122,17 @@ class SdoClient:
         try:
             return self._drive(make(), index, sub, timeout_s)
         except Refused as refusal:
-            told = sdo_codes.sentence(refusal.code, self.node, deed, index, sub)
-            raise DeviceRefused(told, code=refusal.code) from None
+            raise self._refused(f"sdo-{access}-refused", index, sub, refusal.code) from None
         except Violation as violation:
             self._abort(index, sub, violation.code)
-            what = f"node {self.node} broke off to {deed} {sdo_codes.address(index, sub)}"
-            raise DeviceRefused(f"{what}: {sdo_codes.meaning(violation.code)}", code=violation.code) from None
+            raise self._refused(f"sdo-{access}-broken", index, sub, violation.code) from None
         except NoAnswer:
-            raise DeviceSilent(self._time_out(deed, index, sub, timeout_s, self.dropped - before)) from None
+            raise DeviceSilent(self._time_out(access, index, sub, timeout_s, self.dropped - before)) from None
+
+    def _refused(self, id_: str, index: int, sub: int, code: int) -> DeviceRefused:
+        where = sdo_codes.address(index, sub)
+        reason = sdo_codes.meaning(code)
+        return DeviceRefused(Message(id_, node=self.node, object=where, reason=reason, code=code), code=code)
 
     def _drive(
         self, transfer: Generator[Exchange, bytes, TransferResult], index: int, sub: int, timeout_s: float
@@ -183,17 +188,16 @@ class SdoClient:
 
     def _refuse_second_device(self) -> None:
         if self._consecutive_repeats + self._repeated >= _CONSECUTIVE_EXCHANGES:
-            raise BusFault(f"node {self.node} answers every request twice: two devices share this node id; change one")
+            raise BusFault("node-id-twice", node=self.node)
 
-    def _time_out(self, deed: str, index: int, sub: int, timeout_s: float, dropped: int) -> str:
-        """Quarantines the node; returns the sentence."""
+    def _time_out(self, access: Access, index: int, sub: int, timeout_s: float, dropped: int) -> Message:
+        """Quarantines the node; returns the message."""
         if index not in _STORES:
             self._abort(index, sub, sdo.ABORT_TIMED_OUT)
         self._quarantined_by = (index, sub)
         where = sdo_codes.address(index, sub)
-        told = f"node {self.node} did not answer the request to {deed} {where} within {timeout_s:g} s"
-        others = f"; {dropped} answers came that belong to other requests" if dropped else ""
-        return f"{told}{others}; check power, wiring, bit rate and node id"
+        silence = Message(f"sdo-{access}-timed-out", node=self.node, object=where, timeout_s=timeout_s)
+        return Message("sdo-foreign-answers", silence=silence, count=dropped) if dropped else silence
 
     def _abort(self, index: int, sub: int, code: int) -> None:
         self._network.send(
@@ -214,6 +218,4 @@ class SdoClient:
     def _refuse_doubtful(self, index: int, sub: int) -> None:
         if (index, sub) in self._doubtful:
             where = sdo_codes.address(index, sub)
-            raise DeviceSilent(
-                f"the last write of {where} on node {self.node} went unanswered; read it before writing again"
-            )
+            raise DeviceSilent("sdo-write-in-doubt", node=self.node, object=where)

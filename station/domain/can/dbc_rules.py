@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from station.domain.can.signals import FrameLayout, SignalLayout
+from station.messages import Message
 
 #: Physical limits are decimal text; half a step beyond the bits' own limit is rounding.
 SLACK_STEPS = 0.5
@@ -16,17 +17,17 @@ class DbcIssue:
 
     message: str
     signal: str | None
-    text: str
+    mistake: Message
 
 
 def lint(layouts: Sequence[FrameLayout]) -> tuple[DbcIssue, ...]:
     """Every mistake in a DBC's messages, in the order of the file."""
     found = list(_duplicates(layouts))
     for message in layouts:
-        found += [DbcIssue(message.name, None, text) for text in _message_rules(message)]
+        found += [DbcIssue(message.name, None, mistake) for mistake in _message_rules(message)]
         for signal in message.signals:
-            found += [DbcIssue(message.name, signal.name, text) for rule in RULES for text in rule(signal)]
-            found += [DbcIssue(message.name, signal.name, text) for text in _multiplexing(message, signal)]
+            found += [DbcIssue(message.name, signal.name, mistake) for rule in RULES for mistake in rule(signal)]
+            found += [DbcIssue(message.name, signal.name, mistake) for mistake in _multiplexing(message, signal)]
     return tuple(found)
 
 
@@ -35,79 +36,77 @@ def _duplicates(layouts: Sequence[FrameLayout]) -> Iterator[DbcIssue]:
     names: set[str] = set()
     for message in layouts:
         if message.can_id in ids:
-            text = f"identifier {message.can_id & 0x1FFF_FFFF:#x} is also that of {ids[message.can_id]}"
-            yield DbcIssue(message.name, None, f"{text}; give each message its own")
+            can_id = message.can_id & 0x1FFF_FFFF
+            mistake = Message("dbc-identifier-twice", can_id=can_id, other=ids[message.can_id])
+            yield DbcIssue(message.name, None, mistake)
         if message.name in names:
-            yield DbcIssue(message.name, None, "the name is used by two messages; give each its own")
+            yield DbcIssue(message.name, None, Message("dbc-message-twice"))
         ids.setdefault(message.can_id, message.name)
         names.add(message.name)
 
 
-def _message_rules(message: FrameLayout) -> Iterator[str]:
+def _message_rules(message: FrameLayout) -> Iterator[Message]:
     names = [s.name for s in message.signals]
     for name in sorted({n for n in names if names.count(n) > 1}):
-        yield f"signal {name} is listed twice; give each its own name"
+        yield Message("dbc-signal-twice", signal=name)
     if message.length == 0 and names:
-        yield "the message is 0 bytes long but has signals; correct its length"
+        yield Message("dbc-empty-message")
 
 
-def _scale(signal: SignalLayout) -> Iterator[str]:
+def _scale(signal: SignalLayout) -> Iterator[Message]:
     if signal.scale == 0:
-        yield "scale is 0, so every value would be the offset; correct it"
+        yield Message("dbc-scale-zero")
     if not (math.isfinite(signal.scale) and math.isfinite(signal.offset)):
-        yield "scale or offset is no number; correct it"
+        yield Message("dbc-scale-not-finite")
 
 
-def _order(signal: SignalLayout) -> Iterator[str]:
+def _order(signal: SignalLayout) -> Iterator[Message]:
     low, high = signal.minimum, signal.maximum
     if low is not None and high is not None and low > high:
-        yield f"minimum {low:g} is above maximum {high:g}; exchange them"
+        yield Message("dbc-limits-swapped", low=low, high=high)
 
 
-def _range(signal: SignalLayout) -> Iterator[str]:
+def _range(signal: SignalLayout) -> Iterator[Message]:
     if signal.is_float or signal.scale == 0:
         return
     ends = [raw * signal.scale + signal.offset for raw in signal.raw_limits()]
     slack = abs(signal.scale) * SLACK_STEPS
-    for what, limit in (("minimum", signal.minimum), ("maximum", signal.maximum)):
+    for which, limit in (("minimum", signal.minimum), ("maximum", signal.maximum)):
         if limit is None or min(ends) - slack <= limit <= max(ends) + slack:
             continue
         if not signal.signed and signal.offset == 0 and signal.scale > 0 > limit:
-            yield f"{what} {limit:g} is negative but the signal is unsigned; write @1- or @0-, or correct the limit"
+            yield Message("dbc-limit-negative", which=which, limit=limit)
         else:
-            sign = "signed" if signal.signed else "unsigned"
-            yield (
-                f"{what} {limit:g} cannot be reached: {signal.length} {sign} bits "
-                f"hold {min(ends):g} to {max(ends):g}; correct the limit"
-            )
+            reach = {"bits": signal.length, "low": min(ends), "high": max(ends)}
+            yield Message("dbc-limit-unreachable", which=which, limit=limit, **reach)
 
 
-def _float_length(signal: SignalLayout) -> Iterator[str]:
+def _float_length(signal: SignalLayout) -> Iterator[Message]:
     if signal.is_float and signal.length not in (16, 32, 64):
-        yield f"a float of {signal.length} bits does not exist; it has 16, 32 or 64"
+        yield Message("dbc-float-length", bits=signal.length)
     if not 1 <= signal.length <= 64:
-        yield f"length {signal.length} is not 1 to 64 bits; correct it"
+        yield Message("dbc-length", bits=signal.length)
 
 
-def _ascii(signal: SignalLayout) -> Iterator[str]:
+def _ascii(signal: SignalLayout) -> Iterator[Message]:
     if not signal.unit.isascii():
-        yield f"unit {signal.unit!r} is not plain ASCII, which readers take differently; write deg, degC, u"
+        yield Message("dbc-unit-not-ascii", unit=signal.unit)
 
 
-RULES: tuple[Callable[[SignalLayout], Iterator[str]], ...] = (_scale, _order, _range, _float_length, _ascii)
+RULES: tuple[Callable[[SignalLayout], Iterator[Message]], ...] = (_scale, _order, _range, _float_length, _ascii)
 
 
-def _multiplexing(message: FrameLayout, signal: SignalLayout) -> Iterator[str]:
+def _multiplexing(message: FrameLayout, signal: SignalLayout) -> Iterator[Message]:
     if signal.selector is None:
         return
     selectors = [s for s in message.signals if s.name == signal.selector]
     if not selectors:
-        yield f"multiplexer {signal.selector} does not exist; add it or correct the name"
+        yield Message("dbc-multiplexer-missing", multiplexer=signal.selector)
         return
     if selectors[0].is_float:
-        yield f"multiplexer {signal.selector} is a float; it must be an integer"
+        yield Message("dbc-multiplexer-float", multiplexer=signal.selector)
         return
     low, high = selectors[0].raw_limits()
     for value in signal.selected_by:
         if not low <= value <= high:
-            yield f"multiplexer {signal.selector} cannot take the value {value}; its bits hold {low} to {high}"
+            yield Message("dbc-multiplexer-range", multiplexer=signal.selector, value=value, low=low, high=high)

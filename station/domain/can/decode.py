@@ -11,6 +11,7 @@ from station.domain.can.sensor_layout import SensorLayout
 from station.domain.can.sequence_counter import CounterErrors, count_errors, counter_steps
 from station.domain.can.signals import FrameLayout, SignalLayout, adjacent_words, physical, raw
 from station.domain.core.types import REMOTE, Array, Floats, Frames
+from station.messages import Message
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,20 +34,20 @@ class FrameErrors:
         """Every frame came once, whole, in turn."""
         return self == FrameErrors(frames=self.frames)
 
-    def sentences(self) -> tuple[str, ...]:
-        """Each trouble in words, for a person."""
+    def messages(self) -> tuple[Message, ...]:
+        """Each kind of error that occurred, with how often."""
         c = self.counter
-        counts = [
-            (self.wrong_length, "frames of the wrong length"),
-            (self.remote, "remote frames with the sensor's identifier"),
-            (self.crc_errors, "frames with a wrong CRC"),
-            (self.not_finite, "readings that are no number"),
-            (c.lost, f"frames lost, at {c.gaps} places"),
-            (c.repeats, f"frames repeated, up to {c.longest_repeat} in a row"),
-            (c.late, "frames out of order"),
-        ]
-        found = [f"{number} {what}" for number, what in counts if number]
-        return tuple(found + ["the frame counter is stuck"] * c.stuck)
+        kinds = (
+            (self.wrong_length, Message("frames-wrong-length", count=self.wrong_length)),
+            (self.remote, Message("frames-remote", count=self.remote)),
+            (self.crc_errors, Message("frames-wrong-crc", count=self.crc_errors)),
+            (self.not_finite, Message("readings-not-finite", count=self.not_finite)),
+            (c.lost, Message("frames-lost", count=c.lost, gaps=c.gaps)),
+            (c.repeats, Message("frames-repeated", count=c.repeats, longest=c.longest_repeat)),
+            (c.late, Message("frames-late", count=c.late)),
+            (c.stuck, Message("counter-stuck")),
+        )
+        return tuple(message for count, message in kinds if count)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.can.sensor_layout import EndToEnd, SensorLayout
+from station.errors import ProductError
 
 Bytes = NDArray[np.uint8]
 
@@ -37,7 +38,7 @@ def checksum(data: Bytes, counter: NDArray[np.uint64], layout: SensorLayout, nod
     """The CRC byte (n) that payloads (n, w) of a node ought to carry, by the layout's profile."""
     e2e = layout.map.e2e
     if e2e is None:
-        raise ValueError("this layout has no end-to-end protection")
+        raise ProductError("layout-without-e2e", dbc=layout.map.dbc)
     body = [data[:, byte] for byte in range(layout.sample.length) if byte != layout.crc_byte]
     if e2e.profile == "P02":
         secret = np.array(e2e.data_ids, np.uint8)[counter % np.uint64(16)]

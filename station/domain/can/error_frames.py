@@ -1,60 +1,63 @@
-"""Error frames of the Linux CAN drivers in words. Source: <linux/can/error.h>."""
+"""Error frames of the Linux CAN drivers as messages. Source: <linux/can/error.h>."""
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
 
 from station.domain.core.types import ERROR, Array, Frames
+from station.messages import Message
 
 BUS_OFF, RESTARTED = 0x40, 0x100
-#: Error class bit → what it says. Classes with details in the payload stand below.
+#: Error class bit → message. Classes with details in the payload stand below.
 _CLASSES = {
-    0x001: "a frame could not be sent in time",
-    0x002: "arbitration was lost",
-    0x020: "nobody acknowledged a frame: check that another node is on the bus, the wiring and the bit rate",
-    BUS_OFF: "the controller is bus-off: check wiring, termination and bit rate",
-    0x080: "bus error",
-    RESTARTED: "the controller was restarted after bus-off",
+    0x001: "can-send-timeout",
+    0x002: "can-arbitration-lost",
+    0x020: "can-no-acknowledge",
+    BUS_OFF: "can-bus-off",
+    0x080: "can-bus-error",
+    RESTARTED: "can-restarted",
 }
-#: (class, byte of the payload) → bit of that byte → what it says.
+#: (class, byte of the payload) → bit of that byte → message.
 _DETAILS = {
     (0x004, 1): {
-        0x01: "the adapter's receive buffer overflowed: frames are lost",
-        0x02: "the adapter's transmit buffer overflowed",
-        0x04: "error warning level reached while receiving",
-        0x08: "error warning level reached while sending",
-        0x10: "error passive while receiving",
-        0x20: "error passive while sending",
-        0x40: "back to error active",
+        0x01: "can-receive-overflow",
+        0x02: "can-send-overflow",
+        0x04: "can-warning-receiving",
+        0x08: "can-warning-sending",
+        0x10: "can-passive-receiving",
+        0x20: "can-passive-sending",
+        0x40: "can-active-again",
     },
     (0x008, 2): {
-        0x01: "single bit error",
-        0x02: "frame format error",
-        0x04: "bit stuffing error",
-        0x08: "a dominant bit could not be sent",
-        0x10: "a recessive bit could not be sent",
-        0x20: "bus overload",
-        0x40: "active error announcement",
-        0x80: "the error occurred while sending",
+        0x01: "can-single-bit-error",
+        0x02: "can-frame-format-error",
+        0x04: "can-stuffing-error",
+        0x08: "can-dominant-bit-error",
+        0x10: "can-recessive-bit-error",
+        0x20: "can-overload",
+        0x40: "can-active-error-flag",
+        0x80: "can-error-while-sending",
     },
     (0x010, 4): {
-        0x04: "transceiver: CAN_H or CAN_L is broken or shorted",
-        0x40: "transceiver: CAN_L is broken or shorted",
-        0x80: "transceiver: CAN_L is shorted to CAN_H",
+        0x04: "can-transceiver-high",
+        0x40: "can-transceiver-low",
+        0x80: "can-transceiver-short",
     },
 }
-_UNSPECIFIED = {0x004: "controller problem", 0x008: "protocol violation", 0x010: "transceiver problem"}
+_UNSPECIFIED = {0x004: "can-controller-problem", 0x008: "can-protocol-violation", 0x010: "can-transceiver-problem"}
 
 
-def error_frames(frames: Frames) -> tuple[str, ...]:
-    """What the error frames among `frames` say, one sentence each, with how often; most frequent first."""
+def error_frames(frames: Frames) -> tuple[Message, ...]:
+    """What the error frames among `frames` report, one message each, with how often; most frequent first."""
     errors = frames[(frames.can_id & np.uint32(ERROR)) != 0]
-    told: dict[str, int] = {}
-    for can_id, data in zip(errors.can_id.tolist(), errors.data, strict=True):
-        for text in _descriptions(can_id, data):
-            told[text] = told.get(text, 0) + 1
-    ordered = sorted(told.items(), key=lambda item: -item[1])
-    return tuple(text if times == 1 else f"{text} ({times} times)" for text, times in ordered)
+    times = Counter(
+        id_ for can_id, data in zip(errors.can_id.tolist(), errors.data, strict=True) for id_ in _ids(can_id, data)
+    )
+    return tuple(
+        Message(id_) if count == 1 else Message("repeated-times", message=Message(id_), count=count)
+        for id_, count in times.most_common()
+    )
 
 
 def has_bus_off(frames: Frames) -> bool:
@@ -65,9 +68,9 @@ def has_bus_off(frames: Frames) -> bool:
     return bool(len(off)) and (not len(on) or bool(off[-1] > on[-1]))
 
 
-def _descriptions(can_id: int, data: Array) -> Iterator[str]:
-    yield from (text for bit, text in _CLASSES.items() if can_id & bit)
+def _ids(can_id: int, data: Array) -> Iterator[str]:
+    yield from (id_ for bit, id_ in _CLASSES.items() if can_id & bit)
     for (kind, byte), details in _DETAILS.items():
         if can_id & kind:
-            said = [text for bit, text in details.items() if int(data[byte]) & bit]
-            yield from said or [_UNSPECIFIED[kind]]
+            known = [id_ for bit, id_ in details.items() if int(data[byte]) & bit]
+            yield from known or [_UNSPECIFIED[kind]]

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import EXTENDED
 from station.domain.recipe.recipe import Name, StrictModel
-from station.errors import ProductError
+from station.errors import InvalidValue, ProductError
 
 Node = Annotated[int, Field(ge=1, le=127)]
 
@@ -45,9 +45,9 @@ class EndToEnd(StrictModel):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if self.profile == "P01" and (self.data_id is None or self.data_ids is not None):
-            raise ValueError("profile P01 needs data_id, for example 0x1A00, and no data_ids")
+            raise InvalidValue("e2e-needs-data-id")
         if self.profile == "P02" and (self.data_ids is None or len(self.data_ids) != 16 or self.data_id is not None):
-            raise ValueError("profile P02 needs data_ids, a list of 16 bytes, and no data_id")
+            raise InvalidValue("e2e-needs-data-ids")
         return self
 
     @property
@@ -77,11 +77,11 @@ class FrameMap(StrictModel):
     @model_validator(mode="after")
     def _hangs_together(self) -> Self:
         if self.e2e is not None and (self.sample.crc is None or self.sample.counter is None):
-            raise ValueError("e2e protects with a CRC and a counter; name both signals under sample")
+            raise InvalidValue("e2e-needs-signals")
         if self.counter_values is not None and self.sample.counter is None:
-            raise ValueError("counter_values needs sample.counter, the name of the counting signal")
+            raise InvalidValue("counter-values-without-counter")
         if self.e2e is not None and self.counter_values not in (None, self.e2e.counter_values):
-            raise ValueError(f"counter_values of profile {self.e2e.profile} is {self.e2e.counter_values}; leave it out")
+            raise InvalidValue("counter-values-of-profile", profile=self.e2e.profile, values=self.e2e.counter_values)
         return self
 
 
@@ -127,7 +127,9 @@ class SensorLayout:
         """Identifier of a message when a node sends it; ProductError when it does not fit its format."""
         can_id = layout.can_id - self.map.node_of_dbc + node
         if not 0 <= can_id & ~EXTENDED <= (0x1FFF_FFFF if layout.can_id & EXTENDED else 0x7FF):
-            raise ProductError(f"{self.map.dbc}: {layout.name} of node {node} would have the identifier {can_id:#x}")
+            raise ProductError(
+                "identifier-out-of-range", dbc=self.map.dbc, message=layout.name, node=node, can_id=can_id
+            )
         return can_id
 
 
@@ -142,7 +144,7 @@ def resolve(roles: FrameMap, layouts: Mapping[str, FrameLayout]) -> SensorLayout
             temperature = _message(roles.dbc, layouts, roles.temperature.message)
             temperature.signal(roles.temperature.signal)
     except ProductError as error:
-        raise ProductError(f"{roles.dbc}: {error.sentence}; correct the names under frames") from None
+        raise ProductError("frame-map-names", dbc=roles.dbc, reason=error.message) from None
     layout = SensorLayout(roles, sample, temperature)
     _check_counter(layout)
     _check_crc(layout)
@@ -151,8 +153,7 @@ def resolve(roles: FrameMap, layouts: Mapping[str, FrameLayout]) -> SensorLayout
 
 def _message(dbc: str, layouts: Mapping[str, FrameLayout], name: str) -> FrameLayout:
     if name not in layouts:
-        known = ", ".join(layouts) or "none"
-        raise ProductError(f"{dbc} has no message {name}; its messages are {known}; correct the name under frames")
+        raise ProductError("dbc-message-unknown", dbc=dbc, message=name, known=tuple(layouts))
     return layouts[name]
 
 
@@ -161,12 +162,10 @@ def _check_counter(layout: SensorLayout) -> None:
     if counter is None:
         return
     if counter.is_float or counter.signed or counter.selector is not None:
-        raise ProductError(f"{layout.map.dbc}: counter {counter.name} must be an unsigned integer in every frame")
+        raise ProductError("counter-not-unsigned", dbc=layout.map.dbc, counter=counter.name)
     if layout.counter_values > 1 << counter.length:
-        raise ProductError(
-            f"{layout.map.dbc}: counter {counter.name} has {counter.length} bits and cannot take "
-            f"{layout.counter_values} values; correct counter_values"
-        )
+        where = {"dbc": layout.map.dbc, "counter": counter.name}
+        raise ProductError("counter-too-short", bits=counter.length, values=layout.counter_values, **where)
 
 
 def _check_crc(layout: SensorLayout) -> None:
@@ -174,6 +173,4 @@ def _check_crc(layout: SensorLayout) -> None:
         return
     crc = layout.sample.signal(layout.map.sample.crc or "")
     if crc.length != 8 or crc.first_bit % 8:
-        raise ProductError(
-            f"{layout.map.dbc}: CRC {crc.name} must be one whole byte for profile {layout.map.e2e.profile}"
-        )
+        raise ProductError("crc-not-byte", dbc=layout.map.dbc, crc=crc.name, profile=layout.map.e2e.profile)

@@ -59,8 +59,8 @@ class FrameLayout:
         for signal in self.signals:
             if signal.name == name:
                 return signal
-        known = ", ".join(s.name for s in self.signals) or "none"
-        raise ProductError(f"message {self.name} has no signal {name}; its signals are {known}")
+        known = tuple(s.name for s in self.signals)
+        raise ProductError("signal-unknown", message=self.name, signal=name, known=known)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,6 +9,7 @@ from station.domain.capture.rest_detection import angle_deg, compare_halves, exp
 from station.domain.capture.visit import Visit
 from station.domain.core.types import Floats, Reason
 from station.domain.recipe.recipe import Recipe
+from station.messages import Message
 
 #: Checks that say something about the station or the handling, not about the unit.
 STATION_CHECKS = frozenset({"silent", "kernel-drops", "not-still", "wrong-face", "temperature", "gold-silent"})
@@ -68,8 +69,8 @@ def _transport(d: Visit, recipe: Recipe) -> Iterator[Reason]:
             "kernel-drops", f"the kernel dropped {d.drops} frames at {d.position!r}; this PC is too busy", d.drops, 0
         )
     if not d.samples.frame_errors.clean:
-        wrong = ", ".join(d.samples.frame_errors.sentences())
-        yield Reason.text("frames", f"bad frames at {d.position!r}: {wrong}")
+        errors = d.samples.frame_errors.messages()
+        yield Reason(Message("visit-bad-frames", position=d.position, errors=errors), check="frames")
     rate = _rate_hz(d)
     allowed = recipe.device.clock_tolerance_ppm * 1e-6 + RATE_COUNTS / max(count, 1)
     if rate is not None and abs(rate / recipe.device.rate_hz - 1) > max(allowed, MIN_RATE_DEVIATION):

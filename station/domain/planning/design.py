@@ -10,6 +10,7 @@ from station.domain.planning import optimal
 from station.domain.recipe.plan import planned_visits as planned
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
+from station.messages import Message
 
 #: So many positions are proposed at most to complete a recipe.
 MAX_PROPOSALS = 12
@@ -38,17 +39,18 @@ def planned_truths(recipe: Recipe) -> tuple[tuple[str, ...], tuple[str, ...], Fl
     return tuple(s.position for s in stops), tuple(s.seating for s in stops), np.array([s.true for s in stops])
 
 
-def _refusal(recipe: Recipe, rows: Floats, lost: Sequence[str]) -> str:
-    full, have = rows.shape[1], rank.of(rows)
+def _refusal(recipe: Recipe, rows: Floats, lost: Sequence[str]) -> Message:
     more = missing(recipe)
-    add = (
-        f"add {len(more)} position{'s' if len(more) > 1 else ''}, best first: {', '.join(more)}"
-        if more
-        else ("no position helps; use another method or model")
-    )
-    return (
-        f"recipe {recipe.name}: {recipe.method} on these {len(recipe.positions)} positions leaves {', '.join(lost)} "
-        f"undetermined (rank {have} of {full}), however often they are repeated; {add}"
+    remedy = Message("add-positions", count=len(more), positions=more) if more else Message("no-position-helps")
+    return Message(
+        "recipe-undetermined",
+        recipe=recipe.name,
+        method=recipe.method,
+        positions=len(recipe.positions),
+        coefficients=tuple(lost),
+        rank=rank.of(rows),
+        full=rows.shape[1],
+        remedy=remedy,
     )
 
 

@@ -10,7 +10,9 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from station.domain.product import number_format
+from station.domain.product.sdo_codes import address
 from station.domain.recipe.recipe import Finite, Positive, StrictModel
+from station.errors import InvalidValue
 
 AXES = "xyz"
 CELLS = tuple(row + column for row in AXES for column in AXES)
@@ -26,9 +28,9 @@ def _known_pattern(text: str) -> str:
     try:
         groups = re.compile(text).groups
     except re.error as exc:
-        raise ValueError(f"{text!r} is not a regular expression: {exc}") from None
+        raise InvalidValue("pattern-not-regular", pattern=text, why=str(exc)) from None
     if groups != 1:
-        raise ValueError(f"{text!r} needs exactly one group in parentheses: the part that the device keeps")
+        raise InvalidValue("pattern-needs-group", pattern=text)
     return text
 
 
@@ -227,18 +229,18 @@ class DeviceMap(StrictModel):
     )
 
     @model_validator(mode="after")
-    def _hangs_together(self) -> Self:
+    def _check_consistency(self) -> Self:
         for needed in ("matrix", "offset"):
             if needed not in self.order:
-                raise ValueError(f"order leaves out {needed!r}, so it would never be written; add it")
+                raise InvalidValue("order-incomplete", step=needed)
         if len(set(self.order)) != len(self.order):
-            raise ValueError("order names a step twice; each is done once")
-        seen: dict[tuple[int, int], str] = {}
+            raise InvalidValue("order-step-twice")
+        owner: dict[tuple[int, int], str] = {}
         for name, number in self.coefficients():
-            if number.address in seen:
-                where = f"0x{number.index:04X}:{number.sub:02X}"
-                raise ValueError(f"{seen[number.address]} and {name} are both kept at {where}; give each its own")
-            seen[number.address] = name
+            if number.address in owner:
+                where = address(*number.address)
+                raise InvalidValue("address-twice", first=owner[number.address], second=name, object=where)
+            owner[number.address] = name
         return self
 
     def coefficients(self) -> Iterator[tuple[str, NumberObject]]:
@@ -268,4 +270,4 @@ class DeviceMap(StrictModel):
 def _check_cells(each: dict[str, CoefficientOverride], known: tuple[str, ...]) -> None:
     for cell in each:
         if cell not in known:
-            raise ValueError(f"each names {cell!r}; the known ones are {', '.join(known)}")
+            raise InvalidValue("cell-unknown", cell=cell, known=known)

@@ -1,34 +1,35 @@
 """A device map against the device's own EDS: what would be refused half-way through a write is found at the desk."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from station.domain.product import number_format
 from station.domain.product.device_map import DeviceMap, DeviceObject, NumberObject
 from station.domain.product.object_dictionary import TYPES, ObjectDictionary, ObjectEntry
 from station.domain.product.sdo_codes import address
+from station.messages import Message
 
 _BYTES = ("<?", "<B")
 
 
-def mismatches(device_map: DeviceMap, dictionary: ObjectDictionary) -> tuple[str, ...]:
-    """Every contradiction in words: objects that are missing, of another type, not writable, or of less range."""
+def mismatches(device_map: DeviceMap, dictionary: ObjectDictionary) -> tuple[Message, ...]:
+    """Every contradiction: objects that are missing, of another type, not writable, or of less range."""
     return tuple(_mismatches(device_map, dictionary))
 
 
-def _mismatches(device_map: DeviceMap, dictionary: ObjectDictionary) -> Iterator[str]:
+def _mismatches(device_map: DeviceMap, dictionary: ObjectDictionary) -> Iterator[Message]:
     for name, part, is_written in _parts(device_map):
-        where = f"{name} at {address(*part.address)}"
+        where = {"name": name, "object": address(*part.address)}
         if part.address not in dictionary:
-            yield f"{where} is not in the EDS"
+            yield Message("map-object-missing", **where)
             continue
         entry = dictionary[part.address]
         if is_written and not entry.writable:
-            yield f"{where} is {entry.access} in the EDS, so it cannot be written"
+            yield Message("map-object-not-writable", access=entry.access, **where)
         if isinstance(part, NumberObject):
             yield from _type(where, part, entry)
     for name, number in device_map.coefficients():
         if number.address in dictionary:
-            where = f"{name} at {address(*number.address)}"
+            where = {"name": name, "object": address(*number.address)}
             yield from _range(where, number, device_map.nominal(name), dictionary[number.address])
 
 
@@ -47,13 +48,13 @@ def _parts(device_map: DeviceMap) -> Iterator[tuple[str, DeviceObject, bool]]:
         yield "checksum", device_map.checksum, False
 
 
-def _type(where: str, number: NumberObject, entry: ObjectEntry) -> Iterator[str]:
+def _type(where: Mapping[str, str], number: NumberObject, entry: ObjectEntry) -> Iterator[Message]:
     ours, theirs = number_format.parse(number.type).code, TYPES[entry.type][1]
     if ours != theirs and not (ours in _BYTES and theirs in _BYTES):
-        yield f"{where} is {number.type} in the map but {entry.type_name} in the EDS"
+        yield Message("map-type-differs", type=number.type, eds_type=entry.type_name, **where)
 
 
-def _range(where: str, number: NumberObject, nominal: float, entry: ObjectEntry) -> Iterator[str]:
+def _range(where: Mapping[str, str], number: NumberObject, nominal: float, entry: ObjectEntry) -> Iterator[Message]:
     """Whether the device may refuse a value that the map lets through."""
     if number.limits is None or (entry.low is None and entry.high is None):
         return
@@ -62,4 +63,4 @@ def _range(where: str, number: NumberObject, nominal: float, entry: ObjectEntry)
     low = entry.low if entry.low is not None else ends[0]
     high = entry.high if entry.high is not None else ends[1]
     if ends[0] < low or ends[1] > high:
-        yield f"{where} keeps {ends[0]:g} to {ends[1]:g} by the map, but the EDS allows {low:g} to {high:g}"
+        yield Message("map-range-differs", low=ends[0], high=ends[1], eds_low=low, eds_high=high, **where)

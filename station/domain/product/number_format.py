@@ -6,6 +6,8 @@ import struct
 from dataclasses import dataclass
 from functools import cache
 
+from station.errors import InvalidValue
+
 _PLAIN = {
     "BOOLEAN": "<?",
     "INT8": "<b",
@@ -19,6 +21,7 @@ _PLAIN = {
     "REAL32": "<f",
     "REAL64": "<d",
 }
+_MAX_REAL32 = (2 - 2.0**-23) * 2.0**127
 _SIGNED = {8: "<b", 16: "<h", 32: "<i"}
 _FIXED_POINT = re.compile(r"^Q(\d{1,2})\.(\d{1,2})$")
 _PPM = re.compile(r"^ppm(16|32)$")
@@ -44,19 +47,20 @@ class NumberFormat:
         return self.step == 0.0
 
     def encode(self, value: float) -> bytes:
-        """`value` as the device keeps it, rounded to the nearest number it can keep; ValueError when none is near."""
+        """`value` as the device keeps it, rounded to the nearest number it can keep; InvalidValue when none is near."""
         if not math.isfinite(value):
-            raise ValueError(f"{value} is not a number that a device can keep")
+            raise InvalidValue("number-not-finite")
         try:
             raw = struct.pack(self.code, float(value) if self.is_float else round(value / self.step))
         except (struct.error, OverflowError):
-            raise ValueError(f"{value:.9g} does not fit {self.name}{self._range()}") from None
+            low, high = self._range()
+            raise InvalidValue("number-out-of-range", value=value, format=self.name, low=low, high=high) from None
         return raw
 
     def decode(self, raw: bytes) -> float:
-        """The number that these bytes mean; ValueError when their count is not the format's."""
+        """The number that these bytes mean; InvalidValue when their count is not the format's."""
         if len(raw) != self.size:
-            raise ValueError(f"{self.name} has {self.size} bytes, not {len(raw)}")
+            raise InvalidValue("number-wrong-size", format=self.name, size=self.size, count=len(raw))
         (kept,) = struct.unpack(self.code, raw)
         return float(kept) if self.is_float else float(kept) * self.step
 
@@ -66,17 +70,17 @@ class NumberFormat:
             return self.step
         return math.ulp(value) if self.code == "<d" else _ulp32(value)
 
-    def _range(self) -> str:
+    def _range(self) -> tuple[float, float]:
         if self.is_float:
-            return ""
+            return -_MAX_REAL32, _MAX_REAL32  # only REAL32 can overflow
         bits = 8 * self.size
         low, high = (0, 2**bits - 1) if self.code.isupper() else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-        return f" ({low * self.step:.9g} to {high * self.step:.9g})"
+        return low * self.step, high * self.step
 
 
 @cache
 def parse(name: str) -> NumberFormat:
-    """The format of that name; ValueError lists the known ones.
+    """The format of that name; InvalidValue lists the known ones.
 
     Qm.n is signed fixed point with n bits after the point; m counts the sign bit (ARM) where m + n is 8, 16 or
     32, and does not (Texas Instruments) where m + n + 1 is. ppm16, ppm32: millionths of the deviation from nominal.
@@ -91,8 +95,7 @@ def parse(name: str) -> NumberFormat:
                 return NumberFormat(name, _SIGNED[bits], 2.0**-fraction)
     if match := _PPM.match(name):
         return NumberFormat(name, _SIGNED[int(match[1])], 1e-6, from_nominal=True)
-    known = ", ".join(_PLAIN)
-    raise ValueError(f"there is no number format {name!r}; use {known}, Qm.n of 8, 16 or 32 bits, ppm16 or ppm32")
+    raise InvalidValue("number-format-unknown", format=name, known=tuple(_PLAIN))
 
 
 def _ulp32(value: float) -> float:

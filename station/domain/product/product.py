@@ -11,6 +11,7 @@ from station.domain.product.device_map import DeviceMap, SerialObject
 from station.domain.recipe import sensor as sensor_kind
 from station.domain.recipe.recipe import Name, StrictModel, one_of
 from station.errors import UsageError
+from station.messages import Message
 
 Word = Annotated[int, Field(ge=0, le=0xFFFF_FFFF)]
 
@@ -26,7 +27,7 @@ class ProductIdentity(StrictModel):
 
 
 class Product(StrictModel):
-    """Everything about a product that no recipe and no config says. eds: file beside the product file."""
+    """Everything about a product that no recipe and no config holds. eds: file beside the product file."""
 
     schema_: Annotated[Literal["station.product/1"], Field(alias="schema")]
     name: Name
@@ -36,19 +37,21 @@ class Product(StrictModel):
     identity: ProductIdentity
     map: DeviceMap
 
-    def mismatches(self, *, device_type: int, vendor: int, product: int, revision: int, name: str) -> tuple[str, ...]:
-        """What a device's identity objects say against this product, in words; nothing when it is one."""
+    def mismatches(
+        self, *, device_type: int, vendor: int, product: int, revision: int, name: str
+    ) -> tuple[Message, ...]:
+        """How a device's identity objects differ from this product's; nothing when it is one."""
         wanted = self.identity
         numbers = (
-            ("vendor", vendor, wanted.vendor),
-            ("product code", product, wanted.product),
-            ("device type", device_type, wanted.device_type),
+            ("vendor-differs", vendor, wanted.vendor),
+            ("product-code-differs", product, wanted.product),
+            ("device-type-differs", device_type, wanted.device_type),
         )
-        found = [f"{what} is 0x{read:X}, not 0x{want:X}" for what, read, want in numbers if want not in (None, read)]
+        found = [Message(id_, read=read, expected=want) for id_, read, want in numbers if want not in (None, read)]
         if wanted.revision_at_least is not None and revision < wanted.revision_at_least:
-            found.append(f"revision is 0x{revision:X}, older than 0x{wanted.revision_at_least:X}")
+            found.append(Message("revision-too-old", read=revision, least=wanted.revision_at_least))
         if wanted.name is not None and name != wanted.name:
-            found.append(f"name is {name!r}, not {wanted.name!r}")
+            found.append(Message("name-differs", read=name, expected=wanted.name))
         return tuple(found)
 
 
@@ -56,7 +59,7 @@ def stored_serial(serial: SerialObject, printed: str) -> int | str:
     """What a device with this printed serial must keep (SN0042 → 42); UsageError when it follows another pattern."""
     match = re.search(serial.printed, printed)
     if match is None:
-        raise UsageError(f"serial {printed[:40]!r} does not match {serial.printed!r}, the product's way to print it")
+        raise UsageError("serial-not-of-product", serial=printed[:40], pattern=serial.printed)
     return int(match[1]) if serial.kind == "number" else match[1]
 
 

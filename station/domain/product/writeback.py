@@ -12,7 +12,7 @@ from station.domain.core.types import Calibration, Floats
 from station.domain.product import number_format
 from station.domain.product.device_map import AXES, DeviceMap, DeviceObject, NumberObject, WriteStep
 from station.domain.product.sdo_codes import address
-from station.errors import ProductError, UnitFault
+from station.errors import InvalidValue, ProductError, UnitFault
 
 Address = tuple[int, int]
 RawValues = Mapping[Address, bytes]
@@ -170,7 +170,7 @@ def expected_checksum(device_map: DeviceMap, raws: RawValues) -> bytes | None:
 def _device_values(device_map: DeviceMap, b: Floats, A: Floats) -> dict[str, float]:
     """Coefficients as the device means them, by name."""
     if not (np.isfinite(A).all() and np.isfinite(b).all()):
-        raise UnitFault("the calibration holds values that are not finite, so nothing was written; measure again")
+        raise UnitFault("calibration-not-finite")
     if device_map.stores == "forward":
         matrix, offset = A, b
     else:
@@ -194,7 +194,7 @@ def _inverse(matrix: Floats) -> Floats:
     except np.linalg.LinAlgError:
         inverse = np.full((3, 3), np.nan)
     if not np.isfinite(inverse).all():
-        raise UnitFault("the calibration matrix has no inverse, so no reading could be corrected by it; measure again")
+        raise UnitFault("calibration-not-invertible")
     return np.asarray(inverse)
 
 
@@ -219,34 +219,30 @@ def _write(name: str, number: NumberObject, value: float, nominal: float) -> Obj
     where = address(number.index, number.sub)
     if number.limits is not None and not number.limits[0] <= value <= number.limits[1]:
         low, high = number.limits
-        raise UnitFault(
-            f"{name} = {value:.6g} is outside {low:g} to {high:g}, which {where} takes; nothing was written"
-        )
+        raise UnitFault("coefficient-out-of-range", name=name, value=value, object=where, low=low, high=high)
     try:
         raw = number_format.parse(number.type).encode(number.sign * (value - nominal) / number.scale)
-    except ValueError as exc:
-        raise UnitFault(f"{name} = {value:.6g} cannot be kept at {where}: {exc}; nothing was written") from None
+    except InvalidValue as exc:
+        raise UnitFault("coefficient-does-not-fit", name=name, value=value, object=where, why=exc.message) from None
     return ObjectWrite(number.index, number.sub, name, value, raw, number.timeout_s)
 
 
 def _value(name: str, number: NumberObject, nominal: float, raws: RawValues) -> float:
     where = address(number.index, number.sub)
     if number.address not in raws:
-        raise UnitFault(f"{name} at {where} was not read, so the stored calibration is unknown; read it again")
+        raise UnitFault("coefficient-not-read", name=name, object=where)
     try:
         kept = number_format.parse(number.type).decode(raws[number.address])
-    except ValueError as exc:
-        raise UnitFault(f"{name} at {where} cannot be understood: {exc}; check the device map") from None
+    except InvalidValue as exc:
+        raise UnitFault("coefficient-not-decodable", name=name, object=where, why=exc.message) from None
     if not np.isfinite(kept):
-        raise UnitFault(f"{name} at {where} is {kept}, which is no number; the unit's memory is damaged or empty")
+        raise UnitFault("coefficient-not-finite", name=name, object=where)
     return number.sign * kept * number.scale + nominal
 
 
 def _refuse_cross_axis(calibration: Calibration) -> None:
     if np.any(calibration.matrix[~np.eye(3, dtype=bool)]):
-        raise ProductError(
-            "this product keeps gains only, but there are cross-axis terms; use model: offset-gain in the recipe"
-        )
+        raise ProductError("product-without-cross-axis")
 
 
 def _control(name: str, number: NumberObject, value: float, *, read_back: bool = True) -> ObjectWrite:
@@ -274,7 +270,7 @@ def _record(device_map: DeviceMap, record: str) -> Iterator[ObjectWrite]:
         return
     raw = record.encode("latin-1", "replace")
     if len(raw) > text.length:
-        raise ProductError(f"the record's name has {len(raw)} bytes, but {address(*text.address)} takes {text.length}")
+        raise ProductError("record-too-long", count=len(raw), object=address(*text.address), length=text.length)
     yield ObjectWrite(text.index, text.sub, "record", None, raw, text.timeout_s)
 
 

@@ -12,6 +12,7 @@ from station import plugins
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.domain.recipe import gravity
+from station.errors import InvalidValue
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
@@ -35,7 +36,7 @@ class Turn(StrictModel):
     @model_validator(mode="after")
     def _axis_has_length(self) -> Self:
         if not 1e-9 < float(np.linalg.norm(self.axis)) < 1e9:
-            raise ValueError("axis must have a length; write for example [0, 0, 1]")
+            raise InvalidValue("axis-without-length")
         return self
 
     def matrix(self) -> Floats:
@@ -45,7 +46,7 @@ class Turn(StrictModel):
 
 @lru_cache(maxsize=1024)
 def _rotation_about(axis: Vector, angle_deg: float) -> Floats:
-    """A rotation, kept: a recipe's few turns are asked for at every stop."""
+    """A rotation, cached: a recipe's few turns are needed at every visit."""
     R = rotation.about(np.array(axis), angle_deg)
     R.flags.writeable = False
     return R
@@ -55,7 +56,7 @@ UP = {f"{s}{a}": (1.0 if s == "+" else -1.0) * np.eye(3)[i] for s in "+-" for i,
 
 
 class Position(StrictModel):
-    """One orientation of the nest, said in one of three ways, or none where the pose is unknown."""
+    """One orientation of the nest, given in one of three ways, or none where the pose is unknown."""
 
     name: Name
     quaternion: tuple[Finite, Finite, Finite, Finite] | None = None
@@ -65,21 +66,20 @@ class Position(StrictModel):
 
     @model_validator(mode="after")
     def _check_orientation(self) -> Self:
-        said = [k for k in ("quaternion", "up", "rotate") if getattr(self, k) is not None]
-        if len(said) > 1:
-            raise ValueError(f"{' and '.join(said)} both say the orientation; keep one of them")
+        given = [k for k in ("quaternion", "up", "rotate") if getattr(self, k) is not None]
+        if len(given) > 1:
+            raise InvalidValue("orientation-given-twice", keys=tuple(given))
         if self.quaternion is not None and abs(float(np.linalg.norm(self.quaternion)) - 1) > 1e-3:
-            length = float(np.linalg.norm(self.quaternion))
-            raise ValueError(f"quaternion is not a rotation: its length is {length:.4g} and must be 1")
+            raise InvalidValue("quaternion-not-unit", length=float(np.linalg.norm(self.quaternion)))
         return self
 
     @property
     def oriented(self) -> bool:
-        """Whether the orientation is said."""
+        """Whether an orientation is given."""
         return any(v is not None for v in (self.quaternion, self.up, self.rotate))
 
     def matrix(self) -> Floats:
-        """Nest → station rotation; the identity where nothing is said."""
+        """Nest → station rotation; the identity where none is given."""
         if self.quaternion is not None:
             return rotation.from_quaternion(np.array(self.quaternion))
         if self.up is not None:
@@ -121,7 +121,7 @@ class GoldReference(StrictModel):
     @model_validator(mode="after")
     def _check_invertible(self) -> Self:
         if not np.linalg.det(self.matrix) > 1e-6:
-            raise ValueError("matrix of the gold sensor cannot be undone; enter the one of its certificate")
+            raise InvalidValue("gold-matrix-singular")
         return self
 
 
@@ -140,11 +140,11 @@ class Reference(StrictModel):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if self.source == "gold" and self.gold is None:
-            raise ValueError("source is gold, so say which: add gold: {serial: ..., due: YYYY-MM-DD}")
+            raise InvalidValue("source-gold-incomplete")
         if self.source == "field" and self.vector is None and self.magnitude is None:
-            raise ValueError("source is field, so add vector: [x, y, z] of the field in the station's frame")
+            raise InvalidValue("source-field-incomplete")
         if self.site is not None and self.source == "field":
-            raise ValueError("site gives local gravity and the Earth's turning; it goes with source: gravity or rate")
+            raise InvalidValue("site-with-field")
         return self
 
     def strength(self) -> float:
@@ -177,9 +177,9 @@ class Run(StrictModel):
     def _check_ends(self) -> Self:
         given = [key for key in ("first", "last") if getattr(self, key) is not None]
         if given and self.order != "fastest":
-            raise ValueError(f"{given[0]} goes with order: fastest; an order that is {self.order} has its own ends")
+            raise InvalidValue("run-end-not-free", key=given[0], order=self.order)
         if len(given) == 2 and self.first == self.last:
-            raise ValueError(f"first and last are both {self.first!r}; a run stops at a position once")
+            raise InvalidValue("run-ends-same", position=self.first)
         return self
 
 
@@ -218,9 +218,9 @@ class DwellRule(StrictModel):
     @model_validator(mode="after")
     def _check_time_or_std(self) -> Self:
         if (self.time_s is None) == (self.until_std is None):
-            raise ValueError("dwell needs either time_s or until_std (with min_s and max_s)")
+            raise InvalidValue("dwell-without-end")
         if self.min_s > self.max_s:
-            raise ValueError(f"min_s {self.min_s:g} is longer than max_s {self.max_s:g}")
+            raise InvalidValue("dwell-bounds-swapped", min_s=self.min_s, max_s=self.max_s)
         return self
 
     @property
@@ -230,7 +230,7 @@ class DwellRule(StrictModel):
 
 
 class Limits(StrictModel):
-    """Acceptance limits and the decision rule (JCGM 106, ILAC-G8). Half-widths about nominal unless said.
+    """Acceptance limits and the decision rule (JCGM 106, ILAC-G8). Half-widths about nominal unless stated.
 
     offset, residual, consistency, noise: the recipe's unit; gain, cross_axis: 1; tilt_deg: degrees.
     rule: simple (no guard band) | guard-band (w = U, k = 2) | false-accept (w so that the probability of a
@@ -251,10 +251,10 @@ class Limits(StrictModel):
     @model_validator(mode="after")
     def _check_limits(self) -> Self:
         if self.rule == "false-accept" and self.false_accept is None:
-            raise ValueError("rule false-accept needs false_accept, for example 0.01")
+            raise InvalidValue("rule-without-false-accept")
         if self.temperature_degC is not None and self.temperature_degC[0] >= self.temperature_degC[1]:
             low, high = self.temperature_degC
-            raise ValueError(f"temperature_degC [{low:g}, {high:g}] holds no temperature; the lower comes first")
+            raise InvalidValue("temperature-limits-swapped", low=low, high=high)
         return self
 
 
@@ -269,13 +269,13 @@ SENSORS, METHODS = "station.domain.recipe.sensors", "station.domain.methods.cali
 
 
 def one_of(known: Callable[[], Sequence[str]]) -> BeforeValidator:
-    """Checks that a value is one of the names there are, plug-ins found by file."""
+    """Checks that a value is one of the names that exist, plug-ins by their files."""
 
     def check(value: Any) -> Any:
         names = known()
         if value not in names:
             near = get_close_matches(str(value), names, 1, 0)[0]
-            raise ValueError(f"{value!r} is none of {', '.join(map(repr, names))}; the nearest is {near!r}")
+            raise InvalidValue("name-unknown", given=str(value), known=tuple(names), nearest=near)
         return value
 
     return BeforeValidator(check)
@@ -369,38 +369,37 @@ class Recipe(StrictModel):
 def _check_unit(recipe: Recipe) -> None:
     kind: Any = plugins.load(SENSORS, recipe.sensor)
     if recipe.unit != kind.unit:
-        raise ValueError(f"unit {recipe.unit} does not go with sensor {recipe.sensor}; write unit: {kind.unit}")
+        raise InvalidValue("unit-not-of-sensor", unit=recipe.unit, sensor=recipe.sensor, right=kind.unit)
     if recipe.reference.source not in kind.sources:
-        allowed = " or ".join(kind.sources)
-        raise ValueError(f"reference.source {recipe.reference.source} does not excite a {recipe.sensor}; use {allowed}")
+        source = recipe.reference.source
+        raise InvalidValue("source-not-of-sensor", source=source, sensor=recipe.sensor, allowed=kind.sources)
 
 
 def _check_names(recipe: Recipe) -> None:
-    seen: set[str] = set()
+    names: set[str] = set()
     for position in recipe.positions:
-        if position.name in seen:
-            raise ValueError(f"position {position.name!r} is listed twice; names must be unique")
-        seen.add(position.name)
+        if position.name in names:
+            raise InvalidValue("position-listed-twice", position=position.name)
+        names.add(position.name)
     for run in recipe.runs:
         if run.seating != "home" and run.seating not in recipe.seatings:
-            known = ", ".join(["home", *recipe.seatings])
-            raise ValueError(f"seating {run.seating!r} is not defined; the known ones are {known}")
+            raise InvalidValue("seating-unknown", seating=run.seating, known=("home", *recipe.seatings))
         for end in (run.first, run.last):
-            if end is not None and end not in seen:
-                near = get_close_matches(end, [*seen, end], 2, 0)[-1]
-                raise ValueError(f"a run is to begin or end at {end!r}, which is no position; the nearest is {near!r}")
+            if end is not None and end not in names:
+                nearest = get_close_matches(end, [*names, end], 2, 0)[-1]
+                raise InvalidValue("run-end-unknown", position=end, nearest=nearest)
 
 
 def _check_poses(recipe: Recipe) -> None:
     if not recipe.pose_known:
         if recipe.method != "norm":
-            raise ValueError("pose: unknown leaves only the magnitude; use method: norm")
+            raise InvalidValue("pose-unknown-needs-norm")
         return
     if not recipe.positions:
-        raise ValueError("positions are missing; list at least one, or say reference: {pose: unknown}")
+        raise InvalidValue("positions-missing")
     for position in (*recipe.positions, *recipe.verify.positions):
         if recipe.reference.source == "rate":
             if position.rate is None:
-                raise ValueError(f"position {position.name!r} needs rate: [x, y, z] in deg/s")
+                raise InvalidValue("position-without-rate", position=position.name)
         elif not position.oriented:
-            raise ValueError(f"position {position.name!r} says no orientation; add quaternion, up or rotate")
+            raise InvalidValue("position-without-orientation", position=position.name)

@@ -37,7 +37,7 @@ def gold_vectors(recipe: Recipe, reading: tuple[Floats, Floats], seating: tuple[
 def gold_of(recipe: Recipe) -> GoldReference:
     """The gold reference of a recipe that has one; RecipeError otherwise."""
     if recipe.reference.gold is None:
-        raise RecipeError("reference.gold is missing; say which gold sensor: {serial: ..., due: YYYY-MM-DD}")
+        raise RecipeError("reference-gold-missing")
     return recipe.reference.gold
 
 
@@ -45,10 +45,7 @@ def check_due(recipe: Recipe, today: str) -> None:
     """ReferenceOverdue when the recipe takes its truth from a gold sensor past its due date; `today` is ISO 8601."""
     gold = recipe.reference.gold
     if recipe.reference.source == "gold" and gold is not None and gold.due < today[:10]:
-        raise ReferenceOverdue(
-            f"the gold reference {gold.serial} was due for calibration on {gold.due} (reference.gold.due) and may not "
-            f"be used on {today[:10]}; have it calibrated, then enter its new values and date in the recipe"
-        )
+        raise ReferenceOverdue("gold-overdue", serial=gold.serial, due=gold.due, today=today[:10])
 
 
 def gold_errors(recipe: Recipe, true: Floats, seating: tuple[str, ...]) -> Floats:

@@ -14,25 +14,25 @@ MAX_LENGTH = 64
 
 def check(serial: str, recipe: Recipe) -> str:
     """The serial, when it is one of this recipe's; UsageError says what is wrong with it."""
-    shown = repr(serial[:40])
+    short = serial[:40]
     if not serial or len(serial) > MAX_LENGTH or not serial.isascii() or not serial.isprintable():
-        raise UsageError(f"serial {shown} is not 1 to {MAX_LENGTH} printable characters; scan it again")
+        raise UsageError("serial-not-printable", serial=short, longest=MAX_LENGTH)
     if recipe.serial_pattern is not None and re.fullmatch(recipe.serial_pattern, serial) is None:
-        raise UsageError(f"serial {shown} does not match the recipe's pattern {recipe.serial_pattern!r}; scan it again")
+        raise UsageError("serial-not-of-pattern", serial=short, pattern=recipe.serial_pattern)
     rule = {"mod10": mod10, "mod43": mod43}.get(recipe.check_digit)
     if rule is not None and not rule(serial):
-        raise UsageError(f"serial {shown} has a wrong {recipe.check_digit} check digit; scan it again")
+        raise UsageError("serial-check-digit", serial=short, rule=recipe.check_digit)
     return serial
 
 
 def check_all(serials: Sequence[str], recipe: Recipe) -> tuple[str, ...]:
     """All serials of one fixture load or batch; UsageError also when one stands there twice."""
-    seen: set[str] = set()
+    unique: set[str] = set()
     for serial in serials:
         check(serial, recipe)
-        if serial in seen:
-            raise UsageError(f"serial {serial!r} was given twice; every unit has its own")
-        seen.add(serial)
+        if serial in unique:
+            raise UsageError("serial-twice", serial=serial)
+        unique.add(serial)
     return tuple(serials)
 
 

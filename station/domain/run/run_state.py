@@ -133,5 +133,5 @@ def rejection(event: VisitRejected) -> Message:
     """Why a visit does not count, and whether it is measured again."""
     reasons = tuple(reason.message for reason in event.reasons)
     if event.again:
-        return Message("visit-measured-again", serial=event.serial, position=event.position, reasons=reasons)
-    return Message("visit-rejected", serial=event.serial, position=event.position, reasons=reasons)
+        return Message("visit-measured-again", serial=event.serial, reasons=reasons)
+    return Message("visit-rejected", serial=event.serial, reasons=reasons)

@@ -147,7 +147,7 @@ def test_refusals_come_as_sentences(vcan: Interface, node_device: Device, statio
     device = station(vcan)
     with pytest.raises(DeviceRefused, match="its present state forbids it"):
         device.download(0x2102, 1, bytes(4))
-    with pytest.raises(DeviceRefused, match="there is no such object"):
+    with pytest.raises(DeviceRefused, match="the object does not exist"):
         device.upload(0x2999, 0)
     unit.fault(refuse={0x2102: 0x06090030})
     with pytest.raises(DeviceRefused, match="the value is outside its range"):

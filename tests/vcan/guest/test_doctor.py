@@ -90,4 +90,4 @@ def test_error_frames_are_somebodys_trouble(
     sending(0x2000_0000 | 0x20)
     well, said = doctor()["traffic"]
     assert not well
-    assert "nobody acknowledged a frame" in said
+    assert "no node acknowledged a frame" in said
