@@ -61,7 +61,7 @@ class Bus:
 
 
 @pytest.mark.parametrize(
-    ("state", "remedy"), [("bus-off", ": look at bit rate"), ("passive", ", nobody ack"), ("down", ": bring it up")]
+    ("state", "remedy"), [("bus-off", ": check bit rate"), ("passive", ", no node ack"), ("down", ": bring it up")]
 )
 def test_a_silence_that_is_the_bus_s_doing_says_so(state: str, remedy: str) -> None:
     told = with_bus_state(DeviceSilent("node 5 did not answer."), Bus(state))  # type: ignore[arg-type]

@@ -101,7 +101,7 @@ def test_rules_that_no_parsed_file_reaches() -> None:
     assert "is listed twice" in _texts(SignalLayout("A", 0, 8), SignalLayout("A", 8, 8))[0]
     assert "0 bytes long" in _texts(SignalLayout("A", 0, 8), length=0)[0]
     assert "is not a number" in _texts(SignalLayout("A", 0, 8, scale=float("nan")))[0]
-    assert "a float of 24 bits does not exist" in _texts(SignalLayout("A", 0, 24, is_float=True))[0]
+    assert "a float has 16, 32 or 64 bits, not 24" in _texts(SignalLayout("A", 0, 24, is_float=True))[0]
     assert "length 65" in _texts(SignalLayout("A", 0, 65))[0]
     chosen = SignalLayout("A", 8, 8, selector="M", selected_by=(3, 300))
     assert "multiplexer M does not exist" in _texts(chosen)[0]

@@ -145,7 +145,7 @@ def test_what_candump_saw_is_what_the_client_did(
 def test_refusals_come_as_sentences(vcan: Interface, node_device: Device, station: Station) -> None:
     unit = node_device(vcan, node=NODE)
     device = station(vcan)
-    with pytest.raises(DeviceRefused, match="its present state forbids it"):
+    with pytest.raises(DeviceRefused, match="the device's present state forbids it"):
         device.download(0x2102, 1, bytes(4))
     with pytest.raises(DeviceRefused, match="the object does not exist"):
         device.upload(0x2999, 0)
