@@ -7,6 +7,8 @@ from typing import Any, Protocol, Self
 
 from station.domain.core.types import Frames
 from station.domain.records.chain import IntegrityFinding
+from station.domain.records.head import SealedHead
+from station.messages import Message
 from station.ports.store import LogHead, UnfinishedAttempt
 
 #: The finest grouping of yields, and what parts the names of one of its groups.
@@ -149,11 +151,22 @@ class Trust:
     """What a check may rely on beside the log itself.
 
     known: seals by record number from a certificate or export, instead of the head file. public_key: the station's,
-    32 bytes; None: the key that the log itself names, if any.
+    32 bytes; None: the key that the log itself names, if any. anchors: heads kept elsewhere, by place; None: the place
+    holds none that can be read.
     """
 
     known: Mapping[int, bytes] = field(default_factory=dict)
     public_key: bytes | None = None
+    anchors: Mapping[str, SealedHead | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class AnchorState:
+    """What one place says of the log: the number of its head, `agrees` or what is wrong, and the sentence of that."""
+
+    number: int
+    what: str
+    message: Message | None
 
 
 NO_EXTRA_TRUST = Trust()
@@ -223,6 +236,12 @@ class LogReader(Protocol):
 
     def document(self, number: int) -> str:
         """The text that a document record holds."""
+
+    def anchors(self, trust: Trust = NO_EXTRA_TRUST) -> dict[str, AnchorState]:
+        """What each place that keeps a head of the log says of it, the file beside it first."""
+
+    def acknowledgements(self) -> list[dict[str, Any]]:
+        """Every time that somebody went on with the log against its heads: at_ns, by, reason, findings."""
 
     def findings(
         self, trust: Trust = NO_EXTRA_TRUST, progress: Callable[[int], None] = ignore_progress

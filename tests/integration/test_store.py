@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from station.adapters.store import ids
+from station.adapters.store.log_anchors import Acknowledgement
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.domain.records.framepack import plain
@@ -370,24 +371,32 @@ def test_a_log_whose_end_was_cut_off_is_not_gone_on_with(path: Path) -> None:
         logs.unit(store, "SN2")
     with logs.unguarded(path) as db:
         db.execute("DELETE FROM archive WHERE seq > 12")
-    with pytest.raises(StoreFault, match="its end was cut off or replaced"):
+    with pytest.raises(StoreFault, match="its end was cut off"):
         SqliteStore(path)
-    with pytest.raises(StoreFault, match="its end was cut off or replaced"):
+    with pytest.raises(StoreFault, match="its end was cut off"):
         SqliteStore(path)
 
 
-def test_a_lost_head_file_is_told_by_the_check_and_then_stands_in_the_log(path: Path) -> None:
+def test_a_lost_head_file_is_refused_until_somebody_takes_note(path: Path) -> None:
     with SqliteStore(path) as store:
         logs.unit(store)
     head = path.with_name("station.db.head")
     head.unlink()
     with SqliteLogReader(path) as log:
         assert [f.what for f in log.findings(Trust())] == ["unanchored"]
-    with SqliteStore(path):
-        pass
+    for _ in range(2):
+        with pytest.raises(StoreFault, match="is missing, although the log was kept there"):
+            SqliteStore(path)
+    with SqliteStore(path, acknowledgement=Acknowledgement("Ada", "the disk was full")):
+        assert head.exists()
     with SqliteLogReader(path) as log:
-        assert [e.kind for e in log.events()] == ["head-file-lost"]
+        assert [e.kind for e in log.events()] == ["log-acknowledged"]
+        (taken,) = log.acknowledgements()
+    assert (taken["by"], taken["reason"], [f["what"] for f in taken["findings"]]) == (
+        "Ada", "the disk was full", ["missing"]
+    )  # fmt: skip
     assert whole(path)
+    SqliteStore(path).close()
 
 
 def test_whoever_follows_the_log_sees_every_record_once_and_in_order(path: Path) -> None:

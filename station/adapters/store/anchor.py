@@ -1,18 +1,38 @@
-"""The head file `<log>.head`: the newest seal, kept outside the log, so that a cut-off tail shows.
+"""Where a log's newest head is kept outside it, so that a cut-off tail or a restored backup shows.
 
-One line of fixed length, written over after each commit and never before it, so that after a power cut it may
-lag behind the log but never run ahead of it.
+Beside the log lies `<log>.head`, one line of fixed length, written over after each commit and never before it: after a
+power cut it may lag behind the log but never run ahead of it. Folders of `anchors:` in config.yaml get the head with
+every finished attempt; a write-once folder gets a new file each time.
 """
 
-import json
 import os
+import re
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
-from station.domain.records.chain import SCHEMA
-from station.messages import Message
-from station.ports.store import LogHead
+from station.domain.records import head as heads
+from station.domain.records.head import AnchorFinding, LogEnd, SealedHead
 
-_LENGTH = 256
+#: How the place beside the log is called; every other place may lag by any number of loads.
+HEAD_FILE = "head file"
+_LENGTH = 512
+_NUMBERED = re.compile(r"(\d+)\.head")
+
+
+class AnchorPlace(Protocol):
+    """One place that keeps heads. lags: it may be behind by any number of loads."""
+
+    name: str
+    lags: bool
+
+    def read(self) -> SealedHead | None:
+        """The newest head there; None where there is none. Errors: OSError, ValueError for what is no head."""
+
+    def write(self, head: SealedHead, *, durable: bool) -> None:
+        """Keeps a head; `durable` waits for the disk. Errors: OSError."""
 
 
 def head_file_path(log: Path) -> Path:
@@ -20,37 +40,118 @@ def head_file_path(log: Path) -> Path:
     return log.with_name(log.name + ".head")
 
 
-class Anchor:
-    """Writes the head file. Errors: OSError as the system raises it."""
+class HeadFile:
+    """The file beside the log. `open` before the first write, `close` at the end; twice is harmless."""
 
-    def __init__(self, log: Path, log_id: str) -> None:
-        self._fields = json.dumps({"schema": SCHEMA, "log_id": log_id}).removesuffix("}")
-        self._handle = os.open(head_file_path(log), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    lags = False
 
-    def write(self, head: LogHead, durable: bool) -> None:
-        """Writes this head; `durable` waits for the disk."""
-        line = f'{self._fields}, "number": {head.number}, "hash": "{head.hash}"}}'
-        os.pwrite(self._handle, line.encode().ljust(_LENGTH - 1) + b"\n", 0)
+    def __init__(self, log: Path) -> None:
+        self._path, self._handle = head_file_path(log), -1
+        self.name = f"{HEAD_FILE} {self._path}"
+
+    def open(self) -> None:
+        """Opens the file to be written, making it where there is none. Errors: OSError."""
+        new = not self._path.exists()
+        self._handle = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        if new:
+            sync_folder(self._path)
+
+    def read(self) -> SealedHead | None:
+        """The head as kept; None where a start was broken off before it was written, too."""
+        with suppress(FileNotFoundError):
+            data = self._path.read_bytes()[:_LENGTH]
+            return SealedHead.parse(data.decode("utf-8", "replace")) if data else None
+        return None
+
+    def write(self, head: SealedHead, *, durable: bool) -> None:
+        """Writes the line over."""
+        os.pwrite(self._handle, head.line().encode().ljust(_LENGTH - 1) + b"\n", 0)
         if durable:
             os.fdatasync(self._handle)
 
     def close(self) -> None:
-        """Closes the file; twice is harmless."""
+        """Closes the file."""
         if self._handle >= 0:
             os.close(self._handle)
             self._handle = -1
 
 
-def read(log: Path, log_id: str) -> LogHead | Message:
-    """The head as written, or why there is none for this log."""
-    path = head_file_path(log)
+@dataclass(frozen=True, slots=True)
+class AnchorFolder:
+    """A folder elsewhere. stem: station and log name; write_once: a file a head, none ever written over."""
+
+    folder: Path
+    stem: str
+    write_once: bool = False
+
+    lags = True
+
+    @property
+    def name(self) -> str:
+        """Where, for a person."""
+        return str(self.folder / (f"{self.stem}.*.head" if self.write_once else f"{self.stem}.head"))
+
+    def read(self) -> SealedHead | None:
+        """The head there; of a write-once folder that with the highest number."""
+        path = self._newest() if self.write_once else self.folder / f"{self.stem}.head"
+        if path is None or not path.exists():
+            self.folder.stat()  # a share that is away is no missing head
+            return None
+        return SealedHead.parse(path.read_text(encoding="utf-8", errors="replace")[:_LENGTH])
+
+    def write(self, head: SealedHead, *, durable: bool) -> None:
+        """Keeps the head with finished attempts only: a share may be slow."""
+        if not durable:
+            return
+        data = (head.line() + "\n").encode()
+        if self.write_once:
+            with suppress(FileExistsError):
+                _write_synced(self.folder / f"{self.stem}.{head.number}.head", data, os.O_EXCL)
+            return
+        new = self.folder / f"{self.stem}.head.new"
+        _write_synced(new, data, os.O_TRUNC)
+        new.replace(self.folder / f"{self.stem}.head")
+
+    def _newest(self) -> Path | None:
+        numbered = {
+            int(found[1]): entry
+            for entry in self.folder.glob(f"{self.stem}.*.head")
+            if (found := _NUMBERED.fullmatch(entry.name.removeprefix(f"{self.stem}.")))
+        }
+        return numbered[max(numbered)] if numbered else None
+
+
+def sync_folder(path: Path) -> None:
+    """The name of a new file is durable only when its folder is."""
+    handle = os.open(path.parent, os.O_RDONLY)
     try:
-        line = json.loads(path.read_bytes()[:_LENGTH] or b"null")
-        head = LogHead(int(line["number"]), bytes.fromhex(line["hash"]).hex())
-    except FileNotFoundError:
-        return Message("head-file-missing", path=str(path))
-    except (OSError, ValueError, KeyError, TypeError):
-        return Message("head-file-unreadable", path=str(path))
-    if line.get("log_id") != log_id:
-        return Message("head-file-of-another-log", path=str(path))
-    return head
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _write_synced(path: Path, data: bytes, flag: int) -> None:
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | flag, 0o644)
+    try:
+        os.write(handle, data)
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def compare(places: Sequence[AnchorPlace], log: LogEnd, known: frozenset[str]) -> tuple[list[AnchorFinding], list[str]]:
+    """What the places say against a log, and which could not be reached. known: names of places that it was kept at."""
+    found, away = list[AnchorFinding](), list[str]()
+    for place in places:
+        try:
+            head = place.read()
+        except OSError:
+            away.append(place.name)
+        except ValueError:
+            found.append(heads.unreadable(place.name))
+        else:
+            if head is None:
+                found += [heads.missing(place.name)] if log.number and (place.name in known or not place.lags) else []
+            elif finding := heads.against(place.name, head, log, lags=place.lags):
+                found.append(finding)
+    return found, away

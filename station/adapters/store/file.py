@@ -8,6 +8,7 @@ from pathlib import Path
 
 from sqlite_utils import Database
 
+from station.adapters.store.anchor import sync_folder
 from station.adapters.store.schema import COLUMNS, foreign_objects, migrations
 from station.adapters.store.sqlite_errors import translate_errors
 from station.domain.records.chain import SCHEMA, genesis
@@ -52,7 +53,7 @@ def _make(path: Path) -> None:
         new.replace(path)
     finally:
         new.unlink(missing_ok=True)
-    _sync_folder(path)
+    sync_folder(path)
 
 
 def _prepare(connection: sqlite3.Connection, path: Path) -> None:
@@ -68,7 +69,7 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
         return
     _back_up(connection, path)
     migrations.apply(db)
-    _sync_folder(path)
+    sync_folder(path)
 
 
 def altered_objects(db: Database) -> list[str]:
@@ -130,6 +131,13 @@ def seal_of(connection: sqlite3.Connection, number: int) -> bytes | None:
     return None if row is None else bytes(row[0])
 
 
+def signature_of(connection: sqlite3.Connection, number: int) -> bytes:
+    """The signature of the record with that number; empty where it has none."""
+    found = " UNION ALL ".join(f"SELECT signature FROM {table} WHERE seq = :n" for table in COLUMNS)
+    row = connection.execute(found, {"n": number}).fetchone()
+    return bytes(row[0]) if row and row[0] else b""
+
+
 def _uri(path: Path) -> str:
     """Read-only; on a medium that cannot be written, where SQLite could not make its index of the WAL, immutable."""
     alone = not path.with_name(path.name + "-wal").exists()
@@ -163,12 +171,3 @@ def _back_up(connection: sqlite3.Connection, path: Path) -> None:
         target.close()
     with copy.open("rb") as file:
         os.fsync(file.fileno())
-
-
-def _sync_folder(path: Path) -> None:
-    """The name of a new file is durable only when its folder is."""
-    handle = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

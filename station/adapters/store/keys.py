@@ -9,6 +9,7 @@ import sqlite3
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from station.errors import ConfigError, UsageError
 
@@ -72,10 +73,23 @@ def signature_verifier(key: bytes) -> Callable[[bytes, bytes], bool]:
 
 def named_public_key(db: sqlite3.Connection) -> bytes | None:
     """The public key that a log names as its own; None for a log that is not signed, or whose naming is spoilt."""
+    try:
+        key = bytes.fromhex(_named(db)["public_key"])
+    except (ValueError, KeyError, TypeError):
+        return None
+    return key if len(key) == 32 else None
+
+
+def signs_heads(db: sqlite3.Connection) -> bool:
+    """Whether the log's heads are signed, as its records are; version 0.1 signed records alone."""
+    return _named(db).get("heads") is True
+
+
+def _named(db: sqlite3.Connection) -> dict[str, Any]:
     query = "SELECT detail FROM event WHERE attempt IS NULL AND kind = ? ORDER BY seq DESC LIMIT 1"
     row = db.execute(query, (KEY_EVENT,)).fetchone()
     try:
-        key = bytes.fromhex(json.loads(row[0])["public_key"]) if row else None
-    except (ValueError, KeyError, TypeError):
-        return None
-    return key if key is not None and len(key) == 32 else None
+        detail = json.loads(row[0]) if row else {}
+    except ValueError:
+        return {}
+    return detail if isinstance(detail, dict) else {}

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from station.adapters.store import archive, audit_document, changes, file, recent, reduced, search, unfinished, verify
+from station.adapters.store.log_anchors import acknowledgements
 from station.adapters.store.sqlite_errors import translate_errors
 from station.adapters.store.yields import yields
 from station.domain.core.types import Frames
@@ -13,6 +14,7 @@ from station.domain.records.chain import IntegrityFinding
 from station.errors import LogError
 from station.ports.log_reader import (
     NO_EXTRA_TRUST,
+    AnchorState,
     Attempt,
     EventRecord,
     LogChange,
@@ -124,6 +126,16 @@ class SqliteLogReader:
         """The text that a document record holds."""
         with self._errors_named():
             return reduced.document(self.db.conn, number)
+
+    def anchors(self, trust: Trust = NO_EXTRA_TRUST) -> dict[str, AnchorState]:
+        """What each place that keeps a head of the log says of it, the file beside it first."""
+        with self._errors_named():
+            return verify.compared(self.db, verify.anchors_of(self.path, trust))
+
+    def acknowledgements(self) -> list[dict[str, Any]]:
+        """Every time that somebody went on with the log against its heads: at_ns, by, reason, findings."""
+        with self._errors_named():
+            return acknowledgements(self.db.conn)
 
     def findings(
         self, trust: Trust = NO_EXTRA_TRUST, progress: Callable[[int], None] = ignore_progress

@@ -9,14 +9,23 @@ from threading import Lock
 from typing import Any
 
 from station.adapters.store import anchor, archive, column_values, file, ids, keys, reduced, unfinished
+from station.adapters.store.anchor import AnchorPlace
+from station.adapters.store.log_anchors import (
+    ACKNOWLEDGED_EVENT,
+    PLACES_EVENT,
+    Acknowledgement,
+    LogAnchors,
+    detail_of,
+    known_places,
+)
 from station.adapters.store.schema import COLUMNS
 from station.adapters.store.sqlite_errors import Doing, translate_errors
 from station.domain.records import chain, plain_json
 from station.domain.records.chain import Value
 from station.domain.records.framepack import plain as raw
+from station.domain.records.head import AnchorFinding, SealedHead
 from station.errors import StationError, StoreFault
 from station.files.owner import OwnerLock
-from station.files.system_errors import os_error_reason
 from station.messages import Message, render
 from station.ports.store import AttemptStart, LogHead, SuspectAttempt, UnfinishedAttempt, VisitRecord, WriteRecord
 
@@ -30,8 +39,10 @@ _INSERT = {
 class SqliteStore:
     """Implements `ports.store.Store` on one file, which belongs to this process until `close`.
 
-    owner: the name that a second process reads in the lock. epoch_ns: the clock of events, results and writes.
-    signer: the station's key, or None. Safe to call from several threads. Errors: StoreFault.
+    owner: the station's name, which the lock tells a second process. epoch_ns: the clock of events, results and writes.
+    signer: the station's key, or None. anchors: where its head is kept beside `<log>.head`. A log that a head speaks
+    against is refused unless an engineer's acknowledgement is sealed into it. Safe to call from several threads.
+    Errors: StoreFault.
     """
 
     def __init__(
@@ -41,32 +52,41 @@ class SqliteStore:
         epoch_ns: Callable[[], int] = time.time_ns,
         signer: keys.Signer | None = None,
         busy_s: float = 5.0,
+        anchors: Sequence[AnchorPlace] = (),
+        acknowledgement: Acknowledgement | None = None,
     ) -> None:
         self.path = path
-        self._epoch_ns, self._signer = epoch_ns, signer
+        self._epoch_ns, self._signer, self._station = epoch_ns, signer, owner
         self._turn = Lock()
-        self._anchor_fault: Message | None = None
+        self._signature = b""
         self._open: dict[str, int] = {}
         with ExitStack() as opened, translate_errors(StoreFault, path, "opened"):
             lock = path.with_name(path.name + ".lock")
             opened.callback(OwnerLock(lock, Message("owned-log", path=str(path)), owner, time.time_ns()).release)
             self._db = file.open_for_writing(path, busy_s)
             opened.callback(self._db.close)
-            log_id = self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0]
-            self._anchor = anchor.Anchor(path, log_id)
-            opened.callback(self._anchor.close)
-            self._number, self._hash = file.newest(self._db, log_id)
+            self._log_id = str(self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0])
+            self._head_file = anchor.HeadFile(path)
+            self._anchors = LogAnchors((self._head_file, *anchors))
+            self._number, self._hash = file.newest(self._db, self._log_id)
+            self._signature = file.signature_of(self._db, self._number)
+            found = self._anchors.check(self._db, self._log_id)
+            if found and acknowledgement is None:
+                raise _refusal(path, found)
+            self._head_file.open()
+            opened.callback(self._head_file.close)
             self._opened = opened.pop_all()
-        if self._number:
-            self._check_end(log_id)
+        if found and acknowledgement:  # before any head is written over: they are the evidence
+            self.event("", ACKNOWLEDGED_EVENT, detail_of(acknowledgement, found))
         self._keep_head(durable=True)
         self._name_key()
+        self._name_places()
         self.tidy()
 
     def begin(self, begin: AttemptStart) -> str:
         """Creates the attempt before the device is touched; returns its UUIDv7."""
-        if self._anchor_fault:
-            raise StoreFault("head-file-not-written", path=str(self.path), reason=self._anchor_fault)
+        if fault := self._anchors.faults.get(self._head_file.name):
+            raise StoreFault("head-file-not-written", path=str(self.path), reason=fault)
         attempt = ids.uuid7(self._epoch_ns())
         with self._transaction("written"):
             recipe = self._document("recipe", begin.recipe_json)
@@ -174,14 +194,14 @@ class SqliteStore:
     @contextmanager
     def _transaction(self, doing: Doing) -> Iterator[None]:
         with self._turn:
-            before = self._number, self._hash
+            before = self._number, self._hash, self._signature
             with translate_errors(StoreFault, self.path, doing):
                 try:
                     self._db.execute("BEGIN IMMEDIATE")
                     yield
                     self._db.execute("COMMIT")
                 except BaseException:
-                    self._number, self._hash = before
+                    self._number, self._hash, self._signature = before
                     self._roll_back()
                     raise
             self._keep_head(durable=False)
@@ -204,6 +224,7 @@ class SqliteStore:
         for number, values in enumerate(records, first):
             previous, self._hash = self._hash, chain.link(self._hash, chain.canonical(table, COLUMNS[table], values))
             signature = self._signer.sign(self._hash) if self._signer else None
+            self._signature = signature or b""
             sealed.append((number, previous, self._hash, signature, *values))
         self._insert(table, _INSERT[table], sealed)
         self._number += len(sealed)
@@ -224,19 +245,12 @@ class SqliteStore:
             return int(row[0])
         return self._append("document", key, kind, text)
 
-    def _check_end(self, log_id: str) -> None:
-        """A log whose end was cut off or replaced since it was last closed is refused: to go on would hide it."""
-        head = anchor.read(self.path, log_id)
-        if isinstance(head, Message):
-            self.event("", "head-file-lost", {"sentence": render(head), "message": head.document()})
-        elif head.number and file.seal_of(self._db, head.number) != bytes.fromhex(head.hash):
-            self.close()
-            raise StoreFault("log-end-replaced", path=str(self.path), number=head.number)
-
     def _name_key(self) -> None:
         """The log says once, as a record like any other, with what key it is signed from here on."""
-        if self._signer and keys.named_public_key(self._db) != self._signer.public_key:
-            self.event("", keys.KEY_EVENT, {"public_key": self._signer.public_key})
+        if self._signer is None:
+            return
+        if keys.named_public_key(self._db) != self._signer.public_key or not keys.signs_heads(self._db):
+            self.event("", keys.KEY_EVENT, {"public_key": self._signer.public_key, "heads": True})
 
     def _archive(self, attempt: int) -> None:
         """Packs an attempt's raw frames into one record, in place of the plain ones."""
@@ -262,9 +276,19 @@ class SqliteStore:
             raise StoreFault("log-attempt-not-running", path=str(self.path), attempt=attempt)
         return self._open[attempt]
 
+    def _name_places(self) -> None:
+        """The log says, as a record, in what folders its heads are kept: one that is emptied then shows."""
+        places = frozenset(place.name for place in self._anchors.places if place.lags)
+        if places != known_places(self._db):
+            self.event("", PLACES_EVENT, {"places": sorted(places)})
+
     def _keep_head(self, durable: bool) -> None:
-        """The record is kept already; a head file that lags is still true, so its fault stops only the next begin."""
-        try:
-            self._anchor.write(self.head(), durable)
-        except OSError as exc:
-            self._anchor_fault = os_error_reason(exc)
+        """The record is kept already and a head that lags is still true: a fault stops only the next begin."""
+        head = SealedHead(self._log_id, self._station, self._number, self._hash.hex(), self._signature.hex())
+        for place in self._anchors.keep(head, durable=durable):
+            if place != self._head_file.name:
+                self.event("", "anchor-unwritten", {"place": place, "reason": render(self._anchors.faults[place])})
+
+
+def _refusal(path: Path, found: Sequence[AnchorFinding]) -> StoreFault:
+    return StoreFault("log-against-anchors", path=str(path), findings=[f.message for f in found])

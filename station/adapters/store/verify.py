@@ -2,7 +2,7 @@
 
 import heapq
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from operator import attrgetter
 from pathlib import Path
@@ -11,15 +11,16 @@ from sqlite_utils import Database
 
 from station.adapters.store import anchor, keys
 from station.adapters.store.file import altered_objects
+from station.adapters.store.log_anchors import StoredLogEnd
 from station.adapters.store.schema import COLUMNS
 from station.adapters.store.sqlite_errors import is_damage
 from station.domain.records import chain
 from station.domain.records.chain import ChainVerifier, IntegrityFinding, SealedRecord
 from station.domain.records.framepack import plain
+from station.domain.records.head import SealedHead, against, missing
 from station.errors import LogError
 from station.messages import Message
-from station.ports.log_reader import NO_EXTRA_TRUST, Trust, ignore_progress
-from station.ports.store import LogHead
+from station.ports.log_reader import NO_EXTRA_TRUST, AnchorState, Trust, ignore_progress
 
 #: Raw frames of every visit must lie in one of two places, and in the plain one only as they were sealed.
 _FRAMES = """
@@ -39,15 +40,16 @@ def findings(
 
     progress is given the record's number now and then.
     """
-    # The head file is read first: it may lag behind the snapshot, never run ahead of it.
-    head = None if trust.known else anchor.read(path, log_id(db))
+    # Heads are read first: they may lag behind the snapshot, never run ahead of it.
+    kept = anchors_of(path, trust)
     connection = db.conn
     connection.text_factory = lambda data: data.decode("utf-8", "surrogateescape")
     try:
         connection.execute("SAVEPOINT verification")
         yield from _schema(db)
-        yield from _chain(db, head, trust, progress)
-        yield from _head(db, head)
+        yield from _chain(db, kept, trust, progress)
+        yield from _head(db)
+        yield from _places(db, kept)
         yield from _frames(db)
         yield from _pages(db)
     except sqlite3.DatabaseError as exc:
@@ -74,10 +76,23 @@ def _schema(db: Database) -> Iterator[IntegrityFinding]:
         yield IntegrityFinding("edited", "meta", 0, Message("log-meta-edited"))
 
 
-def _anchors(db: Database, head: LogHead | Message | None, trust: Trust) -> dict[int, bytes]:
+def anchors_of(path: Path, trust: Trust) -> dict[str, SealedHead | None]:
+    """Heads by place: the file beside the log, unless seals are known from elsewhere, and the anchors."""
+    beside = dict[str, SealedHead | None]()
+    if not trust.known:
+        place = anchor.HeadFile(path)
+        try:
+            beside[place.name] = place.read()
+        except (OSError, ValueError):
+            beside[place.name] = None
+    return beside | dict(trust.anchors)
+
+
+def _seals(db: Database, kept: Mapping[str, SealedHead | None], trust: Trust) -> dict[int, bytes]:
+    """Seals by number that something outside the tables of evidence knows of this log."""
     noted = {number: seal for number, seal in db.execute("SELECT number, hash FROM head") if number}
-    in_file = {head.number: bytes.fromhex(head.hash)} if isinstance(head, LogHead) and head.number else {}
-    return noted | in_file | dict(trust.known)
+    own = [head for head in kept.values() if head and head.number and head.log_id == log_id(db)]
+    return noted | {head.number: bytes.fromhex(head.hash) for head in own} | dict(trust.known)
 
 
 def _verifier(db: Database, trust: Trust) -> Callable[[bytes, bytes], bool] | None:
@@ -87,11 +102,11 @@ def _verifier(db: Database, trust: Trust) -> Callable[[bytes, bytes], bool] | No
 
 def _chain(
     db: Database,
-    head: LogHead | Message | None,
+    kept: Mapping[str, SealedHead | None],
     trust: Trust,
     progress: Callable[[int], None],
 ) -> Iterator[IntegrityFinding]:
-    anchors = _anchors(db, head, trust)
+    anchors = _seals(db, kept, trust)
     walk = ChainVerifier(chain.genesis(log_id(db)), anchors, _verifier(db, trust))
     streams = [_records(db, table) for table in COLUMNS]
     for record in heapq.merge(*streams, key=attrgetter("number")):
@@ -111,7 +126,7 @@ def _records(db: Database, table: str) -> Iterator[SealedRecord]:
         yield SealedRecord(number, table, previous, seal, chain.canonical(table, names, values), signature)
 
 
-def _head(db: Database, head: LogHead | Message | None) -> Iterator[IntegrityFinding]:
+def _head(db: Database) -> Iterator[IntegrityFinding]:
     """The note inside the log is made with every beginning and every finish."""
     (due,) = db.execute(
         "SELECT max(coalesce(max(a.seq), 0), (SELECT coalesce(max(seq), 0) FROM finish)) FROM attempt a"
@@ -119,8 +134,27 @@ def _head(db: Database, head: LogHead | Message | None) -> Iterator[IntegrityFin
     noted = db.execute("SELECT number, hash FROM head").fetchall()
     if [number for number, _ in noted] != list(due):
         yield IntegrityFinding("edited", "head", 0, Message("log-head-edited"))
-    if isinstance(head, Message):
-        yield IntegrityFinding("unanchored", "head file", 0, head)
+
+
+def _places(db: Database, kept: Mapping[str, SealedHead | None]) -> Iterator[IntegrityFinding]:
+    """What the chain's walk does not see: no head, one of another log, one that is too old, one that nobody signed."""
+    for place, state in compared(db, kept).items():
+        if state.message is not None and state.what not in ("replaced", "truncated"):
+            what = "forged" if state.what == "forged" else "unanchored"
+            yield IntegrityFinding(what, place, 0, state.message)
+
+
+def compared(db: Database, kept: Mapping[str, SealedHead | None]) -> dict[str, AnchorState]:
+    """What each place says of the log."""
+    end = StoredLogEnd(db.conn, log_id(db))
+    states = dict[str, AnchorState]()
+    for place, head in kept.items():
+        found = (
+            missing(place) if head is None else against(place, head, end, lags=not place.startswith(anchor.HEAD_FILE))
+        )
+        number = head.number if head else 0
+        states[place] = AnchorState(number, found.what if found else "agrees", found.message if found else None)
+    return states
 
 
 def _frames(db: Database) -> Iterator[IntegrityFinding]:

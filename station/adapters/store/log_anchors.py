@@ -1,0 +1,102 @@
+"""A log against the heads that are kept of it: checked at each opening, renewed after each commit."""
+
+import json
+import sqlite3
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from station.adapters.store import anchor, file, keys
+from station.adapters.store.anchor import AnchorPlace
+from station.domain.records.head import AnchorFinding, SealedHead
+from station.files.system_errors import os_error_reason
+from station.messages import Message
+
+#: Event of the station that names the places where heads are kept from here on.
+PLACES_EVENT = "anchors"
+#: Event by which an engineer takes note of what the heads say against the log, with a reason.
+ACKNOWLEDGED_EVENT = "log-acknowledged"
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledgement:
+    """Who goes on with a log that its heads speak against, and why."""
+
+    by: str
+    reason: str
+
+
+class StoredLogEnd:
+    """What an open log says of itself to a head (domain.records.head.LogEnd)."""
+
+    def __init__(self, connection: sqlite3.Connection, log_id: str) -> None:
+        self._connection, self.log_id = connection, log_id
+        self.number = file.newest(connection, log_id)[0]
+        self.verify: Callable[[bytes, bytes], bool] | None = None
+        key = keys.named_public_key(connection)
+        if key and keys.signs_heads(connection):
+            self.verify = keys.signature_verifier(key)
+
+    def seal(self, number: int) -> bytes | None:
+        """The seal of that record."""
+        return file.seal_of(self._connection, number)
+
+    def finishes_beyond(self, number: int) -> int:
+        """How many attempts ended after that record."""
+        return int(self._connection.execute("SELECT count(*) FROM finish WHERE seq > ?", (number,)).fetchone()[0])
+
+
+@dataclass(slots=True)
+class LogAnchors:
+    """The places of one log. faults: why the newest head could not be kept, by place."""
+
+    places: Sequence[AnchorPlace]
+    faults: dict[str, Message] = field(default_factory=dict)
+
+    def check(self, connection: sqlite3.Connection, log_id: str) -> list[AnchorFinding]:
+        """What they say against the log; notes those that could not be reached."""
+        found, away = anchor.compare(self.places, StoredLogEnd(connection, log_id), known_places(connection))
+        self.faults.update(dict.fromkeys(away, Message("anchor-unreachable")))
+        return found
+
+    def keep(self, head: SealedHead, *, durable: bool) -> list[str]:
+        """Writes the head everywhere; the names of places where that failed for the first time."""
+        failed = []
+        for place in self.places:
+            try:
+                place.write(head, durable=durable)
+            except OSError as error:
+                failed += [place.name] if place.name not in self.faults else []
+                self.faults[place.name] = os_error_reason(error)
+            else:
+                if durable or not place.lags:
+                    self.faults.pop(place.name, None)
+        return failed
+
+
+def known_places(connection: sqlite3.Connection) -> frozenset[str]:
+    """Names of the folders in which heads of this log were kept when it was last opened."""
+    newest = _newest_event(connection, PLACES_EVENT)
+    return frozenset(newest.get("places", ())) if newest else frozenset()
+
+
+def acknowledgements(connection: sqlite3.Connection) -> list[dict[str, Any]]:
+    """Every time that somebody went on with a log against its heads: at_ns, by, reason, findings; oldest first."""
+    query = "SELECT at_ns, detail FROM event WHERE attempt IS NULL AND kind = ? ORDER BY seq"
+    return [{"at_ns": at_ns} | json.loads(detail) for at_ns, detail in connection.execute(query, (ACKNOWLEDGED_EVENT,))]
+
+
+def detail_of(acknowledgement: Acknowledgement, found: Sequence[AnchorFinding]) -> Mapping[str, Any]:
+    """As the log seals it."""
+    rows = [{"what": f.what, "place": f.place, "number": f.number, "message": f.message.document()} for f in found]
+    return {"by": acknowledgement.by, "reason": acknowledgement.reason, "findings": rows}
+
+
+def _newest_event(connection: sqlite3.Connection, kind: str) -> dict[str, Any] | None:
+    query = "SELECT detail FROM event WHERE attempt IS NULL AND kind = ? ORDER BY seq DESC LIMIT 1"
+    row = connection.execute(query, (kind,)).fetchone()
+    try:
+        detail = json.loads(row[0]) if row else None
+    except ValueError:
+        return None
+    return detail if isinstance(detail, dict) else None
