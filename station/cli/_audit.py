@@ -18,7 +18,8 @@ WRONG_DATA_EXIT_CODE = 2
 
 @dataclass(frozen=True, slots=True)
 class AuditRequest:
-    """What is asked. key: file of the public key; known: seals by number, from a certificate."""
+    """What is asked. key: file of the public key; known: seals by number, from a certificate; config: the file
+    that names the station's anchors, left out: ./config.yaml where there is one."""
 
     query: Query
     limit: int | None
@@ -26,6 +27,7 @@ class AuditRequest:
     recompute: bool
     key: Path | None = None
     known: Mapping[int, bytes] = field(default_factory=dict)
+    config: Path | None = None
 
     @property
     def lists(self) -> bool:
@@ -54,14 +56,20 @@ def run_audit(log: "LogReader", ask: AuditRequest, *, as_json: bool) -> int:
 
 
 def _verify(log: "LogReader", ask: AuditRequest) -> dict[str, Any]:
+    from station.config.settings import load_settings
     from station.wiring.logs import trust_of
 
-    trust = trust_of(ask.known, ask.key)
+    here = ask.config is not None or Path("config.yaml").is_file()
+    trust = trust_of(ask.known, ask.key, Path(log.location), load_settings(ask.config) if here else None)
     head = log.head()
     with _output.progress() as bar:
         task = bar.add_task("checking the chain", total=max(head.number, 1))
         findings = [f.document() for f in log.findings(trust, lambda number: bar.update(task, completed=number))]
-    return {"records": head.number, "whole": not findings, "findings": findings}
+    anchors = [
+        {"place": place, "number": state.number, "state": state.what} for place, state in log.anchors(trust).items()
+    ]
+    whole = {"records": head.number, "whole": not findings, "findings": findings}
+    return {**whole, "anchors": anchors, "acknowledged": log.acknowledgements()}
 
 
 def _attempts(log: "LogReader", ask: AuditRequest) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from itertools import chain
 from typing import Any
 
 from station.cli import _output
+from station.domain.records.stored_attempt import utc
 
 Document = Mapping[str, Any]
 
@@ -55,6 +56,11 @@ def _show_check(check: Document) -> None:
         _line(f"the chain of {check['records']} records is whole")
     for finding in check["findings"]:
         _line(f"{finding['what']}: {finding['sentence']}")
+    for anchor in check["anchors"]:
+        _line(f"compared with {anchor['place']}: record {anchor['number']}, {anchor['state']}")
+    for taken in check["acknowledged"]:
+        what = "; ".join(f"{f['place']} {f['what']}" for f in taken["findings"])
+        _line(f"acknowledged {utc(taken['at_ns'])} by {taken['by']}: {taken['reason']} ({what})")
 
 
 def _show_list(attempts: Sequence[Document]) -> None:

@@ -64,5 +64,6 @@ def command(
         until_ns=parse_time_ns(until, "--until"),
     )
     with open_named_log(db, config) as log:
-        ask = _audit.AuditRequest(query, limit, verify=verify, recompute=recompute, key=key, known=parse_head(head))
+        known = parse_head(head)
+        ask = _audit.AuditRequest(query, limit, verify, recompute, key=key, known=known, config=config)
         return _audit.run_audit(log, ask, as_json=json)

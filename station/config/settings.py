@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from station.config.documents import Document, load_document, validate
 from station.config.search_path import shipped_folder
@@ -63,6 +63,13 @@ class GoldenSettings(StrictModel):
     every_h: Positive = 8.0
 
 
+class AnchorSettings(StrictModel):
+    """A folder elsewhere that keeps the log's head; write_once: a new file each time, none ever written over."""
+
+    folder: PathText
+    write_once: bool = False
+
+
 class Settings(StrictModel):
     """Everything about this station that is not in a recipe."""
 
@@ -76,9 +83,16 @@ class Settings(StrictModel):
     recipe: ShortText = "six-point"
     database: PathText = "station.db"
     signing_key: PathText = ""
+    anchors: Annotated[tuple[AnchorSettings, ...], Field(max_length=8)] = ()
     arrival_tolerance_deg: Positive = 2.0
     timeouts: Timeouts = Timeouts()
     golden: GoldenSettings | None = None
+
+    @field_validator("anchors", mode="before")
+    @classmethod
+    def _folders(cls, value: Any) -> Any:
+        """A folder alone may be given as its path."""
+        return [{"folder": v} if isinstance(v, str) else v for v in value] if isinstance(value, list) else value
 
     @model_validator(mode="after")
     def _nests_differ(self) -> Self:

@@ -16,8 +16,6 @@ from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import SystemClock
 from station.adapters.malloc_tuning import retain_freed_memory
-from station.adapters.store import keys
-from station.adapters.store.sqlite import SqliteStore
 from station.config.documents import content_hash
 from station.config.settings import Settings, load_config
 from station.config.validation_messages import mistakes
@@ -29,12 +27,12 @@ from station.ports.bus import Bus
 from station.ports.clock import Clock
 from station.ports.device import Device
 from station.ports.positioner import Positioner
-from station.ports.store import Store
 from station.service.learnt_model import with_model
 from station.service.recovery import close_unfinished
 from station.service.station import Job, Station
 from station.wiring.bus_owner import claim_bus
 from station.wiring.jobs import Source, load_job
+from station.wiring.logs import open_store
 from station.wiring.positioners import positioner
 from station.wiring.run_order import RunOrder
 from station.wiring.simulated import SimulatedFixture
@@ -116,7 +114,8 @@ def open_bench(order: RunOrder) -> Bench:
             bus = open_bus(at.interface, at.channel, clock, receive_buffer_bytes=at.receive_buffer_bytes)
         opened.callback(bus.close)
         database = order.database or Path(settings.database)
-        store = _store(database, settings, clock, opened)
+        store = open_store(database, settings, clock.epoch_ns)
+        opened.callback(store.close)
         device = _devices(bus, clock, settings, job)
         station = Station(settings, content_hash(settings), bus, turned_by, store, clock, device)
         told = (*learnt, *(render(m) for m in close_unfinished(station)))
@@ -164,13 +163,6 @@ def _check_gold(job: Job, settings: Settings) -> None:
             raise RecipeError(f"reference.gold.node {gold.node} is also the node of nest {nest.name}; change one")
     today = datetime.fromtimestamp(SystemClock().epoch_ns() / 1e9, UTC).date().isoformat()
     references.check_due(job.recipe, today)
-
-
-def _store(path: Path, settings: Settings, clock: Clock, opened: ExitStack) -> Store:
-    signer = keys.load_signer(Path(settings.signing_key)) if settings.signing_key else None
-    store = SqliteStore(path, owner=settings.station, epoch_ns=clock.epoch_ns, signer=signer)
-    opened.callback(store.close)
-    return store
 
 
 def _devices(bus: Bus, clock: Clock, settings: Settings, job: Job) -> Callable[[int], Device]:

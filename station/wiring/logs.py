@@ -1,10 +1,17 @@
 """Which adapter a log is read by, and what a check of it may rely on."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from station.adapters.clock import SystemClock
 from station.adapters.store import keys
+from station.adapters.store.anchor import AnchorFolder
+from station.adapters.store.log_anchors import Acknowledgement
 from station.adapters.store.reader import SqliteLogReader
+from station.adapters.store.sqlite import SqliteStore
+from station.config.settings import Settings
+from station.domain.records.head import SealedHead
+from station.messages import Message
 from station.ports.log_reader import LogReader, Trust
 
 
@@ -18,9 +25,45 @@ def find_log(path: Path) -> LogReader | None:
     return SqliteLogReader(path) if path.exists() else None
 
 
-def trust_of(known: Mapping[int, bytes], key: Path | None) -> Trust:
-    """Trust in seals by record number and in the public key in a PEM file. Errors: UsageError."""
-    return Trust(known, keys.load_public_key(key) if key else None)
+def trust_of(known: Mapping[int, bytes], key: Path | None, log: Path, settings: Settings | None) -> Trust:
+    """Trust in seals by record number, in the public key in a PEM file, and in the heads kept in the station's anchors.
+
+    Errors: UsageError.
+    """
+    heads = dict[str, SealedHead | None]()
+    for place in anchor_folders(log, settings) if settings else ():
+        try:
+            heads[place.name] = place.read()
+        except (OSError, ValueError):
+            heads[place.name] = None
+    return Trust(known, keys.load_public_key(key) if key else None, heads)
+
+
+def anchor_folders(log: Path, settings: Settings) -> list[AnchorFolder]:
+    """Where the heads of a log are kept elsewhere: in the folders of config.yaml, by station and name of the log."""
+    return [AnchorFolder(Path(a.folder), f"{settings.station}-{log.stem}", a.write_once) for a in settings.anchors]
+
+
+def open_store(
+    path: Path, settings: Settings, epoch_ns: Callable[[], int], acknowledgement: Acknowledgement | None = None
+) -> SqliteStore:
+    """The station's log, to be written. Errors: StoreFault, ConfigError."""
+    signer = keys.load_signer(Path(settings.signing_key)) if settings.signing_key else None
+    folders = anchor_folders(path, settings)
+    return SqliteStore(path, settings.station, epoch_ns, signer, anchors=folders, acknowledgement=acknowledgement)
+
+
+def acknowledge(path: Path, settings: Settings, by: str, reason: str) -> list[Message]:
+    """Seals into the log that an engineer goes on with it although its heads speak against it; what they said.
+
+    Errors: LogError where there is no log; StoreFault.
+    """
+    with open_log(path) as log:
+        before = len(log.acknowledgements())
+    open_store(path, settings, SystemClock().epoch_ns, Acknowledgement(by, reason)).close()
+    with open_log(path) as log:
+        new = log.acknowledgements()[before:]
+    return [Message.of(f["message"]) for taken in new for f in taken["findings"]]
 
 
 def public_key_of_signer(path: Path) -> bytes:

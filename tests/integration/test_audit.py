@@ -99,7 +99,14 @@ def test_containment_is_one_question(db: Path, capsys: Out) -> None:
 
 def test_the_chain_is_whole_and_answers_to_its_printed_head(db: Path, capsys: Out) -> None:
     told = asked(capsys, "audit", "--verify", "--db", db)
-    assert told["verify"] == {"records": told["head"]["number"], "whole": True, "findings": []}
+    number = told["head"]["number"]
+    assert told["verify"] == {
+        "records": number,
+        "whole": True,
+        "findings": [],
+        "anchors": [{"place": f"head file {db}.head", "number": number, "state": "agrees"}],
+        "acknowledged": [],
+    }
     printed = f"{told['head']['number']}:{told['head']['hash']}"
     assert station("audit", "--verify", "--db", db, "--head", printed) == 0
     assert station("audit", "--verify", "--db", db, "--head", f"{told['head']['number'] + 5}:{'0' * 64}") == 2

@@ -23,10 +23,15 @@ _NUMBERED = re.compile(r"(\d+)\.head")
 
 
 class AnchorPlace(Protocol):
-    """One place that keeps heads. lags: it may be behind by any number of loads."""
+    """One place that keeps heads."""
 
-    name: str
-    lags: bool
+    @property
+    def name(self) -> str:
+        """How sentences call it."""
+
+    @property
+    def lags(self) -> bool:
+        """Whether it may be behind by any number of loads."""
 
     def read(self) -> SealedHead | None:
         """The newest head there; None where there is none. Errors: OSError, ValueError for what is no head."""
@@ -139,14 +144,14 @@ def _write_synced(path: Path, data: bytes, flag: int) -> None:
         os.close(handle)
 
 
-def compare(places: Sequence[AnchorPlace], log: LogEnd, known: frozenset[str]) -> tuple[list[AnchorFinding], list[str]]:
-    """What the places say against a log, and which could not be reached. known: names of places that it was kept at."""
-    found, away = list[AnchorFinding](), list[str]()
+def compare(places: Sequence[AnchorPlace], log: LogEnd, known: frozenset[str]) -> list[AnchorFinding]:
+    """What the places that can be reached say against a log. known: names of places that it was kept at."""
+    found = list[AnchorFinding]()
     for place in places:
         try:
             head = place.read()
         except OSError:
-            away.append(place.name)
+            continue  # it is away: said when the next head cannot be kept there
         except ValueError:
             found.append(heads.unreadable(place.name))
         else:
@@ -154,4 +159,4 @@ def compare(places: Sequence[AnchorPlace], log: LogEnd, known: frozenset[str]) -
                 found += [heads.missing(place.name)] if log.number and (place.name in known or not place.lags) else []
             elif finding := heads.against(place.name, head, log, lags=place.lags):
                 found.append(finding)
-    return found, away
+    return found

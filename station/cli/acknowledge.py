@@ -1,0 +1,35 @@
+"""`station acknowledge`: go on with a log that its heads speak against."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+
+def command(
+    by: Annotated[str, Option(help="Who takes note.")],
+    reason: Annotated[str, Option(help="Why it is right to go on.")],
+    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+) -> int:
+    """Go on with a log that is not as it was left: restored, cut off, or without its head file.
+
+    A run refuses such a log. What the heads say against it, your name and your reason are sealed into the log, and
+    `station audit --verify` shows them for ever:
+
+        station acknowledge --by "Ada Lovelace" --reason "restored from the backup of Monday, disk failure"
+    """
+    from station.cli._output import print_line
+    from station.config.settings import load_settings
+    from station.errors import UsageError
+    from station.messages import Message, render
+    from station.wiring.logs import acknowledge
+
+    if not by.strip() or not reason.strip():
+        raise UsageError("acknowledge-without-words")
+    settings = load_settings(config)
+    path = db or Path(settings.database)
+    found = acknowledge(path, settings, by.strip(), reason.strip())
+    done = Message("acknowledged", path=str(path), findings=found)
+    print_line(render(done if found else Message("nothing-to-acknowledge", path=str(path))))
+    return 0
