@@ -13,8 +13,9 @@ from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 from tests.blind.bench import FULL, HEAVY, WHITE, Floor, Hidden, hide
-from tests.blind.hidden import KNOWN, UNKNOWN, WRONG_FORM
+from tests.blind.hidden import KNOWN, WRONG_FORM
 from tests.blind.look import look, null_of
+from tests.blind.outside import OUTSIDE
 from tests.blind.recipes import recipe as tilts
 
 FLOORS: dict[str, Floor] = {"white": WHITE, "full": FULL, "t5": HEAVY}
@@ -43,7 +44,7 @@ class Ask:
         """What is done to the samples."""
         if not self.name:
             return None
-        return (KNOWN | {k: h for k, (_, h) in (WRONG_FORM | UNKNOWN).items()})[self.name]
+        return (KNOWN | {k: h for k, (_, h) in (WRONG_FORM | OUTSIDE).items()})[self.name]
 
     def __str__(self) -> str:
         much = f"d={self.d:g}" if self.d is not None else f"size×{self.size:g}"
@@ -55,7 +56,7 @@ class Trial:
     """What came of it.
 
     sets: the members of each named set, its leader first; words: of what is left unexplained; likely: the 95 % set of
-    the first cause; strength and size: of what was hidden.
+    the first cause; strength and size: of what was hidden; probability of the first set.
     """
 
     ask: Ask
@@ -66,6 +67,7 @@ class Trial:
     likely: tuple[str, ...]
     strength: float
     size: float
+    probability: float = 0.0
 
     @property
     def first(self) -> tuple[str, ...]:
@@ -103,7 +105,12 @@ def told(ask: Ask, found: Diagnosis, truth: Mapping[str, float]) -> Trial:
     alarmed = bool(found.faults) or searched.statistics[0] > searched.threshold
     probability = searched.findings[0].probability if searched.findings else {}
     likely = credible(probability)
-    return Trial(ask, alarmed, found.verdict, tuple(sets), found.depends_on, likely, truth["d"], truth.get("size", 0.0))
+    first = found.causes[0].finding if found.causes else None
+    members = () if first is None else (first.name, *first.indistinguishable_from)
+    sure = 0.0 if first is None else sum(first.probability.get(name, 0.0) for name in members)
+    return Trial(
+        ask, alarmed, found.verdict, tuple(sets), found.depends_on, likely, truth["d"], truth.get("size", 0.0), sure
+    )
 
 
 def credible(probability: Mapping[str, float], level: float = 0.95) -> tuple[str, ...]:

@@ -267,10 +267,7 @@ def _print_diagnosis(told: Mapping[str, Any]) -> None:
         gain = cause["gain"]
         also = cause["indistinguishable_from"]
         names = cause["effect"] + (f" (or {', '.join(also)})" if also else "")
-        _output.print_line(
-            f"  {names}: probability {cause['probability']:.3f}; held-out residual {gain['rms_before']:.3g} → "
-            f"{gain['rms_after']:.3g} {unit}, {gain['log_score']:.0f} ± {gain['std_error']:.0f} nats"
-        )
+        _output.print_line(f"  {names}: probability {cause['probability']:.3f}; {_gain_text(gain, unit)}")
         for p in cause["parameters"][:12]:
             value = p["value"] if isinstance(p["value"], str) else f"{p['value']:.4g} ± {p['std'] or 0:.2g} {p['unit']}"
             _output.print_line(f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}")
@@ -288,3 +285,13 @@ def _print_diagnosis(told: Mapping[str, Any]) -> None:
         )
     if told["not_testable"]:
         _output.print_line(f"not testable with these data: {', '.join(told['not_testable'])}")
+
+
+def _gain_text(gain: dict[str, Any], unit: str) -> str:
+    """What a cause gains on held-out data, in a few words."""
+    if gain["log_score"] is None:
+        return "too few stops to hold any out"
+    score = f"{gain['log_score']:.3g} ± {gain['std_error']:.2g} nats" + (f" a {gain['per']}" if gain.get("per") else "")
+    if gain["rms_before"] is None:
+        return f"held out, {score}"
+    return f"held-out residual {gain['rms_before']:.3g} → {gain['rms_after']:.3g} {unit}, {score}"

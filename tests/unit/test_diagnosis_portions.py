@@ -59,9 +59,10 @@ def test_frames_are_tallied_as_one_would_by_hand(rng: np.random.Generator) -> No
         values={"counter": (number % 256).astype(float)},
     )
     found = counters.tally(table, stop, 8)
-    for u in range(3):
-        own = [number[stop == s] for s in range(4 * u, 4 * u + 4)]
-        assert found.arrived[u] == sum(map(len, own))
-        assert found.different[u] == sum(len(set(x.tolist())) for x in own)
-        assert found.sent[u] == sum(x.max() - x.min() + 1 for x in own)
-        assert found.stepped_back[u] == sum((np.diff(x) < 0).sum() for x in own)
+    assert found.unit.tolist() == [s // 4 for s in range(12)]
+    for s in range(12):
+        own = number[stop == s]
+        assert found.arrived[s] == len(own)
+        assert found.different[s] == len(set(own.tolist()))
+        assert found.sent[s] == own.max() - own.min() + 1
+        assert found.stepped_back[s] == (np.diff(own) < 0).sum()

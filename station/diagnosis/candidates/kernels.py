@@ -1,11 +1,12 @@
 """Generic kernels: shapes without a physical story that compete with the causes.
 
 When one of them explains the data better than every cause of the library, something is wrong that nobody has
-described yet; its name says on what it depends. These are the only columns that are not made by the simulation.
+described yet; its name says on what it depends: one covariate, or two of which a product acts (`time*temperature`).
+These are the only columns that are not made by the simulation.
 """
 
 from collections.abc import Iterator
-from itertools import combinations_with_replacement
+from itertools import combinations, combinations_with_replacement
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -19,15 +20,26 @@ from station.domain.core.types import Array, Floats
 from station.model.forward import resting_stimulus
 
 #: The words of `unknown.depends_on`.
-KERNEL_NAMES = ("time", "position", "temperature", "input", "dwell-phase", "order", "unit", "group")
+COVARIATES = ("time", "position", "temperature", "input", "dwell-phase", "order", "unit", "group", "motor")
+#: Covariates of which products are tried two by two.
+FACTORS = ("time", "temperature", "motor", "order", "input")
+#: All kernels.
+KERNEL_NAMES = (*COVARIATES, *("*".join(pair) for pair in combinations(FACTORS, 2)))
+#: Range of temperature below which nothing can be laid to it, degC.
+MIN_TEMPERATURE_RANGE = 0.2
 #: Waves of the slow and of the fast kernel of time, half periods in a run.
 HALF_WAVES = (range(1, 4), range(1, 11))
 
 
 def kernel_candidates(view: ResidualView) -> list[Candidate]:
     """Every kernel that these data can show."""
-    makers = (_time, _order, _position, _temperature, _input, _phase, _unit, _group)
+    makers = (_time, _order, _position, _temperature, _input, _phase, _unit, _group, _motor, _products)
     return [candidate for make in makers for candidate in make(view)]
+
+
+def covariates_of(name: str) -> tuple[str, ...]:
+    """On what a kernel depends: one word of `depends_on`, or two."""
+    return tuple(name.split("*"))
 
 
 def _kernel(name: str, of: str, view: ResidualView, stop: Floats, dwell: Floats | None = None) -> Candidate:
@@ -94,11 +106,13 @@ def _position(view: ResidualView) -> Iterator[Candidate]:
 def _temperature(view: ResidualView) -> Iterator[Candidate]:
     """Curves of temperature."""
     T = view.scene.temperature_degC
-    if T is None or np.ptp(T) < 0.2:
+    if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE:
         return
-    columns = _each_axis(legendre.legvander(_scaled(T), 6)[:, 1:])
-    for of in _levels(view, "unit", "common"):
-        yield _kernel("temperature", of, view, columns)
+    # A bend or two of what a straight line leaves, or any curve.
+    for degree in (3, 6):
+        columns = _each_axis(legendre.legvander(_scaled(T), degree)[:, 1:])
+        for of in _levels(view, "unit", "common"):
+            yield _kernel("temperature", of, view, columns)
 
 
 def _input(view: ResidualView) -> Iterator[Candidate]:
@@ -145,6 +159,49 @@ def _group(view: ResidualView) -> Iterator[Candidate]:
         if view.scene.is_recorded(of) and len(view.scene.group(of)[1]) > 1:
             yield _kernel("group", of, view, _ones(view))
             yield _kernel("group", of, view, matrix)
+
+
+def _motor(view: ResidualView) -> Iterator[Candidate]:
+    """Curves of the motors' drive."""
+    motor = view.scene.motor
+    if motor is None or not np.ptp(motor):
+        return
+    columns = _each_axis(legendre.legvander(_scaled(motor), 3)[:, 1:])
+    for of in _levels(view, "unit", "common"):
+        yield _kernel("motor", of, view, columns)
+
+
+def _products(view: ResidualView) -> Iterator[Candidate]:
+    """Products of two covariates, each straight or bent once, on every axis on its own."""
+    factor = _factors(view)
+    for one, two in combinations(FACTORS, 2):
+        if one not in factor or two not in factor:
+            continue
+        for bends in (1, 2):
+            # (v, 3, functions of the one, functions of the other)
+            both = factor[one][:, :, :bends, None] * factor[two][:, :, None, :bends]
+            functions = both.reshape(len(both), 3, -1)
+            columns = np.einsum("ij,vif->vifj", np.eye(3), functions).reshape(len(both), 3, -1)
+            for of in _levels(view, "unit", "common"):
+                yield _kernel(f"{one}*{two}", of, view, columns)
+
+
+def _factors(view: ResidualView) -> dict[str, Floats]:
+    """Functions (v, 3, f) of each covariate that varies, for each axis: Legendre's first two, or what an axis feels
+    now and by how much that is another than at the stop before."""
+    scene, visits = view.scene, view.scene.visits
+    a = resting_stimulus(scene, view.active)
+    a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
+    step = np.where(visits.previous[:, None] >= 0, a[visits.previous] - a, 0.0)
+    plain: dict[str, Floats | None] = {"time": scene.time_s, "motor": scene.motor}
+    T = scene.temperature_degC
+    plain["temperature"] = None if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE else T
+    found = {
+        name: np.repeat(legendre.legvander(_scaled(x), 2)[:, None, 1:], 3, axis=1)
+        for name, x in plain.items()
+        if x is not None and np.ptp(x) > 0
+    }
+    return {**found, "order": step[:, :, None], "input": np.stack([a, a**2], axis=2)}
 
 
 def _ones(view: ResidualView) -> Floats:

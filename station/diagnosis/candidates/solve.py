@@ -78,7 +78,10 @@ def solve(white: WhiteRows, used: Floats | None = None) -> NuisanceSolution:
 
 
 def _inverse(normal: Floats) -> Floats:
-    """Pseudo-inverse (…, p, p). Columns are scaled first, so that the cut is about directions, not about units."""
-    size = np.sqrt(np.maximum(np.einsum("...pp->...p", normal), 1e-300))
-    scale = size[..., :, None] * size[..., None, :]
-    return np.asarray(np.linalg.pinv(normal / scale, EIGENVALUE_CUT, hermitian=True) / scale)
+    """Pseudo-inverse (…, p, p). Columns are scaled first, so that the cut is about directions, not about units; a
+    column of zeros, which nothing measured, has a row and a column of zeros."""
+    size = np.sqrt(np.einsum("...pp->...p", normal))
+    live = size > 0
+    inverse = np.where(live, 1 / np.where(live, size, 1.0), 0.0)
+    scale = inverse[..., :, None] * inverse[..., None, :]
+    return np.asarray(np.linalg.pinv(normal * scale, EIGENVALUE_CUT, hermitian=True) * scale)

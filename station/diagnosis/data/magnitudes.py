@@ -26,13 +26,13 @@ def initial_base(mean: Floats, unit: Array, units: int, magnitude: float) -> Bas
     for u in range(units):
         y = mean[unit == u]
         size = float(np.sqrt(np.mean(np.sum(y**2, axis=1)))) or 1.0
-        found = _ellipsoid(y / size)
+        found = ellipsoid(y / size)
         middle, radius = (np.zeros(3), np.ones(3)) if found is None else found
         offset[u], matrix[u] = middle * size, np.diag(radius * size / magnitude)
     return BaseResponse(offset, matrix)
 
 
-def _ellipsoid(y: Floats) -> tuple[Floats, Floats] | None:
+def ellipsoid(y: Floats) -> tuple[Floats, Floats] | None:
     """Centre and half axes (3) of the ellipsoid through points (v, 3), or None where they do not tell."""
     A = np.concatenate([y**2, y], axis=1)
     if len(y) < 6 or np.linalg.cond(A) > 1e4:

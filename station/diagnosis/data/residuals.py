@@ -30,6 +30,8 @@ from station.model.scene import Scene
 
 #: Noise of a stop's mean beside that of its samples over √n, at the least: blue noise averages better than white.
 MIN_NOISE_RATIO = 0.5
+#: An axis whose stimulus varies by less than this share of its strength (rms over a unit's stops) shows no gain.
+MIN_GAIN_STIMULUS = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,9 +104,25 @@ class ResidualView:
         """The view of stops whose temperature changes at another rate (v), degC/s."""
         return replace(self, reduced=replace(self.reduced, scene=replace(self.scene, temperature_rate=rate)))
 
+    def stimulated(self) -> Floats:
+        """Which axes of each stop's unit (v, 3) feel a stimulus that varies, 1 or 0: only those have a gain to fit.
+
+        An axis that always feels the same cannot tell gain from offset, and one that feels only the rounding of its
+        pose would turn a thousandth of noise into any gain. Both keep their nominal gain.
+        """
+        if self.grid.k == 1:
+            return np.ones((len(self.reduced.mean), 3))
+        a, unit = resting_stimulus(self.scene), self.scene.visits.unit.code
+        count = np.maximum(np.bincount(unit), 1)[:, None]
+        middle = np.stack([np.bincount(unit, x) for x in a.T], axis=1) / count
+        spread = np.stack([np.bincount(unit, x) for x in ((a - middle[unit]) ** 2).T], axis=1) / count
+        strength = float(np.max(np.linalg.norm(a, axis=1), initial=1e-300))
+        return np.asarray(np.sqrt(spread) > MIN_GAIN_STIMULUS * strength, float)[unit]
+
     def calibration(self, matrix: bool) -> Floats:
-        """Signature (v, 3, p) of each unit's offset and gain, or offset and whole matrix."""
-        a = resting_stimulus(self.scene, self.active)
+        """Signature (v, 3, p) of each unit's offset and gain, or offset and whole matrix; zero for a gain that these
+        stops cannot show."""
+        a = resting_stimulus(self.scene, self.active) * self.stimulated()
         offset = np.broadcast_to(np.eye(3), (len(a), 3, 3))
         if not matrix:
             return np.concatenate([offset, np.eye(3) * a[:, None, :]], axis=2)

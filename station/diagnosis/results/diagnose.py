@@ -83,6 +83,7 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     searched = search_causes(problem, null_of)
     last, sized = estimate_causes(searched.last)
     floor = last.fit()
+    causes = _causes(searched, last, floor, sized[len(problem.accepted) :])
     return Diagnosis(
         recipe=recipe,
         table=table,
@@ -90,8 +91,8 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
         search_result=searched,
         last=last,
         floor=floor,
-        causes=_causes(searched, last, floor, sized[len(problem.accepted) :]),
-        depends_on=searched.words,
+        causes=causes,
+        depends_on=_remainder(searched, causes),
         not_testable=_not_testable(inspected, searched),
     )
 
@@ -117,9 +118,17 @@ def _causes(
             continue
         out.append(Cause(finding, sized[taken], held_out_gain(last, before + taken, floor.floor)))
         taken += 1
-    # Beside a cause that pays, one that does not is a shadow of it.
+    # Beside a cause that pays, one that does not is a shadow of it; alone, one that loses is no finding at all.
     paying = tuple(cause for cause in out if cause.gain.accepted)
-    return paying or tuple(out)
+    return paying or tuple(cause for cause in out if cause.gain.log_score > 0)
+
+
+def _remainder(searched: SearchResult, causes: tuple[Cause, ...]) -> tuple[str, ...]:
+    """On what depends that which no accepted cause explains: a kernel that is left, or the kernels that follow an alarm
+    whose cause gains nothing that held-out data confirm."""
+    if searched.words or not searched.findings or any(cause.gain.accepted for cause in causes):
+        return searched.words
+    return searched.findings[0].covariates
 
 
 def _still_exceeds_allowance(finding: CauseFinding, searched: SearchResult, floor: FittedFloor) -> bool:

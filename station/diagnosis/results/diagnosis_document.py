@@ -7,6 +7,7 @@ import numpy as np
 
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.data.faults import GrossFault
+from station.diagnosis.data.faults.gross_fault import BlockGain
 from station.diagnosis.results.diagnose import Cause, Diagnosis, calibration_shift, floor_rms, residual_rms
 from station.diagnosis.results.estimate import Estimate
 from station.diagnosis.results.gain import HeldOutGain
@@ -49,7 +50,7 @@ def document(
             "statistic": max([d.search_result.statistics[0], *(f.nats for f in d.faults)]),
             "threshold": d.search_result.threshold,
         },
-        "causes": [*(_fault(f, d) for f in d.faults), *(_cause(c, d) for c in d.causes)],
+        "causes": [*(_fault(f) for f in d.faults), *(_cause(c, d) for c in d.causes)],
         "unknown": {"depends_on": list(d.depends_on)},
         "not_testable": list(d.not_testable),
         "considered": _ranking_rows(d),
@@ -162,12 +163,7 @@ def _floor_parameters(name: str, d: Diagnosis) -> list[dict[str, Any]]:
     return [{"name": told[0], "axis": None, "of": "common", "value": value, "std": std, "unit": told[1]}]
 
 
-def _fault(f: GrossFault, d: Diagnosis) -> dict[str, Any]:
-    rms = residual_rms(d.search_result.first)
-    before = rms if f.rms_before is None else f.rms_before
-    after = rms if f.rms_after is None else f.rms_after
-    explained = max(0.0, 1 - (after / before) ** 2) if before > 0 else 0.0
-    gain = HeldOutGain("unit", before, after, explained, f.nats, (2 * max(f.nats, 0.5)) ** 0.5)
+def _fault(f: GrossFault) -> dict[str, Any]:
     return {
         "effect": f.effect,
         "probability": 1.0,
@@ -177,7 +173,27 @@ def _fault(f: GrossFault, d: Diagnosis) -> dict[str, Any]:
             {"name": n.name, "axis": n.axis, "of": n.of, "value": n.value, "std": n.std, "unit": n.unit}
             for n in f.numbers
         ],
-        "gain": _gain(gain),
+        "gain": _block_gain(f.gain),
+    }
+
+
+def _block_gain(g: BlockGain | None) -> dict[str, Any]:
+    if g is None:
+        # Nothing could be held out.
+        return dict.fromkeys(
+            ("held_out_by", "per", "rms_before", "rms_after", "explained", "log_score", "std_error", "accepted")
+        )
+    before, after = g.rms_before, g.rms_after
+    explained = None if before is None or after is None or before <= 0 else max(0.0, 1 - (after / before) ** 2)
+    return {
+        "held_out_by": g.held_out_by,
+        "per": g.per,
+        "rms_before": before,
+        "rms_after": after,
+        "explained": explained,
+        "log_score": g.log_score,
+        "std_error": g.std_error,
+        "accepted": g.accepted,
     }
 
 

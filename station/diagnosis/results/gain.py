@@ -8,6 +8,7 @@ standard error that of the sum of the paired differences of the stops.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,11 +21,15 @@ from station.domain.core.types import Floats
 
 #: Parts into which stops or units are dealt, and the fewest units that can be held out in turn.
 FOLDS, MIN_HELD_OUT_UNITS = 6, 3
+#: Covariates that change slowly and steadily from stop to stop.
+SLOW_COVARIATES = frozenset({"time_s", "temperature_degC", "temperature_rate", "since_power_s", "since_clamp_s"})
+#: Pairs into which one stop's data are split by noise.
+FISSIONS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOutGain:
-    """held_out_by: visit, unit or sample; rms in the recipe's unit before and after; explained: share of what is
+    """held_out_by: visit, unit, time or sample; rms in the recipe's unit before and after; explained: share of what is
     above the floor; log_score in nats with its standard error."""
 
     held_out_by: str
@@ -50,12 +55,12 @@ def held_out_gain(problem: ScoringProblem, i: int, floor: NoiseFloor) -> HeldOut
     by = _held_out_by(problem, item)
     tests = [_HeldOutTest(side, floor, moving=moving) for side in sides]
     score = np.zeros(problem.view.grid.slot.shape)
-    squares, rows = np.zeros(2), 0.0
+    squares, rows, shift = np.zeros(2), 0.0, 0.0
     for held in _folds(problem, by):
-        for side, test in enumerate(tests):
-            white, raw = test.predicted(held, by)
-            score += (side - 0.5) * -white
-            squares[side] += raw
+        both = [test.predicted(held, by) for test in tests]
+        score += both[0].half_squares - both[1].half_squares
+        squares += [p.raw for p in both]
+        shift += both[0].distance(both[1])
         rows += tests[0].size(held)
     before, after = np.sqrt(squares / max(rows, 1.0))
     floor_rms = tests[0].floor_rms(floor)
@@ -63,8 +68,9 @@ def held_out_gain(problem: ScoringProblem, i: int, floor: NoiseFloor) -> HeldOut
     explained = float(np.clip((before**2 - after**2) / above, 0.0, 1.0)) if above > 0 else 0.0
     stops = score[problem.view.grid.slot >= 0]
     total = float(stops.sum())
-    # What one stop says of itself has no other stops to be compared with: the spread of a log-likelihood ratio of d²/2.
-    std_error = float(np.sqrt(len(stops)) * np.std(stops)) if by != "sample" else float(np.sqrt(2 * max(total, 0.5)))
+    # What one stop says of itself has no other stops to be compared with: the standard deviation of its log-likelihood
+    # ratio is the length of what moves in white data.
+    std_error = float(np.sqrt(len(stops)) * np.std(stops)) if by != "sample" else float(np.sqrt(shift))
     return HeldOutGain(by, float(before), float(after), explained, total, std_error)
 
 
@@ -73,6 +79,10 @@ def _held_out_by(problem: ScoringProblem, item: AcceptedCause) -> str:
     of = item.candidate.of
     if of == "visit":
         return "sample"
+    effect = item.candidate.effect
+    if effect is not None and SLOW_COVARIATES & set(effect.needs) and problem.view.grid.slot.shape[2] >= 2 * FOLDS:
+        # Neighbours in time are alike: what is held out is a stretch of time, which must be reached from outside.
+        return "time"
     if of in PER_UNIT_LEVELS or problem.view.grid.units < MIN_HELD_OUT_UNITS:
         return "visit"
     # A group of one unit could not be predicted from the others.
@@ -87,6 +97,8 @@ def _folds(problem: ScoringProblem, by: str) -> Iterator[Floats]:
     U, R, V = slot.shape
     if by == "unit":
         part = np.broadcast_to(np.arange(U)[:, None, None] % max(MIN_HELD_OUT_UNITS, min(U, FOLDS)), slot.shape)
+    elif by == "time":
+        part = np.broadcast_to(np.arange(V) * FOLDS // V, slot.shape)
     elif by == "visit":
         # Dealt so that no part holds the same places of all runs.
         part = np.broadcast_to(
@@ -96,6 +108,18 @@ def _folds(problem: ScoringProblem, by: str) -> Iterator[Floats]:
         part = np.zeros(slot.shape)
     for fold in range(int(part.max()) + 1):
         yield ((part == fold) & (slot >= 0)).astype(float)
+
+
+class _Prediction(NamedTuple):
+    """half_squares (U, R, V) of the held-out stops' white rows; these rows (U, M); raw: sum of squares of readings."""
+
+    half_squares: Floats
+    rows: Floats
+    raw: float
+
+    def distance(self, other: "_Prediction") -> float:
+        """Sum of squares of what two predictions of the same rows differ by."""
+        return float(np.sum((self.rows - other.rows) ** 2))
 
 
 class _HeldOutTest:
@@ -111,8 +135,8 @@ class _HeldOutTest:
             np.broadcast_to(r.count.sum(1)[:, None, None], (len(r.mean), side.view.grid.k, 1))
         )
 
-    def predicted(self, held: Floats, by: str) -> tuple[Floats, float]:
-        """Half the squares of the held-out stops' white rows (U, R, V), and the sum of squares of their readings."""
+    def predicted(self, held: Floats, by: str) -> "_Prediction":
+        """What is left of the held-out stops."""
         held_rows = self._rows(held)
         if by == "sample":
             return self._split_by_noise(held)
@@ -120,16 +144,25 @@ class _HeldOutTest:
         if by == "unit":
             solved = self._recalibrated(solved)
         white = self.white.residual(solved) * held_rows
-        return 0.5 * self._by_visit(white**2), self._raw(solved, held)
+        return _Prediction(0.5 * self._by_visit(white**2), self._measured(white), self._raw(solved, held))
 
-    def _split_by_noise(self, held: Floats) -> tuple[Floats, float]:
+    def _split_by_noise(self, held: Floats) -> "_Prediction":
         """The same for one stop: two data sets of twice the variance are made by adding and taking off noise, which
-        are independent; the one is fitted, the other judged (data fission, Leiner et al. 2023)."""
-        noise = np.random.default_rng(0).standard_normal(self.white.data.shape)
-        parts = (replace(self.white, data=self.white.data + s * noise) for s in (1, -1))
-        fitted, judged = parts
-        solved = solve(fitted)
-        return 0.25 * self._by_visit(judged.residual(solved) ** 2), self._raw(solved, held)
+        are independent; the one is fitted, the other judged, and the other way round (data fission, Leiner et al.
+        2023). Some such pairs are averaged, so that hardly anything depends on the noise added."""
+        rng = np.random.default_rng(0)
+        squares: Floats = np.zeros(self.side.view.grid.slot.shape)
+        for _ in range(FISSIONS):
+            noise = rng.standard_normal(self.white.data.shape)
+            ends = [replace(self.white, data=self.white.data + s * noise) for s in (1, -1)]
+            for fitted, judged in (ends, ends[::-1]):
+                squares = squares + 0.25 * self._by_visit(judged.residual(solve(fitted)) ** 2) / FISSIONS
+        solved = solve(self.white)
+        return _Prediction(squares, self._measured(self.white.residual(solved)), self._raw(solved, held))
+
+    def _measured(self, rows: Floats) -> Floats:
+        """White rows (U, M) without those of the priors."""
+        return rows[:, : self.white.stops + self.white.dwell]
 
     def _recalibrated(self, solved: NuisanceSolution) -> NuisanceSolution:
         """Shared coefficients as solved, each unit's own ones fitted to all of its rows."""

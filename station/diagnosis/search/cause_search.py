@@ -46,10 +46,15 @@ UNKNOWN_NATS = 3.0
 KERNEL_MARGIN = 0.04
 #: A cause worth fewer nats than this, odds of three to one, explains no alarm.
 EXPLAINS_NATS = 1.1
+#: Causes that are tried together against a kernel, how many of them as the first, and what it costs to choose one more,
+#: in nats: one of twenty.
+MAX_CHAIN, MAX_STARTS, CHOICE_NATS = 3, 3, 3.0
 #: A cause beside a grown floor must gain so many nats to come before it.
 EVIDENT_NATS = 6.0
-#: Causes and kernels looked for at most.
-MAX_ROUNDS = 6
+#: A kernel is named beside the leading one where it explains all but this share of what that explains.
+NEAR_SHARE = 0.08
+#: Causes and kernels looked for at most, and how often one and the same may be found.
+MAX_ROUNDS, MAX_REPEATS = 6, 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +76,11 @@ class CauseFinding:
     statistic: float
     words: tuple[str, ...] = ()
 
+    @property
+    def covariates(self) -> tuple[str, ...]:
+        """On what the kernels depend that explain most where it was found."""
+        return self.words or depends_on({n: e for n, e in self.evidence.items() if n in generic.KERNEL_NAMES})
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchResult:
@@ -91,8 +101,7 @@ class SearchResult:
         said = next((f.words for f in self.findings if f.words), ())
         if said or self.statistics[-1] <= self.threshold:
             return said
-        kernels = [(e, name) for name, e in self.rest.items() if name in generic.KERNEL_NAMES]
-        return (max(kernels)[1],) if kernels else ()
+        return depends_on({name: e for name, e in self.rest.items() if name in generic.KERNEL_NAMES})
 
     @property
     def ranking(self) -> tuple[Mapping[str, float], Mapping[str, float]]:
@@ -124,34 +133,158 @@ def _drop_undetectable(problem: ScoringProblem, now: ScoredBank) -> tuple[Scored
 
 def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult:
     """Everything that can be found. null_of gives the null distribution for the first stage."""
-    first = problem
-    findings: list[CauseFinding] = []
-    statistics: list[float] = []
-    null: NullDistribution | None = None
-    blind: tuple[str, ...] = ()
-    while True:
+    search = _Search(problem, null_of)
+    look = search.look(problem)
+    found: list[tuple[CauseFinding, _Look]] = []
+    while look.alarms and len(found) < MAX_ROUNDS:
+        ranks = search.ranks(look, [f.name for f, _ in found])
+        cause, kernel = _leaders(ranks)
+        if cause is None or (kernel is not None and is_unknown(kernel.evidence, cause.evidence)):
+            # Several causes at once may each explain less than a kernel that follows them all.
+            chain = search.chain(look, ranks, [f.name for f, _ in found])
+            if not chain and kernel is None:
+                break
+            if not chain:
+                found.append((_unknown(ranks, look.statistic), look))
+                break
+            found += chain
+        else:
+            found.append(search.accepted(look, ranks, cause))
+        look = found[-1][1]
+    findings = search.judged_again(look.problem, tuple(f for f, _ in found))
+    statistics = (search.first.statistic, *(after.statistic for f, after in found if not f.words))
+    return SearchResult(
+        problem, look.problem, findings, statistics, look.threshold, look.now, search.undetectable, look.evidence
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Look:
+    """The problem with what is accepted so far, the bank in it, and whether anything alarms."""
+
+    problem: ScoringProblem
+    now: ScoredBank
+    around: WalkMarginal
+    evidence: Mapping[str, float]
+    statistic: float
+    threshold: float
+
+    @property
+    def alarms(self) -> bool:
+        """Whether anything is left to explain."""
+        return self.statistic > self.threshold
+
+
+class _Search:
+    """The state of a search: the causes that these data cannot show, and the null distribution of the first look."""
+
+    def __init__(self, problem: ScoringProblem, null_of: NullFactory) -> None:
+        self._null_of = null_of
+        self._null: NullDistribution | None = None
+        self.undetectable: tuple[str, ...] = ()
+        self.first = self.look(problem)
+
+    def look(self, problem: ScoringProblem) -> _Look:
+        """The whole bank beside everything accepted."""
+        if self._null is not None and problem is self.first.problem:
+            return self.first
         fitted = problem.fit()
-        now = score_bank(problem, build_banks(problem.view, blind), fitted.floor)
-        if not findings:
-            now, blind = _drop_undetectable(problem, now)
-        banks = tuple(s.bank for s in now.seen)
+        now = score_bank(problem, build_banks(problem.view, self.undetectable), fitted.floor)
+        if self._null is None:
+            now, self.undetectable = _drop_undetectable(problem, now)
         around = marginalise_walks(problem, now)
-        null = null or null_of(problem, fitted, around)
+        if self._null is None:
+            self._null = self._null_of(problem, fitted, around)
         evidence = around.evidence()
-        statistics.append(statistic(null, evidence))
-        if statistics[-1] <= null.threshold or len(findings) == MAX_ROUNDS:
-            return SearchResult(
-                first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind, evidence
-            )
-        ranks = rank_causes(problem, banks, around, generic.KERNEL_NAMES)
-        ranks = _tune_forms(problem, _prefer_evident_cause(problem, banks, ranks))
-        finding = _choose(problem, ranks, statistics[-1])
-        findings.append(finding)
-        if finding.words:
-            return SearchResult(
-                first, problem, tuple(findings), tuple(statistics), null.threshold, now, blind, evidence
-            )
-        problem = _accept_finding(problem, finding)
+        return _Look(problem, now, around, evidence, statistic(self._null, evidence), self._null.threshold)
+
+    def ranks(self, look: _Look, before: Sequence[str]) -> dict[str, RankedCause]:
+        """Every cause and kernel at its best; without what has been found often enough already."""
+        banks = tuple(s.bank for s in look.now.seen)
+        ranks = rank_causes(look.problem, banks, look.around, generic.KERNEL_NAMES)
+        ranks = {name: r for name, r in ranks.items() if before.count(name) < MAX_REPEATS}
+        return _tune_forms(look.problem, _prefer_evident_cause(look.problem, banks, ranks))
+
+    def accepted(self, look: _Look, ranks: Mapping[str, RankedCause], cause: RankedCause) -> tuple[CauseFinding, _Look]:
+        """A cause as a finding, and the look with it accepted."""
+        finding = _finding(look.problem, ranks, cause, look.statistic)
+        return finding, self.look(_accept_finding(look.problem, finding))
+
+    def judged_again(self, problem: ScoringProblem, findings: tuple[CauseFinding, ...]) -> tuple[CauseFinding, ...]:
+        """The findings, each with the probabilities and the rivals that it has beside all others: what one cause leaves
+        behind blurs the first look at another."""
+        first = len(self.first.problem.accepted)
+        smooth = [f for f in findings if f.accepted is not None]
+        if len(smooth) < 2:
+            return findings
+        again = {id(f): self._judged_beside(problem, first + i, f) for i, f in enumerate(smooth)}
+        return tuple(again.get(id(f), f) for f in findings)
+
+    def _judged_beside(self, problem: ScoringProblem, i: int, finding: CauseFinding) -> CauseFinding:
+        bare = problem.without(i)
+        fitted = bare.fit()
+        now = score_bank(bare, build_banks(bare.view, self.undetectable), fitted.floor)
+        look = replace(self.first, problem=bare, now=now, around=marginalise_walks(bare, now))
+        ranks = self.ranks(look, [])
+        if finding.name not in ranks or ranks[finding.name].best is None:
+            return finding
+        found = _finding(bare, ranks, ranks[finding.name], finding.statistic)
+        return replace(finding, probability=found.probability, indistinguishable_from=found.indistinguishable_from)
+
+    def chain(
+        self, look: _Look, ranks: Mapping[str, RankedCause], before: Sequence[str]
+    ) -> list[tuple[CauseFinding, _Look]]:
+        """Causes, one after the other, that together explain at least what the leading kernel does; none where there
+        are no such.
+
+        Alone each may explain next to nothing, as what the others do passes for noise; so each of the best few is tried
+        as the first. Both ways end in data that a kernel may still follow: the evidence of all steps is compared, and
+        each further cause is one more choice out of the library.
+        """
+        kernel = _leaders(ranks)[1]
+        target = 0.0 if kernel is None else kernel.evidence
+        causes = sorted(_causes_of(ranks), key=lambda r: -r.evidence)[:MAX_STARTS]
+        tried = [self._chain_from(first, look, ranks, before) for first in causes if first.evidence > 0]
+        value, found = max(tried, key=lambda pair: pair[0], default=(0.0, []))
+        # Where a kernel is still needed in the end, the causes must have paid as an unknown would have to.
+        margin = UNKNOWN_NATS if found and found[-1][1].alarms else 0.0
+        return found if value >= target + margin else []
+
+    def _chain_from(
+        self, cause: RankedCause, look: _Look, ranks: Mapping[str, RankedCause], before: Sequence[str]
+    ) -> tuple[float, list[tuple[CauseFinding, _Look]]]:
+        """The evidence of a cause and of those that are evident after it, with what a kernel then still explains."""
+        total, found = 0.0, list[tuple[CauseFinding, _Look]]()
+        while True:
+            total += cause.evidence - CHOICE_NATS * bool(found)
+            found.append(self.accepted(look, ranks, cause))
+            look = found[-1][1]
+            if not look.alarms:
+                return total, found
+            ranks = self.ranks(look, [*before, *(f.name for f, _ in found)])
+            best, rival = _leaders(ranks)
+            left = 0.0 if rival is None else max(rival.evidence, 0.0)
+            if best is None or best.evidence < EVIDENT_NATS or len(found) == MAX_CHAIN:
+                return total + left - CHOICE_NATS, found
+            cause = best
+
+
+def _causes_of(ranks: Mapping[str, RankedCause]) -> list[RankedCause]:
+    return [r for name, r in ranks.items() if name not in generic.KERNEL_NAMES]
+
+
+def _leaders(ranks: Mapping[str, RankedCause]) -> tuple[RankedCause | None, RankedCause | None]:
+    """The best cause and the best kernel."""
+    causes, kernels = _causes_of(ranks), [r for name, r in ranks.items() if name in generic.KERNEL_NAMES]
+    return max(causes, key=lambda r: r.evidence, default=None), max(kernels, key=lambda r: r.evidence, default=None)
+
+
+def depends_on(kernels: Mapping[str, float]) -> tuple[str, ...]:
+    """The covariates of the kernels that explain most, by their evidence; the likeliest first."""
+    top = max(kernels.values(), default=0.0)
+    near = [name for name, e in kernels.items() if e >= top - max(UNKNOWN_NATS, NEAR_SHARE * top)]
+    near.sort(key=lambda name: -kernels[name])
+    return tuple(dict.fromkeys(word for name in near for word in generic.covariates_of(name)))
 
 
 def _accept_finding(problem: ScoringProblem, finding: CauseFinding) -> ScoringProblem:
@@ -166,8 +299,8 @@ def _prefer_evident_cause(
     problem: ScoringProblem, banks: Sequence[Bank], ranks: dict[str, RankedCause]
 ) -> dict[str, RankedCause]:
     """A grown floor explains anything a little: where it leads, but a cause is evident beside it, that cause leads."""
-    leader = max(ranks.values(), key=lambda r: r.evidence)
-    if leader.best is not None or leader.name in generic.KERNEL_NAMES:
+    leader = max(ranks.values(), key=lambda r: r.evidence, default=None)
+    if leader is None or leader.best is not None or leader.name in generic.KERNEL_NAMES:
         return ranks
     grown = with_free_variance(problem, leader.name)
     now = score_over_walks(grown, banks, grown.fit(leader.at.floor).floor)
@@ -175,15 +308,15 @@ def _prefer_evident_cause(
     keep_best(beside_it, now, now.without())
     # A jump that the bank's times miss by a stop is two steps of a walk.
     beside_it = _tune_forms(grown, beside_it)
-    cause = max((r for name, r in beside_it.items() if name not in generic.KERNEL_NAMES), key=lambda r: r.evidence)
-    if cause.evidence < EVIDENT_NATS:
+    cause = _leaders(beside_it)[0]
+    if cause is None or cause.evidence < EVIDENT_NATS:
         return ranks
     return {**ranks, cause.name: replace(cause, evidence=leader.evidence + cause.evidence)}
 
 
 def _tune_forms(problem: ScoringProblem, ranks: dict[str, RankedCause]) -> dict[str, RankedCause]:
     """The same with the form of each promising cause at its best."""
-    top = max(r.evidence for r in ranks.values())
+    top = max((r.evidence for r in ranks.values()), default=0.0)
     leads = any(r.evidence == top for name, r in ranks.items() if name in generic.KERNEL_NAMES)
     for name, r in ranks.items():
         if r.best is None or r.best.effect is None:
@@ -225,20 +358,24 @@ def is_unknown(kernel: float, cause: float) -> bool:
     return kernel > cause + max(UNKNOWN_NATS, KERNEL_MARGIN * cause) or cause < EXPLAINS_NATS < kernel
 
 
-def _choose(problem: ScoringProblem, ranks: Mapping[str, RankedCause], surprise: float) -> CauseFinding:
-    """The leading cause with those it cannot be told from, or the leading kernel."""
+def _unknown(ranks: Mapping[str, RankedCause], surprise: float) -> CauseFinding:
+    """The leading kernel, which no cause explains."""
     evidence = {name: r.evidence for name, r in ranks.items()}
-    causes = [r for name, r in ranks.items() if name not in generic.KERNEL_NAMES]
-    words = [r for name, r in ranks.items() if name in generic.KERNEL_NAMES]
-    cause = max(causes, key=lambda r: r.evidence)
-    kernel = max(words, key=lambda r: r.evidence, default=None)
-    if kernel is not None and is_unknown(kernel.evidence, cause.evidence):
-        near = sorted((r for r in words if r.evidence > kernel.evidence - UNKNOWN_NATS), key=lambda r: -r.evidence)
-        return CauseFinding(
-            kernel.name, None, kernel.at.floor, evidence, {}, (), 0.0, surprise, tuple(r.name for r in near)
-        )
-    probability = _posterior({r.name: r.evidence for r in causes})
-    likely = _credible(probability)
+    kernel = _leaders(ranks)[1]
+    assert kernel is not None
+    words = depends_on({name: e for name, e in evidence.items() if name in generic.KERNEL_NAMES})
+    return CauseFinding(kernel.name, None, kernel.at.floor, evidence, {}, (), 0.0, surprise, words)
+
+
+def _finding(
+    problem: ScoringProblem, ranks: Mapping[str, RankedCause], cause: RankedCause, surprise: float
+) -> CauseFinding:
+    """A cause with those it cannot be told from. Its probability is that against everything a kernel can follow too:
+    what nobody has described yet is as much less likely beforehand as it must be ahead to be called unknown."""
+    evidence = {name: r.evidence for name, r in ranks.items()}
+    causes = _causes_of(ranks)
+    likely = _credible(_posterior({r.name: r.evidence for r in causes}))
+    probability = _posterior({n: e - UNKNOWN_NATS * (n in generic.KERNEL_NAMES) for n, e in evidence.items()})
     accepted, floor = _accept(problem, cause)
     near_by, d = _indistinguishable(problem, causes, accepted, floor)
     members = [n for n in dict.fromkeys((*likely, *near_by)) if n != cause.name]

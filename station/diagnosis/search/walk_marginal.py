@@ -33,7 +33,7 @@ SLOW_SHARE = 0.3
 #: Units that it takes to see which candidates are slow.
 PROBE_UNITS = 2
 #: Kernels with slow and fast directions: on the average they are not slow, yet they can follow a walk.
-FLEXIBLE_KERNELS = ("time", "temperature", "unit")
+FLEXIBLE_KERNELS = ("time", "temperature", "unit", "time*temperature")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -93,7 +93,13 @@ def _advice(cause: CauseDocument, data: ReportData) -> str:
 
 def leading_cause(data: ReportData) -> CauseDocument:
     """The cause that explains most of what is wrong; the one found first where several do."""
-    return max(data.causes, key=lambda c: c["gain"]["rms_before"] ** 2 - c["gain"]["rms_after"] ** 2)
+    return max(data.causes, key=_explained_square)
+
+
+def _explained_square(cause: CauseDocument) -> float:
+    """By how much knowing a cause lowers the mean square; nothing where it moves no mean."""
+    before, after = cause["gain"]["rms_before"], cause["gain"]["rms_after"]
+    return 0.0 if before is None else float(before**2 - after**2)
 
 
 def describe_cause(cause: CauseDocument) -> str:
@@ -147,21 +153,28 @@ def describe_affected(cause: CauseDocument, data: ReportData) -> str:
 
 def describe_cost(cause: CauseDocument, data: ReportData) -> str:
     """What the cause costs, and what knowing it gains on data that were not fitted."""
-    gain, unit = cause["gain"], data.unit_of_readings
-    factor, words = display_unit([gain["rms_before"], gain["rms_after"]], unit)
-    before, after = format_significant(gain["rms_before"] * factor), format_significant(gain["rms_after"] * factor)
-    parts = []
-    if gain["rms_after"] < gain["rms_before"]:
-        parts.append(f"knowing it brings the error on stops not fitted from {before} to {after} {words} rms")
-    else:
-        parts.append(f"it leaves {before} {words} rms that no correction takes away")
+    unit = data.unit_of_readings
+    parts = [_held_out_cost(cause["gain"], unit)]
     moved = largest_shift(data)
-    if moved is not None and moved[1] > 0.2 * gain["rms_before"]:
+    if moved is not None and moved[1] > 0.2 * (cause["gain"]["rms_before"] or 0.0):
         parts.append(f"it moves the calibration of {moved[0]} by {format_size(moved[1], unit)} rms")
     if (v := data.judged) is not None and v["passed_after"] != v["passed_before"]:
         total, before, after = len(v["units"]), v["passed_before"], v["passed_after"]
         parts.append(f"without it {after} of {total} units would pass instead of {before}")
-    return ", and ".join(parts)
+    return ", and ".join(part for part in parts if part)
+
+
+def _held_out_cost(gain: Mapping[str, Any], unit: str) -> str:
+    """What knowing a cause gains on data that were not fitted; "" where nobody measured it."""
+    if gain["log_score"] is None:
+        return ""
+    if gain["rms_before"] is None:
+        return f"each {gain['per']} not fitted is {format_significant(gain['log_score'])} nats likelier with it"
+    factor, words = display_unit([gain["rms_before"], gain["rms_after"]], unit)
+    before, after = format_significant(gain["rms_before"] * factor), format_significant(gain["rms_after"] * factor)
+    if gain["rms_after"] < gain["rms_before"]:
+        return f"knowing it brings the error on stops not fitted from {before} to {after} {words} rms"
+    return f"it leaves {before} {words} rms that no correction takes away"
 
 
 def largest_shift(data: ReportData) -> tuple[str, float] | None:

@@ -150,7 +150,8 @@ def _gain(data: ReportData) -> ReportSection:
     """Before and after on data that were not fitted, and what that is for the line."""
     if not data.causes:
         return ReportSection("gain", "")
-    bars = Picture("before-after", tables.before_after_chart(data), "The shorter the second bar, the more it explains.")
+    drawn = tables.before_after_chart(data)
+    bars = [Picture("before-after", drawn, "The shorter the second bar, the more it explains.")] if drawn else []
     text = [tables.gain_sentence(cause, data.unit_of_readings) for cause in data.causes]
     if (v := data.judged) is not None:
         text.append(
@@ -158,7 +159,7 @@ def _gain(data: ReportData) -> ReportSection:
             f"{v['passed_after']} with the causes taken off their readings; "
             f"{count_noun(v['verdicts_changed'], 'verdict')} would change."
         )
-    found = [bars]
+    found = bars
     moved = tables.shifts_chart(data)
     if moved:
         said = "How far the causes move what a calibrated unit reads, by the recipe's own method."

@@ -74,7 +74,9 @@ def intervals_chart(cause: Mapping[str, Any]) -> str | None:
 
 def before_after_chart(data: ReportData) -> str:
     """Rms on held-out data before and after each cause, and the noise floor."""
-    gains = [(c["effect"], c["gain"]) for c in data.causes]
+    gains = [(c["effect"], c["gain"]) for c in data.causes if c["gain"]["rms_before"] is not None]
+    if not gains:
+        return ""
     floor = float(data.document["baseline"]["floor_rms"])
     factor, unit = display_unit([g["rms_before"] for _, g in gains], data.unit_of_readings)
     rows = [
@@ -87,15 +89,19 @@ def before_after_chart(data: ReportData) -> str:
 def gain_sentence(cause: Mapping[str, Any], unit: str) -> str:
     """The gain of a cause in one sentence."""
     g = cause["gain"]
-    factor, words = display_unit([g["rms_before"], g["rms_after"]], unit)
+    if g["log_score"] is None:
+        return f"{cause['effect']}: too few stops to measure a gain on data that were not fitted."
     sure = "so it is accepted" if g["accepted"] else "which chance alone may give, so it is not accepted"
-    by = {"visit": "stops", "position": "positions", "unit": "units", "run": "runs", "sample": "samples"}
+    score = f"{format_significant(g['log_score'])} ± {format_significant(g['std_error'])} nats (standard error)"
+    if g["rms_before"] is None:
+        return f"{cause['effect']}: each {g['per']} of the held-out stops is likelier by {score}, {sure}."
+    factor, words = display_unit([g["rms_before"], g["rms_after"]], unit)
+    by = {"time": "stretches of time", "visit": "stops", "unit": "units", "sample": "samples"}
     return (
         f"{cause['effect']}: on held-out {by.get(g['held_out_by'], g['held_out_by'])} the error goes from "
         f"{format_significant(g['rms_before'] * factor)} to {format_significant(g['rms_after'] * factor)} {words} rms, "
         f"which explains {100 * g['explained']:.0f} % of what is above the noise floor; "
-        f"the score rises by {format_significant(g['log_score'])} "
-        f"± {format_significant(g['std_error'])} nats (standard error), {sure}."
+        f"the score rises by {score}, {sure}."
     )
 
 

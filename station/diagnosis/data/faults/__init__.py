@@ -41,9 +41,12 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
     if np.any(np.diff(stop) < 0):
         order = np.argsort(stop, kind="stable")
         table, stop = table[order], stop[order]
-    read = axis_decoding.wrong_decodings(scene, _means(table.reading, stop))
-    found = axis_decoding.faults(recipe, table, scene, read)
-    found = [_with_rms(f, scene, table, axis_decoding.corrected_readings(table, read), stop) for f in found]
+    mean = _means(table.reading, stop)
+    read = axis_decoding.wrong_decodings(scene, mean)
+    found = axis_decoding.faults(table, scene, read, mean)
+    if any(f.rejected for f in found):
+        # What no held-out stop confirms is no way to decode the table.
+        found, read = [], {}
     table = replace(table, reading=axis_decoding.corrected_readings(table, read)) if read else table
     for part in (clipping, grid_step, stuck_bits, counters, clock):
         found += part.faults(recipe, table, stop)
@@ -55,6 +58,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
     whole = ~hit[stop]
     kept = table[whole] if bad.any() else table
     found += motor_tone.faults(recipe, kept, stop[whole])
+    found = [f for f in found if not f.rejected]
     return Inspection(
         tuple(found), kept, _undetectable(recipe, table, scene), gold_reference.testable_causes(recipe, table)
     )
@@ -63,25 +67,6 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
 def _means(reading: Floats, stop: NDArray[np.intp]) -> Floats:
     count = np.bincount(stop)
     return np.stack([np.bincount(stop, column) / count for column in reading.T], 1)
-
-
-def _with_rms(
-    fault: GrossFault, scene: Scene, table: SampleTable, repaired: Floats, stop: NDArray[np.intp]
-) -> GrossFault:
-    """The fault with the rms of what the ideal simulation leaves, before and after the repair."""
-    if not scene.recipe.pose_known:
-        return fault
-    v = scene.visits
-    true = np.einsum("vji,vj->vi", np.einsum("vij,vjk->vik", v.nest_R, v.seat_R), v.stimulus)
-    before, after = (_rms(_means(r, stop) - true, v.unit.code) for r in (table.reading, repaired))
-    return replace(fault, rms_before=before, rms_after=after)
-
-
-def _rms(residual: Floats, unit: NDArray[np.int32]) -> float:
-    """Rms about each unit's mean."""
-    count = np.maximum(np.bincount(unit), 1)
-    middle = np.stack([np.bincount(unit, column) / count for column in residual.T], 1)
-    return float(np.sqrt(np.mean((residual - middle[unit]) ** 2)))
 
 
 def _undetectable(recipe: Recipe, table: SampleTable, scene: Scene) -> tuple[str, ...]:

@@ -1,12 +1,20 @@
 """Axes swapped or with the wrong sign, and readings a whole factor off: by the nearest of 48 signed permutations."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, rows_of_units, unit_label
-from station.domain.core.types import Floats, SampleTable
-from station.domain.recipe.recipe import Recipe
+from station.diagnosis.data import magnitudes
+from station.diagnosis.data.faults.gross_fault import (
+    BlockGain,
+    FaultParameter,
+    GrossFault,
+    block_gain,
+    halves_of,
+    rows_of_units,
+    unit_label,
+)
+from station.domain.core.types import Array, Floats, SampleTable
 from station.model.effects.axis_permutation import MAPPINGS, MATRICES
 from station.model.scene import Scene
 
@@ -14,6 +22,10 @@ from station.model.scene import Scene
 FACTORS = (0.001, 1 / 9.80665, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 9.80665, 16.0, 1000.0, 9806.65, 180 / np.pi)
 #: A good unit's gain is within this factor of 1; a factor is taken for one of the list within the same.
 GAIN_FACTOR = 1.15
+#: Lengths that spread by more than this share do not tell a factor without the ellipsoid they lie on.
+MAX_LENGTH_SPREAD = 0.1
+#: Nats that a decoding is worth which no other stop can confirm.
+PLAIN_NATS = 10.0
 #: Likeness (cosine) of the fitted matrix to the best mapping, and how much better than to the right one.
 MIN_COSINE, MIN_COSINE_LEAD = 0.9, 0.15
 
@@ -39,9 +51,7 @@ def wrong_decodings(scene: Scene, mean: Floats) -> dict[int, AxisDecoding]:
 
 def _by_pose(scene: Scene, mean: Floats, rows: slice) -> AxisDecoding | None:
     """From the matrix between nominal vectors and readings."""
-    visits = scene.visits
-    R = np.einsum("vij,vjk->vik", visits.nest_R[rows], visits.seat_R[rows])
-    true = np.einsum("vji,vj->vi", R, visits.stimulus[rows])
+    true = _nominal(scene)[rows]
     A = np.concatenate([true, np.ones((len(true), 1))], axis=1)
     if np.linalg.matrix_rank(A, 1e-6 * max(float(np.abs(true).max()), 1e-30)) < 4:
         return None
@@ -59,9 +69,21 @@ def _by_pose(scene: Scene, mean: Floats, rows: slice) -> AxisDecoding | None:
 
 
 def _by_magnitude(scene: Scene, mean: Floats) -> AxisDecoding | None:
-    """From the length of the readings alone, where a whole factor is plain."""
+    """From the size of the ellipsoid that the readings lie on, or from their lengths where they show none and agree:
+    an offset as large as the stimulus (hard iron) is no factor."""
     true = float(np.linalg.norm(scene.visits.stimulus[0]))
-    measured = float(np.median(np.linalg.norm(mean, axis=1))) / true
+    length = np.linalg.norm(mean, axis=1)
+    middle = float(np.median(length)) or 1.0
+    found = magnitudes.ellipsoid(mean / middle)
+    if found is not None:
+        radius = found[1] * middle
+        if radius.max() > GAIN_FACTOR**2 * radius.min():
+            return None
+        measured = float(np.median(radius)) / true
+    elif float(np.std(length)) < MAX_LENGTH_SPREAD * middle:
+        measured = middle / true
+    else:
+        return None
     factor = _factor(measured)
     return AxisDecoding(0, factor, measured) if factor in FACTORS else None
 
@@ -74,12 +96,11 @@ def _factor(measured: float) -> float:
     return near if max(measured / near, near / max(measured, 1e-12)) < GAIN_FACTOR else measured
 
 
-def faults(recipe: Recipe, table: SampleTable, scene: Scene, found: dict[int, AxisDecoding]) -> list[GrossFault]:
-    """The faults of the units that are decoded wrongly."""
+def faults(table: SampleTable, scene: Scene, found: dict[int, AxisDecoding], mean: Floats) -> list[GrossFault]:
+    """The faults of the units that are decoded wrongly; mean (v, 3) of the stops."""
     turned = {u: r for u, r in found.items() if r.mapping}
     scaled = {u: r for u, r in found.items() if r.factor != 1.0}
     out = []
-    size = recipe.reference.strength()
     if turned:
         numbers = tuple(
             FaultParameter("mapping", None, unit_label(table.unit, u), MAPPINGS[r.mapping], None, "")
@@ -88,7 +109,8 @@ def faults(recipe: Recipe, table: SampleTable, scene: Scene, found: dict[int, Ax
         u, r = next(iter(turned.items()))
         told = f"{MAPPINGS[r.mapping]} stands on x, y, z of {unit_label(table.unit, u)}"
         alike = _indistinguishable(scene, turned, len(table.unit.names))
-        out.append(GrossFault("axis-permutation", "unit", numbers, told, 1000.0 * len(turned), alike, size, 0.0))
+        gain = _held_out_gain(scene, mean, {u: replace(r, factor=1.0) for u, r in turned.items()})
+        out.append(GrossFault("axis-permutation", "unit", numbers, told, _nats(gain), alike, gain))
     if scaled:
         numbers = tuple(
             FaultParameter("factor", None, unit_label(table.unit, u), r.factor, 0.01 * r.factor, "1")
@@ -96,9 +118,59 @@ def faults(recipe: Recipe, table: SampleTable, scene: Scene, found: dict[int, Ax
         )
         u, r = next(iter(scaled.items()))
         told = f"{unit_label(table.unit, u)} reads {r.measured:.4g} times too much"
-        off = float(np.mean([abs(r.measured - 1) for r in scaled.values()])) * size
-        out.append(GrossFault("wrong-scale", "unit", numbers, told, 1000.0 * len(scaled), (), off, 0.0))
+        gain = _held_out_gain(scene, mean, scaled)
+        out.append(GrossFault("wrong-scale", "unit", numbers, told, _nats(gain), (), gain))
     return out
+
+
+def _nats(gain: BlockGain | None) -> float:
+    """What a decoding gains in all, for the alarm; without a gain measured, what a plain sight is worth."""
+    return PLAIN_NATS if gain is None else max(gain.total, 0.0)
+
+
+def _held_out_gain(scene: Scene, mean: Floats, found: dict[int, AxisDecoding]) -> BlockGain | None:
+    """What decoding some units otherwise gains at the stops it was not fitted to.
+
+    Of every second stop of a unit mapping, factor and offset are found anew, and predict the others, beside the
+    readings as they came with an offset alone; the spread is that of the stops fitted. Where only the length of the
+    stimulus is known, lengths are predicted.
+    """
+    score, squares = [], np.zeros(2)
+    true = _nominal(scene)
+    for u, read in found.items():
+        rows = rows_of_units(scene.visits.unit)[u]
+        y, x = mean[rows], true[rows]
+        half = halves_of(len(y))
+        turned = x @ MATRICES[read.mapping].T * read.factor
+        if not scene.recipe.pose_known:
+            y, x, turned = (np.linalg.norm(v, axis=1, keepdims=True) for v in (y, x, turned))
+        for part in (0, 1):
+            fitted, judged = half != part, half == part
+            if fitted.sum() < 2 or not judged.any():
+                continue
+            sides = [_gaussian_scores(y, side, fitted, judged) for side in (x, turned)]
+            score.append(sides[1][0] - sides[0][0])
+            squares += [sides[0][1], sides[1][1]]
+    if not score:
+        return None
+    every = np.concatenate(score)
+    before, after = np.sqrt(squares / (len(every) * (3 if scene.recipe.pose_known else 1)))
+    return block_gain(every, np.ones(len(every)), "visit", rms=(float(before), float(after)))
+
+
+def _gaussian_scores(y: Floats, predicted: Floats, fitted: Array, judged: Array) -> tuple[Floats, float]:
+    """Log-likelihood (j) of the stops judged, with offset and spread of those fitted, and their sum of squares."""
+    offset = (y - predicted)[fitted].mean(0) if y.shape[1] == 3 else np.zeros(1)
+    off = (y - predicted - offset)[fitted]
+    spread = max(float(np.sqrt(np.mean(off**2))), 1e-6 * float(np.abs(y).max()), 1e-300)
+    left = (y - predicted - offset)[judged]
+    return -0.5 * np.sum((left / spread) ** 2 + 2 * np.log(spread), axis=1), float(np.sum(left**2))
+
+
+def _nominal(scene: Scene) -> Floats:
+    """What an ideal part feels at each stop (v, 3)."""
+    visits = scene.visits
+    return np.asarray(np.einsum("vji,vj->vi", np.einsum("vij,vjk->vik", visits.nest_R, visits.seat_R), visits.stimulus))
 
 
 def _indistinguishable(scene: Scene, turned: dict[int, AxisDecoding], units: int) -> tuple[str, ...]:

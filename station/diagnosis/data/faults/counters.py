@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, unit_label
+from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, block_gain, halves_of, unit_label
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
@@ -17,7 +17,9 @@ HEALTHY_EVENT_RATE = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameTally:
-    """Per unit (U): frames sent, arrived, different; and how often one stepped back."""
+    """Per stop (v): its unit; frames sent, arrived, different; and how often one stepped back."""
+
+    unit: NDArray[np.intp]
 
     sent: NDArray[np.int64]
     arrived: NDArray[np.int64]
@@ -41,7 +43,6 @@ def tally(table: SampleTable, stop: NDArray[np.intp], bits: int) -> FrameTally:
     number = unwrapped(table.values["counter"], stop, bits)
     first = np.flatnonzero(np.diff(stop, prepend=-1))
     unit = table.unit.code[first]
-    size = len(table.unit.names)
     low, high = np.minimum.reduceat(number, first), np.maximum.reduceat(number, first)
     step, within = np.diff(number, prepend=number[:1]), np.diff(stop, prepend=-1) == 0
     back = np.add.reduceat((step < 0) & within, first)
@@ -52,10 +53,7 @@ def tally(table: SampleTable, stop: NDArray[np.intp], bits: int) -> FrameTally:
     for s in np.flatnonzero(~risen):
         different[s] = len(np.unique(number[first[s] : first[s] + arrived[s]]))
 
-    def by_unit(counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        return np.bincount(unit, counts, size).astype(np.int64)
-
-    return FrameTally(by_unit(high - low + 1), by_unit(arrived), by_unit(different), by_unit(back))
+    return FrameTally(unit.astype(np.intp), high - low + 1, arrived, different, back)
 
 
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
@@ -68,16 +66,38 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
         ("duplicated-frames", t.arrived - t.different, t.different, "arrived twice"),
         ("reordered-frames", t.stepped_back, t.arrived, "were overtaken"),
     ]
-    return [_fault(name, events, of, told, table) for name, events, of, told in found if events.sum() >= MIN_EVENTS]
+    return [
+        _fault(name, t.unit, events, of, told, table) for name, events, of, told in found if events.sum() >= MIN_EVENTS
+    ]
 
 
-def _fault(name: str, events: NDArray[np.int64], of: NDArray[np.int64], told: str, table: SampleTable) -> GrossFault:
-    share = events / np.maximum(of, 1)
-    std = np.sqrt(np.maximum(share * (1 - share), 1 / np.maximum(of, 1)) / np.maximum(of, 1))
+def _fault(
+    name: str, unit: NDArray[np.intp], events: NDArray[np.int64], of: NDArray[np.int64], told: str, table: SampleTable
+) -> GrossFault:
+    """From the events of each stop (v) among so many frames (v)."""
+    units = len(table.unit.names)
+    hits, tries = (np.bincount(unit, x, units) for x in (events, of))
+    share = hits / np.maximum(tries, 1)
+    std = np.sqrt(np.maximum(share * (1 - share), 1 / np.maximum(tries, 1)) / np.maximum(tries, 1))
     numbers = tuple(
         FaultParameter("fraction", None, unit_label(table.unit, u), float(share[u]), float(std[u]), "1")
-        for u in range(len(of))
+        for u in range(units)
     )
     total, all_of = int(events.sum()), int(of.sum())
     nats = total * np.log(total / all_of / HEALTHY_EVENT_RATE) - total + HEALTHY_EVENT_RATE * all_of
-    return GrossFault(name, "unit", numbers, f"{total} of {all_of} frames {told}", float(nats))
+    gain = block_gain(_held_out_scores(events, of), of.astype(float), "frame")
+    return GrossFault(name, "unit", numbers, f"{total} of {all_of} frames {told}", float(nats), gain=gain)
+
+
+def _held_out_scores(events: NDArray[np.int64], of: NDArray[np.int64]) -> Floats:
+    """By how much likelier each stop's events are (v) with the rate of the other half of the stops than with that of a
+    healthy bus: binomial, the rate by Jeffreys' rule."""
+    half = halves_of(len(events))
+    out = np.zeros(len(events))
+    for part in (0, 1):
+        rate = (events[half != part].sum() + 0.5) / (of[half != part].sum() + 1.0)
+        k, n = events[half == part], of[half == part]
+        out[half == part] = k * np.log(rate / HEALTHY_EVENT_RATE) + (n - k) * np.log(
+            (1 - rate) / (1 - HEALTHY_EVENT_RATE)
+        )
+    return out

@@ -3,7 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, rows_of_units, unit_label
+from station.diagnosis.data.faults.gross_fault import (
+    FaultParameter,
+    GrossFault,
+    block_gain,
+    halves,
+    rows_of_units,
+    unit_label,
+)
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
@@ -33,7 +40,6 @@ def step_of(values: Floats) -> float:
 
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
     """Units whose output comes in coarser steps than promised."""
-    del stop
     promised = recipe.device.lsb
     if promised <= 0:
         return []
@@ -51,4 +57,31 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     )
     told = f"the output comes in steps of {next(iter(found.values()))[0]:.3g} {recipe.unit}, not {promised:.3g}"
     nats = sum(3 * rows * np.log(step / promised) for step, rows in found.values())
-    return [GrossFault("quantization", "unit", numbers, told, float(nats))]
+    parts = [
+        _held_out_scores(table.reading[of], stop[of], promised)
+        for u, of in enumerate(rows_of_units(table.unit))
+        if u in found
+    ]
+    gain = block_gain(np.concatenate([s for s, _ in parts]), np.concatenate([n for _, n in parts]), "sample")
+    return [GrossFault("quantization", "unit", numbers, told, float(nats), gain=gain)]
+
+
+def _held_out_scores(reading: Floats, stop: NDArray[np.intp], promised: float) -> tuple[Floats, Floats]:
+    """Of each stop of a unit (s): by how much likelier its readings are on the grid of the other half of the stops
+    than anywhere on the promised one, summed over its samples; and how many these are.
+
+    With the coarse grid of step q a reading stands on it but for a share ε, and a point of it is q/promised times as
+    likely; ε is by the rule of succession among the readings that the grid was found in.
+    """
+    half, where = halves(stop), stop - stop[0]
+    score = np.zeros(len(reading))
+    for part, values in ((part, values) for part in (0, 1) for values in reading.T):
+        fitted, judged = values[half != part], half == part
+        q = step_of(fitted)
+        if q <= promised:
+            continue
+        phase = float(np.angle(np.mean(np.exp(2j * np.pi * fitted / q)))) / (2 * np.pi)
+        off = np.abs((values[judged] / q - phase + 0.5) % 1 - 0.5) > max(OFF_GRID_SHARE, promised / q)
+        stray = 1 / (len(fitted) + 2)
+        score[judged] += np.where(off, np.log(stray), np.log(1 - stray) + np.log(q / promised))
+    return np.bincount(where, score).astype(float), np.bincount(where).astype(float)

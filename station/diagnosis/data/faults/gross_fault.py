@@ -2,10 +2,67 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from station.domain.core.types import Labels
+from station.domain.core.types import Floats, Labels
+
+#: A gain counts from so many of its standard errors on, and where at least so many blocks say it.
+ACCEPTED_SIGMA, MIN_BLOCKS = 2.0, 2
+
+
+@dataclass(frozen=True, slots=True)
+class BlockGain:
+    """What a fault gains on data that it was not fitted to: nats per `per`, with the standard error over the blocks
+    held out (`held_out_by`); total: nats of all of them; rms before and after in the recipe's unit where the fault
+    moves means, else None."""
+
+    per: Literal["sample", "frame", "visit"]
+    held_out_by: str
+    log_score: float
+    std_error: float
+    total: float
+    rms_before: float | None = None
+    rms_after: float | None = None
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it gains more than chance would, and leaves no more than there was."""
+        worse = self.rms_before is not None and self.rms_after is not None and self.rms_after >= self.rms_before
+        return self.log_score > ACCEPTED_SIGMA * self.std_error and not worse
+
+
+def block_gain(
+    scores: Floats,
+    counts: Floats,
+    per: Literal["sample", "frame", "visit"],
+    held_out_by: str = "visit",
+    rms: tuple[float, float] | None = None,
+) -> BlockGain | None:
+    """From each block's difference of logarithmic scores (b), summed over its `counts` (b) samples or frames: the
+    ratio of both sums, its standard error by the spread of the blocks. None where too few blocks were held out."""
+    live = counts > 0
+    scores, counts = np.asarray(scores, float)[live], np.asarray(counts, float)[live]
+    if len(scores) < MIN_BLOCKS:
+        return None
+    mean = float(scores.sum() / counts.sum())
+    spread = float(np.sqrt(np.sum((scores - mean * counts) ** 2) * len(scores) / (len(scores) - 1)))
+    before, after = (None, None) if rms is None else rms
+    return BlockGain(per, held_out_by, mean, spread / float(counts.sum()), float(scores.sum()), before, after)
+
+
+def halves_of(blocks: int) -> NDArray[np.intp]:
+    """Which half (0, 1) each block belongs to: what one half is fitted to, the other judges. By chance, so that no half
+    keeps step with what happens every second or every tenth block."""
+    return np.asarray(np.random.default_rng(blocks).permutation(blocks) % 2)
+
+
+def halves(stop: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The same for rows, whole stops at a time."""
+    place = np.cumsum(np.diff(stop, prepend=stop[:1]) != 0)
+    return np.asarray(halves_of(int(place[-1]) + 1)[place])
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +81,7 @@ class FaultParameter:
 class GrossFault:
     """A cause that is plain to see.
 
-    nats: how much likelier the data are with it; rms_before, rms_after: of what the simulation leaves, where the
-    fault changes that, else None.
+    nats: how much likelier the data are with it, for the alarm; gain: on held-out data, None where not measured.
     """
 
     effect: str
@@ -34,8 +90,12 @@ class GrossFault:
     sentence: str
     nats: float
     indistinguishable_from: tuple[str, ...] = ()
-    rms_before: float | None = None
-    rms_after: float | None = None
+    gain: BlockGain | None = None
+
+    @property
+    def rejected(self) -> bool:
+        """Whether held-out data speak against it."""
+        return self.gain is not None and not self.gain.accepted
 
 
 def rows_of_units(units: Labels) -> list[slice]:

@@ -12,7 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, rows_of_units, unit_label
+from station.diagnosis.data.faults.gross_fault import (
+    FaultParameter,
+    GrossFault,
+    block_gain,
+    halves,
+    rows_of_units,
+    unit_label,
+)
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
@@ -26,23 +33,46 @@ OFF_GRID_SHARE = 0.1
 
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
     """Units one of whose bits is stuck."""
-    del stop
     lsb = recipe.device.lsb
     if lsb <= 0:
         return []
     units = [(u, rows) for u, rows in enumerate(rows_of_units(table.unit)) if rows.stop > rows.start]
     codes = [_codes(table.reading[rows], lsb) for _, rows in units]
     everywhere = _stuck([_bit_statistics(np.unique(np.concatenate(axis))) for axis in zip(*codes, strict=True)])
-    numbers = []
-    for (u, _), of in zip(units, codes, strict=True):
+    numbers, scores = [], []
+    for (u, rows), of in zip(units, codes, strict=True):
         axes = [_bit_statistics(axis) for axis in of]
         found = everywhere | _stuck(axes) | set().union(*(_stuck([axis]) for axis in axes))
+        scores += [_held_out_scores(table.reading[rows] / lsb, stop[rows], bit) for bit, _ in sorted(found)]
         numbers += [_number(unit_label(table.unit, u), bit, high, recipe) for bit, high in sorted(found)]
     if not numbers:
         return []
     weight = float(numbers[0].value)
     told = f"the bit of {abs(weight):.3g} {recipe.unit} always reads {int(weight < 0)}"
-    return [GrossFault("stuck-bit", "unit", tuple(numbers), told, len(numbers) * (MIN_LEVELS - 1) * float(np.log(2)))]
+    gain = block_gain(np.concatenate([s for s, _ in scores]), np.concatenate([n for _, n in scores]), "sample")
+    nats = len(numbers) * (MIN_LEVELS - 1) * float(np.log(2))
+    return [GrossFault("stuck-bit", "unit", tuple(numbers), told, nats, gain=gain)]
+
+
+def _held_out_scores(steps: Floats, stop: NDArray[np.intp], bit: int) -> tuple[Floats, Floats]:
+    """Of each stop of a unit (s): by how much likelier a bit is with the share of ones that it has in the other half of
+    the stops than with one half, once for each value that the bits above it take in the stop; and its samples.
+
+    A value that stands still is one piece of evidence, however often it is sampled.
+    """
+    code = np.round(steps).astype(np.int64)
+    half, where = halves(stop), stop - stop[0]
+    one = code >> bit & 1
+    score = np.zeros(int(where[-1]) + 1)
+    for axis in range(3):
+        for part in (0, 1):
+            seen = one[half != part, axis]
+            share = (seen.sum() + 0.5) / (len(seen) + 1.0)
+            rows = np.flatnonzero(half == part)
+            values = np.unique(np.stack([where[rows], code[rows, axis] >> bit], axis=1), axis=0)
+            chance = np.where(values[:, 1] & 1, share, 1 - share)
+            score += np.bincount(values[:, 0], np.log(2 * chance), len(score))
+    return score, np.bincount(where, minlength=len(score)).astype(float)
 
 
 def _codes(readings: Floats, lsb: float) -> list[Codes]:

@@ -1,0 +1,80 @@
+"""Hidden effects outside the library: products and bends of covariates, other exponents, two things mixed.
+
+Each stands with the words of which at least one must be in `depends_on`, unless it is told apart from no cause of the
+library at that strength. Nothing here shares a line with the station's simulation or with its kernels.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from tests.blind.bench import Hidden, Scaled, World
+from tests.blind.hidden import UNKNOWN, per_unit
+
+Array = Any
+
+
+def _share(values: Array) -> Array:
+    """Values brought to 0 … 1."""
+    return (values - values.min()) / max(np.ptp(values), 1e-12)
+
+
+def _temperature_by_time(w: World, rng: Scaled) -> Array:
+    return _share(w.T) * np.sin(np.pi * _share(w.t))
+
+
+def _bent_temperature_by_input(w: World, rng: Scaled) -> Array:
+    return ((w.T - w.T.mean()) ** 2)[:, None] * w.a
+
+
+def _temperature_by_square(w: World, rng: Scaled) -> Array:
+    return (w.T - w.T.mean())[:, None] * w.a**2
+
+
+def _gain_that_drifts(w: World, rng: Scaled) -> Array:
+    return np.expm1(1.5 * _share(w.t))[:, None] * w.a
+
+
+def _gain_under_vibration(w: World, rng: Scaled) -> Array:
+    return (w.motor**1.5)[:, None] * w.a
+
+
+def _root_of_motor(w: World, rng: Scaled) -> Array:
+    return np.sin(2.5 * np.pi * w.motor)
+
+
+def _hysteresis_with_temperature(w: World, rng: Scaled) -> Array:
+    return (w.T - w.T.mean())[:, None] * (w.before - w.a)
+
+
+def _hysteresis_with_load(w: World, rng: Scaled) -> Array:
+    return np.abs(w.a) * (w.before - w.a)
+
+
+def _tired_with_moves(w: World, rng: Scaled) -> Array:
+    return _share(w.t)[:, None] * (w.before - w.a)
+
+
+def _vibration_by_time(w: World, rng: Scaled) -> Array:
+    return w.motor * np.cos(np.pi * _share(w.t))
+
+
+def _vibration_by_temperature(w: World, rng: Scaled) -> Array:
+    return w.motor * (w.T - w.T.mean())
+
+
+#: What is hidden, with the words that may stand in `depends_on`.
+OUTSIDE: dict[str, tuple[set[str], Hidden]] = {
+    **UNKNOWN,
+    "temperature by time": ({"temperature", "time"}, per_unit(3e-4, _temperature_by_time)),
+    "square of temperature on the gain": ({"temperature", "input"}, per_unit(1e-5, _bent_temperature_by_input)),
+    "temperature on the square": ({"temperature", "input"}, per_unit(1e-4, _temperature_by_square)),
+    "gain that drifts": ({"time", "input"}, per_unit(3e-4, _gain_that_drifts)),
+    "gain under vibration": ({"motor", "input"}, per_unit(3e-4, _gain_under_vibration)),
+    "resonance of the drive": ({"motor"}, per_unit(3e-4, _root_of_motor)),
+    "hysteresis with temperature": ({"temperature", "order"}, per_unit(3e-4, _hysteresis_with_temperature)),
+    "hysteresis with load": ({"order", "input"}, per_unit(3e-4, _hysteresis_with_load)),
+    "hysteresis that grows": ({"order", "time"}, per_unit(3e-4, _tired_with_moves)),
+    "vibration by time": ({"motor", "time"}, per_unit(3e-4, _vibration_by_time)),
+    "vibration by temperature": ({"motor", "temperature"}, per_unit(3e-4, _vibration_by_temperature)),
+}

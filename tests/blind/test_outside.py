@@ -1,0 +1,94 @@
+"""Data that nobody here simulated: what the diagnosis may say where its library, its recipe or its table fall short."""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from station.diagnosis.results.diagnosis_document import document
+from station.domain.recipe.recipe import Recipe
+from tests.blind.bench import WHITE, hide
+from tests.blind.hidden import KNOWN, per_unit
+from tests.blind.look import look
+from tests.blind.outside import OUTSIDE
+from tests.blind.recipes import recipe
+
+SEED = int(os.environ.get("SEED", "1"))
+#: Some of them for every day; the benchmark's row `unknown` hides them all.
+CHOSEN = ("gain under vibration", "hysteresis with temperature", "resonance of the drive", "vibration by time")
+
+
+def one_pose(up: str) -> Recipe:
+    """One position, met in four runs of different temperature."""
+    whole = recipe()
+    runs = [whole.runs[0].model_copy(update={"temperature_offset_degC": t}) for t in (0.0, 15.0, 30.0, -15.0)]
+    only = type(whole.positions[0]).model_validate({"name": "only", "up": up})
+    return whole.model_copy(update={"positions": (only,), "runs": tuple(runs)})
+
+
+@pytest.mark.parametrize("up", ["+z", "-z"])
+def test_an_axis_that_feels_no_stimulus_keeps_its_gain_and_shows_its_temperature(up: str) -> None:
+    true = 3e-4 * np.random.default_rng(SEED).standard_normal((4, 3))
+    table, _ = hide(one_pose(up), lambda w, rng: (w.a, true[w.unit] * (w.T - 20.0)[:, None]), 100 + SEED)
+    found = look(one_pose(up), table)
+    assert [c.finding.name for c in found.causes] == ["offset-temperature"]
+    estimate = found.causes[0].estimate
+    assert estimate is not None
+    # Of twelve sizes one is beyond 3.5 of its standard deviations once in two hundred campaigns.
+    assert np.all(np.abs(estimate.value - true) < 3.5 * estimate.std)
+    assert np.all(estimate.std < 1e-5)
+
+
+def test_two_causes_at_once_are_found_where_no_pose_is_known() -> None:
+    """Each alone explains next to nothing, and a kernel of the input follows them both."""
+
+    def both(w, rng):  # type: ignore[no-untyped-def]
+        x, y, z = w.a.T
+        skew = 7e-4 * np.stack([y - z, x + z, y - x], axis=1)
+        return w.a, skew + 2e-3 * np.array([1.0, -1.0, 0.7]) * w.a**2
+
+    whole = recipe(1)
+    table, _ = hide(whole, both, 200 + SEED, units=1)
+    unknown = whole.reference.model_copy(update={"pose": "unknown"})
+    free = whole.model_copy(update={"reference": unknown, "positions": ()})
+    bare = replace(table, labels={}, values={})
+    found = look(free, bare)
+    names = [{c.finding.name, *c.finding.indistinguishable_from} for c in found.causes]
+    assert len(names) == 2
+    assert any("cross-axis" in n for n in names)
+    assert any("quadratic" in n for n in names)
+    assert found.verdict == "named"
+
+
+@pytest.mark.parametrize("name", CHOSEN)
+def test_what_is_a_product_or_a_bend_of_covariates_is_never_named_alone(name: str) -> None:
+    words, hidden = OUTSIDE[name]
+    table, _ = hide(recipe(), hidden, 300 + SEED, floor=WHITE, d=24.0)
+    found = look(recipe(), table)
+    assert found.verdict in ("unknown", "incomplete")
+    assert words & set(found.depends_on)
+
+
+def test_a_name_stands_only_where_held_out_data_confirm_it() -> None:
+    for seed in range(3):
+        table, _ = hide(recipe(), KNOWN["step"], 400 + 10 * SEED + seed, d=7.0)
+        found = look(recipe(), table)
+        if found.verdict == "named":
+            assert any(c.gain.accepted for c in found.causes)
+        elif found.verdict != "none":
+            assert found.depends_on
+
+
+def test_a_cause_beside_others_is_told_from_what_it_cannot_be() -> None:
+    """Before the larger one is known, what it leaves blurs the look at the smaller."""
+    small = per_unit(1.5e-4, lambda w, rng: w.a**2)
+
+    def both(w, rng):  # type: ignore[no-untyped-def]
+        felt, _ = KNOWN["nest-tilt"](w, rng)
+        return felt, small(w, rng)[1]
+
+    table, _ = hide(recipe(), both, 500 + SEED)
+    told = document(look(recipe(), table))["causes"]
+    assert {c["effect"] for c in told} <= {"nest-tilt", "quadratic", "asymmetry"}
+    assert next(c for c in told if c["effect"] == "nest-tilt")["indistinguishable_from"] == []
