@@ -101,14 +101,14 @@ def test_the_sentence_says_what_how_big_on_whom_and_what_it_gains() -> None:
     )
     assert "thermometer" in page.do
     assert (page.symbol, page.badge) == ("▲", "cause found")
-    assert page.hero is not None
+    assert page.lead is not None
 
 
 def test_the_first_picture_shows_the_signature_over_what_the_cause_needs() -> None:
-    hero = build_page(some_data("named", [a_cause("offset-temperature")])).hero
-    assert hero is not None
-    words = [t.text for t in ET.fromstring(hero.svg).iter("{http://www.w3.org/2000/svg}text")]
-    assert {"temperature, °C", "what the cause predicts", "measured − simulated"} <= set(words)
+    lead_picture = build_page(some_data("named", [a_cause("offset-temperature")])).lead
+    assert lead_picture is not None
+    words = [t.text for t in ET.fromstring(lead_picture.svg).iter("{http://www.w3.org/2000/svg}text")]
+    assert {"temperature, °C", "what the cause predicts", "measured, mean of a group ± 95 %"} <= set(words)
 
 
 def test_a_signature_is_drawn_over_the_axis_that_orders_it() -> None:
@@ -137,8 +137,8 @@ def test_none_says_how_small_an_effect_would_have_been_seen() -> None:
 def test_unknown_says_on_what_it_depends_and_shows_it() -> None:
     page = build_page(some_data("unknown", unknown={"depends_on": ["temperature", "order"]}))
     assert "depends on the temperature and the order of the stops" in page.sentence
-    assert page.hero is not None
-    assert "temperature, °C" in page.hero.svg
+    assert page.lead is not None
+    assert "temperature, °C" in page.lead.svg
     assert "no cause of the library explains it" in section(page, "not-told-apart").text[0]
 
 
@@ -199,15 +199,15 @@ def test_a_gross_fault_shows_what_was_read_against_what_should_be() -> None:
     expected = np.eye(3)[np.arange(16) % 3]
     page = build_page(some_data("named", [cause], signatures=(), read=expected[:, [1, 0, 2]], expected=expected))
     assert "(-y,x,z on unit SN0000)" in page.sentence
-    assert page.hero is not None
-    assert "as it should be" in page.hero.svg
+    assert page.lead is not None
+    assert "ideal unit" in page.lead.svg
 
 
 def test_a_cause_within_the_dwell_is_shown_within_the_dwell() -> None:
     course = DwellCourse(("0–6 %", "6–100 %"), np.array([1e-3, 0.0]), np.array([9e-4, 0.0]))
     page = build_page(some_data("named", [a_cause("settling")], dwell=course))
-    assert page.hero is not None
-    assert "settling within the dwell" in page.hero.svg
+    assert page.lead is not None
+    assert "settling within the dwell" in page.lead.svg
 
 
 def a_line(*serials: str) -> dict[str, Any]:
@@ -254,7 +254,7 @@ def test_one_stop_only_still_makes_a_page() -> None:
     data = some_data("none", units=1)
     one = {k: getattr(data, k)[:1] for k in ("unit", "position", "run", "visit", "previous", "measured", "before")}
     page = build_page(some_data("none", units=1, values={"time_s": np.zeros(1)}, after=data.after[:1], **one))
-    assert page.hero is None
+    assert page.lead is None
     assert "Nothing needs doing" in html(page)
 
 

@@ -57,7 +57,7 @@ def test_a_cloud_is_one_stroke_however_many_points() -> None:
     root = ET.fromstring(svg(Figure("t", "x", "y", (many, Series([0.0], [1.0], kind="dashes")))))
     cloud, dash = root.findall(f"{NS}path")
     assert (cloud.get("d") or "").count("M") == 5000
-    assert (dash.get("d") or "").endswith("h11")
+    assert (dash.get("d") or "").endswith("h25.2")
 
 
 def test_panels_stand_below_each_other_and_each_has_its_title() -> None:

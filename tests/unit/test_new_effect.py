@@ -101,7 +101,7 @@ def test_it_is_found_blind_and_the_report_has_its_remedy_and_picture() -> None:
         assert row["value"] == pytest.approx(true[row["of"], row["axis"]], abs=5 * row["std"])
     page = build_page(report_data(found, written))
     assert page.do == "Have the converter linearised."
-    assert page.hero is not None and page.hero.svg.startswith("<svg")
+    assert page.lead is not None and page.lead.svg.startswith("<svg")
 
 
 def test_it_is_gone_again() -> None:

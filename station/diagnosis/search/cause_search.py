@@ -411,13 +411,23 @@ def _credible(probability: Mapping[str, float], level: float = 0.95) -> list[str
     return chosen
 
 
+def _is_free_in_each_run(candidate: Candidate) -> bool:
+    usual = candidate.effect.of[0] if candidate.effect is not None else ""
+    return usual == "run" and candidate.pattern == "own"
+
+
 def _indistinguishable(
     problem: ScoringProblem, causes: Sequence[RankedCause], accepted: AcceptedCause | None, floor: NoiseFloor
 ) -> tuple[list[str], float]:
     """Causes closer than 3.3 to the accepted one, and its strength d."""
     if accepted is None:
         return [], 0.0
-    others = [(r.best, r.at) for r in causes if r.best is not None and r.name != accepted.candidate.name]
+    # An offset of each run's own imitates any slow cause; that parsimony forbids it, no column shows.
+    others = [
+        (r.best, r.at)
+        for r in causes
+        if r.best is not None and r.name != accepted.candidate.name and not _is_free_in_each_run(r.best)
+    ]
     moving = any(c.dwell is not None for c in (accepted.candidate, *(c for c, _ in others)))
     space = problem.space(floor, moving=moving)
     found = estimate_signal(accepted.candidate, problem.view, space, accepted.hit.astype(float))

@@ -27,7 +27,7 @@ class MotorTone(StimulusEffect):
     physics = "A motor of the line shakes the fixture at one frequency; the device samples it, and it may alias."
     remedy = "switch the motor off while measuring, or change the sample rate so that the tone averages out"
     shown_by = "record `motor` and `started_s`, with the motors on in one run and off in another"
-    drawn_over = "tone-phase"
+    drawn_over = "spectrum"
     level = "rig"
     of = ("common", "nest")
     parameter = Parameter("amplitude", "u", 5e-4, 1e-5, 1e-3, "conveyors and pumps through a bench, .01–1 mg")

@@ -4,7 +4,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from station import plugins
-from station.model.effect import Effect
+from station.model.effect import DrawnOver, Effect
 from station.model.model_file import EFFECTS
 
 #: Covariates that follow from a column.
@@ -37,10 +37,10 @@ def makes_testable(effect: str, recorded: Collection[str]) -> str:
     return kind.shown_by if kind else "measure more positions, runs or units"
 
 
-def needed_by(effect: str) -> tuple[str, ...]:
-    """Covariates that a cause depends on."""
+def drawn_over(effect: str) -> DrawnOver | None:
+    """What a cause is drawn against."""
     kind = _kind(effect)
-    return kind.needs if kind else ()
+    return kind.drawn_over if kind else None
 
 
 def unit_of(effect: str, unit: str) -> str:

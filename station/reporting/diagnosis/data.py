@@ -12,20 +12,43 @@ from station.domain.core.types import Floats, Labels
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CauseSignature:
-    """What one cause does to the readings (v, k) that no calibration could take up, in the recipe's unit."""
+    """What one cause does to the readings, in the recipe's unit: values (v, k) what no calibration could take up of it,
+    whole (v, k) all of it."""
 
     effect: str
     values: Floats
+    whole: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DwellCourse:
     """The course within a dwell, every stop turned so that the cause starts upwards: parts of the dwell by name, what
-    is left (b) and what the cause says (b), in the recipe's unit."""
+    is left (b) with its standard error and what the cause says (b), in the recipe's unit."""
 
     parts: tuple[str, ...]
     residual: Floats
     signature: Floats
+    std: Floats | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToneSpectrum:
+    """Amplitude spectrum of the samples within the dwells, on the axis that holds most: frequency (f) in Hz, amplitude
+    (f) in the recipe's unit with the motors on, and off where that was measured."""
+
+    axis: str
+    frequency_hz: Floats
+    on: Floats
+    off: Floats | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DwellSamples:
+    """The first samples (n) of one dwell on one axis, recipe's unit, and whose they are."""
+
+    unit: str
+    axis: str
+    reading: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +60,8 @@ class ReportData:
     covariate, those that were recorded; measured (v, k), before and after (v, k): measured − simulated without and
     with the causes, each unit calibrated; read, expected (v, 3): plain means of the samples as they came, and what an
     ideal unit would read, where gross faults were found; smallest: rms coefficient of each cause that would have been
-    seen with 80 % chance; recorded: columns that were in the data. Readings in the recipe's unit.
+    seen with 80 % chance; recorded: columns that were in the data; felt (v, 3): resting stimulus in the device's frame
+    where the pose is known; groups: station, nest, lot and operator of the visits. Readings in the recipe's unit.
     """
 
     document: Mapping[str, Any]
@@ -58,6 +82,10 @@ class ReportData:
     expected: Floats | None = None
     smallest: Mapping[str, float] = field(default_factory=dict)
     recorded: frozenset[str] = frozenset()
+    felt: Floats | None = None
+    groups: Mapping[str, Labels] = field(default_factory=dict)
+    spectrum: ToneSpectrum | None = None
+    samples: Mapping[str, DwellSamples] = field(default_factory=dict)
 
     @property
     def line(self) -> Mapping[str, Any] | None:
@@ -89,6 +117,6 @@ class ReportData:
         """The recipe's unit."""
         return str(self.document["baseline"]["unit"])
 
-    def signature(self, effect: str) -> Floats | None:
-        """What a cause does (v, k), None where it cannot be drawn."""
-        return next((s.values for s in self.signatures if s.effect == effect), None)
+    def signature(self, effect: str) -> CauseSignature | None:
+        """What a cause does, None where it cannot be drawn."""
+        return next((s for s in self.signatures if s.effect == effect), None)

@@ -11,7 +11,9 @@ from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.results.line_impact import cause_contribution, new_causes
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
+from station.model.forward import resting_stimulus
 from station.model.scene import COVARIATES, Scene, scene_of_table
+from station.reporting.diagnosis import samples
 from station.reporting.diagnosis.data import CauseSignature, DwellCourse, ReportData
 from station.reporting.diagnosis.smallest_effect import smallest_detectable
 
@@ -26,6 +28,7 @@ def report_data(d: Diagnosis, document: Mapping[str, Any]) -> ReportData:
     view, first = d.last.view, d.search_result.first.view
     scene, visits, known = view.scene, view.scene.visits, d.recipe.pose_known
     effects = [cause_contribution(d.last, i) for i in new_causes(d)]
+    faults = {f.effect for f in d.inspection.faults}
     read, expected = _read_and_expected(d) if d.inspection.faults and known else (None, None)
     return ReportData(
         document=document,
@@ -41,13 +44,19 @@ def report_data(d: Diagnosis, document: Mapping[str, Any]) -> ReportData:
         before=_projected(first, first.reduced.mean - first.simulated()[0]),
         after=_projected(view, view.reduced.mean - view.simulated()[0]),
         signatures=tuple(
-            CauseSignature(d.last.accepted[i].candidate.name, _without_calibration(d.last, mean))
+            CauseSignature(
+                d.last.accepted[i].candidate.name, _without_calibration(d.last, mean), _projected(view, mean)
+            )
             for i, (mean, _) in zip(new_causes(d), effects, strict=True)
         ),
         dwell=_dwell_course(d.last, effects) if known and any(np.any(c) for _, c in effects) else None,
         read=read,
         expected=expected,
         smallest=smallest_detectable(d.search_result.stage),
+        felt=resting_stimulus(scene, view.active) if known else None,
+        groups=dict(visits.groups),
+        spectrum=samples.tone_spectrum(d.inspection.table) if "motor-tone" in faults else None,
+        samples={f.effect: samples.first_dwell(d.table, f) for f in d.inspection.faults},
         recorded=frozenset(name for name in (*COVARIATES, *VISIT_LABELS) if scene.is_recorded(name)),
     )
 
@@ -81,7 +90,10 @@ def _dwell_course(problem: ScoringProblem, effects: list[tuple[Floats, Floats]])
     level = [np.einsum("vbi,vi->b", part - part[:, -1:], weight / total) for part in (left, said)]
     ends = [0.0, *BLOCK_EDGES]
     names = tuple(f"{100 * a:.0f}–{100 * b:.0f} % of the dwell" for a, b in zip(ends, BLOCK_EDGES, strict=False))
-    return DwellCourse(names, level[0], level[1])
+    rest = _blocks(r, r.mean - now[0], r.contrast - now[1])
+    scatter = np.nanmean((rest - rest[:, -1:]) ** 2, axis=(0, 2))
+    std = np.sqrt(scatter * float(np.sum((weight / total) ** 2)))
+    return DwellCourse(names, level[0], level[1], std)
 
 
 def _blocks(r: ReducedScene, mean: Floats, contrast: Floats) -> Floats:

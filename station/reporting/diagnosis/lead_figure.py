@@ -1,23 +1,19 @@
-"""The one picture of the first screen."""
+"""The one picture of the first screen: the leading cause in its own terms."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from station.domain.core.types import Floats
-from station.reporting.diagnosis import plots, tables
-from station.reporting.diagnosis.cause_text import needed_by
-from station.reporting.diagnosis.data import DwellCourse, ReportData
+from station.reporting.diagnosis import partial_residual, plots, tables
+from station.reporting.diagnosis.cause_text import drawn_over
+from station.reporting.diagnosis.data import DwellCourse, DwellSamples, ReportData, ToneSpectrum
 from station.reporting.diagnosis.finding_text import leading_cause
 from station.reporting.diagnosis.plot_axis import best_axis
 from station.reporting.diagnosis.quantity_format import display_unit
+from station.reporting.diagnosis.sentences import report_text
 from station.reporting.drawing.figure import Figure, Series, svg
 
-HOW_TO_READ = (
-    "Blue: what the simulation leaves. Orange: what the cause predicts. They agree where the cause is the right one."
-)
 #: Which axis shows what an unknown depends on.
 _AXES = {
     "time": "time_s",
@@ -29,8 +25,6 @@ _AXES = {
     "unit": "unit",
     "group": "unit",
 }
-#: Gross faults that a scatter of read against expected shows.
-_SCATTER_FAULTS = ("axis-permutation", "wrong-scale", "clipping")
 
 CaptionedFigure = tuple[str, str]
 
@@ -43,99 +37,133 @@ def draw(data: ReportData) -> CaptionedFigure | None:
     if verdict == "unknown":
         return _unknown(data)
     cause = leading_cause(data)
-    return (
-        _scatter_figure(data, cause)
-        or _moving(data, cause)
-        or _signature(data, cause)
-        or _numbers(cause)
-        or _floor(data)
-    )
+    return _of_samples(data, cause) or cause_figure(data, cause) or _numbers(cause) or _floor(data)
 
 
-def visits_to_draw(data: ReportData, cause: Mapping[str, Any], signature: Floats) -> NDArray[np.bool_]:
-    """The stops (v) to draw a signature over: of the most affected unit where each unit has its own, else all."""
-    groups = {str(row["of"]).split(":", 1)[0] for row in cause["parameters"]}
-    if "unit" not in groups or len(data.unit.names) == 1:
-        return np.ones(len(signature), bool)
-    square = np.bincount(data.unit.code, np.nansum(signature**2, axis=1), len(data.unit.names))
-    count = np.maximum(np.bincount(data.unit.code, minlength=len(data.unit.names)), 1)
-    return np.asarray(data.unit.code == int(np.argmax(square / count)))
+def cause_figure(data: ReportData, cause: Mapping[str, Any]) -> CaptionedFigure | None:
+    """The residual against what the cause depends on; None of a cause that moves no means."""
+    signature, over = data.signature(cause["effect"]), drawn_over(cause["effect"])
+    if over == "dwell" and data.dwell is not None:
+        return dwell_figure(data.dwell, data.unit_of_readings, cause["effect"]), report_text("caption-dwell")
+    if signature is None:
+        return None
+    drawn = None if over is None else partial_residual.draw(data, cause, over, signature)
+    return (drawn, report_text("caption-cause")) if drawn else _over_best_axis(data, cause)
 
 
-def unit_suffix(data: ReportData, rows: NDArray[np.bool_]) -> str:
-    """Of which unit, where it is one of several."""
-    return "" if rows.all() else f", most affected unit {data.unit.names[int(data.unit.code[rows][0])]}"
-
-
-def _signature(data: ReportData, cause: Mapping[str, Any]) -> CaptionedFigure | None:
+def _over_best_axis(data: ReportData, cause: Mapping[str, Any]) -> CaptionedFigure | None:
+    """Over whatever orders the signature best, where the cause's own axis was not recorded."""
     signature = data.signature(cause["effect"])
     if signature is None:
         return None
-    rows = visits_to_draw(data, cause, signature)
-    axis = best_axis(data, signature, rows, needed_by(cause["effect"]))
+    rows = np.ones(len(signature.values), bool)
+    axis = best_axis(data, signature.values, rows, ())
     if axis is None:
         return None
-    strongest = int(np.argmax(np.nansum(signature[rows] ** 2, axis=0)))
-    title = f"{cause['effect']} on top of the residual{unit_suffix(data, rows)}"
-    return plots.overlay(data, signature, axis, rows, title, strongest), HOW_TO_READ
+    strongest = int(np.argmax(np.nansum(signature.values**2, axis=0)))
+    title = report_text("figure-cause", effect=cause["effect"])
+    return plots.overlay(data, signature.values, axis, rows, title, strongest), report_text("caption-overlay")
 
 
-def _moving(data: ReportData, cause: Mapping[str, Any]) -> CaptionedFigure | None:
-    """The course within the dwell, of a cause that lives there."""
-    if data.dwell is None or "since_arrival_s" not in needed_by(cause["effect"]):
-        return None
-    return dwell_figure(
-        data.dwell, data.unit_of_readings, cause["effect"]
-    ), f"{HOW_TO_READ} All stops, each turned the same way up."
+def _of_samples(data: ReportData, cause: Mapping[str, Any]) -> CaptionedFigure | None:
+    """A cause that shows in single samples: its spectrum, its readings, or read against expected."""
+    over = drawn_over(cause["effect"])
+    if over == "spectrum" and data.spectrum is not None:
+        return spectrum_figure(data.spectrum, cause, data.unit_of_readings), report_text("caption-spectrum")
+    if over == "samples" and cause["effect"] in data.samples:
+        return samples_figure(data.samples[cause["effect"]], cause, data.unit_of_readings), report_text(
+            "caption-samples"
+        )
+    if over == "expected":
+        return _scatter_figure(data, cause["effect"])
+    return None
 
 
 def dwell_figure(course: DwellCourse, unit: str, effect: str) -> str:
     """The mean course within a dwell."""
     factor, words = display_unit([float(np.abs(course.residual).max())], unit)
     at = np.arange(len(course.parts), dtype=float).tolist()
+    wide = 1.96 * factor * (np.zeros(len(at)) if course.std is None else course.std)
+    measured = course.residual * factor
+    low, high = (measured - wide).tolist(), (measured + wide).tolist()
     series = (
-        Series(at, (course.residual * factor).tolist(), "measured − simulated"),
-        Series(at, (course.signature * factor).tolist(), "what the cause predicts", kind="line", colour=1),
+        Series(at, (course.signature * factor).tolist(), report_text("legend-cause"), kind="line", colour=1),
+        Series(at, measured.tolist(), report_text("legend-measured"), low=low, high=high),
     )
-    title = f"{effect} within the dwell"
-    return svg(Figure(title, "", words, series, course.parts, width=760, height=330))
+    return svg(
+        Figure(report_text("figure-dwell", effect=effect), "", words, series, course.parts, width=760, height=330)
+    )
 
 
-def _scatter_figure(data: ReportData, cause: Mapping[str, Any]) -> CaptionedFigure | None:
+def spectrum_figure(found: ToneSpectrum, cause: Mapping[str, Any], unit: str) -> str:
+    """Amplitude against frequency with the motors on and off, and where the tone appears."""
+    factor, words = display_unit([float(found.on.max())], unit)
+    at = found.frequency_hz.tolist()
+    series = [Series(at, (found.on * factor).tolist(), report_text("legend-motors-on"), kind="line")]
+    if found.off is not None:
+        series.insert(
+            0, Series(at, (found.off * factor).tolist(), report_text("legend-motors-off"), kind="line", colour=5)
+        )
+    rows = cause["parameters"]
+    tone = next((float(r["value"]) for r in rows if r["name"] == "frequency"), None)
+    size = next((abs(float(r["value"])) for r in rows if r["axis"] == found.axis), None)
+    if tone is not None and size is not None:
+        rate = 2 * float(found.frequency_hz[-1])
+        alias = abs(tone - rate * round(tone / rate))
+        series.append(Series([alias], [size * factor], report_text("legend-cause"), kind="dashes", colour=1))
+    title = report_text("figure-spectrum", effect=cause["effect"], axis=found.axis)
+    return svg(Figure(title, report_text("axis-frequency"), words, tuple(series), width=760, height=360))
+
+
+def samples_figure(found: DwellSamples, cause: Mapping[str, Any], unit: str) -> str:
+    """The readings of one dwell, one after the other."""
+    middle = float(np.median(found.reading))
+    factor, words = display_unit([float(np.abs(found.reading - middle).max())], unit)
+    series = (
+        Series(
+            list(map(float, range(len(found.reading)))),
+            ((found.reading - middle) * factor).tolist(),
+            report_text("legend-readings"),
+            kind="cloud",
+        ),
+    )
+    title = report_text("figure-samples", effect=cause["effect"], axis=found.axis, name=found.unit)
+    return svg(Figure(title, report_text("axis-samples"), words, series, width=760, height=360))
+
+
+def _scatter_figure(data: ReportData, effect: str) -> CaptionedFigure | None:
     """What was read against what an ideal unit would read."""
-    if data.read is None or data.expected is None or cause["effect"] not in _SCATTER_FAULTS:
+    if data.read is None or data.expected is None:
         return None
     series = [
         Series(data.expected[:, i].tolist(), data.read[:, i].tolist(), axis, kind="cloud", colour=i)
         for i, axis in enumerate("xyz")
     ]
     ends = [float(data.expected.min()), float(data.expected.max())]
-    series.append(Series(ends, ends, "as it should be", kind="line", colour=5))
+    series.append(Series(ends, ends, report_text("legend-ideal"), kind="line", colour=5))
     unit = data.unit_of_readings
-    figure = Figure(
-        f"{cause['effect']}: read against expected", f"expected, {unit}", f"read, {unit}", tuple(series),
-        width=760, height=380,
-    )  # fmt: skip
-    return svg(figure), "Every mean of a stop should lie on the grey line."
+    title, across = report_text("figure-expected", effect=effect), report_text("axis-expected", unit=unit)
+    figure = Figure(title, across, report_text("axis-read", unit=unit), tuple(series), width=760, height=380)
+    return svg(figure), report_text("caption-expected")
 
 
 def _unknown(data: ReportData) -> CaptionedFigure | None:
     words = [_AXES[w] for w in data.document["unknown"]["depends_on"] if w in _AXES]
     for name in (*words, "position", "time_s"):
-        drawn = plots.residual(data, name, "What no cause explains")
+        drawn = plots.residual(data, name, report_text("figure-unknown"))
         if drawn:
-            return drawn, "Something that is all noise would lie evenly about nought everywhere."
+            return drawn, report_text("caption-unknown")
     return None
 
 
 def _numbers(cause: Mapping[str, Any]) -> CaptionedFigure | None:
     drawn = tables.intervals_chart(cause)
-    return (drawn, "Bars hold the true value in 95 of 100 cases.") if drawn else None
+    return (drawn, report_text("caption-intervals")) if drawn else None
 
 
 def _floor(data: ReportData) -> CaptionedFigure | None:
     for name in ("position", "time_s"):
-        drawn = plots.residual(data, name, "What the simulation leaves")
+        drawn = plots.residual(data, name, report_text("figure-residual"))
         if drawn:
-            return drawn, "All of it is as large as the noise floor makes it, and evenly spread about nought."
+            return drawn, report_text("caption-floor")
     return None

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from station.reporting.diagnosis import lead_figure, plots, tables
-from station.reporting.diagnosis.cause_text import cause_text, needed_by
+from station.reporting.diagnosis import lead_figure, partial_residual, plots, tables
+from station.reporting.diagnosis.cause_text import cause_text, drawn_over
 from station.reporting.diagnosis.data import ReportData
 from station.reporting.diagnosis.finding_text import (
     BADGES,
@@ -14,8 +14,9 @@ from station.reporting.diagnosis.finding_text import (
     first_screen,
     next_run_sentence,
 )
-from station.reporting.diagnosis.plot_axis import best_axis, plot_axis
+from station.reporting.diagnosis.plot_axis import plot_axis
 from station.reporting.diagnosis.quantity_format import format_significant, format_size
+from station.reporting.diagnosis.sentences import report_text
 from station.reporting.diagnosis.tables import ReportTable
 
 
@@ -51,12 +52,12 @@ class ReportPage:
     sentence: str
     do: str
     cards: tuple[tuple[str, str], ...]
-    hero: Picture | None
+    lead: Picture | None
     sections: tuple[ReportSection, ...]
 
     def pictures(self) -> dict[str, str]:
         """Every figure by name, SVG."""
-        found = [*([self.hero] if self.hero else []), *(p for s in self.sections for p in s.pictures)]
+        found = [*([self.lead] if self.lead else []), *(p for s in self.sections for p in s.pictures)]
         return {p.name: p.svg for p in found}
 
 
@@ -74,7 +75,7 @@ def build_page(data: ReportData) -> ReportPage:
         sentence=first.sentence,
         do=first.do,
         cards=tuple(_cards(data)),
-        hero=Picture("first", *drawn) if drawn else None,
+        lead=Picture("first", *drawn) if drawn else None,
         sections=tuple(s for s in _sections(data) if s.text or s.pictures or s.tables),
     )
 
@@ -132,14 +133,11 @@ def _cause(data: ReportData, cause: Mapping[str, Any], i: int) -> ReportSection:
     name = cause["effect"]
     words = cause_text(name)
     text = (f"{words.physics}.", f"What to do: {words.do}.") if words.do else (f"{words.physics}.",)
-    signature, pictures = data.signature(name), []
-    if signature is not None:
-        rows = lead_figure.visits_to_draw(data, cause, signature)
-        axis = best_axis(data, signature, rows, needed_by(name))
-        if axis is not None:
-            title = f"{name} on top of the residual{lead_figure.unit_suffix(data, rows)}"
-            svg = plots.overlay(data, signature, axis, rows, title)
-            pictures.append(Picture(f"signature-{i + 1}-{name}", svg, lead_figure.HOW_TO_READ))
+    signature, over, pictures = data.signature(name), drawn_over(name), []
+    if signature is not None and over is not None:
+        svg = partial_residual.draw_all(data, cause, over, signature)
+        if svg is not None:
+            pictures.append(Picture(f"signature-{i + 1}-{name}", svg, report_text("caption-cause")))
     forest = tables.intervals_chart(cause)
     if forest:
         pictures.append(Picture(f"parameters-{i + 1}-{name}", forest, "Bars hold the true value in 95 of 100 cases."))

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import pairwise
 from typing import Literal
 
 from station.reporting.drawing.scale import Scale, axis_range, text_width, tick_label, ticks
@@ -17,13 +18,14 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 34.0, 46.0
 class Series:
     """One set of points. low and high draw a band (line) or error bars (dots); colour is an index.
 
-    dots are marks a reader may count; a cloud is many small ones in one stroke; dashes are level strokes over them.
+    dots are marks a reader may count; a cloud is many small ones in one stroke, faint a paler one behind others; dashes
+    are level strokes over them.
     """
 
     x: Sequence[float]
     y: Sequence[float]
     name: str = ""
-    kind: Literal["dots", "cloud", "dashes", "line", "steps", "bars"] = "dots"
+    kind: Literal["dots", "cloud", "faint", "dashes", "line", "steps", "bars"] = "dots"
     low: Sequence[float] | None = None
     high: Sequence[float] | None = None
     colour: int = 0
@@ -143,7 +145,7 @@ def _series(s: Series, x: Scale, y: Scale) -> list[str]:
         half = 0.35 * abs(x(1) - x(0))
         base = y(max(0.0, y.low))
         return [_rect(a - half, min(b, base), 2 * half, abs(b - base), colour) for a, b in points]
-    if s.kind in ("cloud", "dashes"):
+    if s.kind in ("cloud", "faint", "dashes"):
         return [_strokes(s.kind, points, colour)]
     parts = _band_or_bars(s, x, y, colour)
     if s.kind == "dots":
@@ -155,11 +157,13 @@ def _series(s: Series, x: Scale, y: Scale) -> list[str]:
 
 
 def _strokes(kind: str, points: Sequence[tuple[float, float]], colour: str) -> str:
-    """All points in one path: round dots, or dashes 11 px wide."""
-    half, wide, cap = (0.0, 4.6, "round") if kind == "cloud" else (5.5, 3.0, "butt")
+    """All points in one path: round dots, or dashes as wide as their distance leaves room for, 8 to 36 px."""
+    at = sorted({round(a, 1) for a, _ in points})
+    room = min((b - a for a, b in pairwise(at)), default=36.0)
+    half, wide, cap = (min(max(0.35 * room, 4.0), 18.0), 3.0, "butt") if kind == "dashes" else (0.0, 4.6, "round")
     path = "".join(f"M{a - half:.1f} {b:.1f}h{2 * half:g}" for a, b in points)
-    faint = ' stroke-opacity="0.6"' if kind == "cloud" else ""
-    return f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="{wide:g}" stroke-linecap="{cap}"{faint}/>'
+    opacity = {"cloud": ' stroke-opacity="0.6"', "faint": ' stroke-opacity="0.25"'}.get(kind, "")
+    return f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="{wide:g}" stroke-linecap="{cap}"{opacity}/>'
 
 
 def _band_or_bars(s: Series, x: Scale, y: Scale, colour: str) -> list[str]:

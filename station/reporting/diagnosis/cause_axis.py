@@ -1,0 +1,146 @@
+"""What a cause's residual is drawn against: the quantity that the cause itself depends on, as its file says."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.core.types import Floats, Labels
+from station.model.effect import DrawnOver
+from station.reporting.diagnosis.data import CauseSignature, ReportData
+from station.reporting.diagnosis.sentences import report_text
+
+#: Covariates of visits by the way a cause is drawn, and the message of the axis.
+_COVARIATES: dict[str, tuple[str, str]] = {
+    "time": ("time_s", "axis-time"),
+    "temperature": ("temperature_degC", "axis-temperature"),
+    "temperature-rate": ("temperature_rate", "axis-temperature-rate"),
+    "since-power": ("since_power_s", "axis-since-power"),
+    "since-clamp": ("since_clamp_s", "axis-since-clamp"),
+    "motor": ("motor", "axis-motor"),
+}
+#: Stimuli (recipe's unit) that differ by less at one position are those of one seating.
+SEATED_ALIKE = 0.2
+#: Levels whose groups belong to one unit: one unit is drawn.
+_OF_ONE_UNIT = ("unit", "run", "power-on", "visit")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CauseAxis:
+    """Where each visit stands (v), NaN for nowhere; what the axis is; words for the places 0, 1, 2 …"""
+
+    at: Floats
+    label: str
+    places: tuple[str, ...] = ()
+
+    @property
+    def varies(self) -> bool:
+        """Whether there is anything to see along it."""
+        there = self.at[np.isfinite(self.at)]
+        return len(there) > 1 and float(np.ptp(there)) > 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AffectedVisits:
+    """The visits (v) that show a cause best, and whose they are, empty for all of them."""
+
+    rows: NDArray[np.bool_]
+    whose: str = ""
+
+
+def affected_visits(
+    data: ReportData, cause: Mapping[str, Any], signature: Floats, over: DrawnOver | None
+) -> AffectedVisits:
+    """Those of the group that the cause hits hardest, where groups differ."""
+    kinds = {str(row["of"]).split(":", 1)[0] for row in cause["parameters"]}
+    square = np.nansum(signature**2, axis=1)
+    rows, whose = np.ones(len(square), bool), ""
+    for kind in sorted(kinds & set(data.groups)):
+        if over != "group" and len(data.groups[kind].names) > 1:
+            i = _strongest(data.groups[kind], square)
+            rows, whose = data.groups[kind].code == i, f"{kind} {data.groups[kind].names[i]}"
+    if kinds & set(_OF_ONE_UNIT) and len(data.unit.names) > 1:
+        i = _strongest(data.unit, square)
+        rows, whose = data.unit.code == i, report_text("report-unit", name=data.unit.names[i])
+    if (kinds & {"run", "visit"} and over != "run") or (over == "position" and _seated_twice(data, rows)):
+        runs = np.unique(data.run[rows])
+        if len(runs) > 1:
+            worst = max(runs, key=lambda r: float(square[rows & (data.run == r)].mean()))
+            rows = rows & (data.run == worst)
+            whose = ", ".join(filter(None, (whose, report_text("report-run", number=int(worst)))))
+    return AffectedVisits(rows, whose)
+
+
+def _seated_twice(data: ReportData, rows: NDArray[np.bool_]) -> bool:
+    """Whether the sensor lies in a position in more than one way, so that a position alone says little."""
+    return data.felt is not None and any(
+        float(np.ptp(data.felt[rows & (data.position.code == p)], axis=0).max(initial=0.0)) > SEATED_ALIKE
+        for p in np.unique(data.position.code[rows])
+    )
+
+
+def _strongest(labels: Labels, square: Floats) -> int:
+    count = np.maximum(np.bincount(labels.code, minlength=len(labels.names)), 1)
+    return int(np.argmax(np.bincount(labels.code, square, len(labels.names)) / count))
+
+
+def cause_axis(
+    data: ReportData, cause: Mapping[str, Any], over: DrawnOver, signature: CauseSignature, i: int
+) -> CauseAxis | None:
+    """The axis for what sensor axis i (0 … k−1) reads; None where these data do not have it or it never changes."""
+    if over in _COVARIATES:
+        name, label = _COVARIATES[over]
+        found = CauseAxis(data.values[name], report_text(label)) if name in data.values else None
+    elif over in ("position", "group", "run", "visits", "order"):
+        found = _by_visit(data, cause, over)
+    else:
+        found = None if data.felt is None else _by_reading(data, data.felt, over, signature.values[:, i], i)
+    return found if found is not None and found.varies else None
+
+
+def _by_visit(data: ReportData, cause: Mapping[str, Any], over: DrawnOver) -> CauseAxis | None:
+    if over == "position":
+        return CauseAxis(data.position.code.astype(float), "", data.position.names)
+    if over == "run":
+        names = tuple(report_text("report-run", number=n) for n in range(int(data.run.max()) + 1))
+        return CauseAxis(data.run.astype(float), "", names)
+    if over == "group":
+        kinds = [str(row["of"]).split(":", 1)[0] for row in cause["parameters"]]
+        labels = next((data.groups[kind] for kind in kinds if kind in data.groups), None)
+        return None if labels is None else CauseAxis(labels.code.astype(float), "", labels.names)
+    return CauseAxis(data.visit.astype(float), report_text("axis-order"))
+
+
+def _by_reading(data: ReportData, felt: Floats, over: DrawnOver, signature: Floats, i: int) -> CauseAxis | None:
+    """Axes that differ between the axes of the sensor."""
+    unit, axis = data.unit_of_readings, "xyz"[i]
+    if over == "input":
+        return CauseAxis(felt[:, i], report_text("axis-input", axis=axis, unit=unit))
+    if over == "step":
+        before = np.where(data.previous[:, None] >= 0, felt[data.previous] - felt, np.nan)
+        return CauseAxis(before[:, i], report_text("axis-step", axis=axis, unit=unit))
+    if over == "other-axis":
+        j = _likest(signature, {j: felt[:, j] for j in range(3) if j != i})
+        return CauseAxis(felt[:, j], report_text("axis-input", axis="xyz"[j], unit=unit))
+    if over == "input-product":
+        j = _likest(signature, {j: felt[:, i] * felt[:, j] for j in range(3) if j != i})
+        return CauseAxis(felt[:, i] * felt[:, j], report_text("axis-product", axis=axis, other="xyz"[j], unit=unit))
+    if over == "temperature-input" and "temperature_degC" in data.values:
+        degC, weight = data.values["temperature_degC"], felt[:, i] ** 2
+        # About the mean that a gain takes up, so that only its change with temperature is left.
+        off = degC - float(degC @ weight) / max(float(weight.sum()), 1e-300)
+        return CauseAxis(off * felt[:, i], report_text("axis-temperature-input", axis=axis, unit=unit))
+    return None
+
+
+def _likest(signature: Floats, choices: Mapping[int, Floats]) -> int:
+    """Which of some columns (v) a signature (v) follows best."""
+    y = signature - signature.mean()
+
+    def share(x: Floats) -> float:
+        x = x - x.mean()
+        return abs(float(x @ y)) / max(float(np.linalg.norm(x)), 1e-300)
+
+    return max(choices, key=lambda j: share(choices[j]))
