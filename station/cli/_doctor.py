@@ -16,6 +16,7 @@ from station.domain.product.map_check import mismatches
 from station.errors import BusFault, ConfigError, ReferenceOverdue, StationError, StationFault, StoreFault, UsageError
 from station.ports.log_reader import Query
 from station.service import golden_register
+from station.wiring.buses import bus_kind
 from station.wiring.jobs import load_job
 from station.wiring.logs import find_log, open_log, public_key_of_signer
 from station.wiring.product_files import read_dictionary
@@ -63,7 +64,7 @@ def run_checks(asked: DoctorRequest, *, as_json: bool) -> int:
 
 
 def _simulated(asked: DoctorRequest, settings: Settings) -> bool:
-    return asked.simulate or settings.bus.interface != "socketcan"
+    return asked.simulate or not bus_kind(settings.bus).interface_of_kernel
 
 
 def _run_check(name: str, check: Callable[[DoctorContext], str], station: DoctorContext) -> dict[str, Any]:
@@ -75,9 +76,11 @@ def _run_check(name: str, check: Callable[[DoctorContext], str], station: Doctor
 
 def _bus(station: DoctorContext) -> str:
     bus = station.settings.bus
-    from station.wiring.bus_status import query_link
+    from station.wiring.bus_status import bitrate_of, query_link
 
-    setup = f"ip link set {bus.channel} type can bitrate {bus.bitrate} && ip link set {bus.channel} up"
+    bitrate = bitrate_of(bus)
+
+    setup = f"ip link set {bus.channel} type can bitrate {bitrate} && ip link set {bus.channel} up"
     try:
         link = query_link(bus.channel)
     except OSError:
@@ -87,8 +90,8 @@ def _bus(station: DoctorContext) -> str:
         ) from None
     if not link.up:
         raise BusFault(f"{bus.channel} is down; as root: `{setup}`")
-    if link.bitrate not in (None, bus.bitrate):
-        raise BusFault(f"{bus.channel} runs at {link.bitrate} bit/s, but config.yaml says {bus.bitrate}; `{setup}`")
+    if link.bitrate not in (None, bitrate):
+        raise BusFault(f"{bus.channel} runs at {link.bitrate} bit/s, but config.yaml says {bitrate}; `{setup}`")
     errors = f", errors sending {link.counters.sending}, receiving {link.counters.receiving}" if link.counters else ""
     if link.can_state not in (None, "active"):
         remedy = f"check wiring, termination and bit rate, then `{setup}`"

@@ -15,13 +15,22 @@ PathText = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f]*$")
 ShortText = Annotated[str, Field(max_length=64, pattern=r"^[^\x00-\x1f\x7f]*$")]
 
 
-class BusSettings(StrictModel):
-    """Which CAN interface: python-can's name for its kind, its channel, and its bit rate in bit/s."""
+class AdapterSettings(BaseModel):
+    """A block whose other keys are the options of the adapter that it names, checked by it."""
 
-    interface: Literal["socketcan", "simulated", "replay"] = "socketcan"
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The adapter's own keys."""
+        return dict(self.model_extra or {})
+
+
+class BusSettings(AdapterSettings):
+    """Which bus, by file name, and its channel."""
+
+    interface: Name = "socketcan"
     channel: ShortText = "can0"
-    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 500_000
-    receive_buffer_bytes: Annotated[int, Field(ge=65_536, le=1 << 30)] = 16 << 20
 
 
 class Nest(StrictModel):
@@ -31,17 +40,10 @@ class Nest(StrictModel):
     node: Node
 
 
-class PositionerSettings(BaseModel):
-    """Which positioner, by file name; the other keys are its own options, checked by it."""
+class PositionerSettings(AdapterSettings):
+    """Which positioner, by file name. Left out, a person turns the fixture and is asked for each position."""
 
-    model_config = ConfigDict(frozen=True, extra="allow")
-
-    kind: Name = "simulated"
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """The positioner's own keys."""
-        return dict(self.model_extra or {})
+    kind: Name = "manual"
 
 
 class Timeouts(StrictModel):

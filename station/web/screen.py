@@ -16,6 +16,7 @@ from station.service.golden_register import standings
 from station.web import language
 from station.web.run_launcher import RunLauncher
 from station.wiring.bus_status import state_of
+from station.wiring.buses import bus_kind
 from station.wiring.logs import find_log
 
 #: A value older than this is looked up again, s: the rate at which all screens together look.
@@ -169,7 +170,7 @@ class Screen:
         """State and error counters: as the run tells them, and between runs as the kernel does for its interface."""
         if mine:
             return dict(self._live.get("bus") or {})
-        if self._runs.order.simulate or self._settings.bus.interface != "socketcan":
+        if self._runs.order.simulate or not bus_kind(self._settings.bus).interface_of_kernel:
             return {}
         if time.monotonic() - self._between[0] > BUS_POLL_S:
             name = self._settings.bus.channel

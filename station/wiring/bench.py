@@ -11,7 +11,6 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
-from station.adapters.bus import open_bus
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import SystemClock
@@ -31,9 +30,10 @@ from station.service.learnt_model import with_model
 from station.service.recovery import close_unfinished
 from station.service.station import Job, Station
 from station.wiring.bus_owner import claim_bus
+from station.wiring.buses import bus_kind, bus_options, open_bus
 from station.wiring.jobs import Source, load_job
 from station.wiring.logs import open_store
-from station.wiring.positioners import positioner
+from station.wiring.positioners import positioner, refuse_numbers_for_real_units
 from station.wiring.run_order import RunOrder
 from station.wiring.simulated import SimulatedFixture
 
@@ -92,6 +92,7 @@ def open_bench(order: RunOrder) -> Bench:
     """Opens everything. Errors: those of recipe, config, product, bus and log, each before anything moves."""
     settings, document = load_config(order.config)
     settings = _overridden(settings, order)
+    bus_options(settings.bus, document)  # wrong ones are told of before anything else, also where nothing is on the bus
     job, source = load_job(order.recipe or settings.recipe)
     _check_simulation_options(order)
     job, learnt = with_model(job, order.model)
@@ -107,11 +108,13 @@ def open_bench(order: RunOrder) -> Bench:
             fixture = _ByHand()
             clock = SystemClock()
             turned_by = positioner(settings, document, clock)
-            at = settings.bus
-            _check_interface(at.interface)
-            if at.interface == "socketcan":
-                opened.callback(claim_bus(at, settings.station).release)
-            bus = open_bus(at.interface, at.channel, clock, receive_buffer_bytes=at.receive_buffer_bytes)
+            kind = bus_kind(settings.bus)
+            if kind.without_units:
+                raise UsageError("bus-without-units", interface=settings.bus.interface)
+            refuse_numbers_for_real_units(settings)
+            if kind.interface_of_kernel:
+                opened.callback(claim_bus(settings.bus, settings.station).release)
+            bus = open_bus(settings.bus, document, clock)
         opened.callback(bus.close)
         database = order.database or Path(settings.database)
         store = open_store(database, settings, clock.epoch_ns)
@@ -126,10 +129,12 @@ def open_bench(order: RunOrder) -> Bench:
 def _overridden(settings: Settings, order: RunOrder) -> Settings:
     """Settings with what the order says otherwise, checked again."""
     bus = {k: v for k, v in {"interface": order.interface, "channel": order.channel}.items() if v is not None}
+    same_kind = order.interface in (None, settings.bus.interface)
+    given_bus = settings.bus.model_dump() if same_kind else {}
     own = {k: v for k, v in {"operator": order.operator, "lot": order.lot}.items() if v is not None}
     told = settings.model_dump(by_alias=True)
     try:
-        return Settings.model_validate({**told, **own, "bus": {**told["bus"], **bus}})
+        return Settings.model_validate({**told, **own, "bus": {**given_bus, **bus}})
     except ValidationError as exc:
         raise UsageError("options-mistakes", mistakes=mistakes(exc, Settings)) from None
 
@@ -143,12 +148,6 @@ def _check_simulation_options(order: RunOrder) -> None:
     for option, value in given.items():
         if value and not order.simulate:
             raise UsageError(f"{option} changes simulated units; add --simulate or leave it out")
-
-
-def _check_interface(interface: str) -> None:
-    """A simulated bus without simulated units is empty, and has no time of its own."""
-    if interface == "simulated":
-        raise UsageError("bus.interface is simulated, a bus without units: add --simulate, or name socketcan")
 
 
 def _check_gold(job: Job, settings: Settings) -> None:

@@ -26,7 +26,7 @@ from station.model.simulate import SimulationJob, parse_effect
 from station.ports.bus import Endpoint
 from station.service.station import Job
 from station.wiring.jobs import Source
-from station.wiring.positioners import options_of
+from station.wiring.options import options_of
 from station.wiring.run_order import RunOrder
 
 #: How well the simulated positioner repeats, degrees, where config.yaml does not describe it: 3.6″, a dividing head.
@@ -128,7 +128,8 @@ class SimulatedFixture:
     def _positioner_settings(self, document: Document) -> SimulatedPositioner.Settings:
         if self._settings.positioner.kind != "simulated":
             return SimulatedPositioner.Settings(error_deg=ERROR_DEG, seed=self._order.seed)
-        return options_of(self._settings, document, SimulatedPositioner.Settings)
+        own = self._settings.positioner.options
+        return options_of("positioner", own, document, SimulatedPositioner.Settings)
 
     def _go(self, stop: PlannedVisit, departs_s: float, arrives_s: float) -> None:
         self._rig.go(stop, departs_s, arrives_s)

@@ -2,16 +2,19 @@
 
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from station.adapters.bus import open_bus
 from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.clock import SystemClock, VirtualClock
+from station.config.documents import Document
+from station.config.settings import BusSettings
 from station.domain.core.types import ERROR, Frames
 from station.errors import ConfigError
 from station.ports.bus import Endpoint
+from station.wiring.buses import open_bus
 
 
 class Device:
@@ -134,6 +137,7 @@ def test_three_minutes_at_one_kilohertz_take_no_time_worth_speaking_of(bus: Simu
 
 
 def test_a_bus_is_opened_by_the_name_of_its_file(clock: VirtualClock) -> None:
-    assert open_bus("simulated", "rig-3", clock).name == "rig-3"
-    with pytest.raises(ConfigError, match=r"bus\.interface 'pcan' is unknown; the known ones are replay, sim"):
-        open_bus("pcan", "can0", SystemClock())
+    document = Document(Path("config.yaml"), {}, {})
+    assert open_bus(BusSettings(interface="simulated", channel="rig-3"), document, clock).name == "rig-3"
+    with pytest.raises(ConfigError, match=r"There is no bus `pcan`; `bus\.interface` is one of replay, sim"):
+        open_bus(BusSettings(interface="pcan"), document, SystemClock())

@@ -10,6 +10,7 @@ import yaml
 
 from station.config.recipes import load_recipe
 from station.config.search_path import shipped_folder
+from station.config.settings import PositionerSettings
 from station.domain.core.types import Outcome
 from station.domain.recipe import serial
 from station.errors import (
@@ -80,6 +81,8 @@ def test_a_recipe_that_cannot_be_run(tmp_path: Path, changes: dict[str, object],
         ({"nests": []}, "nests"),
         ({"positioner": {"kind": "simulated", "sped_deg_s": 3}}, "did you mean `speed_deg_s`?"),
         ({"positioner": {"kind": "simulated", "speed_deg_s": -3}}, "greater than 0"),
+        ({"bus": {"interface": "socketcan", "bitrate": 5}}, "key `bitrate`"),
+        ({"bus": {"interface": "socketcan", "bitrat": 500000}}, "did you mean `bitrate`?"),
     ],
 )
 def test_a_config_that_cannot_be_used(tmp_path: Path, changes: dict[str, object], words: str) -> None:
@@ -90,9 +93,23 @@ def test_a_config_that_cannot_be_used(tmp_path: Path, changes: dict[str, object]
 
 def test_an_unknown_positioner_names_the_known_ones(tmp_path: Path) -> None:
     file = fixture_run.config(tmp_path, positioner={"kind": "robot-arm"})
-    said = refused(tmp_path, InputError, config=file, simulate=False, interface="simulated")
+    said = refused(tmp_path, InputError, config=file, simulate=False, channel="nocan9")
     assert "robot-arm" in said
     assert "manual, simulated" in said
+
+
+def test_an_unknown_bus_names_the_known_ones(tmp_path: Path) -> None:
+    file = fixture_run.config(tmp_path, bus={"interface": "carrier-pigeon"})
+    assert "replay, simulated, socketcan" in refused(tmp_path, ConfigError, config=file)
+
+
+def test_a_positioner_in_numbers_may_not_turn_real_units(tmp_path: Path) -> None:
+    file = fixture_run.config(tmp_path, positioner={"kind": "simulated"})
+    assert "turns nothing" in refused(tmp_path, InputError, config=file, simulate=False)
+
+
+def test_without_a_word_on_it_a_person_turns_the_fixture() -> None:
+    assert PositionerSettings().kind == "manual"
 
 
 def test_an_absent_interface(tmp_path: Path) -> None:
@@ -211,7 +228,7 @@ def test_a_simulated_bus_without_simulated_units(tmp_path: Path) -> None:
     assert not (tmp_path / "station.db").exists()
 
 
-@pytest.mark.parametrize(("where", "what"), [("", "it is a folder"), ("pipe", "it is no ordinary file")])
+@pytest.mark.parametrize(("where", "what"), [("", "it is a folder"), ("pipe", "it is not a regular file")])
 def test_a_log_that_is_no_file(tmp_path: Path, where: str, what: str) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(StoreFault, match=what):

@@ -6,15 +6,28 @@ from pathlib import Path
 from station.adapters.bus._filter import accepted_mask
 from station.adapters.bus._logs import read_blocks
 from station.domain.core.types import Frames
+from station.domain.recipe.recipe import StrictModel
 from station.errors import BusFault, LogError
 from station.ports.clock import Clock
 
 
 class ReplayBus:
-    """A log as a bus. Every channel reads the log from its start; time is the log's own, no call waits.
+    """A log as a bus, `channel` its file. Every channel reads the log from its start; time is the log's own, no call
+    waits.
 
     Errors: LogError when the log cannot be read.
     """
+
+    interface_of_kernel = False
+    without_units = False
+
+    class Settings(StrictModel):
+        """No options."""
+
+    @classmethod
+    def on_a_wire(cls, _channel: str) -> bool:
+        """A recording moves nobody."""
+        return False
 
     def __init__(self, path: Path, channel: str | None = None) -> None:
         self._path = path
@@ -24,7 +37,7 @@ class ReplayBus:
             raise LogError(f"{path} holds no CAN frames; check that it is the right log")
 
     @classmethod
-    def open(cls, channel: str, _clock: Clock, _receive_buffer_bytes: int | None) -> "ReplayBus":
+    def open(cls, channel: str, _clock: Clock, _settings: Settings) -> "ReplayBus":
         """The log in the file of that name."""
         return cls(Path(channel))
 

@@ -11,6 +11,7 @@ from station.adapters.bus._messages import to_frames, to_message
 from station.adapters.bus._python_can import VirtualBus
 from station.adapters.bus._wire import TX_QUEUE_FRAMES, Wire, parse
 from station.domain.core.types import Frames
+from station.domain.recipe.recipe import StrictModel
 from station.errors import BusFault
 from station.ports.bus import ErrorCounters
 from station.ports.clock import EventClock
@@ -30,6 +31,17 @@ class SimulatedBus:
     `break_wire` puts faults between the station's channels and the devices' endpoints, which never see an error.
     """
 
+    interface_of_kernel = False
+    without_units = True
+
+    class Settings(StrictModel):
+        """No options."""
+
+    @classmethod
+    def on_a_wire(cls, _channel: str) -> bool:
+        """There is none."""
+        return False
+
     def __init__(self, clock: EventClock, name: str = "simulated") -> None:
         self._clock = clock
         self._name = name
@@ -38,7 +50,7 @@ class SimulatedBus:
         self._wire = Wire()
 
     @classmethod
-    def open(cls, channel: str, clock: EventClock, _receive_buffer_bytes: int | None) -> "SimulatedBus":
+    def open(cls, channel: str, clock: EventClock, _settings: Settings) -> "SimulatedBus":
         """A new bus; `channel` is only its name."""
         return cls(clock, channel)
 

@@ -5,12 +5,15 @@ import select
 import socket
 import struct
 import time
-from typing import Final
+from typing import Annotated, Final
+
+from pydantic import Field
 
 from station.adapters.bus import _errors, _netlink
 from station.adapters.bus._errors import SEND_DEADLINE_S
 from station.adapters.bus._recvmmsg import SO_MEMINFO, SO_RCVBUFFORCE, Receiver
 from station.domain.core.types import EXTENDED, Frames
+from station.domain.recipe.recipe import StrictModel
 from station.errors import BusFault, ConfigError
 from station.ports.bus import ErrorCounters
 from station.ports.clock import Clock
@@ -20,6 +23,8 @@ STREAM_BUFFER_BYTES: Final = 16 << 20
 SERVICE_BUFFER_BYTES: Final = 1 << 20
 #: A flood must not keep one call for ever.
 MOST_BATCHES: Final = 32
+#: Kinds of links that exist in the kernel only.
+_VIRTUAL: Final = ("vcan", "vxcan")
 _CAN_RAW_ERR_FILTER, _ALL_ERRORS = 2, 0x1FFF_FFFF
 _FRAME = struct.Struct("=IB3x8s")
 
@@ -32,7 +37,7 @@ def state_of(name: str) -> tuple[str, ErrorCounters | None]:
         return "unknown", None
     if not link.up or link.can_state in ("stopped", "sleeping"):
         return "down", link.counters
-    virtual = "active" if link.kind in ("vcan", "vxcan") else "unknown"
+    virtual = "active" if link.kind in _VIRTUAL else "unknown"
     return link.can_state or virtual, link.counters
 
 
@@ -42,6 +47,24 @@ class SocketCan:
     Errors: ConfigError when the interface does not exist or the kernel has no CAN.
     """
 
+    interface_of_kernel = True
+    without_units = False
+
+    class Settings(StrictModel):
+        """bitrate: what the link must run at, bit/s (`ip link` sets it); receive_buffer_bytes: of a stream, in the
+        kernel."""
+
+        bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 500_000
+        receive_buffer_bytes: Annotated[int, Field(ge=65_536, le=1 << 30)] = STREAM_BUFFER_BYTES
+
+    @classmethod
+    def on_a_wire(cls, channel: str) -> bool:
+        """Whether a controller stands behind the interface, as far as the kernel can tell."""
+        try:
+            return _netlink.query_link(channel).kind not in _VIRTUAL
+        except OSError:
+            return True
+
     def __init__(self, name: str, stream_buffer_bytes: int = STREAM_BUFFER_BYTES) -> None:
         self._name = name
         self._stream_buffer_bytes = stream_buffer_bytes
@@ -49,9 +72,9 @@ class SocketCan:
         self._open((), errors=False, buffer_bytes=SERVICE_BUFFER_BYTES).close()  # fails now, not in mid-run
 
     @classmethod
-    def open(cls, channel: str, _clock: Clock, receive_buffer_bytes: int | None) -> "SocketCan":
+    def open(cls, channel: str, _clock: Clock, settings: Settings) -> "SocketCan":
         """The interface of that name."""
-        return cls(channel, receive_buffer_bytes or STREAM_BUFFER_BYTES)
+        return cls(channel, settings.receive_buffer_bytes)
 
     @property
     def name(self) -> str:

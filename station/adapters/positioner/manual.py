@@ -12,6 +12,7 @@ class ManualPositioner:
     """
 
     by_hand = True
+    turns_nothing = False
 
     class Settings(StrictModel):
         """turn_s: how long a person usually takes for one turn; only the estimate uses it."""

@@ -28,6 +28,7 @@ class SimulatedPositioner:
     """
 
     by_hand = False
+    turns_nothing = True
 
     class Settings(StrictModel):
         """error_deg: standard deviation of each arrival about each axis; fault: what breaks after `after` stops;

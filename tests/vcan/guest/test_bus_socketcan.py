@@ -14,9 +14,8 @@ from vcan_harness.programs import Candump
 from vcan_harness.raw import RawSocket
 from vcan_harness.waiting import until
 
-from station.adapters.bus import _netlink, open_bus, write_log
+from station.adapters.bus import _netlink, write_log
 from station.adapters.bus.socketcan import SocketCan
-from station.adapters.clock import SystemClock
 from station.domain.can.error_frames import error_frames, has_bus_off
 from station.domain.core.types import ERROR, Frames
 from station.errors import BusFault, ConfigError
@@ -117,7 +116,7 @@ def test_an_interface_taken_away_is_gone_not_down() -> None:
 
 def test_an_absent_interface_is_a_config_error_that_lists_the_others(vcan: Interface) -> None:
     with pytest.raises(ConfigError, match="CAN interface can77 cannot be opened") as refused:
-        open_bus("socketcan", "can77", SystemClock())
+        SocketCan("can77")
     assert vcan.name in refused.value.sentence
 
 
