@@ -38,7 +38,7 @@ class AuditRequest:
 def run_audit(log: "LogReader", ask: AuditRequest, *, as_json: bool) -> int:
     """Prints the answer; the exit code. Errors: LogError, UsageError."""
     if (ask.key or ask.known) and not ask.verify:
-        raise UsageError("--key and --head are for checking the chain; add --verify")
+        raise UsageError("audit-needs-verify")
     document: dict[str, Any] = {"schema": "station.audit/1", "log": log.location, "head": asdict(log.head())}
     if ask.verify:
         document["verify"] = _verify(log, ask)
@@ -79,9 +79,7 @@ def _attempts(log: "LogReader", ask: AuditRequest) -> dict[str, Any]:
         return {"count": len(found), "attempts": found}
     life = log.life(ask.query, ask.limit)
     if not life:
-        raise LogError(
-            f"the log {log.location} holds no such attempt of serial {serial!r}; `station audit` lists them all"
-        )
+        raise LogError("log-no-such-attempt-of", log=log.location, serial=serial)
     return {"serial": serial, "count": len(life), "attempts": life}
 
 

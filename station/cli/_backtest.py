@@ -34,10 +34,7 @@ def run_backtest(log: LogReader, ask: BacktestRequest, *, as_json: bool) -> int:
     """Prints what would change. Errors: LogError, RecipeError."""
     attempts = log.attempts(ask.query)
     if not attempts:
-        raise LogError(
-            f"the log {log.location} holds no such attempt with recipe {ask.query.recipe_name!r}; "
-            f"name the one they were made with by --of"
-        )
+        raise LogError("backtest-no-attempts", log=log.location, recipe=str(ask.query.recipe_name))
     from_frames = ask.from_frames or _windows_differ(log, attempts, ask.recipe)
     with _output.progress() as bar:
         task = bar.add_task("computing again", total=len(attempts))

@@ -19,6 +19,7 @@ from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.product import writeback
 from station.domain.recipe.recipe import Recipe
 from station.errors import InputError, SamplesError, UsageError
+from station.messages import system_reason
 from station.wiring.process_memory import retain_all_memory
 from station.wiring.sample_files import by_units
 
@@ -96,4 +97,4 @@ def _draw(folder: Path, recipe: Recipe, result: CalibrationResult) -> None:
         for name, svg in unit_figures(recipe, result).items():
             (folder / f"{safe}-{name}.svg").write_text(svg, encoding="utf-8")
     except OSError as exc:
-        raise UsageError(f"--pictures {folder} cannot be written ({exc.strerror}); name another folder") from exc
+        raise UsageError("option-not-written", option="--pictures", path=str(folder), why=system_reason(exc)) from exc

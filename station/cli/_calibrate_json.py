@@ -12,6 +12,7 @@ from typing import IO, Any
 from station.cli import _output
 from station.errors import UsageError
 from station.files.replace import replacing
+from station.messages import system_reason
 
 
 class CalibrationJsonWriter:
@@ -52,8 +53,7 @@ class CalibrationJsonWriter:
         try:
             part = self._opened.enter_context(replacing(path))
         except OSError as exc:
-            reason = f"--json {path} cannot be written ({exc.strerror}); name a file in a folder that exists"
-            raise UsageError(reason) from exc
+            raise UsageError("option-not-written", option="--json", path=str(path), why=system_reason(exc)) from exc
         return self._opened.enter_context(part.open("w", encoding="utf-8"))
 
     @staticmethod

@@ -44,9 +44,9 @@ class CheckSubject:
 def check_recipe(name: str, count: int | None, *, order: bool, config: Path | None, as_json: bool) -> int:
     """Checks and prints; 0 when the recipe stands. Errors: InputError."""
     if count is not None and order:
-        raise UsageError("--design proposes other positions and --order sorts those there are; ask for one at a time")
+        raise UsageError("check-design-or-order")
     if config is not None and not order:
-        raise UsageError("--config tells --order the positioner's own moving times; add --order")
+        raise UsageError("check-config-needs-order")
     recipe = load_recipe(name)
     asked = CheckSubject(recipe, recipe_path(name), _rounding(recipe, recipe_path(name)))
     if count is None:
@@ -181,7 +181,7 @@ def _order(config: Path | None, asked: CheckSubject) -> CheckSection:
     from station.cli._check_order import order_proposal
 
     if not asked.recipe.pose_known:
-        raise UsageError(f"recipe {asked.recipe.name} is held by hand, in any order; --order needs known poses")
+        raise UsageError("check-order-by-hand", recipe=asked.recipe.name)
     return CheckSection("order", *order_proposal(asked.recipe, config))
 
 

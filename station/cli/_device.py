@@ -35,7 +35,7 @@ def parse_node_id(text: str) -> int:
     try:
         return int(text, 0)
     except ValueError:
-        raise UsageError(f"node {text[:20]!r} is no node id; write 1 to 127, or 0x01 to 0x7f") from None
+        raise UsageError("node-not-id", text=text[:20]) from None
 
 
 class _Commands:

@@ -28,6 +28,7 @@ from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError, SamplesError, UsageError
 from station.files.replace import replace_text
+from station.messages import system_reason
 from station.model.model_file import Model
 from station.wiring.process_memory import retain_all_memory
 
@@ -57,7 +58,7 @@ def run_diagnose(
     recipe, simulation = load_recipe(recipe_name), load_model(model)
     for option, path in (("--report", wanted.report), ("--extend", wanted.extend), ("--next-run", wanted.next_run)):
         if path is not None and not path.parent.is_dir():
-            raise UsageError(f"{option} {path}: there is no folder {path.parent}; make it first")
+            raise UsageError("option-no-folder", option=option, path=str(path), folder=str(path.parent))
     table = _without_gaps(_table(samples, db, since, recipe_name, recipe))
     found = diagnose(recipe, table, simulation, _cached_null(seed))
     proposed, proposal = next_run(found)
@@ -74,9 +75,9 @@ def run_diagnose(
 def _table(samples: Path | None, db: Path | None, since: str | None, recipe_name: str, recipe: Recipe) -> SampleTable:
     """The samples of a table, of a recorded CAN log, or of the station's log."""
     if (samples is None) == (db is None):
-        raise UsageError("say where the samples are: either --samples FILE or --db FILE")
+        raise UsageError("diagnose-without-samples")
     if since is not None and db is None:
-        raise UsageError("--since chooses from the station's log; add --db FILE or leave it out")
+        raise UsageError("diagnose-since-needs-db")
     if samples is None:
         return _table_of_store(db, since, recipe)
     if samples.suffix.lower() in CAN_LOGS:
@@ -85,10 +86,7 @@ def _table(samples: Path | None, db: Path | None, since: str | None, recipe_name
 
     rows = rows_about(samples)
     if rows > MOST_ROWS:
-        raise SamplesError(
-            f"{samples} holds about {rows:,} rows, more than the {MOST_ROWS:,} that are diagnosed at once; give it "
-            "some of the units, or some of the days"
-        )
+        raise SamplesError("diagnose-too-many-rows", file=str(samples), rows=rows, limit=MOST_ROWS)
     table = read_samples(samples)
     _check_names(table, recipe, samples)
     return table
@@ -136,9 +134,7 @@ def _table_of_store(db: Path | None, since: str | None, recipe: Recipe) -> Sampl
         attempts = log.attempts(query)[::-1]
         tables = list(stored.samples(log, attempts))
         if not tables:
-            raise LogError(
-                f"the log {log.location} holds no stops of recipe {recipe.name!r}; `station audit` lists what it holds"
-            )
+            raise LogError("log-no-visits-of-recipe", log=log.location, recipe=recipe.name)
         return join(tables)
 
 
@@ -232,9 +228,7 @@ def _write_text(path: Path, option: str, text: str) -> None:
     try:
         replace_text(path, text)
     except OSError as exc:
-        raise UsageError(
-            f"{option} {path} cannot be written ({exc.strerror}); name a file in a folder that exists"
-        ) from exc
+        raise UsageError("option-not-written", option=option, path=str(path), why=system_reason(exc)) from exc
 
 
 def _line_sentences(told: Mapping[str, Any]) -> Iterator[str]:

@@ -10,6 +10,7 @@ from markupsafe import Markup, escape
 from station.cli._pages import environment
 from station.diagnosis.results.diagnose import Diagnosis
 from station.errors import UsageError
+from station.messages import system_reason
 from station.reporting.diagnosis.gather import report_data
 from station.reporting.diagnosis.page import ReportPage, build_page
 
@@ -39,4 +40,4 @@ def write_figures(folder: Path, page: ReportPage) -> None:
             safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in name)
             (folder / f"{safe}.svg").write_text(svg, encoding="utf-8")
     except OSError as exc:
-        raise UsageError(f"--figures {folder} cannot be written ({exc.strerror}); name another folder") from exc
+        raise UsageError("option-not-written", option="--figures", path=str(folder), why=system_reason(exc)) from exc

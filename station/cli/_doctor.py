@@ -1,4 +1,4 @@
-"""What `station doctor` looks at; each check is a function that says what it found, or raises what is wrong."""
+"""What `station doctor` looks at; each check is a function that returns what it found, or raises what is wrong."""
 
 import os
 import shutil
@@ -14,6 +14,7 @@ from station.cli import _output
 from station.config.settings import Settings, load_settings
 from station.domain.product.map_check import mismatches
 from station.errors import BusFault, ConfigError, ReferenceOverdue, StationError, StationFault, StoreFault, UsageError
+from station.messages import Message, render
 from station.ports.log_reader import Query
 from station.service import golden_register
 from station.wiring.buses import bus_kind
@@ -31,7 +32,7 @@ LOW_DISK_BYTES = 2 * 1024**3
 
 @dataclass(frozen=True, slots=True)
 class DoctorRequest:
-    """What the command line says."""
+    """What the command line asks for."""
 
     recipe: str | None
     config: Path | None
@@ -48,33 +49,34 @@ class DoctorContext:
     recipe: str
 
 
-def run_checks(asked: DoctorRequest, *, as_json: bool) -> int:
-    """Every check, each told in a line; 0 when all are well, 3 otherwise. Errors: ConfigError."""
-    settings = load_settings(asked.config)
-    station = DoctorContext(settings, asked.db or Path(settings.database), asked.recipe or settings.recipe)
-    checks = {k: v for k, v in CHECKS.items() if not (k in BUS_CHECKS and _simulated(asked, settings))}
-    found = [_run_check(name, check, station) for name, check in checks.items()]
-    well = all(f["well"] for f in found)
+def run_checks(request: DoctorRequest, *, as_json: bool) -> int:
+    """Every check, one line each; 0 when all are well, 3 otherwise. Errors: ConfigError."""
+    settings = load_settings(request.config)
+    station = DoctorContext(settings, request.db or Path(settings.database), request.recipe or settings.recipe)
+    checks = {k: v for k, v in CHECKS.items() if not (k in BUS_CHECKS and _simulated(request, settings))}
+    results = [_run_check(name, check, station) for name, check in checks.items()]
+    well = all(r["well"] for r in results)
     if as_json:
-        _output.print_json({"schema": "station.doctor/1", "well": well, "checks": found})
+        _output.print_json({"schema": "station.doctor/1", "well": well, "checks": results})
     else:
-        for f in found:
-            _output.print_line(f"{'✔' if f['well'] else '✘'} {f['check']}: {f['said']}")
+        for r in results:
+            _output.print_line(f"{'✔' if r['well'] else '✘'} {r['check']}: {r['said']}")
     return 0 if well else StationFault.exit_code
 
 
-def _simulated(asked: DoctorRequest, settings: Settings) -> bool:
-    return asked.simulate or not bus_kind(settings.bus).interface_of_kernel
+def _simulated(request: DoctorRequest, settings: Settings) -> bool:
+    return request.simulate or not bus_kind(settings.bus).interface_of_kernel
 
 
-def _run_check(name: str, check: Callable[[DoctorContext], str], station: DoctorContext) -> dict[str, Any]:
+def _run_check(name: str, check: Callable[[DoctorContext], Message], station: DoctorContext) -> dict[str, Any]:
     try:
-        return {"check": name, "well": True, "said": check(station)}
+        message, well = check(station), True
     except StationError as exc:
-        return {"check": name, "well": False, "said": exc.sentence}
+        message, well = exc.message, False
+    return {"check": name, "well": well, "said": render(message), "message": message.document()}
 
 
-def _bus(station: DoctorContext) -> str:
+def _bus(station: DoctorContext) -> Message:
     bus = station.settings.bus
     from station.wiring.bus_status import bitrate_of, query_link
 
@@ -84,25 +86,27 @@ def _bus(station: DoctorContext) -> str:
     try:
         link = query_link(bus.channel)
     except OSError:
-        known = ", ".join(n for _, n in socket.if_nameindex() if "can" in n) or "none"
-        raise BusFault(
-            f"there is no interface {bus.channel} (CAN interfaces here: {known}); plug the adapter in, then `{setup}`"
-        ) from None
+        interfaces = [n for _, n in socket.if_nameindex() if "can" in n]
+        raise BusFault("can-no-interface", channel=bus.channel, interfaces=interfaces, setup=setup) from None
     if not link.up:
-        raise BusFault(f"{bus.channel} is down; as root: `{setup}`")
+        raise BusFault("can-down", channel=bus.channel, setup=setup)
     if link.bitrate not in (None, bitrate):
-        raise BusFault(f"{bus.channel} runs at {link.bitrate} bit/s, but config.yaml says {bitrate}; `{setup}`")
-    errors = f", errors sending {link.counters.sending}, receiving {link.counters.receiving}" if link.counters else ""
+        raise BusFault("can-other-bitrate", channel=bus.channel, bitrate=link.bitrate, expected=bitrate, setup=setup)
+    errors = Message("can-error-counters-unknown")
+    if link.counters:
+        errors = Message("can-error-counters", sending=link.counters.sending, receiving=link.counters.receiving)
     if link.can_state not in (None, "active"):
-        remedy = f"check wiring, termination and bit rate, then `{setup}`"
-        raise BusFault(f"{bus.channel} is {link.can_state}{errors}; {remedy}")
-    short = link.queue is not None and link.queue < SHORT_QUEUE
-    queue = f"; its queue holds {link.queue} frames, `ip link set {bus.channel} txqueuelen 1000`" if short else ""
-    return f"{bus.channel} ({link.kind}) is up, state {link.can_state or 'not told'}{errors}{queue}"
+        raise BusFault("can-error-state", channel=bus.channel, state=str(link.can_state), errors=errors, setup=setup)
+    up = Message(
+        "doctor-bus-up", channel=bus.channel, kind=str(link.kind), state=link.can_state or "unknown", errors=errors
+    )
+    if link.queue is not None and link.queue < SHORT_QUEUE:
+        return Message("doctor-bus-short-queue", up=up, channel=bus.channel, frames=link.queue)
+    return up
 
 
-def _traffic(station: DoctorContext) -> str:
-    """Listens for a moment and sends nothing: another station may be at work. Error frames are somebody's trouble."""
+def _traffic(station: DoctorContext) -> Message:
+    """Listens for a moment and sends nothing: another station may be at work. Error frames mean a fault."""
     from station.domain.can.error_frames import error_frames
     from station.domain.core.types import ERROR, Frames
     from station.wiring.bus_status import open_listener
@@ -112,95 +116,99 @@ def _traffic(station: DoctorContext) -> str:
     try:
         channel, until_s = bus.stream(()), time.monotonic() + LISTEN_S
         parts = [channel.receive(0.0)]
-        while (left_s := until_s - time.monotonic()) > 0:
-            parts.append(channel.receive(left_s))
+        while (remaining_s := until_s - time.monotonic()) > 0:
+            parts.append(channel.receive(remaining_s))
     finally:
         bus.close()
     frames = Frames.join(parts)
-    if told := error_frames(frames):
-        raise BusFault("bus-reports-errors", bus=name, errors=told)
+    if errors := error_frames(frames):
+        raise BusFault("bus-reports-errors", bus=name, errors=errors)
     plain = frames.can_id[(frames.can_id & ERROR) == 0]
     if not len(plain):
-        return f"nothing came on {name} in {LISTEN_S:g} s; are the units powered?"
+        return Message("doctor-bus-silent", channel=name, duration_s=LISTEN_S)
     nodes = {int(i) & 0x7F for i in plain.tolist()} & {n.node for n in station.settings.nests}
     names = [n.name for n in station.settings.nests if n.node in nodes]
-    heard = f"frames of nests {', '.join(names)}" if names else "none of them from a nest; are the units powered?"
-    return f"{len(plain) / LISTEN_S:.0f} frames/s on {name}, {heard}"
+    rate = len(plain) / LISTEN_S
+    if not names:
+        return Message("doctor-bus-no-nest", channel=name, rate=rate)
+    return Message("doctor-bus-traffic", channel=name, rate=rate, nests=names)
 
 
-def _rights(station: DoctorContext) -> str:
+def _rights(station: DoctorContext) -> Message:
     folder = station.database.resolve().parent
     if not folder.is_dir():
-        raise StoreFault(f"there is no folder {folder} for the log; make it, or change `database`")
+        raise StoreFault("doctor-no-folder", folder=str(folder))
     paths = [folder, *(p for p in (station.database,) if p.exists())]
     for path in paths:
         if not os.access(path, os.R_OK | os.W_OK):
-            raise StoreFault(f"user {os.getuid()} may not write {path}; `chown {os.getuid()} {path}` gives it to them")
-    return f"{folder} can be written"
+            raise StoreFault("doctor-not-writable", user=os.getuid(), path=str(path))
+    return Message("doctor-writable", folder=str(folder))
 
 
-def _clock(station: DoctorContext) -> str:
+def _clock(station: DoctorContext) -> Message:
     now_s = time.time()
     if now_s < 1.7e9:
-        raise StationFault("the clock stands before 2024; set it, or let NTP set it: `timedatectl set-ntp true`")
+        raise StationFault("doctor-clock-unset")
     if station.database.exists():
         with open_log(station.database) as log:
             newest = log.attempts(Query(), 1)
         ahead_s = newest[0].started_ns / 1e9 - now_s if newest else 0.0
         if ahead_s > 1:
-            raise StationFault(f"the clock is {ahead_s:.0f} s behind the newest record of the log; set it by NTP")
+            raise StationFault("doctor-clock-behind", behind_s=ahead_s)
     synchronised = Path("/run/systemd/timesync/synchronized").exists()
-    return f"not before the newest record; {'NTP has set it' if synchronised else 'whether NTP sets it is not known'}"
+    return Message("doctor-clock-synchronised" if synchronised else "doctor-clock-well")
 
 
-def _disk(station: DoctorContext) -> str:
+def _disk(station: DoctorContext) -> Message:
     folder = station.database.resolve().parent
     if not folder.is_dir():
-        raise StoreFault(f"there is no folder {folder} for the log; make it, or change `database`")
+        raise StoreFault("doctor-no-folder", folder=str(folder))
     free = shutil.disk_usage(folder).free
     if free < LOW_DISK_BYTES:
-        raise StoreFault(f"{folder} has {free / 1024**3:.1f} GiB left; free some, a full disk stops the line")
-    return f"{free / 1024**3:.0f} GiB free at {folder}"
+        raise StoreFault(
+            "doctor-disk-low", folder=str(folder), free_gib=free / 1024**3, limit_gib=LOW_DISK_BYTES / 1024**3
+        )
+    return Message("doctor-disk-free", folder=str(folder), free_gib=free / 1024**3)
 
 
-def _recipe(station: DoctorContext) -> str:
+def _recipe(station: DoctorContext) -> Message:
     _, source = load_job(station.recipe)
-    return f"{source.recipe}, product {source.product}, frames {source.dbc}"
+    return Message("doctor-recipe", recipe=str(source.recipe), product=str(source.product), dbc=str(source.dbc))
 
 
-def _map(station: DoctorContext) -> str:
+def _map(station: DoctorContext) -> Message:
     job, source = load_job(station.recipe)
     if source.eds is None:
-        return f"{source.product} names no EDS to hold the map against"
+        return Message("doctor-no-eds", product=str(source.product))
     wrong = mismatches(job.product.map, read_dictionary(source.eds, station.settings.nests[0].node))
     if wrong:
         raise ConfigError("map-contradicts-eds", file=str(source.product), eds=str(source.eds), mismatches=wrong)
-    return f"{source.product} fits {source.eds}"
+    return Message("doctor-map-fits", product=str(source.product), eds=str(source.eds))
 
 
-def _key(station: DoctorContext) -> str:
+def _key(station: DoctorContext) -> Message:
     path = station.settings.signing_key
     if not path:
-        return "none; the chain shows edits, but a `signing_key` would also show a rebuilt log"
+        return Message("doctor-no-key")
     mode = Path(path).stat().st_mode & 0o077 if Path(path).exists() else 0
     if mode:
-        raise ConfigError(f"others may read the station key {path}; `chmod 600 {path}`")
-    return f"{path}, public half {public_key_of_signer(Path(path)).hex()[:16]}…"
+        raise ConfigError("doctor-key-readable", path=path)
+    return Message("doctor-key", path=path, public=public_key_of_signer(Path(path)).hex()[:16])
 
 
-def _golden(station: DoctorContext) -> str:
+def _golden(station: DoctorContext) -> Message:
     if station.settings.golden is None:
-        return "not wanted by config.yaml"
-    found = golden_register.standings(station.settings, partial(find_log, station.database))
-    if not found:
-        raise UsageError(f"{station.settings.golden.file} registers none; run one and `station golden register SERIAL`")
-    problems = [s.problem for s in found if s.problem]
+        return Message("doctor-golden-off")
+    statuses = golden_register.standings(station.settings, partial(find_log, station.database))
+    if not statuses:
+        raise UsageError("golden-register-empty", file=station.settings.golden.file)
+    problems = [s.problem for s in statuses if s.problem]
     if problems:
         raise ReferenceOverdue("; ".join(problems))
-    return f"{len(found)} units as registered"
+    return Message("doctor-golden-well", count=len(statuses))
 
 
-CHECKS: dict[str, Callable[[DoctorContext], str]] = {
+CHECKS: dict[str, Callable[[DoctorContext], Message]] = {
     "bus": _bus,
     "traffic": _traffic,
     "rights": _rights,

@@ -13,6 +13,7 @@ from typing import Any
 from station.cli import _output
 from station.errors import LogError, UsageError
 from station.files.replace import replacing
+from station.messages import system_reason
 from station.ports.log_reader import Attempt, LogReader, Query
 from station.service import stored_attempts
 
@@ -32,12 +33,12 @@ class ExportFiles:
         """UsageError where nothing is wanted, or a name says nothing that can be written."""
         given = {name: path for name, path in asdict(self).items() if path is not None}
         if not given:
-            raise UsageError("nothing to write; name a file with --samples, --results or --frames")
+            raise UsageError("export-nothing-named")
         for name, path in given.items():
             if path.suffix.lower() not in _ENDINGS[name]:
-                raise UsageError(f"--{name} {path}: its ending must be one of {', '.join(_ENDINGS[name])}")
+                raise UsageError("option-ending", option=f"--{name}", path=str(path), endings=_ENDINGS[name])
             if not path.parent.is_dir():
-                raise UsageError(f"--{name} {path}: there is no folder {path.parent}; make it first")
+                raise UsageError("option-no-folder", option=f"--{name}", path=str(path), folder=str(path.parent))
 
 
 def select_attempts(log: LogReader, query: Query, serials: Sequence[str], ids: Sequence[str]) -> list[Attempt]:
@@ -45,7 +46,7 @@ def select_attempts(log: LogReader, query: Query, serials: Sequence[str], ids: S
     queries = [replace(query, serial=serial) for serial in serials] or [query]
     found = {a.number: a for q in queries for a in log.attempts(q) if not ids or a.attempt in ids}
     if not found:
-        raise LogError(f"the log {log.location} holds no such attempt; `station audit` lists those it holds")
+        raise LogError("log-no-such-attempt", log=log.location)
     return [found[number] for number in sorted(found)]
 
 
@@ -107,7 +108,7 @@ def _samples(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[s
     tables = counted()
     first = next(tables, None)
     if first is None:
-        raise LogError("these attempts hold no stops, so there are no samples to write")
+        raise LogError("export-no-visits")
     head = log.head()
     write_parts(chain([first], tables), path, {"head": f"{head.number}:{head.hash}"})
     return "samples", rows
@@ -165,7 +166,7 @@ def _atomic_file(path: Path) -> Iterator[Path]:
         with replacing(path, durable=True) as unfinished:
             yield unfinished
     except OSError as exc:
-        raise UsageError(f"{path} cannot be written ({exc.strerror or exc}); choose another place") from exc
+        raise UsageError("file-not-written", file=str(path), why=system_reason(exc)) from exc
 
 
 def _sha256(path: Path) -> str:

@@ -29,14 +29,14 @@ def manage_golden_units(
     db, config = where
     settings = load_settings(config)
     if settings.golden is None:
-        raise ConfigError("config.yaml has no golden block; add golden: {file: golden.json, every_h: 8}")
+        raise ConfigError("golden-not-configured")
     database, register = db or Path(settings.database), Path(settings.golden.file)
     units = golden_register.load(register)
     if action in ("register", "remove"):
         _update_register(units, action, serial, said, database)
         golden_register.save(register, units)
     elif action not in ("check", "list"):
-        raise UsageError(f"there is no action {action[:20]!r}; use register, remove, check or list")
+        raise UsageError("golden-unknown-action", action=action[:20])
     standings = golden_register.standings(settings, partial(find_log, database))
     if as_json:
         document = {"schema": golden_register.SCHEMA, "units": [asdict(u) for u in units.values()]}
@@ -52,14 +52,14 @@ def _update_register(
     units: dict[str, RegisteredUnit], action: str, serial: str | None, said: RegisterOptions, database: Path
 ) -> None:
     if serial is None:
-        raise UsageError(f"say which unit: station golden {action} SERIAL")
+        raise UsageError("golden-without-serial", action=action)
     if action == "register":
         with open_log(database) as log:
             units[serial] = golden_register.expect(
                 log, serial, bad=said.bad, share=said.within, due=_parse_day(said.due)
             )
     elif units.pop(serial, None) is None:
-        raise UsageError(f"the register holds no unit {serial!r}; it holds {', '.join(units) or 'none'}")
+        raise UsageError("golden-not-registered", serial=serial, serials=tuple(units))
 
 
 def _parse_day(text: str) -> str:
@@ -68,4 +68,4 @@ def _parse_day(text: str) -> str:
     try:
         return date.fromisoformat(text).isoformat()
     except ValueError as exc:
-        raise UsageError(f"--due {text[:20]!r} is no day; write 2027-01-31") from exc
+        raise UsageError("option-not-a-day", option="--due", text=text[:20]) from exc

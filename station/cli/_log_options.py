@@ -36,15 +36,13 @@ def parse_time_ns(text: str | None, option: str) -> int | None:
         try:
             moment = datetime.fromisoformat(text)
         except ValueError as exc:
-            raise UsageError(
-                f"{option} {text[:40]!r} is no time; write 2026-11-21, 2026-11-21T13:00 or 7d (ago)"
-            ) from exc
+            raise UsageError("option-not-a-time", option=option, text=text[:40]) from exc
     try:
         since_1970_s = moment.astimezone().timestamp()
     except (OverflowError, ValueError):
         since_1970_s = math.inf
     if not abs(since_1970_s) < FURTHEST_TIME_S:
-        raise UsageError(f"{option} {text[:40]!r} is beyond every clock of the log; give a year from 1700 to 2260")
+        raise UsageError("option-time-range", option=option, text=text[:40])
     return int(since_1970_s * 1e9)
 
 
@@ -54,5 +52,5 @@ def parse_head(text: str | None) -> dict[int, bytes]:
         return {}
     number, _, seal = text.partition(":")
     if not number.isdigit() or len(seal) != 64 or set(seal.lower()) - set("0123456789abcdef"):
-        raise UsageError("--head wants NUMBER:HASH as printed on a certificate or export, 64 hexadecimal digits")
+        raise UsageError("option-head-form")
     return {int(number): bytes.fromhex(seal)}

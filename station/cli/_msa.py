@@ -16,6 +16,7 @@ from station.config.settings import load_settings
 from station.domain.core.types import Floats
 from station.domain.line_quality import msa
 from station.errors import UsageError
+from station.messages import system_reason
 from station.ports.log_reader import Query
 from station.reporting.line.statistics import VALUE_NAMES, limits_of
 from station.service.line_statistics import attempt_values
@@ -50,9 +51,9 @@ class MsaRequest:
 def run_study(order: RunOrder, ask: MsaRequest, *, as_json: bool) -> int:
     """Does the study, keeps it and tells it; the exit code. Errors: UsageError, LogError, those of a run."""
     if ask.study not in ("type1", "grr"):
-        raise UsageError(f"there is no study {ask.study[:20]!r}; use type1 or grr")
+        raise UsageError("msa-unknown-study", study=ask.study[:20])
     if ask.value not in VALUE_NAMES:
-        raise UsageError(f"there is no value {ask.value[:40]!r}; use one of {', '.join(VALUE_NAMES)}")
+        raise UsageError("unknown-value", value=ask.value[:40], values=VALUE_NAMES)
     readings = _readings_of_table(ask) if ask.samples is not None else _readings_of_log(order, ask)
     told = _type1(ask, order, readings) if ask.study == "type1" else _grr(ask, order, readings)
     document = {
@@ -75,7 +76,7 @@ def run_study(order: RunOrder, ask: MsaRequest, *, as_json: bool) -> int:
 
 def _type1(ask: MsaRequest, order: RunOrder, readings: Floats) -> dict[str, Any]:
     if ask.reference is None:
-        raise UsageError("a type-1 study compares with the unit's known value; add --reference VALUE")
+        raise UsageError("msa-without-reference")
     found = msa.type1(
         readings,
         ask.reference,
@@ -107,7 +108,7 @@ def _tolerance(ask: MsaRequest, order: RunOrder) -> float:
     job, _ = load_job(order.recipe or load_settings(order.config).recipe)
     lower, upper = limits_of(ask.value, job.recipe.limits)
     if lower is None or upper is None:
-        raise UsageError(f"the recipe has no two-sided limit for {ask.value}; add --tolerance WIDTH")
+        raise UsageError("msa-without-tolerance", value=ask.value)
     return upper - lower
 
 
@@ -124,10 +125,12 @@ def _readings_of_table(ask: MsaRequest) -> Floats:
         for row, value in zip(rows, values, strict=True):
             cells.setdefault((row["part"], row["appraiser"]), []).append(value)
     except OSError as exc:
-        raise UsageError(f"{ask.samples} cannot be read ({exc.strerror}); check --samples") from exc
+        raise UsageError("option-not-read", option="--samples", path=str(ask.samples), why=system_reason(exc)) from exc
     except (KeyError, ValueError, TypeError) as exc:
         columns = "value" if ask.study == "type1" else "part,appraiser,trial,value"
-        raise UsageError(f"{ask.samples} is not a table with the columns {columns} ({exc}); see --help") from exc
+        raise UsageError(
+            "msa-samples-columns", path=str(ask.samples), columns=columns, why=" ".join(str(exc).split())
+        ) from exc
     return crossed_readings(cells, min(map(len, cells.values()), default=0), str(ask.samples))
 
 
@@ -137,15 +140,15 @@ def _readings_of_log(order: RunOrder, ask: MsaRequest) -> Floats:
         (SIMULATED_PARTS[:1] if ask.study == "type1" else SIMULATED_PARTS) if order.simulate else ()
     )
     if not serials:
-        raise UsageError("say which units are studied: --serial S, repeatable")
+        raise UsageError("msa-without-serials")
     nests = [n.name for n in load_settings(order.config).nests]
     if ask.study == "type1":
         if len(serials) != 1:
-            raise UsageError(f"a type-1 study repeats one unit; give --serial once, not {len(serials)} times")
+            raise UsageError("msa-type1-serials", count=len(serials))
         wanted = {(serials[0], nests[0]): ask.repeats}
     else:
         if ask.nests > len(nests) or ask.nests > len(serials):
-            raise UsageError(f"{ask.nests} nests need as many parts, and a station with as many; lower --nests")
+            raise UsageError("msa-too-few-parts", nests=ask.nests)
         wanted = {(s, n): ask.trials for s in serials for n in nests[: ask.nests]}
     if ask.measures_missing:
         measure_missing(order, wanted, _reading_counts(order, ask, serials))
@@ -157,10 +160,7 @@ def _complete_readings(order: RunOrder, ask: MsaRequest, wanted: Mapping[StudyCe
     for cell, count in wanted.items():
         there = len(cells.get(cell, ()))
         if there < count:
-            raise UsageError(
-                f"{cell[0]} has {there} of {count} readings in nest {cell[1]}; put it there and add --run "
-                "(or --simulate), and the study goes on from here"
-            )
+            raise UsageError("msa-too-few-readings", serial=cell[0], nest=cell[1], readings=there, count=count)
     if ask.study == "type1":
         ((cell, count),) = wanted.items()
         return np.array(cells[cell][-count:])
@@ -190,9 +190,7 @@ def crossed_readings(cells: Mapping[StudyCell, Sequence[float]], trials: int, wh
     parts, appraisers = (sorted({cell[i] for cell in cells}) for i in (0, 1))
     missing = [f"{p} × {a}" for p in parts for a in appraisers if len(cells.get((p, a), ())) < max(trials, 2)]
     if missing or not parts:
-        raise UsageError(
-            f"{where}: the study is not crossed; too few readings of {', '.join(missing[:3]) or 'anything'}"
-        )
+        raise UsageError("msa-not-crossed", log=where, missing=missing[:3])
     return np.array([[list(cells[p, a])[-trials:] for a in appraisers] for p in parts])
 
 
@@ -212,8 +210,8 @@ def _store_study(document: Mapping[str, Any], source: Path) -> Path:
                 path.write_text(json.dumps(document, indent=1, allow_nan=False), encoding="utf-8")
                 return path
     except OSError as exc:
-        raise UsageError(f"the study cannot be kept in {folder} ({exc.strerror})") from exc
-    raise UsageError(f"{folder} holds a thousand studies of this second; clear it up")
+        raise UsageError("file-not-written", file=str(folder), why=system_reason(exc)) from exc
+    raise UsageError("msa-too-many-studies", folder=str(folder))
 
 
 def _print_study(document: Mapping[str, Any]) -> None:

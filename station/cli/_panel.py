@@ -10,6 +10,7 @@ from pathlib import Path
 from station.cli import _output
 from station.config.settings import Settings, load_settings
 from station.errors import ConfigError, StationFault, UsageError
+from station.messages import system_reason
 from station.panel_protocol.presence import serving
 from station.web import accounts
 from station.web.accounts import Account, Role
@@ -53,12 +54,12 @@ def change_accounts(where: PanelFiles, add: str | None, remove: str | None, role
     path = where.people(load_settings(where.config))
     people = accounts.load(path)
     if remove is not None and people.pop(remove, None) is None:
-        raise UsageError(f"{path} holds nobody named {remove!r}; it holds {', '.join(people) or 'nobody'}")
+        raise UsageError("panel-no-person", file=str(path), name=remove, people=tuple(people))
     if add is not None:
         if not add.isprintable() or not 0 < len(add) <= 64:
-            raise UsageError("a name has 1 to 64 printable characters")
+            raise UsageError("panel-name-form")
         if role not in list(Role):
-            raise UsageError(f"there is no role {role!r}; use {', '.join(Role)}")
+            raise UsageError("panel-unknown-role", role=role, roles=tuple(Role))
         people[add] = Account(add, Role(role), accounts.hash_password(_read_password(add)))
     accounts.save(path, people)
     _output.print_line(f"{path}: {', '.join(f'{p.name} ({p.role})' for p in people.values()) or 'nobody'}")
@@ -76,9 +77,7 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
     people = where.people(settings)
     if not accounts.load(people):
         if pace is None:
-            raise ConfigError(
-                f"{people}: nobody may log in yet; `station panel --add NAME --role engineer` adds a person"
-            )
+            raise ConfigError("panel-nobody", file=str(people))
         _add_demo_account(people)
     panel = Panel(settings, job.recipe, order, people, secure=listen.secure)
     with serving(order.database):
@@ -127,9 +126,7 @@ def _listening_socket(listen: ListenAddress) -> socket.socket:
             door.close()
             raise
     except OSError as exc:
-        raise StationFault(
-            f"nobody can listen at {listen.host} port {listen.port} ({exc.strerror}); choose another --port"
-        ) from exc
+        raise StationFault("panel-not-listening", host=listen.host, port=listen.port, why=system_reason(exc)) from exc
     return door
 
 
@@ -145,5 +142,5 @@ def _read_password(name: str) -> str:
         return sys.stdin.readline(1000).rstrip("\r\n")
     first = getpass.getpass(f"password of {name}: ")
     if getpass.getpass("once more: ") != first:
-        raise UsageError("the two passwords differ; try again")
+        raise UsageError("panel-passwords-differ")
     return first

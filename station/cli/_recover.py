@@ -18,13 +18,13 @@ _EXIT_CODES = {"old": 0, "new": 0, "mixed": 1, "other": 1}
 def recover_unit(order: RunOrder, serial: str, nest: str | None, how: str | None, *, as_json: bool) -> int:
     """Looks at the unit, and recovers it when told how; the exit code."""
     if order.database is not None and not order.database.exists():
-        raise UsageError(f"there is no log {order.database}; name the one of the attempt that was broken off")
+        raise UsageError("log-missing", path=str(order.database))
     with open_bench(order) as bench:
         for sentence in bench.told:
             _output.print_remark(sentence)
         suspect = bench.station.store.suspect(serial)
         if suspect is None:
-            raise UsageError(f"the log {bench.database} knows no attempt that may have left {serial!r} half written")
+            raise UsageError("recover-nothing-open", log=str(bench.database), serial=serial)
         unit = _unit(bench, serial, nest, suspect.attempt)
         identify_for_recovery(unit, bench.job)
         state = recovery.read_device_state(unit, suspect, bench.station)
@@ -43,7 +43,7 @@ def _unit(bench: Bench, serial: str, nest: str | None, attempt: str) -> Unit:
     nests = {n.name: n for n in bench.station.settings.nests}
     name = nest or next(iter(nests))
     if name not in nests:
-        raise UsageError(f"there is no nest {name!r}; the known ones are {', '.join(nests)}")
+        raise UsageError("unknown-nest", nest=name[:40], nests=tuple(nests))
     seat = NestAssignment(serial, name, nests[name].node)
     bench.fixture.place([seat])
     return Unit(seat, attempt, bench.station.device(seat.node), bench.station.clock.monotonic_s())

@@ -15,6 +15,7 @@ from station.domain.capture import position_matching
 from station.domain.capture.annotations import Annotations
 from station.domain.core.types import ERROR, Frames, Outcome
 from station.errors import LogError, UsageError
+from station.messages import system_reason
 from station.service.replay import ReplayedUnit, replay
 from station.service.station import Job
 from station.wiring.jobs import load_job
@@ -68,10 +69,7 @@ def _recognised_marks(log: Path, frames: Frames, job: Job) -> Annotations:
     """Marks found in the frames themselves. Errors: LogError when no node shows every position at rest."""
     found = [m for node in position_matching.nodes_in(frames, job.layout) for m in _marks_of_node(frames, node, job)]
     if not found:
-        raise LogError(
-            f"{log} has no marks beside it, and no device in it was held still in every position of "
-            f"{job.recipe.name}; write {log.name}.marks.csv, or look at it with --dbc"
-        )
+        raise LogError("log-without-marks", log=str(log), recipe=job.recipe.name, marks=f"{log.name}.marks.csv")
     return Annotations(marks=tuple(found))
 
 
@@ -127,7 +125,7 @@ def _message(frames: Frames, layout: FrameLayout) -> dict[str, Any]:
 def _write_signals(out: Path, frames: Frames, layouts: Mapping[str, FrameLayout]) -> None:
     """One row a signal value: frame number, time, message, signal, value."""
     if out.suffix.lower() != ".csv":
-        raise UsageError(f"{out}: decoded signals are written as .csv; choose that ending")
+        raise UsageError("option-ending", option="--out", path=str(out), endings=[".csv"])
     try:
         with out.open("w", encoding="utf-8", newline="") as file:
             rows = csv.writer(file)
@@ -135,7 +133,7 @@ def _write_signals(out: Path, frames: Frames, layouts: Mapping[str, FrameLayout]
             for layout in layouts.values():
                 rows.writerows(_values(frames, layout))
     except OSError as exc:
-        raise UsageError(f"{out} cannot be written ({exc.strerror}); choose another place") from None
+        raise UsageError("file-not-written", file=str(out), why=system_reason(exc)) from None
 
 
 def _values(frames: Frames, layout: FrameLayout) -> Iterator[tuple[int, int, str, str, Any]]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from station.cli import _output
 from station.cli._pages import environment
 from station.errors import UsageError
+from station.messages import system_reason
 from station.ports.log_reader import Query
 from station.reporting.line import charts
 from station.reporting.words import words_of
@@ -58,7 +59,7 @@ def _write(path: Path, text: str) -> None:
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as exc:
-        raise UsageError(f"{path} cannot be written ({exc.strerror}); choose another --out") from exc
+        raise UsageError("file-not-written", file=str(path), why=system_reason(exc)) from exc
 
 
 def _print_table(table: charts.ChartTable) -> None:

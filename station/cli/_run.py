@@ -88,7 +88,7 @@ def _check_faults(order: RunOrder, serials: Sequence[str]) -> None:
     for text in order.faults:
         whose, slash, _ = text.partition("/")
         if slash and whose not in (*serials, "BUS", "GOLD"):
-            raise UsageError(f"--fault {text[:60]}: {whose[:40]!r} is not among the units of this run, {serials[0]} …")
+            raise UsageError("fault-of-other-unit", text=text[:60], unit=whose[:40], first=serials[0])
 
 
 def exit_code(results: Sequence[UnitResult], fault: StationError | None) -> int:
@@ -206,9 +206,6 @@ def _check_person(bench: Bench, loads: int) -> None:
         return
     if loads > 1:
         nests = len(bench.station.settings.nests)
-        raise UsageError(
-            f"more than {nests} units need somebody who changes them; run it from a terminal, or {nests} at a time"
-        )
+        raise UsageError("run-loads-need-person", nests=nests)
     if any(r.seating != "home" or r.temperature_offset_degC or r.motors == "off" for r in bench.job.recipe.runs):
-        told = "this recipe needs somebody who turns the units in their nests or sees to their surroundings"
-        raise UsageError(f"{told}; run it from a terminal or from `station panel`")
+        raise UsageError("run-recipe-needs-person")

@@ -16,13 +16,13 @@ def ask_serials(bench: Bench, given: Sequence[str], units: int | None) -> tuple[
     """The serials of this run, checked one by one as they come. Errors: UsageError."""
     if given:
         if units is not None and units != len(given):
-            raise UsageError(f"--units {units} and {len(given)} times --serial do not agree; leave --units out")
+            raise UsageError("units-and-serials", units=units, serials=len(given))
         return tuple(given)
     if bench.simulated:
         return tuple(f"SN{i + 1:04d}" for i in range(units or len(bench.station.settings.nests)))
     found = tuple(_prompted(bench, units) if sys.stdin.isatty() else _scanned(bench, units))
     if not found:
-        raise UsageError("no serial came; give --serial, or scan one line a unit on standard input")
+        raise UsageError("no-serials")
     return found
 
 
@@ -33,9 +33,9 @@ def assign_nests(bench: Bench, serials: Sequence[str], nests: Sequence[str]) -> 
     nodes = {n.name: n.node for n in bench.station.settings.nests}
     unknown = [n for n in nests if n not in nodes]
     if unknown:
-        raise UsageError(f"there is no nest {unknown[0][:40]!r}; config.yaml names {', '.join(nodes)}")
+        raise UsageError("unknown-nest", nest=unknown[0][:40], nests=tuple(nodes))
     if len(nests) != len(serials) or len(set(nests)) != len(nests):
-        raise UsageError(f"{len(serials)} times --serial need as many different --nest; or leave --nest out")
+        raise UsageError("serials-and-nests", serials=len(serials), nests=len(set(nests)))
     return [tuple(NestAssignment(s, n, nodes[n]) for s, n in zip(serials, nests, strict=True))]
 
 

@@ -11,6 +11,7 @@ from station.config.models import load_model
 from station.config.recipes import load_recipe, recipe_path
 from station.config.settings import load_settings
 from station.errors import UsageError
+from station.messages import system_reason
 from station.model import truth
 from station.model.simulate import SimulatedUnits, SimulationJob, parse_effects, simulate_in_parts
 from station.model.simulated_line import SimulatedLine
@@ -39,10 +40,9 @@ def run_simulate(out: Path, asked: SimulateRequest, *, as_json: bool) -> int:
     """Writes the campaign and its truth; returns the exit code. Errors: InputError."""
     ending = out.suffix.lower()
     if ending not in (*TABLE_ENDINGS, *LOG_ENDINGS):
-        known = ", ".join((*TABLE_ENDINGS, *LOG_ENDINGS))
-        raise UsageError(f"--out {out}: the ending says what to write, and {ending or 'none'} is none of {known}")
+        raise UsageError("option-ending", option="--out", path=str(out), endings=(*TABLE_ENDINGS, *LOG_ENDINGS))
     if not out.parent.is_dir():
-        raise UsageError(f"--out {out}: there is no folder {out.parent}; make it first")
+        raise UsageError("option-no-folder", option="--out", path=str(out), folder=str(out.parent))
     name = asked.recipe or load_settings().recipe
     job = _job(asked, name)
     try:
@@ -50,7 +50,7 @@ def run_simulate(out: Path, asked: SimulateRequest, *, as_json: bool) -> int:
         beside = out.with_suffix(".truth.json")
         beside.write_text(json.dumps(told, ensure_ascii=False, allow_nan=False, indent=1), encoding="utf-8")
     except OSError as exc:
-        raise UsageError(f"--out {out} cannot be written ({exc.strerror or exc}); choose another place") from None
+        raise UsageError("option-not-written", option="--out", path=str(out), why=system_reason(exc)) from None
     _print_summary(out, beside, told, as_json=as_json)
     return 0
 
@@ -106,7 +106,7 @@ def _layout(job: SimulationJob, name: str, product: str | None) -> "SensorLayout
 
     said, near = product or job.recipe.product, recipe_path(name)
     if said is None:
-        raise UsageError(f"{near} names no product, so its frames are unknown; add --product, or write a .parquet")
+        raise UsageError("simulate-without-product", file=str(near))
     frames = load_product(said, near).frames
     return resolve(frames, read_layouts(product_path(said, near).parent / frames.dbc))
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import station
 from station.errors import Aborted, StationError, UsageError
+from station.messages import Message, render
 
 _FOLDER = Path(__file__).parent
 
@@ -24,7 +25,7 @@ _INTERRUPTED, _ABORTED_CODE, _BUG_CODE, _NOBODY_READS_CODE = 130, 4, 70, 3
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """The entry point: the one place that catches. Exit codes: contracts, section 1."""
+    """The entry point: the one place that catches. Exit codes: docs/formats.md."""
     gc.set_threshold(*_GC_THRESHOLDS)
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:
@@ -49,7 +50,7 @@ def _guarded(args: list[str]) -> int:
     except StationError as exc:
         return _fail(exc.sentence, exc.exit_code)
     except KeyboardInterrupt:
-        return _fail("stopped by the operator", _ABORTED_CODE)
+        return _fail(render(Message("stopped-by-operator")), _ABORTED_CODE)
     except BrokenPipeError:
         # Whoever read the output has gone; keep the interpreter from complaining about it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -72,8 +73,9 @@ def _dispatch(args: list[str]) -> int:
         return 0
     if name not in commands():
         close = difflib.get_close_matches(name, commands(), n=1)
-        hint = f"did you mean `{close[0]}`?" if close else "`station --help` lists them"
-        raise UsageError(f"there is no command {name[:40]!r}; {hint}")
+        if close:
+            raise UsageError("command-near", name=name[:40], nearest=close[0])
+        raise UsageError("command-unknown", name=name[:40])
     return _run(name, rest)
 
 
@@ -89,12 +91,12 @@ def _run(name: str, args: list[str]) -> int:
     try:
         code = get_command(app).main(args, prog_name=f"station {name}", standalone_mode=False)
     except typer.TyperException as exc:
-        told = " ".join(exc.format_message().split())
-        raise UsageError(f"{told.rstrip('.')}; `station {name} --help` shows an example") from exc
+        why = " ".join(exc.format_message().split()).rstrip(".")
+        raise UsageError("command-line-wrong", command=name, why=why) from exc
     except typer.Abort as exc:
-        raise Aborted("stopped by the operator") from exc
+        raise Aborted("stopped-by-operator") from exc
     if code == _INTERRUPTED:
-        raise Aborted("stopped by the operator")
+        raise Aborted("stopped-by-operator")
     return int(code or 0)
 
 
@@ -136,7 +138,7 @@ def _write_crash_report(exc: Exception, args: list[str]) -> str:
     head = f"station {station.__version__}, Python {platform.python_version()}, {platform.platform()}\nstation {args}\n"
     with tempfile.NamedTemporaryFile("w", prefix="station-crash-", suffix=".txt", delete=False) as file:
         file.write(head + "".join(traceback.format_exception(exc)))
-    return f"this is a bug in the station ({type(exc).__name__}); please report it with the file {file.name}"
+    return render(Message("station-bug", type=type(exc).__name__, file=file.name))
 
 
 def _raise_interrupt(_number: int, _frame: Any) -> None:

@@ -44,6 +44,6 @@ def command(
     if add is not None or remove is not None:
         return _panel.change_accounts(where, add, remove, role)
     if fault and not simulate:
-        raise UsageError("--fault changes simulated units; add --simulate or leave it out")
+        raise UsageError("option-needs-simulate", option="--fault")
     listen = _panel.ListenAddress(host, port, secure=secure)
     return _panel.serve(where, listen, pace=pace if simulate else None, faults=tuple(fault or ()))

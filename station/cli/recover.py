@@ -36,7 +36,7 @@ def command(
     from station.wiring.run_order import RunOrder
 
     if restore and go_on:
-        raise UsageError("--restore and --continue are two ways; choose one")
+        raise UsageError("recover-one-way")
     order = RunOrder(
         recipe=recipe,
         config=config,

@@ -68,6 +68,6 @@ def command(
         lot=lot,
     )
     if pace is not None and not simulate:
-        raise UsageError("--pace holds virtual time back; add --simulate or leave it out")
+        raise UsageError("option-needs-simulate", option="--pace")
     face = RunOptions(as_json=json, pace=pace, nests=tuple(nest or ()), confirm_at_page=ask_at_page)
     return run_units(order, tuple(serial or ()), units, face)

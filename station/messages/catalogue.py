@@ -55,7 +55,7 @@ class _Formatter(string.Formatter):
         if plural := _PLURAL.fullmatch(format_spec):
             return plural["one"] if value == 1 else plural["many"]
         if join := _JOIN.fullmatch(format_spec):
-            return join["between"].join(_text(part, self._language) for part in value)
+            return join["between"].join(_text(part, self._language) for part in value) or "–"
         if isinstance(value, Message) or (isinstance(value, Sequence) and not isinstance(value, str)):
             return _text(value, self._language)
         if value is None:

@@ -67,10 +67,7 @@ def run(
             done = zip(pool.map(compute_portion, tasks), tasks, strict=True)
             return BacktestResult.join([_with_progress(part, task, progress) for part, task in done])
     except BrokenProcessPool as exc:
-        raise StationFault(
-            "a process of the backtest was ended from outside, by a person or for want of memory; "
-            "run it again, with fewer --processes if memory is short"
-        ) from exc
+        raise StationFault("backtest-process-killed") from exc
 
 
 def compute_portion(task: Task) -> BacktestResult:

@@ -15,6 +15,7 @@ from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
 from station.errors import ConfigError, LogError, ReferenceOverdue
 from station.files.replace import replace_text
+from station.messages import system_reason
 from station.ports.log_reader import Attempt, LogReader, Query
 
 SCHEMA = "station.golden/1"
@@ -31,8 +32,7 @@ def load(path: Path) -> dict[str, RegisteredUnit]:
         units = json.loads(path.read_text(encoding="utf-8"))["units"]
         return {u["serial"]: _expected(u) for u in units}
     except (OSError, ValueError, KeyError, TypeError) as exc:
-        remedy = "restore it, or remove it and register the units again"
-        raise ConfigError(f"{path}: the register of golden units cannot be read ({exc}); {remedy}") from exc
+        raise ConfigError("golden-register-unreadable", file=str(path), why=" ".join(str(exc).split())) from exc
 
 
 def save(path: Path, units: dict[str, RegisteredUnit]) -> None:
@@ -41,7 +41,7 @@ def save(path: Path, units: dict[str, RegisteredUnit]) -> None:
     try:
         replace_text(path, text, durable=True)
     except OSError as exc:
-        raise ConfigError(f"{path} cannot be written ({exc.strerror}); check golden.file") from exc
+        raise ConfigError("golden-register-not-written", file=str(path), why=system_reason(exc)) from exc
 
 
 def expect(log: LogReader, serial: str, *, bad: bool, share: float, due: str) -> RegisteredUnit:
@@ -51,12 +51,11 @@ def expect(log: LogReader, serial: str, *, bad: bool, share: float, due: str) ->
     """
     attempt = _newest(log, serial, None)
     if attempt is None:
-        raise LogError(
-            f"the log {log.location} holds no PASS or FAIL of {serial!r}; run the unit once, then register it"
-        )
+        raise LogError("golden-without-verdict", log=log.location, serial=serial)
     wanted = "FAIL" if bad else "PASS"
+    kind = "known-bad" if bad else "golden"
     if attempt.outcome != wanted:
-        raise LogError(f"{serial} came out {attempt.outcome} last, so it is no {'known-bad' if bad else 'golden'} unit")
+        raise LogError("golden-other-outcome", serial=serial, outcome=str(attempt.outcome), kind=kind)
     shown = _golden_result(log, attempt)
     recipe = Recipe.model_validate_json(log.recipe_and_product(attempt)[0])
     halves = _half_widths(recipe, share)
@@ -96,7 +95,7 @@ def refuse_unless_checked(settings: Settings, find_log: FindLog, serials: Sequen
     register = Path(settings.golden.file)
     units = load(register)
     if not units:
-        raise ReferenceOverdue(f"config.yaml wants golden units, but {register} holds none; `station golden register`")
+        raise ReferenceOverdue("golden-register-empty", file=str(register))
     if set(serials) <= set(units):
         return
     problems = [s.problem for s in standings(settings, find_log) if s.problem]

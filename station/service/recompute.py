@@ -65,14 +65,14 @@ def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
 def parse_recipe_and_product(recipe_json: str, product_json: str) -> tuple[Recipe, Product, SensorLayout]:
     """Recipe, product and frames as an attempt used them. Errors: LogError where they were not kept."""
     if not recipe_json or not product_json:
-        raise LogError("this attempt was kept without its recipe and product, so it cannot be computed again")
+        raise LogError("attempt-without-recipe")
     return Recipe.model_validate_json(recipe_json), *product_record.load(product_json)
 
 
 def stored_visits(rows: Sequence[Mapping[str, Any]], frames: Sequence[Frames]) -> list[CapturedVisit]:
     """The tumble's visits with their raw frames, each checked against its sealed digest. Errors: LogError."""
     if len(rows) != len(frames):
-        raise LogError(f"{len(rows)} visits have {len(frames)} sets of raw frames; run `station audit --verify`")
+        raise LogError("attempt-frames-count", visits=len(rows), frames=len(frames))
     return [_stored_visit(row, own) for row, own in zip(rows, frames, strict=True) if row["kind"] == "tumble"]
 
 
@@ -98,7 +98,7 @@ def judged_ns(kept: Mapping[str, Any]) -> int:
 
 def _stored_visit(row: Mapping[str, Any], frames: Frames) -> CapturedVisit:
     if not raw.digest_matches(frames, row["frames_sha256"]):
-        raise LogError(f"the raw frames of visit record {row['record']} are not those that were sealed")
+        raise LogError("attempt-frames-altered", number=int(row["record"]))
     told = row["statistics"]
     return CapturedVisit(
         run=row["run"],

@@ -107,7 +107,7 @@ def _marks(log: LogReader, attempt: Attempt, visits: Sequence[CapturedVisit], ze
     try:
         return annotate_visits(NestAssignment(attempt.serial, attempt.nest, attempt.node), visits, layout, zero_ns)
     except ValidationError as exc:
-        raise UsageError(f"unit {attempt.serial!r} cannot be marked: a mark's text allows no such characters") from exc
+        raise UsageError("marks-serial-characters", serial=attempt.serial) from exc
 
 
 def _check_apart(marks: Sequence[tuple[Attempt, CapturedVisit]]) -> None:
@@ -115,10 +115,7 @@ def _check_apart(marks: Sequence[tuple[Attempt, CapturedVisit]]) -> None:
     for attempt, visit in sorted(marks, key=lambda m: m[1].from_ns):
         until, other = last.get(attempt.node, (visit.from_ns, attempt))
         if visit.from_ns < until and other.attempt != attempt.attempt:
-            raise UsageError(
-                f"attempts {other.attempt} and {attempt.attempt} overlap in time on node {attempt.node}; "
-                f"export them one by one with --serial or --attempt"
-            )
+            raise UsageError("attempts-overlap", first=other.attempt, second=attempt.attempt, node=attempt.node)
         last[attempt.node] = max(until, visit.to_ns), attempt
 
 

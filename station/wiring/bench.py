@@ -147,7 +147,7 @@ def _check_simulation_options(order: RunOrder) -> None:
     }
     for option, value in given.items():
         if value and not order.simulate:
-            raise UsageError(f"{option} changes simulated units; add --simulate or leave it out")
+            raise UsageError("option-needs-simulate", option=option)
 
 
 def _check_gold(job: Job, settings: Settings) -> None:
@@ -156,10 +156,10 @@ def _check_gold(job: Job, settings: Settings) -> None:
     if job.recipe.reference.source != "gold" or gold is None:
         return
     if gold.node is None:
-        raise RecipeError(f"recipe {job.recipe.name}: reference.gold.node is missing; say at which node id it answers")
+        raise RecipeError("gold-node-missing", recipe=job.recipe.name)
     for nest in settings.nests:
         if nest.node == gold.node:
-            raise RecipeError(f"reference.gold.node {gold.node} is also the node of nest {nest.name}; change one")
+            raise RecipeError("gold-node-of-nest", node=gold.node, nest=nest.name)
     today = datetime.fromtimestamp(SystemClock().epoch_ns() / 1e9, UTC).date().isoformat()
     references.check_due(job.recipe, today)
 

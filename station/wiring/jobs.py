@@ -31,13 +31,11 @@ def load_job(name: str | Path) -> tuple[Job, Source]:
     path = recipe_path(name)
     recipe = validate(load_document(path, RecipeError), Recipe, RecipeError)
     if recipe.product is None:
-        raise RecipeError(
-            f"{path} names no product, so no device can be read; add product: NAME (a file dbc/NAME.yaml)"
-        )
+        raise RecipeError("recipe-without-product", file=str(path))
     try:
         method.of(recipe).check(recipe)
     except RecipeError as exc:
-        raise RecipeError(f"{path}: {exc.sentence}") from None
+        raise RecipeError("file-reason", file=str(path), reason=exc.message) from None
     where = product_path(recipe.product, path)
     product = validate(load_document(where, ProductError), Product, ProductError)
     dbc = where.parent / product.frames.dbc
@@ -60,7 +58,7 @@ def load_job(name: str | Path) -> tuple[Job, Source]:
 def _check_fit(path: Path, recipe: Recipe, where: Path, product: Product) -> None:
     if product.sensor != recipe.sensor:
         raise RecipeError(
-            f"{path} calibrates a {recipe.sensor}, but {where} is a {product.sensor}; correct `sensor` or `product`"
+            "recipe-product-sensor", file=str(path), sensor=recipe.sensor, product=str(where), other=product.sensor
         )
 
 
@@ -78,7 +76,4 @@ def _check_map(where: Path, product: Product, eds: Path | None) -> None:
 def _check_units(dbc: Path, recipe: Recipe, units: list[str]) -> None:
     for unit in units:
         if unit not in ("", recipe.unit):
-            raise ProductError(
-                f"{dbc} gives readings in {unit}, but the recipe counts in {recipe.unit}; "
-                "give the signals the recipe's unit and scale"
-            )
+            raise ProductError("dbc-other-unit", file=str(dbc), unit=unit, expected=recipe.unit)

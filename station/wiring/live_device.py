@@ -64,7 +64,7 @@ class World:
             else:
                 self.temperature_degC = {"temperature": float(words[0])}[verb]
         except (ValueError, KeyError, IndexError):
-            raise UsageError(f"{line[:40]!r} is none of: up +x, true X Y Z, temperature DEGC") from None
+            raise UsageError("live-command-unknown", text=line[:40]) from None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +92,7 @@ class LiveDevices:
         where = product_path(wanted.product)
         product = load_product(wanted.product)
         if product.eds is None:
-            raise ProductError(f"{where} names no eds, so no such device can be simulated; add eds: FILE")
+            raise ProductError("product-without-eds", file=str(where))
         self.world, self.bodies = World(), dict[str, TrueErrors]()
         self._wanted, self._map, self._eds = wanted, product.map, where.parent / product.eds
         self._layout: SensorLayout = resolve(product.frames, read_layouts(where.parent / product.frames.dbc))
@@ -141,8 +141,7 @@ def population_ids(wanted: Population) -> tuple[int, ...]:
 
 def _check(wanted: Population) -> None:
     if len(wanted.nodes) != len(wanted.serials):
-        count = f"{len(wanted.nodes)} nodes and {len(wanted.serials)} serials"
-        raise UsageError(f"{count} were given; give one --serial for each --node")
+        raise UsageError("nodes-and-serials", nodes=len(wanted.nodes), serials=len(wanted.serials))
     for node in wanted.nodes:
         if node not in _NODES or wanted.nodes.count(node) > 1:
-            raise UsageError(f"node {node} is taken twice or is not 1 to 127; give each device its own")
+            raise UsageError("node-taken", node=node)

@@ -43,7 +43,7 @@ class SimulatedFixture:
 
     def __init__(self, settings: Settings, document: Document, job: Job, source: Source, order: RunOrder) -> None:
         if source.eds is None:
-            raise ProductError(f"{source.product} names no eds, so no such device can be simulated; add eds: FILE")
+            raise ProductError("product-without-eds", file=str(source.product))
         self._settings, self._job, self._order = settings, job, order
         # The record's dates are today's; nothing that is computed depends on them.
         self.clock = VirtualClock(SystemClock().epoch_ns())

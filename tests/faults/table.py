@@ -307,7 +307,7 @@ _LOG = _rows(
     ("another program locks the file", "log locked at stop 2", ERROR, "another program holds it locked"),
     ("the file is no log", "log garbage", ERROR, "it is not a station log, or its first page is damaged"),
     ("a newer station wrote the log", "log newer", ERROR, "was written by a newer station"),
-    ("its folder does not exist", "log nowhere", ERROR, "its folder does not exist; make it first"),
+    ("its folder does not exist", "log nowhere", ERROR, "its folder does not exist; create it first"),
     ("another station owns the log", "log in use", ERROR, "is in use by bench-7"),
 )
 

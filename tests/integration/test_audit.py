@@ -117,7 +117,7 @@ def test_the_chain_is_whole_and_answers_to_its_printed_head(db: Path, capsys: Ou
     ("args", "said"),
     [
         (["SN9999"], "holds no such attempt of serial 'SN9999'"),
-        (["--since", "yesterday"], "--since 'yesterday' is no time; write 2026-11-21"),
+        (["--since", "yesterday"], "--since 'yesterday' is not a time; write 2026-11-21"),
         (["--head", "5:ab"], "--head wants NUMBER:HASH"),
         (["--head", f"5:{'a' * 64}"], "add --verify"),
         (["--limit", "0"], "--limit"),
@@ -189,9 +189,9 @@ def test_an_exported_table_calibrates_to_the_same_coefficients(db: Path, tmp_pat
 @pytest.mark.parametrize(
     ("args", "said"),
     [
-        ([], "nothing to write"),
-        (["--samples", "a.xlsx"], "its ending must be one of .parquet, .csv"),
-        (["--frames", "nowhere/a.log"], "there is no folder nowhere"),
+        ([], "Nothing to write"),
+        (["--samples", "a.xlsx"], "the file's ending must be one of .parquet, .csv"),
+        (["--frames", "nowhere/a.log"], "the folder nowhere does not exist"),
         (["--results", "a.csv", "--serial", "SN9"], "holds no such attempt"),
         (["--frames", "a.log", "--serial", "SN0001", "--serial", "SN0003"], "overlap in time on node"),
     ],

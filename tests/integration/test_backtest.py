@@ -107,7 +107,7 @@ def test_two_processes_give_what_one_gives(folder: Path, monkeypatch: pytest.Mon
 
 
 def test_wrong_orders_end_in_one_sentence(folder: Path, capsys: Out) -> None:
-    assert "name the one they were made with by --of" in asked(capsys, folder, "--recipe", "tilt-24", code=2)
+    assert "name the recipe of the attempts with --of" in asked(capsys, folder, "--recipe", "tilt-24", code=2)
     few = load_recipe("six-point").model_copy(update={"positions": load_recipe("six-point").positions[:2]})
     with SqliteLogReader(folder / "station.db") as log, pytest.raises(RecipeError):
         run(partial(SqliteLogReader, log.path), log.attempts(Query()), few)

@@ -131,7 +131,7 @@ def test_more_rows_than_fit_are_refused_before_they_are_read(
     code, told = diagnosed(path, capsys)
     assert code == 2
     assert "holds about 20" in told
-    assert "more than the 150 that are diagnosed at once; give it some of the units" in told
+    assert "the limit is 150. Diagnose some of the units" in told
 
 
 def test_a_gap_in_a_covariate_is_said(

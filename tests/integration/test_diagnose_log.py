@@ -110,13 +110,13 @@ def test_since_takes_what_began_then_or_later(kept: Kept, capsys: pytest.Capture
 @pytest.mark.parametrize(
     ("since", "said"),
     [
-        ("last week", "--since 'last week' is no time; write 2026-11-21, 2026-11-21T13:00 or 7d (ago)"),
-        ("2026-02-30", "--since '2026-02-30' is no time"),
-        ("", "--since '' is no time"),
-        ("2026", "--since '2026' is no time"),
-        ("2999-01-01", "--since '2999-01-01' is beyond every clock of the log; give a year from 1700 to 2260"),
-        ("0001-01-01", "is beyond every clock of the log"),
-        ("2199-01-01", "holds no stops of recipe 'tilt-24'"),
+        ("last week", "--since 'last week' is not a time; write 2026-11-21, 2026-11-21T13:00 or 7d (ago)"),
+        ("2026-02-30", "--since '2026-02-30' is not a time"),
+        ("", "--since '' is not a time"),
+        ("2026", "--since '2026' is not a time"),
+        ("2999-01-01", "--since '2999-01-01' is out of range; give a year from 1700 to 2260"),
+        ("0001-01-01", "is out of range"),
+        ("2199-01-01", "holds no visits of recipe 'tilt-24'"),
     ],
 )
 def test_no_time_is_a_sentence(since: str, said: str, kept: Kept, capsys: pytest.CaptureFixture[str]) -> None:
@@ -130,7 +130,7 @@ def test_no_time_is_a_sentence(since: str, said: str, kept: Kept, capsys: pytest
 def test_since_without_a_log_is_a_sentence(kept: Kept, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     assert station("diagnose", "--recipe", kept.recipe, "--samples", "s.csv", "--since", "7d") == 2
-    assert "--since chooses from the station's log; add --db FILE" in capsys.readouterr().err
+    assert "--since selects from the station's log: add --db FILE" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("ending", ["log", "blf"])

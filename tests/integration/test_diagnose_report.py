@@ -96,7 +96,7 @@ def test_a_folder_that_cannot_be_is_one_sentence(
 ) -> None:
     lost = tmp_path / "not" / "there.html"
     assert station("diagnose", "--samples", str(made.samples), "--recipe", "tilt-24", "--report", str(lost)) == 2
-    assert f"--report {lost}: there is no folder" in capsys.readouterr().err
+    assert f"--report {lost}: the folder" in capsys.readouterr().err
 
 
 def of(samples: Path) -> tuple[Diagnosis, ReportData]:

@@ -63,7 +63,7 @@ def test_each_fault_is_named_with_what_to_do(
     code, found = doctor(capsys, "--recipe", "no-such-recipe")
     assert code == 3
     assert "ip link set can77 type can bitrate 500000" in found["bus"][1]
-    assert "0.0 GiB left" in found["disk"][1]
+    assert "0.0 GiB free" in found["disk"][1]
     assert "openssl genpkey" in found["key"][1]
     assert "golden register" in found["golden units"][1]
     assert not found["recipe and DBC"][0]
@@ -79,13 +79,13 @@ def test_a_controller_with_another_bit_rate_or_a_short_queue_is_named(
     monkeypatch.setattr(bus_status, "query_link", lambda _: link)
     well, said = doctor(capsys)[1]["bus"]
     assert not well
-    assert "can0 runs at 250000 bit/s, but config.yaml says 500000" in said
+    assert "can0 runs at 250000 bit/s, but config.yaml sets 500000" in said
     monkeypatch.setattr(bus_status, "query_link", lambda _: replace(link, bitrate=500000))
     well, said = doctor(capsys)[1]["bus"]
     assert well
-    assert "errors sending 3, receiving 0; its queue holds 10 frames, `ip link set can0 txqueuelen 1000`" in said
+    assert "errors sending 3, receiving 0); its queue holds only 10 frames: `ip link set can0 txqueuelen 1000`" in said
     monkeypatch.setattr(bus_status, "query_link", lambda _: replace(link, bitrate=500000, can_state="passive"))
-    assert "can0 is passive, errors sending 3" in doctor(capsys)[1]["bus"][1]
+    assert "can0 is passive (errors sending 3" in doctor(capsys)[1]["bus"][1]
 
 
 def test_a_clock_that_was_set_back_is_seen(

@@ -27,7 +27,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_lock_of_a_golden_and_a_known_bad_unit(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = ("run", "--simulate")
     assert station(*run, "--serial", "SN0001") == 3
-    assert "holds none" in capsys.readouterr().err
+    assert "lists none" in capsys.readouterr().err
     fixture_run.run(folder, ["SN9001", "SN9002"], faults=("SN9002/stuck-axis:value=2",))
     assert station("golden", "register", "SN9002") == 2
     assert "no golden unit" in capsys.readouterr().err
@@ -58,13 +58,13 @@ def test_a_check_that_is_too_old_locks(folder: Path, monkeypatch: pytest.MonkeyP
 
 def test_wrong_questions_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words, told in (
-        (("golden", "polish"), "there is no action"),
-        (("golden", "register"), "say which unit"),
-        (("golden", "remove", "SN1"), "holds no unit"),
+        (("golden", "polish"), "There is no action"),
+        (("golden", "register"), "Name the unit"),
+        (("golden", "remove", "SN1"), "is not registered"),
         (("golden", "register", "SN1"), "station.db"),
     ):
         assert station(*words) == 2
         assert told in capsys.readouterr().err
     (folder / "golden.json").write_text("[]")
     assert station("golden", "list") == 2
-    assert "cannot be read" in capsys.readouterr().err
+    assert "not a readable register" in capsys.readouterr().err

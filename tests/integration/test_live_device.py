@@ -66,7 +66,7 @@ def test_the_world_obeys() -> None:
 @pytest.mark.parametrize("line", ["up", "up w", "true 1 2", "true a b c", "temperature", "temperature hot", "fly", ""])
 def test_a_command_that_is_none_changes_nothing(line: str) -> None:
     world = World()
-    with pytest.raises(UsageError, match="is none of: up"):
+    with pytest.raises(UsageError, match="is not a command; write up"):
         world.obey(line)
     np.testing.assert_array_equal(world.true, [0, 0, 1])
 
@@ -79,9 +79,9 @@ def test_a_unit_senses_by_the_stations_model() -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"serials": ("SN1", "SN2")}, "1 nodes and 2 serials"),
-        ({"nodes": (128,)}, "node 128"),
-        ({"nodes": (5, 5), "serials": ("SN1", "SN2")}, "taken twice"),
+        ({"serials": ("SN1", "SN2")}, "1 node but 2 serials"),
+        ({"nodes": (128,)}, "Node 128"),
+        ({"nodes": (5, 5), "serials": ("SN1", "SN2")}, "used twice"),
         ({"product": "toaster"}, "toaster.yaml"),
     ],
 )

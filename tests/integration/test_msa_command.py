@@ -79,12 +79,12 @@ def test_wrong_questions_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[
     table.write_text("value\n1\nx\n")
     db = ("--db", str(tmp_path / "none.db"))
     for words, told in (
-        (("msa", "type2", *db), "there is no study"),
-        (("msa", "grr", "--value", "colour", *db), "there is no value"),
-        (("msa", "grr", *db), "which units"),
+        (("msa", "type2", *db), "There is no study"),
+        (("msa", "grr", "--value", "colour", *db), "There is no value"),
+        (("msa", "grr", *db), "Name the units"),
         (("msa", "type1", "--samples", str(table), "--reference", "1"), "is not a table"),
         (("msa", "type1", "--serial", "SN0001", *db), "has 0 of 25"),
-        (("msa", "grr", "--serial", "SN0001", *db), "need as many parts"),
+        (("msa", "grr", "--serial", "SN0001", *db), "need at least as many parts"),
     ):
         assert station(*words) == 2
         assert told in capsys.readouterr().err

@@ -148,7 +148,7 @@ def test_a_dbc_in_another_unit(tmp_path: Path) -> None:
     recipe = product(tmp_path)
     dbc = tmp_path / "dbc" / "accelerometer.dbc"
     dbc.write_text(dbc.read_text().replace('"g" STATION', '"mg" STATION'))
-    assert "gives readings in mg, but the recipe counts in g" in refused(tmp_path, ProductError, recipe=str(recipe))
+    assert "gives readings in mg, but the recipe uses g" in refused(tmp_path, ProductError, recipe=str(recipe))
 
 
 def test_a_dbc_that_is_none(tmp_path: Path) -> None:
@@ -159,7 +159,7 @@ def test_a_dbc_that_is_none(tmp_path: Path) -> None:
 
 def test_a_product_of_another_sensor(tmp_path: Path) -> None:
     recipe = product(tmp_path, lambda d: d.update(sensor="gyroscope"))
-    assert "calibrates a accelerometer, but" in refused(tmp_path, RecipeError, recipe=str(recipe))
+    assert "calibrates the sensor accelerometer, but" in refused(tmp_path, RecipeError, recipe=str(recipe))
 
 
 def test_an_unknown_key_in_the_device_map(tmp_path: Path) -> None:
@@ -173,7 +173,7 @@ def test_an_unknown_key_in_the_device_map(tmp_path: Path) -> None:
 
 def test_a_simulation_without_an_eds(tmp_path: Path) -> None:
     recipe = product(tmp_path, lambda d: d.pop("eds"))
-    assert "names no eds" in refused(tmp_path, ProductError, recipe=str(recipe))
+    assert "names no EDS" in refused(tmp_path, ProductError, recipe=str(recipe))
 
 
 @pytest.mark.parametrize(
@@ -240,7 +240,7 @@ def test_a_fault_of_a_unit_that_is_not_there_is_not_tried_in_vain(tmp_path: Path
     from station.cli._run import RunOptions, run_units
 
     order = RunOrder(simulate=True, database=tmp_path / "station.db", faults=("SN9999/silent",))
-    with pytest.raises(UsageError, match="'SN9999' is not among the units of this run, SN0001"):
+    with pytest.raises(UsageError, match="'SN9999' is not a unit of this run"):
         run_units(order, (), 1, RunOptions())
 
 
@@ -248,6 +248,6 @@ def test_a_recovery_makes_no_log(tmp_path: Path) -> None:
     from station.cli._recover import recover_unit
 
     order = RunOrder(simulate=True, database=tmp_path / "station.db")
-    with pytest.raises(UsageError, match="there is no log"):
+    with pytest.raises(UsageError, match="There is no log"):
         recover_unit(order, "SN0001", None, "restore", as_json=False)
     assert list(tmp_path.iterdir()) == []

@@ -106,5 +106,5 @@ def test_a_unit_nobody_interrupted_needs_no_recovery(tmp_path: Path) -> None:
 
     fixture_run.run(tmp_path)
     order = RunOrder(simulate=True, database=tmp_path / "station.db", device_state=tmp_path / "devices")
-    with pytest.raises(UsageError, match="knows no attempt that may have left 'SN0001' half written"):
+    with pytest.raises(UsageError, match="holds no attempt that may have left 'SN0001' half written"):
         recover_unit(order, "SN0001", None, "restore", as_json=False)

@@ -109,9 +109,9 @@ def test_a_model_file_is_simulated(tmp_path: Path, capsys: pytest.CaptureFixture
         (["--out", "s.csv", "--effect", "quadratic="], "Size '' of quadratic is not a number"),
         (["--out", "s.csv", "--effect", "axis-permutation=x,y"], "must name each axis once"),
         (["--out", "s.csv", "--effect", "step", "--effect", "step=2"], "Effect step is given 2 times"),
-        (["--out", "s.xlsx"], ".xlsx is none of .parquet, .csv, .log, .blf"),
-        (["--out", "s"], "none is none of .parquet"),
-        (["--out", "nowhere/s.csv"], "there is no folder nowhere"),
+        (["--out", "s.xlsx"], "the file's ending must be one of .parquet, .csv, .log, .blf"),
+        (["--out", "s"], "ending must be one of .parquet"),
+        (["--out", "nowhere/s.csv"], "the folder nowhere does not exist"),
         (["--out", "s.csv", "--model", "none.yaml"], "none.yaml cannot be read"),
         (["--out", "s.csv", "--units", "none"], "--units"),
         (["--out", "s.csv", "--seed", "-1"], "--seed"),
@@ -133,7 +133,7 @@ def test_a_recipe_of_no_product_has_no_frames(tmp_path: Path, capsys: pytest.Cap
     said = recipe_path("tilt-24").read_text(encoding="utf-8")
     recipe.write_text(said.replace("product: accelerometer\n", ""), encoding="utf-8")
     assert station("simulate", "--out", str(tmp_path / "s.log"), "--recipe", str(recipe)) == 2
-    assert "names no product, so its frames are unknown; add --product" in capsys.readouterr().err
+    assert "names no product, so its frames are unknown: add --product" in capsys.readouterr().err
 
 
 def test_a_folder_in_the_way_is_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

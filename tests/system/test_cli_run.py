@@ -82,11 +82,11 @@ def test_an_interface_that_is_not_there_is_said_before_anything_is_asked(tmp_pat
     [
         (["--serial", "SN0001", "--serial", "SN0001"], "'SN0001' is listed twice"),
         (["--serial", "X1"], "does not match the recipe's pattern"),
-        (["--serial", "SN0001", "--units", "3"], "do not agree"),
+        (["--serial", "SN0001", "--units", "3"], "leave --units out"),
         (["--recipe", "no-such"], "There is no no-such.yaml"),
         (["--config", "absent.yaml"], "absent.yaml cannot be read"),
         (["--effect", "gremlins"], "There is no effect 'gremlins'"),
-        (["--effect", "cross-axis=much"], "size 'much' of cross-axis is no number"),
+        (["--effect", "cross-axis=much"], "Size 'much' of cross-axis is not a number"),
         (["--fault", "hiccup"], "there is no fault 'hiccup'"),
         (["--model", "absent.yaml"], "absent.yaml cannot be read"),
     ],
@@ -102,7 +102,7 @@ def test_what_cannot_be_is_one_sentence_and_exit_2(tmp_path: Path, args: list[st
 def test_simulation_options_want_simulate(tmp_path: Path) -> None:
     done = station(tmp_path, "run", "--effect", "cross-axis", "--serial", "SN0001")
     assert done.returncode == 2
-    assert "--effect changes simulated units; add --simulate" in one_sentence(done)
+    assert "--effect applies to simulated units only: add --simulate" in one_sentence(done)
 
 
 def test_a_second_station_on_the_same_log_is_refused_with_the_first_ones_name(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_recover_is_a_command(tmp_path: Path) -> None:
     assert json.loads(done.stdout)["state"] == "new"
     again = station(tmp_path, "recover", "SN0001", *common, "--restore")
     assert again.returncode == 2
-    assert "knows no attempt" in one_sentence(again)
+    assert "holds no attempt" in one_sentence(again)
     both = station(tmp_path, "recover", "SN0001", "--restore", "--continue")
     assert "choose one" in one_sentence(both)
 

@@ -79,7 +79,7 @@ def test_an_interface_that_is_down_is_named_with_the_command(
     vcan.down()
     found = doctor()
     assert not found["bus"][0]
-    assert f"{vcan.name} is down; as root: `ip link set {vcan.name} type can bitrate 500000" in found["bus"][1]
+    assert f"{vcan.name} is down: as root, `ip link set {vcan.name} type can bitrate 500000" in found["bus"][1]
     assert not found["traffic"][0]
     assert f"ip link set {vcan.name} up" in found["traffic"][1]
 
