@@ -30,7 +30,7 @@ def test_the_lock_of_a_golden_and_a_known_bad_unit(folder: Path, capsys: pytest.
     assert "lists none" in capsys.readouterr().err
     fixture_run.run(folder, ["SN9001", "SN9002"], faults=("SN9002/stuck-axis:value=2",))
     assert station("golden", "register", "SN9002") == 2
-    assert "no golden unit" in capsys.readouterr().err
+    assert "cannot be registered as golden" in capsys.readouterr().err
     assert station("golden", "register", "SN9001", "--due", "2099-01-31") == 0
     assert station("golden", "register", "SN9002", "--bad") == 0
     assert station("golden", "check") == 0
