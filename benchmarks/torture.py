@@ -51,6 +51,12 @@ def faults(told: Told) -> Sequence[tuple[str, str, str, str]]:
     return (("fault table: right outcome and sentence", f"{told['rows']} rows", f"{told['right']} right", "all, ≥ 60"),)
 
 
+def stops(told: Told) -> Sequence[tuple[str, str, str, str]]:
+    """A nervous finger."""
+    what = "Stop pressed 1 to 20 times: parked, put back, finished"
+    return ((what, f"{told['instants']} instants", str(told["right"]), "all"),)
+
+
 def edits(told: Told) -> Sequence[tuple[str, str, str, str]]:
     """Edits of the log."""
     found = told["edits"] - told["missed"]
@@ -94,6 +100,7 @@ PARTS = (
     Part("kill", "torture_kill.py",
          lambda s: ("--points", 0 if s >= 1 else most(587, s, 8), "--instants", most(1000, s, 4)), kills),
     Part("faults", "torture_faults.py", lambda s: ("--every", max(round(1 / s) // 10, 1)), faults),
+    Part("stops", "torture_stops.py", lambda s: ("--instants", most(500, s, 10)), stops),
     Part("edits", "torture_edits.py", lambda s: ("--edits", most(10_000, s, 100)), edits),
     Part("power", "torture_power.py", lambda s: ("--every", 1 if s >= 1 else 5), power),
     Part("inputs", "torture_input.py", lambda s: ("--inputs", most(100_000, s, 300)), inputs),

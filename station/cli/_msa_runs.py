@@ -6,6 +6,7 @@ from contextlib import closing
 
 from station.cli import _output
 from station.cli._confirm import wait_for_person
+from station.cli._stop_signals import stop_signals
 from station.domain.core.types import NestAssignment
 from station.domain.run.progress import LoadDone
 from station.messages import Message
@@ -23,10 +24,11 @@ def measure_missing(order: RunOrder, wanted: Mapping[StudyCell, int], there: Map
     loads = list(missing_loads(wanted, there))
     if not loads:
         return
-    with open_bench(order) as bench, _output.progress() as bar:
+    stop = StopRequest()
+    with open_bench(order) as bench, stop_signals(stop), _output.progress() as bar:
         task = bar.add_task("loads of the study", total=len(loads))
         for cells in loads:
-            _run_load(bench, cells)
+            _run_load(bench, cells, stop)
             bar.advance(task)
 
 
@@ -43,14 +45,15 @@ def missing_loads(wanted: Mapping[StudyCell, int], there: Mapping[StudyCell, int
                 yield load
 
 
-def _run_load(bench: Bench, cells: Sequence[StudyCell]) -> None:
+def _run_load(bench: Bench, cells: Sequence[StudyCell], stop: StopRequest) -> None:
     nodes = {n.name: n.node for n in bench.station.settings.nests}
     seats = [NestAssignment(serial, nest, nodes[nest]) for serial, nest in cells]
     if not bench.simulated:
-        wait_for_person(Message("load-units", units=", ".join(f"{s.serial} ({s.nest})" for s in seats)))
+        with stop:  # nothing is being written: a signal may end the wait at once
+            wait_for_person(Message("load-units", units=", ".join(f"{s.serial} ({s.nest})" for s in seats)))
     bench.fixture.place(seats)
     confirm = (lambda _: None) if bench.simulated else wait_for_person
-    with closing(Runner(bench.station, bench.job, StopRequest(), confirm).run(seats)) as events:
+    with closing(Runner(bench.station, bench.job, stop, confirm).run(seats)) as events:
         for event in events:
             if isinstance(event, LoadDone) and event.fault is not None:
                 raise event.fault

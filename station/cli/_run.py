@@ -1,9 +1,8 @@
 """The face of a run: serials in, progress while it goes, a table or one JSON document at the end."""
 
-import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -13,6 +12,7 @@ from station.cli._confirm import PageConfirmation, wait_for_person
 from station.cli._pacing import RealTimePacer
 from station.cli._results import print_results, run_document, run_row
 from station.cli._serials import ask_serials, assign_nests
+from station.cli._stop_signals import stop_signals
 from station.domain.core.types import Outcome
 from station.domain.recipe import serial as serials_of
 from station.domain.run.progress import (
@@ -63,14 +63,17 @@ class RunOptions:
 
 def run_units(order: RunOrder, given: Sequence[str], units: int | None, face: RunOptions) -> int:
     """Opens the station, takes every unit through it, and says how it went; the exit code."""
-    with open_bench(order) as bench:
-        serials = ask_serials(bench, given, units)
+    stop = StopRequest()
+    with stop_signals(stop), ExitStack() as opened:
+        with stop:  # nothing has begun: a signal may end it at once
+            bench = opened.enter_context(open_bench(order))
+            serials = ask_serials(bench, given, units)
         serials_of.check_all(serials, bench.job.recipe)
         _check_faults(order, serials)
         refuse_unless_checked(bench.station.settings, partial(find_log, bench.database), serials)
         for sentence in bench.told:
             _output.print_remark(sentence)
-        results, fault = _run(bench, serials, face)
+        results, fault = _run(bench, serials, face, stop)
         place = {serial: i for i, serial in enumerate(serials)}
         results.sort(key=lambda r: place[r.seat.serial])
         if face.as_json:
@@ -102,8 +105,9 @@ def exit_code(results: Sequence[UnitResult], fault: StationError | None) -> int:
     return 0
 
 
-def _run(bench: Bench, serials: Sequence[str], face: RunOptions) -> tuple[list[UnitResult], StationError | None]:
-    stop = StopRequest()
+def _run(
+    bench: Bench, serials: Sequence[str], face: RunOptions, stop: StopRequest
+) -> tuple[list[UnitResult], StationError | None]:
     settings = bench.station.settings
     head = {"station": settings.station, "operator": settings.operator, "simulated": bench.simulated}
     live = LiveStateWriter(bench.database, bench.job.recipe, head, _output.print_remark, bench.station.bus)
@@ -116,7 +120,7 @@ def _run(bench: Bench, serials: Sequence[str], face: RunOptions) -> tuple[list[U
     else:
         _check_person(bench, len(loads))
         confirm = (lambda _: None) if bench.simulated else wait_for_person
-    with _output.progress() as bar, _stop_signals(stop):
+    with _output.progress() as bar:
         for number, seats in enumerate(loads):
             if number:
                 try:
@@ -169,35 +173,6 @@ class _ProgressLines:
     def _tell(self, message: Message | None) -> None:
         if message is not None:
             self._bar.console.print(render(message), markup=False, highlight=False)
-
-
-@contextmanager
-def _stop_signals(stop: StopRequest) -> Iterator[None]:
-    """Ctrl-C, SIGTERM and a terminal that hangs up ask for a stop; a third Ctrl-C no longer asks.
-
-    Only a hang-up may have been made harmless before (nohup). A shell makes SIGINT so for what it starts in the
-    background, but the page's stop button sends it.
-    """
-    asked = 0
-
-    def ask(number: int, _frame: object) -> None:
-        nonlocal asked
-        asked += 1
-        stop.request(None if number == signal.SIGINT else Message("stopped-by-signal", signal=number))
-        if asked > 2:
-            raise KeyboardInterrupt
-        if stop.waiting:
-            stop.waiting = False  # the next one must not break off the parking that this one leads to
-            raise Aborted(stop.why)
-
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    hung_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
-    before = {n: signal.signal(n, ask) for n in numbers if n != signal.SIGHUP or hung_up}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _check_person(bench: Bench, loads: int) -> None:
