@@ -72,6 +72,14 @@ class AnchorSettings(StrictModel):
     write_once: bool = False
 
 
+class WitnessSettings(StrictModel):
+    """A witness of the log: its address, its public key (PEM), and how long the station waits for it."""
+
+    url: Annotated[str, Field(max_length=2000, pattern=r"^https?://[^\x00-\x20\x7f]+$")]
+    public_key: PathText
+    timeout_s: Positive = 2.0
+
+
 class Settings(StrictModel):
     """Everything about this station that is not in a recipe."""
 
@@ -86,6 +94,7 @@ class Settings(StrictModel):
     database: PathText = "station.db"
     signing_key: PathText = ""
     anchors: Annotated[tuple[AnchorSettings, ...], Field(max_length=8)] = ()
+    witness: WitnessSettings | None = None
     arrival_tolerance_deg: Positive = 2.0
     timeouts: Timeouts = Timeouts()
     golden: GoldenSettings | None = None
@@ -95,6 +104,12 @@ class Settings(StrictModel):
     def _folders(cls, value: Any) -> Any:
         """A folder alone may be given as its path."""
         return [{"folder": v} if isinstance(v, str) else v for v in value] if isinstance(value, list) else value
+
+    @model_validator(mode="after")
+    def _witness_wants_a_key(self) -> Self:
+        if self.witness and not self.signing_key:
+            raise ValueError("witness: a witness takes signed heads only; name the station's key as signing_key")
+        return self
 
     @model_validator(mode="after")
     def _nests_differ(self) -> Self:

@@ -1,6 +1,7 @@
 """Which adapter a log is read by, and what a check of it may rely on."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 from station.adapters.clock import SystemClock
@@ -9,10 +10,13 @@ from station.adapters.store.anchor import AnchorFolder
 from station.adapters.store.log_anchors import Acknowledgement
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
+from station.adapters.witness.client import WitnessClient
+from station.adapters.witness.head_file import TreeHeadFile
 from station.config.settings import Settings
 from station.domain.records.head import SealedHead
 from station.messages import Message
 from station.ports.log_reader import LogReader, Trust
+from station.service.witness import Witness
 
 
 def open_log(path: Path) -> LogReader:
@@ -50,7 +54,34 @@ def open_store(
     """The station's log, to be written. Errors: StoreFault, ConfigError."""
     signer = keys.load_signer(Path(settings.signing_key)) if settings.signing_key else None
     folders = anchor_folders(path, settings)
-    return SqliteStore(path, settings.station, epoch_ns, signer, anchors=folders, acknowledgement=acknowledgement)
+    witness = _witness(settings, signer) if settings.witness and signer else None
+    return SqliteStore(
+        path, settings.station, epoch_ns, signer, anchors=folders, acknowledgement=acknowledgement, witness=witness
+    )
+
+
+def _witness(settings: Settings, signer: keys.Signer) -> WitnessClient | None:
+    at = settings.witness
+    if at is None:
+        return None
+    key = keys.load_public_key(Path(at.public_key))
+    return WitnessClient(at.url, settings.station, signer.public_key, signer.sign, key, keys.verify, at.timeout_s)
+
+
+@contextmanager
+def open_witness(heads: Path, key: Path, stations: Mapping[str, Path]) -> Iterator[Witness]:
+    """A witness that keeps its heads in a file. stations: PEM files of the public keys that alone are served, by name.
+
+    Errors: ConfigError, UsageError, StoreFault.
+    """
+    signer = keys.load_signer(key)
+    known = {name: keys.load_public_key(path) for name, path in stations.items()}
+    kept = TreeHeadFile(heads)
+    kept.open()
+    try:
+        yield Witness(kept, SystemClock(), signer.sign, keys.verify, known)
+    finally:
+        kept.close()
 
 
 def acknowledge(path: Path, settings: Settings, by: str, reason: str) -> list[Message]:

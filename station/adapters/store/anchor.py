@@ -15,6 +15,8 @@ from typing import Protocol
 
 from station.domain.records import head as heads
 from station.domain.records.head import AnchorFinding, LogEnd, SealedHead
+from station.domain.records.merkle import Tree
+from station.domain.records.tree_head import WitnessReceipt
 
 #: How the place beside the log is called; every other place may lag by any number of loads.
 HEAD_FILE = "head file"
@@ -38,6 +40,13 @@ class AnchorPlace(Protocol):
 
     def write(self, head: SealedHead, *, durable: bool) -> None:
         """Keeps a head; `durable` waits for the disk. Errors: OSError."""
+
+
+class WitnessPlace(AnchorPlace, Protocol):
+    """A place that checks for itself that the log it knew is a beginning of the one it is shown."""
+
+    def submit(self, head: SealedHead, tree: Tree, replaces: str = "") -> WitnessReceipt:
+        """Shows it the log up to `head`. replaces: the log that this one takes the place of. Errors: OSError."""
 
 
 def head_file_path(log: Path) -> Path:

@@ -138,6 +138,13 @@ def signature_of(connection: sqlite3.Connection, number: int) -> bytes:
     return bytes(row[0]) if row and row[0] else b""
 
 
+def seals(connection: sqlite3.Connection, first: int, count: int) -> list[bytes]:
+    """The seals of records first + 1 … first + count."""
+    parts = (f"SELECT seq, hash FROM {table} WHERE seq > :a AND seq <= :b" for table in COLUMNS)
+    rows = connection.execute(f"{' UNION ALL '.join(parts)} ORDER BY seq", {"a": first, "b": first + count})
+    return [bytes(seal) for _, seal in rows]
+
+
 def _uri(path: Path) -> str:
     """Read-only; on a medium that cannot be written, where SQLite could not make its index of the WAL, immutable."""
     alone = not path.with_name(path.name + "-wal").exists()

@@ -71,6 +71,11 @@ def signature_verifier(key: bytes) -> Callable[[bytes, bytes], bool]:
     return check
 
 
+def verify(key: bytes, signature: bytes, statement: bytes) -> bool:
+    """Whether the signature over a statement is of that public key, 32 bytes."""
+    return len(key) == 32 and signature_verifier(key)(signature, statement)
+
+
 def named_public_key(db: sqlite3.Connection) -> bytes | None:
     """The public key that a log names as its own; None for a log that is not signed, or whose naming is spoilt."""
     try:

@@ -14,6 +14,8 @@ from station.messages import Message
 
 #: Event of the station that names the places where heads are kept from here on.
 PLACES_EVENT = "anchors"
+#: Event that holds a witness' receipt: place, size, root, at_ns, signature.
+WITNESSED_EVENT = "witnessed"
 #: Event by which an engineer takes note of what the heads say against the log, with a reason.
 ACKNOWLEDGED_EVENT = "log-acknowledged"
 
@@ -57,6 +59,14 @@ class LogAnchors:
         """What they say against the log."""
         return anchor.compare(self.places, StoredLogEnd(connection, log_id), known_places(connection))
 
+    def log_known_to(self, place: AnchorPlace | None) -> str:
+        """The id of the log whose head a place keeps; "" where it cannot be reached or keeps none."""
+        try:
+            head = place.read() if place else None
+        except (OSError, ValueError):
+            return ""
+        return head.log_id if head else ""
+
     def keep(self, head: SealedHead, *, durable: bool) -> list[str]:
         """Writes the head everywhere; the names of places where that failed for the first time."""
         failed = []
@@ -76,6 +86,12 @@ def known_places(connection: sqlite3.Connection) -> frozenset[str]:
     """Names of the folders in which heads of this log were kept when it was last opened."""
     newest = _newest_event(connection, PLACES_EVENT)
     return frozenset(newest.get("places", ())) if newest else frozenset()
+
+
+def last_witnessed(connection: sqlite3.Connection) -> int:
+    """The number of the newest record that holds a witness' receipt; 0 where there is none."""
+    query = "SELECT coalesce(max(seq), 0) FROM event WHERE attempt IS NULL AND kind = ?"
+    return int(connection.execute(query, (WITNESSED_EVENT,)).fetchone()[0])
 
 
 def acknowledgements(connection: sqlite3.Connection) -> list[dict[str, Any]]:

@@ -4,19 +4,24 @@ import hashlib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
 from station.adapters.store import anchor, archive, column_values, file, ids, keys, reduced, unfinished
-from station.adapters.store.anchor import AnchorPlace
+from station.adapters.store.anchor import AnchorPlace, WitnessPlace
 from station.adapters.store.log_anchors import (
     ACKNOWLEDGED_EVENT,
     PLACES_EVENT,
+    WITNESSED_EVENT,
     Acknowledgement,
     LogAnchors,
+    StoredLogEnd,
     detail_of,
     known_places,
+    last_witnessed,
 )
 from station.adapters.store.schema import COLUMNS
 from station.adapters.store.sqlite_errors import Doing, translate_errors
@@ -24,6 +29,7 @@ from station.domain.records import chain, plain_json
 from station.domain.records.chain import Value
 from station.domain.records.framepack import plain as raw
 from station.domain.records.head import AnchorFinding, SealedHead
+from station.domain.records.merkle import Tree
 from station.errors import StationError, StoreFault
 from station.files.owner import OwnerLock
 from station.messages import Message, render
@@ -54,6 +60,7 @@ class SqliteStore:
         busy_s: float = 5.0,
         anchors: Sequence[AnchorPlace] = (),
         acknowledgement: Acknowledgement | None = None,
+        witness: WitnessPlace | None = None,
     ) -> None:
         self.path = path
         self._epoch_ns, self._signer, self._station = epoch_ns, signer, owner
@@ -67,7 +74,9 @@ class SqliteStore:
             opened.callback(self._db.close)
             self._log_id = str(self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0])
             self._head_file = anchor.HeadFile(path)
-            self._anchors = LogAnchors((self._head_file, *anchors))
+            self._anchors = LogAnchors((self._head_file, *anchors, *([witness] if witness else ())))
+            self._witness, self._tree = witness, Tree(partial(file.seals, self._db))
+            self._witnessed, self._replaces = last_witnessed(self._db), ""
             self._number, self._hash = file.newest(self._db, self._log_id)
             self._signature = file.signature_of(self._db, self._number)
             found = self._anchors.check(self._db, self._log_id)
@@ -78,6 +87,7 @@ class SqliteStore:
             self._opened = opened.pop_all()
         if found and acknowledgement:  # before any head is written over: they are the evidence
             self.event("", ACKNOWLEDGED_EVENT, detail_of(acknowledgement, found))
+            self._replaces = self._anchors.log_known_to(witness)
         self._keep_head(durable=True)
         self._name_key()
         self._name_places()
@@ -158,6 +168,8 @@ class SqliteStore:
         for attempt in waiting:
             with suppress(StationError):
                 self._archive(attempt)
+        if self._witness and self._signer and (self._replaces or self._ended_beyond(self._witnessed)):
+            self._show_witness(self._witness)
 
     def unfinished(self) -> tuple[UnfinishedAttempt, ...]:
         """Attempts without an end, oldest first; they may be written to and finished like any other."""
@@ -275,6 +287,25 @@ class SqliteStore:
         if attempt not in self._open:
             raise StoreFault("log-attempt-not-running", path=str(self.path), attempt=attempt)
         return self._open[attempt]
+
+    def _ended_beyond(self, number: int) -> int:
+        with self._turn:
+            return StoredLogEnd(self._db, self._log_id).finishes_beyond(number)
+
+    def _show_witness(self, witness: WitnessPlace) -> None:
+        """In the pause after a load; the receipt becomes a record. A witness that is away is shown more next time."""
+        head = SealedHead(self._log_id, self._station, self._number, self._hash.hex(), self._signature.hex())
+        try:
+            receipt = witness.submit(head, self._tree, self._replaces)
+        except OSError as error:
+            if witness.name not in self._anchors.faults:
+                self._anchors.faults[witness.name] = Message.text(str(error))
+                self.event("", "anchor-unwritten", {"place": witness.name, "reason": str(error)})
+            return
+        self._anchors.faults.pop(witness.name, None)
+        self._replaces = ""
+        self.event("", WITNESSED_EVENT, {"place": witness.name} | asdict(receipt))
+        self._witnessed = self._number
 
     def _name_places(self) -> None:
         """The log says, as a record, in what folders its heads are kept: one that is emptied then shows."""
