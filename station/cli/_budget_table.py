@@ -21,11 +21,11 @@ def table(budget: Budget, unit: str, title: str) -> "Table":
     causes = [cause for cause in budget.parts if (budget.std(cause) > NEGLIGIBLE * budget.std()).any()]
     shown = Table(title=title, title_justify="left")
     shown.add_column("coefficient")
-    for heading in (*causes, "together", "± 95 %", "unit"):
+    for heading in (*causes, "together", "U (95 %)", "unit"):
         shown.add_column(heading, justify="right")
-    std = budget.std()
+    std, expanded = budget.std(), budget.expanded()
     for i in np.flatnonzero(std > 0):
         parts = (f"{budget.std(cause)[i]:.2g}" for cause in causes)
         name, of = coefficients.NAMES[i], coefficients.unit_of(int(i), unit)
-        shown.add_row(name, *parts, f"{std[i]:.2g}", f"{1.96 * std[i]:.2g}", of)
+        shown.add_row(name, *parts, f"{std[i]:.2g}", f"{expanded[i]:.2g}", of)
     return shown

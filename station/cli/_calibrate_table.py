@@ -102,7 +102,7 @@ def _cells(r: CalibrationResult, i: int) -> tuple[str, ...]:
     found = r.calibration
     if found is None or r.budget is None:
         return ("",) * 6
-    wide, gain = 1.96 * r.budget.std(), found.matrix[i, i]
+    wide, gain = r.budget.expanded(), found.matrix[i, i]
     axis = (f"{found.offset[i]:+.6f}", f"{wide[i]:.2g}", f"{gain:.6f}", f"{wide[3 + 4 * i]:.2g}")
     worst = int(np.argmax(np.where(found.disturbed, -1.0, found.tilt_deg)))
     if not found.tilt_deg.any():

@@ -49,7 +49,11 @@ def bench(name: str, sensor: str) -> Recipe:
     """A recipe for the method; of a magnetometer in an askew field the faces are not faces, so it stands upright."""
     more: dict[str, Any] = {}
     if sensor == "magnetometer":
-        more = {"reference": {"source": "field", "vector": [0.0, 0.0, 48.0]}}
+        more = {"reference": {"source": "field", "vector": [0.0, 0.0, 48.0], **tumble.EXACT, "field_std_deg": 0}}
+    reference = more.get("reference", tumble.TRUTHS[sensor]["reference"])
+    # What the methods leave alone is nominal here, and poses are exact.
+    few = {"pose_std_deg": 0} if name in ("one-point", "three-point") else {}
+    more |= {"reference": reference | few, "device": {"gain_std": 0, "cross_std": 0, "rounding": "nearest"}}
     return tumble.recipe(name, sensor, **more)
 
 
@@ -62,13 +66,15 @@ def test_it_is_unbiased_and_its_covariance_covers(name: str, sensor: str, rng: n
     found = calibrated(recipe, tumble.table(recipe, mean, 0.001 * m, 60, rng))
     error = np.array([coefficients(r) for r in found]) - theta
     std = np.array([r.budget.std() for r in found])
+    wide = np.array([r.budget.expanded() for r in found])
     free = std[0] > 0
     assert (error[:, ~free] == 0).all()
     z = error[:, free] / std[:, free]
     # Means of `count` standard normal numbers: four standard errors.
     assert np.abs(z.mean(axis=0)).max() < 4 / np.sqrt(count)
-    share = (np.abs(z) < 1.96).mean()
-    assert 0.95 - 4 * np.sqrt(0.0475 / (count * free.sum() / 3)) - 0.01 < share < 0.985
+    # U holds, beside noise, the scatter that so few residuals leave possible: it may cover more, not much more.
+    share = (np.abs(error) < wide)[:, free].mean()
+    assert 0.95 - 4 * np.sqrt(0.0475 / (count * free.sum() / 3)) - 0.01 < share < 0.99
 
 
 @pytest.mark.parametrize("name", METHODS)

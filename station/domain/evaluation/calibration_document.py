@@ -6,13 +6,13 @@ import numpy as np
 
 from station.domain.core.types import Calibration, ReducedVisits
 from station.domain.evaluation.pipeline import CalibrationResult
-from station.domain.methods import decision_rule
+from station.domain.methods import decision_rule, uncertainty
 from station.domain.recipe.recipe import Recipe
 from station.messages import render
 
 SCHEMA = "station.calibration/1"
 #: Where a unit could not be calibrated these are null.
-ABSENT = ("offset", "matrix", "covariance", "residual_rms", "positions", "false_accept", "false_reject", "budget")
+ABSENT = ("offset", "matrix", "covariance", "residual_rms", "positions", "false_accept", "false_reject", "budget", "rules")
 
 
 def head(recipe: Recipe) -> dict[str, Any]:
@@ -44,6 +44,7 @@ def unit(result: CalibrationResult) -> dict[str, Any]:
         "false_accept": verdict.false_accept,
         "false_reject": verdict.false_reject,
         "budget": result.budget.document(found.unit),
+        "rules": uncertainty.RULES,
         "temperature_degC": _number(np.mean(result.stops.temperature_degC)),
         "notes": list(found.notes),
     }

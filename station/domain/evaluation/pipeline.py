@@ -155,7 +155,7 @@ def _calibration(
         unit=recipe.unit,
         offset=offset_of(fit.theta[u]),
         matrix=matrix_of(fit.theta[u]),
-        covariance=budget.total,
+        covariance=budget.covering(),
         positions=stops.position,
         residual=fit.residual[u],
         tilt_deg=np.rad2deg(tilts[0]),
@@ -178,7 +178,7 @@ def _dwell(recipe: Recipe, fit: Fit, stops: ReducedVisits, budget: Budget) -> It
     known = recipe.pose_known
     strongest = np.linalg.norm(stops.true, axis=1).max() if known else recipe.reference.strength()
     wanted = adaptive_dwell.target_std(recipe, fit.free, float(strongest))
-    if told := adaptive_dwell.shortfall(recipe, wanted, budget.std("noise")):
+    if told := adaptive_dwell.shortfall(recipe, wanted, budget.covering_std("noise")):
         yield told
 
 

@@ -66,7 +66,7 @@ def error_covariance(found: CalibrationResult, recipe: Recipe, true: Floats, rea
 def _pose_variance(calibration: Calibration, recipe: Recipe) -> float:
     """Variance of a pose about each axis, rad²: as declared, or as the tilts of the fit show it if that is more."""
     tilts = np.deg2rad(calibration.tilt_deg[~calibration.disturbed])
-    return max(float(np.deg2rad(recipe.reference.pose_std_deg)) ** 2, float((tilts**2).mean()) / 2)
+    return max(float(np.deg2rad(recipe.reference.pose_std_deg or 0.0)) ** 2, float((tilts**2).mean()) / 2)
 
 
 def _of_dwell(reading: Floats, lsb: float) -> Floats:

@@ -8,14 +8,11 @@ import scipy
 from numpy.typing import NDArray
 
 from station.domain.core.types import Calibration, Floats, Outcome, Reason, ReducedVisits, Verdict
-from station.domain.methods import coefficients
+from station.domain.methods import coefficients, coverage
 from station.domain.methods.uncertainty import Budget
 from station.domain.recipe.recipe import Limits, Recipe
 from station.messages import Message
 
-#: Expanded uncertainty of the guard-band rule, w = U.
-COVERAGE_FACTOR = 2.0
-NORMAL_975 = 1.959963984540054
 #: An axis is across the stimulus when it feels less than this share of it.
 ACROSS = 0.05
 
@@ -77,20 +74,12 @@ def limited_coefficients(limits: Limits, found: Calibration, budget: Budget) -> 
 
 
 def guard_band(limits: Limits, std: Floats, dof: Floats) -> Floats:
-    """w of the decision rule: 0; 2u; or the one-sided t quantile that keeps a false accept at the limit that rare.
-
-    Standard deviations are already widened so that 1.96 of them hold 95 % (station.domain.noise.noise.widening).
-    """
+    """w of the decision rule: 0; U = k·u; or the one-sided t quantile that keeps a false accept at the limit rare."""
     if limits.rule == "guard-band":
-        return COVERAGE_FACTOR * std
+        return coverage.factor(dof) * std
     if limits.rule == "false-accept" and limits.false_accept is not None:
-        quantile = scipy.special.stdtrit(np.minimum(dof, 1e6), 1 - limits.false_accept)
-        return np.asarray(quantile * std / _widened(dof))
+        return coverage.quantile(dof, 1 - limits.false_accept) * std
     return np.zeros_like(std)
-
-
-def _widened(dof: Floats) -> Floats:
-    return np.asarray(scipy.special.stdtrit(np.minimum(dof, 1e6), 0.975) / NORMAL_975)
 
 
 def conformance(t: LimitedCoefficients) -> float:
@@ -105,8 +94,8 @@ def acceptance(t: LimitedCoefficients) -> float:
 
 def _within(t: LimitedCoefficients, bound: Floats) -> float:
     """Π P(|deviation + error| ≤ bound), coefficients taken as independent: never too small where they agree."""
-    scale = np.maximum(t.std, 1e-300) / _widened(t.dof)
-    dof = np.minimum(t.dof, 1e6)
+    scale = np.maximum(t.std, 1e-300)
+    dof = np.clip(t.dof, 1.0, coverage.MANY)
     above, below = (bound - t.deviation) / scale, (-bound - t.deviation) / scale
     inside = scipy.special.stdtr(dof, above) - scipy.special.stdtr(dof, below)
     return float(np.prod(np.maximum(inside, 0.0)))
@@ -120,7 +109,8 @@ def _coefficients(recipe: Recipe, t: LimitedCoefficients) -> Iterator[Reason]:
         check = "offset" if coefficients.OFFSETS[i] else "gain" if coefficients.GAINS[i] else "cross-axis"
         what = f"{name} is {deviation:+.4g}{_as_unit(unit)}" + (" off 1" if check == "gain" else "")
         if guard >= limit:
-            told = f"{what}, but its uncertainty {COVERAGE_FACTOR * std:.2g} leaves nothing of the limit {limit:g}"
+            wide = coverage.factor(t.dof[c]) * std
+            told = f"{what}, but its uncertainty {wide:.2g} leaves nothing of the limit {limit:g}"
             yield Reason.text(check, f"{told}: this recipe cannot decide it", float(deviation), float(limit), unit)
         else:
             told = f"{what}, beyond {limit:g}" + (f" less the guard band {guard:.2g}" if guard else "")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from station import plugins
 from station.domain.core.types import Array, Floats, ReducedVisits
 from station.domain.methods import rank
-from station.domain.recipe import sensor
+from station.domain.recipe import assumptions, references, sensor
 from station.domain.recipe.recipe import Recipe
 
 PACKAGE = "station.domain.methods.calibrate"
@@ -28,8 +28,9 @@ class FitProblem:
     mean, true (u, v, 3) readings and truths in the recipe's unit; cov (u, v, 3, 3), quantisation, dof (u, v, 3) and
     temperature_degC (u, v): see Stops; magnitude (u, v) of the truth; pose (v) number of the pose: same position and
     seating, same pose; pose_std_rad: expected error of a pose about each axis; scatter_pose, scatter_visit (u): further
-    variance of a reading, common to the stops of a pose or each stop's own; nuisance (v, q): see Sensor.nuisance;
-    model: matrix | offset-gain; pose_known: whether `true` is known.
+    variance of a reading, common to the stops of a pose or each stop's own; patterns (k, v, 3): stated errors of the
+    truth that all stops share, and of coefficients that the method takes for granted, one standard deviation each;
+    nuisance (v, q): see Sensor.nuisance; model: matrix | offset-gain; pose_known: whether `true` is known.
     """
 
     mean: Floats
@@ -43,6 +44,7 @@ class FitProblem:
     pose_std_rad: float
     scatter_pose: Floats
     scatter_visit: Floats
+    patterns: Floats
     nuisance: Floats
     model: str
     pose_known: bool
@@ -74,9 +76,10 @@ class Fit:
     theta (u, 12); jacobian (u, 12, v, 3): derivative of theta by each reading; free (12) bool: estimated at all;
     residual (u, v, 3) measured − modelled; tilt: angles and standard deviations (u, v) in rad where the method finds
     them (else `methods.tilt`); disturbed (u, v) bool; misfit (u, v, a): what the method made small, with the
-    variances (u, v, a) that noise and declared pose errors give it; parameters: how many it fitted to that; calm (u):
-    known to have neither scatter nor a stop that does not fit; pose_std_rad (u): pose error about each axis as found,
-    0 where the method cannot tell; notes: sentences a unit.
+    variances (u, v, a) that noise and declared pose errors give it; parameters: how many it fitted to that; explained
+    (k, v, a): orthonormal patterns of misfit that stated errors shared by all stops make; consistent (u): known to have
+    neither scatter nor a stop that does not fit; pose_std_rad, pose_dof (u): pose error about each axis as found and
+    its degrees of freedom, 0 where the method cannot tell; notes: sentences a unit.
     """
 
     theta: Floats
@@ -89,8 +92,10 @@ class Fit:
     noise: Floats
     pose_variance: Floats
     parameters: int
+    explained: Floats
     consistent: NDArray[np.bool_]
     pose_std_rad: Floats
+    pose_dof: Floats
     notes: tuple[tuple[str, ...], ...]
 
     def take(self, rows: NDArray[np.intp]) -> "Fit":
@@ -104,7 +109,7 @@ class Fit:
                 out[f.name] = tuple(m[rows] for m in mine)
             elif f.name == "misfit" and mine is self.residual:
                 out[f.name] = out["residual"]
-            elif f.name not in ("free", "parameters", "tilt"):
+            elif f.name not in ("free", "parameters", "explained", "tilt"):
                 out[f.name] = _of_rows(mine, rows)
         return replace(self, **out)
 
@@ -117,7 +122,7 @@ class Fit:
                 out[f.name] = tuple((dict(enumerate(mine)) | dict(zip(rows.tolist(), theirs, strict=True))).values())
             elif f.name == "tilt" and mine is not None:
                 out[f.name] = tuple(_with_rows(m, rows, t) for m, t in zip(mine, theirs, strict=True))
-            elif f.name not in ("free", "parameters", "tilt"):
+            elif f.name not in ("free", "parameters", "explained", "tilt"):
                 out[f.name] = _with_rows(mine, rows, theirs)
         return replace(self, **out)
 
@@ -188,11 +193,34 @@ def fit_problem(recipe: Recipe, units: Sequence[ReducedVisits]) -> FitProblem:
         pose=np.array([number[k] for k in keys], np.intp) if known else np.arange(len(keys)),
         scatter_pose=np.zeros(len(units)),
         scatter_visit=np.zeros(len(units)),
-        pose_std_rad=float(np.deg2rad(recipe.reference.pose_std_deg)),
+        pose_std_rad=float(np.deg2rad(recipe.reference.pose_std_deg or 0.0)),
+        patterns=np.concatenate([_stated_patterns(recipe, first), _method_patterns(recipe, first)]),
         nuisance=nuisance(recipe, first.position, first.seating, first.true),
         model=recipe.model,
         pose_known=known,
     )
+
+
+def _stated_patterns(recipe: Recipe, stops: ReducedVisits) -> Floats:
+    """Turns of nest, base and field as stated: residuals that they explain are no scatter."""
+    r = recipe.reference
+    degrees = {"nest": r.nest_std_deg or 0.0, "base": r.base_std_deg or 0.0, "field": r.field_std_deg or 0.0}
+    if not recipe.pose_known or r.source == "gold":
+        return np.zeros((0, len(stops), 3))
+    found = references.direction_errors(recipe, stops.position, stops.seating, stops.true, degrees)
+    return np.concatenate([np.zeros((0, len(stops), 3)), *found.values()])
+
+
+def _method_patterns(recipe: Recipe, stops: ReducedVisits) -> Floats:
+    """Cross-axis gains and gains, one a pattern, as far as the recipe's model leaves them out."""
+    fixed = recipe.method in ("one-point", "three-point") or recipe.model == "offset-gain"
+    if not fixed or not recipe.pose_known or of(recipe).by_magnitude:
+        return np.zeros((0, len(stops), 3))
+    std = assumptions.unestimated_std(recipe)[3:].reshape(3, 3)
+    if recipe.method != "one-point":
+        std = std * (1 - np.eye(3))
+    out = np.einsum("ij,vj,ik->ijvk", std, stops.true, np.eye(3)).reshape(9, len(stops), 3)
+    return np.asarray(out[out.any(axis=(1, 2))])
 
 
 def nuisance(recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats) -> Floats:

@@ -109,18 +109,28 @@ def lack_of_fit(problem: FitProblem, fit: Fit) -> LackOfFit:
     weight = (keep / noise).transpose(0, 2, 1) @ group
     seen = weight > 0
     of_mean = np.where(seen, 1 / np.where(seen, weight, 1.0), 1.0)
-    mean = ((keep * fit.misfit / noise).transpose(0, 2, 1) @ group) * of_mean
+    misfit = _unexplained(fit)
+    mean = ((keep * misfit / noise).transpose(0, 2, 1) @ group) * of_mean
     declared = (keep * fit.pose_variance).transpose(0, 2, 1) @ group / np.maximum(keep[..., 0] @ group, 1)[:, None]
-    about = (fit.misfit - (mean @ group.T).transpose(0, 2, 1)) * keep
+    about = (misfit - (mean @ group.T).transpose(0, 2, 1)) * keep
     poses, stops = seen[:, 0].sum(axis=1), keep.sum(axis=(1, 2))
     return LackOfFit(
         between=(mean**2).reshape(u, -1),
         of_between=(of_mean + declared).reshape(u, -1),
-        dof_between=a * poses - float(fit.parameters),
+        dof_between=a * poses - float(fit.parameters) - len(fit.explained),
         within=(about**2).reshape(u, -1),
         of_within=noise.reshape(u, -1),
         dof_within=a * (stops - poses).astype(float),
     )
+
+
+def _unexplained(fit: Fit) -> Floats:
+    """The misfit (u, v, a) without what stated errors shared by all stops make of it."""
+    if not len(fit.explained):
+        return fit.misfit
+    basis = fit.explained.reshape(len(fit.explained), -1)
+    flat = fit.misfit.reshape(len(fit.misfit), -1)
+    return np.asarray((flat - flat @ basis.T @ basis).reshape(fit.misfit.shape))
 
 
 def _paule_mandel(square: Floats, variance: Floats, dof: Floats) -> Floats:

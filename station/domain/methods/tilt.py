@@ -28,7 +28,7 @@ def of(problem: FitProblem, fit: Fit) -> tuple[Floats, Floats]:
     along = problem.true / size[..., None]
     toward = (along * off).sum(axis=2)
     across = (off - along * toward[..., None]) * directed[..., None]
-    leverage = _leverages(problem, fit)
+    leverage = leverages(problem, fit)
     still = np.maximum(1 - leverage, 0.0)
     noise = (still * np.einsum("uvii->uvi", problem.cov)).mean(axis=2) / size**2
     scatter = (across**2).sum(axis=(1, 2)) / np.maximum(still.mean(axis=2).sum(axis=1), 1e-9)
@@ -36,7 +36,7 @@ def of(problem: FitProblem, fit: Fit) -> tuple[Floats, Floats]:
     return np.arctan2(np.linalg.norm(across, axis=2), 1 + toward) * directed, std * directed
 
 
-def _leverages(problem: FitProblem, fit: Fit) -> Floats:
+def leverages(problem: FitProblem, fit: Fit) -> Floats:
     """How much of its own reading each stop's fitted value takes over: (u, v, 3), between 0 and 1."""
     by_own = np.einsum("ukvi->uvik", fit.jacobian)
     u, v = problem.magnitude.shape

@@ -1,10 +1,14 @@
 """How finely a sensor reads: the step seen in the data, and what rounding does to a mean."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from station.domain.core.types import Floats
 from station.domain.noise.dwell_statistics import DwellStatistics
 
+#: Share of the scatter of coarse readings that counts as evidence of noise beneath.
+SAFE_SHARE = 0.85
 #: Differences of a quantised axis are whole steps to within this share of one.
 WHOLE = 0.02
 
@@ -12,13 +16,24 @@ WHOLE = 0.02
 def step_of(dwells: DwellStatistics, sheet: float) -> Floats:
     """The step (3) of one unit's readings: the least difference of which all others are multiples.
 
-    Axes that never changed within a dwell take the data sheet's step; 0 where readings are finer than can be seen.
+    Axes that never changed within a dwell take the data sheet's step, and without one the least difference between
+    dwells, of their own or of another axis; 0 where readings are finer than can be seen.
     """
     least = dwells.step.min(axis=0)
+    if sheet == 0 and not np.isfinite(least).all():
+        sheet = _least_between(dwells)
     size = np.where(np.isfinite(least), least, 1.0)
     apart = np.concatenate([dwells.high - dwells.low, dwells.low - dwells.low[0]]) / size
     whole = (np.abs(apart - np.round(apart)) < WHOLE).all(axis=0)
     return np.where(np.isfinite(least), np.where(whole, least, 0.0), sheet)
+
+
+def _least_between(dwells: DwellStatistics) -> float:
+    """Least difference between the levels of dwells, over all axes; 0 where there is none."""
+    levels = np.sort(dwells.low, axis=0)
+    apart = np.diff(levels, axis=0)
+    apart = apart[apart > 1e-12 * max(float(np.abs(levels).max(initial=0.0)), 1e-300)]
+    return float(apart.min(initial=np.inf)) if len(apart) else 0.0
 
 
 def rounding_variance(step: Floats, noise_std: Floats) -> Floats:
@@ -36,5 +51,21 @@ def rounding_variance(step: Floats, noise_std: Floats) -> Floats:
 
 
 def noise_under(step: Floats, std: Floats) -> Floats:
-    """Noise (3) of the signal before rounding, from the standard deviations (d, 3) after it (Sheppard)."""
-    return np.asarray(np.sqrt(np.maximum((std**2).mean(axis=0) - step**2 / 12, 0.0)))
+    """Noise (3) of the signal before rounding, from the standard deviations (d, 3) after it.
+
+    Over all places between two steps a dwell's variance is σ² + step²/12 − rounding_variance(σ) in the mean: what of the
+    rounding does not stay in the mean scatters about it. Far above the step that is Sheppard's correction.
+    """
+    square, step = (std**2).mean(axis=0), np.broadcast_to(np.asarray(step, float), np.shape(std)[1:])
+    coarse = (step > 0) & (square < step**2)
+    # Few readings cross a step: less noise than they seem to show leaves more of the rounding.
+    ratio = SAFE_SHARE * square / np.where(coarse, step, 1.0) ** 2
+    fine = np.sqrt(np.maximum(square - step**2 / 12, 0.0))
+    return np.asarray(np.where(coarse, step * np.interp(ratio, *_noise_by_variance()), fine))
+
+
+@lru_cache(maxsize=1)
+def _noise_by_variance() -> tuple[Floats, Floats]:
+    """Mean variance of rounded readings, and the noise beneath, in steps."""
+    noise = np.linspace(0.0, 1.2, 1201)
+    return noise**2 + 1 / 12 - rounding_variance(np.ones_like(noise), noise), noise

@@ -11,7 +11,7 @@ import numpy as np
 from station.domain.capture.rest_detection import expected_noise
 from station.domain.core.types import Floats
 from station.domain.methods import coefficients, method, uncertainty
-from station.domain.methods.decision_rule import COVERAGE_FACTOR, guard_band
+from station.domain.methods.decision_rule import guard_band
 from station.domain.methods.uncertainty import Budget
 from station.domain.planning import adaptive_dwell, nominal_visits
 from station.domain.recipe.recipe import Recipe
@@ -54,7 +54,7 @@ def forecast(recipe: Recipe, rounding: Floats) -> Forecast:
     fit = method.of(recipe).fit(problem)
     budget = uncertainty.budgets(recipe, problem, fit, stops, rounding)[0]
     wanted = adaptive_dwell.target_std(recipe, fit.free, float(problem.magnitude.max()))
-    missed = adaptive_dwell.shortfall(recipe, wanted, budget.std("noise"))
+    missed = adaptive_dwell.shortfall(recipe, wanted, budget.covering_std("noise"))
     return Forecast(budget, _decisions(recipe, budget), noise, dwell_s, missed)
 
 
@@ -68,7 +68,7 @@ def _decisions(recipe: Recipe, budget: Budget) -> tuple[Decision, ...]:
         if limit is None:
             continue
         worst = int(np.argmax(np.where(which, std, -1.0)))
-        expanded = float(COVERAGE_FACTOR * std[worst])
+        expanded = float(budget.expanded()[worst])
         told = "impossible" if max(expanded, guard[worst]) >= limit else "tight"
         told = "comfortable" if COMFORTABLE * expanded <= limit else told
         out.append(Decision(kind, coefficients.NAMES[worst], limit, expanded, float(guard[worst]), told))

@@ -102,20 +102,48 @@ class Site(StrictModel):
     heading_deg: Finite | None = None
 
 
+class Gravimeter(StrictModel):
+    """Local gravity as a gravimeter measured it, with its standard uncertainty, both in m/s²."""
+
+    value_m_s2: Annotated[float, Field(ge=9.7, le=9.9)]
+    std_m_s2: NotNegative
+
+
+class Reproducibility(StrictModel):
+    """What a coefficient differs by when the same unit is measured again on other days, in other nests, after
+    reseating (Type A): standard deviations, offset in the recipe's unit; dof: degrees of freedom they come from."""
+
+    offset: NotNegative = 0.0
+    gain: NotNegative = 0.0
+    cross_axis: NotNegative = 0.0
+    dof: Annotated[float, Field(ge=1)]
+
+
+class ReferenceCertificate(StrictModel):
+    """Traceability of one reference: what it is, number of its certificate, due date (ISO), who issued it."""
+
+    item: Name
+    number: Annotated[str, Field(min_length=1)]
+    due: Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
+    issuer: str = ""
+
+
 class GoldReference(StrictModel):
     """A gold reference sensor in the same orientation, with its own calibration, uncertainty and due date.
 
     offset, matrix: measured = matrix · true + offset, in the recipe's unit; offset_std, gain_std: standard
-    uncertainty per axis; seat_std_deg: how well its axes agree with the nest's; node: its node id on the bus.
+    uncertainty per axis; seat_std_deg: how well its axes agree with the nest's; node: its node id on the bus;
+    certificate: number of its certificate.
     """
 
     serial: Name
     offset: Vector = (0.0, 0.0, 0.0)
     matrix: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    offset_std: NotNegative = 0.0
-    gain_std: NotNegative = 0.0
-    seat_std_deg: NotNegative = 0.0
+    offset_std: NotNegative | None = None
+    gain_std: NotNegative | None = None
+    seat_std_deg: NotNegative | None = None
     due: Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
+    certificate: str = ""
     node: Annotated[int, Field(ge=1, le=127)] | None = None
 
     @model_validator(mode="after")
@@ -126,16 +154,28 @@ class GoldReference(StrictModel):
 
 
 class Reference(StrictModel):
-    """Where the true stimulus comes from. magnitude and vector in the recipe's unit."""
+    """Where the true stimulus comes from. magnitude and vector in the recipe's unit.
+
+    Standard uncertainties: magnitude_std in that unit; pose_std_deg of each pose by itself, about each axis;
+    nest_std_deg: how the nest sits on the fixture, base_std_deg: how the fixture stands, field_std_deg: direction of
+    a field, each the same for all poses; thermometer_std_degC. One that is not stated takes the default of
+    station.domain.recipe.assumptions, with its source. certificates: traceability of fixture, thermometer, field, …
+    """
 
     source: Literal["gravity", "field", "rate", "gold"]
     magnitude: Positive | None = None
-    magnitude_std: NotNegative = 0.0
+    magnitude_std: NotNegative | None = None
     vector: Vector | None = None
     site: Site | None = None
+    gravimeter: Gravimeter | None = None
     pose: Literal["known", "unknown"] = "known"
-    pose_std_deg: NotNegative = 0.0
+    pose_std_deg: NotNegative | None = None
+    nest_std_deg: NotNegative | None = None
+    base_std_deg: NotNegative | None = None
+    field_std_deg: NotNegative | None = None
+    thermometer_std_degC: NotNegative | None = None
     gold: GoldReference | None = None
+    certificates: tuple[ReferenceCertificate, ...] = ()
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -145,21 +185,27 @@ class Reference(StrictModel):
             raise InvalidValue("source-field-incomplete")
         if self.site is not None and self.source == "field":
             raise InvalidValue("site-with-field")
+        if self.gravimeter is not None and (self.source != "gravity" or self.site is not None):
+            raise InvalidValue("gravimeter-elsewhere")
         return self
 
     def strength(self) -> float:
         """Magnitude of the true stimulus in the recipe's unit (1 for a rate, whose positions carry their own)."""
         if self.site is not None and self.source != "rate":
             return gravity.normal_gravity(self.site.latitude_deg, self.site.altitude_m) / gravity.STANDARD
+        if self.gravimeter is not None:
+            return self.gravimeter.value_m_s2 / gravity.STANDARD
         if self.magnitude is not None:
             return self.magnitude
         return float(np.linalg.norm(self.vector)) if self.vector is not None else 1.0
 
     def relative_std(self) -> float:
-        """Standard uncertainty of the magnitude, relative: local anomalies at a site, else as stated."""
+        """Standard uncertainty of the magnitude, relative: local anomalies at a site, else as stated (0 if not)."""
         if self.site is not None and self.source != "rate":
             return self.site.anomaly_std_ppm * 1e-6
-        return self.magnitude_std / self.strength()
+        if self.gravimeter is not None:
+            return self.gravimeter.std_m_s2 / self.gravimeter.value_m_s2
+        return (self.magnitude_std or 0.0) / self.strength()
 
 
 class Run(StrictModel):
@@ -187,7 +233,9 @@ class DeviceSheet(StrictModel):
     """What the device's data sheet promises; the ideal that faults are measured against.
 
     lsb, full_scale and noise_density in the recipe's unit (noise per √Hz). Typical sizes (one standard deviation)
-    for the uncertainty budget: offset_tempco in unit/°C, gain_tempco in 1/°C, g_sensitivity in unit/g.
+    for the uncertainty budget: offset_tempco in unit/°C, gain_tempco in 1/°C, g_sensitivity in unit/g; gain_std and
+    cross_std of what a method takes for granted; turn_on_std of the offset from one run to the next, in the unit.
+    rounding: what its converter does with the rest of a step.
     """
 
     rate_hz: Positive = 100.0
@@ -199,6 +247,10 @@ class DeviceSheet(StrictModel):
     offset_tempco: NotNegative = 0.0
     gain_tempco: NotNegative = 0.0
     g_sensitivity: NotNegative = 0.0
+    gain_std: NotNegative | None = None
+    cross_std: NotNegative | None = None
+    turn_on_std: NotNegative | None = None
+    rounding: Literal["nearest", "truncating", "unknown"] = "unknown"
 
 
 class Settle(StrictModel):
@@ -229,12 +281,21 @@ class DwellRule(StrictModel):
         return self.time_s if self.time_s is not None else self.max_s
 
 
+class Process(StrictModel):
+    """What the process makes: mean and standard deviation of the deviation from nominal, by kind of coefficient."""
+
+    offset: tuple[Finite, Positive] | None = None
+    gain: tuple[Finite, Positive] | None = None
+    cross_axis: tuple[Finite, Positive] | None = None
+
+
 class Limits(StrictModel):
     """Acceptance limits and the decision rule (JCGM 106, ILAC-G8). Half-widths about nominal unless stated.
 
     offset, residual, consistency, noise: the recipe's unit; gain, cross_axis: 1; tilt_deg: degrees.
-    rule: simple (no guard band) | guard-band (w = U, k = 2) | false-accept (w so that the probability of a
-    false accept at the limit is at most `false_accept`).
+    rule: simple (no guard band) | guard-band (w = U for 95 %) | false-accept (w so that the probability of a
+    false accept at the limit is at most `false_accept`). process: what units are like before they are measured, by
+    which risks are computed (JCGM 106); left out: anything, which overstates them.
     """
 
     rule: Literal["simple", "guard-band", "false-accept"] = "simple"
@@ -247,6 +308,7 @@ class Limits(StrictModel):
     tilt_deg: Positive | None = None
     noise: Positive | None = None
     temperature_degC: tuple[Finite, Finite] | None = None
+    process: Process | None = None
 
     @model_validator(mode="after")
     def _check_limits(self) -> Self:
@@ -299,6 +361,7 @@ class Recipe(StrictModel):
     seatings: dict[Name, Turn] = {}
     runs: Annotated[tuple[Run, ...], Field(min_length=1)] = (Run(),)
     device: DeviceSheet = DeviceSheet()
+    reproducibility: Reproducibility | None = None
     settle: Settle = Settle()
     dwell: DwellRule = DwellRule(time_s=1.0)
     visit_repeats: Annotated[int, Field(ge=0, le=5)] = 1

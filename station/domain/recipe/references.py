@@ -1,8 +1,11 @@
 """Where the true stimulus comes from, and how wrong it may be."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from station.domain.core.types import Floats
+from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import GoldReference, Recipe
 from station.errors import RecipeError, ReferenceOverdue
 
@@ -48,6 +51,31 @@ def check_due(recipe: Recipe, today: str) -> None:
         raise ReferenceOverdue("gold-overdue", serial=gold.serial, due=gold.due, today=today[:10])
 
 
+def direction_errors(
+    recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats, angles_deg: Mapping[str, float]
+) -> dict[str, Floats]:
+    """Patterns (3, v, 3) of errors of the truth (v, 3) from turns that all stops share, by name of the budget line.
+
+    angles_deg: one standard deviation about each axis: `nest` turns about the nest's axes, `base` and `field` about the
+    station's. A turn ω of the nest moves the stimulus n in its frame by n × ω, one of the station that of the station.
+    """
+    seat = np.array([recipe.seating(s) for s in seating])
+    found = {}
+    if angles_deg.get("nest"):
+        nest = np.einsum("vij,vj->vi", seat, true)
+        turned = np.cross(nest[None], np.eye(3)[:, None])
+        found["nest tilt"] = np.deg2rad(angles_deg["nest"]) * np.einsum("vij,kvi->kvj", seat, turned)
+    if recipe.reference.source == "rate":
+        return found
+    pose = np.array([recipe.position(p).matrix() for p in position]) @ seat
+    station = np.einsum("vij,vj->vi", pose, true)
+    for name, line in (("base", "base tilt"), ("field", "field direction")):
+        if angles_deg.get(name):
+            turned = np.cross(station[None], np.eye(3)[:, None])
+            found[line] = np.deg2rad(angles_deg[name]) * np.einsum("vij,kvi->kvj", pose, turned)
+    return found
+
+
 def gold_errors(recipe: Recipe, true: Floats, seating: tuple[str, ...]) -> Floats:
     """Patterns (k, v, 3) of one-standard-deviation errors of the truth (v, 3) that a gold reference shares.
 
@@ -56,8 +84,12 @@ def gold_errors(recipe: Recipe, true: Floats, seating: tuple[str, ...]) -> Float
     gold = gold_of(recipe)
     back = np.array([recipe.seating(s).T for s in seating])
     nest = np.einsum("vji,vj->vi", back, true)
-    offset = gold.offset_std * back.transpose(2, 0, 1)
-    gain = gold.gain_std * np.einsum("vik,vk->kvi", back, nest)
+    size = float(np.linalg.norm(true, axis=1).max(initial=0.0))
+    offset_std = assumptions.GOLD_RELATIVE * size if gold.offset_std is None else gold.offset_std
+    gain_std = assumptions.GOLD_RELATIVE if gold.gain_std is None else gold.gain_std
+    seat_deg = assumptions.NEST_DEG if gold.seat_std_deg is None else gold.seat_std_deg
+    offset = offset_std * back.transpose(2, 0, 1)
+    gain = gain_std * np.einsum("vik,vk->kvi", back, nest)
     turned = np.cross(np.eye(3)[:, None, :], nest[None])
-    seat = np.deg2rad(gold.seat_std_deg) * np.einsum("vij,kvj->kvi", back, turned)
+    seat = np.deg2rad(seat_deg) * np.einsum("vij,kvj->kvi", back, turned)
     return np.concatenate([offset, gain, seat])

@@ -4,7 +4,7 @@ Each axis i has its own regression on the truth: mean_i = offset_i + Σ_j matrix
 coefficients the method does not estimate kept at those of a perfect sensor.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,9 @@ def fit_shared(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit 
         return None
     variance, even = _variances_of_first_visit(problem) if weighted else _mean_variances(problem)
     even &= (problem.scatter_pose == 0) & (problem.scatter_visit == 0)
-    return _shared_fit.fit(problem, columns, variance, even) if even.any() else None
+    if not even.any():
+        return None
+    return _shared_fit.fit(problem, columns, variance, _explained(problem, columns), even)
 
 
 def solve(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit:
@@ -54,14 +56,26 @@ def solve(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit:
     if not weighted:
         noise, pose = _spread(noise), _spread(pose)
     variance = noise + pose * problem.visits_of_pose()[:, None] + problem.scatter()[..., None]
+    explained = _explained(problem, columns)
+    tested = variance + (explained**2).sum(axis=0) if len(explained) else variance
     keep = np.ones(variance.shape[:2])
     for _ in range(max(len(problem.pose) // 4, 1)):
         axes = _regressions(problem, columns, variance, keep, weighted)
-        worst = _outliers.worst_visit(axes.r, axes.hat, variance, keep, _parameters(columns, problem))
+        worst = _outliers.worst_visit(axes.r, axes.hat, tested, keep, _parameters(columns, problem))
         if not worst.any():
             break
         keep = np.where(worst, 0.0, keep)
-    return _fit(problem, columns, axes, (noise, pose), keep)
+    fit = _fit(problem, columns, axes, (noise, pose), keep)
+    return replace(fit, explained=_shared_fit.scatter_basis(explained))
+
+
+def _explained(problem: FitProblem, columns: Columns) -> Floats:
+    """Residuals (k, v, 3) that stated errors shared by all stops make."""
+    if not len(problem.patterns):
+        return problem.patterns
+    truth = np.ascontiguousarray(problem.true[0]).tobytes()
+    patterns = np.ascontiguousarray(problem.patterns).tobytes()
+    return _shared_fit.explained_residuals(patterns, truth, len(problem.pose), columns)
 
 
 def _variances_of_first_visit(problem: FitProblem) -> tuple[tuple[Floats, Floats], NDArray[np.bool_]]:
@@ -103,8 +117,10 @@ def variances(problem: FitProblem, stops: slice = slice(None)) -> tuple[Floats, 
     noise = np.maximum(np.einsum("uvii->uvi", problem.cov[:, stops]), (1e-9 * scale) ** 2)
     if problem.pose_std_rad == 0:
         return noise, np.broadcast_to(0.0, noise.shape)
-    across = problem.magnitude[:, stops, None] ** 2 - problem.true[:, stops] ** 2
-    return noise, problem.pose_std_rad**2 * np.maximum(across, 0.0)
+    square = problem.true[:, stops] ** 2
+    across = problem.magnitude[:, stops, None] ** 2 - square
+    # Along itself the truth is shortened by |φ|²/2, whose mean square is 2δ⁴.
+    return noise, problem.pose_std_rad**2 * (np.maximum(across, 0.0) + 2 * problem.pose_std_rad**2 * square)
 
 
 def _regressions(problem: FitProblem, columns: Columns, variance: Floats, keep: Floats, weighted: bool) -> _Regressions:
@@ -167,7 +183,9 @@ def _fit(
         noise=variance[0],
         pose_variance=variance[1],
         parameters=_parameters(columns, problem),
+        explained=np.zeros((0, v, 3)),
         consistent=np.zeros(u, bool),
         pose_std_rad=np.zeros(u),
+        pose_dof=np.ones(u),
         notes=((),) * u,
     )

@@ -4,7 +4,7 @@ Which units are sound enough for it is asked of each unit by itself, so that a u
 many. The tests are those of the long way (a stop that does not fit, scatter), asked of the whole unit at once.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,6 +17,8 @@ from station.domain.methods import coefficients
 from station.domain.methods.calibrate import _outliers
 from station.domain.methods.method import Fit, FitProblem
 
+#: A pattern of misfit smaller than this, in the recipe's unit, is rounding.
+NEGLIGIBLE_PATTERN = 1e-9
 Columns = tuple[tuple[int, ...], ...]
 
 
@@ -32,21 +34,46 @@ class SharedSolution:
     spread: Floats
 
 
-def fit(problem: FitProblem, columns: Columns, variance: tuple[Floats, Floats], even: NDArray[np.bool_]) -> Fit:
+def fit(
+    problem: FitProblem,
+    columns: Columns,
+    variance: tuple[Floats, Floats],
+    explained: Floats,
+    even: NDArray[np.bool_],
+) -> Fit:
     """The fit of all units as if their stops counted alike; `calm` tells for which of the `even` ones (u) it holds.
 
-    variance: of a mean by noise and by the declared error of its pose, each (u, 1, 3).
+    variance: of a mean by noise and by the declared error of its pose, each (u, 1, 3); explained (k, v, 3): see
+    explained_residuals.
     """
     v = len(problem.pose)
     shared = shared_solution(np.ascontiguousarray(problem.true[0]).tobytes(), v, columns)
     theta = shared.kept + _times(shared.jacobian.reshape(12, -1), problem.mean - _readings(shared, shared.kept))
     residual = problem.mean - _readings(shared, theta)
-    square, weight = residual**2, 1 / (variance[0] + variance[1]).reshape(-1, 3, 1)
-    chi2 = (square @ weight).sum(axis=(1, 2))
-    drop = (square * shared.spread) @ weight
+    chi2, drop = _misfit(residual**2, shared.spread, variance[0] + variance[1], explained)
     parameters = sum(map(len, columns))
-    calm = even & (chi2 <= chi2_limit(3 * v - parameters)) & (drop.max(axis=(1, 2)) < outlier_limit(v))
-    return _fit(shared, theta, residual, variance, parameters, calm)
+    calm = even & (chi2 <= chi2_limit(3 * v - parameters)) & (drop < outlier_limit(v))
+    return replace(_fit(shared, theta, residual, variance, parameters, calm), explained=scatter_basis(explained))
+
+
+def _misfit(square: Floats, spread: Floats, variance: Floats, explained: Floats) -> tuple[Floats, Floats]:
+    """χ² (u), and the largest drop (u) of it when a stop is left out."""
+    if len(explained):
+        of_axis = square / (variance + (explained**2).sum(axis=0))
+        return of_axis.sum(axis=(1, 2)), (of_axis * spread).sum(axis=2).max(axis=1)
+    weight = 1 / variance.reshape(-1, 3, 1)
+    return (square @ weight).sum(axis=(1, 2)), ((square * spread) @ weight).max(axis=(1, 2))
+
+
+@lru_cache(maxsize=64)
+def explained_residuals(patterns: bytes, truth: bytes, v: int, columns: Columns) -> Floats:
+    """Residuals (k, v, 3) that errors of the truth with these patterns (k, v, 3) leave of a perfect sensor."""
+    true, errors = np.frombuffer(truth).reshape(v, 3), np.frombuffer(patterns).reshape(-1, v, 3)
+    T, out = np.column_stack([np.ones(v), true]), np.zeros_like(errors)
+    for i, own in enumerate(columns):
+        X = T[:, list(own)]
+        out[:, :, i] = (errors[:, :, i].T - X @ linear_algebra.solve(X.T @ X, X.T @ errors[:, :, i].T)).T
+    return out
 
 
 @lru_cache(maxsize=64)
@@ -77,6 +104,16 @@ def shared_solution(truth: bytes, v: int, columns: Columns) -> SharedSolution:
     alone = leverage > _outliers.FULL_LEVERAGE
     spread = np.where(alone, 0.0, 1 / np.where(alone, 1.0, 1 - leverage))
     return SharedSolution(T, jacobian, np.where(free, 0.0, coefficients.NOMINAL), free, spread)
+
+
+def scatter_basis(explained: Floats) -> Floats:
+    """Orthonormal patterns (k', v, a) that span those of misfit (k, v, a), rounding errors apart."""
+    if not len(explained):
+        return explained
+    flat = explained.reshape(len(explained), -1)
+    _, size, basis = np.linalg.svd(flat, full_matrices=False)
+    rank = int((size > NEGLIGIBLE_PATTERN).sum())
+    return np.asarray(basis[:rank].reshape(rank, *explained.shape[1:]))
 
 
 def coefficients_of(axis: int, columns: tuple[int, ...]) -> list[int]:
@@ -115,7 +152,9 @@ def _fit(
         noise=np.broadcast_to(variance[0], residual.shape),
         pose_variance=np.broadcast_to(variance[1], residual.shape),
         parameters=parameters,
+        explained=np.zeros((0, v, 3)),
         consistent=calm,
         pose_std_rad=np.zeros(u),
+        pose_dof=np.ones(u),
         notes=((),) * u,
     )

@@ -7,14 +7,15 @@ and every pose gets an estimate of its own tilt.
 from typing import ClassVar
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from station.domain.core import rotation
 from station.domain.core.linear_algebra import inverse
 from station.domain.core.types import Floats
+from station.domain.methods import residual_scatter
 from station.domain.methods.calibrate import _alignment, _ellipsoid, _outliers
 from station.domain.methods.calibrate._ellipsoid import COLUMNS, ROWS, Ellipsoid
+from station.domain.methods.calibrate._shared_fit import scatter_basis
 from station.domain.methods.method import Fit, FitProblem
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
@@ -71,7 +72,7 @@ def _unaligned(problem: FitProblem, e: Ellipsoid, keep: Floats) -> Fit:
     modelled = e.b[:, None] + (found * problem.magnitude[..., None]) @ inverse(e.K).transpose(0, 2, 1)
     upper = np.r_[np.ones(3, bool), np.triu(np.ones((3, 3), bool)).ravel()]
     nothing = np.zeros((u, v))
-    return _fit(e, keep, theta, jacobian, upper, problem.mean - modelled, nothing, nothing, np.zeros(u))
+    return _fit(e, keep, theta, jacobian, upper, problem.mean - modelled, (nothing, nothing), (np.zeros(u), np.ones(u)))
 
 
 def _aligned(problem: FitProblem, e: Ellipsoid, keep: Floats) -> Fit:
@@ -86,11 +87,12 @@ def _aligned(problem: FitProblem, e: Ellipsoid, keep: Floats) -> Fit:
     off = np.cross(d, found)
     tilt = np.arctan2(np.linalg.norm(off, axis=2), (d * found).sum(axis=2))
     noise = _tilt_noise(problem, d, moves, turned)
-    pose_std = _pose_std(problem, off, noise, keep)
+    pose_std, pose_dof = _pose_std(problem, off, noise, keep, _explained(problem, nominal))
     common = _alignment_spread(problem, d, keep) * pose_std[:, None] ** 2
     modelled = e.b[:, None] + problem.true @ (inverse(e.K) @ Q).transpose(0, 2, 1)
     residual = problem.mean - modelled
-    return _fit(e, keep, theta, jacobian, np.ones(12, bool), residual, tilt, np.sqrt(noise + common), pose_std)
+    tilts = tilt, np.sqrt(noise + common)
+    return _fit(e, keep, theta, jacobian, np.ones(12, bool), residual, tilts, (pose_std, pose_dof))
 
 
 def _fit(
@@ -100,9 +102,8 @@ def _fit(
     jacobian: Floats,
     free: NDArray[np.bool_],
     residual: Floats,
-    tilt: Floats,
-    tilt_std: Floats,
-    pose_std: Floats,
+    tilts: tuple[Floats, Floats],
+    pose_std: tuple[Floats, Floats],
 ) -> Fit:
     lost = ("the norm fit did not settle; the readings do not lie on an ellipsoid",)
     return Fit(
@@ -110,14 +111,16 @@ def _fit(
         jacobian=jacobian,
         free=free,
         residual=residual,
-        tilt=(tilt, tilt_std),
+        tilt=tilts,
         disturbed=keep == 0,
         misfit=e.r[..., None],
         noise=e.noise[..., None],
         pose_variance=np.zeros((*e.r.shape, 1)),
         parameters=9,
+        explained=np.zeros((0, *e.r.shape[1:], 1)),
         consistent=np.zeros(len(theta), bool),
-        pose_std_rad=pose_std,
+        pose_std_rad=pose_std[0],
+        pose_dof=pose_std[1],
         notes=tuple(() if ok else lost for ok in e.converged),
     )
 
@@ -167,19 +170,35 @@ def _tilt_noise(problem: FitProblem, d: Floats, moves: Floats, turned: Floats) -
     return np.asarray(np.einsum("uviwk,uwkl,uviwl->uv", E, problem.cov, E, optimize=True) / 2)
 
 
-def _pose_std(problem: FitProblem, off: Floats, noise: Floats, keep: Floats) -> Floats:
-    """Pose error (u) about each axis as the tilts show it: 0 unless noise cannot explain them, at least as declared."""
+def _explained(problem: FitProblem, nominal: Floats) -> Floats:
+    """Orthonormal patterns (k, v, 3) of tilts that stated errors shared by all stops leave after the alignment."""
+    t, errors = nominal[0], problem.patterns / problem.magnitude[0][:, None]
+    turned = np.cross(t[None], errors)
+    across = np.eye(3) - t[:, :, None] * t[:, None, :]
+    common = np.linalg.solve(across.sum(axis=0), turned.sum(axis=1).T).T
+    return scatter_basis(turned - np.einsum("vij,kj->kvi", across, common))
+
+
+def _pose_std(
+    problem: FitProblem, off: Floats, noise: Floats, keep: Floats, explained: Floats
+) -> tuple[Floats, Floats]:
+    """Pose error (u) about each axis as the tilts show it or leave it possible, at least as declared, and its degrees
+    of freedom (u). off (u, v, 3): tilts as rotation vectors; explained: see `_explained`."""
+    if len(explained):
+        basis = explained.reshape(len(explained), -1)
+        flat = off.reshape(len(off), -1)
+        off = (flat - flat @ basis.T @ basis).reshape(off.shape)
     group = (problem.pose[:, None] == np.arange(problem.pose.max() + 1)).astype(float)
     count = np.maximum(keep @ group, 1e-9)
     mean = (off * keep[..., None]).transpose(0, 2, 1) @ group / count[:, None]
     expected = (keep * noise) @ group / count**2
     seen = keep @ group > 0
-    dof = 2 * seen.sum(axis=1) - 3.0
+    dof = 2 * seen.sum(axis=1) - 3.0 - len(explained)
     square = (mean**2).sum(axis=1) * seen
     chi2 = (square / np.maximum(expected, 1e-30)).sum(axis=1)
-    loose = (scipy.special.chdtrc(np.maximum(dof, 1), chi2) < _outliers.LEVEL) & (dof > 0)
-    found = np.maximum(square.sum(axis=1) / np.maximum(dof, 1) - expected.mean(axis=1), 0.0)
-    return np.where(loose, np.maximum(np.sqrt(found), problem.pose_std_rad), problem.pose_std_rad)
+    usual = (expected * seen).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
+    ratio, nu = residual_scatter.posterior(chi2, np.maximum(dof, 0.0))
+    return np.maximum(np.sqrt(ratio * usual), problem.pose_std_rad), nu
 
 
 def _alignment_spread(problem: FitProblem, d: Floats, keep: Floats) -> Floats:

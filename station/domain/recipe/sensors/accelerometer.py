@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.recipe import references
+from station.domain.recipe import assumptions, references
 from station.domain.recipe.recipe import Recipe
 
 
@@ -26,7 +26,7 @@ class Accelerometer:
         r = recipe.reference
         if r.source == "gold":
             return {"gold reference": references.gold_errors(recipe, true, seating)}
-        return {"gravity": (r.relative_std() * true)[None]}
+        return {"gravity": (assumptions.magnitude_relative_std(recipe) * true)[None]}
 
     def nuisance(self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
         """Nothing but gravity acts on an accelerometer at rest."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.recipe import gravity, references
+from station.domain.recipe import assumptions, gravity, references
 from station.domain.recipe.recipe import Recipe
 
 
@@ -32,7 +32,7 @@ class Gyroscope:
             return {"gold reference": references.gold_errors(recipe, true, seating)}
         fastest = float(np.linalg.norm(true, axis=1).max()) or 1.0
         return {
-            "rate": (r.magnitude_std / fastest * true)[None],
+            "rate": (_rate_relative_std(recipe, fastest) * true)[None],
             "Earth rate": self._earth(recipe, position, seating),
             "g-sensitivity": self._gravity(recipe, position, seating),
         }
@@ -74,3 +74,8 @@ class Gyroscope:
             [(recipe.position(p).matrix() @ recipe.seating(s)).T @ up for p, s in zip(position, seating, strict=True)]
         )
         return np.asarray(np.einsum("vj,ik->ijvk", pull, np.eye(3)).reshape(9, len(position), 3))
+
+
+def _rate_relative_std(recipe: Recipe, fastest: float) -> float:
+    stated = recipe.reference.magnitude_std
+    return assumptions.RATE_RELATIVE if stated is None else stated / fastest

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.recipe import references
+from station.domain.recipe import assumptions, references
 from station.domain.recipe.recipe import Recipe
 
 
@@ -22,11 +22,11 @@ class Magnetometer:
     def truth_errors(
         self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats
     ) -> Mapping[str, Floats]:
-        """The field's magnitude is known to reference.magnitude_std; its direction to reference.pose_std_deg."""
+        """The field's magnitude is known to reference.magnitude_std; its direction: references.direction_errors."""
         r = recipe.reference
         if r.source == "gold":
             return {"gold reference": references.gold_errors(recipe, true, seating)}
-        return {"field": (r.relative_std() * true)[None]}
+        return {"field": (assumptions.magnitude_relative_std(recipe) * true)[None]}
 
     def nuisance(self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
         """Iron of the unit turns with it and is what we calibrate; iron of the rig belongs into reference.vector."""

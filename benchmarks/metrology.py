@@ -1,0 +1,288 @@
+"""What uncertainties are worth: coverage, false accepts, risks, capability intervals, certificates.
+
+    python benchmarks/metrology.py [--units 1000] [--only NAME]
+
+Units, poses, noise and converters are made here by formulas of their own; nothing of the product but the recipe, the
+samples table and the calibration is used. Coverage is the share of coefficients (that the method estimates) whose truth
+lies within the U that is stated. Seeds are fixed and printed with every row.
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.core.types import Labels, SampleTable
+from station.domain.evaluation import pipeline
+from station.domain.evaluation.pipeline import CalibrationResult
+from station.domain.recipe.recipe import Recipe
+
+Floats = NDArray[np.float64]
+READINGS, NOISE = 60, 4e-4
+MEAN_NOISE = NOISE / READINGS**0.5
+DEG = np.pi / 180
+FACES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
+EDGES = np.array(
+    [(a, b, 0) for a in (1, -1) for b in (1, -1)]
+    + [(a, 0, b) for a in (1, -1) for b in (1, -1)]
+    + [(0, a, b) for a in (1, -1) for b in (1, -1)],
+    float,
+)
+UPS = {"six": FACES, "n18": np.vstack([FACES, EDGES / 2**0.5]), "one": FACES[4:5], "three": FACES[::2]}
+METHODS = {"six": "six-point", "n18": "n-point", "norm": "norm", "one": "one-point", "three": "three-point"}
+EXACT = {"magnitude_std": 0, "nest_std_deg": 0, "base_std_deg": 0}
+
+
+def orientation(up: Floats) -> Floats:
+    """Device → station rotation with the device's axis `up` upright: Rodrigues' formula, the shortest way."""
+    z = np.array([0.0, 0.0, 1.0])
+    axis, cosine = np.cross(up, z), float(up @ z)
+    if np.linalg.norm(axis) < 1e-9:
+        return np.eye(3) if cosine > 0 else np.diag([1.0, -1.0, -1.0])
+    return spun(axis / np.linalg.norm(axis) * np.arccos(np.clip(cosine, -1, 1)))
+
+
+def spun(vector: Floats) -> Floats:
+    """Rotation matrices (…, 3, 3) of rotation vectors (…, 3)."""
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    x, y, z = np.moveaxis(vector, -1, 0)
+    zero = np.zeros_like(x)
+    K = np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], -2)
+    a = np.maximum(angle, 1e-12)
+    return np.asarray(np.eye(3) + np.sin(a) / a * K + (1 - np.cos(a)) / a**2 * K @ K)
+
+
+def recipe(design: str, reference: dict[str, Any] | None = None, **more: Any) -> Recipe:
+    """A recipe of that design, its errors stated as nothing but for what is given."""
+    poses = [orientation(up) for up in UPS["n18" if design == "norm" else design]]
+    return Recipe.model_validate(
+        {
+            "schema": "station.recipe/1", "name": design, "version": 1, "sensor": "accelerometer", "unit": "g",
+            "reference": {"source": "gravity", "magnitude": 1.0, **EXACT, **(reference or {})},
+            "positions": [{"name": f"p{i:02d}", "quaternion": quaternion(R)} for i, R in enumerate(poses)],
+            "method": METHODS[design], "device": {"rounding": "nearest"}, **more,
+        }
+    )  # fmt: skip
+
+
+def quaternion(R: Floats) -> list[float]:
+    """Scalar first; half-turns by their axis."""
+    w = np.sqrt(max(1 + np.trace(R), 0)) / 2
+    if w < 1e-6:
+        axis = np.sqrt(np.maximum(np.diagonal(R) + 1, 0) / 2)
+        return [0.0, *axis.tolist()]
+    return [float(w), *(float(v) for v in (R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]) / (4 * w))]
+
+
+class Bench:
+    """Units (n), truths of each stop by rotations drawn here, readings with noise, one table."""
+
+    def __init__(self, of: Recipe, count: int, seed: int) -> None:
+        self.recipe, self.rng, self.count = of, np.random.default_rng(seed), count
+        design = "n18" if of.name == "norm" else of.name
+        self.poses = np.array([orientation(up) for up in UPS[design]])
+        self.offset = 0.02 * self.rng.standard_normal((count, 3))
+        self.matrix = np.eye(3) + 0.01 * self.rng.standard_normal((count, 3, 3))
+
+    def truth(self, nest: float = 0.0, base: float = 0.0, pose: float = 0.0, size: float = 1.0) -> Floats:
+        """Stimulus (n, v, 3) in the device's frame; angles: standard deviations in rad about each axis."""
+        n, v = self.count, len(self.poses)
+        turn = spun(nest * self.rng.standard_normal((n, 1, 3)))
+        stand = spun(base * self.rng.standard_normal((n, 1, 3)))
+        each = spun(pose * self.rng.standard_normal((n, v, 3)))
+        R = stand @ self.poses @ turn @ each
+        return np.asarray(R.transpose(0, 1, 3, 2) @ np.array([0.0, 0.0, size]))
+
+    def readings(self, true: Floats, noise: Floats | None = None) -> Floats:
+        """Readings (n, v, READINGS, 3); noise of that shape, or white."""
+        n, v = true.shape[:2]
+        if noise is None:
+            noise = NOISE * self.rng.standard_normal((n, v, READINGS, 3))
+        mean = np.einsum("nij,nvj->nvi", self.matrix, true) + self.offset[:, None]
+        return np.asarray(mean[:, :, None] + noise)
+
+    def table(self, readings: Floats) -> SampleTable:
+        """As a samples table."""
+        n, v, k, _ = readings.shape
+        names = tuple(p.name for p in self.recipe.positions)
+        visit = np.tile(np.repeat(np.arange(v, dtype=np.int32), k), n)
+        return SampleTable(
+            unit=Labels(tuple(f"U{i:06d}" for i in range(n)), np.repeat(np.arange(n, dtype=np.int32), v * k)),
+            run=np.zeros(n * v * k, np.int32),
+            visit=visit,
+            position=Labels(names, visit),
+            time_s=np.tile((np.arange(v)[:, None] * (k / 100 + 1) + np.arange(k) / 100).ravel(), n),
+            reading=readings.reshape(-1, 3),
+        )
+
+    def results(self, readings: Floats) -> list[CalibrationResult]:
+        """Calibrations of all units."""
+        return list(pipeline.calibrate(self.recipe, self.table(readings), "2026-11-21"))
+
+    def inside(self, results: list[CalibrationResult]) -> Floats:
+        """Which coefficients (n, 12) lie within U; NaN where the method does not estimate them."""
+        truth = np.concatenate([self.offset, self.matrix.reshape(-1, 9)], axis=1)
+        out = np.full(truth.shape, np.nan)
+        for i, r in enumerate(results):
+            if r.calibration is None or r.budget is None:
+                continue
+            found = np.r_[r.calibration.offset, r.calibration.matrix.ravel()]
+            wide = r.budget.expanded()
+            out[i] = np.where(wide > 0, np.abs(found - truth[i]) <= wide, np.nan)
+        return out
+
+
+def show(what: str, seed: int, figure: float, goal: tuple[float, float], spread: float, more: str = "") -> None:
+    """One row."""
+    low, high = goal
+    met = "met" if low <= figure <= high else "MISSED"
+    limits = f"{low:g}–{high:g}" if high < np.inf else f"≥ {low:g}"
+    print(f"  {what:<58} {figure:9.4f} ± {spread:.4f}   goal {limits:<10} {met:<7} seed {seed} {more}", flush=True)
+
+
+def coverage(what: str, bench: Bench, readings: Floats, seed: int, goal: tuple[float, float]) -> None:
+    """Share of all coefficients inside, and of each kind."""
+    inside = bench.inside(bench.results(readings))
+    each = [np.nanmean(inside[:, c]) if np.isfinite(inside[:, c]).any() else np.nan for c in (OFFSET, GAIN, CROSS)]
+    by_unit = np.nanmean(inside, axis=1)
+    spread = float(2 * np.nanstd(by_unit) / len(by_unit) ** 0.5)
+    kinds = " ".join(f"{n} {v:.3f}" for n, v in zip(("offset", "gain", "cross"), each, strict=True) if np.isfinite(v))
+    show(what, seed, float(np.nanmean(inside)), goal, spread, kinds)
+
+
+OFFSET, GAIN, CROSS = [0, 1, 2], [3, 7, 11], [4, 5, 6, 8, 9, 10]
+NARROW, FLOOR = (0.94, 0.96), (0.93, 1.0)
+
+
+def white(units: int) -> None:
+    """Nothing but white noise, everything else stated as nothing."""
+    for design in ("six", "n18", "norm", "three"):
+        bench = Bench(recipe(design, {"pose_std_deg": 0} if design == "three" else {}), units, 10)
+        if design == "three":
+            bench.matrix = bench.matrix * np.eye(3)
+            bench.recipe = recipe(design, {"pose_std_deg": 0}, device={"rounding": "nearest", "cross_std": 0})
+        coverage(f"white noise, {design}", bench, bench.readings(bench.truth()), 10, (0.94, 0.975))
+
+
+def tilts(units: int) -> None:
+    """Nest and base off by 0.1°, stated as such."""
+    for design in ("six", "n18", "norm"):
+        for name in ("nest", "base", "nest and base"):
+            stated = {f"{part}_std_deg": 0.1 for part in ("nest", "base") if part in name}
+            bench = Bench(recipe(design, stated), units, 20)
+            size = {part: 0.1 * DEG for part in ("nest", "base") if part in name}
+            coverage(f"{name} tilt 0.1° stated, {design}", bench, bench.readings(bench.truth(**size)), 20, NARROW)
+
+
+def poses(units: int) -> None:
+    """Poses off by what nobody stated."""
+    for design in ("six", "n18", "norm"):
+        for factor in (1, 2, 3):
+            bench = Bench(recipe(design), units, 30 + factor)
+            true = bench.truth(pose=factor * MEAN_NOISE)
+            coverage(f"poses {factor} × noise of a mean, {design}", bench, bench.readings(true), 30 + factor, FLOOR)
+    bench = Bench(recipe("n18", {"pose_std_deg": 1.0}), units, 39)
+    coverage("poses 1° stated, n18", bench, bench.readings(bench.truth(pose=DEG)), 39, NARROW)
+
+
+def rounding(units: int) -> None:
+    """Converters: steps far above the noise, equal to it, truncating; readings that never change."""
+    goal = (0.94, 0.97)
+    for name, lsb, noise, cut in (
+        ("LSB 10 × noise", 0.004, NOISE, "nearest"),
+        ("LSB 30 × noise", 0.012, NOISE, "nearest"),
+        ("LSB = noise", NOISE, NOISE, "nearest"),
+        ("LSB 10 × noise, truncating, stated", 0.004, NOISE, "truncating"),
+        ("LSB = noise, truncating, not stated", NOISE, NOISE, "unknown"),
+        ("constant readings", 0.004, 0.0, "nearest"),
+    ):
+        for design in ("six", "n18"):
+            bench = Bench(recipe(design, device={"lsb": lsb, "rounding": cut}), units, 40)
+            values = bench.readings(
+                bench.truth(), noise * bench.rng.standard_normal((units, len(bench.poses), READINGS, 3))
+            )
+            values = lsb * (np.round(values / lsb) if cut == "nearest" else np.floor(values / lsb))
+            coverage(f"{name}, {design}", bench, values, 40, goal)
+    bench = Bench(recipe("six"), units, 41)
+    values = 0.004 * np.round(bench.readings(bench.truth(), np.zeros((units, 6, READINGS, 3))) / 0.004)
+    coverage("constant readings, no lsb stated, six", bench, values, 41, (0.94, 1.0))
+
+
+def taken_for_granted(units: int) -> None:
+    """One-point and three-point with stated spreads of what they do not estimate."""
+    stated = {"gain_std": 0.01, "cross_std": 0.005, "rounding": "nearest"}
+    for design in ("one", "three"):
+        bench = Bench(recipe(design, {"pose_std_deg": 0}, device=stated), units, 50)
+        bench.matrix = np.eye(3) + np.where(np.eye(3), 0.01, 0.005) * bench.rng.standard_normal((units, 3, 3))
+        coverage(f"gain 1 %, cross-axis .5 % stated, {design}", bench, bench.readings(bench.truth()), 50, NARROW)
+
+
+def slow(units: int) -> None:
+    """Noise that a dwell hardly sees: first order with .97, and 1/f."""
+    for design in ("six", "n18", "norm"):
+        for name in ("AR .97", "1/f"):
+            bench = Bench(recipe(design), units, 60)
+            shape = (units, len(bench.poses), 3)
+            noise = first_order(bench.rng, shape, 0.97) if name == "AR .97" else one_over_f(bench.rng, shape)
+            values = bench.readings(bench.truth(), NOISE * np.moveaxis(noise, -1, 2))
+            coverage(f"{name} within dwells, {design}", bench, values, 60, FLOOR)
+
+
+def first_order(rng: np.random.Generator, shape: tuple[int, ...], phi: float) -> Floats:
+    """Unit-variance AR(1) (…, READINGS), stationary."""
+    out = np.empty((*shape, READINGS))
+    out[..., 0] = rng.standard_normal(shape)
+    for i in range(1, READINGS):
+        out[..., i] = phi * out[..., i - 1] + (1 - phi**2) ** 0.5 * rng.standard_normal(shape)
+    return out
+
+
+def one_over_f(rng: np.random.Generator, shape: tuple[int, ...]) -> Floats:
+    """1/f noise down to a sixteenth of a dwell's frequency, unit standard deviation over all."""
+    n = 16 * READINGS
+    frequency = np.fft.rfftfreq(n)
+    frequency[0] = frequency[1]
+    spectrum = (
+        rng.standard_normal((*shape, len(frequency))) + 1j * rng.standard_normal((*shape, len(frequency)))
+    ) / frequency**0.5
+    noise = np.fft.irfft(spectrum, n)[..., :READINGS]
+    return np.asarray(noise / noise.std())
+
+
+def sites(units: int) -> None:
+    """Gravity of the equator under a recipe that says nothing of its site."""
+    bench = Bench(recipe("six", {"magnitude_std": None}), units, 70)
+    coverage("equator, site not stated, six", bench, bench.readings(bench.truth(size=0.997316)), 70, FLOOR)
+
+
+ROWS: dict[str, Callable[[int], None]] = {
+    "white": white, "tilts": tilts, "poses": poses, "rounding": rounding, "method": taken_for_granted, "slow": slow,
+    "sites": sites,
+}  # fmt: skip
+
+
+def chosen(only: list[str] | None) -> Iterator[tuple[str, Callable[[int], None]]]:
+    """The rows that are wanted."""
+    for name, row in ROWS.items():
+        if not only or name in only:
+            yield name, row
+
+
+def main() -> None:
+    """Prints every row."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--units", type=int, default=1000)
+    parser.add_argument("--only", action="append", choices=list(ROWS))
+    options = parser.parse_args()
+    for name, row in chosen(options.only):
+        begun = time.perf_counter()
+        print(f"{name}: {options.units} units a case")
+        row(options.units)
+        print(f"  ({time.perf_counter() - begun:.0f} s)")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,207 @@
+"""What each cause of the budget does to the coefficients: covariances (u, 12, 12), carried by the fit's derivative.
+
+An error δt of the truth acts as a reading that is off by matrix · δt. What stops share is one pattern over them all, so
+that it does not average out.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from station.domain.core.types import Floats, ReducedVisits
+from station.domain.methods import coefficients
+from station.domain.methods.method import Fit, FitProblem, same_at_all_visits
+from station.domain.recipe import assumptions
+from station.domain.recipe.recipe import Recipe
+
+#: The mean shortening by poses is known as well as their std: 1.96 of this share of it holds it with some room.
+SHORTENING = 0.6
+#: Equal codes of fewer stops of an axis are chance.
+EQUAL_CODES = 3
+#: Half a step that is there or not: 1.96 of this share of the step hold it beside the rounding itself.
+HALF_STEP = 1 / 3
+#: Rounding below this share of the noise of a mean is the same whether equal codes are counted or not.
+NEGLIGIBLE_ROUNDING = 0.02
+
+
+def diagonal(variance: Floats) -> Floats:
+    """Variances (…, 3) as covariances (…, 3, 3)."""
+    return variance[..., None] * np.eye(3)
+
+
+def noise(fit: Fit, cov: Floats) -> Floats:
+    """From independent errors of the means, cov (u, v, 3, 3)."""
+    # Which way a unit takes is its own affair: the same bits alone as among many.
+    even = fit.consistent & same_at_all_visits(cov)
+    if not even.any():
+        return _of_noise(fit.jacobian, cov)
+    out = _of_uniform_noise(fit.jacobian[int(np.argmax(even))], cov[:, 0])
+    if not even.all():
+        out[~even] = _of_noise(fit.jacobian[~even], cov[~even])
+    return out
+
+
+def _of_noise(jacobian: Floats, cov: Floats) -> Floats:
+    u, _, v, _ = jacobian.shape
+    carried = (jacobian.transpose(0, 2, 1, 3) @ cov).transpose(0, 2, 1, 3).reshape(u, 12, 3 * v)
+    return np.asarray(carried @ jacobian.reshape(u, 12, 3 * v).transpose(0, 2, 1))
+
+
+def _of_uniform_noise(jacobian: Floats, cov: Floats) -> Floats:
+    """J (12, v, 3) with the same covariance (u, 3, 3) at every stop: Σ_kl cov_kl · J_k J_lᵀ, the nine products once.
+
+    Calm fits have a regression for each axis, so that of the nine terms only one is not zero: the sum is exact in any
+    order, and a unit's bits do not depend on its neighbours.
+    """
+    products = _products(np.ascontiguousarray(jacobian).tobytes())
+    return np.asarray((cov.reshape(-1, 9) @ products).reshape(-1, 12, 12))
+
+
+@lru_cache(maxsize=64)
+def _products(jacobian: bytes) -> Floats:
+    J = np.frombuffer(jacobian).reshape(12, -1, 3)
+    return np.asarray(np.einsum("ivk,jvl->klij", J, J).reshape(9, 144))
+
+
+def patterns(fit: Fit, of_truth: Floats) -> Floats:
+    """From patterns (k, v, 3) of errors of the truth, each common to all stops."""
+    matrix = coefficients.matrix_of(fit.theta)
+    u, _, v, _ = fit.jacobian.shape
+    felt = (of_truth.reshape(-1, 3) @ matrix.transpose(0, 2, 1)).reshape(u, len(of_truth), 3 * v)
+    return of_readings(fit, felt)
+
+
+def of_readings(fit: Fit, felt: Floats) -> Floats:
+    """From patterns (u, k, 3v) of errors of the readings."""
+    effect = felt @ fit.jacobian.reshape(len(fit.theta), 12, -1).transpose(0, 2, 1)
+    return np.asarray(effect.transpose(0, 2, 1) @ effect)
+
+
+def by_pose(problem: FitProblem, effect: Floats) -> Floats:
+    """Sums of effects (u, 12, k, v) over the stops of each pose: (u, 12, k · poses)."""
+    order = np.argsort(problem.pose, kind="stable")
+    first = np.flatnonzero(np.r_[True, np.diff(problem.pose[order]) > 0])
+    summed = np.add.reduceat(effect[..., order], first, axis=3)
+    return np.asarray(summed.reshape(*summed.shape[:2], -1))
+
+
+def position(problem: FitProblem, fit: Fit, std_rad: Floats) -> Floats:
+    """Pose errors of std_rad (u) about each axis, one draw for all stops of a pose, to second order.
+
+    A pose turned by φ shortens the truth by |φ|²/2 across it: δ² in the mean over poses, and as much from pose to pose.
+    Where the method fits magnitudes it does not feel that.
+    """
+    u = len(fit.theta)
+    if not problem.pose_known or not std_rad.any():
+        return np.zeros((u, 12, 12))
+    matrix = coefficients.matrix_of(fit.theta)[:, None]
+    turned = np.cross(np.eye(3)[None, :, None], problem.true[:, None])
+    effect = np.einsum("uivk,uavk->uiav", fit.jacobian, turned @ matrix.transpose(0, 1, 3, 2))
+    each = by_pose(problem, effect) * std_rad[:, None, None]
+    total = each @ each.transpose(0, 2, 1)
+    if fit.tilt is None:
+        along = np.einsum("uivk,uavk->uiav", fit.jacobian, problem.true[:, None] @ matrix.transpose(0, 1, 3, 2))
+        short = by_pose(problem, along) * std_rad[:, None, None] ** 2
+        common = SHORTENING * short.sum(axis=2, keepdims=True)
+        total = total + short @ short.transpose(0, 2, 1) + common @ common.transpose(0, 2, 1)
+    return np.asarray(total)
+
+
+def quantisation(problem: FitProblem, fit: Fit) -> Floats:
+    """From rounding that no averaging takes away: independent where codes differ, one error where they are equal.
+
+    Equal codes of EQUAL_CODES and more stops may be of equal readings, whose rounding is one error, or of readings
+    anywhere in that step: for each coefficient the larger of the two counts.
+    """
+    apart = noise(fit, diagonal(problem.quantisation))
+    of_noise = np.einsum("uvii->uvi", problem.cov) - problem.quantisation
+    coarse = (problem.quantisation > NEGLIGIBLE_ROUNDING * of_noise).any(axis=(1, 2)) & problem.quantisation.any((1, 2))
+    for u in np.flatnonzero(coarse):
+        shared = sum(
+            (_of_equal_codes(fit.jacobian[u, :, :, i], problem.mean[u, :, i], problem.quantisation[u, :, i]))
+            for i in range(3)
+        )
+        more = np.maximum(shared - np.diagonal(apart[u]), 0.0)
+        apart[u] = apart[u] + np.diag(more)
+    return apart
+
+
+def _of_equal_codes(jacobian: Floats, mean: Floats, variance: Floats) -> Floats:
+    """Variances (12) from one axis: J (12, v), mean (v), rounding variance (v); stops of one code share an error."""
+    step = np.sqrt(12 * variance.max())
+    if step == 0:
+        return np.zeros(12)
+    code = np.unique(np.round(mean / step), return_inverse=True)[1]
+    count = np.bincount(code)
+    # Of fewer stops each is a group of its own.
+    code = np.where(count[code] >= EQUAL_CODES, code, len(count) + np.arange(len(code)))
+    group = (code[:, None] == np.unique(code)).astype(float)
+    return np.asarray((((jacobian * np.sqrt(variance)) @ group) ** 2).sum(axis=1))
+
+
+def converter(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:
+    """Half a step that every reading may be low by, where the converter is not stated to round to the nearest."""
+    u, _, v, _ = fit.jacobian.shape
+    if recipe.device.rounding == "nearest":
+        return np.zeros((u, 12, 12))
+    step = np.maximum(recipe.device.lsb, np.sqrt(12 * problem.quantisation.max(axis=1)))
+    felt = HALF_STEP * step[:, None, None, :] * np.eye(3)[None, :, None, :]
+    return of_readings(fit, np.broadcast_to(felt, (u, 3, v, 3)).reshape(u, 3, 3 * v))
+
+
+def method(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:
+    """What coefficients that the method takes for granted may be off by."""
+    u, _, v, _ = fit.jacobian.shape
+    std = np.where(fit.free, 0.0, assumptions.unestimated_std(recipe))[3:].reshape(3, 3)
+    if fit.tilt is not None or not std.any():
+        return np.zeros((u, 12, 12))
+    felt = np.einsum("ij,uvj,ik->uijvk", std, problem.true, np.eye(3)).reshape(u, 9, 3 * v)
+    return of_readings(fit, felt)
+
+
+def turn_on(recipe: Recipe, fit: Fit, stops: ReducedVisits) -> Floats:
+    """An offset that differs from run to run, on each axis by itself."""
+    u, _, v, _ = fit.jacobian.shape
+    std = recipe.device.turn_on_std or 0.0
+    if std == 0:
+        return np.zeros((u, 12, 12))
+    run = (np.unique(stops.run)[:, None] == stops.run).astype(float)
+    felt = std * np.einsum("rv,ik->rivk", run, np.eye(3)).reshape(-1, 3 * v)
+    return of_readings(fit, np.broadcast_to(felt, (u, *felt.shape)))
+
+
+def temperature(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:
+    """What the sheet's temperature coefficients make of differences between the stops, and of the thermometer."""
+    u, _, v, _ = fit.jacobian.shape
+    device = recipe.device
+    if not (device.offset_tempco or device.gain_tempco):
+        return np.zeros((u, 12, 12))
+    known = np.asarray(np.isfinite(problem.temperature_degC).all(axis=1))
+    T = np.where(known[:, None], problem.temperature_degC, 0.0)
+    apart = T - T.mean(axis=1, keepdims=True)
+    common = np.full((u, v), assumptions.thermometer_degC(recipe))
+    axes = np.eye(3)[None, :, None]
+    true = np.where(np.isfinite(problem.true), problem.true, 0.0)[:, None] * axes
+    felt = np.concatenate(
+        [
+            part
+            for t in (apart, common)
+            for part in (
+                device.offset_tempco * t[:, None, :, None] * axes,
+                device.gain_tempco * t[:, None, :, None] * true,
+            )
+        ],
+        axis=1,
+    )
+    return of_readings(fit, felt.reshape(u, 12, 3 * v))
+
+
+def reproducibility(recipe: Recipe, fit: Fit) -> Floats:
+    """As the recipe states it from history."""
+    stated = recipe.reproducibility
+    std = np.zeros(12)
+    if stated is not None:
+        kinds = ((coefficients.OFFSETS, stated.offset), (coefficients.GAINS, stated.gain))
+        for which, value in (*kinds, (coefficients.CROSS, stated.cross_axis)):
+            std[which] = value
+    return np.broadcast_to(np.diag(np.where(fit.free, std, 0.0) ** 2), (len(fit.theta), 12, 12))

@@ -1,0 +1,129 @@
+"""What the uncertainty budget takes for granted where a recipe says nothing: each default with its source.
+
+A recipe that knows better states the value; one that knows a contribution to be nothing states 0.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.domain.core.types import Floats
+from station.domain.recipe.recipe import Recipe
+from station.messages import Message
+
+#: Normal gravity runs from 9.7803 m/s² (equator) to 9.8322 (pole): −2684 … +2604 ppm about standard gravity, taken
+#: as rectangular (JCGM 100, 4.3.7).
+GRAVITY_RELATIVE = 2684e-6 / 3**0.5
+FIELD_RELATIVE, RATE_RELATIVE = 5e-3, 1e-3
+#: ISO 2768-1, class m, sides of 120 to 400 mm: angles within ± 10′, taken as rectangular.
+NEST_DEG = 10 / 60 / 3**0.5
+#: A machinist's level read to one division of 1 mm/m.
+BASE_DEG = 0.05
+FIELD_DEG = 0.2
+#: Taken where residuals are too few to show errors of poses.
+POSE_DEG = 10 / 60 / 3**0.5
+#: Residuals of so many degrees of freedom show errors of poses by themselves.
+MIN_RESIDUAL_DOF = 3
+#: Sensitivity and cross-axis sensitivity as data sheets of MEMS sensors usually bound them.
+GAIN, CROSS = 0.01, 0.01
+#: IEC 60751, class B, about room temperature.
+THERMOMETER_DEGC = 0.4 / 3**0.5
+#: Of a gold reference whose certificate's values were not entered: share of the stimulus.
+GOLD_RELATIVE = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Assumption:
+    """One contribution: the recipe's key, its standard value in `unit`, whether the recipe states it, its source."""
+
+    key: str
+    value: float
+    unit: str
+    stated: bool
+    source: Message
+
+
+def magnitude_relative_std(recipe: Recipe) -> float:
+    """Standard uncertainty of the stimulus' magnitude, relative."""
+    reference = recipe.reference
+    if reference.site is not None or reference.gravimeter is not None or reference.magnitude_std is not None:
+        return reference.relative_std()
+    return {"gravity": GRAVITY_RELATIVE, "field": FIELD_RELATIVE, "rate": RATE_RELATIVE}.get(reference.source, 0.0)
+
+
+def nest_deg(recipe: Recipe) -> float:
+    """How the nest sits on its fixture, about each axis; a gold reference in the nest leaves its own seat."""
+    return _stated_or(recipe.reference.nest_std_deg, 0.0 if recipe.reference.source == "gold" else NEST_DEG)
+
+
+def base_deg(recipe: Recipe) -> float:
+    """How the fixture stands, about each level axis; a rate table and a gold reference do not feel it."""
+    return _stated_or(recipe.reference.base_std_deg, BASE_DEG if recipe.reference.source == "gravity" else 0.0)
+
+
+def field_deg(recipe: Recipe) -> float:
+    """Direction of a field against the station, about each axis."""
+    return _stated_or(recipe.reference.field_std_deg, FIELD_DEG if recipe.reference.source == "field" else 0.0)
+
+
+def pose_deg(recipe: Recipe, residual_dof: float) -> float:
+    """Error of each pose by itself, about each axis; where nothing is stated, residuals show it if they can."""
+    return _stated_or(recipe.reference.pose_std_deg, 0.0 if residual_dof >= MIN_RESIDUAL_DOF else POSE_DEG)
+
+
+def unestimated_std(recipe: Recipe) -> Floats:
+    """Standard deviations (12) of the coefficients, as far as a method takes them for granted; offsets are always
+    estimated."""
+    device = recipe.device
+    gain, cross = _stated_or(device.gain_std, GAIN), _stated_or(device.cross_std, CROSS)
+    return np.asarray(np.r_[np.zeros(3), np.where(np.eye(3, dtype=bool), gain, cross).ravel()])
+
+
+def thermometer_degC(recipe: Recipe) -> float:
+    """Standard uncertainty of the temperature at which the coefficients hold."""
+    return _stated_or(recipe.reference.thermometer_std_degC, THERMOMETER_DEGC)
+
+
+def _stated_or(stated: float | None, default: float) -> float:
+    return float(default if stated is None else stated)
+
+
+def listing(recipe: Recipe) -> tuple[Assumption, ...]:
+    """Every contribution that the recipe states or leaves to a default, for `check` and the certificate."""
+    r, device = recipe.reference, recipe.device
+    found = [_magnitude(recipe)] if r.source != "gold" else []
+    if recipe.pose_known and r.source != "gold":
+        found.append(
+            _of("reference.pose_std_deg", r.pose_std_deg, 0.0, "deg", Message("assumed-pose", fallback=POSE_DEG))
+        )
+        found.append(_of("reference.nest_std_deg", r.nest_std_deg, NEST_DEG, "deg", Message("assumed-nest")))
+    if recipe.pose_known and r.source == "gravity":
+        found.append(_of("reference.base_std_deg", r.base_std_deg, BASE_DEG, "deg", Message("assumed-base")))
+    if recipe.pose_known and r.source == "field":
+        found.append(_of("reference.field_std_deg", r.field_std_deg, FIELD_DEG, "deg", Message("assumed-field")))
+    if recipe.method in ("one-point", "three-point") or recipe.model == "offset-gain":
+        if recipe.method == "one-point":
+            found.append(_of("device.gain_std", device.gain_std, GAIN, "1", Message("assumed-gain")))
+        found.append(_of("device.cross_std", device.cross_std, CROSS, "1", Message("assumed-cross")))
+    found.append(_of("device.turn_on_std", device.turn_on_std, 0.0, recipe.unit, Message("assumed-turn-on")))
+    if device.offset_tempco or device.gain_tempco:
+        key, own = "reference.thermometer_std_degC", r.thermometer_std_degC
+        found.append(_of(key, own, THERMOMETER_DEGC, "degC", Message("assumed-thermometer")))
+    return tuple(found)
+
+
+def _magnitude(recipe: Recipe) -> Assumption:
+    r, value = recipe.reference, magnitude_relative_std(recipe)
+    if r.site is not None and r.source != "rate":
+        return Assumption("reference.site", value, "1", stated=True, source=Message("assumed-site"))
+    if r.gravimeter is not None:
+        return Assumption("reference.gravimeter", value, "1", stated=True, source=Message("assumption-stated"))
+    sources = {"gravity": "assumed-gravity", "field": "assumed-field-magnitude", "rate": "assumed-rate"}
+    source = Message("assumption-stated") if r.magnitude_std is not None else Message(sources[r.source])
+    return Assumption("reference.magnitude_std", value, "1", r.magnitude_std is not None, source)
+
+
+def _of(key: str, stated: float | None, default: float, unit: str, source: Message) -> Assumption:
+    if stated is not None:
+        return Assumption(key, float(stated), unit, stated=True, source=Message("assumption-stated"))
+    return Assumption(key, float(default), unit, stated=False, source=source)
