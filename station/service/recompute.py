@@ -11,6 +11,7 @@ from station.domain.capture.visit import CapturedVisit
 from station.domain.core.types import Frames, NestAssignment
 from station.domain.evaluation import calibration_document
 from station.domain.evaluation.pipeline import CalibrationResult
+from station.domain.methods import uncertainty
 from station.domain.noise import noise_document
 from station.domain.product import product_record
 from station.domain.product.product import Product
@@ -24,10 +25,14 @@ from station.service import compute
 #: Parts of a calibration that are words about its numbers: a later version may say them otherwise.
 _WORDS = frozenset({"reasons", "messages", "checks", "notes", "rule"})
 
+#: What the rules of the budget decide: those of another edition give another uncertainty, and may give another verdict.
+_BY_RULES = frozenset({"covariance", "budget", "false_accept", "false_reject", "outcome", "rules", "decisions"})
+
 
 @dataclass(frozen=True, slots=True)
 class Recomputed:
-    """What came out. compared: how many values of the stored calibration; differences: those not the same bits.
+    """What came out. compared: how many values of the stored calibration, those without its budget where that was made
+    by rules of another edition (docs/decisions/0033-uncertainty.md); differences: those not the same bits.
 
     skipped: why there was nothing to compare, or ''.
     """
@@ -54,7 +59,8 @@ def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
     visits = stored_visits(kept["visits"], reader.frames(attempt))
     result = refit_attempt(attempt, visits, recipe, (product, layout), kept)
     again = json.loads(plain_json.document(calibration_document.unit(result)))
-    before, after = ({k: v for k, v in document.items() if k not in _WORDS} for document in (stored, again))
+    leave = _WORDS if stored.get("rules") == uncertainty.RULES else _WORDS | _BY_RULES
+    before, after = ({k: v for k, v in document.items() if k not in leave} for document in (stored, again))
     before, after = dict(_leaves("", before)), dict(_leaves("", after))
     names = {**before, **after}
     different = tuple(name for name in names if before.get(name, ...) != after.get(name, ...))

@@ -19,7 +19,10 @@ FACES: Mapping[str, str] = {
 EXACT: Mapping[str, Any] = {"magnitude_std": 0, "nest_std_deg": 0}
 TRUTHS: Mapping[str, Mapping[str, Any]] = {
     "accelerometer": {"unit": "g", "reference": {"source": "gravity", "magnitude": 1.0, **EXACT, "base_std_deg": 0}},
-    "magnetometer": {"unit": "uT", "reference": {"source": "field", "vector": [20.0, 0.0, -44.0], **EXACT, "field_std_deg": 0}},
+    "magnetometer": {
+        "unit": "uT",
+        "reference": {"source": "field", "vector": [20.0, 0.0, -44.0], **EXACT, "field_std_deg": 0},
+    },
     "gyroscope": {"unit": "deg/s", "reference": {"source": "rate", **EXACT}},
 }
 #: Directions that hold the answer well: 12 vertices of an icosahedron and the six faces.

@@ -6,7 +6,7 @@ from scipy.stats import norm, t
 
 from station.domain.core.types import Calibration, Floats, Outcome
 from station.domain.evaluation import pipeline
-from station.domain.methods import decision_rule
+from station.domain.methods import decision_rule, risk
 from station.domain.methods.uncertainty import Budget
 from station.domain.recipe.recipe import Limits
 from tests.fakes import tumble
@@ -39,13 +39,21 @@ def within(limits: Limits, offset: float, std: float, dof: float = 1e9) -> decis
     return decision_rule.limited_coefficients(limits, *unit([offset, 0.0, 0.0], std, dof))
 
 
+def known(t: decision_rule.LimitedCoefficients) -> risk.Measured:
+    """Coefficients that err by themselves, of a process of which nothing is stated."""
+    count = len(t.index)
+    return risk.Measured(t.deviation, t.std, t.dof, np.eye(count), np.zeros(count), np.full(count, np.inf))
+
+
 def test_the_guard_band_of_each_rule() -> None:
     """JCGM 106: simple w = 0; guard band w = U = k·u; false accept w = z·u."""
     std, dof = np.array([0.01]), np.array([1e9])
     assert decision_rule.guard_band(Limits(offset=1.0), std, dof).tolist() == [0.0]
-    assert decision_rule.guard_band(Limits(offset=1.0, rule="guard-band"), std, dof) == pytest.approx([0.01 * norm.ppf(0.975)], rel=1e-5)
+    assert decision_rule.guard_band(Limits(offset=1.0, rule="guard-band"), std, dof) == pytest.approx(
+        [0.01 * norm.ppf(0.975)], rel=1e-5
+    )
     rule = Limits(offset=1.0, rule="false-accept", false_accept=0.01)
-    assert decision_rule.guard_band(rule, std, dof) == pytest.approx([0.01 * norm.ppf(0.99)], rel=1e-6)
+    assert decision_rule.guard_band(rule, std, dof) == pytest.approx([0.01 * norm.ppf(0.99)], rel=1e-5)
 
 
 def test_the_guard_band_knows_that_the_noise_is_an_estimate() -> None:
@@ -58,7 +66,8 @@ def test_the_guard_band_knows_that_the_noise_is_an_estimate() -> None:
 def test_probability_of_conformance_by_hand() -> None:
     """One coefficient at 0.04 ± 0.01 within ±0.05: Φ(1) − Φ(−9); the two at zero add nothing."""
     found = within(Limits(offset=OFFSET), 0.04, 0.01)
-    assert decision_rule.conformance(found) == pytest.approx(norm.cdf(1) * (norm.cdf(5) - norm.cdf(-5)) ** 2, rel=1e-6)
+    outside = norm.cdf(-1) + norm.cdf(-9) + 4 * norm.cdf(-5)
+    assert risk.beyond(known(found), found.limit) == pytest.approx(outside, rel=1e-5)
 
 
 def test_a_value_in_the_guard_band_fails_although_it_is_within_the_limit() -> None:
@@ -111,7 +120,7 @@ def test_100000_units_of_a_population_fail_as_often_as_their_verdicts_say(rng: n
     accepted = np.abs(measured) <= OFFSET
     stated = 1 - (norm.cdf((OFFSET - measured) / u) - norm.cdf((-OFFSET - measured) / u))
     some = np.flatnonzero(accepted)[:2000]
-    one_by_one = [1 - decision_rule.conformance(within(limits, measured[i], u)) for i in some]
+    one_by_one = [risk.beyond(known(w), w.limit) for w in (within(limits, float(measured[i]), u) for i in some)]
     assert one_by_one == pytest.approx(stated[some], abs=1e-4)
     rate = (np.abs(true[accepted]) > OFFSET).mean()
     assert rate == pytest.approx(stated[accepted].mean(), abs=4 * np.sqrt(rate / accepted.sum()))

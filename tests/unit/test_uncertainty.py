@@ -12,7 +12,6 @@ from station.domain.evaluation import pipeline
 from tests.fakes import tumble
 from tests.fakes.tumble import TODAY, coefficients
 
-
 RIG = dict(tumble.TRUTHS["accelerometer"]["reference"])
 KNOWN = {"gain_std": 0, "cross_std": 0}
 

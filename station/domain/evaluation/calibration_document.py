@@ -1,5 +1,6 @@
 """Results as plain documents: `station.calibration/1` (contracts, section 4), with what else is known beside it."""
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,10 @@ from station.messages import render
 
 SCHEMA = "station.calibration/1"
 #: Where a unit could not be calibrated these are null.
-ABSENT = ("offset", "matrix", "covariance", "residual_rms", "positions", "false_accept", "false_reject", "budget", "rules")
+ABSENT = (
+    *("offset", "matrix", "covariance", "residual_rms", "positions", "false_accept", "false_reject"),
+    *("budget", "rules", "decisions"),
+)
 
 
 def head(recipe: Recipe) -> dict[str, Any]:
@@ -45,6 +49,7 @@ def unit(result: CalibrationResult) -> dict[str, Any]:
         "false_reject": verdict.false_reject,
         "budget": result.budget.document(found.unit),
         "rules": uncertainty.RULES,
+        "decisions": [asdict(d) | {"margin": d.margin} for d in result.decisions],
         "temperature_degC": _number(np.mean(result.stops.temperature_degC)),
         "notes": list(found.notes),
     }

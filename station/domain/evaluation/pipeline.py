@@ -10,7 +10,7 @@ from station.domain.evaluation import quality
 from station.domain.evaluation.unit_visits import UnitVisits, reduce_table, reduce_visits
 from station.domain.methods import method, rank, scatter, tilt, uncertainty
 from station.domain.methods.coefficients import matrix_of, offset_of
-from station.domain.methods.decision_rule import judge
+from station.domain.methods.decision_rule import Decision, decisions, judge
 from station.domain.methods.method import Fit
 from station.domain.methods.scatter import SolvedUnits
 from station.domain.methods.uncertainty import Budget
@@ -40,6 +40,7 @@ class CalibrationResult:
     calibration: Calibration | None = None
     budget: Budget | None = None
     visits: UnitVisits | None = None
+    decisions: tuple[Decision, ...] = ()
 
 
 def calibrate(
@@ -139,7 +140,8 @@ def _result(
         found = replace(found, notes=(*found.notes, *quality.notes(recipe, measured)))
         unsound = quality.reasons(recipe, measured, stops)
     verdict = judge(recipe, found, budget, stops, (*_invalid_fit_reasons(found, broken), *unsound))
-    return CalibrationResult(serial, verdict, stops, found, budget, measured)
+    shown = decisions(recipe, found, budget, stops)
+    return CalibrationResult(serial, verdict, stops, found, budget, measured, shown)
 
 
 def _calibration(

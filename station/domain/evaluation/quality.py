@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from station.domain.capture.rest_detection import least_directed_stimulus
 from station.domain.core.types import Floats, Reason, ReducedVisits
 from station.domain.evaluation.unit_visits import UnitVisits
+from station.domain.noise.dwell_statistics import flat_topped
 from station.domain.recipe import sensor
 from station.domain.recipe.recipe import Recipe
+from station.messages import Message
 
 #: A mean reading this far from the nominal direction means another face.
 FACE_DEG = 30.0
@@ -24,7 +26,14 @@ FULL = 0.999
 
 def reasons(recipe: Recipe, visits: UnitVisits, stops: ReducedVisits) -> tuple[Reason, ...]:
     """Why this unit's samples are no evidence; nothing when they are sound."""
-    return (*_stuck(recipe, stops), *_clipped(recipe, visits), *_moved(recipe, visits), *_stimulus(recipe, stops))
+    return (
+        *_stuck(recipe, stops),
+        *_without_resolution(recipe, visits),
+        *_flat(recipe, visits),
+        *_clipped(recipe, visits),
+        *_moved(recipe, visits),
+        *_stimulus(recipe, stops),
+    )
 
 
 def notes(recipe: Recipe, visits: UnitVisits) -> tuple[str, ...]:
@@ -50,6 +59,22 @@ def _clipped(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
     for v, i in np.argwhere(extreme >= FULL * full):
         told = f"axis {'xyz'[i]} is at the end of its range ({full:g} {recipe.unit}) at {visits.position[v]!r}"
         yield Reason.text("clipped", told, float(extreme[v, i]), full, recipe.unit)
+
+
+def _without_resolution(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
+    """Readings that never change are known no better than their step, which somebody must state."""
+    d = visits.dwells
+    constant = (d.high == d.low).all(axis=0) & (d.count > 1).any()
+    if recipe.device.lsb == 0 and (constant & (visits.step == 0)).any():
+        yield Reason(Message("readings-without-resolution"), None, None, recipe.unit, "resolution")
+
+
+def _flat(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
+    """Dwells at the end of the range, which no data sheet need state: see dwell_statistics.flat_topped."""
+    for v, i in np.argwhere(flat_topped(visits.dwells)):
+        value = float(visits.dwells.mean[v, i])
+        shown = Message("axis-flat-topped", axis="xyz"[i], value=value, unit=recipe.unit, position=visits.position[v])
+        yield Reason(shown, value, None, recipe.unit, "clipped")
 
 
 def _moved(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:

@@ -4,14 +4,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from station.domain.core.types import Calibration, Floats, Outcome, Reason, ReducedVisits, Verdict
-from station.domain.methods import coefficients, coverage
+from station.domain.methods import coefficients, coverage, risk
 from station.domain.methods.uncertainty import Budget
-from station.domain.recipe.recipe import Limits, Recipe
-from station.messages import Message
+from station.domain.recipe.recipe import Limits, Process, Recipe
+from station.errors import RecipeError
+from station.messages import Message, Value
 
 #: An axis is across the stimulus when it feels less than this share of it.
 ACROSS = 0.05
@@ -35,15 +35,16 @@ def judge(
 ) -> Verdict:
     """PASS when nothing speaks against it. quality: reasons why the data themselves are no evidence."""
     t = limited_coefficients(recipe.limits, found, budget)
-    reasons = (*quality, *_coefficients(recipe, t), *_gates(recipe, found, stops))
-    conform = conformance(t)
+    reasons = (*quality, *_coefficients(recipe, t), *_gate_reasons(recipe, found, stops))
+    known = measured(recipe.limits, t, budget)
+    outside = risk.beyond(known, t.limit)
     passed = not reasons
     return Verdict(
         outcome=Outcome.PASS if passed else Outcome.FAIL,
         reasons=reasons,
         rule=rule_of(recipe.limits),
-        false_accept=float(1 - conform) if passed else 0.0,
-        false_reject=float(1 - acceptance(t)) if passed else float(conform),
+        false_accept=outside if passed else 0.0,
+        false_reject=risk.beyond(known, t.limit - t.guard, again=True) if passed else 1 - outside,
     )
 
 
@@ -82,74 +83,147 @@ def guard_band(limits: Limits, std: Floats, dof: Floats) -> Floats:
     return np.zeros_like(std)
 
 
-def conformance(t: LimitedCoefficients) -> float:
-    """Probability that every true value is within its limit, given what was measured (JCGM 106, eq. 8, flat prior)."""
-    return _within(t, t.limit)
+def measured(limits: Limits, t: LimitedCoefficients, budget: Budget) -> risk.Measured:
+    """What the risks are computed from."""
+    process = limits.process or Process()
+    mean, std = np.zeros(12), np.full(12, np.inf)
+    kinds = ((coefficients.OFFSETS, process.offset), (coefficients.GAINS, process.gain))
+    for which, stated in (*kinds, (coefficients.CROSS, process.cross_axis)):
+        if stated is not None:
+            mean[which], std[which] = stated
+    root = np.maximum(budget.std(), 1e-300)
+    correlation = (budget.total / root[:, None] / root)[np.ix_(t.index, t.index)]
+    return risk.Measured(t.deviation, t.std, t.dof, correlation, mean[t.index], std[t.index])
 
 
-def acceptance(t: LimitedCoefficients) -> float:
-    """Probability that a unit whose true values are those measured would be accepted again under the rule."""
-    return _within(t, t.limit - t.guard)
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """One limit as it was decided: what, in which unit, value and U, limit, guard band, and the room that is left.
+
+    false_accept: specific risk of this one limit, None where the limit speaks of the rig and not of a true value.
+    """
+
+    what: str
+    unit: str
+    value: float
+    expanded: float | None
+    limit: float
+    guard: float
+    false_accept: float | None
+
+    @property
+    def margin(self) -> float:
+        """Room to the acceptance limit; negative where it is exceeded."""
+        return self.limit - self.guard - abs(self.value)
 
 
-def _within(t: LimitedCoefficients, bound: Floats) -> float:
-    """Π P(|deviation + error| ≤ bound), coefficients taken as independent: never too small where they agree."""
-    scale = np.maximum(t.std, 1e-300)
-    dof = np.clip(t.dof, 1.0, coverage.MANY)
-    above, below = (bound - t.deviation) / scale, (-bound - t.deviation) / scale
-    inside = scipy.special.stdtr(dof, above) - scipy.special.stdtr(dof, below)
-    return float(np.prod(np.maximum(inside, 0.0)))
+def decisions(recipe: Recipe, found: Calibration, budget: Budget, stops: ReducedVisits) -> tuple[Decision, ...]:
+    """Every limit that was decided by value, uncertainty and the one rule."""
+    t = limited_coefficients(recipe.limits, found, budget)
+    known, wide = measured(recipe.limits, t, budget), coverage.factor(t.dof) * t.std
+    each = tuple(
+        Decision(
+            what=coefficients.NAMES[int(i)],
+            unit=coefficients.unit_of(int(i), recipe.unit),
+            value=float(t.deviation[c]),
+            expanded=float(wide[c]),
+            limit=float(t.limit[c]),
+            guard=float(t.guard[c]),
+            false_accept=risk.beyond(known.take(c), t.limit[c : c + 1]),
+        )
+        for c, i in enumerate(t.index)
+    )
+    return (*each, *(_rig_decision(g) for g in _gates(recipe.limits, found, stops)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Gate:
+    """A limit on how well the stops agree, at its worst stop: the message's id and check, value, U, guard band."""
+
+    check: str
+    position: str
+    value: float
+    std: float
+    guard: float
+    limit: float
+    unit: str
+
+
+def _rig_decision(gate: _Gate) -> Decision:
+    wide = float(coverage.NORMAL * gate.std)
+    return Decision(gate.check, gate.unit, gate.value, wide or None, gate.limit, gate.guard, None)
 
 
 def _coefficients(recipe: Recipe, t: LimitedCoefficients) -> Iterator[Reason]:
     beyond = (t.guard >= t.limit) | ~(np.abs(t.deviation) <= t.limit - t.guard)
     for c in np.flatnonzero(beyond):
-        i, deviation, std, limit, guard = t.index[c], t.deviation[c], t.std[c], t.limit[c], t.guard[c]
-        name, unit = coefficients.NAMES[int(i)], coefficients.unit_of(int(i), recipe.unit)
+        i, deviation, limit, guard = int(t.index[c]), float(t.deviation[c]), float(t.limit[c]), float(t.guard[c])
+        unit = coefficients.unit_of(i, recipe.unit)
         check = "offset" if coefficients.OFFSETS[i] else "gain" if coefficients.GAINS[i] else "cross-axis"
-        what = f"{name} is {deviation:+.4g}{_as_unit(unit)}" + (" off 1" if check == "gain" else "")
+        shown: dict[str, Value] = {
+            "coefficient": coefficients.NAMES[i],
+            "deviation": deviation,
+            "limit": limit,
+            "unit": _as_unit(unit),
+        }
         if guard >= limit:
-            wide = coverage.factor(t.dof[c]) * std
-            told = f"{what}, but its uncertainty {wide:.2g} leaves nothing of the limit {limit:g}"
-            yield Reason.text(check, f"{told}: this recipe cannot decide it", float(deviation), float(limit), unit)
+            wide = float(coverage.factor(t.dof[c]) * t.std[c])
+            message = Message("coefficient-not-decidable", **shown, expanded=wide)
+            yield Reason(message, deviation, limit, unit, check)
+        elif guard:
+            message = Message("coefficient-beyond-guard", **shown, guard=guard)
+            yield Reason(message, deviation, limit - guard, unit, check)
         else:
-            told = f"{what}, beyond {limit:g}" + (f" less the guard band {guard:.2g}" if guard else "")
-            yield Reason.text(check, told, float(deviation), float(limit - guard), unit)
+            yield Reason(Message("coefficient-beyond-limit", **shown), deviation, limit, unit, check)
 
 
 def _as_unit(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _gates(recipe: Recipe, found: Calibration, stops: ReducedVisits) -> Iterator[Reason]:
+def _gate_reasons(recipe: Recipe, found: Calibration, stops: ReducedVisits) -> Iterator[Reason]:
     """Limits on how well the stops agree, which speak of the rig and the readings as much as of the unit."""
-    limits, kept = recipe.limits, ~found.disturbed
-    if not kept.any():
+    limits = recipe.limits
+    for gate in _gates(limits, found, stops):
+        if not abs(gate.value) <= gate.limit - gate.guard:
+            shown: dict[str, Value] = {
+                "position": gate.position,
+                "value": gate.value,
+                "limit": gate.limit,
+                "unit": gate.unit,
+            }
+            yield Reason(
+                Message(f"{gate.check}-beyond-limit", **shown, guard=gate.guard),
+                gate.value, gate.limit - gate.guard, gate.unit, gate.check,
+            )  # fmt: skip
+    if found.disturbed.all():
         return
-    if limits.residual is not None:
-        sizes = np.where(kept, np.abs(found.residual).max(axis=1), 0.0)
-        yield from _largest("residual", sizes, limits.residual, found.positions, recipe.unit, "the residual")
-    if limits.tilt_deg is not None:
-        tilts = np.where(kept, found.tilt_deg, 0.0)
-        yield from _largest("tilt", tilts, limits.tilt_deg, found.positions, "deg", "the tilt")
-    if limits.noise is not None:
-        scatter = np.where(kept, stops.std.max(axis=1), 0.0)
-        yield from _largest("noise", scatter, limits.noise, found.positions, recipe.unit, "the noise of a reading")
     if limits.consistency is not None and (spread := consistency(stops, found.disturbed)) > limits.consistency:
-        told = (
-            f"readings of an axis across the stimulus differ by {spread:.3g} {recipe.unit}, more than "
-            f"{limits.consistency:g}: cross-axis or pose errors are larger than the method may ignore"
-        )
-        yield Reason.text("consistency", told, spread, limits.consistency, recipe.unit)
+        message = Message("consistency-beyond-limit", value=spread, limit=limits.consistency, unit=recipe.unit)
+        yield Reason(message, spread, limits.consistency, recipe.unit, "consistency")
     if limits.temperature_degC is not None:
         yield from _temperature(limits.temperature_degC, stops)
 
 
-def _largest(check: str, size: Floats, limit: float, names: Sequence[str], unit: str, what: str) -> Iterator[Reason]:
-    worst = int(np.argmax(size))
-    if not size[worst] <= limit:
-        told = f"{what} at {names[worst]!r} is {size[worst]:.3g} {unit}, more than {limit:g}"
-        yield Reason.text(check, told, float(size[worst]), limit, unit)
+def _gates(limits: Limits, found: Calibration, stops: ReducedVisits) -> Iterator[_Gate]:
+    """Residual, tilt and noise at their worst stop, against their limits."""
+    undisturbed = ~found.disturbed
+    if not undisturbed.any():
+        return
+    of_mean = np.sqrt(np.einsum("vii->vi", stops.cov))
+    residual = np.abs(found.residual)
+    at = residual.argmax(axis=1)[:, None]
+    nothing = np.zeros(len(undisturbed))
+    for check, limit, size, std, unit in (
+        ("residual", limits.residual, residual.max(axis=1), np.take_along_axis(of_mean, at, 1)[:, 0], found.unit),
+        ("tilt", limits.tilt_deg, found.tilt_deg, found.tilt_std_deg, "deg"),
+        ("noise", limits.noise, stops.std.max(axis=1), nothing, found.unit),
+    ):
+        if limit is not None:
+            guard = guard_band(limits, std, np.full(len(std), coverage.MANY))
+            worst = int(np.argmax(np.where(undisturbed, size + guard, -np.inf)))
+            values = float(size[worst]), float(std[worst]), float(guard[worst])
+            yield _Gate(check, found.positions[worst], *values, limit, unit)
 
 
 def _temperature(limits: tuple[float, float], stops: ReducedVisits) -> Iterator[Reason]:
@@ -158,8 +232,18 @@ def _temperature(limits: tuple[float, float], stops: ReducedVisits) -> Iterator[
     outside = known & ((stops.temperature_degC < low) | (stops.temperature_degC > high))
     for v in np.flatnonzero(outside)[:1]:
         T = float(stops.temperature_degC[v])
-        told = f"it was {T:.1f} degC at {stops.position[v]!r}, outside {low:g} to {high:g}"
-        yield Reason.text("temperature", told, T, high if high < T else low, "degC")
+        message = Message("temperature-outside", value=T, position=stops.position[v], low=low, high=high)
+        yield Reason(message, T, high if high < T else low, "degC", "temperature")
+
+
+def refuse_unestimated(recipe: Recipe) -> None:
+    """RecipeError where a limit is on a coefficient that the recipe's method takes for granted."""
+    estimates = {"one-point": (), "three-point": ("gain",)}.get(recipe.method, ("gain", "cross_axis"))
+    if recipe.model == "offset-gain":
+        estimates = ("gain",)
+    for kind in ("gain", "cross_axis"):
+        if getattr(recipe.limits, kind) is not None and kind not in estimates:
+            raise RecipeError("limit-not-estimated", recipe=recipe.name, limit=kind, method=recipe.method)
 
 
 def consistency(stops: ReducedVisits, disturbed: NDArray[np.bool_]) -> float:

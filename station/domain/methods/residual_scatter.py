@@ -1,8 +1,8 @@
 """How much larger than noise explains the scatter of stops may be, given residuals: always an amount, never a pretest.
 
 The variance σ² of a residual is n² (1 + τ²), n² its noise. χ² with ν degrees of freedom says how likely each τ is;
-before it is looked at, τ is 0 with probability NONE, otherwise of any size. The posterior of ln σ² is matched by a scaled
-inverse χ², whose mean is the estimate and whose degrees of freedom say how well it is known.
+before it is looked at, τ is 0 with probability NONE, otherwise of any size. The posterior of ln σ² is matched by a
+scaled inverse χ², whose mean is the estimate and whose degrees of freedom say how well it is known.
 """
 
 from functools import lru_cache

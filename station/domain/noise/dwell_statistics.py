@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station.domain.core.types import Floats
 from station.domain.noise import noise, noise_prior
@@ -210,3 +211,29 @@ def _correlation(columns: Columns, count: Ints, units: UnitRows) -> Floats:
     found = np.where(np.abs(found) > bound[:, None, None], found, 0.0)
     found[:, range(3), range(3)] = 1.0
     return found[units.of]
+
+
+#: A dwell at an extreme with less than this share of the usual scatter has a flat top.
+FLAT_SHARE = 0.2
+#: Dwells with this share of a step of scatter and more are not taken for constant codes.
+MIN_READINGS = 8
+
+
+def flat_topped(dwells: DwellStatistics) -> NDArray[np.bool_]:
+    """Dwells (d, 3) of one unit that a limited range cuts: at the axis' greatest or least reading, without the scatter
+    that the axis has elsewhere, or with most readings exactly at that extreme.
+
+    Readings coarser than their noise are constant everywhere and say nothing.
+    """
+    usual = np.median(dwells.std, axis=0)
+    enough = (dwells.count >= MIN_READINGS)[:, None] & (len(dwells.count) > 2)
+    out = np.zeros(dwells.mean.shape, bool)
+    for extreme, at, side in (
+        (dwells.high.max(axis=0), dwells.high, 1.0),
+        (dwells.low.min(axis=0), dwells.low, -1.0),
+    ):
+        # What is cut on one side leaves a mean nearer to the extreme than the scatter of a whole dwell allows.
+        near = side * (extreme - dwells.mean) < 0.5 * usual
+        quiet = dwells.std < FLAT_SHARE * usual
+        out |= (at == extreme) & near & quiet & enough
+    return out & (usual > 0)

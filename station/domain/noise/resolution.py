@@ -53,8 +53,8 @@ def rounding_variance(step: Floats, noise_std: Floats) -> Floats:
 def noise_under(step: Floats, std: Floats) -> Floats:
     """Noise (3) of the signal before rounding, from the standard deviations (d, 3) after it.
 
-    Over all places between two steps a dwell's variance is σ² + step²/12 − rounding_variance(σ) in the mean: what of the
-    rounding does not stay in the mean scatters about it. Far above the step that is Sheppard's correction.
+    Over all places between two steps a dwell's variance is σ² + step²/12 − rounding_variance(σ) in the mean: what of
+    the rounding does not stay in the mean scatters about it. Far above the step that is Sheppard's correction.
     """
     square, step = (std**2).mean(axis=0), np.broadcast_to(np.asarray(step, float), np.shape(std)[1:])
     coarse = (step > 0) & (square < step**2)

@@ -149,5 +149,11 @@ def _lengths(recipe: Recipe, scene: Scene, still: tuple[Floats, Floats]) -> Gold
     gain_std = (own.gain_std if own else 0.0) or GAIN_STD
     gains = directions**2 * lengths[:, None]
     covariance = np.diag(noise / count[used]) + offset_std**2 * directions @ directions.T
-    covariance += gain_std**2 * gains @ gains.T + recipe.reference.relative_std() ** 2 * np.outer(lengths, lengths)
+    covariance += gain_std**2 * gains @ gains.T + _gravity_std(recipe) ** 2 * np.outer(lengths, lengths)
     return GoldLengths(mean(excess)[used], directions, lengths, covariance)
+
+
+def _gravity_std(recipe: Recipe) -> float:
+    """How well the magnitude is known, relative; a std for anywhere on Earth is no knowledge of this place."""
+    r = recipe.reference
+    return r.relative_std() if r.source != "gravity" or r.site or r.gravimeter else 0.0

@@ -1,0 +1,92 @@
+"""Risks of a decision (JCGM 106:2012): of this unit given its result, and of the process as a whole.
+
+Before it is measured, a coefficient's deviation is what the process makes: normal, or anything where nothing is stated.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from station.domain.core.types import Floats
+from station.domain.methods import coverage
+
+#: Nodes of the integrals; their error is far below the digits that are shown.
+NODES, SPAN = 48, 8.0
+#: A probability this small changes no digit.
+NEGLIGIBLE = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """Deviations (c) from nominal as measured, standard uncertainty, degrees of freedom, correlation (c, c); process
+    mean and standard deviation (c), infinite where nothing is stated."""
+
+    deviation: Floats
+    std: Floats
+    dof: Floats
+    correlation: Floats
+    process_mean: Floats
+    process_std: Floats
+
+    def take(self, c: int) -> "Measured":
+        """One coefficient by itself."""
+        one = slice(c, c + 1)
+        parts = (self.deviation[one], self.std[one], self.dof[one], self.correlation[one, one])
+        return Measured(*parts, self.process_mean[one], self.process_std[one])
+
+    def believed(self) -> tuple[Floats, Floats]:
+        """Mean and standard deviation (c) of the true deviation given result and process (JCGM 106, eq. 17–18)."""
+        share = 1 / (1 + (np.maximum(self.std, 1e-300) / self.process_std) ** 2)
+        return share * self.deviation + (1 - share) * self.process_mean, np.sqrt(share) * self.std
+
+
+def beyond(measured: Measured, limit: Floats, *, again: bool = False) -> float:
+    """Probability that any true deviation is beyond its limit (c); again: that any result of another measurement is,
+    which has the error of this one and its own."""
+    mean, std = measured.believed()
+    if again:
+        std = np.hypot(std, measured.std)
+    std, dof = np.maximum(std, 1e-300), np.clip(measured.dof, 1.0, coverage.MANY)
+    above, below = (limit - mean) / std, (-limit - mean) / std
+    each = np.clip(scipy.special.stdtr(dof, -above) + scipy.special.stdtr(dof, below), 0.0, 1.0)
+    side = np.where(mean >= 0, 1.0, -1.0)
+    distance = np.where(side > 0, above, -below)
+    return _any(each, distance, measured.correlation * side[:, None] * side)
+
+
+def _any(each: Floats, distance: Floats, correlation: Floats) -> float:
+    """Probability of any of some events: Hunter's bound (1976, J. Appl. Prob. 13), which is exact for two.
+
+    each (c): their probabilities; distance (c) of their bounds in standard deviations, for what pairs have in common.
+    """
+    order = [i for i in np.argsort(-each, kind="stable") if each[i] > NEGLIGIBLE]
+    total = 0.0
+    for n, i in enumerate(order):
+        common = max((_both(distance[i], distance[j], correlation[i, j]) for j in order[:n]), default=0.0)
+        total += max(float(each[i]) - common, 0.0)
+    return min(total, 1.0)
+
+
+def _both(a: float, b: float, correlation: float) -> float:
+    """P(x > a and y > b) of two standard normal values: ∫ φ(x) Φ((ρx − b)/√(1 − ρ²)) dx over x > a."""
+    if correlation <= 0 or not np.isfinite(a + b):
+        return 0.0
+    root = np.sqrt(max(1 - correlation**2, 1e-12))
+    node, weight = np.polynomial.legendre.leggauss(NODES)
+    low = min(max(a, -SPAN), SPAN)
+    x = low + (node + 1) / 2 * SPAN
+    density = np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi)
+    return float((weight * density * scipy.special.ndtr((correlation * x - b) / root)).sum() * SPAN / 2)
+
+
+def of_process(mean: float, std: float, uncertainty: float, limit: float, guard: float) -> tuple[float, float]:
+    """Global consumer's and producer's risk (JCGM 106, eq. 24 and 26): that a unit of this process is beyond ± limit
+    and accepted, and that it is within and rejected. guard: w of the decision rule."""
+    node, weight = np.polynomial.legendre.leggauss(NODES * 8)
+    true = mean + SPAN * std * node
+    share = weight * SPAN * np.exp(-((SPAN * node) ** 2) / 2) / np.sqrt(2 * np.pi)
+    room, u = max(limit - guard, 0.0), max(uncertainty, 1e-300)
+    accepted = scipy.special.ndtr((room - true) / u) - scipy.special.ndtr((-room - true) / u)
+    inside = np.abs(true) <= limit
+    return float((share * accepted * ~inside).sum()), float((share * (1 - accepted) * inside).sum())
