@@ -31,17 +31,8 @@ $(VENV)/.bench: requirements-bench.lock $(VENV)/.dev
 run: $(VENV)/.run  ## four simulated units through the recipe on a virtual bus
 	$(BIN)/station run --simulate --units 4
 
-# Two halves that last about as long, a core each: commands and what computes; runs, pages and the kernel's buses.
-# The first one's report comes at the end.
-ONE   := tests/unit tests/conformance tests/system tests/blind
-OTHER := tests/integration tests/browser tests/vcan
-
-test: $(VENV)/.dev  ## every test, the vcan ones included
-	@report=$$(mktemp); \
-	$(BIN)/python -m pytest $(ONE) >"$$report" 2>&1 & one=$$!; \
-	trap 'kill $$one 2>/dev/null; rm -f "$$report"' EXIT; \
-	$(BIN)/python -m pytest $(OTHER); other=$$?; \
-	wait $$one; first=$$?; cat "$$report"; exit $$((other || first))
+test: $(VENV)/.dev  ## every test, the vcan ones included, on all cores
+	$(BIN)/python -m pytest -n auto --no-loadscope-reorder
 
 check: $(VENV)/.dev  ## import contracts, types, lint: the same on a desk and in CI
 	$(BIN)/lint-imports

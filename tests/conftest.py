@@ -2,13 +2,18 @@
 
 import os
 import pathlib
+import signal
 
 # Many small matrices: a second thread of the linear algebra only waits for the first. Read when numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from typing import Any
+
 import hypothesis
 import numpy as np
 import pytest
+
+from tests.schedule import ByFile, rank
 
 # The same examples on every machine and in every run; `--hypothesis-profile=explore` looks for new ones.
 hypothesis.settings.register_profile("fixed", derandomize=True)
@@ -16,6 +21,30 @@ hypothesis.settings.register_profile("explore", derandomize=False)
 hypothesis.settings.load_profile("fixed")
 
 SEED = int(os.environ.get("STATION_TEST_SEED", "20260101"))
+
+
+def pytest_configure() -> None:
+    """A parent such as nohup ignores signals, and what is ignored stays ignored in every child: the programs under test
+    would never hear them. A handler, unlike SIG_IGN, is not handed down (POSIX, exec)."""
+    for number, handler in ((signal.SIGHUP, _survive), (signal.SIGINT, signal.default_int_handler)):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, handler)
+
+
+def _survive(_number: int, _frame: object) -> None:
+    """The tests themselves go on, as their parent wished."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item], config: pytest.Config) -> None:
+    """Hook: where several processes share the tests, the longest pieces of work come first."""
+    if hasattr(config, "workerinput"):
+        items.sort(key=lambda item: rank(item.nodeid))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByFile:
+    """Hook: how xdist deals the tests out."""
+    return ByFile(config, log)
 
 
 def pytest_report_header() -> str:

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,14 +40,23 @@ def programs() -> tuple[str, str]:
     wanted = ("chromium", "chromedriver")
     if not all(map(shutil.which, wanted)):
         for words in (["update"], ["install", "-y", "chromium", "chromium-driver"]):
-            done = subprocess.run(
-                ["apt-get", "--quiet", *words], check=False, capture_output=True, text=True, timeout=600
-            )
-            assert done.returncode == 0, f"as root: apt-get install -y chromium chromium-driver\n{done.stderr[-1000:]}"
+            _apt_get(words)
     chromium, chromedriver = map(shutil.which, wanted)
     assert chromium
     assert chromedriver, "the package chromium-driver brings no chromedriver"
     return chromium, chromedriver
+
+
+def _apt_get(words: list[str], patience_s: float = 600.0) -> None:
+    """Runs apt-get; while another process holds the package manager's lock, waits for its end."""
+    until_s = time.monotonic() + patience_s
+    while True:
+        done = subprocess.run(["apt-get", "--quiet", *words], check=False, capture_output=True, text=True, timeout=600)
+        if done.returncode == 0:
+            return
+        held = "Could not get lock" in done.stderr or "Unable to acquire" in done.stderr
+        assert held and time.monotonic() < until_s, f"as root: apt-get {' '.join(words)}\n{done.stderr[-1000:]}"
+        time.sleep(1.0)
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,8 @@
-"""Outside: the guest tests of a session run in one job, started with the session; each shows as its own item."""
+"""Outside: the guest tests of a session run in one job; each shows as its own item.
+
+The job starts with the session and runs beside the other tests. Where xdist deals tests out to processes, all guest
+tests go to one of them (tests/schedule.py), and the job starts there with the first of them.
+"""
 
 import shutil
 import sys
@@ -10,6 +14,9 @@ from typing import Any
 import pytest
 from vcan_harness import cache, debian, peers, ways
 from vcan_harness.job import Job
+
+#: The key under which a worker of xdist hands its summary over, and how one begins that is bad news.
+_SUMMARY, _NO_VCAN = "vcan", "NO VCAN"
 
 GUEST_TESTS = Path(__file__).parent.parent / "guest"
 
@@ -41,6 +48,10 @@ class Outside:
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> None:
         """Hook: prepares and starts the job, which then runs beside the other tests."""
+        if not hasattr(session.config, "workerinput"):
+            self._prepare(session)
+
+    def _prepare(self, session: pytest.Session) -> None:
         items = guest_items(session)
         if not items or session.config.option.collectonly or session.testsfailed:
             return
@@ -53,7 +64,7 @@ class Outside:
             self._start(session.config, self._work, [item.nodeid for item in items])
         except debian.Unavailable as error:
             self._refusal = str(error)
-            self.summary = f"NO VCAN: {len(items)} tests FAIL unrun. {error}"
+            self.summary = f"{_NO_VCAN}: {len(items)} tests FAIL unrun. {error}"
         else:
             self.summary += f", {len(items)} tests, prepared in {time.monotonic() - started:.1f} s"
 
@@ -75,6 +86,8 @@ class Outside:
         """Hook: for an inner test, waits for its reports instead of running it."""
         if not item.path.is_relative_to(GUEST_TESTS):
             return None
+        if self._work is None:
+            self._prepare(item.session)
         hook = item.ihook
         hook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
         for data in self._results(item.nodeid) or [self._lost(item)]:
@@ -101,8 +114,15 @@ class Outside:
         data: dict[str, Any] = item.config.hook.pytest_report_to_serializable(config=item.config, report=report)
         return data
 
-    def pytest_sessionfinish(self, exitstatus: int) -> None:
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any) -> None:
+        """Hook of xdist: what the process that had the guest tests says of them."""
+        self.summary = getattr(node, "workeroutput", {}).get(_SUMMARY, "") or self.summary
+
+    def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
         """Hook: ends the job and leaves nothing of it behind."""
+        if hasattr(session.config, "workeroutput"):
+            session.config.workeroutput[_SUMMARY] = self.summary
         if self._job:
             self._job.stop(0.0 if exitstatus == pytest.ExitCode.INTERRUPTED else 5.0)
         if self._work:
@@ -111,5 +131,5 @@ class Outside:
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Hook: says where the vcan tests ran, or loudly that they could not."""
         if self.summary:
-            terminalreporter.section("vcan", red=bool(self._refusal), bold=True)
-            terminalreporter.line(self.summary, red=bool(self._refusal))
+            terminalreporter.section("vcan", red=self.summary.startswith(_NO_VCAN), bold=True)
+            terminalreporter.line(self.summary, red=self.summary.startswith(_NO_VCAN))

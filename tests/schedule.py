@@ -1,0 +1,30 @@
+"""How xdist deals the tests out: file by file, so that what a file prepares is prepared once.
+
+All tests that share one thing of the machine (the guest kernel with its vcan, the browser) go to one process.
+"""
+
+from xdist.scheduler import LoadScopeScheduling
+
+#: Folders whose tests share something that is started once.
+TOGETHER = ("tests/vcan", "tests/browser")
+#: What lasts longest begins first, so that no process sits at the end with one long file alone.
+FIRST = (*TOGETHER, "tests/system/test_torture.py", "tests/integration", "tests/system", "tests/blind")
+
+
+def piece_of_work(nodeid: str) -> str:
+    """The file, or the one of TOGETHER, to which a test belongs."""
+    path = nodeid.split("::", 1)[0]
+    return next((folder for folder in TOGETHER if path.startswith(f"{folder}/")), path)
+
+
+def rank(nodeid: str) -> int:
+    """Where a test's piece of work stands among those that begin first."""
+    return next((i for i, start in enumerate(FIRST) if nodeid.startswith(start)), len(FIRST))
+
+
+class ByFile(LoadScopeScheduling):
+    """Pieces of work in the order in which they were collected."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        """What goes to one process as a whole."""
+        return piece_of_work(nodeid)
