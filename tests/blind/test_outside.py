@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from station.diagnosis.results.diagnosis_document import document
+from station.domain.core.types import Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
 from tests.blind.bench import WHITE, hide
 from tests.blind.hidden import KNOWN, per_unit
@@ -92,3 +93,35 @@ def test_a_cause_beside_others_is_told_from_what_it_cannot_be() -> None:
     told = document(look(recipe(), table))["causes"]
     assert {c["effect"] for c in told} <= {"nest-tilt", "quadratic", "asymmetry"}
     assert next(c for c in told if c["effect"] == "nest-tilt")["indistinguishable_from"] == []
+
+
+def a_loop(cut_s: float) -> tuple[Recipe, SampleTable]:
+    """Two hours in one pose from −18 to 74 °C and back, 5 samples a second, in visits of a length: a cubic on each
+    axis, and a lag of the third behind its thermometer."""
+    rng = np.random.default_rng(SEED)
+    t = np.arange(36_000) / 5.0
+    true = -18 + 92 * np.sin(np.pi * t / t[-1]) ** 2
+    bend = np.vander((true - 28) / 46, 4)[:, :3]
+    reading = bend @ (1e-3 * np.array([[0.3, 0.1, -14.0], [0.6, 0.2, 8.0], [2.0, -1.5, 20.0]]))
+    reading[:, 2] += 0.02 * np.gradient(true, t) + 1.003
+    noise = rng.standard_normal(reading.shape) * [3e-4, 3e-4, 5e-4]
+    whole = recipe(1)
+    only = type(whole.positions[0]).model_validate({"name": "only", "up": "+z"})
+    device = whole.device.model_copy(update={"rate_hz": 5.0})
+    one = np.zeros(len(t), np.int32)
+    table = SampleTable(
+        unit=Labels(("A",), one), run=one, visit=np.floor(t / cut_s + 1e-9).astype(np.int32),
+        position=Labels(("only",), one), time_s=t, reading=reading + noise, labels={},
+        values={"temperature_degC": true + 0.02 * rng.standard_normal(len(t))},
+    )  # fmt: skip
+    return whole.model_copy(update={"positions": (only,), "device": device}), table
+
+
+def test_a_loop_of_temperature_is_a_cubic_and_its_rate_however_it_is_cut() -> None:
+    told = [document(look(*a_loop(cut_s))) for cut_s in (10.0, 60.0)]
+    assert [c["effect"] for c in told[0]["causes"]] == ["offset-temperature", "temperature-rate"]
+    assert told[0]["verdict"] == told[1]["verdict"] == "named"
+    assert told[0]["causes"] == told[1]["causes"]
+    sizes = {(p["name"], p["axis"]): p for p in told[0]["causes"][0]["parameters"]}
+    cube = sizes["coefficient3", "z"]
+    assert cube["value"] == pytest.approx(-14e-3 / 46**3, rel=0.02)

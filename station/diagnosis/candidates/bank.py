@@ -21,6 +21,8 @@ from station.diagnosis.linear.projection import DataColumns
 from station.domain.core.types import Floats
 from station.domain.recipe.recipe import Recipe
 from station.model.effect import Effect, GoldEffect, PoseEffect, SensorEffect, StimulusEffect
+from station.model.effects.disturbed_visit import DisturbedVisit
+from station.model.temperature_polynomial import TemperaturePolynomial
 
 #: Causes that are part of the noise floor.
 FLOOR_CAUSES = ("repeatability", "bias-walk")
@@ -30,6 +32,8 @@ AMPLITUDE_LIMIT_FACTOR = 20.0
 MAX_JUMP_TIMES = 32
 #: Times between two of them that are tried at most.
 MAX_REFINED_JUMP_TIMES = 12
+#: Over a smaller range of temperature than this, degC, a curve is a straight line.
+MIN_BENT_RANGE_DEGC = 8.0
 #: Levels whose groups belong to one unit each.
 PER_UNIT_LEVELS = ("unit", "run", "power-on", "visit", "unit-position")
 
@@ -41,7 +45,8 @@ class Candidate:
     name: effect id or the kernel's name; effect: at its shape, None for a kernel; of: level; code (v) and names of
     the groups; stop (v, 3, a) columns of the stops' means; dwell (v, B−1, 3, a) of the contrasts, or None; scale of
     the effect's sizes in this recipe; plain: the same without the columns that its covariate's error adds, if any;
-    own: the effect of each group, where they differ in shape (`own_times.py`).
+    own: the effect of each group, where they differ in shape (`own_times.py`); axis_scale (a): how much larger each
+    axis' coefficient usually is than the first one's, 1 where empty.
     """
 
     name: str
@@ -55,6 +60,7 @@ class Candidate:
     scale: float = 1.0
     plain: "Candidate | None" = None
     own: tuple[Effect, ...] = ()
+    axis_scale: tuple[float, ...] = ()
 
     @property
     def shapes(self) -> dict[Effect, NDArray[np.bool_]]:
@@ -161,6 +167,10 @@ def scanned_forms(effect: Effect, view: ResidualView) -> Iterator[Effect]:
     grid = {key: values for key, values in grid.items() if values}
     for values in product(*grid.values()):
         yield replace(effect, **dict(zip(grid, values, strict=True)))
+    T = view.scene.temperature_degC
+    if isinstance(effect, TemperaturePolynomial) and T is not None and float(np.ptp(T)) > MIN_BENT_RANGE_DEGC:
+        for degree in (2, 3):
+            yield replace(effect, degree=degree, about_degC=float(np.round(T.mean(), 3)))
 
 
 def candidate_jump_times(view: ResidualView) -> tuple[float, ...]:
@@ -195,7 +205,26 @@ def candidates(effect: Effect, view: ResidualView) -> list[Candidate]:
     for shaped in scanned_forms(effect, view):
         stop, dwell = view.signature(shaped)
         found += [_candidate(shaped, of, pattern, view, stop, dwell) for of, pattern in _levels(effect, view)]
-    return [_with_covariate_error(c, view) for c in found]
+    return [_with_covariate_error(_with_even_powers(c), view) for c in found]
+
+
+def disturbed_lengths(view: ResidualView) -> list[Candidate]:
+    """A visit whose length is wrong by anything, where only lengths are known: a part that moved or was bumped."""
+    code, names = view.scene.group("visit")
+    if view.grid.k != 1 or len(names) < 2:
+        return []
+    across = view.keep.transpose(0, 2, 1) / np.sum(view.keep**2, axis=2, keepdims=True)
+    return [Candidate(DisturbedVisit.id, None, "visit", "scan", code, names, across)]
+
+
+def _with_even_powers(c: Candidate) -> Candidate:
+    """The candidate of a polynomial with its columns brought to the length of the straight ones: a cube of degrees is a
+    larger number than a degree, and its coefficient so much smaller."""
+    if not isinstance(c.effect, TemperaturePolynomial) or c.effect.degree == 1:
+        return c
+    length = np.sqrt(np.mean(c.stop**2, axis=(0, 1)).reshape(c.effect.degree, -1).sum(1))
+    scale = np.repeat(length[0] / np.maximum(length, 1e-300), c.stop.shape[2] // c.effect.degree)
+    return replace(c, stop=c.stop * scale, plain=replace(c, axis_scale=tuple(float(x) for x in scale)))
 
 
 def _with_covariate_error(c: Candidate, view: ResidualView) -> Candidate:

@@ -49,7 +49,8 @@ class AcceptedCause:
 def accept_candidate(candidate: Candidate, hit: NDArray[np.bool_], spread: float) -> AcceptedCause:
     """A cause whose coefficients are not yet known."""
     shape = (len(candidate.names), candidate.axes)
-    return AcceptedCause(candidate, hit, np.zeros(shape), np.zeros(shape), np.full(shape, spread))
+    usual = np.array(candidate.axis_scale) if candidate.axis_scale else np.ones(candidate.axes)
+    return AcceptedCause(candidate, hit, np.zeros(shape), np.zeros(shape), spread * np.broadcast_to(usual, shape))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

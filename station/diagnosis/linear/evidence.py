@@ -19,7 +19,7 @@ from station.diagnosis.linear.projection import RANK_TOLERANCE, ResidualSpace
 from station.domain.core.types import Array, Floats
 
 #: The grid of q. Below the first a cause cannot be seen, beyond the last the evidence no longer depends on q.
-AMPLITUDE_RATIOS = np.geomspace(1e-2, 1e5, 33)
+AMPLITUDE_RATIOS = np.geomspace(1e-2, 1e8, 41)
 #: The same for one of many groups, of few coefficients each.
 COARSE_RATIOS = AMPLITUDE_RATIOS[::2]
 
@@ -27,7 +27,7 @@ COARSE_RATIOS = AMPLITUDE_RATIOS[::2]
 HIT_SHARES = (0.003, 0.02, 0.1, 0.3)
 
 #: The largest share of the sum of squares that a cause may take up: all of it leaves nothing to measure by.
-MAX_EXPLAINED_SHARE = 1 - 1e-6
+MAX_EXPLAINED_SHARE, MAX_EXPLAINED_SHARE_SINGLE = 1 - 1e-9, 1 - 1e-6
 
 Pattern = Literal["own", "shared", "scan"]
 #: How coefficients are grouped: by unit; not at all; by unit and group of the unit.
@@ -183,7 +183,9 @@ class EigenSpectrum:
 
     def _ratio(self, drop: Floats, rest: Floats) -> Floats:
         """−½ n·log(1 − drop / rest)."""
-        return np.asarray(-0.5 * self.space.dof * np.log1p(-np.minimum(drop / rest, MAX_EXPLAINED_SHARE)))
+        share = drop / rest
+        most = MAX_EXPLAINED_SHARE_SINGLE if share.dtype == np.float32 else MAX_EXPLAINED_SHARE
+        return np.asarray(-0.5 * self.space.dof * np.log1p(-np.minimum(share, most)))
 
     def _bordered(self, bent: Floats, sets: DataSets) -> tuple[Floats, Floats]:
         """What the known shared columns change for each ρ: the drop of the sum of squares (b, n, ρ) and the

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from station.diagnosis.linear.grid import VisitGrid
@@ -43,11 +44,17 @@ class NoiseFloor:
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorStructure:
     """parts (classes, 3, m, m): D, T and K of each kind of run; pad (classes, m): 1 where there is no stop;
-    member (U, R): the kind of each unit's run."""
+    member (U, R): the kind of each unit's run. What the parts are made of, so that no product of whole matrices is
+    needed: white (classes, m) the diagonal of D; turn (classes, V, k, 3) with T = turn·turnᵀ stop by stop; walk
+    (classes, V, k, 3) and step (classes, V) with K = Σ_j step_j w_j w_jᵀ, w_j being walk from stop j on."""
 
     parts: Floats
     pad: Floats
     member: NDArray[np.intp]
+    white: Floats
+    turn: Floats
+    walk: Floats
+    step: Floats
 
     def covariance(self, variances: Floats) -> FloorCovariance:
         """The floor with the variances (3)."""
@@ -56,29 +63,54 @@ class FloorStructure:
         L = np.linalg.cholesky(V)
         logdet = 2 * np.log(np.einsum("cii->ci", L)).sum(1)
         live = self.pad[self.member].reshape(len(self.member), -1) == 0
-        return FloorCovariance(np.linalg.inv(L), self.member, live, float(logdet[self.member].sum()))
+        return FloorCovariance(_triangular_inverse(L), self.member, live, float(logdet[self.member].sum()))
 
-    def relative(self, inverse: Floats) -> Floats:
-        """The parts as whitened rows see them (classes, 3, m, m)."""
-        return np.asarray(inverse[:, None] @ self.parts @ inverse[:, None].transpose(0, 1, 3, 2))
+    def traces(self, inverse: Floats) -> Floats:
+        """Trace (classes, 3) of each part as whitened rows see it."""
+        by_stop = inverse.reshape(*inverse.shape[:2], *self.walk.shape[1:3])
+        white = np.einsum("cab,cab,cb->c", inverse, inverse, self.white, optimize=True)
+        turned = np.matmul(by_stop.transpose(0, 2, 1, 3), self.turn)
+        # Sums over the stops from each on.
+        walked = np.matmul(by_stop.transpose(0, 2, 1, 3), self.walk)[:, ::-1].cumsum(1)[:, ::-1]
+        squares = [np.einsum("cvai,cvai->cv", x, x) for x in (turned, walked)]
+        return np.stack([white, squares[0].sum(1), (squares[1] * self.step).sum(1)], axis=1)
+
+    def act(self, i: int, inverse: Floats, rows: Floats) -> Floats:
+        """A part as whitened rows see it, times rows (U, R, m, c) of them."""
+        back = inverse.transpose(0, 2, 1)[self.member] @ rows
+        return np.asarray(inverse[self.member] @ (self.parts[:, i][self.member] @ back))
+
+
+def _triangular_inverse(L: Floats) -> Floats:
+    """Inverse (classes, m, m) of lower triangular matrices."""
+    return np.stack([scipy.linalg.lapack.dtrtri(one, lower=1)[0] for one in L])
 
 
 def floor_structure(grid: VisitGrid, weight: Floats, turn: Floats, steps: Floats, project: Floats) -> FloorStructure:
-    """From, for each stop: weight (v) relative precision; turn (v, k, 3) signature of its turn; steps (v) taken by
-    the walk so far; project (v, k, 3) from readings to the numbers kept."""
+    """From, for each stop: weight (v) or (v, k) relative precision; turn (v, k, 3) signature of its turn; steps (v)
+    taken by the walk so far; project (v, k, 3) from readings to the numbers kept."""
     U, R, V = grid.slot.shape
     k = grid.k
-    rows = np.concatenate([turn, project, np.broadcast_to((1 / weight)[:, None, None], (*turn.shape[:2], 1))], axis=2)
-    rows = np.concatenate([rows, np.broadcast_to(steps[:, None, None], (*turn.shape[:2], 1))], axis=2)
+    shape = (*turn.shape[:2], 1)
+    precision = weight.reshape(len(weight), -1, 1)
+    rows = np.concatenate(
+        [turn, project, np.broadcast_to(1 / precision, shape), np.broadcast_to(steps[:, None, None], shape)], axis=2
+    )
     kinds, member = np.unique(np.round(grid.spread(rows), 7).reshape(U * R, -1), axis=0, return_inverse=True)
     kinds = kinds.reshape(len(kinds), V, k, 8)
+    turned, walk, white, so_far = kinds[..., :3], kinds[..., 3:6], kinds[..., 6], kinds[..., 0, 7]
     parts = np.zeros((len(kinds), 3, V * k, V * k))
     at = np.arange(V * k).reshape(V, k)
-    parts[:, 0, at, at] = kinds[..., 6]
-    parts[:, 1, at[:, :, None], at[:, None, :]] = kinds[..., :3] @ kinds[..., :3].transpose(0, 1, 3, 2)
-    walked = np.minimum(kinds[:, :, None, 0, 7], kinds[:, None, :, 0, 7])
-    parts[:, 2] = np.einsum("cvw,cvia,cwja->cviwj", walked, kinds[..., 3:6], kinds[..., 3:6]).reshape(-1, V * k, V * k)
-    return FloorStructure(parts, (parts[:, 0].diagonal(axis1=1, axis2=2) == 0).astype(float), member.reshape(U, R))
+    parts[:, 0, at, at] = white
+    parts[:, 1, at[:, :, None], at[:, None, :]] = turned @ turned.transpose(0, 1, 3, 2)
+    so_far = np.maximum.accumulate(so_far, axis=1)
+    walked = np.minimum(so_far[:, :, None], so_far[:, None, :])
+    parts[:, 2] = (walked[:, :, None, :, None] * np.einsum("cvia,cwja->cviwj", walk, walk, optimize=True)).reshape(
+        -1, V * k, V * k
+    )
+    pad = (parts[:, 0].diagonal(axis1=1, axis2=2) == 0).astype(float)
+    step = np.diff(so_far, axis=1, prepend=0.0)
+    return FloorStructure(parts, pad, member.reshape(U, R), white.reshape(-1, V * k), turned, walk, step)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,14 +166,13 @@ def _initial_variances(parts: FloorStructure, known: NuisanceColumns, readings: 
 
 def _newton(parts: FloorStructure, now: ResidualSpace) -> tuple[Floats, Floats]:
     """Slope (3) and average information (3, 3) of the restricted log-likelihood by the variances."""
-    relative = parts.relative(now.covariance.inverse)
-    member = now.covariance.member
+    inverse, member = now.covariance.inverse, now.covariance.member
     U, R = member.shape
-    m = relative.shape[-1]
+    m = inverse.shape[-1]
 
     def act(i: int, rows: Floats) -> Floats:
         wide = rows[:, : R * m].reshape(U, R, m, -1)
-        out = (relative[member, i] @ wide).reshape(U, R * m, -1)
+        out = parts.act(i, inverse, wide).reshape(U, R * m, -1)
         return np.asarray(np.pad(out, ((0, 0), (0, rows.shape[1] - R * m), (0, 0))))
 
     residual = now.residual[..., None]
@@ -149,7 +180,8 @@ def _newton(parts: FloorStructure, now: ResidualSpace) -> tuple[Floats, Floats]:
     free = now.free(moved)
     to_shared = now.shared_basis.reshape(residual.size, -1).T @ free.reshape(-1, 3)
     information = 0.5 * (moved.reshape(-1, 3).T @ free.reshape(-1, 3) - to_shared.T @ to_shared)
-    trace = [float(np.einsum("cii->c", relative[:, i])[member].sum()) - _known_trace(now, act, i) for i in range(3)]
+    whole = parts.traces(inverse)[member].sum((0, 1))
+    trace = [float(whole[i]) - _known_trace(now, act, i) for i in range(3)]
     return -0.5 * (np.array(trace) - np.einsum("umi,um->i", moved, residual[..., 0])), information
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from station.diagnosis.data import input_checks
 from station.diagnosis.data.faults import GrossFault, Inspection, inspect
 from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.data.stays import recut
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.results.estimate import Estimate, estimate_causes
 from station.diagnosis.results.gain import HeldOutGain, held_out_gain
@@ -73,7 +74,7 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     """Diagnoses a table. Errors: SamplesError when a position or seating is not in the recipe, or hardly anything is
     in the table."""
     input_checks.check(recipe, table)
-    inspected = inspect(recipe, table)
+    inspected = inspect(recipe, recut(recipe, table).table)
     input_checks.check_unclipped(table, inspected.table)
     told = {effect.effect for effect in model.effects}
     news = tuple(f for f in inspected.faults if f.effect not in told)

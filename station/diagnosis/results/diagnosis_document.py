@@ -124,7 +124,11 @@ def _parameters(e: Estimate, unit: str) -> list[dict[str, Any]]:
     """Coefficients of the groups that act, then the parameters of the form."""
     candidate, effect = e.item.candidate, e.item.candidate.effect
     if effect is None:
-        return []
+        return [
+            {"name": "excess", "axis": None, "of": candidate.names[g], "value": float(e.value[g, 0]),
+             "std": float(e.std[g, 0]), "unit": unit}
+            for g in np.flatnonzero(e.item.hit)
+        ]  # fmt: skip
     rows: list[dict[str, Any]] = [
         {
             "name": column.name, "axis": column.axis or None, "of": candidate.names[g],

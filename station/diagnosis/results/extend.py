@@ -31,6 +31,9 @@ def _cause_effects(c: Cause, d: Diagnosis) -> Iterator[ModelEffect]:
     """A cause, once for each of its shapes."""
     rows = [ModelParameter(**row) for row in parameter_rows(c, d)]
     candidate = None if c.estimate is None else c.estimate.item.candidate
+    if candidate is not None and candidate.effect is None:
+        # One visit's own length is nothing that a simulation can have again.
+        return
     if candidate is None or not candidate.own:
         effect = None if candidate is None else candidate.effect
         yield ModelEffect(effect=c.finding.name, parameters=tuple(rows), shape=_shape(effect))

@@ -12,6 +12,7 @@ from station.diagnosis.candidates.bank import (
     build_bank,
     candidates,
     cause_library,
+    disturbed_lengths,
     is_testable,
     smooth_causes,
 )
@@ -37,6 +38,7 @@ from station.diagnosis.search.problem import refined
 from station.diagnosis.search.rank import RankedCause, keep_best, rank_causes, with_free_variance
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import WalkMarginal, marginalise_walks, score_over_walks
+from station.model.effects.disturbed_visit import DisturbedVisit
 
 NullFactory = Callable[[ScoringProblem, FittedFloor, WalkMarginal], NullDistribution]
 
@@ -116,6 +118,7 @@ def build_banks(view: ResidualView, hidden: Collection[str] = ()) -> tuple[Bank,
     """The still and the moving candidates, without the causes that are hidden from these data."""
     effects = [e for e in cause_library(view.scene.recipe) if e.id not in hidden and is_testable(e, view)]
     items = [c for e in effects for c in candidates(e, view)] + generic.kernel_candidates(view)
+    items += [] if DisturbedVisit.id in hidden else disturbed_lengths(view)
     return build_bank(items, view.layout, moving=False), build_bank(items, view.layout, moving=True)
 
 

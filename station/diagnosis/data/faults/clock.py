@@ -1,25 +1,55 @@
-"""The device's clock: frames against the host's time."""
+"""The device's clock: frames counted over spans of the host's time.
 
+Stamps of a host are late by whatever it was busy with, never early, so no single gap tells a rate. Frames are numbered
+in the order of arrival; a frame is taken for lost only where all stamps after it in the stop stay late by a whole
+period. The slope of number against stamp is then fitted over each stop, or over the whole run where a counter bridges
+the stops, and its standard deviation is that of the stops among each other: jitter is whatever they scatter by.
+"""
+
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.data.faults.counters import unwrapped
-from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, rows_of_units, unit_label
+from station.diagnosis.data.faults.gross_fault import (
+    BlockGain,
+    FaultParameter,
+    GrossFault,
+    block_gain,
+    halves_of,
+    rows_of_units,
+    unit_label,
+)
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
 #: Standard deviations beyond the tolerance from which a clock is off.
 DETECTION_SIGMA = 4.0
+#: An oscillator is never so far off: such a rate is another setting, not an error (the worst RC oscillators, 10 %).
+MAX_RATE_ERROR = 0.15
+#: Rounds of numbering the frames by the rate and fitting the rate to the numbers.
+ROUNDS = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClockRates:
+    """Of each unit (U) the relative error of its rate and the standard deviation, NaN where nothing tells; error,
+    weight (u, s): of each of its stops on its own, weight 0 where a stop tells nothing."""
+
+    error: Floats
+    std: Floats
+    stops: tuple[tuple[Floats, Floats], ...]
 
 
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
     """Units whose sample rate is beyond the data sheet's tolerance."""
-    error, std = rates(recipe, table, stop)
+    found = rates(recipe, table, stop)
+    error, std = found.error, found.std
     tolerance = recipe.device.clock_tolerance_ppm * 1e-6
     beyond = (np.abs(error) - tolerance) / std
-    off = beyond > DETECTION_SIGMA
+    off = (beyond > DETECTION_SIGMA) & (np.abs(error) < MAX_RATE_ERROR)
     if not off.any():
         return []
     numbers = tuple(
@@ -32,59 +62,109 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
             float(np.hypot(std[u], tolerance / 2)),
             "1",
         )
-        for u in np.flatnonzero(np.isfinite(error))
+        for u in np.flatnonzero(np.isfinite(error) & (np.abs(error) < MAX_RATE_ERROR))
     )
     told = f"{int(off.sum())} of {len(error)} clocks are off by more than {recipe.device.clock_tolerance_ppm:g} ppm"
-    return [GrossFault("clock-error", "unit", numbers, told, float(0.5 * np.sum(beyond[off] ** 2)))]
+    gain = _held_out_gain([found.stops[int(u)] for u in np.flatnonzero(off)], tolerance)
+    nats = float(0.5 * np.sum(beyond[off] ** 2)) if gain is None else max(gain.total, 0.0)
+    return [GrossFault("clock-error", "unit", numbers, told, nats, gain=gain)]
 
 
-def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> tuple[Floats, Floats]:
-    """Relative error of each unit's rate (U) and its standard deviation, NaN where nothing tells.
+def _held_out_gain(units: list[tuple[Floats, Floats]], tolerance: float) -> BlockGain | None:
+    """What the rate of one half of a unit's stops gains at the other half, beside the nearest rate within the
+    tolerance; Gaussian, with the scatter of the stops fitted."""
+    scores, counts = [], []
+    for every, weights in units:
+        error, weight = every[weights > 0], weights[weights > 0]
+        half = halves_of(len(error))
+        for part in (0, 1):
+            fitted, judged = half != part, half == part
+            if fitted.sum() < 2 or not judged.any():
+                continue
+            rate = float(np.average(error[fitted], weights=weight[fitted]))
+            variance = float(np.sum(weight[fitted] * (error[fitted] - rate) ** 2)) / (fitted.sum() - 1)
+            scale = weight[judged] / max(variance, 1e-30)
+            nearest = float(np.clip(rate, -tolerance, tolerance))
+            scores.append(0.5 * scale * ((error[judged] - nearest) ** 2 - (error[judged] - rate) ** 2))
+            counts.append(np.ones(int(judged.sum())))
+    return block_gain(np.concatenate(scores), np.concatenate(counts), "visit") if scores else None
 
-    Frames are numbered by the counter, or by their place where there is none, and laid against time stop by stop;
+
+def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> ClockRates:
+    """Each unit's rate against the recipe's.
+
+    Frames are numbered by the counter, or by their place where there is none, and fitted against time stop by stop;
     over a whole run where the counter cannot have gone round unnoticed in between.
     """
-    first = np.flatnonzero(np.diff(stop, prepend=-1))
-    bits = recipe.device.counter_bits
-    nominal = recipe.device.rate_hz
+    bits, nominal = recipe.device.counter_bits, recipe.device.rate_hz
     has = "counter" in table.values
-    number = (
-        unwrapped(table.values["counter"], stop, bits)
-        if has
-        else _numbers_from_time(table.time_s, stop, first, nominal)
-    )
-    error = np.full(len(table.unit.names), np.nan)
-    std = np.full(len(table.unit.names), np.nan)
+    counted = unwrapped(table.values["counter"], stop, bits) if has else None
+    error, std = np.full((2, len(table.unit.names)), np.nan)
+    stops = [(np.zeros(0), np.zeros(0))] * len(error)
     for u, of in enumerate(rows_of_units(table.unit)):
         rows = np.arange(of.start, of.stop)
         if len(rows) < 3:
             continue
-        group = stop[rows]
-        error[u], std[u] = _slope(table.time_s[rows], number[rows] / nominal, group)
+        t, group = table.time_s[rows], stop[rows] - stop[rows[0]]
+        number = _numbers_in_order(t, group) if counted is None else counted[rows]
+        error[u], std[u], stops[u] = _slope(t, np.asarray(number / nominal, float), group, group)
         if has and np.isfinite(std[u]):
-            starts = first[slice(*np.searchsorted(first, (of.start, of.stop)))] - of.start
-            joined = _numbers_across_visits(table, rows, number[rows], starts, error[u], std[u], (nominal, bits))
+            starts = np.flatnonzero(np.diff(group, prepend=-1))
+            joined = _numbers_across_visits(table, rows, number, starts, error[u], std[u], (nominal, bits))
             if joined is not None:
-                run = table.run[rows]
-                error[u], std[u] = _slope(table.time_s[rows], joined / nominal, run, stop[rows])
-    return error, std
+                error[u], std[u], _ = _slope(t, np.asarray(joined / nominal, float), table.run[rows], group)
+    return ClockRates(error, std, tuple(stops))
 
 
-def _numbers_from_time(
-    time_s: Floats, stop: NDArray[np.intp], first: NDArray[np.intp], rate_hz: float
-) -> NDArray[np.int64]:
-    """Numbers of frames without a counter: one more than the last, or as many more as fit into a gap."""
-    step = np.diff(time_s, prepend=time_s[:1]) * rate_hz
-    step = np.where(np.diff(stop, prepend=-1) != 0, 0, np.maximum(np.round(step), 1))
-    total = np.cumsum(step)
-    return np.asarray(total - np.repeat(total[first], np.diff(np.append(first, len(stop)))), np.int64)
+def _numbers_in_order(time_s: Floats, group: Array) -> NDArray[np.int64]:
+    """Numbers (n) of frames without a counter, from 0 in each stop (group): their order, and as many more as are lost
+    for good. Of the periods that the gaps suggest that one is taken which leaves the stamps nearest to a line."""
+    gap = np.diff(time_s)[group[1:] == group[:-1]]
+    place = (np.arange(len(group)) - np.repeat(*_first_and_count(group))).astype(np.int64)
+    usual = float(np.median(gap)) if len(gap) else 0.0
+    # Late stamps leave the median alone, stamps of whole milliseconds the mean; of bursts only the span tells a rate.
+    means = [float(np.mean(some)) for some in (gap[gap < 1.5 * usual], gap) if len(some)]
+    tried = [_numbers_by_period(time_s, group, place, p) for p in (usual, *means) if p > 0]
+    return min(tried, key=lambda pair: pair[0])[1] if tried else place
 
 
-def _slope(time_s: Floats, device_s: Floats, group: Array, stop: Array | None = None) -> tuple[float, float]:
-    """Relative error of the device's time against the host's, with one offset for each group, and its deviation.
+def _first_and_count(group: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First row of each group of neighbours, and how many rows it has."""
+    first = np.flatnonzero(np.diff(group, prepend=-1))
+    return first, np.diff(np.append(first, len(group)))
 
-    stop: where given, what the samples of a stop are off by together counts once (a start between two frames).
-    """
+
+def _numbers_by_period(
+    time_s: Floats, group: Array, place: NDArray[np.int64], period: float
+) -> tuple[float, NDArray[np.int64]]:
+    """The numbers of frames sent so far apart, and the scatter of their stamps about a line, s."""
+    number, scatter = place, np.inf
+    since = time_s - np.repeat(time_s[_first_and_count(group)[0]], _first_and_count(group)[1])
+    for _ in range(ROUNDS):
+        late = since / period - place
+        # The least lateness of all that follow in the stop: a late stamp is made up for, a lost frame is not.
+        lost = _running_minimum(late[::-1], group[::-1])[::-1]
+        number = place + np.maximum(np.round(lost), 0).astype(np.int64)
+        device_s = np.asarray(number * period, float)
+        slope, std, _ = _slope(time_s, device_s, group, group)
+        if not np.isfinite(slope) or abs(slope) > 0.5:
+            break
+        scatter = std
+        period /= 1 + slope
+    return scatter, number
+
+
+def _running_minimum(values: Floats, group: Array) -> Floats:
+    """Least value so far (n) within each group of neighbours."""
+    # A step down by more than any range from group to group starts each anew.
+    span = float(np.ptp(values)) + 1.0
+    step = np.cumsum(np.diff(group, prepend=group[:1]) != 0) * span
+    return np.asarray(np.minimum.accumulate(values - step) + step)
+
+
+def _slope(time_s: Floats, device_s: Floats, group: Array, stop: Array) -> tuple[float, float, tuple[Floats, Floats]]:
+    """Relative error of the device's time against the host's, with one offset for each group, and its deviation by the
+    scatter of the stops; and error and weight (s) of each stop on its own."""
     _, code = np.unique(group, return_inverse=True)
     count = np.bincount(code)
     t = time_s - (np.bincount(code, time_s) / count)[code]
@@ -92,15 +172,15 @@ def _slope(time_s: Floats, device_s: Floats, group: Array, stop: Array | None = 
     spread = float(t @ t)
     free = len(t) - len(count) - 1
     if spread <= 0 or free < 1:
-        return float("nan"), float("nan")
+        return float("nan"), float("nan"), (np.zeros(0), np.zeros(0))
     slope = float(t @ y) / spread
     left = y - slope * t
     std = float(np.sqrt(np.sum(left**2) / free / spread))
-    if stop is not None:
-        pulls = np.bincount(stop - stop.min(), left * t)
-        spare = max(len(pulls) - len(count) - 1, 1)
-        std = max(std, float(np.sqrt(np.sum(pulls**2) * len(pulls) / spare)) / spread)
-    return slope, std + 1e-9
+    pulls, weight = np.bincount(stop, left * t), np.bincount(stop, t * t)
+    own = np.where(weight > 0, np.bincount(stop, t * y) / np.where(weight > 0, weight, 1.0), 0.0)
+    spare = max(len(pulls) - (len(count) if len(count) < len(pulls) else 0) - 1, 1)
+    std = max(std, float(np.sqrt(np.sum(pulls**2) * len(pulls) / spare)) / spread)
+    return slope, std + 1e-9, (own, np.asarray(weight, float))
 
 
 def _numbers_across_visits(

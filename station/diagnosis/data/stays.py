@@ -1,0 +1,101 @@
+"""Visits that are pieces of one stay: a recording of one pose may be cut in any way, and means the same.
+
+Visits of a unit that follow each other without a gap at one position are one stay. It is cut anew, into stretches of
+one length that depends on how long the stay was and not on how it came, so that the same recording in visits of 5, 10,
+30 or 60 s becomes the same table. A visit that the fixture left and came to again is untouched.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.core.types import Array, Floats, SampleTable
+from station.domain.recipe.recipe import Recipe
+
+#: Stretches of the longest stay at the most; the shortest stretch, s, and the fewest samples in one.
+MAX_STRETCHES, MIN_STRETCH_S, MIN_STRETCH_SAMPLES = 96, 5.0, 20
+#: Sample periods that may lie between two visits of one stay.
+MAX_GAP_PERIODS = 3.0
+#: Share of the stimulus by which two visits of one stay may differ where nobody knows the pose.
+MAX_LENGTH_STEP = 0.02
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recut:
+    """The table cut anew; visits: how many came; stretches: into how many of them, of `length_s` each, those of stays
+    were cut; 0 where none were."""
+
+    table: SampleTable
+    visits: int
+    stretches: int
+    length_s: float
+
+
+def recut(recipe: Recipe, table: SampleTable) -> Recut:
+    """The table, its rows sorted by unit, run and visit, with its stays in stretches of one length."""
+    order = np.lexsort((np.arange(len(table)), table.visit, table.run, table.unit.code))
+    if np.any(np.diff(order) != 1):
+        table = table[order]
+    first = _first_rows(table)
+    period = _period(table, first)
+    joined = _joined(recipe, table, first, period)
+    if not joined.any():
+        return Recut(table, len(first), 0, 0.0)
+    stay = np.cumsum(np.r_[1, ~joined]) - 1
+    pieces = np.bincount(stay)
+    row_stay = np.repeat(stay, np.diff(np.append(first, len(table))))
+    begins = first[np.r_[True, ~joined]]
+    since = table.time_s - table.time_s[begins][row_stay]
+    span = np.zeros(len(pieces))
+    np.maximum.at(span, row_stay, since)
+    length = max(float(span[pieces > 1].max()) / MAX_STRETCHES, MIN_STRETCH_S, MIN_STRETCH_SAMPLES * period)
+    stretch = _stretch(since, row_stay, span, pieces > 1, length)
+    visit = _renumbered(table, row_stay, stretch)
+    count = int(np.sum(np.maximum(np.round(span[pieces > 1] / length), 1)))
+    return Recut(replace(table, visit=visit), len(first), count, length)
+
+
+def _stretch(since: Floats, stay: Array, span: Floats, many: NDArray[np.bool_], length: float) -> NDArray[np.int64]:
+    """Number of each row's stretch in its stay (n); the last one takes what is left of less than half a length."""
+    last = np.maximum(np.round(span / length) - 1, 0)
+    place = np.minimum(np.floor(since / length + 1e-9), last[stay])
+    return np.where(many[stay], place, 0).astype(np.int64)
+
+
+def _renumbered(table: SampleTable, stay: Array, stretch: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Numbers (n) of the visits from 0 in each run; those of runs without any stay as they were."""
+    new = np.r_[True, (np.diff(stay) != 0) | (np.diff(stretch) != 0)]
+    run = np.cumsum(np.r_[True, (np.diff(table.run) != 0) | (np.diff(table.unit.code) != 0)]) - 1
+    count = np.cumsum(new) - 1
+    begin = count[np.flatnonzero(np.diff(run, prepend=-1))]
+    cut = np.bincount(run, stretch) > 0
+    return np.where(cut[run], count - begin[run], table.visit).astype(np.int32)
+
+
+def _first_rows(table: SampleTable) -> NDArray[np.intp]:
+    where = (table.unit.code, table.run, table.visit)
+    return np.flatnonzero(np.any([np.diff(codes, prepend=-1) != 0 for codes in where], axis=0))
+
+
+def _period(table: SampleTable, first: NDArray[np.intp]) -> float:
+    """The usual time from sample to sample within a visit; 0 where each has one."""
+    inside = np.ones(len(table), bool)
+    inside[first] = False
+    gaps = np.diff(table.time_s, prepend=table.time_s[:1])[inside]
+    return float(np.median(gaps)) if len(gaps) else 0.0
+
+
+def _joined(recipe: Recipe, table: SampleTable, first: NDArray[np.intp], period: float) -> NDArray[np.bool_]:
+    """Whether each visit but the first (v − 1) goes on with the stay of the one before."""
+    last = np.append(first[1:], len(table)) - 1
+    labels = [table.position, table.unit, *table.labels.values()]
+    same = np.all([x.code[first][1:] == x.code[first][:-1] for x in labels], axis=0)
+    gap = table.time_s[first[1:]] - table.time_s[last[:-1]]
+    same &= (table.run[first][1:] == table.run[first][:-1]) & (gap >= 0) & (gap <= MAX_GAP_PERIODS * period)
+    if not recipe.pose_known and same.any():
+        count = np.diff(np.append(first, len(table)))[:, None]
+        mean = np.add.reduceat(table.reading, first, axis=0) / count
+        step = np.linalg.norm(np.diff(mean, axis=0), axis=1)
+        same &= step < MAX_LENGTH_STEP * np.median(np.linalg.norm(mean, axis=1))
+    return np.asarray(same)

@@ -1,0 +1,113 @@
+"""Clocks against jittering stamps, and recordings of one pose that are cut in several ways."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from station.diagnosis.data.faults import clock
+from station.diagnosis.data.stays import recut
+from station.domain.core.types import Labels, SampleTable
+from station.domain.recipe.recipe import Recipe
+from tests.blind.recipes import recipe
+
+RATE_HZ = 100.0
+
+
+def fast() -> Recipe:
+    """The blind recipe at a usual rate."""
+    whole = recipe(1)
+    return whole.model_copy(update={"device": whole.device.model_copy(update={"rate_hz": RATE_HZ})})
+
+
+def table(time_s: np.ndarray, visit: np.ndarray, units: int = 1) -> SampleTable:
+    """Stamps of each unit alike; readings are noise."""
+    n = len(time_s)
+    rng = np.random.default_rng(3)
+    return SampleTable(
+        unit=Labels(tuple(f"U{u}" for u in range(units)), np.repeat(np.arange(units, dtype=np.int32), n)),
+        run=np.zeros(n * units, np.int32),
+        visit=np.tile(visit.astype(np.int32), units),
+        position=Labels(("z-up",), np.zeros(n * units, np.int32)),
+        time_s=np.tile(time_s, units),
+        reading=rng.standard_normal((n * units, 3)),
+        labels={},
+        values={},
+    )
+
+
+def stamps(rate_error: float, late: str, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps of 72 visits of 100 samples by a device of such a rate error, on a host that is late now and then."""
+    visit = np.repeat(np.arange(72), 100)
+    t = visit * 2.5 + np.tile(np.arange(100), 72) / (RATE_HZ * (1 + rate_error))
+    n = len(t)
+    if late == "sometimes":
+        t = t + np.where(rng.uniform(size=n) < 0.05, rng.uniform(0, 8e-3, n), 0.0)
+    elif late == "always":
+        t = t + rng.exponential(1e-3, n)
+    elif late == "bursts":
+        # Four frames share the stamp of the last of them.
+        t = np.ceil(t / 0.04) * 0.04
+    elif late == "milliseconds":
+        t = np.round(t, 3)
+    elif late == "lost":
+        keep = rng.uniform(size=n) > 0.02
+        t, visit = t[keep], visit[keep]
+    order = np.lexsort((t, visit))
+    return t[order], visit[order]
+
+
+@pytest.mark.parametrize("late", ["sometimes", "always", "bursts", "milliseconds", "lost"])
+def test_a_host_that_stamps_late_is_no_error_of_the_clock(late: str) -> None:
+    for seed in range(10):
+        t, visit = stamps(0.0, late, np.random.default_rng(seed))
+        made = table(t, visit)
+        stop = np.cumsum(np.diff(visit, prepend=-1) != 0) - 1
+        assert clock.faults(fast(), made, stop) == []
+
+
+@pytest.mark.parametrize("late", ["sometimes", "always", "milliseconds", "lost"])
+def test_an_error_of_the_clock_is_found_and_sized_beside_late_stamps(late: str) -> None:
+    t, visit = stamps(0.01, late, np.random.default_rng(7))
+    stop = np.cumsum(np.diff(visit, prepend=-1) != 0) - 1
+    (found,) = clock.faults(fast(), table(t, visit), stop)
+    (number,) = found.numbers
+    assert number.std is not None
+    assert abs(float(number.value) - 0.01) < 4 * number.std
+    assert number.std < 1e-3
+    assert found.gain is not None
+    assert found.gain.accepted
+
+
+def test_a_rate_that_is_another_setting_is_no_error_of_the_oscillator() -> None:
+    visit = np.repeat(np.arange(24), 22)
+    t = visit * 2.5 + np.tile(np.arange(22), 24) / 21.7
+    assert clock.faults(fast(), table(t, visit), visit) == []
+
+
+@pytest.mark.parametrize("cut_s", [5.0, 10.0, 30.0, 60.0])
+def test_one_stay_becomes_the_same_table_however_it_is_cut(cut_s: float) -> None:
+    t = np.arange(36_000) / 10.0
+    made = recut(fast(), table(t, np.floor(t / cut_s + 1e-9), units=2))
+    whole = recut(fast(), table(t, np.floor(t / 20.0 + 1e-9), units=2))
+    assert np.array_equal(made.table.visit, whole.table.visit)
+    assert made.stretches == whole.stretches == 2 * 96
+    assert made.length_s == pytest.approx(3600 / 96, rel=1e-3)
+
+
+def test_visits_that_the_fixture_left_are_not_joined() -> None:
+    t, visit = stamps(0.0, "sometimes", np.random.default_rng(1))
+    made = table(t, visit)
+    assert recut(fast(), made).stretches == 0
+    assert np.array_equal(recut(fast(), made).table.visit, visit)
+
+
+def test_another_position_or_length_ends_a_stay() -> None:
+    t = np.arange(4000) / 100.0
+    made = table(t, np.floor(t / 10))
+    two = replace(made, position=Labels(("a", "b"), (made.visit >= 2).astype(np.int32)))
+    assert recut(fast(), two).table.visit[2000] == 4
+    free = fast().model_copy(update={"reference": fast().reference.model_copy(update={"pose": "unknown"})})
+    moved = replace(made, reading=made.reading * 1e-3 + np.where(made.visit[:, None] == 2, [1.0, 0, 0], [0, 0, 1.0]))
+    # Twenty seconds in stretches of five, and two visits as they were.
+    assert np.count_nonzero(np.diff(recut(free, moved).table.visit)) == 4 + 2 - 1
