@@ -54,7 +54,7 @@ class Account:
 def hash_password(password: str) -> str:
     """`scrypt$N$r$p$salt$key`, salt and key in base64."""
     if not 8 <= len(password) <= MAX_LENGTH:
-        raise UsageError(f"a password has 8 to {MAX_LENGTH} characters; choose another one")
+        raise UsageError("password-length", limit=MAX_LENGTH)
     salt = secrets.token_bytes(16)
     key = _scrypt(password, salt, _N, _R, _P)
     return f"scrypt${_N}${_R}${_P}${_b64(salt)}${_b64(key)}"
@@ -82,8 +82,7 @@ def load(path: Path) -> dict[str, Account]:
         rows = json.loads(path.read_text(encoding="utf-8"))["accounts"]
         return {r["name"]: Account(r["name"], Role(r["role"]), r["password"]) for r in rows}
     except (OSError, ValueError, KeyError, TypeError) as exc:
-        remedy = "restore it, or remove it and add the people again with `station panel --add NAME`"
-        raise ConfigError(f"{path}: the accounts cannot be read ({exc}); {remedy}") from exc
+        raise ConfigError("accounts-unreadable", file=str(path), why=" ".join(str(exc).split())) from exc
 
 
 def save(path: Path, accounts: dict[str, Account]) -> None:

@@ -15,10 +15,10 @@ from starlette.routing import Mount
 from starlette.staticfiles import StaticFiles
 
 from station.errors import InputError, StationError
+from station.messages import Message
 from station.web import audit, charts_page, diagnosis, language, login, metrics, operator, render
-from station.web.guard import SecurityMiddleware, session_of
+from station.web.guard import Refusal, SecurityMiddleware, session_of
 from station.web.panel import Panel
-from station.web.sentences import translate
 
 
 def create_app(panel: Panel) -> Starlette:
@@ -51,17 +51,18 @@ async def _lifespan(app: Starlette) -> AsyncIterator[None]:
 
 async def _http_error(request: Request, exc: Exception) -> Response:
     assert isinstance(exc, HTTPException)
-    return _error_response(request, exc.detail, exc.status_code)
+    message = exc.message if isinstance(exc, Refusal) else Message.text(exc.detail)
+    return _error_response(request, message, exc.status_code)
 
 
 async def _station_error(request: Request, exc: Exception) -> Response:
     assert isinstance(exc, StationError)
-    return _error_response(request, exc.sentence, 400 if isinstance(exc, InputError) else 503)
+    return _error_response(request, exc.message, 400 if isinstance(exc, InputError) else 503)
 
 
-def _error_response(request: Request, sentence: str, status: int) -> Response:
+def _error_response(request: Request, message: Message, status: int) -> Response:
     """One sentence in the reader's language: a page for a browser, JSON for a script."""
-    sentence = translate(sentence, language.of_request(request))
+    sentence = language.sentence(message, language.of_request(request))
     if "text/html" in request.headers.get("accept", ""):
         return render.page(request, "sentence.html", session_of(request), status, sentence=sentence)
     return JSONResponse({"error": sentence}, status)

@@ -125,7 +125,7 @@ def _unit_history(panel: Panel, serial: str) -> list[dict[str, Any]]:
     with panel.log() as log:
         found = log.life(Query(serial=serial))
     if not found:
-        raise LogError(f"the log holds no unit {serial[:40]!r}; search for it")
+        raise LogError("page-no-unit", serial=serial[:40])
     return found
 
 
@@ -133,7 +133,7 @@ def _attempt(log: LogReader, serial: str, attempt: str) -> Attempt:
     for found in log.attempts(Query(serial=serial)):
         if found.attempt == attempt:
             return found
-    raise LogError(f"the log holds no attempt {attempt[:40]!r} of {serial[:40]!r}")
+    raise LogError("page-no-attempt", attempt=attempt[:40], serial=serial[:40])
 
 
 def _unit_and_attempt(asked: dict[str, str]) -> tuple[str, str]:

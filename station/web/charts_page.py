@@ -33,7 +33,7 @@ async def show(request: Request, session: Session) -> Response:
         parse_whole_number(request.query_params.get("size", "1")),
     )
     if size is None:
-        raise UsageError("the size of a subgroup is a number from 1 to 25")
+        raise UsageError("subgroup-size")
     panel: Panel = request.app.state.panel
     line = await run_in_threadpool(_statistics, panel, asked)
     drawn = await run_in_threadpool(charts.draw, line, value, size, language.words(language.of_request(request)))

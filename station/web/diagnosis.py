@@ -35,9 +35,9 @@ async def begin(request: Request, session: Session) -> Response:
     panel: Panel = request.app.state.panel
     serials = sorted({str(s) for s in form.getlist("serial")})
     if not 0 < len(serials) <= MOST_UNITS:
-        raise UsageError(f"pick 1 to {MOST_UNITS} units, then diagnose them")
+        raise UsageError("diagnosis-pick-units", limit=MOST_UNITS)
     if sum(child.poll() is None for child in panel.children.values()) >= MOST_PARALLEL:
-        raise UsageError(f"{MOST_PARALLEL} diagnosis is under way; wait until it is done")
+        raise UsageError("diagnosis-under-way")
     name = secrets.token_hex(8)
     panel.journal.add(session.account.name, "diagnose", serials=serials, report=name)
     await run_in_threadpool(_start_diagnosis, panel, serials, name)
@@ -67,7 +67,7 @@ def _start_diagnosis(panel: Panel, serials: list[str], name: str) -> None:
         tables = list(stored_attempts.samples(log, attempts))
         recipe_json = log.recipe_and_product(attempts[-1])[0] if attempts else ""
     if not tables:
-        raise LogError("these units have no stops in the log; there is nothing to diagnose")
+        raise LogError("diagnosis-no-visits")
     folder = companion_file(panel.order.database, Companion.DIAGNOSES) / name
     folder.mkdir(parents=True)
     (folder / "recipe.yaml").write_text(recipe_json, encoding="utf-8")  # JSON is YAML
@@ -89,7 +89,7 @@ def _of_one_recipe(found: list[Attempt]) -> list[Attempt]:
 def _folder(panel: Panel, name: str) -> Path:
     folder = companion_file(panel.order.database, Companion.DIAGNOSES) / name
     if len(name) != 16 or set(name) - set("0123456789abcdef") or not folder.is_dir():
-        raise UsageError("there is no such diagnosis; begin one from the audit page")
+        raise UsageError("diagnosis-unknown")
     return folder
 
 

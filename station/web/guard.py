@@ -8,8 +8,10 @@ from starlette.datastructures import FormData, Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import Message as AsgiMessage
 
+from station.messages import Message, render
 from station.web.sessions import Session, same_token
 
 SESSION_COOKIE = "station_session"
@@ -29,6 +31,14 @@ _HEADERS = {
 
 _WHOLE_NUMBER = re.compile("[0-9]{1,18}")
 Endpoint = Callable[[Request], Awaitable[Response]]
+
+
+class Refusal(HTTPException):
+    """A request refused with a status of HTTP and a message."""
+
+    def __init__(self, status: int, message: Message) -> None:
+        super().__init__(status, render(message))
+        self.message = message
 
 
 def parse_whole_number(text: str) -> int | None:
@@ -58,9 +68,9 @@ def require_right(right: str) -> Callable[[Callable[[Request, Session], Awaitabl
             if session is None:
                 if request.method == "GET" and "text/html" in request.headers.get("accept", ""):
                     return RedirectResponse("/login", 303)
-                raise HTTPException(401, "log in first")
+                raise Refusal(401, Message("log-in-first"))
             if not session.account.may(right):
-                raise HTTPException(403, f"the role {session.account.role} may not do this")
+                raise Refusal(403, Message("role-may-not", role=session.account.role.value))
             return await endpoint(request, session)
 
         return guarded
@@ -72,7 +82,7 @@ async def form_of(request: Request, session: Session | None) -> FormData:
     """The posted form, once its size and its token are right. HTTPException 400 or 403 otherwise."""
     form = await request.form(max_files=0, max_fields=300, max_part_size=MOST_BODY_BYTES)
     if session is not None and not same_token(session, str(form.get("csrf", ""))):
-        raise HTTPException(403, "this form is not from your page; reload it and try again")
+        raise Refusal(403, Message("form-not-yours"))
     return form
 
 
@@ -88,7 +98,7 @@ class SecurityMiddleware:
             await self._app(scope, receive, send)
             return
 
-        async def closed(message: Message) -> None:
+        async def closed(message: AsgiMessage) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for name, value in _HEADERS.items():

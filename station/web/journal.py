@@ -11,6 +11,7 @@ from typing import IO, Any
 
 from station.errors import LogError, StoreFault
 from station.files import lock
+from station.messages import system_reason
 
 SCHEMA = "station.panel-journal/1"
 _FIRST_PREVIOUS = "0" * 64
@@ -40,7 +41,7 @@ class Journal:
                 file.write(json.dumps(line, ensure_ascii=False).encode() + b"\n")
                 os.fsync(file.fileno())
         except OSError as exc:
-            raise StoreFault(f"{self.path} cannot be written ({exc.strerror}); free the disk, then try again") from exc
+            raise StoreFault("file-not-written", file=str(self.path), why=system_reason(exc)) from exc
 
     def lines(self) -> Iterator[dict[str, Any]]:
         """Every line, oldest first; what a power cut left of one comes as the deed `torn`.
@@ -54,7 +55,7 @@ class Journal:
             for number, raw in enumerate(file, 1):
                 line = _parse_line(raw, previous)
                 if line["previous"] != previous:
-                    raise LogError(f"{self.path}: line {number} does not follow from the one before; it was edited")
+                    raise LogError("journal-edited", file=str(self.path), line=number)
                 previous = hashlib.sha256(raw).hexdigest()
                 yield line
 

@@ -8,15 +8,15 @@ from typing import Any
 from prometheus_client import CollectorRegistry, Gauge
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 from starlette.concurrency import run_in_threadpool
-from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from station.errors import StationError
+from station.messages import Message
 from station.ports.log_reader import LogReader
 from station.service.golden_register import standings
-from station.web.guard import session_of
+from station.web.guard import Refusal, session_of
 from station.web.panel import Panel
 from station.wiring.logs import find_log
 
@@ -30,7 +30,7 @@ async def metrics(request: Request) -> Response:
     """Text for Prometheus: for this machine, and for people who have logged in."""
     local = request.client is not None and request.client.host in ("127.0.0.1", "::1")
     if not local and session_of(request) is None:
-        raise HTTPException(401, "metrics are for this machine or for people who have logged in")
+        raise Refusal(401, Message("metrics-not-for-you"))
     text = await run_in_threadpool(lambda: generate_latest(gather(request.app.state.panel)))
     return Response(text, media_type=CONTENT_TYPE_LATEST)
 

@@ -84,7 +84,7 @@ async def command(request: Request, session: Session) -> Response:
     action = str(form.get("action", ""))
     try:
         if action not in ACTIONS:
-            raise UsageError(f"there is no action {action[:20]!r}; use one of {', '.join(ACTIONS)}")
+            raise UsageError("page-unknown-action", action=action[:20], actions=tuple(ACTIONS))
         told = await run_in_threadpool(_perform, panel, action, session.account, said)
     except StationError as exc:
         answer = {"error": language.sentence(exc.message, language.of_request(request))}

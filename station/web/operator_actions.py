@@ -7,6 +7,7 @@ from pathlib import Path
 from station.domain.recipe import serial as serials_of
 from station.domain.records.stored_attempt import utc
 from station.errors import StoreFault, UsageError
+from station.messages import system_reason
 from station.panel_protocol.answer import write_answer
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.queue import WaitingUnit
@@ -37,8 +38,11 @@ def scan(panel: Panel, who: Account, said: ActionForm) -> str:
     passed = _newest_pass(panel, said.serial)
     if passed is not None:
         raise PassedAlready(
-            f"serial {said.serial!r} passed {passed.recipe_name} already on {utc(passed.started_ns)[:10]} in nest "
-            f"{passed.nest}; an engineer may take it again on purpose"
+            "scan-passed-already",
+            serial=said.serial,
+            recipe=passed.recipe_name,
+            day=utc(passed.started_ns)[:10],
+            nest=passed.nest,
         )
     nest = _free_nest(panel)
     panel.journal.add(who.name, "scan", serial=said.serial, nest=nest)
@@ -49,9 +53,9 @@ def scan(panel: Panel, who: Account, said: ActionForm) -> str:
 def take_again(panel: Panel, who: Account, said: ActionForm) -> str:
     """A unit that passed is taken once more, by an engineer's choice and with the reason."""
     if not who.may("again"):
-        raise UsageError(f"the role {who.role} may not take a unit again that has passed; ask an engineer")
+        raise UsageError("repeat-not-allowed", role=who.role.value)
     if not 3 <= len(said.reason) <= LONGEST_REASON or not said.reason.isprintable():
-        raise UsageError(f"say in 3 to {LONGEST_REASON} printable characters why the unit is taken again")
+        raise UsageError("repeat-reason-length", limit=LONGEST_REASON)
     _check_fits_load(panel, said.serial)
     passed, nest = _newest_pass(panel, said.serial), _free_nest(panel)
     of = passed.attempt if passed else ""
@@ -72,9 +76,9 @@ def resume(panel: Panel, who: Account, _said: ActionForm) -> str:
     _check_idle(panel)
     left = panel.screen.unfinished()
     if not left:
-        raise UsageError("every unit of the last load has its verdict; scan new ones")
+        raise UsageError("take-up-nothing")
     if panel.queue.waiting:
-        raise UsageError("units of another load are scanned; start them or clear the list, then take up the others")
+        raise UsageError("take-up-other-load")
     serials_of.check_all(list(left.values()), panel.recipe)
     panel.journal.add(who.name, "resume", serials=list(left.values()))
     panel.queue.put({nest: WaitingUnit(serial) for nest, serial in left.items()})
@@ -87,7 +91,7 @@ def start(panel: Panel, who: Account, _said: ActionForm) -> str:
     waiting = panel.queue.waiting
     units = {n.name: waiting[n.name].serial for n in panel.settings.nests if n.name in waiting}
     if not units:
-        raise UsageError("no unit is scanned; scan one, then start")
+        raise UsageError("start-without-units")
     serials_of.check_all(list(units.values()), panel.recipe)
     panel.journal.add(who.name, "start", serials=list(units.values()), recipe=panel.order.recipe)
     panel.queue.hand_over(panel.runs.start(units, who.name))
@@ -106,13 +110,13 @@ def confirm(panel: Panel, who: Account, said: ActionForm) -> str:
     """What the run asked a person to do is done; an old screen cannot confirm a later question."""
     asked, mark = panel.screen.question()
     if not mark or said.question != mark:
-        raise UsageError("nothing is asked any more; look at the page again")
+        raise UsageError("confirm-outdated")
     panel.journal.add(who.name, "confirm", sentence=asked)
     try:
         write_answer(panel.order.database, mark)
     except OSError as exc:
         file = companion_file(panel.order.database, Companion.ANSWER)
-        raise StoreFault(f"{file} cannot be written ({exc.strerror}); free the disk, then try again") from exc
+        raise StoreFault("file-not-written", file=str(file), why=system_reason(exc)) from exc
     return ""
 
 
@@ -121,14 +125,14 @@ def _check_fits_load(panel: Panel, serial: str) -> None:
     serials_of.check_all([*panel.queue.serials(), serial], panel.recipe)
     nest = panel.screen.units_in_progress().get(serial)
     if nest is not None:
-        raise UsageError(f"serial {serial!r} is in nest {nest} right now; wait for its verdict")
+        raise UsageError("scan-in-progress", serial=serial, nest=nest)
 
 
 def _free_nest(panel: Panel) -> str:
     waiting = panel.queue.waiting
     free = next((n.name for n in panel.settings.nests if n.name not in waiting), None)
     if free is None:
-        raise UsageError(f"all {len(waiting)} nests of the next load are taken; start it, or clear the list")
+        raise UsageError("scan-load-full", nests=len(waiting))
     return free
 
 
@@ -144,7 +148,7 @@ def _newest_pass(panel: Panel, serial: str) -> Attempt | None:
 
 def _check_idle(panel: Panel) -> None:
     if panel.runs.pid() is not None:
-        raise UsageError("a run is under way; wait for its end or stop it")
+        raise UsageError("run-under-way")
 
 
 ACTIONS: Mapping[str, Callable[[Panel, Account, ActionForm], str]] = {

@@ -80,5 +80,5 @@ class Panel:
     def log(self) -> LogReader:
         """The log, opened for one question. Errors: LogError; nothing was ever run where there is no file."""
         if not self.order.database.exists():
-            raise LogError(f"there is no log {self.order.database} yet; the first run makes it")
+            raise LogError("log-not-yet", path=str(self.order.database))
         return open_log(self.order.database)

@@ -35,7 +35,7 @@ def _time_ns(text: str | None, *, next_day: bool) -> int | None:
     try:
         moment = datetime.fromisoformat(text)
     except ValueError as exc:
-        raise UsageError(f"{text[:40]!r} is no time; write 2026-11-21 or 2026-11-21T13:00") from exc
+        raise UsageError("page-not-a-time", text=text[:40]) from exc
     if next_day and len(text) == len("2026-11-21"):
         moment += timedelta(days=1)
     return int(moment.astimezone().timestamp() * 1e9)

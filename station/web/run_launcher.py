@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from station.errors import StationFault, UsageError
+from station.messages import system_reason
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.owner import owner_pid
 
@@ -59,7 +60,7 @@ class RunLauncher:
     def start(self, units: Mapping[str, str], operator: str) -> int:
         """Starts a run of nest → serial that outlives this process; its pid. UsageError when one is under way."""
         if self.pid() is not None:
-            raise UsageError("a run is under way on this station; wait for its end or stop it")
+            raise UsageError("run-under-way")
         words = [sys.executable, "-m", "station", *self.order.words(units, operator)]
         with self._errors().open("wb") as errors:
             self._child = subprocess.Popen(
@@ -72,11 +73,11 @@ class RunLauncher:
         """Asks the run to stop and park, as Ctrl-C does; its pid. UsageError when there is none."""
         pid = self.pid()
         if pid is None:
-            raise UsageError("no run is under way; there is nothing to stop")
+            raise UsageError("no-run-under-way")
         try:
             os.kill(pid, signal.SIGINT)
         except OSError as exc:
-            raise StationFault(f"the run (pid {pid}) cannot be stopped from here ({exc.strerror})") from exc
+            raise StationFault("run-not-stopped", pid=pid, why=system_reason(exc)) from exc
         return pid
 
     def last_words(self) -> str:

@@ -139,7 +139,7 @@ def test_reasons_and_refusals_come_in_the_readers_language(client: TestClient) -
     assert "keinerlei Rauschen" in page
     assert "no noise at all" not in page
     refused = client.get("/audit/unit", params={"serial": "SN9999"}, headers={"accept-language": "zh-CN,zh"})
-    assert refused.json()["error"] == "日志中没有单元 'SN9999';请查询"
+    assert refused.json()["error"] == "日志中没有单元 'SN9999'：请搜索。"
 
 
 def test_no_calibration_no_certificate(client: TestClient, folder: Path) -> None:

@@ -104,7 +104,7 @@ def test_a_reseating_waits_for_the_page_and_goes_on_when_it_is_confirmed(
     assert "seating 'turned'" in page.shown("confirm")["confirm"]["text"]
     before = page.shown("now_svg"), page.shown("next_svg")
     assert all("<svg" in picture for picture in before)
-    assert "nothing is asked" in page.do("confirm", question="0" * 16)["error"]
+    assert "no longer open" in page.do("confirm", question="0" * 16)["error"]
     assert page.shown("confirm")["question"] == mark, "a wrong mark confirms nothing"
     with SqliteLogReader(tmp_path / "station.db") as log:
         assert len(log.life(Query(serial="SN0001"))[0]["visits"]) == 6, "nothing is measured while a person turns it"
@@ -129,9 +129,9 @@ def test_the_next_load_is_scanned_while_one_runs_and_survives_a_restart(
     mark = page.wait_for_question()
     assert page.shown("waiting") == {}, "what is in work waits no more"
     assert page.do("scan", serial="SN0003") == {"told": "SN0003: A"}
-    assert "given twice" in page.do("scan", serial="SN0003")["error"]
-    assert "in nest B right now" in page.do("scan", serial="SN0002")["error"]
-    assert "under way" in page.do("start")["error"]
+    assert "listed twice" in page.do("scan", serial="SN0003")["error"]
+    assert "tested in nest B" in page.do("scan", serial="SN0002")["error"]
+    assert "in progress" in page.do("start")["error"]
     assert (page.nest("A")["serial"], page.nest("A")["next"]) == ("SN0001", "SN0003")
     # Another page process on the same log: the run goes on, and so does the list.
     again = Page(make(reseated), "operator")
@@ -155,11 +155,11 @@ def test_a_unit_that_passed_is_refused_and_an_engineer_takes_it_again_on_purpose
     fixture_run.run(tmp_path, ["SN0001"])
     operator, engineer = Page(panel, "operator"), Page(panel, "engineer")
     refused = operator.do("scan", serial="SN0001")
-    assert "passed six-point already" in refused["error"]
+    assert "passed six-point on" in refused["error"]
     assert refused["again"] == "", "not the operator's to decide"
     assert "may not" in operator.do("again", serial="SN0001", reason="because")["error"]
     assert engineer.do("scan", serial="SN0001")["again"] == "SN0001"
-    assert "say in 3 to 200" in engineer.do("again", serial="SN0001", reason=" ")["error"]
+    assert "3 to 200 printable" in engineer.do("again", serial="SN0001", reason=" ")["error"]
     assert panel.queue.waiting == {}
     assert engineer.do("again", serial="SN0001", reason="customer return 4711") == {"told": "SN0001: A"}
     last = list(panel.journal.lines())[-1]
