@@ -1,8 +1,9 @@
 """The work of `station calibrate`: read, compute portion by portion, tell people and programs."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import date
+from itertools import chain
 from math import isnan
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,10 @@ from station.cli._calibrate_json import CalibrationJsonWriter
 from station.cli._calibrate_table import CalibrationSummary
 from station.config.products import load_product
 from station.config.recipes import load_recipe, recipe_path
-from station.domain.core.types import Floats, Outcome
+from station.diagnosis.data import preflight
+from station.diagnosis.data.family import Family
+from station.diagnosis.data.preflight import Preflight
+from station.domain.core.types import Floats, Outcome, SampleTable
 from station.domain.evaluation import calibration_document, model_comparison, pipeline
 from station.domain.evaluation.model_comparison import LargerModel
 from station.domain.evaluation.pipeline import CalibrationResult
@@ -40,7 +44,10 @@ def calibrate_file(samples: Path, recipe_name: str, wanted: CalibrateOutputs) ->
     recipe = load_recipe(recipe_name)
     told = CalibrationSummary()
     with CalibrationJsonWriter(wanted.json, calibration_document.head(recipe)) as file:
-        for result in _calibrate(recipe, samples, _rounding(recipe, recipe_path(recipe_name))):
+        checked: list[Preflight] = []
+        family = Family()
+        for result in _calibrate(recipe, samples, _rounding(recipe, recipe_path(recipe_name)), checked):
+            family.add(result)
             larger = model_comparison.of_unit(recipe, result) if wanted.compare_models else ()
             told.add(result, larger)
             file.add(_unit(result, larger))
@@ -48,7 +55,11 @@ def calibrate_file(samples: Path, recipe_name: str, wanted: CalibrateOutputs) ->
                 _draw(wanted.pictures, recipe, result)
         if told.calibrated == 0:
             raise SamplesError(f"{samples}: {told.first[0].verdict.reasons[0].sentence}")
+        found = replace(preflight.merge(checked), remarks=(*preflight.merge(checked).remarks, *family.outlying()))
+        file.append("preflight", found.document())
     if str(wanted.json) != "-":
+        for line in preflight.lines(found, recipe.unit):
+            _output.print_message(line)
         _calibrate_table.print_calibrations(recipe, told, with_budget=wanted.budget)
     for sentence in told.refused:
         _output.print_remark(f"station: {samples}: {sentence}")
@@ -72,13 +83,29 @@ def _unit(result: CalibrationResult, larger: Sequence[LargerModel]) -> dict[str,
     return found
 
 
-def _calibrate(recipe: Recipe, samples: Path, rounding: Floats) -> Iterator[CalibrationResult]:
+def _calibrate(
+    recipe: Recipe, samples: Path, rounding: Floats, checked: list[Preflight]
+) -> Iterator[CalibrationResult]:
+    """Every unit; fills `checked` with what the preflight found of each portion of the table."""
     today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
     with _output.progress() as bar:
         task = bar.add_task("calibrating", total=None)
-        for done, result in enumerate(pipeline.calibrate_portions(recipe, by_units(samples), today, rounding), start=1):
+        tables = _inspected(recipe, samples, checked)
+        first = next(tables)
+        results = pipeline.calibrate_portions(
+            preflight.with_sheet(recipe, checked[0]), chain([first], tables), today, rounding
+        )
+        for done, result in enumerate(results, start=1):
             bar.update(task, description=f"calibrated {done} units")
             yield result
+
+
+def _inspected(recipe: Recipe, samples: Path, checked: list[Preflight]) -> Iterator[SampleTable]:
+    """The portions of a table without the visits that the preflight leaves out."""
+    for table in by_units(samples):
+        found, kept = preflight.inspect(recipe, table)
+        checked.append(found)
+        yield kept
 
 
 def _rounding(recipe: Recipe, path: Path) -> Floats:

@@ -26,6 +26,7 @@ class CalibrationJsonWriter:
         self._opened = ExitStack()
         self._file: IO[str] | None = None
         self._first = True
+        self._tail: dict[str, Any] = {}
 
     def __enter__(self) -> "CalibrationJsonWriter":
         if self._path is not None:
@@ -36,12 +37,17 @@ class CalibrationJsonWriter:
     def add(self, unit: dict[str, Any]) -> None:
         """Writes one unit."""
         if self._file is not None:
-            self._file.write(("" if self._first else ", ") + dumps(unit, allow_nan=False, ensure_ascii=False))
+            self._file.write(("" if self._first else ", ") + _dumped(unit))
             self._first = False
+
+    def append(self, key: str, value: Any) -> None:
+        """What stands behind the units."""
+        self._tail[key] = value
 
     def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
         if self._file is not None and kind is None:
-            self._file.write("]}\n")
+            tail = "".join(f", {dumps(key)}: {_dumped(value)}" for key, value in self._tail.items())
+            self._file.write(f"]{tail}}}\n")
             self._file.flush()
             if str(self._path) == "-":
                 self._to_standard_output(self._file)
@@ -64,3 +70,7 @@ class CalibrationJsonWriter:
             sys.stdout.flush()
         except BrokenPipeError:
             _output.print_line()
+
+
+def _dumped(value: Any) -> str:
+    return dumps(value, allow_nan=False, ensure_ascii=False)

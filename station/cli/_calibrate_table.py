@@ -12,15 +12,19 @@ from station.cli import _budget_table, _output
 from station.domain.core.types import Outcome
 from station.domain.evaluation.model_comparison import LargerModel
 from station.domain.evaluation.pipeline import CalibrationResult
-from station.domain.methods import decision_rule
+from station.domain.methods import coefficients, decision_rule
 from station.domain.recipe.recipe import Recipe
-from station.messages import render
+from station.messages import Message, render
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 #: Units whose details are printed; all of them stand in the JSON document.
 MOST_DETAILED = 20
+#: A tilt known less well than this says nothing.
+MOST_TILT_U95_DEG = 30.0
+#: A coefficient known to no more than this share of the stimulus is remarked.
+HARDLY_KNOWN = 0.05
 #: A pipe has no width; this holds every column on one line.
 PIPE_WIDTH = 130
 
@@ -65,6 +69,8 @@ def print_calibrations(recipe: Recipe, told: CalibrationSummary, *, with_budget:
     for r, larger in zip(told.first, told.larger, strict=True):
         for line in (*(reason.sentence for reason in r.verdict.reasons), *_notes(r), *_larger(recipe, larger)):
             console.print(f"{r.serial}: {line}", markup=False)
+        for line in _hardly_known(recipe, r):
+            console.print(line, markup=False)
         if with_budget and r.budget is not None:
             title = f"{r.serial}: standard uncertainty by cause"
             console.print(_budget_table.table(r.budget, recipe.unit, title), width=width)
@@ -93,9 +99,15 @@ def _table(recipe: Recipe, results: Sequence[CalibrationResult]) -> "Table":
         shown.add_column(title, justify="right")
     for r in results:
         for i, axis in enumerate("xyz"):
-            head = (r.serial, str(r.verdict.outcome)) if i == 0 else ("", "")
+            head = (r.serial, _outcome(recipe, r)) if i == 0 else ("", "")
             shown.add_row(*head, axis, *_cells(r, i), end_section=i == 2)
     return shown
+
+
+def _outcome(recipe: Recipe, r: CalibrationResult) -> str:
+    """PASS means little where nothing is limited, so it says that."""
+    outcome = r.verdict.outcome
+    return f"{outcome}, no limits" if outcome is Outcome.PASS and not coefficients_limited(recipe) else str(outcome)
 
 
 def _cells(r: CalibrationResult, i: int) -> tuple[str, ...]:
@@ -104,12 +116,37 @@ def _cells(r: CalibrationResult, i: int) -> tuple[str, ...]:
         return ("",) * 6
     wide, gain = r.budget.expanded(), found.matrix[i, i]
     axis = (f"{found.offset[i]:+.6f}", f"{wide[i]:.2g}", f"{gain:.6f}", f"{wide[3 + 4 * i]:.2g}")
-    worst = int(np.argmax(np.where(found.disturbed, -1.0, found.tilt_deg)))
-    if not found.tilt_deg.any():
+    # An angle that is known to a radian is no angle.
+    known = ~found.disturbed & (1.96 * found.tilt_std_deg < MOST_TILT_U95_DEG)
+    worst = int(np.argmax(np.where(known, found.tilt_deg, -1.0)))
+    if not found.tilt_deg.any() or not known.any():
         return (*axis, f"{found.residual_rms:.2g} rms" if i == 0 else "", "")
     tilt = f"{found.tilt_deg[worst]:.3f} ± {1.96 * found.tilt_std_deg[worst]:.3f}"
     last = (f"{found.residual_rms:.2g} rms", tilt) if i == 0 else ("", f"at {found.positions[worst]}" if i == 1 else "")
     return (*axis, *last)
+
+
+def _hardly_known(recipe: Recipe, r: CalibrationResult) -> Iterator[str]:
+    """The least known coefficient, where a limit would hide how little is known."""
+    if r.budget is None:
+        return
+    size = recipe.reference.strength()
+    wide = 1.96 * r.budget.std()
+    share = np.where(coefficients.OFFSETS, wide / size, wide)
+    k = int(np.argmax(share))
+    if share[k] > HARDLY_KNOWN and not coefficients_limited(recipe):
+        unit = coefficients.unit_of(k, recipe.unit)
+        message = Message(
+            "coefficient-hardly-known", serial=r.serial, coefficient=coefficients.NAMES[k], u95=float(wide[k]),
+            unit="" if unit == "1" else unit, share=100 * float(share[k]),
+        )  # fmt: skip
+        yield render(message)
+
+
+def coefficients_limited(recipe: Recipe) -> bool:
+    """Whether the recipe has limits for coefficients, so that an unknown one fails."""
+    limits = recipe.limits
+    return any(v is not None for v in (limits.offset, limits.gain, limits.cross_axis))
 
 
 def _notes(r: CalibrationResult) -> tuple[str, ...]:
@@ -119,7 +156,7 @@ def _notes(r: CalibrationResult) -> tuple[str, ...]:
 def _summary(recipe: Recipe, told: CalibrationSummary) -> str:
     limits, passed = recipe.limits, told.outcomes[Outcome.PASS]
     text = f"{passed} of {told.outcomes.total()} units pass"
-    if all(v is None for v in (limits.offset, limits.gain, limits.cross_axis)):
+    if not coefficients_limited(recipe):
         return f"{text}; the recipe has no limits for coefficients"
     if passed:
         worst = told.worst_false_accept

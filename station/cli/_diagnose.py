@@ -15,6 +15,8 @@ import numpy as np
 from station.cli import _output
 from station.config.models import load_model
 from station.config.recipes import load_recipe
+from station.diagnosis.data import family, preflight
+from station.diagnosis.data.preflight import Preflight
 from station.diagnosis.planning.next_run import next_run
 from station.diagnosis.planning.proposal import SECOND_NEST, Proposal
 from station.diagnosis.results import line_impact
@@ -59,17 +61,27 @@ def run_diagnose(
     for option, path in (("--report", wanted.report), ("--extend", wanted.extend), ("--next-run", wanted.next_run)):
         if path is not None and not path.parent.is_dir():
             raise UsageError("option-no-folder", option=option, path=str(path), folder=str(path.parent))
-    table = _without_gaps(_table(samples, db, since, recipe_name, recipe))
+    checked, table = _inspected(recipe, _without_gaps(_table(samples, db, since, recipe_name, recipe)))
+    recipe = preflight.with_sheet(recipe, checked)
     found = diagnose(recipe, table, simulation, _cached_null(seed))
     proposed, proposal = next_run(found)
     today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
     told = document(found, proposed, line_impact.document(line_impact.assess_line_impact(found, today), recipe.unit))
+    told = {**told, "preflight": checked.document()}
     _write(wanted, told, found, simulation)
     if wanted.next_run is not None:
         _write_next_run(wanted.next_run, proposal)
     if str(wanted.json) != "-":
+        for line in preflight.lines(checked, recipe.unit):
+            _output.print_message(line)
         _print_diagnosis(told)
     return 0 if found.verdict == "none" else 1
+
+
+def _inspected(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]:
+    """What the preflight finds, units far from the others included, and the samples that it leaves."""
+    found, kept = preflight.inspect(recipe, table)
+    return replace(found, remarks=(*found.remarks, *family.of_table(recipe, kept))), kept
 
 
 def _table(samples: Path | None, db: Path | None, since: str | None, recipe_name: str, recipe: Recipe) -> SampleTable:

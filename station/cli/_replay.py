@@ -68,6 +68,8 @@ def decode_log(log: Path, dbc: Path, out: Path | None, *, as_json: bool) -> int:
 def _recognised_marks(log: Path, frames: Frames, job: Job) -> Annotations:
     """Marks found in the frames themselves. Errors: LogError when no node shows every position at rest."""
     found = [m for node in position_matching.nodes_in(frames, job.layout) for m in _marks_of_node(frames, node, job)]
+    if not found and not job.recipe.pose_known:
+        raise LogError("no-marks-and-no-poses", log=str(log), recipe=job.recipe.name)
     if not found:
         raise LogError("log-without-marks", log=str(log), recipe=job.recipe.name, marks=f"{log.name}.marks.csv")
     return Annotations(marks=tuple(found))

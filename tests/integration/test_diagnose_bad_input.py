@@ -94,7 +94,7 @@ def changed(table: pd.DataFrame, column: str, value: object, rows: slice = slice
         (lambda t: t.assign(x=0.5), "the readings of x are the same in every row"),
         (lambda t: t.assign(x=np.where(t["unit"] == "B", 0.5, t["x"])), "unit B: the readings of x are the same"),
         (lambda t: t.assign(time_s=0.0), "time_s stands still in every stop"),
-        (lambda t: t.assign(visit=0), "unit A, run 0, visit 0 stands at 'z-up' and at 'z-down'; number the stops"),
+        (lambda t: t.assign(visit=0), "unit A, run 0, visit 0 is at two positions, z-up and z-down: number the stops"),
         (lambda t: t.assign(run=-1), "column run: -1 is not a whole number from 0"),
         (lambda t: t.assign(since_power_s=-1.0), "since_power_s is -1, but no time before it can be measured"),
     ],

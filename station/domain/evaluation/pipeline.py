@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from station.domain.capture.rest_segments import orientations
 from station.domain.core.types import Calibration, Floats, Outcome, Reason, ReducedVisits, SampleTable, Verdict
 from station.domain.evaluation import quality
 from station.domain.evaluation.unit_visits import UnitVisits, reduce_table, reduce_visits
@@ -19,9 +20,11 @@ from station.domain.planning import adaptive_dwell, design
 from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
-from station.messages import Message
+from station.messages import Message, render
 
 NO_ROUNDING = np.zeros(12)
+#: What the magnitude alone must determine: three offsets and three gains, or six entries of a triangular matrix.
+MAGNITUDE_UNKNOWNS = {"offset-gain": 6, "matrix": 9}
 #: Units solved together: enough to be fast, few enough for a processor's cache.
 BATCH = 128
 
@@ -213,6 +216,8 @@ def _invalid_fit_reasons(found: Calibration, notes: tuple[str, ...]) -> Iterator
 
 def _undetermined_reason(recipe: Recipe, stops: ReducedVisits) -> str:
     """Why such stops cannot determine the coefficients; '' when they can."""
+    if not recipe.pose_known and (few := _too_few_poses(recipe, stops)) is not None:
+        return render(few)
     true = stops.true if recipe.pose_known else _directions(stops) * recipe.reference.strength()
     nuisance = method.nuisance(recipe, stops.position, stops.seating, true)
     rows, names = method.of(recipe).design(true, recipe, nuisance)
@@ -222,6 +227,13 @@ def _undetermined_reason(recipe: Recipe, stops: ReducedVisits) -> str:
     missing = [repr(p.name) for p in recipe.positions if p.name not in stops.position]
     why = f"it was never at {', '.join(missing)}" if missing else "its stops are too few or too much alike"
     return f"{why}, so {recipe.method} cannot determine {', '.join(lost)}; measure it again at more positions"
+
+
+def _too_few_poses(recipe: Recipe, stops: ReducedVisits) -> Message | None:
+    """A magnitude gives one equation a pose; the scatter of poses held again is none."""
+    poses = int(orientations(_directions(stops)).max(initial=-1)) + 1
+    needed = MAGNITUDE_UNKNOWNS[recipe.model]
+    return Message("too-few-poses", poses=poses, needed=needed, model=recipe.model) if poses < needed else None
 
 
 def _directions(stops: ReducedVisits) -> Floats:

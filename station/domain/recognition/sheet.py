@@ -10,7 +10,7 @@ from station.domain.core.types import Array, Floats
 #: Differences of values are whole steps when they miss them by this share of one; by chance they miss by 0.29.
 WHOLE = 0.15
 #: Values from whose differences a step is found, and the fewest that show one.
-MOST_VALUES, LEAST_VALUES = 4000, 4
+MOST_READINGS, MOST_VALUES, LEAST_VALUES = 200_000, 4000, 4
 #: A reading repeated this often in a visit, at the end of what the axis ever reads, is the end of its range.
 FLAT_SHARE = 0.5
 MAD = 1.4826
@@ -69,7 +69,7 @@ def rate_of(time_s: Floats, within: NDArray[np.bool_]) -> tuple[float | None, fl
 
 def step_of(column: Floats) -> float:
     """The step of which all readings (n) are multiples apart; 0 where they show none."""
-    values = np.unique(column)
+    values = np.unique(column[:MOST_READINGS])
     if len(values) > MOST_VALUES:
         middle = len(values) // 2
         values = values[middle - MOST_VALUES // 2 : middle + MOST_VALUES // 2]

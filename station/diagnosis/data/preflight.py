@@ -1,0 +1,197 @@
+"""Before anything is fitted: what samples are, what their sensor is, and which visits say nothing of it.
+
+`calibrate` and `diagnose` share it. It leaves out visits that move or hold two poses, infers what the recipe's data
+sheet does not state, and refuses what is no tumble.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.diagnosis.data import preflight_checks, visit_motion
+from station.domain.capture.rest_segments import orientations
+from station.domain.core.types import Floats, SampleTable
+from station.domain.evaluation.unit_visits import sort_table, visit_boundaries
+from station.domain.recipe.recipe import Recipe
+from station.domain.recognition import sheet
+from station.domain.recognition.quantities import sphere
+from station.domain.recognition.sheet import InferredSheet
+from station.messages import Message, render
+
+#: What a recipe's data sheet may state, and what is inferred where it does not.
+SHEET_KEYS = ("rate_hz", "lsb", "noise_density")
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOutVisit:
+    """A visit that is not used, and why."""
+
+    unit: str
+    run: int
+    visit: int
+    reason: Message
+
+    def document(self) -> dict[str, Any]:
+        """As JSON keeps it."""
+        of = f"visit:{self.unit}/{self.run}/{self.visit}"
+        return {"of": of, "reason": render(self.reason), "message": self.reason.document()}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Preflight:
+    """sheet: what the readings tell of the sensor; units, visits: how many; poses: orientations of one unit, at most;
+    magnitude: least, median and greatest size of a visit's mean; temperature_degC: least and greatest, or None;
+    inferred: what no sheet states; left_out, remarks: for a person."""
+
+    sheet: InferredSheet
+    units: int
+    visits: int
+    poses: int
+    magnitude: tuple[float, float, float]
+    temperature_degC: tuple[float, float] | None
+    inferred: tuple[str, ...]
+    left_out: tuple[LeftOutVisit, ...] = ()
+    remarks: tuple[Message, ...] = field(default=())
+
+    def document(self) -> dict[str, Any]:
+        """As JSON keeps it."""
+        found = self.sheet
+        low, middle, high = self.magnitude
+        return {
+            "units": self.units,
+            "visits": self.visits,
+            "poses": self.poses,
+            "rate_hz": found.rate_hz,
+            "jitter_s": found.jitter_s,
+            "noise": found.noise.tolist(),
+            "lsb": found.lsb.tolist(),
+            "full_scale": found.full_scale,
+            "magnitude": {"median": middle, "least": low, "greatest": high},
+            "temperature_degC": None if self.temperature_degC is None else list(self.temperature_degC),
+            "inferred": list(self.inferred),
+            "left_out": [one.document() for one in self.left_out],
+            "remarks": [{**m.document(), "sentence": render(m)} for m in self.remarks],
+        }
+
+
+def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]:
+    """What samples are, and those of them that count. Errors: SamplesError where they are of no tumble."""
+    table = sort_table(table)
+    begin, end = visit_boundaries(table)
+    preflight_checks.check_positions(table, begin, end)
+    mean = np.add.reduceat(table.reading, begin, axis=0) / (end - begin)[:, None]
+    number = np.repeat(np.arange(len(begin)), end - begin)
+    found = sheet.infer(table.reading, table.time_s, number)
+    motion = visit_motion.of(table, begin, end, found.noise)
+    unit = table.unit.code[begin]
+    size = preflight_checks.stimulus_size(recipe, mean)
+    preflight_checks.check_rest(motion, unit, size)
+    moving, merged = visit_motion.moving(motion, unit, size)
+    out = moving | merged
+    preflight_checks.check_magnitude(recipe, mean[~out], unit[~out], found)
+    lost = tuple(_left_out(table, begin, motion, merged, int(v)) for v in np.flatnonzero(out))
+    warm = table.values.get("temperature_degC")
+    lengths = np.linalg.norm(mean[~out] if (~out).any() else mean, axis=1)
+    result = Preflight(
+        sheet=found,
+        units=len(np.unique(unit)),
+        visits=len(begin),
+        poses=_poses(recipe, mean[~out], unit[~out]),
+        magnitude=(float(lengths.min()), float(np.median(lengths)), float(lengths.max())),
+        temperature_degC=None if warm is None else (float(np.nanmin(warm)), float(np.nanmax(warm))),
+        inferred=inferred_keys(recipe),
+        left_out=lost,
+        remarks=tuple(preflight_checks.remarks(recipe, table, (begin, mean, out), found)),
+    )
+    return result, table[~out[number]] if out.any() else table
+
+
+def _left_out(
+    table: SampleTable, begin: NDArray[np.int64], motion: visit_motion.VisitMotion, merged: NDArray[np.bool_], v: int
+) -> LeftOutVisit:
+    row = int(begin[v])
+    name, position = table.unit.names[table.unit.code[row]], table.position.names[table.position.code[row]]
+    run, visit = int(table.run[row]), int(table.visit[row])
+    values: Mapping[str, Any] = {"serial": name, "run": run, "visit": visit, "position": position}
+    reason = (
+        Message("visit-of-two-poses", **values, step=float(motion.step[v]))
+        if merged[v]
+        else Message("visit-moves", **values, range=float(max(motion.range[v], motion.scatter[v])))
+    )
+    return LeftOutVisit(name, run, visit, reason)
+
+
+def _poses(recipe: Recipe, mean: Floats, unit: NDArray[np.int32]) -> int:
+    """Orientations of the unit that has the most; about the middle of its readings, whatever its offset."""
+    most = 0
+    for u in np.unique(unit)[:200]:
+        own = mean[unit == u]
+        centre = sphere(own)[0] if not recipe.pose_known else np.zeros(3)
+        most = max(most, int(orientations(own - centre).max(initial=-1)) + 1)
+    return most
+
+
+def inferred_keys(recipe: Recipe) -> tuple[str, ...]:
+    """What the recipe's data sheet leaves to the readings."""
+    stated = recipe.device.model_fields_set if "device" in recipe.model_fields_set else set()
+    return tuple(key for key in SHEET_KEYS if key not in stated)
+
+
+def with_sheet(recipe: Recipe, of: Preflight) -> Recipe:
+    """The recipe with what its data sheet leaves out, and a rate that is grossly another, taken from the readings."""
+    found = of.sheet
+    missing = [*inferred_keys(recipe), *(["rate_hz"] if any(m.id == "rate-differs" for m in of.remarks) else [])]
+    known: dict[str, float] = {}
+    if "rate_hz" in missing and found.rate_hz:
+        known["rate_hz"] = found.rate_hz
+    if "lsb" in missing:
+        known["lsb"] = float(found.lsb.max())
+    if "noise_density" in missing and found.noise.any():
+        rate_hz = known.get("rate_hz", recipe.device.rate_hz)
+        known["noise_density"] = float(np.median(found.noise) / np.sqrt(rate_hz / 2))
+    if not known:
+        return recipe
+    return recipe.model_copy(update={"device": recipe.device.model_copy(update=known)})
+
+
+def lines(found: Preflight, unit: str) -> Iterator[Message]:
+    """What was understood, for a person: one line of numbers, then what is left out and remarked."""
+    noise, lsb = (tuple(f"{v:.3g}" for v in values) for values in (found.sheet.noise, found.sheet.lsb))
+    yield Message(
+        "preflight-visits", units=found.units, visits=found.visits, poses=found.poses,
+        magnitude=found.magnitude[1], unit=unit,
+    )  # fmt: skip
+    if found.sheet.rate_hz:
+        yield Message("preflight-rate", rate_hz=found.sheet.rate_hz, jitter_ms=1e3 * found.sheet.jitter_s)
+    yield Message("preflight-noise", noise=noise, lsb=lsb, unit=unit)
+    if found.inferred:
+        yield Message("preflight-inferred", names=found.inferred)
+    if found.temperature_degC is not None:
+        yield Message("preflight-temperature", low=found.temperature_degC[0], high=found.temperature_degC[1])
+    yield from found.remarks
+    shown = 5
+    yield from (one.reason for one in found.left_out[:shown])
+    if len(found.left_out) > shown:
+        yield Message("visits-left-out-more", count=len(found.left_out) - shown)
+
+
+def merge(parts: list[Preflight]) -> Preflight:
+    """One of the portions of a table; the sensor as the first portion tells."""
+    first = parts[0]
+    warm = [p.temperature_degC for p in parts if p.temperature_degC is not None]
+    weights = np.array([p.visits for p in parts], float)
+    middle = float(np.average([p.magnitude[1] for p in parts], weights=weights))
+    return Preflight(
+        sheet=first.sheet,
+        units=sum(p.units for p in parts),
+        visits=sum(p.visits for p in parts),
+        poses=max(p.poses for p in parts),
+        magnitude=(min(p.magnitude[0] for p in parts), middle, max(p.magnitude[2] for p in parts)),
+        temperature_degC=(min(w[0] for w in warm), max(w[1] for w in warm)) if warm else None,
+        inferred=first.inferred,
+        left_out=tuple(one for p in parts for one in p.left_out),
+        remarks=tuple(dict.fromkeys(m for p in parts for m in p.remarks)),
+    )

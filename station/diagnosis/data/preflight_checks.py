@@ -1,0 +1,148 @@
+"""The preflight's single checks: what is refused, and what a person should know."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.diagnosis.data.visit_motion import VisitMotion
+from station.domain.core.types import Floats, SampleTable
+from station.domain.recipe.recipe import Recipe
+from station.domain.recognition.quantities import QUANTITIES
+from station.domain.recognition.sheet import InferredSheet
+from station.errors import SamplesError
+from station.messages import Message
+
+#: Most visits of a unit move by this share of the stimulus: it was not turned from rest to rest.
+UNREST = 0.1
+#: No calibration makes magnitudes this far apart, in the median over visits.
+MAGNITUDE = 0.05
+#: The rate is another one beyond this.
+RATE = 0.05
+#: Readings are this many times the stimulus, within SAME_RATIO, when they are in another unit.
+SAME_RATIO = 0.05
+#: An axis that no pose moves by this share of the stimulus is not stimulated.
+STIMULATED = 0.3
+
+Ints = NDArray[np.int32]
+
+
+def stimulus_size(recipe: Recipe, mean: Floats) -> float:
+    """Size of the stimulus as the readings of visits (v, 3) show it; for a turn rate the greatest."""
+    size = np.linalg.norm(mean, axis=1)
+    return float(size.max() if recipe.reference.source == "rate" else np.median(size))
+
+
+def check_positions(table: SampleTable, begin: NDArray[np.int64], end: NDArray[np.int64]) -> None:
+    """Errors: SamplesError where a visit is at two positions: numbers of visits are wrong, not the unit."""
+    inside = np.flatnonzero(table.position.code != np.repeat(table.position.code[begin], end - begin))
+    if len(inside):
+        row = int(inside[0])
+        one, two = (table.position.names[table.position.code[r]] for r in (row - 1, row))
+        raise SamplesError(
+            "visit-at-two-positions", serial=table.unit.names[table.unit.code[row]], run=int(table.run[row]),
+            visit=int(table.visit[row]), one=one, two=two,
+        )  # fmt: skip
+
+
+def check_rest(motion: VisitMotion, unit: Ints, size: float) -> None:
+    """Errors: SamplesError where most visits of all units move."""
+    unrest = motion.range > UNREST * size
+    if len(unit) >= 2 and size > 0 and np.mean(unrest) > 0.5:
+        raise SamplesError(
+            "most-visits-move",
+            moving=int(unrest.sum()),
+            visits=len(unit),
+            percent=100 * float(np.median(motion.range)) / size,
+        )
+
+
+def check_magnitude(recipe: Recipe, mean: Floats, unit: Ints, found: InferredSheet) -> None:
+    """Errors: SamplesError where the magnitude at rest is not constant, whatever offset and matrix a unit may have."""
+    if recipe.pose_known or found.full_scale is not None or recipe.reference.source == "rate":
+        return
+    spreads = [s for u in np.unique(unit) if (s := _magnitude_spread(mean[unit == u])) is not None]
+    if spreads and min(spreads) > MAGNITUDE:
+        raise SamplesError("magnitude-not-constant", percent=100 * min(spreads))
+
+
+def _magnitude_spread(mean: Floats) -> float | None:
+    """Relative spread of the magnitudes of visits (v, 3) about the ellipsoid that fits them best; None for few."""
+    if len(mean) < 14:
+        return None
+    y = mean / np.median(np.linalg.norm(mean, axis=1))
+    i, j = np.triu_indices(3)
+    design = np.c_[y[:, i] * y[:, j], y]
+    found = np.linalg.lstsq(design, np.ones(len(y)), rcond=None)[0]
+    # The form is 1 on the ellipsoid and grows with the square of the distance from its middle.
+    return float(np.median(np.abs(design @ found - 1)) * 1.4826 / 2)
+
+
+def remarks(
+    recipe: Recipe,
+    table: SampleTable,
+    visits: tuple[NDArray[np.int64], Floats, NDArray[np.bool_]],
+    found: InferredSheet,
+) -> Iterator[Message]:
+    """What a person should know; visits: first rows (v), means (v, 3) and which are left out (v)."""
+    begin, mean, out = visits
+    yield from _rate(recipe, table, begin, found)
+    yield from _unit(recipe, mean[~out])
+    if found.full_scale is not None and recipe.device.full_scale is None:
+        yield Message("readings-cut-off", full_scale=found.full_scale, unit=recipe.unit)
+    yield from _not_stimulated(recipe, mean[~out], table.unit.code[begin][~out], table.unit.names)
+    yield from _restarts(table, begin)
+
+
+def _rate(recipe: Recipe, table: SampleTable, begin: NDArray[np.int64], found: InferredSheet) -> Iterator[Message]:
+    """Grossly another rate than the sheet's, by the counts and by the usual step."""
+    if found.rate_hz is None or "rate_hz" not in recipe.device.model_fields_set:
+        return
+    sheet = recipe.device.rate_hz
+    steps = np.diff(table.time_s)
+    steps = np.delete(steps, begin[1:] - 1)
+    steps = steps[steps > 0]
+    usual = 1 / float(np.median(steps)) if len(steps) else sheet
+    if all(abs(rate / sheet - 1) > RATE for rate in (found.rate_hz, usual)):
+        yield Message("rate-differs", rate_hz=found.rate_hz, sheet_hz=sheet)
+
+
+def _unit(recipe: Recipe, mean: Floats) -> Iterator[Message]:
+    quantity = QUANTITIES.get(recipe.unit)
+    if quantity is None or quantity.sizes is None or not len(mean):
+        return
+    strength = recipe.reference.strength()
+    ratio = float(np.median(np.linalg.norm(mean, axis=1))) / strength if strength > 0 else 1.0
+    if 1 / 1.5 < ratio < 1.5:
+        return
+    names = [name for name, factor in quantity.factors.items() if abs(ratio * factor - 1) < SAME_RATIO]
+    if names and names[0] != recipe.unit:
+        yield Message("readings-in-other-unit", ratio=ratio, unit=names[0], wanted=recipe.unit)
+
+
+def _not_stimulated(recipe: Recipe, mean: Floats, unit: Ints, names: tuple[str, ...]) -> Iterator[Message]:
+    """Axes that the recipe's own poses stimulate, or any would, but these visits do not."""
+    planned = np.ones(3)
+    if recipe.pose_known:
+        true = np.array([recipe.true_vector(p) for p in recipe.positions])
+        planned = np.ptp(true, axis=0) if len(true) > 1 else np.zeros(3)
+    size = float(np.median(np.linalg.norm(mean, axis=1))) if len(mean) else 0.0
+    for u in np.unique(unit):
+        own = mean[unit == u]
+        reach = np.ptp(own, axis=0) if len(own) else np.zeros(3)
+        for i in np.flatnonzero((reach < STIMULATED * size) & (planned > STIMULATED * size)):
+            yield Message(
+                "axis-not-stimulated", serial=names[u], axis="xyz"[i], range=float(reach[i]), unit=recipe.unit
+            )
+
+
+def _restarts(table: SampleTable, begin: NDArray[np.int64]) -> Iterator[Message]:
+    """A clock that starts again between visits of one run."""
+    same = (np.diff(table.unit.code[begin]) == 0) & (np.diff(table.run[begin]) == 0)
+    back = same & (np.diff(table.time_s[begin]) <= 0)
+    if back.any():
+        row = int(begin[1:][back][0])
+        yield Message(
+            "clock-restarts", serial=table.unit.names[table.unit.code[row]], run=int(table.run[row]),
+            visit=int(table.visit[row]), times=int(back.sum()),
+        )  # fmt: skip

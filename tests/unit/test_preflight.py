@@ -1,0 +1,147 @@
+"""The preflight: what it understands, what it leaves out, what it refuses; in tables made without the station."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from station.diagnosis.data import family, preflight
+from station.domain.core.types import Floats, Labels, SampleTable
+from station.domain.recipe.recipe import Recipe
+from station.errors import SamplesError
+from tests.fakes import tumble
+
+SPHERE = np.array([[np.cos(a) * np.sqrt(1 - z**2), np.sin(a) * np.sqrt(1 - z**2), z] for a, z in zip(
+    np.arange(24) * 2.399963, np.linspace(-0.96, 0.96, 24), strict=True)])  # fmt: skip
+
+
+def by_hand(**device: float) -> Recipe:
+    more = {"device": device} if device else {}
+    reference = {"source": "gravity", "magnitude": 1.0, "pose": "unknown"}
+    return tumble.recipe("norm", reference=reference, positions=[], **more)
+
+
+def silent(recipe: Recipe) -> Recipe:
+    """The recipe without a data sheet."""
+    return Recipe.model_validate({k: v for k, v in recipe.model_dump(by_alias=True).items() if k != "device"})
+
+
+def table(reading: Floats, visits: int, rate_hz: float = 100.0, unit: str = "A") -> SampleTable:
+    """Visits of equal length from readings (n, 3) in a row."""
+    n = len(reading)
+    visit = np.repeat(np.arange(visits, dtype=np.int32), n // visits)
+    return SampleTable(
+        unit=Labels((unit,), np.zeros(n, np.int32)),
+        run=np.zeros(n, np.int32),
+        visit=visit,
+        position=Labels(tuple(f"p{i}" for i in range(visits)), visit),
+        time_s=np.arange(n) / rate_hz + visit,
+        reading=reading,
+    )
+
+
+def still(rng: np.random.Generator, noise: float = 0.001, samples: int = 100) -> Floats:
+    y = np.repeat(SPHERE, samples, axis=0) * [1.01, 0.99, 1.02] + [0.02, -0.01, 0.03]
+    return np.asarray(y + noise * rng.standard_normal(y.shape))
+
+
+def test_noise_step_rate_and_poses_are_inferred(rng: np.random.Generator) -> None:
+    y = np.round(still(rng, 0.002) / 0.00025) * 0.00025
+    found, kept = preflight.inspect(silent(by_hand()), table(y, 24, rate_hz=51.2))
+    # 2,400 differences know the noise to 2 %; five of those deviations.
+    assert found.sheet.noise == pytest.approx([0.002] * 3, rel=0.1)
+    assert found.sheet.lsb == pytest.approx([0.00025] * 3, rel=1e-6)
+    assert found.sheet.rate_hz == pytest.approx(51.2)
+    assert (found.visits, found.poses, len(kept), found.left_out) == (24, 24, 2400, ())
+    assert set(found.inferred) == {"rate_hz", "lsb", "noise_density"}
+    recipe = preflight.with_sheet(silent(by_hand()), found)
+    assert recipe.device.rate_hz == pytest.approx(51.2)
+    assert recipe.device.lsb == pytest.approx(0.00025)
+
+
+def test_a_stated_sheet_is_left_alone(rng: np.random.Generator) -> None:
+    recipe = by_hand(rate_hz=100.0, lsb=1e-5, noise_density=1e-4)
+    found, _ = preflight.inspect(recipe, table(still(rng), 24))
+    assert found.inferred == ()
+    assert preflight.with_sheet(recipe, found) == recipe
+
+
+def test_moving_and_merged_visits_are_left_out_and_no_others(rng: np.random.Generator) -> None:
+    y = still(rng)
+    y[300:400] += np.linspace(0, 0.3, 100)[:, None]
+    y[760:800] = SPHERE[9] + 0.001 * rng.standard_normal((40, 3))
+    found, kept = preflight.inspect(by_hand(), table(y, 24))
+    assert [(one.visit, one.reason.id) for one in found.left_out] == [(3, "visit-moves"), (7, "visit-of-two-poses")]
+    assert set(range(24)) - set(kept.visit.tolist()) == {3, 7}
+    assert found.document()["left_out"][0]["of"] == "visit:A/0/3"
+
+
+def test_settling_of_every_visit_is_no_motion(rng: np.random.Generator) -> None:
+    y = still(rng) + 0.05 * np.tile(np.exp(-np.arange(100) / 15.0), 24)[:, None]
+    found, _ = preflight.inspect(by_hand(), table(y, 24))
+    assert found.left_out == ()
+
+
+def test_another_rate_is_said_exactly_and_lost_frames_are_no_rate(rng: np.random.Generator) -> None:
+    recipe = by_hand(rate_hz=100.0)
+    found, _ = preflight.inspect(recipe, table(still(rng), 24, rate_hz=21.7))
+    (remark,) = found.remarks
+    assert (remark.id, remark.parameters["sheet_hz"]) == ("rate-differs", 100.0)
+    assert remark.parameters["rate_hz"] == pytest.approx(21.7)
+    whole = table(still(rng), 24)
+    some, _ = preflight.inspect(recipe, whole[rng.uniform(size=len(whole)) > 0.15])
+    assert some.remarks == ()
+
+
+def test_metres_per_second_squared_are_asked_about(rng: np.random.Generator) -> None:
+    found, _ = preflight.inspect(by_hand(), table(still(rng) * 9.80665, 24))
+    (remark,) = found.remarks
+    assert (remark.id, remark.parameters["unit"]) == ("readings-in-other-unit", "m/s²")
+
+
+def test_readings_cut_off_flat_are_seen_without_a_sheet(rng: np.random.Generator) -> None:
+    found, _ = preflight.inspect(silent(by_hand()), table(np.clip(still(rng), -0.8, 0.8), 24))
+    assert found.sheet.full_scale == pytest.approx(0.8)
+    assert "readings-cut-off" in [m.id for m in found.remarks]
+    plain, _ = preflight.inspect(silent(by_hand()), table(still(rng), 24))
+    assert plain.sheet.full_scale is None
+
+
+def test_shaking_and_accelerating_are_refused(rng: np.random.Generator) -> None:
+    moving = still(rng) + np.cumsum(0.02 * rng.standard_normal((2400, 3)), axis=0)
+    with pytest.raises(SamplesError) as shaken:
+        preflight.inspect(by_hand(), table(moving, 24))
+    assert shaken.value.message.id == "most-visits-move"
+    pushed = still(rng) * np.repeat(rng.uniform(0.6, 1.6, 24), 100)[:, None]
+    with pytest.raises(SamplesError) as driven:
+        preflight.inspect(by_hand(), table(pushed, 24))
+    assert driven.value.message.id == "magnitude-not-constant"
+
+
+def test_an_axis_that_no_pose_turns_is_named(rng: np.random.Generator) -> None:
+    flat = SPHERE * [1, 1, 0]
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    y = np.repeat(flat, 100, axis=0) + 0.001 * rng.standard_normal((2400, 3))
+    found, _ = preflight.inspect(by_hand(), table(y, 24))
+    assert ("axis-not-stimulated", "z") in [(m.id, m.parameters.get("axis")) for m in found.remarks]
+
+
+def test_one_unit_far_from_its_family_is_named(rng: np.random.Generator) -> None:
+    values = np.tile([0.0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1], (32, 1)) + 0.01 * rng.standard_normal((32, 12))
+    serials, names = [f"SN{i}" for i in range(32)], [f"c{i}" for i in range(12)]
+    std = np.full((32, 12), 1e-4)
+    # One family of a thousand has a unit that far by chance (family.FAR).
+    assert list(family.outlying(serials, values, std, names)) == []
+    values[7, 11] += 0.34
+    (one,) = family.outlying(serials, values, std, names)
+    assert (one.parameters["serial"], one.parameters["coefficient"]) == ("SN7", "c11")
+    middle = np.median(values[:, 11])
+    robust = 1.4826 * np.median(np.abs(values[:, 11] - middle))
+    assert one.parameters["sigmas"] == pytest.approx((values[7, 11] - middle) / robust)
+
+
+def test_portions_are_one_preflight(rng: np.random.Generator) -> None:
+    one, _ = preflight.inspect(by_hand(), table(still(rng), 24, unit="A"))
+    two, _ = preflight.inspect(by_hand(), table(still(rng), 24, unit="B"))
+    both = preflight.merge([one, replace(two, magnitude=(0.5, 1.0, 1.5))])
+    assert (both.units, both.visits, both.magnitude[0], both.magnitude[2]) == (2, 48, 0.5, 1.5)
