@@ -10,6 +10,10 @@ _NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|
 _COMMENT = re.compile(r"^\s*(#|%|//|!)")
 _RATE = re.compile(r"(?:sampl\w*|update|data)[ _-]*(?:rate|freq\w*)\D{0,12}?(\d+(?:\.\d+)?)", re.IGNORECASE)
 _UNIT = re.compile(r"[\[(<]([^\])>]*)[\])>]")
+_KEYED = re.compile(r"^\s*(?:[A-Za-z]\w*\s*[:=]\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?[,;\s]*){3,}$")
+_KEY = re.compile(r"([A-Za-z]\w*)\s*[:=]\s*")
+#: Lines that show the dialect, and the fewest of names and values.
+HEAD, LEAST_KEYED = 400, 8
 DELIMITERS = (";", "\t", ",", "|", " ")
 
 
@@ -44,6 +48,17 @@ def recognise(file: str, lines: list[str]) -> Dialect:
     names, units = _header(lines, first, delimiter, columns)
     stated = [m for line in lines[:first] if (m := _RATE.search(line))]
     return Dialect(delimiter, decimal, first, names, units, columns, float(stated[0][1]) if stated else None)
+
+
+def without_keys(lines: list[str]) -> list[str]:
+    """Lines of `ax:0.1, ay:0.2` as a header and rows; other lines as they are."""
+    head = [line for line in lines[:HEAD] if line.strip()]
+    keyed = [line for line in head if _KEYED.match(line)]
+    if len(keyed) < 0.8 * max(len(head), 1) or len(keyed) < LEAST_KEYED:
+        return lines
+    names = _KEY.findall(keyed[-1])
+    rows = [_KEY.sub(" ", line) for line in lines if _KEYED.match(line)]
+    return [" ".join(names), *(re.sub(r"[,;\s]+", " ", row) for row in rows)]
 
 
 def is_comment(line: str) -> bool:

@@ -15,8 +15,6 @@ from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
 from station.messages import Message
 
-#: Lines that show the dialect.
-HEAD = 400
 #: Rows of another length than the rest may be this share: a last line cut off, a message between.
 RAGGED = 0.002
 _CLOCK = re.compile(r"^(?:.*[ T])?(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?$")
@@ -31,7 +29,8 @@ def read(path: Path) -> RawTable:
     longest = max(range(len(lines)), key=lambda i: len(lines[i]))
     if len(lines[longest]) > MOST_LINE:
         raise SamplesError("line-too-long", file=file, line=longest + 1, limit=MOST_LINE)
-    found = dialect.recognise(file, lines[:HEAD])
+    lines = dialect.without_keys(lines)
+    found = dialect.recognise(file, lines[: dialect.HEAD])
     check_shape(file, len(lines) - found.first, found.columns)
     names = found.names or tuple(f"column {i}" for i in range(found.columns))
     places = [i for i in range(found.first, len(lines)) if lines[i].strip() and not dialect.is_comment(lines[i])]

@@ -15,6 +15,8 @@ _SPELLINGS = {
 }  # fmt: skip
 #: The rate that recordings of such sensors have, as a middle and as limits, Hz.
 TYPICAL_HZ, LEAST_HZ, MOST_HZ = 100.0, 0.5, 30_000.0
+#: Readings come at the rate that a file states to within this share, or its stamps are in ticks of another size.
+SAME_RATE = 0.3
 #: Stamps of the present day since 1970, s.
 EPOCH_S = (5e8, 5e9)
 #: More stamps than this share going back, and the rows are out of order.
@@ -48,15 +50,21 @@ def counted(readings: int, counter: Array | None, rate_hz: float, source: str) -
     return Clock(places / rate_hz, order, unit="none", inferred=False, rate_hz=rate_hz, source=source, gaps=gaps)
 
 
-def stamped(file: str, stamps: Array, name: str, stated: str, wanted: str | None) -> Clock:
-    """By stamps (n). stated: the header's unit; wanted: the person's. Errors: SamplesError."""
+def stamped(
+    file: str, stamps: Array, name: str, stated: str, wanted: str | None, rate_hz: float | None = None
+) -> Clock:
+    """By stamps (n). stated: the header's unit; wanted: the person's; rate_hz: as the file states it, to tell the unit.
+    Ticks of no unit that makes that rate are counted at it. Errors: SamplesError."""
     unit = wanted or unit_of_name(name, stated)
     inferred = unit is None
     raw = stamps - stamps[0] if stamps.dtype.kind in "iu" else np.asarray(stamps, float)
     raw = np.asarray(raw, float)
     raw, restarts = _continued(raw)
     if unit is None:
-        unit = _by_size(raw, float(stamps[0]))
+        unit = _by_size(raw, float(stamps[0]), rate_hz or TYPICAL_HZ)
+        ticks = (raw[-1] - raw[0]) * TIME_UNITS[unit]
+        if rate_hz and ticks > 0 and abs((len(raw) - 1) / ticks / rate_hz - 1) > SAME_RATE:
+            return counted(len(raw), None, rate_hz, "data")
     time_s = (raw - raw[0]) * TIME_UNITS[unit]
     back = np.diff(time_s) < 0
     if back.sum() > max(BACKWARDS * len(back), 2):
@@ -93,14 +101,12 @@ def _continued(raw: Floats) -> tuple[Floats, int]:
     return np.r_[raw[0], raw[0] + np.cumsum(steps)], len(far)
 
 
-def _by_size(raw: Floats, first: float) -> str:
-    """The unit in which stamps are of this day, or make the likeliest rate."""
-    for unit, size in TIME_UNITS.items():
-        if EPOCH_S[0] < first * size < EPOCH_S[1] and abs(first) > EPOCH_S[0]:
-            return unit
+def _by_size(raw: Floats, first: float, rate_hz: float) -> str:
+    """The unit in which stamps are of this day, or come nearest to a rate."""
     span = float(raw[-1] - raw[0])
     if not span > 0:
         return "s"
     rates = {unit: (len(raw) - 1) / (span * size) for unit, size in TIME_UNITS.items()}
     fits = {unit: rate for unit, rate in rates.items() if LEAST_HZ <= rate <= MOST_HZ} or rates
-    return min(fits, key=lambda unit: abs(np.log(fits[unit] / TYPICAL_HZ)))
+    today = [unit for unit in fits if EPOCH_S[0] < first * TIME_UNITS[unit] < EPOCH_S[1]]
+    return today[0] if today else min(fits, key=lambda unit: abs(np.log(fits[unit] / rate_hz)))

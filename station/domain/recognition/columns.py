@@ -12,7 +12,10 @@ from station.domain.recognition.quantities import QUANTITIES, Quantity, canonica
 from station.domain.recognition.raw_table import ImportOptions, RawColumn, RawTable
 from station.errors import SamplesError, UsageError
 
-_TIME = re.compile(r"time|zeit|stamp|epoch|elapsed|seconds|^ts$|^t$|^utc$|时间", re.IGNORECASE)
+_TIME = re.compile(
+    r"time|zeit|stamp|epoch|elapsed|seconds|^ts$|^t$|^utc$|^(s|sec|secs|ms|msec|us|usec|ns|nsec)$|millis|micros|时间",
+    re.IGNORECASE,
+)
 _COUNTER = re.compile(r"sample|index|count|frame|^n$|^i$|^no$|^nr$|^#$|^seq|序号", re.IGNORECASE)
 _TEMPERATURE = re.compile(r"temp|thermo|degc|°c|温", re.IGNORECASE)
 _LABEL = re.compile(r"label|part|pos|pose|face|visit|segment|block|section|orient|state|name|标签|位置", re.IGNORECASE)

@@ -96,7 +96,7 @@ def _clock(
         column = table.columns[roles.time]
         assert column.values is not None
         unit = None if options.time_unit == "none" else options.time_unit
-        found = clock.stamped(table.source, column.values[keep], column.name, column.unit, unit)
+        found = clock.stamped(table.source, column.values[keep], column.name, column.unit, unit, table.rate_hz)
         if options.rate_hz is not None:
             time_s = np.arange(len(keep)) / options.rate_hz
             found = replace(found, rate_hz=options.rate_hz, source="given", time_s=time_s)
