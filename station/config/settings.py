@@ -93,6 +93,7 @@ class Settings(StrictModel):
     recipe: ShortText = "six-point"
     database: PathText = "station.db"
     signing_key: PathText = ""
+    trusted_key: PathText = ""
     anchors: Annotated[tuple[AnchorSettings, ...], Field(max_length=8)] = ()
     witness: WitnessSettings | None = None
     arrival_tolerance_deg: Positive = 2.0

@@ -1,5 +1,6 @@
 """Which adapter a log is read by, and what a check of it may rely on."""
 
+import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,6 +9,7 @@ from station.adapters.clock import SystemClock
 from station.adapters.store import keys
 from station.adapters.store.anchor import AnchorFolder
 from station.adapters.store.log_anchors import Acknowledgement
+from station.adapters.store.pkcs11_signer import SCHEME, open_signer
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.adapters.witness.client import WitnessClient
@@ -40,7 +42,8 @@ def trust_of(known: Mapping[int, bytes], key: Path | None, log: Path, settings: 
             heads[place.name] = place.read()
         except (OSError, ValueError):
             heads[place.name] = None
-    return Trust(known, keys.load_public_key(key) if key else None, heads)
+    pinned = key or (Path(settings.trusted_key) if settings and settings.trusted_key else None)
+    return Trust(known, keys.load_public_key(pinned) if pinned else None, heads)
 
 
 def anchor_folders(log: Path, settings: Settings) -> list[AnchorFolder]:
@@ -52,7 +55,7 @@ def open_store(
     path: Path, settings: Settings, epoch_ns: Callable[[], int], acknowledgement: Acknowledgement | None = None
 ) -> SqliteStore:
     """The station's log, to be written. Errors: StoreFault, ConfigError."""
-    signer = keys.load_signer(Path(settings.signing_key)) if settings.signing_key else None
+    signer = signer_of(settings.signing_key) if settings.signing_key else None
     folders = anchor_folders(path, settings)
     witness = _witness(settings, signer) if settings.witness and signer else None
     return SqliteStore(
@@ -82,6 +85,38 @@ def open_witness(heads: Path, key: Path, stations: Mapping[str, Path]) -> Iterat
         yield Witness(kept, SystemClock(), signer.sign, keys.verify, known)
     finally:
         kept.close()
+
+
+def signer_of(key: str) -> keys.Signer:
+    """The key that config.yaml names: a PEM file, or a key in a hardware module. Errors: ConfigError.
+
+    STATION_KEY_PASSPHRASE opens an encrypted file; STATION_PKCS11_MODULE and _PIN reach a module.
+    """
+    if key.startswith(SCHEME):
+        return open_signer(key, os.environ.get("STATION_PKCS11_MODULE", ""), os.environ.get("STATION_PKCS11_PIN", ""))
+    passphrase = os.environ.get("STATION_KEY_PASSPHRASE", "")
+    return keys.load_signer(Path(key), passphrase.encode() or None)
+
+
+def rotate_key(path: Path, settings: Settings, new: str) -> str:
+    """Hands the log over from the station's key to a new one, by a record that both sign; the new public key, hex.
+
+    Errors: LogError where there is no log; ConfigError, StoreFault.
+    """
+    open_log(path).close()
+    old, signer = signer_of(settings.signing_key), signer_of(new)
+    folders = anchor_folders(path, settings)
+    SqliteStore(path, settings.station, SystemClock().epoch_ns, signer, anchors=folders, old_signer=old).close()
+    return signer.public_key.hex()
+
+
+def revoke_key(path: Path, settings: Settings, key: Path, beyond: int, by: str, reason: str) -> None:
+    """Seals into the log that a key is not trusted beyond a record. Errors: LogError, ConfigError, StoreFault."""
+    open_log(path).close()
+    public = keys.load_public_key(key)
+    with open_store(path, settings, SystemClock().epoch_ns) as store:
+        detail = {"public_key": public.hex(), "beyond": beyond, "by": by, "reason": reason}
+        store.event("", keys.REVOKED_EVENT, detail)
 
 
 def acknowledge(path: Path, settings: Settings, by: str, reason: str) -> list[Message]:

@@ -94,7 +94,7 @@ def test_a_chain_rebuilt_from_an_edit_on_shows_against_an_anchor() -> None:
 def test_after_the_first_signature_every_record_needs_a_right_one() -> None:
     made = records(5)
     signed = [made[0], *(replace(r, signature=b"s" + r.hash) for r in made[1:])]
-    verify = lambda signature, seal: signature == b"s" + seal  # noqa: E731
+    verify = lambda _, signature, seal: signature == b"s" + seal  # noqa: E731
     assert list(ChainVerifier(START, verify=verify).run(signed)) == []
     lost = [*signed[:3], replace(signed[3], signature=None), signed[4]]
     assert [(f.what, f.number) for f in ChainVerifier(START, verify=verify).run(lost)] == [("unsigned", 4)]

@@ -7,14 +7,20 @@ Made by `openssl genpkey -algorithm ed25519 -out station.key`; the public half f
 import json
 import sqlite3
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from station.domain.records.head import AnchorFinding
+from station.domain.records.key_schedule import KeyChange, KeySchedule, Revocation
 from station.errors import ConfigError, UsageError
+from station.messages import Message
 
 #: The kind of event by which a log names the key that signs it from there on.
 KEY_EVENT = "signing-key"
+#: The kind of event by which a key is no longer trusted beyond a record.
+REVOKED_EVENT = "key-revoked"
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,15 +31,19 @@ class Signer:
     public_key: bytes
 
 
-def load_signer(path: Path) -> Signer:
-    """The station's key from a PEM file. Errors: ConfigError."""
+def load_signer(path: Path, passphrase: bytes | None = None) -> Signer:
+    """The station's key from a PEM file, which may be encrypted. Errors: ConfigError."""
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
     try:
-        key = load_pem_private_key(path.read_bytes(), None)
+        data = path.read_bytes()
+        encrypted = b"ENCRYPTED" in data
+        key = load_pem_private_key(data, passphrase if encrypted else None)
     except (OSError, ValueError, TypeError) as exc:
-        raise ConfigError("station-key-unreadable", path=str(path)) from exc
+        if isinstance(exc, OSError) or not encrypted:
+            raise ConfigError("station-key-unreadable", path=str(path)) from exc
+        raise ConfigError("station-key-passphrase", path=str(path)) from exc
     if not isinstance(key, Ed25519PrivateKey):
         raise ConfigError("key-other-kind", path=str(path))
     return Signer(key.sign, key.public_key().public_bytes_raw())
@@ -85,6 +95,31 @@ def named_public_key(db: sqlite3.Connection) -> bytes | None:
     return key if len(key) == 32 else None
 
 
+def schedule(db: sqlite3.Connection, log_id: str, trusted: bytes | None = None) -> KeySchedule:
+    """Which key signs which records, by the log's own events; trusted: a key known from elsewhere, 32 bytes."""
+    changes = [
+        KeyChange(number, bytes.fromhex(detail["public_key"]), bytes.fromhex(detail.get("by_old", "")))
+        for number, detail in _events(db, KEY_EVENT, "public_key")
+    ]
+    revoked = [
+        Revocation(bytes.fromhex(detail["public_key"]), int(detail["beyond"]))
+        for _, detail in _events(db, REVOKED_EVENT, "public_key")
+    ]
+    return KeySchedule(log_id, changes, revoked, verify, trusted)
+
+
+def _events(db: sqlite3.Connection, kind: str, key: str) -> list[tuple[int, dict[str, Any]]]:
+    """Events of a kind that name a key of 32 bytes, oldest first; spoilt ones show in the chain."""
+    found = list[tuple[int, dict[str, Any]]]()
+    query = "SELECT seq, detail FROM event WHERE attempt IS NULL AND kind = ? ORDER BY seq"
+    for number, text in db.execute(query, (kind,)):
+        with suppress(ValueError, KeyError, TypeError):
+            detail = json.loads(text)
+            if len(bytes.fromhex(detail[key])) == 32 and bytes.fromhex(detail.get("by_old", "")) is not None:
+                found.append((number, detail))
+    return found
+
+
 def signs_heads(db: sqlite3.Connection) -> bool:
     """Whether the log's heads are signed, as its records are; version 0.1 signed records alone."""
     return _named(db).get("heads") is True
@@ -98,3 +133,13 @@ def _named(db: sqlite3.Connection) -> dict[str, Any]:
     except ValueError:
         return {}
     return detail if isinstance(detail, dict) else {}
+
+
+def check_signer(db: sqlite3.Connection, signer: Signer | None, old: Signer | None) -> list[AnchorFinding]:
+    """What the log's named key says against the station's: another one without the old one's word, or none at all."""
+    named = named_public_key(db)
+    if named is None or (signer and signer.public_key == named) or (signer and old and old.public_key == named):
+        return []
+    what = "key-changed" if signer else "key-left-out"
+    number = max((number for number, _ in _events(db, KEY_EVENT, "public_key")), default=0)
+    return [AnchorFinding(what, "signing_key", number, Message(what, key=named.hex()[:16]))]

@@ -34,10 +34,9 @@ class StoredLogEnd:
     def __init__(self, connection: sqlite3.Connection, log_id: str) -> None:
         self._connection, self.log_id = connection, log_id
         self.number = file.newest(connection, log_id)[0]
-        self.verify: Callable[[bytes, bytes], bool] | None = None
-        key = keys.named_public_key(connection)
-        if key and keys.signs_heads(connection):
-            self.verify = keys.signature_verifier(key)
+        self.verify: Callable[[int, bytes, bytes], bool] | None = None
+        if keys.signs_heads(connection):
+            self.verify = keys.schedule(connection, log_id).check
 
     def seal(self, number: int) -> bytes | None:
         """The seal of that record."""

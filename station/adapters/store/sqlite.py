@@ -29,6 +29,7 @@ from station.domain.records import chain, plain_json
 from station.domain.records.chain import Value
 from station.domain.records.framepack import plain as raw
 from station.domain.records.head import AnchorFinding, SealedHead
+from station.domain.records.key_schedule import rotation_statement
 from station.domain.records.merkle import Tree
 from station.errors import StationError, StoreFault
 from station.files.owner import OwnerLock
@@ -61,6 +62,7 @@ class SqliteStore:
         anchors: Sequence[AnchorPlace] = (),
         acknowledgement: Acknowledgement | None = None,
         witness: WitnessPlace | None = None,
+        old_signer: keys.Signer | None = None,
     ) -> None:
         self.path = path
         self._epoch_ns, self._signer, self._station = epoch_ns, signer, owner
@@ -80,16 +82,20 @@ class SqliteStore:
             self._number, self._hash = file.newest(self._db, self._log_id)
             self._signature = file.signature_of(self._db, self._number)
             found = self._anchors.check(self._db, self._log_id)
+            found += keys.check_signer(self._db, signer, old_signer)
             if found and acknowledgement is None:
                 raise _refusal(path, found)
             self._head_file.open()
             opened.callback(self._head_file.close)
             self._opened = opened.pop_all()
         if found and acknowledgement:  # before any head is written over: they are the evidence
-            self.event("", ACKNOWLEDGED_EVENT, detail_of(acknowledgement, found))
+            with self._transaction("written"):
+                self._name_key(old_signer)
+                self._station_event(ACKNOWLEDGED_EVENT, detail_of(acknowledgement, found))
             self._replaces = self._anchors.log_known_to(witness)
         self._keep_head(durable=True)
-        self._name_key()
+        with self._transaction("written"):
+            self._name_key(old_signer)
         self._name_places()
         self.tidy()
 
@@ -257,12 +263,21 @@ class SqliteStore:
             return int(row[0])
         return self._append("document", key, kind, text)
 
-    def _name_key(self) -> None:
-        """The log says once, as a record like any other, with what key it is signed from here on."""
+    def _name_key(self, old: keys.Signer | None) -> None:
+        """Inside the open transaction: the log says once, as a record, with what key it is signed from here on."""
         if self._signer is None:
             return
-        if keys.named_public_key(self._db) != self._signer.public_key or not keys.signs_heads(self._db):
-            self.event("", keys.KEY_EVENT, {"public_key": self._signer.public_key, "heads": True})
+        named = keys.named_public_key(self._db)
+        if named != self._signer.public_key or not keys.signs_heads(self._db):
+            detail = {"public_key": self._signer.public_key.hex(), "heads": True}
+            if old and named and named != self._signer.public_key:
+                statement = rotation_statement(self._log_id, named, self._signer.public_key)
+                detail["by_old"] = old.sign(statement).hex()
+            self._station_event(keys.KEY_EVENT, detail)
+
+    def _station_event(self, kind: str, detail: Mapping[str, Any]) -> None:
+        """An event of the station inside the open transaction."""
+        self._append("event", None, self._epoch_ns(), plain_json.text(kind), plain_json.document(detail))
 
     def _archive(self, attempt: int) -> None:
         """Packs an attempt's raw frames into one record, in place of the plain ones."""

@@ -95,11 +95,6 @@ def _seals(db: Database, kept: Mapping[str, SealedHead | None], trust: Trust) ->
     return noted | {head.number: bytes.fromhex(head.hash) for head in own} | dict(trust.known)
 
 
-def _verifier(db: Database, trust: Trust) -> Callable[[bytes, bytes], bool] | None:
-    key = trust.public_key or keys.named_public_key(db.conn)
-    return keys.signature_verifier(key) if key else None
-
-
 def _chain(
     db: Database,
     kept: Mapping[str, SealedHead | None],
@@ -107,7 +102,9 @@ def _chain(
     progress: Callable[[int], None],
 ) -> Iterator[IntegrityFinding]:
     anchors = _seals(db, kept, trust)
-    walk = ChainVerifier(chain.genesis(log_id(db)), anchors, _verifier(db, trust))
+    schedule = keys.schedule(db.conn, log_id(db), trust.public_key)
+    yield from schedule.findings()
+    walk = ChainVerifier(chain.genesis(log_id(db)), anchors, schedule.check if schedule.signs else None)
     streams = [_records(db, table) for table in COLUMNS]
     for record in heapq.merge(*streams, key=attrgetter("number")):
         yield from walk.step(record)

@@ -97,12 +97,12 @@ class ChainVerifier:
 
     anchors: number → hash known from elsewhere (head row, head file, a printed certificate). After `run`, number
     and hash are those of the last record.
-    verify: checks a signature of a hash; None: this log has no key, so a signature is itself a finding.
+    verify: checks (number, signature, hash) of a record; None: this log has no key, so a signature is itself a finding.
     """
 
     start: bytes
     anchors: Mapping[int, bytes] = field(default_factory=dict)
-    verify: Callable[[bytes, bytes], bool] | None = None
+    verify: Callable[[int, bytes, bytes], bool] | None = None
     number: int = 0
     hash: bytes = b""
     signed: bool = False
@@ -139,7 +139,7 @@ class ChainVerifier:
                 yield _finding("unsigned", "record-signature-lost", r)
             return
         self.signed = True
-        if self.verify is None or not self.verify(r.signature, r.hash):
+        if self.verify is None or not self.verify(r.number, r.signature, r.hash):
             yield _finding("forged", "record-forged", r)
 
     def _anchor(self, r: SealedRecord) -> Iterator[IntegrityFinding]:

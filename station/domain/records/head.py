@@ -50,8 +50,8 @@ class LogEnd(Protocol):
 
     log_id: str
     number: int
-    #: A check of (signature, seal) where the log's heads are signed.
-    verify: Callable[[bytes, bytes], bool] | None
+    #: A check of (number, signature, seal) where the log's heads are signed.
+    verify: Callable[[int, bytes, bytes], bool] | None
 
     def seal(self, number: int) -> bytes | None:
         """The seal of the record with that number; None where there is none."""
@@ -88,10 +88,11 @@ def _disagreement(head: SealedHead, log: LogEnd, behind: int) -> str:
     """behind: so many attempts may have ended since."""
     if head.log_id != log.log_id:
         return "foreign"
-    if log.verify and head.number and not log.verify(bytes.fromhex(head.signature), bytes.fromhex(head.hash)):
-        return "forged"
     if head.number > log.number:
         return "truncated"
+    signed = head.number, bytes.fromhex(head.signature), bytes.fromhex(head.hash)
+    if log.verify and head.number and not log.verify(*signed):
+        return "forged"
     if head.number and log.seal(head.number) != bytes.fromhex(head.hash):
         return "replaced"
     if log.finishes_beyond(head.number) > behind:

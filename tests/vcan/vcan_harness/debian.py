@@ -19,6 +19,7 @@ PACKAGE_OF = {
     "canplayer": "can-utils",
     "cangen": "can-utils",
     "cansend": "can-utils",
+    "softhsm2-util": "softhsm2",
 }
 _BIN = ("usr/bin", "usr/sbin", "bin", "sbin")
 _FETCH_LIMIT_S = 300
