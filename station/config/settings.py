@@ -80,6 +80,29 @@ class WitnessSettings(StrictModel):
     timeout_s: Positive = 2.0
 
 
+class PartySettings(StrictModel):
+    """Name and address of a laboratory or a customer, for certificates; country: ISO 3166-1, two letters."""
+
+    name: ShortText = ""
+    street: ShortText = ""
+    city: ShortText = ""
+    post_code: ShortText = ""
+    country: Annotated[str, Field(pattern=r"^[A-Z]{2}$")] = "DE"
+
+
+class CertificateSettings(StrictModel):
+    """Who issues certificates, for whom, who signs, and the number of the accreditation ('' without one)."""
+
+    laboratory: PartySettings = PartySettings()
+    customer: PartySettings = PartySettings()
+    signatory: ShortText = ""
+    accreditation: ShortText = ""
+
+    def document(self) -> dict[str, Any]:
+        """As plain values."""
+        return self.model_dump()
+
+
 class Settings(StrictModel):
     """Everything about this station that is not in a recipe."""
 
@@ -99,6 +122,7 @@ class Settings(StrictModel):
     arrival_tolerance_deg: Positive = 2.0
     timeouts: Timeouts = Timeouts()
     golden: GoldenSettings | None = None
+    certificate: CertificateSettings = CertificateSettings()
 
     @field_validator("anchors", mode="before")
     @classmethod

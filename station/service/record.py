@@ -6,6 +6,7 @@ from typing import Any
 from station import __version__
 from station.domain.capture.visit_check import STATION_CHECKS
 from station.domain.core.types import NestAssignment, Outcome, Reason
+from station.domain.records.stored_attempt import SIMULATED
 from station.messages import Message, render
 from station.ports.store import AttemptStart
 from station.service.measure import RejectedUnits
@@ -25,7 +26,7 @@ def attempt_start(seat: NestAssignment, station: Station, job: Job) -> AttemptSt
         recipe_hash=job.recipe_hash,
         recipe_json=job.recipe_json,
         config_hash=station.config_hash,
-        software=__version__,
+        software=__version__ + (SIMULATED if station.simulated else ""),
         operator=station.settings.operator,
         started_ns=station.clock.epoch_ns(),
         lot=station.settings.lot,

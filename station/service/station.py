@@ -45,7 +45,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Station:
-    """What it is done with. device: node id → the device there, ready to be asked."""
+    """What it is done with. device: node id → the device there; simulated: rig and devices are."""
 
     settings: Settings
     config_hash: str
@@ -54,3 +54,4 @@ class Station:
     store: Store
     clock: Clock
     device: Callable[[int], Device]
+    simulated: bool = False

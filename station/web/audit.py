@@ -170,7 +170,7 @@ def _chart(history: list[tuple[dict[str, Any], dict[str, Any]]], code: str) -> s
         low, high = [a - b for a, b in zip(y, u, strict=True)], [a + b for a, b in zip(y, u, strict=True)]
         series.append(Series(x, y, translate(coefficients.NAMES[axis], code), "dots", low, high, axis))
     unit = history[0][1]["budget"][0]["unit"]
-    title = translate("Offsets of every attempt, with U (k = 2)", code)
+    title = translate("Offsets of every attempt, with U (95 %)", code)
     return svg(Figure(title, "", unit, tuple(series), names))
 
 

@@ -120,7 +120,7 @@ def open_bench(order: RunOrder) -> Bench:
         store = open_store(database, settings, clock.epoch_ns)
         opened.callback(store.close)
         device = _devices(bus, clock, settings, job)
-        station = Station(settings, content_hash(settings), bus, turned_by, store, clock, device)
+        station = Station(settings, content_hash(settings), bus, turned_by, store, clock, device, order.simulate)
         told = (*learnt, *(render(m) for m in close_unfinished(station)))
         return Bench(station, job, source, fixture, database, order.simulate, told, opened.pop_all())
     raise AssertionError("unreachable: ExitStack swallows nothing")

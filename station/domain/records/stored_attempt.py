@@ -4,6 +4,14 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
+#: What the software of an attempt ends with when rig and devices were simulated.
+SIMULATED = "+simulated"
+
+
+def is_simulated(stored: Mapping[str, Any]) -> bool:
+    """Whether rig and devices were simulated."""
+    return str(stored["software"]).endswith(SIMULATED)
+
 
 def result(stored: Mapping[str, Any], name: str) -> Any:
     """The newest result of that name in a stored attempt, or None."""

@@ -4,11 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
 from station.errors import LogError
-from station.messages import Message
+from station.messages import Message, templates
 from station.ports.store import LogHead
+from station.reporting.certificate import dcc, facts
+from station.reporting.certificate.issuer import Issuer
 from station.reporting.number_text import format_number, format_time, format_to_uncertainty
 from station.reporting.words import Words
 
@@ -26,7 +29,8 @@ class CertificateTable:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """Everything that stands on a certificate, in one language. texts: that language's; outcome: PASS or FAIL."""
+    """Everything that stands on a certificate, in one language. texts: that language's; outcome: PASS or FAIL;
+    simulated: the mark across every page where rig and devices were simulated, else ''; statements: declarations."""
 
     serial: str
     attempt: str
@@ -34,6 +38,8 @@ class Certificate:
     language: str
     texts: Mapping[str, str]
     sections: tuple[CertificateTable, ...]
+    simulated: str = ""
+    statements: tuple[str, ...] = ()
 
     @property
     def title(self) -> str:
@@ -41,9 +47,19 @@ class Certificate:
         return f"{self.texts['cert_title']} {self.serial}"
 
 
-def build(kept: Mapping[str, Any], recipe: Recipe, head: LogHead, words: Words) -> Certificate:
+def build(
+    kept: Mapping[str, Any],
+    recipe: Recipe,
+    head: LogHead,
+    words: Words,
+    issuer: Issuer | None = None,
+    issued: str = "",
+) -> Certificate:
     """The certificate of one ended attempt. kept: everything the log holds of it, with the recipe it used; head: the
-    newest record of the log. Errors: LogError where it came to no calibration."""
+    newest record of the log; issued: ISO date. Errors: LogError where it came to no calibration."""
+    told = facts.of_attempt(
+        kept, recipe, head, issuer or Issuer(), issued or str(kept["ended"] or kept["started"])[:10]
+    )
     fit, verdict = stored_attempt.result(kept, "calibration"), stored_attempt.result(kept, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
         raise LogError(
@@ -52,16 +68,26 @@ def build(kept: Mapping[str, Any], recipe: Recipe, head: LogHead, words: Words) 
     w = _Writer(words)
     stops = ("cert_position", "cert_tilt", "cert_tilt_u", "cert_residual")
     sections = (
+        w.table("certificate-issue", (), _issue(w, told)),
         w.section("cert_unit", (), _unit(w, kept)),
         w.section("cert_result", (), _result(w, kept, fit, verdict)),
-        w.section("cert_calibration", ("cert_coefficient", "cert_value", "", "", "cert_unit_of"), _values(w, fit)),
+        w.table("certificate-coefficients", _COEFFICIENTS, _values(w, told)),
+        w.table("certificate-decisions", _DECISIONS, _decisions(told)),
+        w.table("certificate-budget", *_budget(told)),
         w.section("cert_stops", stops, _positions(fit), f" {recipe.unit}"),
         w.section("cert_verification", ("cert_position", "cert_error", "cert_limit"), _verification(kept)),
+        w.table("certificate-adjustment", _ADJUSTMENT, _adjustment(told)),
         w.section("cert_reference", (), _reference(w, recipe)),
+        w.table("certificate-traceability", _TRACEABILITY, _traceability(told)),
+        w.table("certificate-assumptions", _ASSUMPTIONS, _assumptions(w, recipe)),
         w.section("cert_provenance", (), _provenance(w, kept, asdict(head))),
     )
     filled = tuple(s for s in sections if s.rows)
-    return Certificate(kept["serial"], kept["attempt"], str(verdict["outcome"]), words.code, w.texts, filled)
+    mark = w.render(Message("certificate-simulated-mark")) if told["simulated"] else ""
+    declared = tuple(w.render(m) for m in dcc.statements(told))
+    return Certificate(
+        kept["serial"], kept["attempt"], str(verdict["outcome"]), words.code, w.texts, filled, mark, declared
+    )
 
 
 class _Writer:
@@ -74,11 +100,15 @@ class _Writer:
         """The text `cert_KEY`, with its values."""
         return self.texts[f"cert_{key}"].format(*values)
 
+    def table(self, title: str, columns: Sequence[str], rows: Rows) -> CertificateTable:
+        """A table whose title and heads stand in the catalogues; a head that does not is shown as it is."""
+        known = templates("en")
+        heads = [self.render(Message(f"head-{c}")) if f"head-{c}" in known else self.say(c) for c in columns]
+        return CertificateTable(self.render(Message(title)), tuple(heads), rows)
+
     def section(self, title: str, columns: Sequence[str], rows: Rows, more: str = "") -> CertificateTable:
         """A table with its heads; more: goes behind the last one."""
-        heads = [
-            self.texts[c] if c else u for c, u in zip(columns, ("", "", "u (k = 1)", "U (k = 2)", ""), strict=False)
-        ]
+        heads = [self.texts[c] for c in columns]
         return CertificateTable(
             self.texts[title], tuple(h + more * (i == len(heads) - 1) for i, h in enumerate(heads)), rows
         )
@@ -118,19 +148,94 @@ def _rule(w: _Writer, verdict: Mapping[str, Any]) -> str:
     return w.render(Message.of(kept)) if kept else w.say(str(verdict["rule"] or "–"))
 
 
-def _values(w: _Writer, fit: Mapping[str, Any]) -> Rows:
-    theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
-    rows = zip(fit["budget"], theta, strict=True)
+_COEFFICIENTS = ("coefficient", "value", "std", "dof", "factor", "expanded", "unit")
+_DECISIONS = ("limit-of", "value", "expanded", "limit", "guard", "margin", "risk")
+_ADJUSTMENT = ("object", "before", "written", "read-back")
+_TRACEABILITY = ("reference", "number", "due", "issuer")
+_ASSUMPTIONS = ("contribution", "std", "source")
+#: More degrees of freedom than this are as good as infinite.
+_MANY_DOF = 1e5
+
+
+def _values(w: _Writer, told: Mapping[str, Any]) -> Rows:
     return tuple(
         (
-            *(w.say(str(b["coefficient"])), format_to_uncertainty(v, b["expanded"])),
-            *(
-                format_to_uncertainty(b["std"], b["std"]),
-                format_to_uncertainty(b["expanded"], b["expanded"]),
-                str(b["unit"]),
-            ),
+            w.say(str(c["name"])),
+            format_to_uncertainty(c["value"], c["expanded"]),
+            *(_uncertain(c) if c["estimated"] else (w.render(Message("certificate-assumed")), "–", "–", "–")),
+            str(c["unit"]),
         )
-        for b, v in rows
+        for c in told["coefficients"]
+    )
+
+
+def _uncertain(c: Mapping[str, Any]) -> tuple[str, str, str, str]:
+    dof = c["dof"]
+    return (
+        format_to_uncertainty(c["std"], c["std"]),
+        "–" if dof is None else "∞" if dof > _MANY_DOF else f"{dof:.0f}",
+        f"{c['k']:.2f}",
+        format_to_uncertainty(c["expanded"], c["expanded"]),
+    )
+
+
+def _issue(w: _Writer, told: Mapping[str, Any]) -> Rows:
+    issuer, missing = told["issuer"], w.render(Message("certificate-not-stated"))
+    rows = {
+        "number": told["number"],
+        "issued": told["issued"],
+        "laboratory": ", ".join([name, issuer["laboratory_address"]]) if (name := issuer["laboratory"]["name"]) else "",
+        "customer": issuer["customer"]["name"],
+        "signatory": issuer["signatory"],
+        "method": f"{told['method']['name']}, {told['method']['recipe']} {told['method']['version']}",
+    }
+    return tuple((w.render(Message(f"certificate-{key}")), str(value) or missing) for key, value in rows.items())
+
+
+def _decisions(told: Mapping[str, Any]) -> Rows:
+    keys = ("expanded", "limit", "guard", "margin", "false_accept")
+    return tuple(
+        (
+            f"{d['what']} / {d['unit']}",
+            format_number(d["value"], 5),
+            *(format_number(d[key], 3) for key in keys),
+        )
+        for d in told["decisions"]
+    )
+
+
+def _budget(told: Mapping[str, Any]) -> tuple[tuple[str, ...], Rows]:
+    """Shares of u² by cause, in percent; causes that contribute nothing have no column."""
+    estimated = [c for c in told["coefficients"] if c["estimated"]]
+    causes = [cause for cause in (estimated[0]["budget"] if estimated else {}) if any(
+        c["budget"][cause] > 0.01 * c["std"] for c in estimated)]  # fmt: skip
+    rows = tuple(
+        (cause, *(f"{100 * (c['budget'][cause] / c['std']) ** 2:.1f}" for c in estimated if c["name"] in _SHOWN))
+        for cause in causes
+    )
+    return ("contribution", *(c["name"] for c in estimated if c["name"] in _SHOWN)), rows
+
+
+#: The coefficients whose budget a certificate prints; the JSON document has all.
+_SHOWN = ("offset x", "offset y", "offset z", "gain x", "gain y", "gain z")
+
+
+def _adjustment(told: Mapping[str, Any]) -> Rows:
+    """Objects of the device as found and as left."""
+    return tuple(
+        (f"{a['name']} ({a['object']})", *(str(a[key] or "–") for key in ("old", "written", "read_back")))
+        for a in told["adjustment"]
+    )
+
+
+def _traceability(told: Mapping[str, Any]) -> Rows:
+    return tuple((r["item"], r["number"] or "–", r["due"], r["issuer"] or "–") for r in told["references"])
+
+
+def _assumptions(w: _Writer, recipe: Recipe) -> Rows:
+    return tuple(
+        (a.key, f"{format_number(a.value, 3)} {a.unit if a.unit != '1' else ''}".strip(), w.render(a.source))
+        for a in assumptions.listing(recipe)
     )
 
 

@@ -10,7 +10,13 @@ from station.reporting.certificate.document import Certificate, CertificateTable
 
 _WIDTH = 511.0
 #: Widths of a table's columns, by how many it has.
-_SHARES = {2: (0.33, 0.67), 4: (0.24, 0.16, 0.16, 0.44), 5: (0.36, 0.2, 0.17, 0.17, 0.1)}
+_SHARES = {
+    2: (0.33, 0.67),
+    3: (0.3, 0.15, 0.55),
+    7: (0.22, 0.15, 0.13, 0.1, 0.14, 0.13, 0.13),
+    4: (0.24, 0.16, 0.16, 0.44),
+    5: (0.36, 0.2, 0.17, 0.17, 0.1),
+}
 #: Bitstream Vera stands in the file itself; what it has no glyph for is shown by the reader's Chinese font.
 _LATIN, _BOLD, _CHINESE = "Vera", "VeraBd", "STSong-Light"
 _COLOURS = {"PASS": "#0a6132", "FAIL": "#a8001c"}
@@ -32,6 +38,8 @@ def pdf(certificate: Certificate) -> bytes:
         table = _table(section, fonts, cell)
         parts += [KeepTogether([heading, table]) if len(section.rows) < 16 else heading]
         parts += [Spacer(1, 7)] if len(section.rows) < 16 else [table, Spacer(1, 7)]
+    for words in certificate.statements:
+        parts.append(Paragraph(_text(words, fonts, _LATIN), cell))
     paper = BytesIO()
     SimpleDocTemplate(
         paper, pagesize=A4, leftMargin=42, rightMargin=42, topMargin=40, bottomMargin=46,
@@ -107,9 +115,21 @@ def _numbered(certificate: Certificate) -> type[Any]:
             for number, page in enumerate(self._pages, 1):
                 self.__dict__.update(page)
                 place = certificate.texts["cert_page"].format(number, len(self._pages))
+                if certificate.simulated:
+                    self._mark(certificate.simulated)
                 self._foot(f"{certificate.serial} · {certificate.attempt} · {place}")
                 super().showPage()
             super().save()
+
+        def _mark(self, words: str) -> None:
+            """Across the page, grey."""
+            self.saveState()
+            self.setFillGray(0.82, 0.5)
+            self.translate(297, 421)
+            self.rotate(55)
+            self.setFont(_BOLD if all(ord(c) in fonts for c in words) else _CHINESE, 86)
+            self.drawCentredString(0, -30, words)
+            self.restoreState()
 
         def _foot(self, words: str) -> None:
             line = self.beginText(42, 26)

@@ -1,0 +1,109 @@
+"""The work of `station certificate`."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from station.cli import _output
+from station.cli._log_options import open_named_log
+from station.config.settings import load_settings
+from station.domain.core.types import Outcome
+from station.domain.recipe.recipe import Recipe
+from station.errors import LogError, ReferenceOverdue, UsageError
+from station.files.replace import replacing
+from station.ports.log_reader import Query
+from station.reporting.certificate import dcc, document, facts, signature, wsjf
+from station.reporting.certificate.issuer import Issuer
+from station.reporting.certificate.pdf import pdf
+from station.reporting.words import words_of
+
+if TYPE_CHECKING:
+    from station.ports.log_reader import Attempt, LogReader
+
+
+@dataclass(frozen=True, slots=True)
+class CertificateFiles:
+    """What to write, and how."""
+
+    pdf: Path | None
+    xml: Path | None
+    json: Path | None
+    wsjf: Path | None
+    dcc_version: str
+    sign_key: Path | None
+    sign_cert: Path | None
+    language: str
+
+
+def write_certificate(
+    serial: str, attempt: str | None, files: CertificateFiles, db: Path | None, config: Path | None
+) -> int:
+    """Writes the files. Errors: UsageError, LogError, ReferenceOverdue."""
+    _check(files)
+    with open_named_log(db, config) as log:
+        _require_whole(log)
+        chosen = _attempt(log, serial, attempt)
+        kept = log.attempt(chosen)
+        facts.require_certifiable(kept)
+        recipe = Recipe.model_validate_json(log.recipe_and_product(chosen)[0])
+        head = log.head()
+    today = datetime.now(UTC).date().isoformat()
+    if late := facts.overdue(recipe, kept["started"]):
+        raise ReferenceOverdue("certificate-reference-overdue", item=late[0]["item"], due=late[0]["due"])
+    issuer = Issuer.of(load_settings(config).certificate.document())
+    found = facts.of_attempt(kept, recipe, head, issuer, today)
+    made = document.build(kept, recipe, head, words_of(files.language), issuer, today)
+    written: list[tuple[Path | None, Callable[[], bytes]]] = [
+        (files.pdf, lambda: pdf(made)),
+        (files.xml, lambda: _xml(found, files)),
+        (files.json, lambda: _json(found)),
+        (files.wsjf, lambda: _json(wsjf.to_wsjf(found))),
+    ]
+    for path, content in written:
+        if path is not None:
+            with replacing(path) as part:
+                part.write_bytes(content())
+            _output.print_line(str(path))
+    return 0
+
+
+def _check(files: CertificateFiles) -> None:
+    if not any((files.pdf, files.xml, files.json, files.wsjf)):
+        raise UsageError("certificate-no-file")
+    if files.dcc_version not in dcc.VERSIONS:
+        raise UsageError("certificate-dcc-version", version=files.dcc_version[:20])
+    if (files.sign_key is None) != (files.sign_cert is None):
+        raise UsageError("certificate-sign-pair")
+
+
+def _require_whole(log: "LogReader") -> None:
+    """LogError where the log's chain of hashes does not hold."""
+    from station.wiring.logs import trust_of
+
+    findings = list(log.findings(trust_of({}, None, Path(log.location), None), lambda _: None))
+    if findings:
+        raise LogError("certificate-log-broken", log=log.location)
+
+
+def _attempt(log: "LogReader", serial: str, attempt: str | None) -> "Attempt":
+    """The attempt of that id, or the newest that passed, or else the newest."""
+    found = log.attempts(Query(serial=serial))
+    if attempt is not None:
+        found = [a for a in found if a.attempt == attempt]
+    if not found:
+        raise LogError("log-no-such-attempt-of", log=log.location, serial=serial)
+    return next((a for a in found if a.outcome == Outcome.PASS), found[0])
+
+
+def _xml(found: dict[str, Any], files: CertificateFiles) -> bytes:
+    made = dcc.to_xml(found, files.dcc_version)
+    if files.sign_key is None or files.sign_cert is None:
+        return made
+    return signature.sign(made, files.sign_key.read_bytes(), files.sign_cert.read_bytes())
+
+
+def _json(found: dict[str, Any]) -> bytes:
+    return json.dumps(found, ensure_ascii=False, indent=1, allow_nan=False).encode()

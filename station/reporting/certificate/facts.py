@@ -1,0 +1,107 @@
+"""Everything a calibration certificate says (ISO/IEC 17025, 7.8), as one document: `station.certificate/1`.
+
+PDF, page, DCC and JSON are made of it, so that they agree to the digit. Values are in the recipe's unit; those of
+the DCC are converted there.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from station.domain.core.types import Outcome
+from station.domain.recipe import assumptions
+from station.domain.recipe.recipe import Recipe
+from station.domain.records import stored_attempt
+from station.errors import LogError
+from station.messages import render
+from station.ports.store import LogHead
+from station.reporting.certificate.issuer import Issuer
+
+SCHEMA = "station.certificate/1"
+#: Standard acceleration of free fall, m/s²: what "g" means here.
+STANDARD_GRAVITY = 9.80665
+
+
+def of_attempt(kept: Mapping[str, Any], recipe: Recipe, head: LogHead, issuer: Issuer, issued: str) -> dict[str, Any]:
+    """The certificate of one ended attempt; issued: ISO date. Errors: LogError where it came to no calibration."""
+    fit, verdict = stored_attempt.result(kept, "calibration"), stored_attempt.result(kept, "verdict")
+    if not fit or not verdict or fit.get("offset") is None:
+        raise LogError("certificate-no-calibration", attempt=str(kept["attempt"]), serial=str(kept["serial"]))
+    identity = stored_attempt.result(kept, "identity") or {}
+    return {
+        "schema": SCHEMA,
+        "number": f"{kept['station']}-{kept['attempt']}",
+        "issued": issued,
+        "simulated": stored_attempt.is_simulated(kept),
+        "issuer": {**asdict(issuer), "laboratory_address": issuer.laboratory.address},
+        "item": {"serial": kept["serial"], "identity": identity, "lot": kept["lot"]},
+        "outcome": verdict["outcome"],
+        "performed": {"began": kept["started"], "ended": kept["ended"], "station": kept["station"],
+                      "nest": kept["nest"], "operator": kept["operator"]},
+        "method": {"name": recipe.method, "recipe": kept["recipe_name"], "version": kept["recipe_version"],
+                   "hash": kept["recipe_hash"], "software": kept["software"]},
+        "unit": recipe.unit,
+        "coefficients": coefficients(fit),
+        "covariance": fit["covariance"],
+        "decisions": fit.get("decisions", []),
+        "rule": verdict.get("rule"),
+        "risks": {key: verdict.get(key) for key in ("false_accept", "false_reject")},
+        "verification": stored_attempt.result(kept, "verification"),
+        "adjustment": [
+            {key: write.get(key) for key in ("name", "object", "old", "written", "read_back")}
+            for write in kept["writes"]
+        ],
+        "conditions": {
+            "temperature_degC": fit.get("temperature_degC"),
+            "temperature_std_degC": assumptions.thermometer_degC(recipe),
+        },
+        "references": references(recipe),
+        "assumptions": [
+            {"key": a.key, "std": a.value, "unit": a.unit, "stated": a.stated, "source": render(a.source)}
+            for a in assumptions.listing(recipe)
+        ],
+        "log": {"attempt": kept["attempt"], "seal": kept["seal"], "head": asdict(head), "config": kept["config_hash"]},
+    }  # fmt: skip
+
+
+def require_certifiable(kept: Mapping[str, Any]) -> None:
+    """LogError unless the attempt passed: what failed gets a report, not a certificate."""
+    if kept["outcome"] != Outcome.PASS:
+        shown = str(kept["outcome"] or "running")
+        raise LogError(
+            "certificate-not-passed", attempt=str(kept["attempt"]), serial=str(kept["serial"]), outcome=shown
+        )
+
+
+def coefficients(fit: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Value, u, ν_eff, k and U of each coefficient; an older record keeps no ν_eff, and its U is 1.96·u."""
+    theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
+    return [
+        {
+            "name": b["coefficient"],
+            "unit": b["unit"],
+            "value": value,
+            "estimated": b["std"] > 0,
+            "std": b["std"],
+            "dof": b.get("dof"),
+            "k": b.get("k", 1.96),
+            "expanded": b["expanded"],
+            "coverage_probability": b.get("coverage_probability", 0.95),
+            "budget": b["parts"],
+        }
+        for b, value in zip(fit["budget"], theta, strict=True)
+    ]
+
+
+def references(recipe: Recipe) -> list[dict[str, Any]]:
+    """What the result is traceable to: item, certificate, due date, issuer."""
+    found: list[dict[str, Any]] = [c.model_dump() for c in recipe.reference.certificates]
+    gold = recipe.reference.gold
+    if recipe.reference.source == "gold" and gold is not None:
+        found.append({"item": f"gold {gold.serial}", "number": gold.certificate, "due": gold.due, "issuer": ""})
+    return found
+
+
+def overdue(recipe: Recipe, day: str) -> Sequence[dict[str, Any]]:
+    """References past their due date on that ISO day."""
+    return [r for r in references(recipe) if r["due"] < day[:10]]

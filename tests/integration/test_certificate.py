@@ -1,0 +1,124 @@
+"""`station certificate`: PDF, DCC, JSON and WSJF of a unit that passed; refusals with the way out."""
+
+import importlib
+import json
+import sqlite3
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+
+from station.cli.app import main
+from station.reporting.certificate import dcc
+
+CONFIG = """schema: station.config/1
+nests: [{name: A, node: 17}]
+certificate:
+  laboratory: {name: Test Bench Ltd, street: Main Street 1, city: Bonn, post_code: "53111", country: DE}
+  customer: {name: Customer & Sons, city: Zug, country: CH}
+  signatory: A. Metrologist
+"""
+
+
+def station(*words: str) -> int | str | None:
+    with pytest.raises(SystemExit) as ended:
+        main(list(words))
+    return ended.value.code
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("certificate")
+    (path / "config.yaml").write_text(CONFIG)
+    where = ("--db", str(path / "t.db"), "--config", str(path / "config.yaml"))
+    assert station("run", "--simulate", "--serial", "SN0001", "--seed", "3", *where) == 0
+    return path
+
+
+def write(folder: Path, *more: str) -> int | str | None:
+    db, config = str(folder / "t.db"), str(folder / "config.yaml")
+    return station("certificate", "SN0001", "--db", db, "--config", config, *more)
+
+
+def test_every_format_gives_the_same_figures_and_says_simulated(folder: Path) -> None:
+    names = {kind: str(folder / f"c.{kind}") for kind in ("pdf", "xml", "json", "wsjf")}
+    assert write(folder, *(word for kind, path in names.items() for word in (f"--{kind}", path))) == 0
+    facts = json.loads(Path(names["json"]).read_text())
+    assert facts["simulated"] is True
+    assert facts["issuer"]["laboratory"]["name"] == "Test Bench Ltd"
+    xml = Path(names["xml"]).read_bytes()
+    read = dcc.read_quantities(xml)
+    for c in facts["coefficients"]:
+        factor = 9.80665 if c["unit"] == "g" else 1.0
+        assert c["expanded"] == c["k"] * c["std"]
+        assert read[c["name"]] == (c["value"] * factor, c["expanded"] * factor), "every bit"
+    assert b"SIMULATED" in xml and b"Customer &amp; Sons" in xml and b"no accredited calibration" in xml
+    steps = json.loads(Path(names["wsjf"]).read_text())["root"]["steps"]
+    assert [s["name"] for s in steps] == [d["what"] for d in facts["decisions"]]
+    assert all(s["status"] == "P" for s in steps)
+    assert Path(names["pdf"]).read_bytes().startswith(b"%PDF-")
+
+
+def test_the_tree_has_the_order_of_the_schema(folder: Path) -> None:
+    assert write(folder, "--xml", str(folder / "o.xml")) == 0
+    root = ET.parse(folder / "o.xml").getroot()
+    assert root.get("schemaVersion") == "3.3.0"
+    inside = [e.tag.split("}")[1] for e in root.find(f"{{{dcc.DCC}}}administrativeData") or ()]
+    assert inside == [
+        *("dccSoftware", "coreData", "items", "calibrationLaboratory", "respPersons", "customer", "statements")
+    ]
+    result = root.find(f"{{{dcc.DCC}}}measurementResults/{{{dcc.DCC}}}measurementResult")
+    assert [e.tag.split("}")[1] for e in result or ()] == ["name", "usedMethods", "influenceConditions", "results"]
+
+
+def test_a_changed_digit_breaks_the_signature(folder: Path) -> None:
+    etree, signxml = importlib.import_module("lxml.etree"), importlib.import_module("signxml")
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "bench")])
+    now = datetime.now(UTC)
+    builder = x509.CertificateBuilder().subject_name(name).issuer_name(name).public_key(key.public_key())
+    cert = builder.serial_number(1).not_valid_before(now - timedelta(days=1)).not_valid_after(now + timedelta(days=9))
+    pem = cert.sign(key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
+    plain = serialization.NoEncryption()
+    private = key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, plain)
+    (folder / "key.pem").write_bytes(private)
+    (folder / "cert.pem").write_bytes(pem)
+    signing = ("--sign-key", str(folder / "key.pem"), "--sign-cert", str(folder / "cert.pem"))
+    assert write(folder, "--xml", str(folder / "s.xml"), *signing) == 0
+    signed = (folder / "s.xml").read_bytes()
+    signxml.XMLVerifier().verify(etree.fromstring(signed), x509_cert=pem.decode())
+    forged = signed.replace(b"<dcc:uniqueIdentifier>", b"<dcc:uniqueIdentifier>9", 1)
+    with pytest.raises(signxml.InvalidDigest):
+        signxml.XMLVerifier().verify(etree.fromstring(forged), x509_cert=pem.decode())
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ((), "Say what to write"),
+        (("--xml", "x.xml", "--dcc-version", "2.0"), "use 3.3.0 or 3.2.1"),
+        (("--xml", "x.xml", "--sign-key", "k.pem"), "both --sign-key and --sign-cert"),
+        (("--xml", "x.xml", "--attempt", "none"), "SN0001"),
+    ],
+)
+def test_refusals(folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], told: str) -> None:
+    assert write(folder, *words) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_a_log_that_does_not_verify_certifies_nothing(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("t.db", "t.db.head", "config.yaml"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    with sqlite3.connect(tmp_path / "t.db") as db:
+        for (trigger,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+            db.execute(f'DROP TRIGGER "{trigger}"')
+        db.execute("UPDATE attempt SET lot = 'other'")
+    assert write(tmp_path, "--json", str(tmp_path / "c.json")) == 2
+    assert not (tmp_path / "c.json").exists()
+    assert "Traceback" not in capsys.readouterr().err
