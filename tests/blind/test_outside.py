@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from station.diagnosis.data.faults import inspect
 from station.diagnosis.results.diagnosis_document import document
 from station.domain.core.types import Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -125,3 +126,36 @@ def test_a_loop_of_temperature_is_a_cubic_and_its_rate_however_it_is_cut() -> No
     sizes = {(p["name"], p["axis"]): p for p in told[0]["causes"][0]["parameters"]}
     cube = sizes["coefficient3", "z"]
     assert cube["value"] == pytest.approx(-14e-3 / 46**3, rel=0.02)
+
+
+def test_a_tone_far_below_the_noise_of_a_dwell_is_found_and_what_rings_after_a_move_is_none() -> None:
+    """At sample level the tone is 11 standard deviations in all 7,200 samples together, 0.65 of one in a dwell."""
+    quiet = WHITE.density * np.sqrt(recipe().device.rate_hz / 2)
+    hz = 3.0 + 8.0 * np.random.default_rng(SEED).uniform()
+
+    def tone(w, rng):  # type: ignore[no-untyped-def]
+        wave = (w.motor * np.sin(2 * np.pi * hz * (w.t + w.started) + 1.0))[:, None] * np.array([0.6, -0.5, 0.62])
+        return w.a, 11.0 * quiet * wave / np.linalg.norm(wave)
+
+    def ringing(w, rng):  # type: ignore[no-untyped-def]
+        step = np.sign(w.before - w.a) * np.sqrt(np.abs(w.before - w.a))
+        return w.a, 0.03 * step * (np.exp(-w.away / 0.15) * np.cos(2 * np.pi * 6 * w.away))[:, None]
+
+    (found,) = inspect(recipe(), hide(recipe(), tone, 600 + SEED)[0]).faults
+    frequency = next(n for n in found.numbers if n.name == "frequency")
+    assert found.effect == "motor-tone"
+    assert float(frequency.value) == pytest.approx(hz, abs=1e-3)
+    assert found.gain is not None
+    assert found.gain.per == "sample"
+    assert found.gain.accepted
+    assert inspect(recipe(), hide(recipe(), ringing, 700 + SEED)[0]).faults == ()
+
+
+@pytest.mark.parametrize("limit", [0.99, 0.8, 0.72])
+def test_clipping_is_found_at_any_limit_and_nothing_else_is_made_of_it(limit: float) -> None:
+    table, _ = hide(recipe(), None, 800 + SEED)
+    (found,) = inspect(recipe(), replace(table, reading=np.clip(table.reading, -limit, limit))).faults
+    assert found.effect == "clipping"
+    assert all(float(n.value) == limit for n in found.numbers)
+    assert found.gain is not None
+    assert found.gain.accepted

@@ -42,7 +42,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
         order = np.argsort(stop, kind="stable")
         table, stop = table[order], stop[order]
     mean = _means(table.reading, stop)
-    read = axis_decoding.wrong_decodings(scene, mean)
+    read = axis_decoding.wrong_decodings(scene, mean, clipping.clipped(table, stop)[0])
     found = axis_decoding.faults(table, scene, read, mean)
     if any(f.rejected for f in found):
         # What no held-out stop confirms is no way to decode the table.

@@ -1,5 +1,6 @@
 """Axes swapped or with the wrong sign, and readings a whole factor off: by the nearest of 48 signed permutations."""
 
+from collections.abc import Container
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,11 +40,14 @@ class AxisDecoding:
     measured: float
 
 
-def wrong_decodings(scene: Scene, mean: Floats) -> dict[int, AxisDecoding]:
-    """What stands on the axes of each unit that is decoded wrongly; mean (v, 3) of the stops."""
+def wrong_decodings(scene: Scene, mean: Floats, clipped: Container[int]) -> dict[int, AxisDecoding]:
+    """What stands on the axes of each unit that is decoded wrongly; mean (v, 3) of the stops; clipped: the units whose
+    readings are cut off, which makes them look smaller by any factor, but not by that of a range or unit."""
     found = {}
     for u, rows in enumerate(rows_of_units(scene.visits.unit)):
         read = _by_pose(scene, mean, rows) if scene.recipe.pose_known else _by_magnitude(scene, mean[rows])
+        if read is not None and u in clipped and read.factor not in FACTORS:
+            read = replace(read, factor=1.0)
         if read is not None and (read.mapping or read.factor != 1.0):
             found[u] = read
     return found

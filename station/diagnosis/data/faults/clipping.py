@@ -3,13 +3,22 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, rows_of_units, unit_label
+from station.diagnosis.data.faults.gross_fault import (
+    FaultParameter,
+    GrossFault,
+    block_gain,
+    halves_of,
+    rows_of_units,
+    unit_label,
+)
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
 #: Share of a stop's samples at the extreme from which it is clipped, and share at the commonest value from which
 #: nothing can be said because every stop looks like that.
 CLIPPED_SHARE, COMMON_SHARE = 0.3, 0.15
+#: Where no step of the output is known readings are told apart to this share of their noise.
+RESOLUTION_SHARE = 1e-3
 #: Samples that must be clipped.
 MIN_CLIPPED_SAMPLES = 5
 
@@ -29,7 +38,8 @@ def clipped(table: SampleTable, stop: NDArray[np.intp]) -> tuple[dict[int, float
         hit = (share > CLIPPED_SHARE) & (share * count[:, None] >= MIN_CLIPPED_SAMPLES)
         if hit.any() and _repeat_share(reading, where, ~hit) < COMMON_SHARE:
             limits[u] = limit
-            bad[rows] = np.asarray(hit.any(axis=1))[where]
+            # Where any sample stands at the limit the mean of the stop is wrong, too.
+            bad[rows] = np.asarray((share > 0).any(axis=1))[where]
     return limits, bad
 
 
@@ -53,4 +63,45 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
         FaultParameter("limit", None, unit_label(table.unit, u), x, std, recipe.unit) for u, x in limits.items()
     )
     told = f"{int(bad.sum())} samples stand still at ±{next(iter(limits.values())):.4g} {recipe.unit}"
-    return [GrossFault("clipping", "unit", numbers, told, float(bad.sum()))]
+    scores = [_held_out_scores(table.reading[rows], stop[rows], limits[u], recipe.device.lsb)
+              for u, rows in enumerate(rows_of_units(table.unit)) if u in limits]  # fmt: skip
+    gain = block_gain(np.concatenate([s for s, _ in scores]), np.concatenate([n for _, n in scores]), "sample")
+    return [GrossFault("clipping", "unit", numbers, told, float(bad.sum()), gain=gain)]
+
+
+def _held_out_scores(reading: Floats, stop: NDArray[np.intp], limit: float, lsb: float) -> tuple[Floats, Floats]:
+    """Of each stop of a unit (s): by how much likelier its samples are where the share of them that stands exactly at
+    the limit is that of the other half of the clipped stops, than where all are noise; and how many samples these are,
+    0 in stops that no limit touches.
+
+    Noise puts at most lsb/(σ·√2π) of the samples on one value, σ the median spread of the stops that are not clipped.
+    """
+    where = stop - stop[0]
+    count = np.bincount(where)
+    at = np.abs(reading) >= limit * (1 - 1e-9)
+    share = np.stack([np.bincount(where, a) for a in at.T], 1) / count[:, None]
+    half = halves_of(len(count))
+    sigma = _spread(reading, where, share == 0)
+    resolution = max(lsb, RESOLUTION_SHARE * sigma)
+    chance = float(np.clip(resolution / (sigma * np.sqrt(2 * np.pi)), 1e-12, 0.999))
+    score, samples = np.zeros(len(count)), np.zeros(len(count))
+    for part in (0, 1):
+        for axis in range(3):
+            fitted = share[(half != part) & (share[:, axis] > 0), axis]
+            judged = (half == part) & (share[:, axis] > 0)
+            if not len(fitted):
+                continue
+            told = float(np.clip(fitted.mean(), 0.5 / count.max(), 1 - 0.5 / count.max()))
+            hits = share[judged, axis] * count[judged]
+            rest = count[judged] - hits
+            score[judged] += hits * np.log(told / chance) + rest * np.log((1 - told) / (1 - chance))
+            samples[judged] += count[judged]
+    return score, samples
+
+
+def _spread(reading: Floats, where: NDArray[np.intp], fine: NDArray[np.bool_]) -> float:
+    """Median over stops and axes that are fine of the standard deviation of their samples."""
+    count = np.bincount(where)[:, None]
+    mean, square = (np.stack([np.bincount(where, x) for x in values.T], 1) / count for values in (reading, reading**2))
+    spread = np.sqrt(np.maximum(square - mean**2, 0.0))[fine]
+    return max(float(np.median(spread)) if len(spread) else 0.0, 1e-12)

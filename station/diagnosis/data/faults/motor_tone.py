@@ -4,7 +4,9 @@ Each stop's samples are turned into one complex amplitude per frequency up to ha
 stops without regard to phase; where a narrow line stands out of the spectrum around it in proportion to motor², the
 phases are followed over the whole campaign, which fixes frequency, amplitude and phase. A tone above half the rate
 shows at its alias. Where the phases do not hold from stop to stop, amplitudes come from the powers alone
-(`tone_power.py`). What dies away after each arrival is taken off first: it keeps step with the moves, a tone does not.
+(`tone_power.py`). What dies away after each arrival is taken off first, and a line that the second half of the dwells
+does not hold is none: it keeps step with the moves, a tone with the motors. Tones far below the noise of a dwell show
+in the spectrum of all dwells together (`matched_spectrum.py`).
 """
 
 from dataclasses import dataclass, replace
@@ -12,10 +14,12 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault
-from station.diagnosis.data.faults.tone_power import power_per_visit
+from station.diagnosis.data.faults.gross_fault import BlockGain, FaultParameter, GrossFault, block_gain, halves_of
+from station.diagnosis.data.faults.matched_spectrum import MatchedSpectrum
+from station.diagnosis.data.faults.tone_power import TonePower, power_per_visit
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
@@ -27,6 +31,8 @@ OVERSAMPLING = 2
 BACKGROUND_BINS, LINE_BINS = 12, 2
 #: A unit needs so many stops before its arrivals can be told from its tones.
 MIN_FILTER_VISITS = 8
+#: What the second half of a dwell may hold less of a tone, in standard deviations, and the least share that it must.
+LASTING_SIGMA, MIN_LASTING_SHARE = 3.0, 0.25
 #: Samples whose spectrum is taken at once.
 SAMPLES_AT_ONCE = 50_000
 
@@ -67,6 +73,11 @@ class WhiteDwells:
     motor: Floats
     rate_hz: float
     filter: TransientFilter
+
+    @property
+    def live(self) -> NDArray[np.bool_]:
+        """Where there is a sample (v, s)."""
+        return np.asarray(self.filter.curve[:, :, 0] != 0)
 
     @property
     def middle_s(self) -> Floats:
@@ -112,13 +123,23 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     if samples < 16:
         return []
     tried = np.arange(3, OVERSAMPLING * samples // 2) * rate / (OVERSAMPLING * samples)
-    seen = _power_spectrum(table, stop, rate, tried)
+    seen, matched = _power_spectrum(table, stop, rate, tried)
     gains = _gains(seen)
     best = int(gains.argmax())
-    if gains[best] < MIN_GAIN_NATS + np.log(len(tried)):
+    coherent = matched.lines()
+    loud = gains[best] >= MIN_GAIN_NATS + np.log(len(tried))
+    if not loud and coherent is None:
         return []
     d, sigma = white_dwells(table, stop, rate)
-    return [_fault(d, _refine_frequency(d, float(tried[best])), sigma, float(gains[best]), recipe)]
+    if coherent is not None and not (loud and gains[best] > coherent[1]):
+        frequency, nats = _nearest_tone(d, coherent[0], matched.resolution_hz), coherent[1]
+    else:
+        frequency, nats = _refine_frequency(d, float(tried[best])), float(gains[best])
+    tone = _tone(d, frequency)
+    if not tone.lasts(d):
+        return []
+    fault = _fault(tone, d, sigma, nats, recipe)
+    return [] if fault.rejected else [fault]
 
 
 class PowerSpectrum(NamedTuple):
@@ -129,17 +150,23 @@ class PowerSpectrum(NamedTuple):
     stops: float
 
 
-def _power_spectrum(table: SampleTable, stop: NDArray[np.intp], rate_hz: float, tried: Floats) -> PowerSpectrum:
-    """The spectrum of all stops at frequencies tried in equal steps, some units after others."""
+def _power_spectrum(
+    table: SampleTable, stop: NDArray[np.intp], rate_hz: float, tried: Floats
+) -> tuple[PowerSpectrum, MatchedSpectrum]:
+    """The spectrum of all stops at frequencies tried in equal steps, some units after others; and that of all of them
+    as one record."""
+    t = table.time_s + table.values["started_s"]
+    matched = MatchedSpectrum(rate_hz, float(tried[0]), float(t.min()), float(t.max()))
     power, weight, squares = np.zeros((len(tried), 3)), 0.0, 0.0
     starts = np.flatnonzero(np.diff(table.unit.code, prepend=-1))
     part = np.append(starts[np.diff(starts // SAMPLES_AT_ONCE, prepend=-1) > 0], len(stop))
     for first, last in pairwise(part):
         d, _ = white_dwells(table[first:last], stop[first:last] - stop[first], rate_hz)
         power += _power(d, tried)
+        matched.add(d.white, d.time_s, d.motor, d.live)
         weight += float(np.sum(_weight(d)))
         squares += float(np.sum(_weight(d) ** 2))
-    return PowerSpectrum(power / max(weight, 1e-300), weight**2 / max(squares, 1e-300))
+    return PowerSpectrum(power / max(weight, 1e-300), weight**2 / max(squares, 1e-300)), matched
 
 
 def _amplitudes(d: WhiteDwells, frequency_hz: float) -> Array:
@@ -206,8 +233,78 @@ def _refine_frequency(d: WhiteDwells, frequency_hz: float) -> float:
     return frequency_hz + best[0]
 
 
-def _fault(d: WhiteDwells, frequency_hz: float, sigma: float, nats: float, recipe: Recipe) -> GrossFault:
-    """Amplitude of each axis, frequency and phase by least squares on all samples."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Tone:
+    """A tone at a frequency: its waves (2, v, s, 3) at amplitude 1 as the filtered samples hold them, coefficients
+    (2, 3) of one phase for all stops, bend (v, s, 3) by the frequency, and the power of each phase on its own."""
+
+    frequency_hz: float
+    waves: Floats
+    c: Floats
+    bend: Floats
+    power: TonePower
+
+    @property
+    def coherent(self) -> bool:
+        """Whether one phase holds for all stops."""
+        return not self.power.exceeds(self.c)
+
+    def lasts(self, d: WhiteDwells) -> bool:
+        """Whether the second half of the dwells holds as much of it as the first: what an arrival leaves does not."""
+        place = np.cumsum(d.live, axis=1) - 1
+        late = (place >= _count(d)[:, None] / 2)[None, :, :, None]
+        if self.coherent:
+            square, std = [], []
+            for part in (~late, late):
+                waves = self.waves * part
+                square.append(float(np.sum(_amplitude(waves, d.white * part[0]) ** 2)))
+                # The variance of a squared amplitude of six numbers, each known to 2/Σ waves².
+                each = 3 / max(float(np.sum(waves[0] ** 2)), 1e-300)
+                square[-1] -= 6 * each
+                std.append(float(np.sqrt(4 * max(square[-1], 0.0) * each + 12 * each**2)))
+        else:
+            halves = [power_per_visit(self.waves * part, d.white * part[0]) for part in (~late, late)]
+            square = [float(p.square.sum()) for p in halves]
+            std = [float(np.sqrt(np.sum(p.std**2))) for p in halves]
+        # As much, but for chance; and more than a quarter of it in any case.
+        less = square[0] - square[1] > LASTING_SIGMA * float(np.hypot(std[0], std[1]))
+        return not less and square[1] > MIN_LASTING_SHARE * square[0]
+
+    def held_out_gain(self, d: WhiteDwells) -> BlockGain | None:
+        """What it gains at one half of the stops, found in the other; of a tone without a common phase the likelihood
+        is averaged over the phase."""
+        scores, counts = np.zeros(len(d.white)), _count(d)
+        half = halves_of(len(scores))
+        for part in (0, 1):
+            fitted, judged = half != part, half == part
+            if not fitted.any() or not judged.any():
+                continue
+            waves, white = self.waves[:, judged], d.white[judged]
+            if self.coherent:
+                told = np.einsum("kvsi,ki->vsi", waves, _amplitude(self.waves[:, fitted], d.white[fitted]))
+                scores[judged] = 0.5 * np.sum(white**2 - (white - told) ** 2, axis=(1, 2))
+            else:
+                amplitude = power_per_visit(self.waves[:, fitted], d.white[fitted]).amplitude
+                along = np.sqrt(np.sum(np.einsum("kvsi,vsi->kvi", waves, white) ** 2, axis=0)) * amplitude
+                energy = amplitude**2 * np.sum(waves**2, axis=(0, 2)) / 4
+                # log I₀ of large arguments, too.
+                log_i0 = np.log(np.asarray(scipy.special.i0e(along), float)) + along
+                scores[judged] = np.sum(log_i0 - energy, axis=1)
+        return block_gain(scores, counts, "sample")
+
+
+def _nearest_tone(d: WhiteDwells, lines_hz: Floats, resolution_hz: float) -> float:
+    """The frequency near one of some lines that has the largest amplitude, all samples at their own times."""
+    step = resolution_hz * np.arange(-1, 1.01, 0.25)
+    live, weight = d.live, np.broadcast_to(d.motor[:, None], d.live.shape)
+    t, y = (d.time_s - d.time_s[live].mean())[live], (d.white * weight[..., None])[live]
+    tried = (lines_hz[:, None] + step).ravel()
+    power = [float(np.sum(np.abs(np.exp(-2j * np.pi * f * t) @ y) ** 2)) for f in tried]
+    return float(tried[int(np.argmax(power))])
+
+
+def _tone(d: WhiteDwells, frequency_hz: float) -> Tone:
+    """The tone near a frequency, by least squares on all samples."""
     for _ in range(4):
         angle = 2 * np.pi * frequency_hz * d.time_s
         waves = np.stack([_filtered(d, np.sin(angle)), _filtered(d, np.cos(angle))])
@@ -216,9 +313,15 @@ def _fault(d: WhiteDwells, frequency_hz: float, sigma: float, nats: float, recip
         bend = _filtered(d, late * np.cos(angle)) * c[0] - _filtered(d, late * np.sin(angle)) * c[1]
         left = d.white - np.einsum("kvsi,ki->vsi", waves, c)
         frequency_hz += float(np.sum(bend * left) / max(float(np.sum(bend**2)), 1e-300))
-    power = power_per_visit(waves, d.white)
-    if power.exceeds(c):
-        return _incoherent_fault(d, frequency_hz, sigma, nats, recipe)
+    return Tone(frequency_hz, waves, c, bend, power_per_visit(waves, d.white))
+
+
+def _fault(tone: Tone, d: WhiteDwells, sigma: float, nats: float, recipe: Recipe) -> GrossFault:
+    """Amplitude of each axis, frequency and phase."""
+    gain = tone.held_out_gain(d)
+    if not tone.coherent:
+        return replace(_incoherent_fault(d, tone.frequency_hz, sigma, nats, recipe), gain=gain)
+    c, waves, frequency_hz = tone.c, tone.waves, tone.frequency_hz
     strong = int(np.argmax(np.hypot(*c)))
     phase = float(np.arctan2(c[1, strong], c[0, strong]) % (2 * np.pi))
     along = c[0] * np.cos(phase) + c[1] * np.sin(phase)
@@ -227,11 +330,11 @@ def _fault(d: WhiteDwells, frequency_hz: float, sigma: float, nats: float, recip
         FaultParameter("amplitude", axis, "common", float(a * sigma), float(std), recipe.unit)
         for axis, a in zip("xyz", along, strict=True)
     ]
-    told_std = float(1 / np.sqrt(max(float(np.sum(bend**2)), 1e-300)))
-    numbers.append(FaultParameter("frequency", None, "common", frequency_hz, told_std, "Hz"))
+    frequency_std = float(1 / np.sqrt(max(float(np.sum(tone.bend**2)), 1e-300)))
+    numbers.append(FaultParameter("frequency", None, "common", frequency_hz, frequency_std, "Hz"))
     numbers.append(FaultParameter("phase", None, "common", phase, float(std / (sigma * np.hypot(*c)[strong])), "rad"))
     told = f"a tone of {frequency_hz:.3f} Hz follows the motors"
-    return GrossFault("motor-tone", "common", tuple(numbers), told, nats)
+    return GrossFault("motor-tone", "common", tuple(numbers), told, nats, gain=gain)
 
 
 def _incoherent_fault(d: WhiteDwells, frequency_hz: float, sigma: float, nats: float, recipe: Recipe) -> GrossFault:
