@@ -8,7 +8,7 @@ SCALE  ?= 1
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: drawing help run test check lock blind torture bench bench-diagnosis pictures clean
+.PHONY: release drawing help run test check lock blind torture bench bench-diagnosis pictures clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -64,6 +64,12 @@ pictures: $(VENV)/.dev  ## renew the guide's pictures of the page, as the tests 
 
 drawing: $(VENV)/.dev  ## renew the picture of the rooms in docs/architecture.md from the imports
 	$(BIN)/python docs/draw_architecture.py
+
+release: $(VENV)/.dev  ## wheel, source, bill of materials (CycloneDX) and SHA-256 sums, in dist/
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --group release
+	rm -rf dist && $(BIN)/hatchling build
+	$(BIN)/cyclonedx-py requirements requirements.lock --pyproject pyproject.toml --of JSON -o dist/sbom.cdx.json
+	cd dist && sha256sum * > SHA256SUMS && cat SHA256SUMS
 
 clean:  ## remove what the targets made
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -1,0 +1,17 @@
+"""docs/threats.md names only tests that exist, and names one for every threat that it calls defended."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+TEXT = (ROOT / "docs" / "threats.md").read_text(encoding="utf-8")
+ROWS = [line for line in TEXT.splitlines() if line.startswith("|") and ".py`" in line]
+
+
+def test_every_defence_names_a_test_that_exists() -> None:
+    assert len(ROWS) > 15
+    for row in ROWS:
+        named = re.findall(r"`(?:tests/integration/)?(test_\w+\.py)`", row)
+        assert named, row
+        for name in named:
+            assert (ROOT / "tests" / "integration" / name).exists(), name
