@@ -20,7 +20,7 @@ _FOLDER = Path(__file__).parent
 
 #: A start makes a hundred thousand objects that stay: looking for garbage after every 700 takes a tenth of its time.
 _GC_THRESHOLDS = (50_000, 20, 100)
-#: What typer answers to Ctrl-C, and what the contracts ask for.
+#: What typer answers to Ctrl-C, and the exit codes of docs/formats.md.
 _INTERRUPTED, _ABORTED_CODE, _BUG_CODE, _NOBODY_READS_CODE = 130, 4, 70, 3
 
 

@@ -1,7 +1,7 @@
 """A simulation that has learnt: schema `station.model/1`, which `diagnose` writes and `simulate` and `diagnose` read.
 
 It says what the simulation is made of besides the recipe: the calibration it is projected free of, the noise, the
-spread between units, and the causes found, with their parameters in the contracts' form.
+spread between units, and the causes found, with parameters as in docs/formats.md.
 """
 
 from collections import defaultdict
@@ -38,7 +38,7 @@ class ModelSpread(StrictModel):
 
 
 class ModelParameter(StrictModel):
-    """One number of a cause, as contracts section 6 names it."""
+    """One number of a cause, as docs/formats.md names it."""
 
     name: str
     axis: str | None = None

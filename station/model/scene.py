@@ -69,7 +69,7 @@ class Scene:
         return Scene(self.recipe, self.visits, np.zeros(0, np.intp), np.zeros(0))
 
     def group(self, level: str) -> tuple[NDArray[np.int32], tuple[str, ...]]:
-        """Group codes (v) of the visits and the groups' names as the contracts write them: ("unit:SN1", …).
+        """Group codes (v) of the visits and the groups' names as docs/formats.md writes them: ("unit:SN1", …).
 
         level: common, unit, run, power-on, visit, run-of-recipe, nest, position, station, lot or operator. Where a
         table does not say the nest, station, lot or operator, all visits are one group, "common".

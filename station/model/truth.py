@@ -27,7 +27,7 @@ class Truth:
             self.effects.setdefault(key, {}).update({(p["name"], p["axis"], p["of"]): p for p in told})
 
     def document(self) -> dict[str, Any]:
-        """In the contracts' parameter form {name, axis, of, value, unit}.
+        """In the parameter form of docs/formats.md {name, axis, of, value, unit}.
 
         offset and matrix of a unit are what is no defect: measured = matrix · true + offset + what the effects add.
         """

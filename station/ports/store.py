@@ -1,4 +1,4 @@
-"""The log: written as the run goes, append-only, hash-chained. Contracts, section 7."""
+"""The log: written as the run goes, append-only, hash-chained. docs/formats.md, Log."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What no data of a recipe can tell apart is given as a set, never one member of it as certain (method notes, 5)."""
+"""What no data of a recipe can tell apart is given as a set, never one member of it as certain."""
 
 import numpy as np
 import pytest

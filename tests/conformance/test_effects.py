@@ -29,7 +29,7 @@ IDS = plugins.names("station.model.effects")
 SMOOTH = {EffectStage.POSE, EffectStage.STIMULUS, EffectStage.SENSOR}
 LEVELS = ("common", "unit", "run", "power-on", "visit", "nest", "position", "station", "lot", "operator")
 
-#: Contracts, section 6: name, unit, axes, frame of the parameters of each id.
+#: docs/formats.md: name, unit, axes, frame of the parameters of each id.
 XYZ, ALONE = ("x", "y", "z"), ("",)
 CONTRACT: dict[str, tuple[str, str, tuple[str, ...], str]] = {
     "cross-axis": ("coefficient", "1", ("xy", "xz", "yz"), ""),

@@ -1,4 +1,4 @@
-"""The log keeps everything that contracts section 7 asks for, and lets nothing be changed."""
+"""The log keeps everything that docs/formats.md promises, and lets nothing be changed."""
 
 import json
 import os

@@ -279,7 +279,7 @@ def _as_model(one: SimulationJob, made: SimulatedCampaign) -> Model:
     "name", ["quadratic", "nest-tilt", "settling", "index-error", "step", "axis-permutation", "lost-frames"]
 )
 def test_truth_read_back_as_a_model_simulates_the_same(name: str) -> None:
-    """The contracts' parameter form loses nothing: for the same units the samples are the same."""
+    """The parameter form of docs/formats.md loses nothing: for the same units the samples are the same."""
     one = quiet(job(name))
     made = simulate(one)
     again = simulate(replace(one, effects=(), model=_as_model(one, made)))

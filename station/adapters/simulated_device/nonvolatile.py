@@ -7,7 +7,7 @@ from pathlib import Path
 from station.errors import ConfigError, UsageError
 from station.files.replace import replace_text
 
-#: Values by address, written as in the contracts: {"2101:01": 1.0}. Bytes are hex text.
+#: Values by address, written as: {"2101:01": 1.0}. Bytes are hex text.
 SavedObjects = dict[str, int | float | str]
 
 

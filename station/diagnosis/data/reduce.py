@@ -1,7 +1,7 @@
 """From samples to few robust numbers: a mean for each stop, and what changes within the stop.
 
-A dwell is cut into sub-blocks that grow with the time since its first sample (shares .06, .09, .25, .60; the third
-section of the method notes: 0–.15–.4–1.0 s with the first one halved, so that a settling of .1 s shows its slope).
+A dwell is cut into sub-blocks that grow with the time since its first sample (shares .06, .09, .25, .60; the
+blocks 0–.15–.4–1.0 s with the first one halved, so that a settling of .1 s shows its slope).
 Each block gives a Huber mean. The blocks of a stop are then turned into their weighted mean and into contrasts that
 are orthogonal to it: a cause that stands still during a dwell shows in the mean only, one that moves also in the
 contrasts, and the noise of the two is independent.

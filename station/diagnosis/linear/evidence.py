@@ -1,7 +1,7 @@
 """Evidence for a cause as a random effect with its amplitude integrated out.
 
 A cause adds Z·c to white readings r, c ~ N(0, ρ σ² I). With the normal matrix ZᵀZ = E diag(m) Eᵀ and u = EᵀZᵀr,
-the log-likelihood ratio against ρ = 0 with σ profiled is (method notes, section 2)
+the log-likelihood ratio against ρ = 0 with σ profiled is
 
     L(ρ) = −½ n·log(1 − Σ w u² / RSS) − ½ Σ log(1 + ρ m),      w = ρ / (1 + ρ m)
 

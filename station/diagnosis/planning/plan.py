@@ -27,7 +27,7 @@ from station.model.timeline import noise_density_of, visit_dwells_s
 PLANNING_RATE_HZ = 20.0
 #: Levels at which a cause acts only where it usually does.
 RARE_LEVELS = ("run", "power-on", "visit")
-#: d from which a cause is found in 8 of 10 campaigns, 3 coefficients at 1 % (method notes, section 1).
+#: d from which a cause is found in 8 of 10 campaigns, 3 coefficients at 1 % (docs/diagnosis.md).
 DETECTABLE_D = 3.93
 
 

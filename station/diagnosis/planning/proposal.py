@@ -1,8 +1,8 @@
 """The next run: the shortest change of a recipe that tells a found cause from those it is tied with.
 
 Every run of a menu is added to the recipe, the longer campaign simulated, and the found cause, at the size and shape
-found and under the noise floor found, is held against all that the others could imitate: d·√κ (method notes,
-section 1). The shortest run with 3.3 is proposed; where none has, the one that does most for its minutes, with a second
+found and under the noise floor found, is held against all that the others could imitate: d·√κ (docs/diagnosis.md).
+The shortest run with 3.3 is proposed; where none has, the one that does most for its minutes, with a second
 one on top of it if that helps.
 """
 

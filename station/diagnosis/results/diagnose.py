@@ -58,7 +58,7 @@ class Diagnosis:
 
     @property
     def verdict(self) -> DiagnosisVerdict:
-        """none, named, incomplete or unknown; contracts, section 5."""
+        """none, named, incomplete or unknown; docs/formats.md."""
         found = bool(self.causes or self.faults)
         if self.depends_on:
             return "incomplete" if found else "unknown"

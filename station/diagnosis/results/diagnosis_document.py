@@ -1,4 +1,4 @@
-"""A diagnosis as the document `station.diagnosis/1` (contracts, section 5)."""
+"""A diagnosis as the document `station.diagnosis/1` (docs/formats.md)."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -104,7 +104,7 @@ def _cause(c: Cause, d: Diagnosis) -> dict[str, Any]:
 
 
 def parameter_rows(c: Cause, d: Diagnosis) -> list[dict[str, Any]]:
-    """The numbers of a cause in the contracts' form."""
+    """The numbers of a cause as docs/formats.md names them."""
     return _floor_parameters(c.finding.name, d) if c.estimate is None else _parameters(c.estimate, d.recipe.unit)
 
 

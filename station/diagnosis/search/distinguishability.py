@@ -1,4 +1,4 @@
-"""Which causes these data cannot tell from a found one: d·√κ < 3.3 (method notes, section 1).
+"""Which causes these data cannot tell from a found one: d·√κ < 3.3 (docs/diagnosis.md).
 
 The found cause leaves a signal s in the white readings. What another cause could not imitate with any coefficients
 is (I − P)s; its length is d·√κ. Two causes are named apart with 95 % confidence when that is at least 3.3.

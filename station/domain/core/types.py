@@ -128,7 +128,7 @@ class NestAssignment:
 
 
 class Outcome(StrEnum):
-    """How an attempt ended; contracts section 7."""
+    """How an attempt ended; docs/formats.md."""
 
     PASS = "PASS"
     FAIL = "FAIL"

@@ -1,4 +1,4 @@
-"""Results as plain documents: `station.calibration/1` (contracts, section 4), with what else is known beside it."""
+"""Results as plain documents: `station.calibration/1` (docs/formats.md), with what else is known beside it."""
 
 from dataclasses import asdict
 from typing import Any

@@ -1,4 +1,4 @@
-"""The recipe: frozen pydantic models of `station.recipe/1` (contracts, section 2). Pure: text is read elsewhere."""
+"""The recipe: frozen pydantic models of `station.recipe/1` (docs/formats.md). Pure: text is read elsewhere."""
 
 from collections.abc import Callable, Sequence
 from difflib import get_close_matches

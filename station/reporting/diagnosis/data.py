@@ -55,7 +55,7 @@ class DwellSamples:
 class ReportData:
     """Everything a report shows.
 
-    document: a station.diagnosis/1 (contracts, section 5); recipe: its name; axes: names of the k numbers of a stop;
+    document: a station.diagnosis/1 (docs/formats.md); recipe: its name; axes: names of the k numbers of a stop;
     unit, position (Labels), run, visit, previous (v; index of the stop before, −1 for none) and values (v) by
     covariate, those that were recorded; measured (v, k), before and after (v, k): measured − simulated without and
     with the causes, each unit calibrated; read, expected (v, 3): plain means of the samples as they came, and what an

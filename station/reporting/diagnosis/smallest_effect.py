@@ -6,7 +6,7 @@ from scipy.special import chdtri, chndtrinc
 from station.diagnosis.linear.evidence import EigenSpectrum
 from station.diagnosis.search.scoring import ScoredBank
 
-#: What searching the whole bank costs in amplitude beside a test of one form (method notes, section 6).
+#: What searching the whole bank costs in amplitude beside a test of one form (docs/diagnosis.md).
 SEARCH_PENALTY = 1.2
 LEVEL, POWER = 0.01, 0.80
 

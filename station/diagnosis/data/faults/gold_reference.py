@@ -24,7 +24,7 @@ from station.model.scene import Scene
 OFFSET_STD, GAIN_STD = 1e-4, 5e-5
 #: Rise of χ² beyond which 1, 2, 3 or 4 numbers are no chance: 5 in 100,000.
 CHI2_RISES = (0.0, 16.4, 19.8, 22.6, 24.9)
-#: Two causes are told apart from this d·√κ on (method notes, section 1).
+#: Two causes are told apart from this d·√κ on (docs/diagnosis.md).
 GOLD_SEPARATION = 3.29
 #: The part of a dwell in which nothing moves any more.
 QUIET_FROM = 0.4

@@ -67,7 +67,7 @@ def halves(stop: NDArray[np.intp]) -> NDArray[np.intp]:
 
 @dataclass(frozen=True, slots=True)
 class FaultParameter:
-    """One number of a fault in the contracts' form; a mapping is text and has no deviation."""
+    """One number of a fault as docs/formats.md names them; a mapping is text and has no deviation."""
 
     name: str
     axis: str | None
@@ -105,5 +105,5 @@ def rows_of_units(units: Labels) -> list[slice]:
 
 
 def unit_label(units: Labels, code: int) -> str:
-    """A unit as the contracts write it."""
+    """A unit as docs/formats.md writes it."""
     return f"unit:{units.names[code]}"
