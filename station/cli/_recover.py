@@ -2,7 +2,7 @@
 
 from station.cli import _output
 from station.domain.core.types import NestAssignment
-from station.domain.run.run_state import about
+from station.domain.run.run_state import with_unit
 from station.errors import UsageError
 from station.messages import render
 from station.service import recovery
@@ -35,7 +35,7 @@ def recover_unit(order: RunOrder, serial: str, nest: str | None, how: str | None
             {"schema": "station.recovery/1", "serial": serial, "attempt": suspect.attempt, "state": state}
         )
     else:
-        _output.print_line(render(about(serial, recovery.device_state(state))))
+        _output.print_line(render(with_unit(serial, recovery.device_state(state))))
     return _EXIT_CODES[state]
 
 

@@ -28,7 +28,7 @@ from station.domain.run.progress import (
     VisitRejected,
     VisitStarted,
 )
-from station.domain.run.run_state import about, rejection
+from station.domain.run.run_state import rejection, with_unit
 from station.errors import Aborted, StationError, UsageError
 from station.messages import Message, render
 from station.panel_protocol.live_state import LiveStateWriter
@@ -163,7 +163,7 @@ class _ProgressLines:
         elif isinstance(event, VisitDone):
             self._step(event.position)
         elif isinstance(event, Notice):
-            self._tell(about(event.serial, event.message))
+            self._tell(with_unit(event.serial, event.message))
         elif isinstance(event, VisitRejected):
             self._tell(rejection(event))
 

@@ -17,7 +17,7 @@ from starlette.staticfiles import StaticFiles
 from station.errors import InputError, StationError
 from station.messages import Message
 from station.web import audit, charts_page, diagnosis, language, login, metrics, operator, render
-from station.web.guard import Refusal, SecurityMiddleware, session_of
+from station.web.guard import RequestRefusal, SecurityMiddleware, session_of
 from station.web.panel import Panel
 
 
@@ -51,7 +51,7 @@ async def _lifespan(app: Starlette) -> AsyncIterator[None]:
 
 async def _http_error(request: Request, exc: Exception) -> Response:
     assert isinstance(exc, HTTPException)
-    message = exc.message if isinstance(exc, Refusal) else Message.text(exc.detail)
+    message = exc.message if isinstance(exc, RequestRefusal) else Message.text(exc.detail)
     return _error_response(request, message, exc.status_code)
 
 

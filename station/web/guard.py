@@ -33,7 +33,7 @@ _WHOLE_NUMBER = re.compile("[0-9]{1,18}")
 Endpoint = Callable[[Request], Awaitable[Response]]
 
 
-class Refusal(HTTPException):
+class RequestRefusal(HTTPException):
     """A request refused with a status of HTTP and a message."""
 
     def __init__(self, status: int, message: Message) -> None:
@@ -68,9 +68,9 @@ def require_right(right: str) -> Callable[[Callable[[Request, Session], Awaitabl
             if session is None:
                 if request.method == "GET" and "text/html" in request.headers.get("accept", ""):
                     return RedirectResponse("/login", 303)
-                raise Refusal(401, Message("log-in-first"))
+                raise RequestRefusal(401, Message("log-in-first"))
             if not session.account.may(right):
-                raise Refusal(403, Message("role-may-not", role=session.account.role.value))
+                raise RequestRefusal(403, Message("role-may-not", role=session.account.role.value))
             return await endpoint(request, session)
 
         return guarded
@@ -82,7 +82,7 @@ async def form_of(request: Request, session: Session | None) -> FormData:
     """The posted form, once its size and its token are right. HTTPException 400 or 403 otherwise."""
     form = await request.form(max_files=0, max_fields=300, max_part_size=MOST_BODY_BYTES)
     if session is not None and not same_token(session, str(form.get("csrf", ""))):
-        raise Refusal(403, Message("form-not-yours"))
+        raise RequestRefusal(403, Message("form-not-yours"))
     return form
 
 

@@ -16,7 +16,7 @@ from station.errors import StationError
 from station.messages import Message
 from station.ports.log_reader import LogReader
 from station.service.golden_register import standings
-from station.web.guard import Refusal, session_of
+from station.web.guard import RequestRefusal, session_of
 from station.web.panel import Panel
 from station.wiring.logs import find_log
 
@@ -30,7 +30,7 @@ async def metrics(request: Request) -> Response:
     """Text for Prometheus: for this machine, and for people who have logged in."""
     local = request.client is not None and request.client.host in ("127.0.0.1", "::1")
     if not local and session_of(request) is None:
-        raise Refusal(401, Message("metrics-not-for-you"))
+        raise RequestRefusal(401, Message("metrics-not-for-you"))
     text = await run_in_threadpool(lambda: generate_latest(gather(request.app.state.panel)))
     return Response(text, media_type=CONTENT_TYPE_LATEST)
 

@@ -142,7 +142,7 @@ def test_columns_come_back(kept: list[np.ndarray]) -> None:
 @given(hnp.arrays(np.int64, st.integers(1, 50), elements=st.integers(-(2**46), 2**46)), st.sampled_from(predict.MODELS))
 def test_every_model_is_reversible(column: np.ndarray, model: int) -> None:
     column = column - column[0]
-    residual, parameters = predict.forward(column, model)
+    residual, parameters = predict.residuals(column, model)
     assert len(parameters) == predict.PARAMETERS[model]
     assert (predict.backward(predict.unzigzag(predict.zigzag(residual)), model, parameters) == column).all()
 

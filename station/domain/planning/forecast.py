@@ -21,7 +21,7 @@ COMFORTABLE = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Decision:
+class LimitForecast:
     """Whether a limit can be decided: limit and expanded uncertainty U of its least certain coefficient; guard: the
     rule's guard band there; verdict: comfortable | tight | impossible."""
 
@@ -39,7 +39,7 @@ class Forecast:
     dwell_s (v): of every planned stop; missed: what falls short of the recipe's until_std, or ''."""
 
     budget: Budget
-    decisions: tuple[Decision, ...]
+    decisions: tuple[LimitForecast, ...]
     noise: float
     dwell_s: Floats
     missed: str
@@ -58,7 +58,7 @@ def forecast(recipe: Recipe, rounding: Floats) -> Forecast:
     return Forecast(budget, _decisions(recipe, budget), noise, dwell_s, missed)
 
 
-def _decisions(recipe: Recipe, budget: Budget) -> tuple[Decision, ...]:
+def _decisions(recipe: Recipe, budget: Budget) -> tuple[LimitForecast, ...]:
     limits, std = recipe.limits, budget.std()
     guard = guard_band(limits, std, budget.dof)
     kinds = {"offset": coefficients.OFFSETS, "gain": coefficients.GAINS, "cross_axis": coefficients.CROSS}
@@ -71,5 +71,5 @@ def _decisions(recipe: Recipe, budget: Budget) -> tuple[Decision, ...]:
         expanded = float(budget.expanded()[worst])
         told = "impossible" if max(expanded, guard[worst]) >= limit else "tight"
         told = "comfortable" if COMFORTABLE * expanded <= limit else told
-        out.append(Decision(kind, coefficients.NAMES[worst], limit, expanded, float(guard[worst]), told))
+        out.append(LimitForecast(kind, coefficients.NAMES[worst], limit, expanded, float(guard[worst]), told))
     return tuple(out)

@@ -24,7 +24,7 @@ BACKWARDS = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Clock:
+class SampleClock:
     """time_s (n) from 0, in the order of `order` (n) rows. unit: of the stamps, `none` without any; inferred: by their
     size; rate_hz: counts over the span, pauses left out; source: data | given | assumed; jitter_s: scatter of steps."""
 
@@ -39,7 +39,7 @@ class Clock:
     restarts: int = 0
 
 
-def counted(readings: int, counter: Array | None, rate_hz: float, source: str) -> Clock:
+def counted(readings: int, counter: Array | None, rate_hz: float, source: str) -> SampleClock:
     """Without stamps: by a counter of readings (n), or by their places, at a rate."""
     places = np.arange(readings, dtype=float)
     if counter is not None:
@@ -47,12 +47,12 @@ def counted(readings: int, counter: Array | None, rate_hz: float, source: str) -
         places = np.cumsum(np.where(steps > 0, steps, np.where(np.arange(readings) > 0, 1.0, 0.0)))
     gaps = int(np.count_nonzero(np.diff(places) > 1))
     order = np.arange(readings)
-    return Clock(places / rate_hz, order, unit="none", inferred=False, rate_hz=rate_hz, source=source, gaps=gaps)
+    return SampleClock(places / rate_hz, order, unit="none", inferred=False, rate_hz=rate_hz, source=source, gaps=gaps)
 
 
 def stamped(
     file: str, stamps: Array, name: str, stated: str, wanted: str | None, rate_hz: float | None = None
-) -> Clock:
+) -> SampleClock:
     """By stamps (n). stated: the header's unit; wanted: the person's; rate_hz: as the file states it, to tell the unit.
     Ticks of no unit that makes that rate are counted at it. Errors: SamplesError."""
     unit = wanted or unit_of_name(name, stated)
@@ -80,7 +80,7 @@ def stamped(
     rate_hz = float(np.count_nonzero(~gap) / max(steps[~gap].sum(), 1e-12))
     spread = steps[~gap] - 1 / rate_hz
     jitter_s = float(np.sqrt(np.mean(spread**2))) if len(spread) else 0.0
-    return Clock(time_s, order, unit, inferred, rate_hz, "data", jitter_s, int(gap.sum()), restarts)
+    return SampleClock(time_s, order, unit, inferred, rate_hz, "data", jitter_s, int(gap.sum()), restarts)
 
 
 def unit_of_name(name: str, stated: str) -> str | None:

@@ -81,7 +81,7 @@ def canonical(text: str, quantity: Quantity) -> str | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Scale:
+class UnitScale:
     """reading = (raw − zero) · factor. unit: what the raw numbers are; inferred: by their size, not by a name;
     exact: whether the factor is a unit's own, so that the gain of the sensor stays in the readings."""
 
@@ -92,21 +92,21 @@ class Scale:
     exact: bool = True
 
 
-def from_magnitude(means: Floats, quantity: Quantity, *, whole: bool) -> Scale:
+def from_magnitude(means: Floats, quantity: Quantity, *, whole: bool) -> UnitScale:
     """The scale that the mean raw readings at rest (k, 3) themselves tell; whole: the raw numbers are integers."""
     if quantity.sizes is None or not len(means):
-        return Scale(quantity.unit, 1.0)
+        return UnitScale(quantity.unit, 1.0)
     centre, radius = sphere(means)
     low, high = (quantity.sizes[0] * (1 - SPREAD), quantity.sizes[1] * (1 + SPREAD))
     fits = [(unit, factor) for unit, factor in quantity.factors.items() if low <= radius * factor <= high]
     off_centre = float(np.abs(centre).max()) > 2 * radius
     if fits and not off_centre and not (whole and _counts(radius) and radius > 100):
-        return Scale(*fits[0])
+        return UnitScale(*fits[0])
     if quantity.sizes[0] != quantity.sizes[1]:
-        return Scale(quantity.unit, 1.0)
+        return UnitScale(quantity.unit, 1.0)
     bits = _counts(radius)
     zero = float(2 ** round(np.log2(np.abs(np.median(centre))))) if off_centre and np.median(centre) > 0 else 0.0
-    return Scale("LSB", 1 / (bits or radius), zero, exact=bool(bits))
+    return UnitScale("LSB", 1 / (bits or radius), zero, exact=bool(bits))
 
 
 def _counts(radius: float) -> int:

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from station.domain.capture import rest_segments
 from station.domain.core.types import Floats
 from station.domain.recognition import clock, columns, quantities, visits
-from station.domain.recognition.clock import Clock
+from station.domain.recognition.clock import SampleClock
 from station.domain.recognition.columns import Roles
-from station.domain.recognition.quantities import QUANTITIES, Quantity, Scale
+from station.domain.recognition.quantities import QUANTITIES, Quantity, UnitScale
 from station.domain.recognition.raw_table import ImportOptions, RawTable
 from station.errors import SamplesError, UsageError
 from station.messages import Message
@@ -36,8 +36,8 @@ class Recording:
     declared: str | None
     axes: tuple[str, str, str]
     axes_inferred: bool
-    clock: Clock
-    scale: Scale
+    clock: SampleClock
+    scale: UnitScale
     unit: str
     remarks: tuple[Message, ...]
 
@@ -91,7 +91,7 @@ def _complete_rows(table: RawTable, roles: Roles) -> tuple[NDArray[np.intp], tup
 
 def _clock(
     table: RawTable, roles: Roles, options: ImportOptions, keep: NDArray[np.intp], assumed_rate_hz: float
-) -> Clock:
+) -> SampleClock:
     if roles.time is not None:
         column = table.columns[roles.time]
         assert column.values is not None
@@ -138,9 +138,9 @@ def _rest_means(time_s: Floats, raw: Floats, edges: NDArray[np.int64] | None) ->
 
 def _scale(
     table: RawTable, roles: Roles, options: ImportOptions, quantity: Quantity, means: Floats, raw: Floats
-) -> Scale:
+) -> UnitScale:
     if options.scale is not None or options.zero is not None:
-        return Scale("raw", options.scale or 1.0, options.zero or 0.0, inferred=False)
+        return UnitScale("raw", options.scale or 1.0, options.zero or 0.0, inferred=False)
     stated = columns.stated_unit(table, roles.axes, quantity) if table.named else None
     if options.unit is not None:
         stated = quantities.canonical(options.unit, quantity)
@@ -149,7 +149,7 @@ def _scale(
             raise UsageError("unit-of-readings-unknown", unit=options.unit, known=known)
     whole = bool(np.all(raw[:1000] % 1 == 0))
     if stated is not None and stated != "LSB":
-        return Scale(stated, quantity.factors[stated], inferred=False)
+        return UnitScale(stated, quantity.factors[stated], inferred=False)
     found = quantities.from_magnitude(means, quantity, whole=whole or stated == "LSB")
     return replace(found, inferred=stated is None)
 

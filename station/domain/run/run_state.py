@@ -103,7 +103,7 @@ class RunState:
         if isinstance(event, VisitRejected):
             return self._with_message(rejection(event))
         if isinstance(event, Notice):
-            return self._with_message(about(event.serial, event.message))
+            return self._with_message(with_unit(event.serial, event.message))
         if isinstance(event, ObjectWritten):
             return replace(self, writing=f"{event.name} ({event.number}/{event.total})")
         if isinstance(event, UnitDone):
@@ -124,7 +124,7 @@ class RunState:
         return replace(self, messages=(*self.messages, message)[-MAX_MESSAGES:])
 
 
-def about(serial: str, message: Message) -> Message:
+def with_unit(serial: str, message: Message) -> Message:
     """The message with the unit it is about; serial '' is the whole fixture, which needs no name."""
     return Message("about-unit", serial=serial, message=message) if serial else message
 

@@ -127,7 +127,7 @@ def _restore(
     for which, begun in part.begun:
         own = [column[: begun.n] for column in left[which]]
         left[which] = [column[begun.n :] for column in left[which]]
-        found.append(message.restore(begun, *layouts[which], own))
+        found.append(message.unpack_frames(begun, *layouts[which], own))
     joined = Frames.join([*found, part.stragglers])
     whole = replace(joined, data=message.of_width(joined.data, part.width))
     if part.order is None:

@@ -60,7 +60,7 @@ class PayloadLayout:
         return data
 
 
-def words(data: NDArray[np.uint8]) -> NDArray[np.uint64]:
+def payload_words(data: NDArray[np.uint8]) -> NDArray[np.uint64]:
     """Payloads of up to 8 bytes as little-endian words (n)."""
     whole = np.zeros((len(data), 8), np.uint8)
     whole[:, : data.shape[1]] = data
@@ -92,7 +92,7 @@ def _find_parity(everything: NDArray[np.uint8], sample: NDArray[np.uint8]) -> pa
     for byte in sorted(range(len(entropies)), key=lambda b: -entropies[b]):
         if entropies[byte] * len(everything) < _PARITY_BITS:
             return None
-        found = parity.find_parity(words(everything), byte)
+        found = parity.find_parity(payload_words(everything), byte)
         if found is not None:
             return found
     return None

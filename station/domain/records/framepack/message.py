@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from station.domain.core.types import Frames
 from station.domain.records.framepack import predict
 from station.domain.records.framepack.bytestream import ByteReader, ByteWriter
-from station.domain.records.framepack.layout import PayloadLayout, find_layout, words
+from station.domain.records.framepack.layout import PayloadLayout, find_layout, payload_words
 from station.domain.records.framepack.parity import Parity
 
 Table = NDArray[np.int64]
@@ -59,7 +59,7 @@ def pack(out: ByteWriter, frames: Frames, layout: PayloadLayout) -> list[Words]:
     out.out += first.tobytes()
     left = []
     for column, model in zip((ticks, *layout.fields(data).T), layout.columns, strict=True):
-        residual, parameters = predict.forward(column, model)
+        residual, parameters = predict.residuals(column, model)
         left.append(predict.zigzag(residual))
         out.whole(*parameters)
     return left
@@ -84,7 +84,7 @@ def read(data: ByteReader, layout: PayloadLayout) -> MessageHeader:
     return MessageHeader(n, tick, start, first, told)
 
 
-def restore(begun: MessageHeader, key: Key, layout: PayloadLayout, left: Sequence[Words]) -> Frames:
+def unpack_frames(begun: MessageHeader, key: Key, layout: PayloadLayout, left: Sequence[Words]) -> Frames:
     """The frames of this identifier and length, from what `pack` wrote and gave."""
     leftovers = zip(left, layout.columns, begun.parameters, strict=True)
     time, *fields = [predict.backward(predict.unzigzag(u), model, list(told)) for u, model, told in leftovers]
@@ -112,7 +112,7 @@ def _payload(layout: PayloadLayout, fields: Table, first: NDArray[np.uint8]) -> 
 
 
 def _predicted_parity(parity: Parity, data: NDArray[np.uint8], first: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    return parity.predict(words(data), int(words(first[None, :])[0]))
+    return parity.predict(payload_words(data), int(payload_words(first[None, :])[0]))
 
 
 def write_layout(out: ByteWriter, key: Key, layout: PayloadLayout) -> None:

@@ -21,7 +21,7 @@ PARAMETERS = {LEVEL: 1, STEP: 0, COUNT: 3, LINE: 1}
 _FINE = 16  # binary places of a clock's period
 
 
-def forward(column: Table, model: int) -> tuple[Table, list[int]]:
+def residuals(column: Table, model: int) -> tuple[Table, list[int]]:
     """Residuals (n) of a column (n) and the model's parameters."""
     if model == LEVEL:
         level = round(float(column.mean()))
@@ -59,7 +59,7 @@ def unzigzag(u: NDArray[np.uint64]) -> Table:
 
 def cheapest(columns: Sequence[Table]) -> tuple[float, int]:
     """The model with the fewest bits for all columns together, the simplest of equals: bits, model."""
-    return min((sum(_bits(forward(column, model)[0]) for column in columns), model) for model in MODELS)
+    return min((sum(_bits(residuals(column, model)[0]) for column in columns), model) for model in MODELS)
 
 
 def _bits(residual: Table) -> float:

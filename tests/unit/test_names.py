@@ -1,0 +1,103 @@
+"""One name, one meaning (docs/glossary.md): a public name that two files define must mean the same in both."""
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+import station
+
+PACKAGE = Path(station.__file__).parent
+
+#: Functions that several modules define, each called through its module (`codec.pack`), with their one meaning.
+SAME_MEANING = {
+    "calibrate": "from samples to calibration and verdict: of one unit, of every unit of a table",
+    "canonical": "the one spelling of what can be written in several ways",
+    "check": "refuses, or gives reasons against, what it is handed",
+    "coefficients": "the coefficients of a calibration, as a document or a certificate lists them",
+    "command": "a command of the command line, or a person's action on the page",
+    "compare": "holds what is there against what was there before",
+    "decode": "from bytes to values",
+    "document": "the plain document of a value, as JSON keeps it",
+    "download": "writes an object over SDO",
+    "draw": "makes a figure",
+    "environment": "the templates of a face",
+    "fastest": "the order of least moving time",
+    "faults": "the gross faults that one check finds in a diagnosis' data; a test compares the checks",
+    "fit": "estimates parameters from data",
+    "form_of": "the form in which something came",
+    "frames": "raw frames of attempts",
+    "inspect": "looks over a diagnosis' data before anything is fitted",
+    "likelihoods": "log-likelihoods of noise shapes",
+    "load": "reads what was stored under a name",
+    "matrix_of": "the matrix that numbers or a text stand for",
+    "means": "means of the positions",
+    "missing": "what is not there and should be",
+    "names": "names in the order in which they come",
+    "of": "the thing of its module that belongs to the argument: `method.of(recipe)`",
+    "of_attempt": "what the log holds of one attempt, as a document or a certificate's facts",
+    "pack": "from frames to bytes",
+    "page": "a page as text",
+    "parse": "from text to a value, or a sentence that says what is wrong",
+    "posterior": "what is known after data",
+    "read": "from a file or bytes to values",
+    "recompute": "refits a stored attempt and compares; the page's route calls the use case",
+    "run_reader_process": "the other process of a reader of untrusted files",
+    "samples_table": "makes a samples table",
+    "save": "stores durably",
+    "search": "looks for the best, or for what fits a question",
+    "sentence": "one sentence for a person",
+    "serve": "answers until it is stopped",
+    "show": "the route of a page",
+    "solve": "solves linear equations, least squares included",
+    "spectrum": "eigenvalues or singular values",
+    "step_of": "the step of the grid that readings lie on",
+    "table": "makes a table",
+    "to_plain": "from values to plain bytes or JSON",
+    "unit": "one unit's document or page",
+    "unit_of": "the unit of measurement of a number",
+    "unpack": "from bytes to what was packed",
+    "upload": "reads an object over SDO",
+    "verification_visits": "the visits measured again after the write",
+    "verify": "holds a result against evidence from elsewhere",
+    "with_model": "the same with the causes of a model known",
+}
+
+
+def definitions(kind: type[ast.stmt] | tuple[type[ast.stmt], ...]) -> dict[str, list[str]]:
+    """Public names at the top of modules that more than one file defines, with the files."""
+    found: dict[str, list[str]] = defaultdict(list)
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            name = getattr(node, "name", "_")
+            if isinstance(node, kind) and not name.startswith("_"):
+                found[name].append(str(path.relative_to(PACKAGE)))
+    return {name: files for name, files in found.items() if len(files) > 1}
+
+
+def test_no_class_name_is_defined_twice() -> None:
+    assert definitions(ast.ClassDef) == {}
+
+
+def test_a_function_s_name_means_one_thing() -> None:
+    twice = definitions((ast.FunctionDef, ast.AsyncFunctionDef))
+    assert {name: files for name, files in twice.items() if name not in SAME_MEANING} == {}
+
+
+def test_the_list_of_same_meanings_holds_no_more_than_it_needs() -> None:
+    assert SAME_MEANING.keys() - definitions((ast.FunctionDef, ast.AsyncFunctionDef)).keys() == set()
+
+
+@pytest.mark.parametrize("word", ["told", "deeds", "laid", "alike", "hero", "crowd"])
+def test_no_module_class_or_public_function_bears_a_private_word(word: str) -> None:
+    files = [str(p.relative_to(PACKAGE)) for p in PACKAGE.rglob("*.py") if word in p.stem.split("_")]
+    names = [
+        node.name
+        for path in PACKAGE.rglob("*.py")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef | ast.FunctionDef)
+        and not node.name.startswith("_")
+        and word in node.name.lower().split("_")
+    ]
+    assert (files, names) == ([], [])
