@@ -185,3 +185,25 @@ def test_a_death_at_any_moment_leaves_a_head_that_is_gone_on_with(path: Path) ->
         store.event("", "log-in", {})
     head_file_path(path).write_bytes(kept)
     opened(path).close()
+
+
+HOUR_NS = 3600 * 10**9
+
+
+def begun(path: Path, at_ns: int, by: str = "") -> SqliteStore:
+    taken = Acknowledgement(by, "the clock was a year ahead") if by else None
+    return SqliteStore(path, epoch_ns=lambda: at_ns, acknowledgement=taken)
+
+
+def test_a_clock_set_back_is_an_event_and_beyond_a_day_a_refusal(path: Path) -> None:
+    now_ns = 1_800_000_000 * 10**9
+    with begun(path, now_ns) as store:
+        logs.unit(store, started_ns=now_ns)
+    begun(path, now_ns - 30 * 10**9).close()
+    begun(path, now_ns - 2 * HOUR_NS).close()
+    with SqliteLogReader(path) as log:
+        assert [e.kind for e in log.events()] == ["clock-back"]
+    with pytest.raises(StoreFault, match=r"the clock stands 25\.0 h before"):
+        begun(path, now_ns - 25 * HOUR_NS)
+    begun(path, now_ns - 25 * HOUR_NS, by="Ada").close()
+    begun(path, now_ns - 25 * HOUR_NS).close()

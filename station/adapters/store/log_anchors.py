@@ -12,6 +12,8 @@ from station.domain.records.head import AnchorFinding, SealedHead
 from station.files.system_errors import os_error_reason
 from station.messages import Message
 
+#: Beyond this, a clock that was set back stops the run; a smaller step of over a minute is an event.
+MOST_CLOCK_BACK_NS, NOTED_CLOCK_BACK_S = 24 * 3600 * 10**9, 60.0
 #: Event of the station that names the places where heads are kept from here on.
 PLACES_EVENT = "anchors"
 #: Event that holds a witness' receipt: place, size, root, at_ns, signature.
@@ -113,3 +115,26 @@ def _newest_event(connection: sqlite3.Connection, kind: str) -> dict[str, Any] |
     except ValueError:
         return None
     return detail if isinstance(detail, dict) else None
+
+
+def check_clock(connection: sqlite3.Connection, now_ns: int) -> list[AnchorFinding]:
+    """A clock that stands far before the newest attempt since somebody last took note of it."""
+    newest = _newest_start(connection)
+    if newest is None or now_ns >= newest[1] - MOST_CLOCK_BACK_NS:
+        return []
+    behind_h = (newest[1] - now_ns) / 3.6e12
+    return [AnchorFinding("clock-back", "clock", newest[0], Message("clock-back", hours=behind_h, number=newest[0]))]
+
+
+def clock_step_s(connection: sqlite3.Connection, now_ns: int) -> float:
+    """By how many seconds the clock stands before the newest attempt's beginning; 0 where it does not."""
+    newest = _newest_start(connection)
+    return 0.0 if newest is None else max(0.0, (newest[1] - now_ns) / 1e9)
+
+
+def _newest_start(connection: sqlite3.Connection) -> tuple[int, int] | None:
+    """Number and beginning of the latest attempt after the newest acknowledgement."""
+    since = "SELECT coalesce(max(seq), 0) FROM event WHERE attempt IS NULL AND kind = ?"
+    query = f"SELECT seq, started_ns FROM attempt WHERE seq > ({since}) ORDER BY started_ns DESC LIMIT 1"
+    row = connection.execute(query, (ACKNOWLEDGED_EVENT,)).fetchone()
+    return None if row is None else (int(row[0]), int(row[1]))

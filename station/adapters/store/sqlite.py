@@ -14,11 +14,14 @@ from station.adapters.store import anchor, archive, column_values, file, ids, ke
 from station.adapters.store.anchor import AnchorPlace, WitnessPlace
 from station.adapters.store.log_anchors import (
     ACKNOWLEDGED_EVENT,
+    NOTED_CLOCK_BACK_S,
     PLACES_EVENT,
     WITNESSED_EVENT,
     Acknowledgement,
     LogAnchors,
     StoredLogEnd,
+    check_clock,
+    clock_step_s,
     detail_of,
     known_places,
     last_witnessed,
@@ -82,7 +85,7 @@ class SqliteStore:
             self._number, self._hash = file.newest(self._db, self._log_id)
             self._signature = file.signature_of(self._db, self._number)
             found = self._anchors.check(self._db, self._log_id)
-            found += keys.check_signer(self._db, signer, old_signer)
+            found += [*keys.check_signer(self._db, signer, old_signer), *check_clock(self._db, epoch_ns())]
             if found and acknowledgement is None:
                 raise _refusal(path, found)
             self._head_file.open()
@@ -97,6 +100,8 @@ class SqliteStore:
         with self._transaction("written"):
             self._name_key(old_signer)
         self._name_places()
+        if (behind_s := clock_step_s(self._db, epoch_ns())) > NOTED_CLOCK_BACK_S:
+            self.event("", "clock-back", {"seconds": behind_s})
         self.tidy()
 
     def begin(self, begin: AttemptStart) -> str:

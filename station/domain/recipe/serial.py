@@ -26,14 +26,21 @@ def check(serial: str, recipe: Recipe) -> str:
 
 
 def check_all(serials: Sequence[str], recipe: Recipe) -> tuple[str, ...]:
-    """All serials of one fixture load or batch; UsageError also when one stands there twice."""
-    unique: set[str] = set()
+    """All serials of one fixture load or batch; UsageError also when one stands there twice, in whatever spelling."""
+    known: dict[str, str] = {}
     for serial in serials:
         check(serial, recipe)
-        if serial in unique:
-            raise UsageError("serial-twice", serial=serial)
-        unique.add(serial)
+        if other := known.get(canonical(serial)):
+            if other == serial:
+                raise UsageError("serial-twice", serial=serial)
+            raise UsageError("serial-spelt-twice", serial=serial, other=other)
+        known[canonical(serial)] = serial
     return tuple(serials)
+
+
+def canonical(serial: str) -> str:
+    """The serial without leading zeros of its numbers: SN0001 and SN00001 are one device number, so one unit."""
+    return re.sub(r"(?<!\d)0+(?=\d)", "", serial)
 
 
 def mod10(serial: str) -> bool:
