@@ -17,6 +17,8 @@ StationError
 │   ├── BusFault                   interface down, bus-off, no buffer
 │   ├── DeviceSilent               no answer within its time-out
 │   ├── WrongUnit                  another unit sits in the nest than was said
+│   ├── ForeignMaster              somebody else commands the unit's device meanwhile
+│   ├── DeviceChanged              the device is no longer what was verified
 │   ├── PositionerFault            stuck, late, at the wrong place
 │   ├── StoreFault                 the record cannot be written
 │   └── ReferenceOverdue           a gold reference or golden unit past its due date
@@ -130,6 +132,14 @@ class DeviceSilent(StationFault):
 
 class WrongUnit(StationFault):
     """Another unit sits in the nest than the one that was scanned or measured."""
+
+
+class ForeignMaster(StationFault):
+    """Somebody else writes to the unit's device, or switches it, while the station works on it."""
+
+
+class DeviceChanged(StationFault):
+    """The device is no longer what was verified."""
 
 
 class PositionerFault(StationFault):

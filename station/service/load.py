@@ -7,6 +7,7 @@ from station.domain.capture import thermometer
 from station.domain.core.types import NestAssignment, Outcome
 from station.domain.evaluation import calibration_document, reduced_visits_document
 from station.domain.product import writeback
+from station.domain.recipe.plan import PlannedVisit
 from station.domain.run.progress import (
     PHASES,
     Event,
@@ -23,8 +24,10 @@ from station.domain.run.progress import (
 from station.domain.run.unit_state import UnitState
 from station.errors import (
     Aborted,
+    DeviceChanged,
     DeviceRefused,
     DeviceSilent,
+    ForeignMaster,
     PositionerFault,
     StationError,
     StationFault,
@@ -42,11 +45,11 @@ from station.service.measure import RejectedUnits, VisitMeasurement
 from station.service.recovery import check_suspect_unit
 from station.service.station import Job, Station
 from station.service.stop_request import StopRequest
-from station.service.unit import Unit, reason_of
+from station.service.unit import Unit, check_no_foreign_master, reason_of
 from station.service.write_back import WriteBack
 
 #: Errors of one unit, which stop no other.
-UNIT_ERRORS = (UnitFault, DeviceSilent, WrongUnit)
+UNIT_ERRORS = (UnitFault, DeviceSilent, WrongUnit, ForeignMaster, DeviceChanged)
 
 
 class Load:
@@ -117,6 +120,7 @@ class Load:
     def _begin(self, seats: Sequence[NestAssignment]) -> Iterator[Event]:
         """Every attempt stands in the log before any device is touched."""
         self._stop.check()
+        self._station.foreign.restart()
         for seat in seats:
             attempt = self._station.store.begin(record.attempt_start(seat, self._station, self._job))
             self._units.append(Unit(seat, attempt, self._station.device(seat.node), self._station.clock.monotonic_s()))
@@ -263,13 +267,17 @@ class Load:
             measure = VisitMeasurement(self._station, self._job, self._stop, self._capture)
             bad = yield from measure.at_stop(self._alive, planned, (number, len(stops)), "verify")
             yield from self._drop(bad)
-        for unit in self._alive:
-            reasons, shown = compute.verify(unit, self._job, stops)
-            self._station.store.result(unit.attempt, "verification", shown)
-            unit.reasons.extend(reasons)
-            if not reasons:
-                unit.enter(UnitState.VERIFIED)
-            yield from self._end(unit, None, Outcome.FAIL if reasons else Outcome.PASS)
+        yield from self._each(lambda unit: self._verify_one(unit, stops))
+
+    def _verify_one(self, unit: Unit, stops: Sequence[PlannedVisit]) -> Iterator[Event]:
+        reasons, shown = compute.verify(unit, self._job, stops)
+        self._station.store.result(unit.attempt, "verification", shown)
+        unit.reasons.extend(reasons)
+        self._writers[unit.attempt].confirm()
+        check_no_foreign_master(unit, self._station.foreign)
+        if not reasons:
+            unit.enter(UnitState.VERIFIED)
+        yield from self._end(unit, None, Outcome.FAIL if reasons else Outcome.PASS)
 
     def _drop(self, bad: RejectedUnits) -> Iterator[Event]:
         """Ends the units whose stop stayed bad; a wrong face in every nest is the positioner's."""
@@ -284,6 +292,7 @@ class Load:
             unit.reasons.append(reason_of(fault))
             outcome = Outcome(fault.outcome)
         failed = restore_as_found(unit, self._job)
+        outcome = self._disturbed(unit, outcome)
         try:
             if failed:
                 self._station.store.event(unit.attempt, "not-left-as-found", record.message_entry(failed))
@@ -294,6 +303,20 @@ class Load:
             unit.reasons.append(reason_of(lost))
             outcome = Outcome.ERROR
         yield UnitDone(unit.end(outcome, self._station.clock.monotonic_s() - unit.began_s))
+
+    def _disturbed(self, unit: Unit, outcome: Outcome) -> Outcome:
+        """ERROR where somebody else commanded the device, or it restarted at the last moment: neither a PASS nor a FAIL
+        says anything of the unit then."""
+        if outcome not in (Outcome.PASS, Outcome.FAIL):
+            return outcome
+        try:
+            check_no_foreign_master(unit, self._station.foreign)
+            if outcome is Outcome.PASS and unit.device.boot_ups() != unit.boot_ups:
+                raise DeviceChanged("unit-restarted", unit=unit.label, when=Message("while-verified"))
+        except (ForeignMaster, DeviceChanged) as fault:
+            unit.reasons.append(reason_of(fault))
+            return Outcome.ERROR
+        return outcome
 
     def _park(self) -> None:
         if self._parked:

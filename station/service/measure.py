@@ -23,8 +23,6 @@ from station.service.stop_request import StopRequest
 from station.service.unit import Unit
 from station.service.visit_collector import VisitCollector
 
-#: So many heartbeats may be late before the device counts as dead.
-MAX_LATE_HEARTBEATS = 3
 #: Of a gold reference's readings so many must come. It has no counter that tells of each one that is missing.
 GOLD_MIN_SHARE = 0.9
 
@@ -107,8 +105,8 @@ class VisitMeasurement:
         """What boot-up and heartbeat say against the device."""
         if unit.device.boot_ups() != unit.boot_ups:
             return (Reason.text("rebooted", f"the device restarted by itself at {planned.position!r}"),)
-        age_s, limit_s = unit.device.heartbeat_age_s(), MAX_LATE_HEARTBEATS * unit.heartbeat_s
-        if unit.heartbeat_s and age_s > limit_s:
+        age_s, limit_s = unit.device.heartbeat_age_s(), unit.heartbeat_limit_s
+        if age_s > limit_s:
             sentence = (
                 f"no heartbeat for {age_s:.1f} s at {planned.position!r}; one is due every {unit.heartbeat_s:g} s"
             )

@@ -10,6 +10,7 @@ from station.domain.recipe.recipe import Recipe
 from station.ports.bus import Bus
 from station.ports.clock import Clock
 from station.ports.device import Device
+from station.ports.foreign_traffic import ForeignTraffic
 from station.ports.positioner import Positioner
 from station.ports.store import Store
 
@@ -45,7 +46,8 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Station:
-    """What it is done with. device: node id → the device there; simulated: rig and devices are."""
+    """What it is done with. device: node id → the device there; foreign: who else commands the devices; simulated: rig
+    and devices are."""
 
     settings: Settings
     config_hash: str
@@ -54,4 +56,5 @@ class Station:
     store: Store
     clock: Clock
     device: Callable[[int], Device]
+    foreign: ForeignTraffic
     simulated: bool = False

@@ -1,5 +1,6 @@
 """One attempt while it goes on: what is known of the unit so far, and how it ends."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -8,14 +9,19 @@ from station.domain.capture.visit import Visit
 from station.domain.core.types import Floats, NestAssignment, Outcome, Reason
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.product.product import decode_serial
+from station.domain.product.sdo_codes import address
 from station.domain.run.progress import UnitResult
 from station.domain.run.unit_state import HOLDS_NEW, UNIT_STATES, UnitState
-from station.errors import StationError, UnitFault, WrongUnit
+from station.errors import ForeignMaster, StationError, UnitFault, WrongUnit
 from station.messages import Message
 from station.ports.device import Device, Identity
+from station.ports.foreign_traffic import ForeignTraffic
 from station.service.station import Job
 
 Address = tuple[int, int]
+
+#: So many heartbeats may be late before the device counts as dead.
+MAX_LATE_HEARTBEATS = 3
 
 
 @dataclass(slots=True, eq=False)
@@ -72,6 +78,11 @@ class Unit:
         """How messages name it."""
         return Message("unit-in-nest", serial=self.seat.serial, nest=self.seat.nest)
 
+    @property
+    def heartbeat_limit_s(self) -> float:
+        """Age of the last heartbeat, s, from which the device counts as dead; infinite where it sends none."""
+        return MAX_LATE_HEARTBEATS * self.heartbeat_s or math.inf
+
     def enter(self, state: UnitState) -> None:
         """Goes on to `state`. Errors: StationFault where the table allows no such step."""
         self.state = UNIT_STATES.follow(self.state, state)
@@ -115,3 +126,14 @@ def check_not_rebooted(unit: Unit, when: Message) -> None:
     """UnitFault when the device restarted by itself since the last reset of ours."""
     if unit.device.boot_ups() != unit.boot_ups:
         raise UnitFault("unit-restarted", unit=unit.label, when=when)
+
+
+def check_no_foreign_master(unit: Unit, foreign: ForeignTraffic) -> None:
+    """ForeignMaster when somebody else has written to the device or switched it since the load began."""
+    commands = foreign.commands(unit.seat.node)
+    if not commands:
+        return
+    first = commands[0]
+    if first.is_write:
+        raise ForeignMaster("foreign-write", unit=unit.label, object=address(*first.address), count=len(commands))
+    raise ForeignMaster("foreign-nmt", unit=unit.label, command=f"0x{first.data[0]:02X}", count=len(commands))

@@ -9,13 +9,22 @@ from station.domain.product.sdo_codes import address
 from station.domain.product.writeback import ObjectWrite
 from station.domain.run.progress import Event, ObjectWritten
 from station.domain.run.unit_state import UNCERTAIN, UnitState
-from station.errors import DeviceRefused, DeviceSilent, ReadBackDiffers, StationError, StationFault, UnitFault
+from station.errors import (
+    DeviceChanged,
+    DeviceRefused,
+    DeviceSilent,
+    ReadBackDiffers,
+    StationError,
+    StationFault,
+    UnitFault,
+    WrongUnit,
+)
 from station.messages import Message
 from station.ports.store import WriteRecord
 from station.service.identify import objects_to_text, set_compensated
 from station.service.record import message_entry
 from station.service.station import Job, Station
-from station.service.unit import Address, Unit, check_not_rebooted, check_same_unit
+from station.service.unit import Address, Unit, check_no_foreign_master, check_not_rebooted, check_same_unit
 
 #: A write, how far it has come, and what was read back.
 WriteStage = tuple[ObjectWrite, str, bytes | None]
@@ -46,6 +55,7 @@ class WriteBack:
         """Writes and reads back every object; then output and settings as they must be saved."""
         unit = self._unit
         check_not_rebooted(unit, Message("while-measured"))
+        check_no_foreign_master(unit, self._station.foreign)
         check_same_unit(unit, self._job)
         # The whole plan stands in the log before the first write: a crash in between is then recognised.
         self._station.store.result(unit.attempt, "write-plan", {"objects": objects_to_text(self._wanted())})
@@ -109,6 +119,31 @@ class WriteBack:
             raise ReadBackDiffers(f"{state}-values-after-reset", unit=unit.label, names=names)
         self._check_checksum()
         unit.enter(UnitState.STORED)
+
+    def confirm(self) -> None:
+        """The device is still what was verified: it did not restart, it is the same unit, it holds the same objects.
+
+        Errors: WrongUnit, DeviceChanged.
+        """
+        unit = self._unit
+        restarted, wanted = unit.device.boot_ups() != unit.boot_ups, self._wanted()
+        try:
+            check_same_unit(unit, self._job)
+        except WrongUnit:
+            unit.enter(UnitState.CHANGED)
+            raise
+        read = {at: unit.device.upload(*at) for at in wanted}
+        state = writeback.classify(unit.old, wanted, read)
+        if state != "new":
+            unit.enter(UnitState.CHANGED)
+            self._state(state)
+            names = tuple(w.name for w in self._writes if w.address in wanted and read[w.address] != w.raw)
+            raise DeviceChanged("changed-after-verification", unit=unit.label, names=names)
+        self._check_checksum()
+        if restarted or unit.device.boot_ups() != unit.boot_ups:
+            raise DeviceChanged("unit-restarted", unit=unit.label, when=Message("while-verified"))
+        if (age_s := unit.device.heartbeat_age_s()) > (limit_s := unit.heartbeat_limit_s):
+            raise DeviceChanged("heartbeat-gap", unit=unit.label, age_s=age_s, limit_s=limit_s)
 
     def _write_one(self, write: ObjectWrite, after: Sequence[ObjectWrite]) -> None:
         """Writes what the log already intends, and reads it back; the fact is kept together with the next intent."""

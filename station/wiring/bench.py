@@ -12,6 +12,7 @@ from typing import Protocol
 from pydantic import ValidationError
 
 from station.adapters.canopen.canopen_device import CanopenDevice
+from station.adapters.canopen.foreign_traffic import ForeignTrafficWatch
 from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import SystemClock
 from station.adapters.malloc_tuning import retain_freed_memory
@@ -119,8 +120,9 @@ def open_bench(order: RunOrder) -> Bench:
         database = order.database or Path(settings.database)
         store = open_store(database, settings, clock.epoch_ns)
         opened.callback(store.close)
-        device = _devices(bus, clock, settings, job)
-        station = Station(settings, content_hash(settings), bus, turned_by, store, clock, device, order.simulate)
+        device, foreign = _devices(bus, clock, settings, job)
+        config_hash = content_hash(settings)
+        station = Station(settings, config_hash, bus, turned_by, store, clock, device, foreign, order.simulate)
         told = (*learnt, *(render(m) for m in close_unfinished(station)))
         return Bench(station, job, source, fixture, database, order.simulate, told, opened.pop_all())
     raise AssertionError("unreachable: ExitStack swallows nothing")
@@ -164,11 +166,15 @@ def _check_gold(job: Job, settings: Settings) -> None:
     references.check_due(job.recipe, today)
 
 
-def _devices(bus: Bus, clock: Clock, settings: Settings, job: Job) -> Callable[[int], Device]:
-    """One device a node for as long as the bus is open: boot-ups and quarantines outlive a fixture load."""
+def _devices(
+    bus: Bus, clock: Clock, settings: Settings, job: Job
+) -> tuple[Callable[[int], Device], ForeignTrafficWatch]:
+    """One device a node for as long as the bus is open, and who else commands them: boot-ups and quarantines outlive a
+    fixture load."""
     gold = () if job.gold_node is None else (job.gold_node,)
     nodes = (*(nest.node for nest in settings.nests), *gold)
-    network = ServiceNetwork(bus.service(service_ids(nodes)), clock)
+    foreign = ForeignTrafficWatch(bus, nodes)
+    network = ServiceNetwork(bus.service(service_ids(nodes)), clock, foreign.sent)
     timeouts: Mapping[tuple[int, int], float] = job.product.map.timeouts()
     made = {node: CanopenDevice(network, node, answer_s=settings.timeouts.sdo_s, timeouts_s=timeouts) for node in nodes}
-    return lambda node: made[node]
+    return (lambda node: made[node]), foreign

@@ -122,7 +122,7 @@ def test_the_transport(layout: SensorLayout, recipe: Recipe) -> None:
     data[7, 5] ^= 0x10
     bad = Frames(whole.time_ns, whole.can_id, whole.length, data)
     (found,) = check(visit(layout, bad), UP, recipe, layout)
-    assert "1 frames with a wrong CRC" in found.sentence
+    assert "1 frame with a wrong CRC" in found.sentence
 
 
 @pytest.mark.parametrize(("rate_hz", "said"), [(100.5, False), (110.0, True), (91.0, True)])
@@ -166,3 +166,28 @@ def test_which_stimulus_points_somewhere(recipe: Recipe) -> None:
 
 def test_expected_noise_is_the_sheets_white_noise_and_rounding(recipe: Recipe) -> None:
     assert expected_noise(recipe) == pytest.approx(np.hypot(1e-4 * np.sqrt(50), 6.25e-5 / np.sqrt(12)))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+def test_a_second_sender_on_the_units_identifiers_is_the_stations_fault(
+    layout: SensorLayout, recipe: Recipe, share: float
+) -> None:
+    """Somebody sends good frames with the unit's identifier and a counter of his own in between."""
+    own, count = frames(layout, readings(1000), 1000.0), round(1000 * share)
+    time_ns = np.round(np.linspace(0, 1, count, endpoint=False) * 1e9).astype(np.int64) + 400_000
+    his = encode.sample_frames(layout, NODE, time_ns, readings(count), first_count=5)
+    both = Frames.join([own, his])
+    mixed = both[np.argsort(both.time_ns, kind="stable")]
+    fast = recipe.model_copy(update={"device": recipe.device.model_copy(update={"rate_hz": 1000.0})})
+    found = {r.check for r in check(visit(layout, mixed), UP, fast, layout)}
+    assert "foreign-sender" in found & STATION_CHECKS
+    assert "foreign-sender" not in {r.check for r in check(visit(layout, own), UP, fast, layout)}
+
+
+def test_lost_and_repeated_frames_are_no_second_sender(layout: SensorLayout, recipe: Recipe) -> None:
+    own = frames(layout, readings(100))
+    lost, doubled = own[np.arange(100) % 7 != 3], own[np.sort(np.r_[0:100, 20:40])]
+    for came in (lost, doubled):
+        found = {r.check for r in check(visit(layout, came), UP, recipe, layout)}
+        assert "frames" in found
+        assert "foreign-sender" not in found

@@ -16,6 +16,8 @@ from station.ports.clock import Clock
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 Listener = Callable[[int, bytearray, float], None]
+#: Told of each frame before it leaves.
+SentListener = Callable[[int, bytes], None]
 
 #: How long one thread may keep the channel while others wait for their own frames.
 _SLICE_S = 0.05
@@ -34,10 +36,10 @@ class ServiceNetwork:
     real time. Several threads may wait at once, each for its own node. Errors: BusFault of the channel.
     """
 
-    def __init__(self, channel: Channel, clock: Clock) -> None:
+    def __init__(self, channel: Channel, clock: Clock, sent: SentListener = lambda _id, _data: None) -> None:
         self.clock = clock
         self._channel = channel
-        self._router = canopen.Network(cast(can.BusABC, _CanopenBus(channel)))
+        self._router = canopen.Network(cast(can.BusABC, _CanopenBus(channel, sent)))
         self._pumping = threading.Lock()
 
     def subscribe(self, can_id: int, listener: Listener) -> None:
@@ -82,8 +84,10 @@ class _CanopenBus:
 
     channel_info = "station service channel"
 
-    def __init__(self, channel: Channel) -> None:
-        self._channel = channel
+    def __init__(self, channel: Channel, sent: SentListener) -> None:
+        self._channel, self._sent = channel, sent
 
     def send(self, message: can.Message) -> None:
-        self._channel.send(message.arbitration_id, bytes(message.data))
+        data = bytes(message.data)
+        self._sent(message.arbitration_id, data)
+        self._channel.send(message.arbitration_id, data)

@@ -12,13 +12,17 @@ from station.domain.recipe.recipe import Recipe
 from station.messages import Message
 
 #: Checks that say something about the station or the handling, not about the unit.
-STATION_CHECKS = frozenset({"silent", "kernel-drops", "not-still", "wrong-face", "temperature", "gold-silent"})
+STATION_CHECKS = frozenset(
+    {"silent", "kernel-drops", "not-still", "wrong-face", "temperature", "gold-silent", "foreign-sender"}
+)
 #: A unit's own reading may lie this far from the face that is up before it counts as another face.
 FACE_DEG = 25.0
 #: Of the frames that the rate promises, so many must come: clocks and the dwell's ends cost a few.
 MIN_FRAME_SHARE = 0.9
 #: The rate is known to so many readings of a dwell; less than RATE_LEAST is left to the diagnosis.
 RATE_COUNTS, MIN_RATE_DEVIATION = 3.0, 0.02
+#: More frames than the rate promises by this share, out of turn, are another sender's: clocks are never so wrong.
+EXCESS_SHARE = 0.01
 #: A dwell whose halves differ by more standard deviations than this, and by more than it may matter, has moved.
 MOVED = 6.0
 
@@ -71,6 +75,9 @@ def _transport(d: Visit, recipe: Recipe) -> Iterator[Reason]:
     if not d.samples.frame_errors.clean:
         errors = d.samples.frame_errors.messages()
         yield Reason(Message("visit-bad-frames", position=d.position, errors=errors), check="frames")
+        if (excess := _excess_frames(d, wanted)) > RATE_COUNTS + EXCESS_SHARE * wanted:
+            message = Message("foreign-sender", position=d.position, excess=round(excess), due=round(wanted))
+            yield Reason(message, excess, EXCESS_SHARE * wanted, "1")
     rate = _rate_hz(d)
     allowed = recipe.device.clock_tolerance_ppm * 1e-6 + RATE_COUNTS / max(count, 1)
     if rate is not None and abs(rate / recipe.device.rate_hz - 1) > max(allowed, MIN_RATE_DEVIATION):
@@ -81,6 +88,12 @@ def _transport(d: Visit, recipe: Recipe) -> Iterator[Reason]:
             f"{count} good readings at {d.position!r}, but {wanted:.0f} were due; check the rate and the bus load"
         )
         yield Reason.text("too-few", sentence, count, MIN_FRAME_SHARE * wanted)
+
+
+def _excess_frames(d: Visit, wanted: float) -> float:
+    """Frames beyond those that the rate promises, a device's own repeats left out: somebody else sends them."""
+    errors = d.samples.frame_errors
+    return errors.frames - errors.counter.repeats - wanted
 
 
 def _rate_hz(d: Visit) -> float | None:

@@ -12,8 +12,9 @@ class UnitState(StrEnum):
     and output may be switched for measuring · writing: some objects may hold new values · written: all hold them, in
     working memory · saving: the save command is on its way, the flash may hold either · restarted: it came back from a
     reset, what it holds is not read yet · stored: all new values were read back after the reset · verified: its own
-    output was right · put-back: all old values stand in working memory again · reverted: all old values were read back
-    after a reset · closed: the attempt has its outcome.
+    output was right, and it is still the same device with the same values · changed: it no longer is · put-back: all
+    old values stand in working memory again · reverted: all old values were read back after a reset · closed: the
+    attempt has its outcome.
     """
 
     SEATED = "seated"
@@ -25,6 +26,7 @@ class UnitState(StrEnum):
     RESTARTED = "restarted"
     STORED = "stored"
     VERIFIED = "verified"
+    CHANGED = "changed"
     PUT_BACK = "put-back"
     REVERTED = "reverted"
     CLOSED = "closed"
@@ -43,8 +45,9 @@ UNIT_STATES = TransitionTable(
         _S.WRITTEN: frozenset({_S.SAVING, _S.RESTARTED, _S.PUT_BACK, _S.CLOSED}),
         _S.SAVING: frozenset({_S.RESTARTED, _S.CLOSED}),
         _S.RESTARTED: frozenset({_S.STORED, _S.REVERTED, _S.CLOSED}),
-        _S.STORED: frozenset({_S.VERIFIED, _S.CLOSED}),
+        _S.STORED: frozenset({_S.VERIFIED, _S.CHANGED, _S.CLOSED}),
         _S.VERIFIED: frozenset({_S.CLOSED}),
+        _S.CHANGED: frozenset({_S.CLOSED}),
         _S.PUT_BACK: frozenset({_S.CLOSED}),
         _S.REVERTED: frozenset({_S.CLOSED}),
         _S.CLOSED: frozenset(),
