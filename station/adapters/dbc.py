@@ -3,10 +3,11 @@
 import logging
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+from station.adapters.dbc_repair import MOST_REPAIRS, without_fault
 from station.domain.can.dbc_rules import DbcIssue, lint
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import EXTENDED
@@ -23,14 +24,19 @@ _STARTS = re.compile(r"^\s*(?:BO_\s+\d+\s+(?P<message>\w+)|SG_\s+(?P<signal>\w+)
 _AT_LINE = re.compile(r"at line (\d+)")
 
 
-def read_layouts(path: Path) -> Mapping[str, FrameLayout]:
+#: Signals that somebody needs, by message.
+Used = Mapping[str, Collection[str]]
+
+
+def read_layouts(path: Path, used: Used | None = None) -> Mapping[str, FrameLayout]:
     """All messages of a DBC by name, in the order of the file.
 
+    used: only these are checked, and what the parser refuses elsewhere is left out; None: everything is checked.
     Errors: ProductError with file, line, message, signal and remedy of each mistake.
     """
     text = _text(path)
-    layouts = [_frame(m) for m in _messages(path, text)]
-    issues = lint(layouts)
+    layouts = [_frame(m, used) for m in _messages(path, text, used)]
+    issues = lint(layouts, used)
     if issues:
         reasons = [_issue_message(text, issue) for issue in issues[:MOST_FINDINGS]]
         if len(issues) > MOST_FINDINGS:
@@ -52,15 +58,24 @@ def _text(path: Path) -> str:
         return content.decode("cp1252", errors="replace")  # what most DBC editors write
 
 
-def _messages(path: Path, text: str) -> list[Any]:
+def _messages(path: Path, text: str, used: Used | None) -> list[Any]:
     from cantools import database  # heavy, and only needed where a product is loaded
     from cantools.database.errors import Error
 
-    try:
-        parsed: Any = database.load_string(text, "dbc", strict=True, sort_signals=None)
-    except Error as error:
-        raise ProductError(_syntax_error(path, text, str(getattr(error, "e_dbc", error)))) from None
-    return list(parsed.messages)
+    left: str | None = text
+    for _ in range(MOST_REPAIRS):
+        try:
+            parsed: Any = database.load_string(left or "", "dbc", strict=used is None, sort_signals=None)
+            for message in parsed.messages:
+                if used is not None and message.name in used:
+                    message.refresh(strict=True)
+            return list(parsed.messages)
+        except Error as error:
+            why = str(getattr(error, "e_dbc", error))
+            left = None if used is None or left is None else without_fault(left, why, used.keys())
+            if left is None:
+                raise ProductError(_syntax_error(path, text, why)) from None
+    raise ProductError(_syntax_error(path, text, why))
 
 
 def _syntax_error(path: Path, text: str, why: str) -> Message:
@@ -75,9 +90,19 @@ def _syntax_error(path: Path, text: str, why: str) -> Message:
     return Message("line-of-file", file=str(path), line=_line(text, named[0].start("message")), reason=reason)
 
 
-def _frame(message: Any) -> FrameLayout:
+def _frame(message: Any, used: Used | None) -> FrameLayout:
     can_id = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
-    return FrameLayout(message.name, can_id, message.length, tuple(_signal(s) for s in message.signals))
+    signals = [_signal(s) for s in message.signals]
+    if used is not None and message.name not in used:
+        signals = [s for s in signals if _decodes(s, message.length)]
+    return FrameLayout(message.name, can_id, message.length, tuple(signals))
+
+
+def _decodes(signal: SignalLayout, length: int) -> bool:
+    """Whether a signal that nobody has checked lies within its message and has a size that numbers have."""
+    sizes = (16, 32, 64) if signal.is_float else range(1, 65)
+    inside = signal.first_bit + signal.length <= 8 * length
+    return signal.length in sizes and inside and math.isfinite(signal.scale) and math.isfinite(signal.offset)
 
 
 def _signal(signal: Any) -> SignalLayout:

@@ -48,7 +48,7 @@ def open_recording(log: Path, recipe: str | None, marks: Path | None) -> tuple[J
 
 def decode_log(log: Path, dbc: Path, out: Path | None, *, as_json: bool) -> int:
     """Decodes every frame of a log and says what came; the exit code."""
-    layouts = read_layouts(dbc)
+    layouts = read_layouts(dbc, {})
     frames = read_log(log)
     document = {"schema": "station.decode/1", "log": str(log), "frames": len(frames), **_summary(frames, layouts)}
     if out is not None:

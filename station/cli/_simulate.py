@@ -101,14 +101,14 @@ def _write_log(out: Path, job: SimulationJob, name: str, product: str | None) ->
 def _layout(job: SimulationJob, name: str, product: str | None) -> "SensorLayout":
     """The frames of the product."""
     from station.config.products import load_product, product_path
-    from station.domain.can.sensor_layout import resolve
+    from station.domain.can.sensor_layout import resolve, used_signals
     from station.wiring.product_files import read_layouts
 
     said, near = product or job.recipe.product, recipe_path(name)
     if said is None:
         raise UsageError("simulate-without-product", file=str(near))
     frames = load_product(said, near).frames
-    return resolve(frames, read_layouts(product_path(said, near).parent / frames.dbc))
+    return resolve(frames, read_layouts(product_path(said, near).parent / frames.dbc, used_signals(frames)))
 
 
 def _print_summary(out: Path, beside: Path, told: dict[str, Any], *, as_json: bool) -> None:

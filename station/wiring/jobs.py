@@ -7,7 +7,7 @@ from station.adapters.dbc import read_layouts
 from station.config.documents import canonical, load_document, validate
 from station.config.products import product_path
 from station.config.recipes import recipe_hash, recipe_path
-from station.domain.can.sensor_layout import resolve
+from station.domain.can.sensor_layout import resolve, used_signals
 from station.domain.methods import method
 from station.domain.product import map_check, product_record
 from station.domain.product.product import Product
@@ -39,7 +39,7 @@ def load_job(name: str | Path) -> tuple[Job, Source]:
     where = product_path(recipe.product, path)
     product = validate(load_document(where, ProductError), Product, ProductError)
     dbc = where.parent / product.frames.dbc
-    layout = resolve(product.frames, read_layouts(dbc))
+    layout = resolve(product.frames, read_layouts(dbc, used_signals(product.frames)))
     _check_fit(path, recipe, where, product)
     eds = None if product.eds is None else where.parent / product.eds
     _check_map(where, product, eds)

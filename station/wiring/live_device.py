@@ -16,7 +16,7 @@ from station.adapters.simulated_device.live import Hub, serve
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.adapters.simulated_device.stream import SimulatedSensor
 from station.config.products import load_product, product_path
-from station.domain.can.sensor_layout import SensorLayout, resolve
+from station.domain.can.sensor_layout import SensorLayout, resolve, used_signals
 from station.domain.core.types import Floats
 from station.domain.product.product import stored_serial
 from station.domain.recipe.recipe import UP
@@ -95,7 +95,9 @@ class LiveDevices:
             raise ProductError("product-without-eds", file=str(where))
         self.world, self.bodies = World(), dict[str, TrueErrors]()
         self._wanted, self._map, self._eds = wanted, product.map, where.parent / product.eds
-        self._layout: SensorLayout = resolve(product.frames, read_layouts(where.parent / product.frames.dbc))
+        self._layout: SensorLayout = resolve(
+            product.frames, read_layouts(where.parent / product.frames.dbc, used_signals(product.frames))
+        )
         self._clock = SystemClock()
         self._channel, self._hub = channel, Hub(channel)
         self._devices = [self._device(n, s) for n, s in zip(wanted.nodes, wanted.serials, strict=True)]

@@ -26,7 +26,7 @@ def raw_tables(path: Path, dbc: Path | None) -> list[RawTable]:
 
 
 def _of_frames(path: Path, dbc: Path) -> list[RawTable]:
-    found = decoded.of_frames(str(path), read_log(path), read_layouts(dbc).values())
+    found = decoded.of_frames(str(path), read_log(path), read_layouts(dbc, {}).values())
     if not found:
         raise SamplesError("no-frames-of-dbc", file=str(path), dbc=str(dbc))
     return found

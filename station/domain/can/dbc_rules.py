@@ -1,8 +1,8 @@
 """What can be wrong with a DBC that its parser lets pass. Each rule is a few lines; none knows the others."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.messages import Message
@@ -20,8 +20,10 @@ class DbcIssue:
     mistake: Message
 
 
-def lint(layouts: Sequence[FrameLayout]) -> tuple[DbcIssue, ...]:
-    """Every mistake in a DBC's messages, in the order of the file."""
+def lint(layouts: Sequence[FrameLayout], used: Mapping[str, Collection[str]] | None = None) -> tuple[DbcIssue, ...]:
+    """Every mistake in a DBC's messages, in the order of the file; used: only in these signals by message."""
+    if used is not None:
+        return tuple(f for f in lint([_only(m, used) for m in layouts if m.name in used]))
     found = list(_duplicates(layouts))
     for message in layouts:
         found += [DbcIssue(message.name, None, mistake) for mistake in _message_rules(message)]
@@ -29,6 +31,14 @@ def lint(layouts: Sequence[FrameLayout]) -> tuple[DbcIssue, ...]:
             found += [DbcIssue(message.name, signal.name, mistake) for rule in RULES for mistake in rule(signal)]
             found += [DbcIssue(message.name, signal.name, mistake) for mistake in _multiplexing(message, signal)]
     return tuple(found)
+
+
+def _only(message: FrameLayout, used: Mapping[str, Collection[str]]) -> FrameLayout:
+    """A message with the signals that are used, and the multiplexers that select them."""
+    names = set(used[message.name])
+    while more := {s.selector for s in message.signals if s.name in names and s.selector} - names:
+        names |= more
+    return replace(message, signals=tuple(s for s in message.signals if s.name in names))
 
 
 def _duplicates(layouts: Sequence[FrameLayout]) -> Iterator[DbcIssue]:

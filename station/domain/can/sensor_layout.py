@@ -133,6 +133,16 @@ class SensorLayout:
         return can_id
 
 
+def used_signals(roles: FrameMap) -> dict[str, frozenset[str]]:
+    """The signals of a DBC that a product uses, by message."""
+    sample = frozenset(v for k, v in roles.sample if k != "message" and v is not None)
+    used = {roles.sample.message: sample}
+    if roles.temperature is not None:
+        message = roles.temperature.message
+        used[message] = used.get(message, frozenset()) | {roles.temperature.signal}
+    return used
+
+
 def resolve(roles: FrameMap, layouts: Mapping[str, FrameLayout]) -> SensorLayout:
     """Finds a frame map's names among the messages of its DBC; ProductError names what is missing or cannot be."""
     sample = _message(roles.dbc, layouts, roles.sample.message)

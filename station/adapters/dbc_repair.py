@@ -1,0 +1,83 @@
+"""Statements of a DBC that its parser refuses and nobody needs are blanked: the rest of the file can be read."""
+
+import re
+from collections.abc import Collection
+
+#: Statements blanked in one file before it is given up.
+MOST_REPAIRS = 60
+_AT_LINE = re.compile(r"at line (\d+)")
+_MESSAGE = re.compile(r"^\s*BO_\s+(\d+)\s+(\S+?)\s*:")
+_KEYWORD = re.compile(r"^\s*(?:BO_|SG_|CM_|BA_|VAL_|BA_DEF|SIG_|EV_|BU_|ENVVAR|SGTYPE|BO_TX|NS_|BS_|VERSION)")
+
+
+def without_fault(text: str, why: str, used: Collection[str]) -> str | None:
+    """The text without what a parser's complaint names, line numbers as before; None where that is not found, or is
+    of a message in `used`."""
+    lines = text.split("\n")
+    unused = re.findall(r"VAL_ (\d+) (\w+)", why) if "unused VAL_" in why else []
+    if unused:
+        pattern = re.compile("|".join(rf"^\s*VAL_\s+{number}\s+{signal}\b" for number, signal in unused))
+        rows = {row for i, line in enumerate(lines) if pattern.match(line) for row in _statement(lines, i)}
+        return _blanked(lines, rows)
+    at = _AT_LINE.search(why)
+    if at is not None:
+        return _blanked(lines, _of_line(lines, int(at[1]) - 1, used))
+    named = [i for i, line in enumerate(lines) if (m := _MESSAGE.match(line)) and _ends_with(why, m[2])]
+    if not named or _name(lines[named[0]]) in used:
+        return None
+    if "more than 11 bits" in why:  # the flag of a 29-bit identifier is missing
+        return "\n".join(_extended(line) if i in named else line for i, line in enumerate(lines))
+    return _blanked(lines, {row for i in named for row in _block(lines, i)})
+
+
+def _extended(line: str) -> str:
+    """A message with the flag of a 29-bit identifier."""
+    return _MESSAGE.sub(lambda m: m[0].replace(m[1], str(int(m[1]) & 0x1FFF_FFFF | 0x8000_0000), 1), line)
+
+
+def _ends_with(why: str, name: str) -> bool:
+    return re.search(rf"\bmessage {re.escape(name)}\b", why) is not None
+
+
+def _name(line: str) -> str:
+    found = _MESSAGE.match(line)
+    return "" if found is None else found[2]
+
+
+def _of_line(lines: list[str], row: int, used: Collection[str]) -> set[int]:
+    """Rows of the statement at a row; of a signal or message that is used none."""
+    if not 0 <= row < len(lines):
+        return set()
+    while row > 0 and not _KEYWORD.match(lines[row]):
+        row -= 1
+    if lines[row].lstrip().startswith("SG_"):
+        begin = row
+        while begin > 0 and not lines[begin].lstrip().startswith("BO_ "):
+            begin -= 1
+        return set() if _name(lines[begin]) in used else {row}
+    if lines[row].lstrip().startswith("BO_ "):
+        return set() if _name(lines[row]) in used else set(_block(lines, row))
+    return set(_statement(lines, row))
+
+
+def _block(lines: list[str], row: int) -> range:
+    """A message with its signals."""
+    end = row + 1
+    while end < len(lines) and lines[end].lstrip().startswith("SG_"):
+        end += 1
+    return range(row, end)
+
+
+def _statement(lines: list[str], row: int) -> range:
+    """A statement up to its semicolon; one that has none is its line."""
+    end = row
+    while end < min(row + 200, len(lines)) and not lines[end].rstrip().endswith(";"):
+        if end > row and _KEYWORD.match(lines[end]):
+            return range(row, row + 1)
+        end += 1
+    return range(row, end + 1)
+
+
+def _blanked(lines: list[str], rows: set[int]) -> str | None:
+    gone = [i for i in rows if i < len(lines) and lines[i].strip()]
+    return "\n".join("" if i in rows else line for i, line in enumerate(lines)) if gone else None
