@@ -17,6 +17,7 @@ from station.domain.planning import design, optimal
 from station.domain.planning.forecast import forecast
 from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
+from station.wiring.jobs import load_job
 
 SCHEMA = "station.check/1"
 #: A pipe has no width; this holds a budget on one line.
@@ -48,6 +49,8 @@ def check_recipe(name: str, count: int | None, *, order: bool, config: Path | No
     if config is not None and not order:
         raise UsageError("check-config-needs-order")
     recipe = load_recipe(name)
+    if recipe.product is not None:
+        load_job(name)  # refuses a map, EDS and DBC that contradict each other
     asked = CheckSubject(recipe, recipe_path(name), _rounding(recipe, recipe_path(name)))
     if count is None:
         design.check(recipe)

@@ -68,7 +68,7 @@ def _check_map(where: Path, product: Product, eds: Path | None) -> None:
         return
     from station.adapters.canopen.eds import load
 
-    wrong = map_check.mismatches(product.map, load(eds, product.frames.node_of_dbc))
+    wrong = map_check.mismatches(product.map, load(eds, product.frames.node_of_dbc, map_check.addresses(product.map)))
     if wrong:
         raise ProductError("map-contradicts-eds", file=str(where), eds=eds.name, mismatches=wrong)
 

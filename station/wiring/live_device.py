@@ -126,7 +126,7 @@ class LiveDevices:
         return SimulatedDevice(
             self._hub.endpoint(),
             self._clock,
-            eds.load(self._eds, node),
+            eds.load(self._eds, node, frozenset()),
             self._map,
             SimulatedSensor(self._layout, sense, lambda _: self.world.temperature_degC, wanted.rate_hz),
             serial=stored_serial(self._map.serial, serial),

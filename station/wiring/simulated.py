@@ -58,7 +58,7 @@ class SimulatedFixture:
                 self.bus.break_wire(text.removeprefix(BUS_PREFIX))
         self._faults = [_parse_fault(text) for text in order.faults if not text.startswith(BUS_PREFIX)]
         self._devices: list[tuple[SimulatedDevice, _DisturbedEndpoint]] = []
-        self._dictionary = cache(partial(eds.load, source.eds))  # a long batch places many units
+        self._dictionary = cache(partial(eds.load, source.eds, used=frozenset()))  # a long batch places many units
 
     def place(self, seats: Sequence[NestAssignment]) -> None:
         """Takes the old units out, and puts a new device for each seat into its nest."""

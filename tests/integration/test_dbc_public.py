@@ -6,6 +6,7 @@ import pytest
 from cantools import database
 from cantools.database.errors import Error
 
+from station.adapters.canopen.eds import load
 from station.adapters.dbc import read_layouts
 from station.errors import ProductError
 from tests.unit.test_frames_lint import DBC
@@ -63,3 +64,62 @@ def test_what_is_used_is_checked_as_before(tmp_path: Path, old: str, new: str, s
     path.write_text(DBC.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
     with pytest.raises(ProductError, match=sentence):
         read_layouts(path, {"ACCELERATION": ("X", "Y", "Z")})
+
+
+def test_public_eds_files_are_read(reference_data: Path) -> None:
+    files = sorted((reference_data / "eds_public").rglob("*.eds"))
+    assert len(files) >= 4
+    for path in files:
+        assert (0x1018, 0) in load(path, 5, frozenset()), path.name
+
+
+MESSY = """\
+a stray line
+[FileInfo]
+FileName=x.eds
+[Comments]
+Lines=99
+Line1=too few
+[DeviceInfo]
+VendorName=
+VendorNumber=
+NrOfRXPDO=
+[1000]
+ParameterName=Device type
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+DefaultValue=0x20192
+PDOMapping=0
+[2001]
+ParameterName=Text
+DataType=0x000B
+AccessType=ro
+[2002]
+ParameterName=Broken
+DataType=zero
+AccessType=ro
+[2003]
+ParameterName=Compact
+ObjectType=0x8
+DataType=0x0005
+AccessType=rw
+CompactSubObj=3
+DefaultValue=7
+[1000]
+ParameterName=Device type again
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+"""
+
+
+def test_what_an_eds_says_of_other_objects_is_no_reason_to_refuse_it(tmp_path: Path) -> None:
+    path = tmp_path / "messy.eds"
+    path.write_text(MESSY, encoding="latin-1")
+    found = load(path, 5, frozenset())
+    assert (0x1000, 0) in found
+    assert (0x2003, 1) in found
+    assert (0x2002, 0) not in found
+    with pytest.raises(ProductError, match="0x2001:00 has the data type"):
+        load(path, 5, frozenset({(0x2001, 0)}))

@@ -1,6 +1,7 @@
 """An EDS or DCF file → Dictionary. Parsed by `canopen`, with what that drops put back: REAL32 limits, lost defaults."""
 
 import configparser
+import contextlib
 import io
 import logging
 import math
@@ -12,6 +13,7 @@ from pathlib import Path
 from canopen.objectdictionary import ODVariable
 from canopen.objectdictionary.eds import import_eds
 
+from station.adapters.canopen import eds_text
 from station.domain.product.object_dictionary import TYPES, ObjectDictionary, ObjectEntry, Value
 from station.domain.product.sdo_codes import address
 from station.errors import ProductError
@@ -19,22 +21,28 @@ from station.messages import system_reason
 
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
+#: What `canopen` and the parser of sections raise where a text is not as they expect.
+_REFUSED = (configparser.Error, ValueError, KeyError, AttributeError, TypeError, IndexError)
 _MOST_BYTES = 4_000_000
 _EMPTY: dict[str, Value] = {"STRING": "", "OCTETS": b"", "DOMAIN": b"", "REAL32": 0.0, "REAL64": 0.0}
 _STORE_EDS = 0x1021
 
 
-def load(path: Path, node: int) -> ObjectDictionary:
+Address = tuple[int, int]
+
+
+def load(path: Path, node: int, used: frozenset[Address] | None = None) -> ObjectDictionary:
     """Reads an EDS for the device with this node id ($NODEID is worked out); 0x1021 holds the text itself.
 
-    Errors: ProductError naming the file, the object and the remedy.
+    used: objects that somebody needs; others that cannot be understood are left out; None: every object must be
+    understood. Errors: ProductError naming the file, the object and the remedy.
     """
     text = _text(path)
     try:
-        found = _entries(text)
+        found = _entries(text, used)
     except ProductError as exc:
         raise ProductError("eds-mistake", file=str(path), mistake=exc.message) from None
-    except (configparser.Error, ValueError, KeyError, AttributeError, TypeError) as exc:
+    except _REFUSED as exc:
         raise ProductError("eds-not-readable", file=str(path), why=" ".join(str(exc).split())[:200]) from exc
     if not found:
         raise ProductError("eds-empty", file=str(path))
@@ -43,13 +51,19 @@ def load(path: Path, node: int) -> ObjectDictionary:
 
 
 @lru_cache(maxsize=8)
-def _entries(text: str) -> tuple[tuple[ObjectEntry, bool], ...]:
+def _entries(text: str, used: frozenset[Address] | None) -> tuple[tuple[ObjectEntry, bool], ...]:
     """Every object for node 0, and whether its default counts from $NODEID: a fixture's nests share one parse."""
-    sections = _Sections(text)
+    plain = text if used is None else eds_text.cleaned(text)
+    sections = _Sections(plain, strict=used is None)
     sections.check()
-    return tuple(
-        (_entry(variable, sections, text), sections.counts_from_node(variable)) for variable in _variables(text)
-    )
+    found = []
+    for variable in _variables(plain, lenient=used is not None):
+        try:
+            found.append((_entry(variable, sections, text), sections.counts_from_node(variable)))
+        except ProductError:
+            if used is None or (variable.index, variable.subindex) in used:
+                raise
+    return tuple(found)
 
 
 def _text(path: Path) -> str:
@@ -61,19 +75,28 @@ def _text(path: Path) -> str:
         raise ProductError("eds-no-access", file=str(path), why=system_reason(exc)) from exc
 
 
-def _variables(text: str) -> Iterator[ODVariable]:
-    for item in import_eds(io.StringIO(text), 0).values():  # type: ignore[no-untyped-call]
-        if isinstance(item, ODVariable):
-            yield item
-        else:
-            yield from item.subindices.values()
+def _variables(text: str, *, lenient: bool) -> Iterator[ODVariable]:
+    try:
+        yield from _imported(text)
+    except _REFUSED:
+        if not lenient:
+            raise
+        for part in eds_text.by_object(text):
+            with contextlib.suppress(*_REFUSED):  # nobody may need it; whoever does is told that it is missing
+                yield from _imported(part)
+
+
+def _imported(text: str) -> list[ODVariable]:
+    """All variables of a text, or what `canopen` raises."""
+    found = import_eds(io.StringIO(text), 0).values()  # type: ignore[no-untyped-call]
+    return [v for item in found for v in ([item] if isinstance(item, ODVariable) else item.subindices.values())]
 
 
 class _Sections:
     """The file's own words, by object; sub-indices of a compact array stand in the array's section."""
 
-    def __init__(self, text: str) -> None:
-        self._parser = configparser.RawConfigParser(inline_comment_prefixes=(";",))
+    def __init__(self, text: str, *, strict: bool) -> None:
+        self._parser = configparser.RawConfigParser(inline_comment_prefixes=(";",), strict=strict)
         self._parser.read_string(text)
         self._names = {name.lower(): name for name in self._parser.sections()}
 

@@ -16,6 +16,11 @@ def mismatches(device_map: DeviceMap, dictionary: ObjectDictionary) -> tuple[Mes
     return tuple(_mismatches(device_map, dictionary))
 
 
+def addresses(device_map: DeviceMap) -> frozenset[tuple[int, int]]:
+    """Every object that the map uses."""
+    return frozenset(part.address for _, part, _ in _parts(device_map))
+
+
 def _mismatches(device_map: DeviceMap, dictionary: ObjectDictionary) -> Iterator[Message]:
     for name, part, is_written in _parts(device_map):
         where = {"name": name, "object": address(*part.address)}

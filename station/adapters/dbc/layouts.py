@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from station.adapters.dbc_repair import MOST_REPAIRS, without_fault
+from station.adapters.dbc.repair import MOST_REPAIRS, without_fault
 from station.domain.can.dbc_rules import DbcIssue, lint
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import EXTENDED
