@@ -1,5 +1,7 @@
 """A gold reference shows gravity and its own drift, whatever the recipe's reference is, and nothing else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -83,3 +85,33 @@ def test_without_a_gold_neither_can_be_shown() -> None:
     recipe = load_recipe("six-point")
     told = look(recipe, simulate(SimulationJob(recipe, UNITS[:2], 12)).table).not_testable
     assert {"local-gravity", "gold-drift"} <= set(told)
+
+
+@pytest.mark.parametrize("jump", [False, True])
+@pytest.mark.parametrize("recipe", [load_recipe("tilt-24"), by_gold()], ids=lambda r: r.name)
+def test_a_gold_that_moves_while_the_campaign_runs_is_found_with_its_course(recipe: Recipe, jump: bool) -> None:
+    asked = parse_effects(["nest-tilt=0.002", "base-tilt=0.001"], recipe)
+    made = simulate(SimulationJob(recipe, (*UNITS, "E", "F"), 5, asked, gold=True)).table
+    assert made.gold is not None
+    t = made.time_s + made.values["started_s"]
+    share = (t - t.min()) / np.ptp(t)
+    moved = np.array([4e-4, -3e-4, 5e-4])
+    course = (share > 0.4) * 1.0 if jump else share
+    seen = {f.effect: f for f in inspect(recipe, replace(made, gold=made.gold + course[:, None] * moved)).faults}
+    assert set(seen) >= {"gold-drift"}
+    numbers = {(n.name, n.axis): n for n in seen["gold-drift"].numbers}
+    for axis, true in zip("xyz", moved, strict=True):
+        number = numbers["offset", axis]
+        assert number.std is not None
+        assert abs(float(number.value) - true) < 4 * number.std + 0.05 * abs(true)
+    assert (("at", None) in numbers) == jump
+    assert seen["gold-drift"].gain is not None
+    assert seen["gold-drift"].gain.accepted
+
+
+def test_a_steady_gold_has_no_course() -> None:
+    for seed in range(6):
+        recipe = load_recipe("tilt-24")
+        causes = parse_effects(["nest-tilt", "base-tilt", "local-gravity=0.001", "settling"], recipe)
+        made = simulate(SimulationJob(recipe, UNITS, seed, causes, gold=True)).table
+        assert "gold-drift" not in {f.effect for f in inspect(recipe, made).faults}

@@ -10,6 +10,7 @@ from station.diagnosis.data.faults import (
     clipping,
     clock,
     counters,
+    gold_course,
     gold_reference,
     grid_step,
     motor_tone,
@@ -50,6 +51,10 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
     table = replace(table, reading=axis_decoding.corrected_readings(table, read)) if read else table
     for part in (clipping, grid_step, stuck_bits, counters, clock):
         found += part.faults(recipe, table, stop)
+    moved = gold_reference.course(recipe, table, scene, stop)
+    if moved is not None:
+        found.append(gold_course.fault(moved, recipe))
+        table = gold_course.without(recipe, table, stop, moved)
     by_gold = gold_reference.faults(recipe, table, scene, stop)
     found, table = [*found, *by_gold], gold_reference.without_gold_drift(recipe, table, by_gold)
     _, bad = clipping.clipped(table, stop)

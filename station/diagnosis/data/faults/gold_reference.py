@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.data.faults import gold_course
 from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -82,6 +83,24 @@ def faults(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.in
     ]
 
 
+def course(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.intp]) -> gold_course.GoldCourse | None:
+    """How the gold moved while the campaign ran, if it did."""
+    if "gold-drift" not in testable_causes(recipe, table) or table.gold is None:
+        return None
+    first = np.flatnonzero(np.diff(stop, prepend=-1))
+    t = table.time_s[first]
+    # Without a clock of the campaign the runs are taken for one after the other.
+    t = t + (table.values["started_s"][first] if "started_s" in table.values else table.run[first] * float(t.max()))
+    found = gold_course.find(scene, _calibrated(recipe, _quiet_means(table, stop, table.gold)[0]), t)
+    return None if found is None or found.gain is None or not found.gain.accepted else found
+
+
+def _calibrated(recipe: Recipe, reading: Floats) -> Floats:
+    """The gold's readings (v, 3) with its own calibration taken off."""
+    own = recipe.reference.gold
+    return reading if own is None else np.linalg.solve(np.array(own.matrix), (reading - own.offset).T).T
+
+
 def without_gold_drift(recipe: Recipe, table: SampleTable, found: list[GrossFault]) -> SampleTable:
     """The table with the gold as it was when it was calibrated."""
     drift = next((f for f in found if f.effect == "gold-drift" and not f.indistinguishable_from), None)
@@ -130,7 +149,7 @@ def _quiet_means(table: SampleTable, stop: NDArray[np.intp], gold: Floats) -> tu
 def _lengths(recipe: Recipe, scene: Scene, still: tuple[Floats, Floats]) -> GoldLengths:
     """The gold's readings position by position."""
     visits, own = scene.visits, recipe.reference.gold
-    reading = still[0] if own is None else np.linalg.solve(np.array(own.matrix), (still[0] - own.offset).T).T
+    reading = _calibrated(recipe, still[0])
     nominal = np.einsum("vji,vj->vi", visits.nest_R, visits.stimulus)
     length = np.linalg.norm(nominal, axis=1)
     along = nominal / np.maximum(length, 1e-300)[:, None]
