@@ -14,7 +14,13 @@ from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.results.estimate import Estimate, estimate_causes
 from station.diagnosis.results.gain import HeldOutGain, held_out_gain
 from station.diagnosis.search.alarm import FAMILY_WISE_LEVEL
-from station.diagnosis.search.cause_search import CauseFinding, NullFactory, SearchResult, search_causes
+from station.diagnosis.search.cause_search import (
+    EXPLAINS_NATS,
+    CauseFinding,
+    NullFactory,
+    SearchResult,
+    search_causes,
+)
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, with_model
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats, SampleTable
@@ -119,9 +125,9 @@ def _causes(
             continue
         out.append(Cause(finding, sized[taken], held_out_gain(last, before + taken, floor.floor)))
         taken += 1
-    # Beside a cause that pays, one that does not is a shadow of it; alone, one that loses is no finding at all.
+    # Beside a cause that pays, one that does not is a shadow of it; alone, one that gains nothing is no finding at all.
     paying = tuple(cause for cause in out if cause.gain.accepted)
-    return paying or tuple(cause for cause in out if cause.gain.log_score > 0)
+    return paying or tuple(cause for cause in out if cause.gain.log_score > EXPLAINS_NATS)
 
 
 def _remainder(searched: SearchResult, causes: tuple[Cause, ...]) -> tuple[str, ...]:

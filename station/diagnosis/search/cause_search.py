@@ -32,7 +32,13 @@ from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.alarm import NullDistribution, statistic
-from station.diagnosis.search.distinguishability import SEPARATION_95, estimate_signal, separations
+from station.diagnosis.search.distinguishability import (
+    SEPARATION_95,
+    estimate_signal,
+    followed_share,
+    separations,
+    signature_axes,
+)
 from station.diagnosis.search.jump_times import fit_jump_times
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.rank import RankedCause, keep_best, rank_causes, with_free_variance
@@ -246,8 +252,8 @@ class _Search:
         """
         kernel = _leaders(ranks)[1]
         target = 0.0 if kernel is None else kernel.evidence
-        causes = sorted(_causes_of(ranks), key=lambda r: -r.evidence)[:MAX_STARTS]
-        tried = [self._chain_from(first, look, ranks, before) for first in causes if first.evidence > 0]
+        causes = _first_of_chains(look.problem, ranks, kernel)
+        tried = [self._chain_from(first, look, ranks, before) for first in causes]
         value, found = max(tried, key=lambda pair: pair[0], default=(0.0, []))
         # Where a kernel is still needed in the end, the causes must have paid as an unknown would have to.
         margin = UNKNOWN_NATS if found and found[-1][1].alarms else 0.0
@@ -270,6 +276,27 @@ class _Search:
             if best is None or best.evidence < EVIDENT_NATS or len(found) == MAX_CHAIN:
                 return total + left - CHOICE_NATS, found
             cause = best
+
+
+def _first_of_chains(
+    problem: ScoringProblem, ranks: Mapping[str, RankedCause], kernel: RankedCause | None
+) -> list[RankedCause]:
+    """The causes to begin a chain with: those of the largest evidence, and those that hold most of what the kernel
+    follows, each coefficient counted as noise would count it."""
+    causes = sorted((r for r in _causes_of(ranks) if r.best is not None), key=lambda r: -r.evidence)
+    evident = [r for r in causes if r.evidence > 0][:MAX_STARTS]
+    if kernel is None or kernel.best is None:
+        return evident
+    moving = any(r.best is not None and r.best.dwell is not None for r in (*causes, kernel))
+    space = problem.space(kernel.at.floor, moving=moving)
+    followed = estimate_signal(kernel.best, problem.view, space, np.ones(len(kernel.best.names)))
+    shares = []
+    for r in causes:
+        assert r.best is not None
+        axes = signature_axes(r.best, problem.view, space, r.at.hit(r.best, problem.view, alone=True).astype(float))
+        shares.append(followed_share(followed, axes))
+    held = [causes[i] for i in np.argsort(shares)[::-1][:MAX_STARTS] if shares[i] > 0]
+    return list({r.name: r for r in (*evident, *held)}.values())
 
 
 def _causes_of(ranks: Mapping[str, RankedCause]) -> list[RankedCause]:

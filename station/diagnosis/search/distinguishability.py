@@ -78,6 +78,15 @@ def separation_from(found: EstimatedSignal, other: SignatureAxes) -> float:
     return float(np.sqrt(max(apart - _squares_outside(unit, other, each=found.axes.own), 0.0)))
 
 
+def followed_share(found: EstimatedSignal, other: SignatureAxes) -> float:
+    """How much of a signal another cause can imitate, less what it would of as many numbers of noise."""
+    total = float(np.sum(found.data**2))
+    if total <= 0:
+        return 0.0
+    inside = total - _squares_outside(found.data[..., None], other, each=False)
+    return inside / total - float(np.count_nonzero(other.m)) / max(float(np.count_nonzero(found.axes.m)), 1.0)
+
+
 def distinct_share(found: SignatureAxes, other: SignatureAxes) -> float:
     """κ: which share of a cause another cannot imitate, over all directions of its coefficients."""
     total = float(found.m.sum())

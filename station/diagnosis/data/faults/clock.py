@@ -29,6 +29,8 @@ from station.domain.recipe.recipe import Recipe
 DETECTION_SIGMA = 4.0
 #: An oscillator is never so far off: such a rate is another setting, not an error (the worst RC oscillators, 10 %).
 MAX_RATE_ERROR = 0.15
+#: No host stamps more exactly, s.
+STAMP_STD_S = 1e-6
 #: Rounds of numbering the frames by the rate and fitting the rate to the numbers.
 ROUNDS = 3
 
@@ -83,7 +85,7 @@ def _held_out_gain(units: list[tuple[Floats, Floats]], tolerance: float) -> Bloc
                 continue
             rate = float(np.average(error[fitted], weights=weight[fitted]))
             variance = float(np.sum(weight[fitted] * (error[fitted] - rate) ** 2)) / (fitted.sum() - 1)
-            scale = weight[judged] / max(variance, 1e-30)
+            scale = weight[judged] / max(variance, STAMP_STD_S**2)
             nearest = float(np.clip(rate, -tolerance, tolerance))
             scores.append(0.5 * scale * ((error[judged] - nearest) ** 2 - (error[judged] - rate) ** 2))
             counts.append(np.ones(int(judged.sum())))
