@@ -227,7 +227,7 @@ def _heading(name: str, proposal: Proposal) -> str:
     """What the proposed recipe is for, as comments at its top."""
     lines = [
         f"{name} with {proposal.change}: {proposal.minutes:.1f} minutes more.",
-        f"It tells apart {', '.join(proposal.separates)}, right in {100 * proposal.certainty:.0f} of 100 cases as",
+        f"It separates {', '.join(proposal.separates)}; chance that a single cause is left: {proposal.certainty:.0%},",
         "predicted from the size and the noise found. The runs measured before need not be measured again: diagnose",
         "their samples together with those of the new run, `run` counted on.",
     ]
@@ -284,8 +284,8 @@ def _print_diagnosis(told: Mapping[str, Any]) -> None:
     if told["next_run"]:
         run = told["next_run"]
         _output.print_line(
-            f"next: {run['recipe_change']}, {run['minutes']} minutes, would name the right one of two with "
-            f"{run['certainty']:.0%}"
+            f"next: {run['recipe_change']}, {run['minutes']} minutes, to separate {', '.join(run['separates'])}; chance "
+            f"that a single cause is left: {run['certainty']:.0%}"
             if run["separates"]
             else f"next: {run['recipe_change']}"
         )

@@ -75,7 +75,7 @@ def test_the_proposed_run_tells_it_apart(effect: str, units: int, tied: set[str]
 
     heading = "".join(line for line in following.read_text(encoding="utf-8").splitlines(True) if line[0] == "#")
     assert f"{proposed['minutes']:.1f} minutes more" in heading
-    sure = re.search(r"right in (\d+) of 100 cases", heading)
+    sure = re.search(r"a single cause is left: (\d+)%", heading)
     assert sure is not None
     assert float(sure[1]) == pytest.approx(100 * proposed["certainty"], abs=0.51)
     assert station("check", str(following)) == 0

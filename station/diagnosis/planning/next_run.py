@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from station import plugins
+from station.diagnosis.planning.bench import bench_of
 from station.diagnosis.planning.proposal import CauseHypothesis, CauseTie, MeasuredCampaign, Proposal, propose
 from station.diagnosis.results.diagnose import Cause, Diagnosis
 from station.errors import RecipeError
@@ -29,11 +30,12 @@ def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
     if found is None:
         members = {name for c in tied for name in (c.finding.name, *c.finding.indistinguishable_from)}
         change = next(_tie_breakers(members), "no run of the menu separates them")
-        return {"recipe_change": change, "separates": [], "minutes": 0.0, "certainty": 0.5}, None
+        return {"recipe_change": change, "separates": [], "minutes": 0.0, "certainty": 0.0}, None
     return {
         "recipe_change": found.change,
         "separates": list(found.separates),
         "minutes": round(found.minutes, 1),
+        "leaves": list(found.leaves),
         "certainty": found.certainty,
     }, found
 
@@ -58,4 +60,5 @@ def _campaign(d: Diagnosis) -> MeasuredCampaign:
     """What was measured, as a plan sees it."""
     visits = d.last.view.scene.visits
     nests = len(visits.group("nest", 1)[1]) if "nest" in visits.groups else 1
-    return MeasuredCampaign(d.recipe, min(len(d.table.unit.names), MAX_PLANNED_UNITS), nests, d.floor.floor)
+    units = min(len(d.table.unit.names), MAX_PLANNED_UNITS)
+    return MeasuredCampaign(d.recipe, units, nests, d.floor.floor, bench_of(d.last.view.scene))

@@ -17,8 +17,11 @@ from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.distinguishability import SEPARATION_95, SignatureAxes, distinct_share, signature_axes
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import ScoringProblem
-from station.domain.recipe.recipe import Recipe
+from station.domain.core.types import Labels, SampleTable
+from station.domain.recipe.recipe import DwellRule, Recipe, Run, Turn
+from station.errors import RecipeError
 from station.model.effect import Effect
+from station.model.model_file import Model
 from station.model.simulate import SimulationJob, simulate
 from station.model.simulated_line import SimulatedLine
 from station.model.timeline import noise_density_of, visit_dwells_s
@@ -80,21 +83,79 @@ class RecipeSeparability:
     hidden: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class PlannedRuns:
+    """A recipe whose runs dwell differently: the rule of each run."""
+
+    recipe: Recipe
+    dwells: tuple[DwellRule, ...]
+
+    @staticmethod
+    def measured(recipe: Recipe) -> "PlannedRuns":
+        """All runs as the recipe dwells."""
+        return PlannedRuns(recipe, (recipe.dwell,) * len(recipe.runs))
+
+    def followed_by(self, run: Run, seats: Mapping[str, Turn], dwell: DwellRule) -> "PlannedRuns":
+        """With one more run; the recipe then dwells as that run does. Errors: RecipeError where it cannot be added."""
+        longer = self.recipe.model_dump(by_alias=True)
+        longer["runs"] = [*(r.model_dump() for r in self.recipe.runs), run.model_dump()]
+        longer["seatings"] = {k: v.model_dump() for k, v in {**seats, **self.recipe.seatings}.items()}
+        longer["dwell"] = dwell.model_dump()
+        try:
+            return PlannedRuns(Recipe.model_validate(longer), (*self.dwells, dwell))
+        except ValueError as exc:
+            raise RecipeError("next-run-impossible", recipe=self.recipe.name, reason=str(exc)) from exc
+
+
 def plan_campaign(recipe: Recipe, units: int, line: SimulatedLine | None = None, seed: int = 1) -> PlannedCampaign:
     """A campaign of a recipe as it is planned, without any cause, under white noise of the data sheet."""
+    return plan_runs(PlannedRuns.measured(recipe), units, line, seed)
+
+
+def plan_runs(runs: PlannedRuns, units: int, line: SimulatedLine | None = None, seed: int = 1) -> PlannedCampaign:
+    """The same where runs dwell differently."""
+    recipe = runs.recipe
     density = noise_density_of(recipe)
     slow = recipe.device.model_copy(update={"rate_hz": PLANNING_RATE_HZ, "noise_density": density, "lsb": 0.0})
-    job = SimulationJob(
-        recipe.model_copy(update={"device": slow}),
-        tuple(f"unit-{i + 1}" for i in range(units)),
-        seed,
-        line=line or SimulatedLine(),
-    )
-    table = simulate(job).table
-    problem = initial_problem(reduce_samples(job.recipe, table), FloorAllowance.of(recipe, job.model))
+    serials = tuple(f"unit-{i + 1}" for i in range(units))
+    planned = recipe.model_copy(update={"device": slow})
+    parts = []
+    for dwell in dict.fromkeys(runs.dwells):
+        # A longer dwell needs no more samples: the noise of its mean follows from the density.
+        rate_hz = PLANNING_RATE_HZ / max(dwell.time_s or 1.0, 1.0)
+        sheet = slow.model_copy(update={"rate_hz": rate_hz})
+        job = SimulationJob(
+            planned.model_copy(update={"dwell": dwell, "device": sheet}), serials, seed, line=line or SimulatedLine()
+        )
+        table = simulate(job).table
+        parts.append(table[np.isin(table.run, [r for r, d in enumerate(runs.dwells) if d == dwell])])
+    problem = initial_problem(reduce_samples(planned, _stacked(parts)), FloorAllowance.of(recipe, Model()))
     return PlannedCampaign.of(
         problem, NoiseFloor(density / float(np.sqrt(2 * visit_dwells_s(recipe).mean())), 0.0, 0.0)
     )
+
+
+def _stacked(parts: Sequence[SampleTable]) -> SampleTable:
+    """Tables of the same units and labels as one, by unit and run."""
+    if len(parts) == 1:
+        return parts[0]
+    first = parts[0]
+
+    def labels(of: Sequence[Labels]) -> Labels:
+        return Labels.of(np.concatenate([part.text() for part in of]))
+
+    whole = SampleTable(
+        labels([p.unit for p in parts]),
+        np.concatenate([p.run for p in parts]),
+        np.concatenate([p.visit for p in parts]),
+        labels([p.position for p in parts]),
+        np.concatenate([p.time_s for p in parts]),
+        np.concatenate([p.reading for p in parts]),
+        {k: labels([p.labels[k] for p in parts]) for k in first.labels},
+        {k: np.concatenate([p.values[k] for p in parts]) for k in first.values},
+        None if first.gold is None else np.concatenate([p.gold for p in parts if p.gold is not None]),
+    )
+    return whole[np.lexsort((whole.time_s, whole.run, whole.unit.code))]
 
 
 def recipe_separability(recipe: Recipe, units: int = 4) -> RecipeSeparability:

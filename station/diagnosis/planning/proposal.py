@@ -1,35 +1,40 @@
-"""The next run: the shortest change of a recipe that tells a found cause from those it is tied with.
+"""The next run: the shortest change of a recipe that separates a found cause from those it is tied with.
 
-Every run of a menu is added to the recipe, the longer campaign simulated, and the found cause, at the size and shape
-found and under the noise floor found, is held against all that the others could imitate: d·√κ (docs/diagnosis.md).
-The shortest run with 3.3 is proposed; where none has, the one that does most for its minutes, with a second
-one on top of it if that helps.
+Every run of a menu is added to the recipe, the longer campaign simulated on a bench that warms as the measured one
+did, and each cause of the tie, at the size it would need to look as the data do, is held against all that the others
+could imitate: d·√κ (docs/diagnosis.md). The next diagnosis will estimate d·√κ with a standard error of 1 and part two causes where the
+estimate is above 3.29, so a pair planned at x is parted with chance Φ(x − 3.29). Whichever of the tie is the true one,
+with equal chances, it must be parted from all others: that is the certainty promised.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise, permutations
-from math import erf
+from math import erf, prod, sqrt
+from typing import Any
 
 import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate, candidates, cause_library, is_testable
 from station.diagnosis.candidates.shape import with_form
 from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.planning.plan import RARE_LEVELS, PlannedCampaign, least_distinct_share, plan_campaign
+from station.diagnosis.planning.plan import (
+    RARE_LEVELS,
+    PlannedCampaign,
+    PlannedRuns,
+    least_distinct_share,
+    plan_runs,
+)
 from station.diagnosis.search.distinguishability import SEPARATION_95, SignatureAxes, distinct_share
-from station.domain.recipe.recipe import Recipe, Run, Turn
-from station.errors import RecipeError
+from station.domain.recipe.recipe import DwellRule, Recipe, Run, Turn
 from station.model.effect import Effect
 from station.model.simulated_line import SimulatedLine
 from station.model.timeline import run_timeline
 
-#: What a proposal must promise at least: better than a coin.
-MIN_CERTAINTY = 0.6
-#: d·√κ from which a run is said to bring two causes apart at all: right in 5 of 6 cases.
-USEFUL_SEPARATION = 2.0
-#: d·√κ that is enough whatever the room's temperature does meanwhile, which no plan knows.
-AMPLE_SEPARATION = 3 * SEPARATION_95
+#: Certainty that is enough, the gain that another run must bring, and runs at most.
+ENOUGH_CERTAINTY, LEAST_GAIN, MAX_RUNS = 0.95, 0.05, 3
+#: How much longer a slow run dwells, and at most for how long, s.
+SLOW_FACTOR, SLOWEST_DWELL_S = 10.0, 10.0
 SECOND_NEST = "once more in the next nest"
 
 
@@ -52,86 +57,99 @@ class CauseTie:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredCampaign:
-    """What was measured: the recipe, how many units through how many nests, and the floor found."""
+    """What was measured: the recipe, how many units through how many nests, the floor found, and the bench."""
 
     recipe: Recipe
     units: int
     nests: int
     floor: NoiseFloor
+    bench: SimulatedLine = field(default_factory=SimulatedLine)
+
+    @property
+    def line(self) -> SimulatedLine:
+        """The bench of a plan. A room that wanders would part what the next room, which stays calm, does not."""
+        return replace(self.bench, nests=self.nests, wander_degC=0.0)
 
 
-#: A pair of causes: the one found, and one that it is tied with.
+#: A pair of causes by id, in alphabetical order.
 CausePair = tuple[str, str]
-#: A cause at a shape and level, and what it could move.
+#: A candidate at a shape and level, and what it could move.
 CandidateAxes = tuple[Candidate, SignatureAxes]
 
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """One or two more runs: the recipe with them, in words, how long they take, and each pair's d·√κ then.
+    """One or more runs: the longer campaign, in words, how long the new runs take, and each pair's d·√κ then.
 
-    found: ids of the causes that were found, which stand at the heads of the line-ups.
+    ties: ids of the causes of each tie, the one found first.
     """
 
-    recipe: Recipe
+    campaign: PlannedRuns
     change: str
     minutes: float
     apart: Mapping[CausePair, float]
-    found: tuple[str, ...]
+    ties: tuple[tuple[str, ...], ...]
 
     @property
-    def reached(self) -> float:
-        """The smallest d·√κ."""
-        return min(self.apart.values(), default=0.0)
+    def recipe(self) -> Recipe:
+        """The recipe with the new runs."""
+        return self.campaign.recipe
 
     @property
     def separates(self) -> tuple[str, ...]:
-        """The causes found, and those that it tells from them; where it tells none from them, what it tells apart."""
-        named = [pair for pair in self.apart if set(pair) & set(self.found)]
-        return tuple(dict.fromkeys(name for pair in named or self.apart for name in pair))
+        """The causes found and those likely to be parted from them; where none is, what is parted at all."""
+        parted = [pair for pair, x in self.apart.items() if x > SEPARATION_95]
+        heads = {tie[0] for tie in self.ties}
+        named = [pair for pair in parted if set(pair) & heads]
+        return tuple(dict.fromkeys(name for pair in named or parted for name in pair))
+
+    @property
+    def leaves(self) -> tuple[str, ...]:
+        """Causes that stay tied with another of the same tie."""
+        tied = [pair for pair, x in self.apart.items() if x <= SEPARATION_95]
+        return tuple(dict.fromkeys(name for pair in tied for name in pair))
 
     @property
     def certainty(self) -> float:
-        """Chance to name the right one; every pair may go wrong."""
-        return max(0.5, 1 - sum(1 - _probability_right(x) for x in self.apart.values()))
+        """Chance that the next diagnosis names the true cause alone, each member of a tie being as likely true."""
+        return prod(sum(self._chance(true, tie) for true in tie) / len(tie) for tie in self.ties)
 
-    def of(self, pairs: Collection[CausePair]) -> "Proposal":
-        """The same for some of the pairs."""
-        return replace(self, apart={pair: x for pair, x in self.apart.items() if pair in pairs})
+    def _chance(self, true: str, tie: Sequence[str]) -> float:
+        return prod(
+            probability_parted(self.apart[min(true, other), max(true, other)]) for other in tie if other != true
+        )
 
 
 def propose(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Proposal | None:
-    """The best next run. None where nothing of the menu brings any of the causes a step apart.
-
-    A pair that no run brings apart is left out: what is tied with it for good need not keep the others from being told.
-    """
+    """The best next run, or several; None where nothing of the menu separates any of the causes."""
     lines_up = [_hypotheses(campaign, tie) for tie in ties]
-    found = _rated(campaign, lines_up)
-    pairs = {pair for p in found for pair, x in p.apart.items() if x > USEFUL_SEPARATION}
-    if not pairs:
-        return None
-    best = _best([p.of(pairs) for p in found])
-    if best.reached < SEPARATION_95:
-        again = _best([p.of(pairs) for p in _rated(replace(campaign, recipe=best.recipe), lines_up)])
-        if again.reached > 1.2 * best.reached:
-            change = f"{best.change}, then {again.change}"
-            best = replace(again, change=change, minutes=best.minutes + again.minutes)
-    return best if best.certainty > MIN_CERTAINTY else None
+    now = PlannedRuns.measured(campaign.recipe)
+    best: Proposal | None = None
+    for _ in range(MAX_RUNS):
+        better = _best(list(_rated_menu(campaign, now, lines_up, best)))
+        if better is None or (best is not None and better.certainty < best.certainty + LEAST_GAIN):
+            break
+        best, now = better, better.campaign
+        if best.certainty >= ENOUGH_CERTAINTY:
+            break
+    return best if best is not None and best.separates else None
 
 
-def _best(found: Sequence[Proposal]) -> Proposal:
-    """The shortest that does it; of equally short ones the first on the menu that does it amply, or the one that does
-    most. Where none does it, the one that does most a minute."""
-    enough = [p for p in found if p.reached >= SEPARATION_95]
-    if not enough:
-        return max(found, key=lambda p: p.reached / p.minutes)
-    short = [p for p in enough if round(p.minutes) == min(round(p.minutes) for p in enough)]
-    return next((p for p in short if p.reached >= AMPLE_SEPARATION), max(short, key=lambda p: p.reached))
+def probability_parted(apart: float) -> float:
+    """Chance that two causes planned at d·√κ are parted by a diagnosis that estimates it and asks for 3.29."""
+    return 0.5 * (1 + erf((apart - SEPARATION_95) / sqrt(2)))
+
+
+def _best(found: Sequence[Proposal]) -> Proposal | None:
+    """The shortest of those that are as good as any, to within a gain not worth a minute."""
+    most = max((p.certainty for p in found), default=0.0)
+    good = [p for p in found if p.certainty >= min(most, ENOUGH_CERTAINTY) - LEAST_GAIN / 2]
+    return min(good, key=lambda p: (round(p.minutes), -p.certainty), default=None)
 
 
 def _hypotheses(campaign: MeasuredCampaign, tie: CauseTie) -> list[CauseHypothesis]:
     """The found cause, and each of the others as it would have to be to look like it so far."""
-    plan = _planned(campaign, campaign.recipe)
+    plan = _planned(campaign, PlannedRuns.measured(campaign.recipe))
     found = _axes_of(plan, tie.found, _usual(plan, tie.found.effect.id))
     out = [tie.found]
     for other in tie.others:
@@ -143,19 +161,36 @@ def _hypotheses(campaign: MeasuredCampaign, tie: CauseTie) -> list[CauseHypothes
     return out
 
 
-def _rated(campaign: MeasuredCampaign, lines_up: Sequence[Sequence[CauseHypothesis]]) -> list[Proposal]:
-    """The runs of the menu, the shortest first, up to one that does it."""
-    heads = tuple(suspects[0].effect.id for suspects in lines_up)
-    out: list[Proposal] = []
-    for text, longer in sorted(run_menu(campaign), key=lambda choice: round(_minutes(choice[1]))):
-        out.append(Proposal(longer, text, _minutes(longer), _separations(campaign, longer, lines_up), heads))
-        if out[-1].reached >= AMPLE_SEPARATION:
-            break
-    return out
+def _rated_menu(
+    campaign: MeasuredCampaign,
+    now: PlannedRuns,
+    lines_up: Sequence[Sequence[CauseHypothesis]],
+    before: Proposal | None,
+) -> Iterator[Proposal]:
+    """The runs of the menu, the shortest first, up to the first that is certain enough."""
+    for text, longer in sorted(run_menu(campaign, now), key=lambda choice: round(_minutes(choice[1]))):
+        found = _rated(campaign, text, longer, lines_up, before)
+        yield found
+        if found.certainty >= ENOUGH_CERTAINTY:
+            return
+
+
+def _rated(
+    campaign: MeasuredCampaign,
+    text: str,
+    longer: PlannedRuns,
+    lines_up: Sequence[Sequence[CauseHypothesis]],
+    before: Proposal | None,
+) -> Proposal:
+    """A longer campaign with what it would separate; before: the proposal that it goes on from."""
+    change = text if before is None else f"{before.change}, then {text}"
+    minutes = _minutes(longer) + (before.minutes if before else 0.0)
+    ids = tuple(tuple(s.effect.id for s in suspects) for suspects in lines_up)
+    return Proposal(longer, change, minutes, _separations(campaign, longer, lines_up), ids)
 
 
 def _separations(
-    campaign: MeasuredCampaign, longer: Recipe, lines_up: Sequence[Sequence[CauseHypothesis]]
+    campaign: MeasuredCampaign, longer: PlannedRuns, lines_up: Sequence[Sequence[CauseHypothesis]]
 ) -> dict[CausePair, float]:
     """d·√κ of the causes of each line-up, whichever of two it is."""
     plan = _planned(campaign, longer)
@@ -172,10 +207,8 @@ def _separations(
     return apart
 
 
-def _planned(campaign: MeasuredCampaign, recipe: Recipe) -> PlannedCampaign:
-    # A room that wanders would part what the next room, which stays calm, does not.
-    calm = SimulatedLine(nests=campaign.nests, wander_degC=0.0)
-    return PlannedCampaign.of(plan_campaign(recipe, campaign.units, calm).problem, campaign.floor)
+def _planned(campaign: MeasuredCampaign, runs: PlannedRuns) -> PlannedCampaign:
+    return PlannedCampaign.of(plan_runs(runs, campaign.units, campaign.line).problem, campaign.floor)
 
 
 def _usual(plan: PlannedCampaign, name: str) -> list[CandidateAxes]:
@@ -222,41 +255,46 @@ def _at_form(plan: PlannedCampaign, candidate: Candidate, effect: Effect) -> Can
     return with_form(candidate, effect, plan.problem.view)
 
 
-def _probability_right(reached: float) -> float:
-    """Chance to name the right one of two."""
-    return 0.5 * (1 + erf(reached / 2 / np.sqrt(2)))
-
-
-def _minutes(recipe: Recipe) -> float:
+def _minutes(runs: PlannedRuns) -> float:
     """How long the last run takes, the unit's change and warming included."""
-    last = run_timeline(recipe, len(recipe.runs) - 1)
+    last = run_timeline(runs.recipe, len(runs.recipe.runs) - 1)
     return (last.duration_s + last.prewarm_s + SimulatedLine().changeover_s) / 60
 
 
-def run_menu(campaign: MeasuredCampaign) -> Iterator[tuple[str, Recipe]]:
-    """The recipe with one more run of each kind, the quickest to set up first."""
+def run_menu(campaign: MeasuredCampaign, now: PlannedRuns) -> Iterator[tuple[str, PlannedRuns]]:
+    """The campaign with one more run of each kind, the quickest to set up first."""
     turned, flipped = Turn(axis=(0, 0, 1), angle_deg=180), Turn(axis=(1, 0, 0), angle_deg=180)
-    kinds = [
-        *([(SECOND_NEST, Run(), {})] if campaign.nests > 1 else []),
-        ("motors off", Run(motors="off"), {}),
-        ("reversed order", Run(order="reversed"), {}),
-        ("turned 180° in the seat", Run(seating="turned"), {"turned": turned}),
-        ("flipped 180° in the seat", Run(seating="flipped"), {"flipped": flipped}),
-        ("10 °C warmer", Run(temperature_offset_degC=10), {}),
-        ("warmed up for ten minutes", Run(prewarm_s=600), {}),
-        ("reversed and 10 °C warmer", Run(order="reversed", temperature_offset_degC=10), {}),
-        ("flipped and warmed up", Run(seating="flipped", prewarm_s=600), {"flipped": flipped}),
+    kinds: list[tuple[str, dict[str, Any], dict[str, Turn], bool]] = [
+        *([(SECOND_NEST, {}, {}, False)] if campaign.nests > 1 else []),
+        ("motors off", {"motors": "off"}, {}, False),
+        ("reversed order", {"order": "reversed"}, {}, False),
+        ("turned 180° in the seat", {"seating": "turned"}, {"turned": turned}, False),
+        ("flipped 180° in the seat", {"seating": "flipped"}, {"flipped": flipped}, False),
+        ("10 °C warmer", {"temperature_offset_degC": 10}, {}, False),
+        ("reversed and 10 °C warmer", {"order": "reversed", "temperature_offset_degC": 10}, {}, False),
+        ("slow", {"order": "reversed"}, {}, True),
+        ("slow and 10 °C warmer", {"order": "reversed", "temperature_offset_degC": 10}, {}, True),
+        ("warmed up for ten minutes", {"prewarm_s": 600}, {}, False),
+        ("flipped and warmed up", {"seating": "flipped", "prewarm_s": 600}, {"flipped": flipped}, False),
         (
             "turned, reversed, 10 °C warmer and warmed up",
-            Run(seating="turned", order="reversed", temperature_offset_degC=10, prewarm_s=600),
+            {"seating": "turned", "order": "reversed", "temperature_offset_degC": 10, "prewarm_s": 600},
             {"turned": turned},
+            False,
         ),
+        ("slow, flipped and warmed up", {"seating": "flipped", "prewarm_s": 600}, {"flipped": flipped}, True),
     ]
-    for told, run, seats in kinds:
-        longer = campaign.recipe.model_dump(by_alias=True)
-        longer["runs"] = [*(r.model_dump() for r in campaign.recipe.runs), run.model_dump()]
-        longer["seatings"] = {k: v.model_dump() for k, v in ({**seats, **campaign.recipe.seatings}).items()}
-        try:
-            yield f"one run {told}", Recipe.model_validate(longer)
-        except ValueError as exc:
-            raise RecipeError(f"a run {told} cannot be added to recipe {campaign.recipe.name}: {exc}") from exc
+    for text, run, seats, slow in kinds:
+        # A recipe has one dwell: what follows a slow run is slow too.
+        dwell = _slow(now.dwells[0]) if slow else now.dwells[-1]
+        if slow and dwell == now.dwells[-1]:
+            continue
+        words = f"one run {text}" + (f" (dwells of {dwell.time_s:g} s)" if slow else "")
+        yield words, now.followed_by(Run(**run), seats, dwell)
+
+
+def _slow(rule: DwellRule) -> DwellRule:
+    """A dwell that is so much longer; an adaptive one stays."""
+    if rule.time_s is None or rule.time_s >= SLOWEST_DWELL_S:
+        return rule
+    return DwellRule(time_s=min(SLOW_FACTOR * rule.time_s, SLOWEST_DWELL_S))

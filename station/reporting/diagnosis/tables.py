@@ -16,6 +16,7 @@ from station.reporting.diagnosis.quantity_format import (
     format_significant,
     format_size,
 )
+from station.reporting.diagnosis.sentences import report_text
 from station.reporting.drawing import tables as drawing
 from station.reporting.drawing.figure import Figure, Series, svg
 
@@ -42,7 +43,7 @@ def parameters(cause: Mapping[str, Any]) -> ReportTable:
     left = f"; the {MAX_ROWS} largest of {len(rows)}, the JSON document has all" if len(rows) > MAX_ROWS else ""
     body = tuple((str(r["of"]), str(r["name"]), str(r["axis"] or "–"), _value(r)) for r in shown)
     return ReportTable(
-        f"Parameters of {cause['effect']} with 95 % intervals{left}", ("of", "name", "axis", "value"), body
+        report_text("table-parameters", effect=cause["effect"]) + left, ("of", "name", "axis", "value"), body
     )
 
 
@@ -73,36 +74,34 @@ def intervals_chart(cause: Mapping[str, Any]) -> str | None:
 
 
 def before_after_chart(data: ReportData) -> str:
-    """Rms on held-out data before and after each cause, and the noise floor."""
-    gains = [(c["effect"], c["gain"]) for c in data.causes if c["gain"]["rms_before"] is not None]
-    if not gains:
-        return ""
+    """Rms on held-out data before and after each cause, and the noise floor; of causes whose gain is one of means."""
+    gains = [(c["effect"], c["gain"]) for c in data.causes if c["gain"]["rms_after"] is not None]
     floor = float(data.document["baseline"]["floor_rms"])
-    factor, unit = display_unit([g["rms_before"] for _, g in gains], data.unit_of_readings)
-    rows = [
-        row for name, g in gains for row in ((f"without {name}", g["rms_before"]), (f"with {name}", g["rms_after"]))
-    ]
-    rows = [(name, float(f"{value * factor:.3g}")) for name, value in (*rows, ("noise floor", floor))]
-    return drawing.bar_chart("Error on data that were not fitted, rms", rows, unit, width=760)
+    factor, unit = display_unit([g["rms_before"] for _, g in gains] or [floor], data.unit_of_readings)
+    rows = []
+    for name, gain in gains:
+        rows.append((report_text("bar-without", effect=name), gain["rms_before"]))
+        rows.append((report_text("bar-with", effect=name), gain["rms_after"]))
+    rows.append((report_text("bar-floor"), floor))
+    bars = [(name, float(f"{value * factor:.3g}")) for name, value in rows]
+    return drawing.bar_chart(report_text("figure-before-after"), bars, unit, width=760)
 
 
 def gain_sentence(cause: Mapping[str, Any], unit: str) -> str:
-    """The gain of a cause in one sentence."""
-    g = cause["gain"]
-    if g["log_score"] is None:
-        return f"{cause['effect']}: too few stops to measure a gain on data that were not fitted."
-    sure = "so it is accepted" if g["accepted"] else "which chance alone may give, so it is not accepted"
-    score = f"{format_significant(g['log_score'])} ± {format_significant(g['std_error'])} nats (standard error)"
-    if g["rms_before"] is None:
-        return f"{cause['effect']}: each {g['per']} of the held-out stops is likelier by {score}, {sure}."
-    factor, words = display_unit([g["rms_before"], g["rms_after"]], unit)
-    by = {"time": "stretches of time", "visit": "stops", "unit": "units", "sample": "samples"}
-    return (
-        f"{cause['effect']}: on held-out {by.get(g['held_out_by'], g['held_out_by'])} the error goes from "
-        f"{format_significant(g['rms_before'] * factor)} to {format_significant(g['rms_after'] * factor)} {words} rms, "
-        f"which explains {100 * g['explained']:.0f} % of what is above the noise floor; "
-        f"the score rises by {score}, {sure}."
-    )
+    """The gain of a cause in words."""
+    g, parts = cause["gain"], []
+    held_out = report_text("held-out", what=str(g["held_out_by"]))
+    if g["rms_before"] is not None and g["rms_after"] is not None:
+        factor, words = display_unit([g["rms_before"], g["rms_after"]], unit)
+        before, after = (format_significant(g[key] * factor) for key in ("rms_before", "rms_after"))
+        parts.append(report_text("gain-rms", held_out=held_out, before=before, after=after, unit=words))
+    if g["explained"] is not None:
+        parts.append(report_text("gain-explained", percent=round(100 * g["explained"])))
+    if g["log_score"] is not None and g["std_error"] is not None:
+        score, error = format_significant(g["log_score"]), format_significant(g["std_error"])
+        parts.append(report_text("gain-score", held_out=held_out, score=score, error=error))
+    parts.append(report_text("gain-accepted" if g["accepted"] else "gain-refused"))
+    return f"{cause['effect']}: {' '.join(parts)}"
 
 
 def shifts(data: ReportData) -> ReportTable | None:
@@ -126,8 +125,8 @@ def shifts(data: ReportData) -> ReportTable | None:
     left = f"; the {MAX_ROWS} largest of {len(units)}" if len(units) > MAX_ROWS else ""
     coefficients = [f"offset {a}, {word}" for a in "xyz"] + [f"gain {a}, {part}" for a in "xyz"]
     coefficients += [f"cross {'xyz'[i]}{'xyz'[j]}, {part}" for i, j in _PAIRS]
-    head = ("unit", f"a reading by, {word}", *coefficients, *(("verdict",) if judged else ()))
-    return ReportTable(f"By how much each unit's calibration moves once the causes are off{left}", head, rows)
+    head = ("unit", f"a reading, {word}", *coefficients, *(("verdict",) if judged else ()))
+    return ReportTable(report_text("table-shifts") + left, head, rows)
 
 
 def shifts_chart(data: ReportData) -> str | None:
@@ -136,7 +135,7 @@ def shifts_chart(data: ReportData) -> str | None:
     if data.line is None or not units or units[0]["moves"] <= 0:
         return None
     factor, word = display_unit([units[0]["moves"] / 1e3], data.unit_of_readings)
-    title = "Move of a calibrated reading, rms over all directions"
+    title = report_text("figure-shifts")
     title += ", the 12 largest" if len(data.line["units"]) > 12 else ""
     return drawing.bar_chart(title, [(u["serial"][:24], u["moves"] / 1e3 * factor) for u in units], word, width=760)
 
@@ -146,7 +145,7 @@ def evidence_chart(rows: Sequence[Mapping[str, Any]]) -> str | None:
     top = [(str(r["effect"]), max(0.0, float(r["log_evidence"]))) for r in rows[:12]]
     if not any(value for _, value in top):
         return None
-    return drawing.bar_chart("Evidence of the likeliest causes", top, "nats", width=760)
+    return drawing.bar_chart(report_text("figure-evidence"), top, "nats", width=760)
 
 
 def ranking(data: ReportData) -> ReportTable:
@@ -160,7 +159,7 @@ def ranking(data: ReportData) -> ReportTable:
         )
         for r in data.document["considered"]
     )
-    return ReportTable("Evidence and probability when the first cause was looked for",
+    return ReportTable(report_text("table-ranking"),
                  ("cause", "evidence, nats", "probability", "what it is"), rows, folded=True)  # fmt: skip
 
 
@@ -185,7 +184,7 @@ def means(data: ReportData) -> ReportTable | None:
     shown = [(i, name) for i in range(len(data.axes)) for name in sides]
     head = ("position", *(f"{name} {data.axes[i]}" for i, name in shown))
     rows = tuple((data.position.names[p], *(_reading(found[name][p, i]) for i, name in shown)) for p in range(n))
-    return ReportTable(f"Means over all stops, {data.unit_of_readings}, each unit's gain taken off", head, rows)
+    return ReportTable(report_text("table-means", unit=data.unit_of_readings), head, rows)
 
 
 def _reading(value: float) -> str:
@@ -198,7 +197,7 @@ def not_testable(data: ReportData) -> ReportTable | None:
         (str(e), cause_text(e).physics, makes_testable(e, data.recorded)) for e in data.document["not_testable"]
     )
     return (
-        ReportTable("Not testable with these data", ("cause", "what it is", "what would show it"), rows)
+        ReportTable(report_text("table-not-testable"), ("cause", "what it is", "what would show it"), rows)
         if rows
         else None
     )
@@ -211,5 +210,7 @@ def smallest(data: ReportData) -> ReportTable | None:
         (effect, format_size(rms, unit_of(effect, unit), 2), cause_text(effect).physics)
         for effect, rms in sorted(data.smallest.items())
     )
-    caption = "Size (rms of its coefficients) from which a cause would have been seen in these data in 4 of 5 cases"
-    return ReportTable(caption, ("cause", "seen from", "what it is"), rows, folded=bool(data.causes)) if rows else None
+    if not rows:
+        return None
+    head = ("cause", "detected from", "what it is")
+    return ReportTable(report_text("table-smallest"), head, rows, folded=bool(data.causes))
