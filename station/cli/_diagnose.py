@@ -284,8 +284,8 @@ def _print_diagnosis(told: Mapping[str, Any]) -> None:
     if told["next_run"]:
         run = told["next_run"]
         _output.print_line(
-            f"next: {run['recipe_change']}, {run['minutes']} minutes, to separate {', '.join(run['separates'])}; chance "
-            f"that a single cause is left: {run['certainty']:.0%}"
+            f"next: {run['recipe_change']}, {run['minutes']} minutes, to separate {', '.join(run['separates'])}; "
+            f"chance that a single cause is left: {run['certainty']:.0%}"
             if run["separates"]
             else f"next: {run['recipe_change']}"
         )
