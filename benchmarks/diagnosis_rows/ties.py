@@ -133,12 +133,14 @@ class Taped:
 
 @dataclass(frozen=True)
 class Parted:
-    """What came of the next run: whether one was proposed; the tied causes before and after it, the leader first."""
+    """What came of the next run: whether one was proposed; the tied causes before and after it, the leader
+    first; the chance promised."""
 
     name: str
     before: tuple[str, ...]
     proposed: bool
     after: tuple[str, ...] = ()
+    promised: float = 0.0
 
     @property
     def leads(self) -> bool:
@@ -173,7 +175,8 @@ def parted(name: str, seed: int, d: float = 12.0) -> Parted | None:
         print(f"    {name} seed {seed}: {'/'.join(before)}: no run proposed", flush=True)
         return Parted(name, before, proposed=False)
     table, _ = hide(proposal.recipe, again, seed + 500)
-    made = Parted(name, before, proposed=True, after=_set_of(name, look(proposal.recipe, table)))
+    after = _set_of(name, look(proposal.recipe, table))
+    made = Parted(name, before, proposed=True, after=after, promised=proposal.certainty)
     if not made.resolved:
         told = f"{proposal.change}, {proposal.certainty:.2f}"
         print(f"    {name} seed {seed}: {'/'.join(before)} → {told} → {'/'.join(made.after)}", flush=True)
@@ -192,11 +195,20 @@ def resolved(seed: int, sets: int) -> list[Figure]:
     tied = [t for t in tried if t is not None]
     return [
         share("next run names the right one of those tied, d = 12", [t.resolved for t in tied], _ninety),
+        _promise([t for t in tied if t.proposed]),
         share("  the right one leads", [t.leads for t in tied]),
         share("  it is tied with fewer", [t.proposed and len(t.after) < len(t.before) for t in tied]),
         share("  a run was proposed", [t.proposed for t in tied]),
         share("  tied after one run", [t is not None for t in tried]),
     ]
+
+
+def _promise(tied: list[Parted]) -> Figure:
+    """By how much the promise of a proposed run exceeds what it reaches."""
+    gap = np.array([t.promised - t.resolved for t in tied] or [float("nan")])
+    mean, error = float(gap.mean()), float(gap.std() / np.sqrt(len(gap)))
+    low, high = mean - 1.96 * error, mean + 1.96 * error
+    return Figure("  promised − reached", mean, low, high, len(tied), *at_most(mean, 0.05))
 
 
 def _ninety(p: float) -> tuple[str, bool]:

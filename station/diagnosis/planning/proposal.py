@@ -283,6 +283,12 @@ def run_menu(campaign: MeasuredCampaign, now: PlannedRuns) -> Iterator[tuple[str
             False,
         ),
         ("slow, flipped and warmed up", {"seating": "flipped", "prewarm_s": 600}, {"flipped": flipped}, True),
+        (
+            "slow, flipped, 10 °C warmer and warmed up",
+            {"seating": "flipped", "prewarm_s": 600, "temperature_offset_degC": 10},
+            {"flipped": flipped},
+            True,
+        ),
     ]
     for text, run, seats, slow in kinds:
         # A recipe has one dwell: what follows a slow run is slow too.
