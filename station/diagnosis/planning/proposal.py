@@ -2,9 +2,9 @@
 
 Every run of a menu is added to the recipe, the longer campaign simulated on a bench that warms as the measured one
 did, and each cause of the tie, at the size it would need to look as the data do, is held against all that the others
-could imitate: d·√κ (docs/diagnosis.md). The next diagnosis will estimate d·√κ with a standard error of 1 and part two causes where the
-estimate is above 3.29, so a pair planned at x is parted with chance Φ(x − 3.29). Whichever of the tie is the true one,
-with equal chances, it must be parted from all others: that is the certainty promised.
+could imitate: d·√κ (docs/diagnosis.md). The next diagnosis will estimate d·√κ with a standard error of 1 and part two
+causes where the estimate is above 3.29, so a pair planned at x is parted with chance Φ(x − 3.29). Whichever of the tie
+is the true one, with equal chances, it must be parted from all others: that is the certainty promised.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
