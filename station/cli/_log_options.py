@@ -5,6 +5,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from station.domain.core.types import Outcome
 from station.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,6 +45,15 @@ def parse_time_ns(text: str | None, option: str) -> int | None:
     if not abs(since_1970_s) < FURTHEST_TIME_S:
         raise UsageError("option-time-range", option=option, text=text[:40])
     return int(since_1970_s * 1e9)
+
+
+def parse_outcome(text: str | None) -> str | None:
+    """An outcome in any case, as the log writes it. Errors: UsageError."""
+    if text is None:
+        return None
+    if (outcome := text.strip().upper()) not in tuple(Outcome):
+        raise UsageError("outcome-unknown", text=text[:40], outcomes=tuple(Outcome))
+    return outcome
 
 
 def parse_head(text: str | None) -> dict[int, bytes]:

@@ -17,8 +17,14 @@ if TYPE_CHECKING:
 PIPE_WIDTH = 160
 
 
+#: What every command takes, and the variable of the environment that stands for it.
+FLAGS = {"--quiet": "STATION_QUIET", "--no-progress": "STATION_NO_PROGRESS"}
+
+
 def on_terminal() -> bool:
     """Whether a person watches: progress shows only then."""
+    if any(os.environ.get(variable) for variable in FLAGS.values()):
+        return False
     return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
 
 
@@ -46,6 +52,8 @@ def print_message(message: Message) -> None:
 
 def print_remark(text: str) -> None:
     """One line for the person, on standard error, with nothing in it that could steer the terminal."""
+    if os.environ.get(FLAGS["--quiet"]):
+        return
     print("".join(c if c.isprintable() else " " for c in text), file=sys.stderr, flush=True)
 
 

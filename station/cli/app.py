@@ -2,6 +2,7 @@
 
 import ast
 import difflib
+import errno
 import gc
 import importlib
 import keyword
@@ -9,18 +10,21 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import station
-from station.errors import Aborted, StationError, UsageError
-from station.messages import Message, render
+from station.cli import _output
+from station.errors import Aborted, StationError, StationFault, UsageError
+from station.messages import Message, render, system_reason
 
 _FOLDER = Path(__file__).parent
 
 #: A start makes a hundred thousand objects that stay: looking for garbage after every 700 takes a tenth of its time.
 _GC_THRESHOLDS = (50_000, 20, 100)
 #: What typer answers to Ctrl-C, and the exit codes of docs/formats.md.
+_OUTPUT_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 _INTERRUPTED, _ABORTED_CODE, _BUG_CODE, _NOBODY_READS_CODE = 130, 4, 70, 3
 
 
@@ -30,6 +34,7 @@ def main(args: Sequence[str] | None = None) -> None:
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _raise_interrupt)
+    _open_standard_streams()
     sys.exit(_guarded(list(sys.argv[1:] if args is None else args)))
 
 
@@ -52,15 +57,43 @@ def _guarded(args: list[str]) -> int:
     except KeyboardInterrupt:
         return _fail(render(Message("stopped-by-operator")), _ABORTED_CODE)
     except BrokenPipeError:
-        # Whoever read the output has gone; keep the interpreter from complaining about it at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         return _NOBODY_READS_CODE
     except Exception as exc:  # noqa: BLE001 - the last face: a bug becomes a sentence and a file
+        if isinstance(exc, OSError) and exc.errno in _OUTPUT_ERRORS:
+            _discard_output()
+            return _fail(render(Message("output-not-written", reason=system_reason(exc))), StationFault.exit_code)
         return _fail(_write_crash_report(exc, args), _BUG_CODE)
     return code
 
 
+def _discard_output() -> None:
+    """What is still to come goes nowhere: the interpreter would complain about it at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _open_standard_streams() -> None:
+    """A closed standard stream becomes /dev/null: else the log's file could take its number, and be printed into."""
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        if getattr(sys, name) is None:
+            handle = os.open(os.devnull, os.O_RDWR)
+            if handle != number:
+                os.dup2(handle, number)
+                os.close(handle)
+            setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
+def _take_flags(args: list[str]) -> list[str]:
+    """The arguments without --quiet and --no-progress, which every command takes, before or after its name."""
+    end = args.index("--") if "--" in args else len(args)
+    for flag, variable in _output.FLAGS.items():
+        if flag in args[:end]:
+            os.environ[variable] = "1"
+    return [a for a in args[:end] if a not in _output.FLAGS] + args[end:]
+
+
 def _dispatch(args: list[str]) -> int:
+    args = _take_flags(args)
     if not args:
         print(_overview(), file=sys.stderr)
         return UsageError.exit_code
@@ -115,6 +148,7 @@ def _overview() -> str:
             "Calibrates devices on a CAN bus: tumble, compute, judge, write back, verify, log.",
             "",
             "Usage: station COMMAND [OPTIONS]     station COMMAND --help     station --version",
+            "Every command takes --no-progress, and --quiet: no progress and no remarks, errors only.",
             "",
             *lines,
             "",
@@ -126,7 +160,8 @@ def _overview() -> str:
 def _fail(sentence: str, code: int) -> int:
     # Names from files and devices stand in sentences: nothing of theirs may steer the terminal.
     clean = "".join(c if c.isprintable() else " " for c in sentence)
-    print(f"station: {clean}", file=sys.stderr)
+    with suppress(OSError):  # where standard error is full, the exit code alone has to do
+        print(f"station: {clean}", file=sys.stderr)
     return code
 
 

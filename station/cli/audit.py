@@ -46,7 +46,7 @@ def command(
         station audit --verify
     """
     from station.cli import _audit
-    from station.cli._log_options import open_named_log, parse_head, parse_time_ns
+    from station.cli._log_options import open_named_log, parse_head, parse_outcome, parse_time_ns
     from station.ports.log_reader import Query
 
     query = Query(
@@ -59,7 +59,7 @@ def command(
         recipe_name=recipe,
         recipe_hash=recipe_hash,
         firmware=firmware,
-        outcome=None if outcome is None else outcome.upper(),
+        outcome=parse_outcome(outcome),
         since_ns=parse_time_ns(since, "--since"),
         until_ns=parse_time_ns(until, "--until"),
     )

@@ -36,7 +36,7 @@ def command(
     Beside each file stands FILE.export.json with the file's SHA-256 and the head of the log it came from.
     """
     from station.cli import _export
-    from station.cli._log_options import open_named_log, parse_time_ns
+    from station.cli._log_options import open_named_log, parse_outcome, parse_time_ns
     from station.ports.log_reader import Query
 
     query = Query(
@@ -44,7 +44,7 @@ def command(
         nest=nest,
         lot=lot,
         recipe_name=recipe,
-        outcome=None if outcome is None else outcome.upper(),
+        outcome=parse_outcome(outcome),
         since_ns=parse_time_ns(since, "--since"),
         until_ns=parse_time_ns(until, "--until"),
     )

@@ -3,6 +3,9 @@
 from enum import StrEnum
 from pathlib import Path
 
+from station.errors import StoreFault
+from station.messages import Message
+
 
 class Companion(StrEnum):
     """Endings, after the log's whole name."""
@@ -18,5 +21,7 @@ class Companion(StrEnum):
 
 
 def companion_file(database: Path, ending: Companion) -> Path:
-    """That file of this log."""
+    """That file of this log. Errors: StoreFault where the path has no name, as `/` has none."""
+    if not database.name:
+        raise StoreFault("log-not-opened", path=str(database), reason=Message("log-is-folder"))
     return database.with_name(database.name + ending.value)

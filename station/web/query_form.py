@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from datetime import datetime, timedelta
 
+from station.domain.core.types import Outcome
 from station.errors import UsageError
 from station.ports.log_reader import Query
 from station.web.guard import parse_whole_number
@@ -20,12 +21,20 @@ def query_of(asked: Mapping[str, str]) -> Query:
     return Query(
         serial=None if begins else serial,
         serial_from=serial[:-1] if serial and begins else None,
-        outcome=said["outcome"].upper() if "outcome" in said else None,
+        outcome=_outcome(said.get("outcome")),
         since_ns=_time_ns(said.get("since"), next_day=False),
         until_ns=_time_ns(said.get("until"), next_day=True),
         before=parse_whole_number(asked.get("before", "")),
         **{k: said[k] for k in COLUMN_FIELDS if k in said},
     )
+
+
+def _outcome(text: str | None) -> str | None:
+    if text is None:
+        return None
+    if text.upper() not in tuple(Outcome):
+        raise UsageError("outcome-unknown", text=text[:40], outcomes=tuple(Outcome))
+    return text.upper()
 
 
 def _time_ns(text: str | None, *, next_day: bool) -> int | None:

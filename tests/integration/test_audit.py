@@ -121,6 +121,7 @@ def test_the_chain_is_whole_and_answers_to_its_printed_head(db: Path, capsys: Ou
         (["--head", "5:ab"], "--head wants NUMBER:HASH"),
         (["--head", f"5:{'a' * 64}"], "add --verify"),
         (["--limit", "0"], "--limit"),
+        (["--outcome", "passed"], "'passed' is not an outcome; choose one of PASS, FAIL"),
         (["--verify", "--key", "none.pem"], "The public key none.pem is not PEM"),
     ],
 )

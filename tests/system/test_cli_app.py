@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from station.cli.app import commands
 
 STATION = [sys.executable, "-m", "station"]
@@ -99,3 +101,26 @@ def test_a_reader_that_goes_away_leaves_no_traceback() -> None:
         assert process.stderr is not None
         process.stdout.close()
         assert "Traceback" not in process.stderr.read()
+
+
+@pytest.mark.parametrize("command", [["effects"], ["effects", "--json"], ["check", "six-point"]])
+def test_a_full_disk_under_the_output_is_one_sentence(command: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "station", *command], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert (done.returncode, done.stderr) == (3, "station: The output cannot be written: the disk is full.\n")
+
+
+def test_a_closed_output_is_no_bug() -> None:
+    script = f"exec {sys.executable} -m station effects >&-"
+    done = subprocess.run(["/bin/sh", "-c", script], stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("command", [["run", "--simulate"], ["recover", "SN1", "--simulate"], ["audit"], ["report"]])
+def test_a_folder_is_no_log(command: list[str]) -> None:
+    done = station(*command, "--db", "/")
+    assert done.returncode in (2, 3)
+    assert done.stderr.startswith(("station: The log / cannot be opened", "station: There is no log /"))
+    assert done.stderr.count("\n") == 1

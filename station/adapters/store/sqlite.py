@@ -73,6 +73,8 @@ class SqliteStore:
         self._signature = b""
         self._open: dict[str, int] = {}
         with ExitStack() as opened, translate_errors(StoreFault, path, "opened"):
+            if not path.name:
+                raise StoreFault("log-not-opened", path=str(path), reason=Message("log-is-folder"))
             lock = path.with_name(path.name + ".lock")
             opened.callback(OwnerLock(lock, Message("owned-log", path=str(path)), owner, time.time_ns()).release)
             self._db = file.open_for_writing(path, busy_s)
