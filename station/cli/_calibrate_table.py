@@ -150,7 +150,7 @@ def coefficients_limited(recipe: Recipe) -> bool:
 
 
 def _notes(r: CalibrationResult) -> tuple[str, ...]:
-    return () if r.calibration is None else r.calibration.notes
+    return () if r.calibration is None else tuple(render(note) for note in r.calibration.notes)
 
 
 def _summary(recipe: Recipe, told: CalibrationSummary) -> str:

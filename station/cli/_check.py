@@ -17,6 +17,7 @@ from station.domain.planning import design, optimal
 from station.domain.planning.forecast import forecast
 from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
+from station.messages import render
 from station.wiring.jobs import load_job
 
 SCHEMA = "station.check/1"
@@ -147,7 +148,7 @@ def _dwell_sentence(found: Any) -> str:
     least, most = float(found.dwell_s.min()), float(found.dwell_s.max())
     each = f"{least:.2g} s a stop" if most - least < 0.005 else f"{least:.2g} to {most:.2g} s a stop"
     told = f"dwell: {each}, {found.dwell_s.sum():.3g} s in all"
-    return f"{told}; {found.missed}" if found.missed else told
+    return f"{told}. {render(found.missed)}" if found.missed else told
 
 
 def _decision(d: Any) -> dict[str, Any]:

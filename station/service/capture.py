@@ -92,11 +92,13 @@ class Capture:
         collector.finish(from_ns, to_ns, self._channel.drops() - drops)
         return collector
 
-    def wait_for_face(self, units: Sequence[Unit], planned: PlannedVisit, request: str) -> Generator[Event, None, None]:
+    def wait_for_face(
+        self, units: Sequence[Unit], planned: PlannedVisit, instruction: Message
+    ) -> Generator[Event, None, None]:
         """Until the wanted face is up and still in every nest; reports once what else was brought up."""
         clock, face_s = self._station.clock, self._station.settings.timeouts.face_s
         deadline_s = clock.monotonic_s() + face_s
-        reported: set[str] = set()
+        reported: set[Message] = set()
         decoders, turned = [SampleDecoder(self._job.layout, unit.seat.node) for unit in units], False
         while clock.monotonic_s() < deadline_s:
             newest = self._poll(DWELL_POLL_S)
@@ -109,17 +111,15 @@ class Capture:
             if not all(at_rest(w, self._noise, self._lsb) for w in windows):
                 turned = turned or all(len(w) for w in windows)
                 continue
-            wrong = {self._wrong_face(u, w, planned) for u, w in zip(units, windows, strict=True)} - {""}
+            faces = [self._wrong_face(u, w, planned) for u, w in zip(units, windows, strict=True)]
+            wrong = [message for message in faces if message is not None]
             if not wrong:
                 return
             if turned:
-                for sentence in sorted(wrong - reported):
-                    yield Notice(Message.text(f"{sentence}; {request}"))
-                reported |= wrong
-        raise PositionerFault(
-            f"position {planned.position!r} was not brought up and held still within {face_s:g} s; "
-            "start again when somebody is there to turn the fixture"
-        )
+                for message in (m for m in wrong if m not in reported):
+                    yield Notice(Message("wrong-face-up", found=message, instruction=instruction))
+                reported |= set(wrong)
+        raise PositionerFault("nobody-turned", position=planned.position, timeout_s=face_s)
 
     def _settle(self, collector: VisitCollector) -> None:
         """The recipe's settling time, then until every unit is still; a unit that never is, the visit's check names.
@@ -153,15 +153,15 @@ class Capture:
         readings = samples.readings
         return readings[-count:] if len(readings) >= count else readings[:0]
 
-    def _wrong_face(self, unit: Unit, window: Floats, planned: PlannedVisit) -> str:
-        """What is up instead, in words; '' where it is right. Where any pose will do, it must be another one."""
+    def _wrong_face(self, unit: Unit, window: Floats, planned: PlannedVisit) -> Message | None:
+        """What is up instead; None where it is right. Where any pose will do, it must be another one."""
         mean = np.asarray(window.mean(axis=0))
         if not self._job.recipe.pose_known:
             same = unit.last_mean is not None and angle_deg(mean, unit.last_mean) < POSE_CHANGE_MIN_DEG
-            return f"nest {unit.seat.nest} still shows the same side" if same else ""
+            return Message("same-face-up", nest=unit.seat.nest) if same else None
         if not has_direction(planned.true, self._job.recipe) or angle_deg(mean, planned.true) <= FACE_DEG:
-            return ""
-        return f"nest {unit.seat.nest} shows {face(mean)} up"
+            return None
+        return Message("other-face-up", nest=unit.seat.nest, face=face(mean))
 
 
 def _live_reading(collector: VisitCollector) -> LiveReading:

@@ -100,7 +100,7 @@ class Load:
         """Ends what has not ended and parks what is not parked; after a regular run there is nothing to do."""
         try:
             for unit in self._alive:
-                for _ in self._end(unit, Aborted("the run was left before its end")):
+                for _ in self._end(unit, Aborted("run-left")):
                     pass
         finally:
             try:
@@ -186,10 +186,7 @@ class Load:
         except (DeviceSilent, DeviceRefused) as fault:
             gold = self._job.recipe.reference.gold
             name = gold.serial if gold is not None else ""
-            raise StationFault(
-                f"the gold reference {name} cannot be started, so there is no truth to measure against: "
-                f"{fault.sentence}"
-            ) from fault
+            raise StationFault("gold-not-started", serial=name, fault=fault.message) from fault
 
     def _seated(self, run: int, seating: str, *, powered: bool) -> None:
         """The clocks that creep and warm-up run on, for the record: since when a unit is clamped, and has power."""
@@ -198,7 +195,13 @@ class Load:
             self._station.store.event(unit.attempt, "seated", detail)
 
     def _reseat(self, number: int, seating: str) -> Iterator[Event]:
-        yield from self._ask(f"turn every unit in its nest to seating {seating!r}, then go on")
+        turn = self._job.recipe.seatings.get(seating)
+        if turn is None:
+            action = Message("turn-units-home", number=number + 1)
+        else:
+            axis = _axis_name(turn.axis)
+            action = Message("turn-units", number=number + 1, angle_deg=turn.angle_deg, axis=axis, seating=seating)
+        yield from self._ask(action)
         self._seated(number, seating, powered=False)
         for unit in self._alive:  # turned units may have been unplugged for it
             if unit.device.boot_ups() != unit.boot_ups:
@@ -208,28 +211,28 @@ class Load:
         """What a run asks of its surroundings and no port can do: a person does it and says so, and time is given."""
         run = self._job.recipe.runs[number]
         if run.temperature_offset_degC:
-            asked = f"run {number}: bring the surroundings {run.temperature_offset_degC:+g} degC from the usual"
-            yield from self._ask(asked)
+            offset = run.temperature_offset_degC
+            yield from self._ask(Message("set-temperature", number=number + 1, offset_degC=offset))
         if run.motors == "off":
-            yield from self._ask(f"run {number}: switch the line's motors off")
+            yield from self._ask(Message("switch-motors-off", number=number + 1))
         if run.prewarm_s and self._capture is not None:
-            yield Notice(Message.text(f"run {number}: warming up for {run.prewarm_s:g} s"))
+            yield Notice(Message("warming-up", number=number + 1, duration_s=run.prewarm_s))
             self._capture.wait(run.prewarm_s)
 
-    def _ask(self, sentence: str) -> Iterator[Event]:
+    def _ask(self, action: Message) -> Iterator[Event]:
         """Waits until a person has done it."""
-        yield Notice(Message.text(sentence))
+        yield Notice(Message("action", action=action))
         with self._stop:  # nothing is being written: a signal may end the wait at once
-            self._confirm(Message.text(sentence))
+            self._confirm(action)
         self._stop.check()
 
     def _judge(self) -> Iterator[Event]:
         yield from self._each(self._judge_one)
 
     def _judge_one(self, unit: Unit) -> Iterator[Event]:
-        if stands := thermometer.frozen_warning(unit.visits, self._job.layout):
-            self._station.store.event(unit.attempt, "thermometer-frozen", {"sentence": stands})
-            yield Notice(Message.text(f"{unit.name}: {stands}"), unit.seat.serial)
+        if warning := thermometer.frozen_warning(unit.visits, self._job.layout):
+            self._station.store.event(unit.attempt, "thermometer-frozen", record.message_entry(warning))
+            yield Notice(warning, unit.seat.serial)
         prior = None if self._capture is None else self._capture.pace.prior
         fit = compute.calibrate(unit, self._job, self._station, prior)
         unit.fit = replace(fit, visits=None)  # the log keeps the stops; a long batch must not keep them in memory too
@@ -339,3 +342,11 @@ def _without_events(step: Callable[[], None]) -> Iterator[Event]:
     """A step that has nothing to tell."""
     step()
     yield from ()
+
+
+def _axis_name(axis: Sequence[float]) -> str:
+    """x, -z, or the vector itself where it is no axis of the station."""
+    parts = [(name, value) for name, value in zip("xyz", axis, strict=True) if value]
+    if len(parts) == 1:
+        return parts[0][0] if parts[0][1] > 0 else f"-{parts[0][0]}"
+    return f"[{', '.join(f'{value:g}' for value in axis)}]"

@@ -10,6 +10,7 @@ from station.domain.capture.visit import CapturedVisit, Visit
 from station.domain.capture.visit_check import check, statistics
 from station.domain.core import rotation
 from station.domain.core.types import Reason
+from station.domain.product.emergency_codes import emergency
 from station.domain.recipe import plan
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.records.framepack.plain import PlainFrames
@@ -43,8 +44,8 @@ class VisitMeasurement:
         self, units: Sequence[Unit], planned: PlannedVisit, place: tuple[int, int], kind: str
     ) -> Generator[Event, None, RejectedUnits]:
         """Moves there and measures; place: (number, total). A bad stop is measured again as the recipe allows."""
-        request = self._request(planned)
-        yield VisitStarted(*place, planned.position, Message.text(request) if request else None)
+        instruction = self._instruction(planned)
+        yield VisitStarted(*place, planned.position, instruction)
         self._move(planned)
         number = plan.visit_index(self._job.recipe, planned.run, planned.visit) if kind == "tumble" else None
         means: dict[str, tuple[float, ...]] = {}
@@ -52,8 +53,8 @@ class VisitMeasurement:
         waiting = list(units)
         for repeats_left in range(self._job.recipe.visit_repeats, -1, -1):
             self._capture.drain()
-            if request:
-                yield from self._capture.wait_for_face(waiting, planned, request)
+            if instruction:
+                yield from self._capture.wait_for_face(waiting, planned, instruction)
             collector = yield from self._capture.take(waiting, number)
             found = {unit.seat.serial: self._check(unit, planned, collector) for unit in waiting}
             self._record(waiting, planned, collector, found, kind)
@@ -76,10 +77,7 @@ class VisitMeasurement:
             return
         off = float(np.degrees(np.linalg.norm(rotation.to_vector(where @ planned.nest.T))))
         if off > settings.arrival_tolerance_deg:
-            raise PositionerFault(
-                f"the positioner stands {off:.1f} degrees away from position {planned.position!r}; "
-                "nothing measured there counts: reference it again and check its load"
-            )
+            raise PositionerFault("positioner-off", angle_deg=off, position=planned.position)
 
     def _check(self, unit: Unit, planned: PlannedVisit, collector: VisitCollector) -> tuple[Visit, Reasons]:
         visit = collector.visit(unit, planned, self._emergencies(unit))
@@ -95,31 +93,29 @@ class VisitMeasurement:
         count, due = len(visit.gold.readings), visit.lasted_s * self._job.recipe.device.rate_hz
         if count >= due * GOLD_MIN_SHARE:
             return ()
-        sentence = (
-            f"the gold reference {gold.serial} (node {gold.node}) gave {count} of {due:.0f} readings at "
-            f"{visit.position!r}; without it nothing measured there counts: check its cable and power"
+        message = Message(
+            "gold-silent", serial=gold.serial, node=gold.node, count=count, due=due, position=visit.position
         )
-        return (Reason.text("gold-silent", sentence, count, due * GOLD_MIN_SHARE, "1"),)
+        return (Reason(message, count, due * GOLD_MIN_SHARE, "1"),)
 
     def _check_alive(self, unit: Unit, planned: PlannedVisit) -> Reasons:
         """What boot-up and heartbeat say against the device."""
         if unit.device.boot_ups() != unit.boot_ups:
-            return (Reason.text("rebooted", f"the device restarted by itself at {planned.position!r}"),)
+            return (Reason(Message("device-rebooted", position=planned.position), check="rebooted"),)
         age_s, limit_s = unit.device.heartbeat_age_s(), unit.heartbeat_limit_s
         if age_s > limit_s:
-            sentence = (
-                f"no heartbeat for {age_s:.1f} s at {planned.position!r}; one is due every {unit.heartbeat_s:g} s"
-            )
-            return (Reason.text("heartbeat", sentence, age_s, limit_s, "s"),)
+            period_s = unit.heartbeat_s
+            message = Message("heartbeat-late", age_s=age_s, position=planned.position, period_s=period_s)
+            return (Reason(message, age_s, limit_s, "s", check="heartbeat"),)
         return ()
 
-    def _emergencies(self, unit: Unit) -> tuple[str, ...]:
+    def _emergencies(self, unit: Unit) -> tuple[Message, ...]:
         """Errors that the device has reported and not taken back; every message goes into the record."""
         for e in unit.device.emergencies():
             detail = {"code": e.code, "register": e.register, "detail": e.detail, "time_ns": e.time_ns}
             self._station.store.event(unit.attempt, "emergency", detail)
             # Code 0 says that all errors are gone (CiA 301, 7.2.7.1).
-            unit.emergency = f"emergency 0x{e.code:04X} (register 0x{e.register:02X})" if e.code else ""
+            unit.emergency = emergency(e.code, e.register) if e.code else None
         return (unit.emergency,) if unit.emergency else ()
 
     def _record(
@@ -142,13 +138,13 @@ class VisitMeasurement:
                 unit.noise = max(unit.noise or 0.0, float(visit.readings.std(axis=0, ddof=1).max()))
         self._station.store.visit([u.attempt for u in units], records)
 
-    def _request(self, planned: PlannedVisit) -> str:
-        """What a person who turns the fixture must do; '' where a drive turns it."""
+    def _instruction(self, planned: PlannedVisit) -> Message | None:
+        """What a person who turns the fixture must do; None where a drive turns it."""
         if not self._station.positioner.by_hand:
-            return ""
+            return None
         if not np.isfinite(planned.true).all():
-            return "turn the unit to another direction and hold it still"
-        return f"bring position {planned.position!r} up ({face(planned.true)} of the unit) and let go"
+            return Message("turn-to-new-direction")
+        return Message("turn-to-position", position=planned.position, face=face(planned.true))
 
 
 def _visit_record(
@@ -159,6 +155,7 @@ def _visit_record(
         "to_ns": captured.to_ns,
         "bus_errors": [render(m) for m in error_frames(captured.frames)],
         "reasons": [r.sentence for r in reasons],
+        "messages": [r.message.document() for r in reasons],
     }
     return VisitRecord(
         run=captured.run,

@@ -10,6 +10,7 @@ from station.domain.core.types import Frames, NestAssignment, Outcome, Reason, S
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.recipe import plan
 from station.errors import LogError
+from station.messages import Value
 from station.service.compute import decode_visits, refit, samples_of
 from station.service.station import Job
 
@@ -48,9 +49,7 @@ def _units(frames: Frames, marks: Annotations, job: Job) -> Iterator[tuple[NestA
         labels = {"nest": f"node-{seat.node}"}
         table = samples_of(seat, [v for v in visits if _is_tumble(v, job)], job.recipe, job.layout, labels)
         if not len(table):
-            raise LogError(
-                f"no readings of unit {serial} (node {seat.node}) lie within its marks; check node and times"
-            )
+            raise LogError("marks-without-readings", serial=serial, node=seat.node)
         yield seat, visits, table
 
 
@@ -58,13 +57,11 @@ def _check_marks(marks: Sequence[Annotation], frames: Frames, job: Job) -> None:
     lasts_s = (int(frames.time_ns[-1]) - int(frames.time_ns[0])) / 1e9
     known = {p.name for p in (*job.recipe.positions, *job.recipe.verify.positions)}
     for mark in marks:
-        what = f"the mark of unit {mark.unit}, run {mark.run}, visit {mark.visit}"
+        where: dict[str, Value] = {"serial": mark.unit, "run": mark.run, "visit": mark.visit}
         if not mark.start_s < mark.end_s or mark.end_s < 0 or mark.start_s > lasts_s:
-            raise LogError(
-                f"{what} lies at {mark.start_s:g} to {mark.end_s:g} s, but the log holds 0 to {lasts_s:.3f} s"
-            )
+            raise LogError("mark-outside-log", start_s=mark.start_s, end_s=mark.end_s, lasts_s=lasts_s, **where)
         if job.recipe.pose_known and mark.position not in known:
-            raise LogError(f"{what} names position {mark.position!r}, which the recipe {job.recipe.name} does not have")
+            raise LogError("mark-of-unknown-position", position=mark.position, recipe=job.recipe.name, **where)
 
 
 def _is_tumble(visit: Visit, job: Job) -> bool:

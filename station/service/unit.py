@@ -42,7 +42,7 @@ class Unit:
     old: Mapping[Address, bytes] = field(default_factory=dict)
     settings_old: Mapping[Address, bytes] = field(default_factory=dict)
     heartbeat_s: float = 0.0
-    emergency: str = ""
+    emergency: Message | None = None
     last_mean: Floats | None = None
     noise: float | None = None
     temperature_degC: float | None = None

@@ -11,6 +11,7 @@ from station.domain.capture.visit import CapturedVisit, Visit
 from station.domain.core.types import ERROR, Floats, Frames
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.records.framepack.plain import PlainFrames, PlainFramesBuilder
+from station.messages import Message
 from station.service.station import Job
 from station.service.unit import Unit
 
@@ -84,7 +85,7 @@ class VisitCollector:
         """Its frames as the log keeps them."""
         return self._builders[unit.seat.serial][1].done()
 
-    def visit(self, unit: Unit, planned: PlannedVisit, emergencies: tuple[str, ...] = ()) -> Visit:
+    def visit(self, unit: Unit, planned: PlannedVisit, emergencies: tuple[Message, ...] = ()) -> Visit:
         """The visit as everything else takes it; without a new temperature the unit's last one counts."""
         samples = self._decoders[unit.seat.serial].samples(*self._dwell_ns)
         degC = samples.temperature_degC

@@ -101,7 +101,7 @@ def test_a_reseating_waits_for_the_page_and_goes_on_when_it_is_confirmed(
     page.do("scan", serial="SN0001")
     page.do("start")
     mark = page.wait_for_question()
-    assert "seating 'turned'" in page.shown("confirm")["confirm"]["text"]
+    assert "turned" in page.shown("confirm")["confirm"]["seating"]
     before = page.shown("now_svg"), page.shown("next_svg")
     assert all("<svg" in picture for picture in before)
     assert "no longer open" in page.do("confirm", question="0" * 16)["error"]

@@ -135,10 +135,10 @@ def mark(**change: object) -> Annotation:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"position": "zz-up"}, "names position 'zz-up', which the recipe six-point does not have"),
-        ({"start_s": 900.0, "end_s": 901.0}, "lies at 900 to 901 s, but the log holds 0 to"),
-        ({"start_s": 2.0, "end_s": 1.0}, "lies at 2 to 1 s"),
-        ({"node": 99}, "no readings of unit SN1 (node 99)"),
+        ({"position": "zz-up"}, "names position 'zz-up', which recipe six-point does not have"),
+        ({"start_s": 900.0, "end_s": 901.0}, "is at 900 to 901 s, but the log covers 0 to"),
+        ({"start_s": 2.0, "end_s": 1.0}, "is at 2 to 1 s"),
+        ({"node": 99}, "No readings of unit SN1 (node 99)"),
     ],
 )
 def test_marks_that_do_not_fit_are_named(

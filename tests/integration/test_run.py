@@ -165,8 +165,8 @@ def test_several_runs_and_seatings_ask_for_reseating_once(tmp_path: Path) -> Non
     )
     ran = fixture_run.run(tmp_path, recipe=name, confirm=asked.append)
     assert ran.results["SN0001"].outcome is Outcome.PASS, ran.results["SN0001"].reasons
-    turn = "turn every unit in its nest to seating 'turned', then go on"
-    assert [render(m) for m in asked] == [turn, "run 1: switch the line's motors off"], (
+    turn = "Pass 2: turn each unit 180° about z (seating 'turned')"
+    assert [render(m) for m in asked] == [turn, "Pass 2: switch the line's motors off"], (
         "nothing goes on before a person has done it"
     )
     told = [render(e.message) for e in ran.of(Notice)]
@@ -189,7 +189,7 @@ def test_dwells_end_when_the_coefficients_are_good_enough(tmp_path: Path) -> Non
     fit = seen["long"].results["SN0001"].fit
     assert fit is not None and fit.budget is not None and fit.calibration is not None
     assert fit.budget.std("noise").max() < 5e-5 * 1.05
-    assert not any("until_std" in note for note in fit.calibration.notes)
+    assert not any(note.id == "dwell-too-short" for note in fit.calibration.notes)
 
 
 def test_dwells_of_different_length_are_computed_again_bit_for_bit(

@@ -78,7 +78,7 @@ def test_each_face_is_asked_for_and_recognised(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, units=2, wrap=by_hand())
     assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
     asked = [render(e.instruction) for e in ran.of(VisitStarted) if e.instruction]
-    assert asked[2] == "bring position 'x-up' up (+x of the unit) and let go"
+    assert asked[2] == "Bring position 'x-up' up (+x of the unit) and let go."
     assert len(asked) == 8
     assert not ran.of(Notice)
 
@@ -88,10 +88,10 @@ def test_a_wrong_face_gets_a_sentence_and_not_a_failed_unit(tmp_path: Path) -> N
     assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
     told = sentences(ran.of(Notice))
     assert told == [
-        "nest A shows -x up; bring position 'z-down' up (-z of the unit) and let go",
-        "nest B shows -x up; bring position 'z-down' up (-z of the unit) and let go",
-        "nest A shows -y up; bring position 'x-up' up (+x of the unit) and let go",
-        "nest B shows -y up; bring position 'x-up' up (+x of the unit) and let go",
+        "Nest A shows -x up. Bring position 'z-down' up (-z of the unit) and let go.",
+        "Nest B shows -x up. Bring position 'z-down' up (-z of the unit) and let go.",
+        "Nest A shows -y up. Bring position 'x-up' up (+x of the unit) and let go.",
+        "Nest B shows -y up. Bring position 'x-up' up (+x of the unit) and let go.",
     ]
     kinds = [v["kind"] for v in ran.life("SN0001")["visits"]]
     assert kinds == ["tumble"] * 6 + ["verify"] * 2, "no visit was measured on the wrong face"
@@ -102,4 +102,4 @@ def test_when_nobody_turns_it_the_station_says_so(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, config=fixture_run.config(tmp_path, **timeouts), wrap=by_hand(delay_s=60.0))
     assert ran.results["SN0001"].outcome is Outcome.ERROR
     assert isinstance(ran.fault, PositionerFault)
-    assert "within 20 s; start again when somebody is there" in ran.fault.sentence
+    assert "within 20 s: start again when somebody is there" in ran.fault.sentence

@@ -78,10 +78,10 @@ def test_verification_through_the_devices_own_output_can_fail(tmp_path: Path) ->
     ran = fixture_run.run(tmp_path, recipe=name)
     r = ran.results["SN0001"]
     assert (r.outcome, r.written, r.verified) == (FAIL, True, False)
-    assert "the device's own output is" in r.reasons[0].sentence
+    assert "The device's own output at" in r.reasons[0].sentence
 
 
 def test_a_product_that_is_too_warm_is_the_stations_fault(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, recipe=fixture_run.recipe(tmp_path, limits={"temperature_degC": [-10, 10]}))
     assert ran.results["SN0001"].outcome is ERROR
-    assert "degC at 'z-up' is outside -10 to 10 degC" in ran.results["SN0001"].reasons[0].sentence
+    assert "°C, outside -10 to 10 °C." in ran.results["SN0001"].reasons[0].sentence

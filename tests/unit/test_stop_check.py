@@ -18,6 +18,7 @@ from station.domain.capture.rest_detection import angle_deg, at_rest, expected_n
 from station.domain.capture.visit import Visit
 from station.domain.capture.visit_check import STATION_CHECKS, check, statistics
 from station.domain.core.types import Floats, Frames
+from station.domain.product.emergency_codes import emergency
 from station.domain.recipe.recipe import Recipe
 from tests.conftest import SEED
 
@@ -66,7 +67,7 @@ def test_a_good_dwell_has_nothing_against_it(layout: SensorLayout, recipe: Recip
         ("kernel-drops", {"drops": 3}),
         ("temperature", {"temperature_degC": 45.0}),
         ("temperature", {"temperature_degC": -3.0}),
-        ("emergency", {"emergencies": ("emergency 0x4210 (register 0x01)",)}),
+        ("emergency", {"emergencies": (emergency(0x4210, 1),)}),
         ("too-few", {"to_ns": 2 * 10**9}),
         ("wrong-face", {"true": np.array([1.0, 0, 0])}),
         ("wrong-face", {"true": -UP}),

@@ -33,7 +33,8 @@ def visits(layout: SensorLayout, *temperatures_degC: float | None, node: int = N
 
 def test_six_stops_at_one_temperature_are_told_of(layout: SensorLayout) -> None:
     warning = frozen_warning(visits(layout, *[24.31] * MIN_VISITS), layout)
-    assert warning.startswith("the thermometer stood at 24.31 degC over 6 stops")
+    assert warning is not None
+    assert (warning.id, warning.parameters["value"], warning.parameters["visits"]) == ("thermometer-frozen", 24.31, 6)
 
 
 @pytest.mark.parametrize(
@@ -46,15 +47,15 @@ def test_six_stops_at_one_temperature_are_told_of(layout: SensorLayout) -> None:
     ],
 )
 def test_too_few_stops_or_one_step_tell_nothing(layout: SensorLayout, read: list[float | None]) -> None:
-    assert frozen_warning(visits(layout, *read), layout) == ""
+    assert frozen_warning(visits(layout, *read), layout) is None
 
 
 def test_a_coarse_thermometer_may_stand_still(layout: SensorLayout) -> None:
     assert layout.temperature is not None
     signals = tuple(replace(s, scale=0.5) for s in layout.temperature.signals)
     coarse = replace(layout, temperature=replace(layout.temperature, signals=signals))
-    assert frozen_warning(visits(coarse, *[24.5] * 20), coarse) == ""
+    assert frozen_warning(visits(coarse, *[24.5] * 20), coarse) is None
 
 
 def test_another_units_thermometer_is_not_this_ones(layout: SensorLayout) -> None:
-    assert frozen_warning(visits(layout, *[24.31] * MIN_VISITS, node=NODE + 1), layout) == ""
+    assert frozen_warning(visits(layout, *[24.31] * MIN_VISITS, node=NODE + 1), layout) is None

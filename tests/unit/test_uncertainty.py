@@ -9,6 +9,7 @@ import pytest
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.domain.evaluation import pipeline
+from station.messages import render
 from tests.fakes import tumble
 from tests.fakes.tumble import TODAY, coefficients
 
@@ -73,7 +74,7 @@ def test_quantisation_without_dither_is_a_line_of_its_own(rng: np.random.Generat
     found = pipeline.calibrate_unit(recipe, table, TODAY)
     assert found.budget is not None and found.calibration is not None
     assert found.budget.std("quantisation")[:3] == pytest.approx(np.full(3, 0.0127 / np.sqrt(12 * 6)), rel=0.2)
-    assert any("steps of 0.0127" in note for note in found.calibration.notes)
+    assert any("steps of 0.0127" in render(note) for note in found.calibration.notes)
 
 
 @pytest.mark.parametrize("declared", [True, False])

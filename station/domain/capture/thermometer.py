@@ -6,13 +6,14 @@ import numpy as np
 
 from station.domain.can.sensor_layout import SensorLayout
 from station.domain.capture.visit import Visit
+from station.messages import Message
 
 #: So many stops tell, seconds and movements apart. A coarser step than this, degC, may stand still in a quiet room.
 MIN_VISITS, FINE_DEGC = 6, 0.1
 
 
-def frozen_warning(visits: Sequence[Visit], layout: SensorLayout) -> str:
-    """'' or a sentence: the reading has not moved by one step over all stops although its steps are fine.
+def frozen_warning(visits: Sequence[Visit], layout: SensorLayout) -> Message | None:
+    """None or a warning: the reading has not moved by one step over all stops although its steps are fine.
 
     visits: those of one load. A thermometer whose noise has a standard deviation of one step
     or more shows any one value in no more than 38 % of its readings, so in six running in fewer than one load of a
@@ -22,14 +23,11 @@ def frozen_warning(visits: Sequence[Visit], layout: SensorLayout) -> str:
     step = _step_degC(layout)
     read = [t for visit in visits if len(t := visit.samples.temperature_degC)]
     if step is None or step > FINE_DEGC or len(read) < MIN_VISITS:
-        return ""
+        return None
     joined = np.concatenate(read)
     if np.ptp(joined) >= step / 2:
-        return ""
-    return (
-        f"the thermometer stood at {joined[0]:.6g} degC over {len(read)} stops and never moved by a step of {step:g} "
-        "degC; if it is frozen, no limit on the temperature means anything: check it against another one"
-    )
+        return None
+    return Message("thermometer-frozen", value=float(joined[0]), visits=len(read), step=step)
 
 
 def _step_degC(layout: SensorLayout) -> float | None:

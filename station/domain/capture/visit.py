@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from station.domain.can.decode import Samples, decode_samples, decode_temperatures
 from station.domain.can.sensor_layout import SensorLayout
 from station.domain.core.types import Floats, Frames
+from station.messages import Message
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +42,7 @@ class Visit:
     gold: Samples | None = None
     drops: int = 0
     temperature_degC: float | None = None
-    emergencies: tuple[str, ...] = ()
+    emergencies: tuple[Message, ...] = ()
 
     @property
     def lasted_s(self) -> float:

@@ -9,7 +9,7 @@ from station.domain.capture.rest_detection import angle_deg, compare_halves, exp
 from station.domain.capture.visit import Visit
 from station.domain.core.types import Floats, Reason
 from station.domain.recipe.recipe import Recipe
-from station.messages import Message
+from station.messages import Message, render
 
 #: Checks that say something about the station or the handling, not about the unit.
 STATION_CHECKS = frozenset(
@@ -56,7 +56,7 @@ def statistics(visit: Visit) -> dict[str, object]:
         "wrong_length": trouble.wrong_length,
         "kernel_drops": visit.drops,
         "temperature_degC": visit.temperature_degC,
-        "emergencies": list(visit.emergencies),
+        "emergencies": [render(m) for m in visit.emergencies],
     }
 
 
@@ -64,14 +64,11 @@ def _transport(d: Visit, recipe: Recipe) -> Iterator[Reason]:
     wanted = recipe.device.rate_hz * d.lasted_s
     count = int(np.count_nonzero(d.samples.usable))
     if d.samples.frame_errors.frames == 0:
-        yield Reason.text(
-            "silent", f"no readings came at {d.position!r}; check cable, power and node id", 0, wanted, "1"
-        )
+        yield Reason(Message("visit-silent", position=d.position), 0, wanted, "1", check="silent")
         return
     if d.drops:
-        yield Reason.text(
-            "kernel-drops", f"the kernel dropped {d.drops} frames at {d.position!r}; this PC is too busy", d.drops, 0
-        )
+        message = Message("visit-kernel-drops", count=d.drops, position=d.position)
+        yield Reason(message, d.drops, 0, check="kernel-drops")
     if not d.samples.frame_errors.clean:
         errors = d.samples.frame_errors.messages()
         yield Reason(Message("visit-bad-frames", position=d.position, errors=errors), check="frames")
@@ -81,13 +78,12 @@ def _transport(d: Visit, recipe: Recipe) -> Iterator[Reason]:
     rate = _rate_hz(d)
     allowed = recipe.device.clock_tolerance_ppm * 1e-6 + RATE_COUNTS / max(count, 1)
     if rate is not None and abs(rate / recipe.device.rate_hz - 1) > max(allowed, MIN_RATE_DEVIATION):
-        sentence = f"readings came at {rate:.1f} Hz at {d.position!r}, but the recipe says {recipe.device.rate_hz:g} Hz"
-        yield Reason.text("rate", sentence, rate, recipe.device.rate_hz, "Hz")
+        nominal = recipe.device.rate_hz
+        message = Message("visit-rate", rate_hz=rate, position=d.position, nominal_hz=nominal)
+        yield Reason(message, rate, nominal, "Hz", check="rate")
     elif count < MIN_FRAME_SHARE * wanted:
-        sentence = (
-            f"{count} good readings at {d.position!r}, but {wanted:.0f} were due; check the rate and the bus load"
-        )
-        yield Reason.text("too-few", sentence, count, MIN_FRAME_SHARE * wanted)
+        message = Message("visit-too-few", count=count, position=d.position, due=wanted)
+        yield Reason(message, count, MIN_FRAME_SHARE * wanted, check="too-few")
 
 
 def _excess_frames(d: Visit, wanted: float) -> float:
@@ -113,16 +109,15 @@ def _axes(d: Visit, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iterat
         ends = [v * signal.scale + signal.offset for v in signal.raw_limits()]
         top = min(recipe.device.full_scale or np.inf, max(ends))
         if high >= top - signal.scale or low <= max(-top, min(ends)) + signal.scale:
-            yield Reason.text(
-                "clipped", f"axis {axis} is clipped at {d.position!r}", float(max(high, -low)), float(top), unit
-            )
+            message = Message("axis-clipped", axis=axis, limit=float(top), unit=unit, position=d.position)
+            yield Reason(message, float(max(high, -low)), float(top), unit, check="clipped")
         elif low == high and noise > abs(signal.scale) / 2:
-            yield Reason.text(
-                "stuck", f"axis {axis} stands still at {low:.6g} {unit} at {d.position!r}: no noise at all"
-            )
+            message = Message("axis-without-noise", axis=axis, value=float(low), unit=unit, position=d.position)
+            yield Reason(message, check="stuck")
         if limit is not None and std[i] > limit:
-            sentence = f"axis {axis} has {std[i]:.3g} {unit} of noise at {d.position!r}, more than {limit:g}"
-            yield Reason.text("noise", sentence, float(std[i]), limit, unit)
+            value = float(std[i])
+            message = Message("axis-noise", axis=axis, position=d.position, value=value, unit=unit, limit=limit)
+            yield Reason(message, value, limit, unit, check="noise")
 
 
 def _rest(d: Visit, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
@@ -131,10 +126,8 @@ def _rest(d: Visit, xyz: Floats, recipe: Recipe) -> Iterator[Reason]:
     moved = (apart > MOVED * within * np.sqrt(2 / max(len(xyz) // 2, 1))) & (apart > matters)
     if moved.any():
         worst = float(apart.max())
-        sentence = (
-            f"the readings moved by {worst:.3g} {recipe.unit} during the dwell at {d.position!r}; was it touched?"
-        )
-        yield Reason.text("not-still", sentence, worst, float(matters), recipe.unit)
+        message = Message("visit-moved", value=worst, unit=recipe.unit, position=d.position)
+        yield Reason(message, worst, float(matters), recipe.unit, check="not-still")
 
 
 def _face(d: Visit, xyz: Floats, true: Floats, recipe: Recipe) -> Iterator[Reason]:
@@ -143,17 +136,17 @@ def _face(d: Visit, xyz: Floats, true: Floats, recipe: Recipe) -> Iterator[Reaso
     mean = np.asarray(xyz.mean(axis=0))
     angle = angle_deg(mean, true)
     if angle > FACE_DEG:
-        sentence = f"{face(mean)} is up instead of {face(true)} at {d.position!r} ({angle:.0f} degrees off)"
-        yield Reason.text("wrong-face", sentence, angle, FACE_DEG, "deg")
+        faces = {"face": face(mean), "expected": face(true)}
+        message = Message("visit-wrong-face", position=d.position, angle_deg=angle, **faces)
+        yield Reason(message, angle, FACE_DEG, "deg", check="wrong-face")
 
 
 def _surroundings(d: Visit, recipe: Recipe) -> Iterator[Reason]:
     limits = recipe.limits.temperature_degC
     if limits is not None and d.temperature_degC is not None and not limits[0] <= d.temperature_degC <= limits[1]:
         low, high = limits
-        sentence = f"{d.temperature_degC:.1f} degC at {d.position!r} is outside {low:g} to {high:g} degC"
-        yield Reason.text(
-            "temperature", sentence, d.temperature_degC, high if d.temperature_degC > high else low, "degC"
-        )
+        value = d.temperature_degC
+        message = Message("visit-temperature", position=d.position, value=value, low=low, high=high)
+        yield Reason(message, value, high if value > high else low, "degC", check="temperature")
     for emergency in d.emergencies:
-        yield Reason.text("emergency", f"the device reported {emergency} at {d.position!r}")
+        yield Reason(Message("visit-emergency", emergency=emergency, position=d.position), check="emergency")

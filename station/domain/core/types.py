@@ -188,7 +188,7 @@ class Calibration:
     tilt_std_deg: Floats
     disturbed: NDArray[np.bool_]
     residual_rms: float
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     def correct(self, reading: Array) -> Floats:
         """corrected = matrix⁻¹ · (measured − offset), for readings (…, 3)."""

@@ -51,7 +51,7 @@ def unit(result: CalibrationResult) -> dict[str, Any]:
         "rules": uncertainty.RULES,
         "decisions": [asdict(d) | {"margin": d.margin} for d in result.decisions],
         "temperature_degC": _number(np.mean(result.stops.temperature_degC)),
-        "notes": list(found.notes),
+        "notes": [render(note) for note in found.notes],
     }
 
 

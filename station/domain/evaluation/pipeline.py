@@ -83,9 +83,9 @@ def calibrate_unit(recipe: Recipe, table: SampleTable, today: str, rounding: Flo
     """The one unit of a table. Errors: as `calibrate`, and SamplesError when the unit cannot be calibrated."""
     results = list(calibrate(recipe, table, today, rounding))
     if len(results) != 1:
-        raise SamplesError(f"the samples are of {len(results)} units; give one at a time")
+        raise SamplesError("samples-of-several-units", count=len(results))
     if results[0].calibration is None:
-        raise SamplesError(results[0].verdict.reasons[0].sentence)
+        raise SamplesError(results[0].verdict.reasons[0].message)
     return results[0]
 
 
@@ -168,65 +168,62 @@ def _calibration(
         disturbed=fit.disturbed[u],
         residual_rms=float(rms),
         notes=(
-            *_disturbed(stops, fit, u),
+            *_disturbed(stops, fit, u, recipe.unit),
             *_scatter(budget, recipe.unit),
             *_dwell(recipe, fit, stops, budget),
-            *fit.notes[u],
+            *(Message.text(note) for note in fit.notes[u]),
         ),
     )
 
 
-def _dwell(recipe: Recipe, fit: Fit, stops: ReducedVisits, budget: Budget) -> Iterator[str]:
+def _dwell(recipe: Recipe, fit: Fit, stops: ReducedVisits, budget: Budget) -> Iterator[Message]:
     """What is known less well than the recipe's dwell.until_std wants."""
     if recipe.dwell.until_std is None:
         return
     known = recipe.pose_known
     strongest = np.linalg.norm(stops.true, axis=1).max() if known else recipe.reference.strength()
     wanted = adaptive_dwell.target_std(recipe, fit.free, float(strongest))
-    if told := adaptive_dwell.shortfall(recipe, wanted, budget.covering_std("noise")):
-        yield told
+    if note := adaptive_dwell.shortfall(recipe, wanted, budget.covering_std("noise")):
+        yield note
 
 
-def _disturbed(stops: ReducedVisits, fit: Fit, u: int) -> Iterator[str]:
+def _disturbed(stops: ReducedVisits, fit: Fit, u: int, unit: str) -> Iterator[Message]:
     for v in np.flatnonzero(fit.disturbed[u]):
         off = float(np.abs(fit.residual[u, v]).max())
-        yield (
-            f"the stop at {stops.position[v]!r} (run {stops.run[v]}, visit {stops.visit[v]}) was disturbed: it lies "
-            f"{off:.3g} off the others and was left out"
-        )
+        run, visit = int(stops.run[v]), int(stops.visit[v])
+        place = Message("visit-place", position=stops.position[v], run=run, visit=visit)
+        yield Message("visit-disturbed", place=place, value=off, unit=unit)
 
 
-def _scatter(budget: Budget, unit: str) -> Iterator[str]:
+def _scatter(budget: Budget, unit: str) -> Iterator[Message]:
     if budget.scatter > 0:
-        yield (
-            f"stops scatter by {budget.scatter:.2g} {unit} beyond what noise and declared pose errors explain; the "
-            f"uncertainty was widened to match"
-        )
+        yield Message("visits-scatter", value=budget.scatter, unit=unit)
 
 
 def _invalid_fit_reasons(found: Calibration, notes: tuple[str, ...]) -> Iterator[Reason]:
     """A fit that is no calibration: not settled, not finite, or a matrix that mirrors."""
     if notes:
-        yield Reason.text("fit", notes[0])
+        yield Reason(Message.text(notes[0]), check="fit")
     if not (np.isfinite(found.offset).all() and np.isfinite(found.matrix).all()):
-        yield Reason.text("fit", "the fit gave no finite coefficients")
+        yield Reason(Message("fit-not-finite"), check="fit")
     elif not np.linalg.det(found.matrix) > 0:
-        yield Reason.text("fit", "the fitted matrix mirrors or flattens space; two axes are swapped or one is inverted")
+        yield Reason(Message("fit-mirrors"), check="fit")
 
 
-def _undetermined_reason(recipe: Recipe, stops: ReducedVisits) -> str:
-    """Why such stops cannot determine the coefficients; '' when they can."""
+def _undetermined_reason(recipe: Recipe, stops: ReducedVisits) -> Message | None:
+    """Why such stops cannot determine the coefficients; None when they can."""
     if not recipe.pose_known and (few := _too_few_poses(recipe, stops)) is not None:
-        return render(few)
+        return few
     true = stops.true if recipe.pose_known else _directions(stops) * recipe.reference.strength()
     nuisance = method.nuisance(recipe, stops.position, stops.seating, true)
     rows, names = method.of(recipe).design(true, recipe, nuisance)
     lost = rank.undetermined(rows, names, rank.EXACT_TOLERANCE if recipe.pose_known else rank.NOISY_TOLERANCE)
     if not lost:
-        return ""
-    missing = [repr(p.name) for p in recipe.positions if p.name not in stops.position]
-    why = f"it was never at {', '.join(missing)}" if missing else "its stops are too few or too much alike"
-    return f"{why}, so {recipe.method} cannot determine {', '.join(lost)}; measure it again at more positions"
+        return None
+    undetermined = {"method": recipe.method, "coefficients": tuple(lost)}
+    if missing := tuple(p.name for p in recipe.positions if p.name not in stops.position):
+        return Message("positions-not-visited", positions=missing, **undetermined)
+    return Message("visits-too-similar", **undetermined)
 
 
 def _too_few_poses(recipe: Recipe, stops: ReducedVisits) -> Message | None:
@@ -242,8 +239,6 @@ def _directions(stops: ReducedVisits) -> Floats:
     return np.asarray(apart / np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-300))
 
 
-def _refused(serial: str, why: str) -> CalibrationResult:
-    sentence = f"unit {serial} cannot be calibrated: {why}"
-    return CalibrationResult(
-        serial, Verdict(Outcome.ERROR, (Reason.text("samples", sentence),), Message("rule-none"), 0.0, 0.0)
-    )
+def _refused(serial: str, why: Message) -> CalibrationResult:
+    reason = Reason(Message("unit-not-calibrated", serial=serial, reason=why), check="samples")
+    return CalibrationResult(serial, Verdict(Outcome.ERROR, (reason,), Message("rule-none"), 0.0, 0.0))

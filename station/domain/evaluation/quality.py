@@ -11,6 +11,7 @@ from station.domain.core.types import Floats, Reason, ReducedVisits
 from station.domain.evaluation.unit_visits import UnitVisits
 from station.domain.noise.dwell_statistics import flat_topped
 from station.domain.recipe import sensor
+from station.domain.recipe.gravity import STANDARD
 from station.domain.recipe.recipe import Recipe
 from station.messages import Message
 
@@ -36,7 +37,7 @@ def reasons(recipe: Recipe, visits: UnitVisits, stops: ReducedVisits) -> tuple[R
     )
 
 
-def notes(recipe: Recipe, visits: UnitVisits) -> tuple[str, ...]:
+def notes(recipe: Recipe, visits: UnitVisits) -> tuple[Message, ...]:
     """What a person should know although it fails nothing."""
     return (*_rejected(visits), *_coarse(recipe, visits), *_drifts(recipe, visits), *_single(visits))
 
@@ -46,9 +47,7 @@ def _stuck(recipe: Recipe, stops: ReducedVisits) -> Iterator[Reason]:
         poses = {(p, s) for p, s in zip(stops.position, stops.seating, strict=True)}
         if len(poses) > 1 and not stops.std[:, i].any() and np.ptp(stops.mean[:, i]) == 0:
             value = float(stops.mean[0, i])
-            yield Reason.text(
-                "stuck", f"axis {axis} reads {value:.6g} {recipe.unit} whatever the position: it is stuck"
-            )
+            yield Reason(Message("axis-stuck", axis=axis, value=value, unit=recipe.unit), check="stuck")
 
 
 def _clipped(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
@@ -57,8 +56,9 @@ def _clipped(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
         return
     extreme = np.maximum(visits.dwells.high, -visits.dwells.low)
     for v, i in np.argwhere(extreme >= FULL * full):
-        told = f"axis {'xyz'[i]} is at the end of its range ({full:g} {recipe.unit}) at {visits.position[v]!r}"
-        yield Reason.text("clipped", told, float(extreme[v, i]), full, recipe.unit)
+        where = {"axis": "xyz"[i], "position": visits.position[v]}
+        message = Message("axis-clipped", limit=full, unit=recipe.unit, **where)
+        yield Reason(message, float(extreme[v, i]), full, recipe.unit, check="clipped")
 
 
 def _without_resolution(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
@@ -84,11 +84,9 @@ def _moved(recipe: Recipe, visits: UnitVisits) -> Iterator[Reason]:
         return
     for v, i in np.argwhere(_drifted(visits) & (np.abs(visits.dwells.drift) > limit)):
         size = float(visits.dwells.drift[v, i])
-        told = (
-            f"axis {'xyz'[i]} moved by {-size:+.3g} {recipe.unit} during the dwell at {visits.position[v]!r}, more "
-            f"than the residual may be ({limit:g}); lengthen settle.time_s or look for what touched it"
-        )
-        yield Reason.text("not-still", told, abs(size), limit, recipe.unit)
+        where = {"axis": "xyz"[i], "position": visits.position[v]}
+        message = Message("axis-moved", value=-size, unit=recipe.unit, limit=limit, **where)
+        yield Reason(message, abs(size), limit, recipe.unit, check="not-still")
 
 
 def _stimulus(recipe: Recipe, stops: ReducedVisits) -> Iterator[Reason]:
@@ -104,8 +102,8 @@ def _stimulus(recipe: Recipe, stops: ReducedVisits) -> Iterator[Reason]:
         return
     ratio = float(np.median((size / wanted)[strong]))
     if len(stops) > 1 and not 1 / SCALE < ratio < SCALE:
-        hint = "; are they in m/s²?" if abs(ratio / 9.80665 - 1) < 0.05 else "; look at range and unit"
-        yield Reason.text("scale", f"readings are {ratio:.3g} times the stimulus{hint}", ratio, SCALE)
+        id_ = "readings-in-m-s2" if abs(ratio / STANDARD - 1) < 0.05 else "readings-wrong-scale"
+        yield Reason(Message(id_, ratio=ratio), ratio, SCALE, check="scale")
     elif known.all():
         yield from _faces(stops, wanted, size, strong)
 
@@ -116,56 +114,63 @@ def _faces(stops: ReducedVisits, wanted: Floats, size: Floats, strong: NDArray[n
     cosine = np.einsum("vi,vi->v", found, nominal)
     for v in np.flatnonzero(strong & (cosine < np.cos(np.deg2rad(FACE_DEG)))):
         angle = float(np.degrees(np.arccos(np.clip(cosine[v], -1, 1))))
-        like = stops.position[int(np.argmax(nominal @ found[v]))]
-        seems = f"; it looks like {like!r}" if like != stops.position[v] else ""
-        told = f"at {stops.position[v]!r} the reading points {angle:.0f} deg elsewhere than the recipe says{seems}"
-        yield Reason.text("wrong-face", told, angle, FACE_DEG, "deg")
+        name, nearest = stops.position[v], stops.position[int(np.argmax(nominal @ found[v]))]
+        message = Message("direction-wrong", position=name, angle_deg=angle)
+        if nearest != name:
+            message = Message("direction-of-other", position=name, angle_deg=angle, nearest=nearest)
+        yield Reason(message, angle, FACE_DEG, "deg", check="wrong-face")
 
 
 def _drifted(visits: UnitVisits) -> NDArray[np.bool_]:
     return np.asarray(np.abs(visits.dwells.drift_z) > MOVED)
 
 
-def _rejected(visits: UnitVisits) -> Iterator[str]:
+def _rejected(visits: UnitVisits) -> Iterator[Message]:
     d = visits.dwells
     if d.rejected.any():
         v = int(np.argmax(d.rejected))
-        yield (
-            f"{int(d.rejected.sum())} of {int(d.count.sum())} readings lie far from the others of their visit and were "
-            f"left out, most at {_place(visits, v)}: {int(d.rejected[v])} of {int(d.count[v])}"
+        yield Message(
+            "readings-left-out",
+            left_out=int(d.rejected.sum()),
+            count=int(d.count.sum()),
+            place=_place(visits, v),
+            left_out_there=int(d.rejected[v]),
+            count_there=int(d.count[v]),
         )
 
 
-def _coarse(recipe: Recipe, visits: UnitVisits) -> Iterator[str]:
+def _coarse(recipe: Recipe, visits: UnitVisits) -> Iterator[Message]:
     for i, axis in enumerate("xyz"):
         rounding, noise = float(visits.quantisation[:, i].max()), float(visits.dwells.variance[:, i].max())
         if rounding > noise and visits.step[i] > 0:
-            yield (
-                f"axis {axis} reads in steps of {visits.step[i]:.3g} {recipe.unit} with too little noise to average "
-                f"them out: up to {np.sqrt(3 * rounding):.2g} {recipe.unit} of error stay in every mean"
-            )
+            error = float(np.sqrt(3 * rounding))
+            step = float(visits.step[i])
+            yield Message("steps-beyond-noise", axis=axis, step=step, error=error, unit=recipe.unit)
         elif recipe.device.lsb > 0 and visits.step[i] > 1.5 * recipe.device.lsb:
-            yield (
-                f"axis {axis} reads in steps of {visits.step[i]:.3g} {recipe.unit}, coarser than the sheet's "
-                f"{recipe.device.lsb:g}"
-            )
+            step = float(visits.step[i])
+            yield Message("steps-beyond-sheet", axis=axis, step=step, unit=recipe.unit, sheet=recipe.device.lsb)
 
 
-def _drifts(recipe: Recipe, visits: UnitVisits) -> Iterator[str]:
+def _drifts(recipe: Recipe, visits: UnitVisits) -> Iterator[Message]:
     drifted = _drifted(visits)
     if drifted.any():
         size = np.where(drifted, np.abs(visits.dwells.drift), 0.0)
         v, i = np.unravel_index(int(np.argmax(size)), size.shape)
-        yield (
-            f"readings drift within {int(drifted.any(axis=1).sum())} of {len(visits)} visits, most on axis {'xyz'[i]} "
-            f"at {_place(visits, v)}: {-visits.dwells.drift[v, i]:+.2g} {recipe.unit} from first to second half"
+        yield Message(
+            "readings-drift",
+            drifting=int(drifted.any(axis=1).sum()),
+            visits=len(visits),
+            axis="xyz"[i],
+            place=_place(visits, v),
+            value=-float(visits.dwells.drift[v, i]),
+            unit=recipe.unit,
         )
 
 
-def _single(visits: UnitVisits) -> Iterator[str]:
+def _single(visits: UnitVisits) -> Iterator[Message]:
     if (visits.dwells.count < 2).all():
-        yield "every visit is a single reading: its noise is judged from the residuals alone"
+        yield Message("visits-of-one-reading")
 
 
-def _place(visits: UnitVisits, v: int | np.integer[Any]) -> str:
-    return f"{visits.position[v]!r} (run {visits.run[v]}, visit {visits.visit[v]})"
+def _place(visits: UnitVisits, v: Any) -> Message:
+    return Message("visit-place", position=visits.position[v], run=int(visits.run[v]), visit=int(visits.visit[v]))

@@ -31,7 +31,7 @@ def from_document(document: Mapping[str, Any], recipe: Recipe, truths: Truths | 
     try:
         values = {f.name: _value(f.name, document[f.name]) for f in fields(ReducedVisits)}
     except (KeyError, TypeError, ValueError) as exc:
-        raise LogError(f"the reduced stops of an attempt cannot be read ({exc}); use --from-frames") from exc
+        raise LogError("reduced-visits-damaged", why=str(exc)) from exc
     if recipe.pose_known:
         values = _at(values, {p.name for p in recipe.positions}, {"home", *recipe.seatings})
     if recipe.reference.source != "gold":

@@ -49,7 +49,7 @@ def reduce_table(table: SampleTable, recipe: Recipe, prior: NoisePrior | None = 
     Errors: SamplesError.
     """
     if len(table) == 0:
-        raise SamplesError("the samples table holds no samples; give at least one visit")
+        raise SamplesError("samples-table-empty")
     table = sort_table(table)
     begin, end = visit_boundaries(table)
     _check(table, recipe, begin, end)
@@ -87,8 +87,12 @@ def _check(table: SampleTable, recipe: Recipe, begin: Array, end: Array) -> None
         row = int(wrong[0])
         names = table.position.names
         raise SamplesError(
-            f"visit {table.visit[row]} of run {table.run[row]} of unit {table.unit.text()[row]} is at two positions, "
-            f"{names[first[row]]!r} and {names[table.position.code[row]]!r}; give every stop a visit number of its own"
+            "visit-at-two-positions",
+            visit=int(table.visit[row]),
+            run=int(table.run[row]),
+            serial=str(table.unit.text()[row]),
+            first=names[first[row]],
+            second=names[table.position.code[row]],
         )
     if recipe.pose_known:
         known = [p.name for p in (*recipe.positions, *recipe.verify.positions)]
@@ -105,10 +109,7 @@ def _check_known(what: str, found: Sequence[str], known: Sequence[str]) -> None:
     for name in found:
         if name not in known:
             near = get_close_matches(name, known, 1, 0)[0]
-            raise SamplesError(
-                f"column {what}: {name!r} is not in the recipe, whose nearest name is {near!r}; "
-                f"rename it in the table or add it to the recipe"
-            )
+            raise SamplesError("name-not-in-recipe", column=what, name=name, nearest=near)
 
 
 def _portions(unit: Array, count: Array) -> Iterator[slice]:
@@ -211,10 +212,7 @@ def _for_the_fit(found: UnitVisits, recipe: Recipe) -> NDArray[np.bool_]:
     checked_only = {p.name for p in recipe.verify.positions} - tumble
     keep = np.array([name not in checked_only for name in found.position])
     if not keep.any():
-        raise SamplesError(
-            f"unit {found.serial} has samples at verify positions only, which take no part in the fit; "
-            f"add visits at the recipe's positions"
-        )
+        raise SamplesError("samples-of-verify-only", serial=found.serial)
     return keep
 
 
@@ -228,9 +226,6 @@ def _covariance(d: DwellStatistics, quantisation: Floats) -> Floats:
 
 def _of_gold(found: UnitVisits, keep: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     if found.gold is None:
-        raise SamplesError(
-            "the recipe's reference is a gold sensor, but the samples have no columns gold_x, gold_y, gold_z; "
-            "add them or change reference.source"
-        )
+        raise SamplesError("samples-without-gold")
     gold = found.gold
     return gold.mean[keep], _covariance(gold, np.zeros_like(gold.mean))[keep]

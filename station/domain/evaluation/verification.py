@@ -10,6 +10,7 @@ from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.noise import resolution
 from station.domain.noise.dwell_statistics import measure
 from station.domain.recipe.recipe import Recipe
+from station.messages import Message
 
 #: An error that chance would make this rarely tells of something between calibration and output that is not right.
 MIN_P_VALUE = 1e-6
@@ -87,12 +88,12 @@ def check(verified: tuple[VerifiedPosition, ...], recipe: Recipe) -> tuple[Reaso
             _unexpected_error(v, recipe.unit) for v in verified if v.chance is not None and v.chance < MIN_P_VALUE
         )
     return tuple(
-        Reason.text(
-            "verify",
-            f"at {v.position!r} the device's own output is {v.error:.3g} {recipe.unit} off, more than {limit:g}",
+        Reason(
+            Message("output-beyond-limit", position=v.position, value=v.error, unit=recipe.unit, limit=limit),
             v.error,
             limit,
             recipe.unit,
+            check="verify",
         )
         for v in verified
         if not v.error <= limit
@@ -100,8 +101,5 @@ def check(verified: tuple[VerifiedPosition, ...], recipe: Recipe) -> tuple[Reaso
 
 
 def _unexpected_error(v: VerifiedPosition, unit: str) -> Reason:
-    told = (
-        f"at {v.position!r} the device's own output is {v.error:.3g} {unit} off, far beyond the forecast; "
-        f"what was written, or how the device applies it, is not what was calibrated"
-    )
-    return Reason.text("verify", told, v.error, None, unit)
+    message = Message("output-beyond-forecast", position=v.position, value=v.error, unit=unit)
+    return Reason(message, v.error, None, unit, check="verify")

@@ -62,9 +62,7 @@ def to_prior(dwell: Mapping[str, Any] | None) -> NoisePrior | None:
         numbers = (np.array(kept[name], float) for name in ("log_weight", "mean", "covariance"))
         prior = NoisePrior(int(kept["longest"]), int(kept["units"]), *numbers)
         if len(prior.log_weight) != len(general_log_weights(prior.longest)):
-            raise LogError(
-                "what was known of an attempt's noise names other shapes than this version of the station has"
-            )
+            raise LogError("noise-prior-of-other-version")
         return prior
     except (KeyError, TypeError, ValueError) as exc:
-        raise LogError(f"the prior of an attempt's noise cannot be read ({exc}); run `station audit --verify`") from exc
+        raise LogError("noise-prior-damaged", why=str(exc)) from exc

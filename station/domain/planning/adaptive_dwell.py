@@ -25,6 +25,7 @@ from station.domain.noise.running_noise import NoiseCurve, family_length
 from station.domain.planning import nominal_visits
 from station.domain.planning.allocation import least_dwells
 from station.domain.recipe.recipe import Recipe
+from station.messages import Message
 
 #: Rounds of dwells and derivative from a cold start; a plan that goes on from its predecessor needs WARM.
 ROUNDS, WARM = 16, 2
@@ -169,18 +170,22 @@ def prior_length(recipe: Recipe) -> int:
     return family_length(round(float(dwells_by_sheet_s(recipe).max()) * recipe.device.rate_hz))
 
 
-def shortfall(recipe: Recipe, std: Floats, noise_std: Floats) -> str:
-    """What falls short of the wanted standard deviations (12) by those that noise leaves; '' where nothing does."""
+def shortfall(recipe: Recipe, std: Floats, noise_std: Floats) -> Message | None:
+    """What falls short of the wanted standard deviations (12) by those that noise leaves; None where nothing does."""
     ratio = noise_std / std
     worst = int(np.argmax(ratio))
     if not ratio[worst] > SHORTFALL_RATIO:
-        return ""
+        return None
     dwell, unit = recipe.dwell, recipe.unit
-    of = f" {unit}" if coefficients.OFFSETS[worst] else ""
-    return (
-        f"noise leaves {coefficients.NAMES[worst]} uncertain by {noise_std[worst]:.2g}{of}, {ratio[worst]:.2f} times "
-        f"what dwell.until_std {dwell.until_std:g} {unit} asks for; raise dwell.max_s ({dwell.max_s:g} s), or add "
-        "positions"
+    return Message(
+        "dwell-too-short",
+        coefficient=coefficients.NAMES[worst],
+        std=float(noise_std[worst]),
+        coefficient_unit=unit if coefficients.OFFSETS[worst] else "1",
+        ratio=float(ratio[worst]),
+        until_std=dwell.until_std,
+        unit=unit,
+        max_s=dwell.max_s,
     )
 
 

@@ -15,6 +15,7 @@ from station.domain.methods.decision_rule import guard_band
 from station.domain.methods.uncertainty import Budget
 from station.domain.planning import adaptive_dwell, nominal_visits
 from station.domain.recipe.recipe import Recipe
+from station.messages import Message
 
 #: From this ratio of limit to expanded uncertainty on, the uncertainty hardly matters (ILAC-G8, 4:1).
 COMFORTABLE = 4.0
@@ -36,13 +37,13 @@ class LimitForecast:
 @dataclass(frozen=True, slots=True, eq=False)
 class Forecast:
     """Budget of a perfect unit, and what each limit can decide; noise: of one sample, in the recipe's unit;
-    dwell_s (v): of every planned stop; missed: what falls short of the recipe's until_std, or ''."""
+    dwell_s (v): of every planned stop; missed: what falls short of the recipe's until_std, or None."""
 
     budget: Budget
     decisions: tuple[LimitForecast, ...]
     noise: float
     dwell_s: Floats
-    missed: str
+    missed: Message | None
 
 
 def forecast(recipe: Recipe, rounding: Floats) -> Forecast:

@@ -129,7 +129,7 @@ def test_a_flood_that_may_not_be_repeated_ends_in_an_error_and_writes_nothing(vc
         ran = fixture.run(bench, [SERIAL], served.turn, During(z_up=lambda: flood(vcan)))
     r = ran.results[SERIAL]
     assert (r.outcome, r.written) == (Outcome.ERROR, False)
-    assert any("the kernel dropped" in reason.sentence for reason in r.reasons)
+    assert any("The kernel dropped" in reason.sentence for reason in r.reasons)
     (attempt,) = fixture.life(tmp_path, SERIAL)
     assert [(v["kind"], v["position"]) for v in attempt["visits"]] == [("rejected", "z-up")]
     assert attempt["writes"] == []

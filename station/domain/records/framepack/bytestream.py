@@ -62,6 +62,6 @@ class ByteReader:
     def take(self, size: int) -> bytes:
         """The next `size` bytes."""
         if size > len(self.data) - self.at:
-            raise LogError("stored frames end too early: the record is damaged; run `station audit --verify`")
+            raise LogError("frames-truncated")
         self.at += size
         return self.data[self.at - size : self.at]

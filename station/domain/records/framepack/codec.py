@@ -179,5 +179,5 @@ def _wrap_head(head: bytes) -> ByteWriter:
 def _unwrap_head(box: ByteReader) -> ByteReader:
     form, head = box.count(), box.string()
     if form not in (_AS_IS, _PACKED):
-        raise LogError("stored frames are of an unknown format; update this station")
+        raise LogError("frames-of-unknown-format")
     return ByteReader(columns.decompress(head) if form == _PACKED else head)
