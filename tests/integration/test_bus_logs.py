@@ -111,7 +111,7 @@ def test_a_candump_killed_in_its_last_line_is_read_up_to_there(tmp_path: Path) -
 def test_a_line_that_is_no_frame_is_named(line: str, tmp_path: Path) -> None:
     log = tmp_path / "bad.log"
     log.write_text(f"(1.000001) can0 123#0102\n{line}\n")
-    with pytest.raises(LogError, match=r"bad\.log, line 2: .* is no frame"):
+    with pytest.raises(LogError, match=r"bad\.log, line 2: .* is not a frame"):
         read_log(log)
 
 
@@ -138,7 +138,7 @@ def test_a_truncated_blf_is_refused_or_read_up_to_there(tmp_path: Path, rng: np.
 def test_names_that_cannot_be_are_refused(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="does not exist"):
         read_log(tmp_path / "absent.log")
-    with pytest.raises(LogError, match=r"logs end in \.log"):
+    with pytest.raises(LogError, match=r"convert it to \.log"):
         read_log(tmp_path / "frames.txt")
     with pytest.raises(UsageError, match=r"\.log \(candump\) or \.blf"):
         write_log(tmp_path / "frames.mf4", Frames.empty())

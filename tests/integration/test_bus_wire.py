@@ -55,7 +55,7 @@ def test_more_than_the_queue_holds_is_refused_after_a_second_of_waiting(bus: Sim
     for _ in range(TX_QUEUE_FRAMES):
         station.send(0x601, b"")
     assert clock.monotonic_s() == 0.0
-    with pytest.raises(BusFault, match="could not send for 1 s, its queue is full"):
+    with pytest.raises(BusFault, match="could not send for 1 s because its queue is full"):
         station.send(0x601, b"")
     assert clock.monotonic_s() == 1.0
 
@@ -82,7 +82,7 @@ def test_a_link_that_went_down_is_told_once_by_each_channel_and_by_every_send(
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("melted", "there is no fault BUS/'melted'; the bus knows link-down, cable-out"),
+        ("melted", "There is no fault BUS/'melted'; the bus knows link-down, cable-out"),
         ("cable-out:since=3", "'since' is not after_s or seconds with =NUMBER"),
         ("cable-out:after_s=soon", "'after_s' is not after_s or seconds with =NUMBER"),
         ("cable-out:seconds=-1", "'seconds' is not after_s or seconds with =NUMBER"),

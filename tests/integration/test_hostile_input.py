@@ -109,7 +109,7 @@ def test_a_recording_that_crashes_its_reader_is_one_sentence(
 ) -> None:
     (folder / "crash.mf4").write_bytes(reading["mf4"].good)
     monkeypatch.setattr(_mf4, "_CODE", "import os, signal, sys; sys.path[:] = {path!r}; os.kill(os.getpid(), 11)")
-    with pytest.raises(LogError, match=r"crash\.mf4 is no readable \.mf4 log \(it makes its reader break off\)"):
+    with pytest.raises(LogError, match=r"crash\.mf4 is not a readable \.mf4 log, it crashes the reader"):
         read_log(folder / "crash.mf4")
 
 

@@ -314,7 +314,7 @@ def test_text_form() -> None:
         "refuse", index=0x2101, sub=1, code=0x06090030, access="write"
     )
     for text, said in (
-        ("nonsense", "there is no fault 'nonsense'; the known ones are silent, deaf"),
+        ("nonsense", "There is no fault 'nonsense'; the known ones are silent, deaf"),
         ("late:second=1", "'second=1' is not one of at, times"),
         ("late:seconds", "'seconds' is not one of"),
         ("late:seconds=long", "'long' is not a number for seconds"),

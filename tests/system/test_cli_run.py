@@ -74,7 +74,7 @@ def test_an_interface_that_is_not_there_is_said_before_anything_is_asked(tmp_pat
     done = station(tmp_path, "run", "--interface", "socketcan", "--channel", "nocan9", stdin="SN0042\n")
     assert done.returncode in (2, 3)
     said = one_sentence(done)
-    assert "nocan9" in said or "this kernel has no CAN" in said
+    assert "nocan9" in said or "This kernel has no CAN" in said
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_an_interface_that_is_not_there_is_said_before_anything_is_asked(tmp_pat
         (["--config", "absent.yaml"], "absent.yaml cannot be read"),
         (["--effect", "gremlins"], "There is no effect 'gremlins'"),
         (["--effect", "cross-axis=much"], "Size 'much' of cross-axis is not a number"),
-        (["--fault", "hiccup"], "there is no fault 'hiccup'"),
+        (["--fault", "hiccup"], "There is no fault 'hiccup'"),
         (["--model", "absent.yaml"], "absent.yaml cannot be read"),
     ],
 )

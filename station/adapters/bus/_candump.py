@@ -30,7 +30,7 @@ def read(path: Path, channel: str | None, block: int) -> Iterator[Frames]:
             if match is None:
                 if not line.strip() or not line.endswith("\n"):
                     continue  # candump was killed in the middle of its last line
-                raise LogError(f"{path}, line {number}: {line.strip()[:60]!r} is no frame; log with candump -L")
+                raise LogError("candump-line", file=str(path), line=number, text=line.strip()[:60])
             if channel in (None, match["channel"]):
                 rows.append(_row(match))
             if len(rows) == block:

@@ -7,6 +7,7 @@ from station.adapters.bus import _candump, _mf4
 from station.adapters.bus._recorded import BLOCK, by_python_can
 from station.domain.core.types import Frames
 from station.errors import LogError, UsageError
+from station.messages import system_reason
 
 #: What python-can reads for us; each keeps times to about 0.25 µs.
 READ_BY_PYTHON_CAN = (".blf", ".asc", ".mf4")
@@ -19,17 +20,15 @@ def read_blocks(path: Path, channel: str | None = None) -> Iterator[Frames]:
     """
     suffix = path.suffix.lower()
     if suffix not in (".log", *READ_BY_PYTHON_CAN):
-        raise LogError(f"{path}: logs end in .log (candump), .blf, .asc or .mf4; convert it or correct the name")
+        raise LogError("log-kind-unknown", file=str(path))
     if not path.is_file():
-        raise LogError(f"{path} does not exist; correct the path")
+        raise LogError("log-missing", file=str(path))
     try:
         yield from _blocks(path, suffix, channel)
     except OSError as error:
-        raise LogError(f"{path} cannot be read ({error.strerror}); check the file") from None
+        raise LogError("log-no-access", file=str(path), why=system_reason(error)) from None
     except OverflowError:
-        raise LogError(
-            f"{path} holds a time or an identifier that no CAN frame can have; record or convert it again"
-        ) from None
+        raise LogError("log-impossible-frame", file=str(path)) from None
 
 
 def _blocks(path: Path, suffix: str, channel: str | None) -> Iterator[Frames]:
@@ -42,8 +41,9 @@ def read_log(path: Path, channel: str | None = None) -> Frames:
     """A whole log at once; LogError when there is no frame in it."""
     frames = Frames.join(list(read_blocks(path, channel)))
     if not len(frames):
-        where = "" if channel is None else f" of channel {channel}"
-        raise LogError(f"{path} holds no CAN frames{where}; check that it is the right log")
+        if channel is None:
+            raise LogError("log-without-frames", file=str(path))
+        raise LogError("log-without-channel", file=str(path), channel=channel)
     return frames
 
 
@@ -51,11 +51,11 @@ def write_log(path: Path, frames: Frames, channel: str = "can0") -> None:
     """Writes frames as a candump log (.log) or BLF (.blf), by the file's ending; UsageError for any other."""
     writers: dict[str, Callable[[Path, Frames, str], None]] = {".log": _candump.write, ".blf": _write_blf}
     if path.suffix.lower() not in writers:
-        raise UsageError(f"{path}: frames are written as .log (candump) or .blf; choose one of these endings")
+        raise UsageError("log-ending", file=str(path))
     try:
         writers[path.suffix.lower()](path, frames, channel)
     except OSError as error:
-        raise UsageError(f"{path} cannot be written ({error.strerror}); choose another place") from None
+        raise UsageError("log-not-written", file=str(path), why=system_reason(error)) from None
 
 
 def _write_blf(path: Path, frames: Frames, _channel: str) -> None:

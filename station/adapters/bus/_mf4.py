@@ -1,5 +1,6 @@
 """An MF4 recording, read in a process of its own: asammdf is compiled code, and a damaged file can crash it."""
 
+import json
 import os
 import struct
 import subprocess
@@ -11,10 +12,11 @@ from typing import IO
 from station.domain.core.types import Frames
 from station.domain.records.framepack import plain
 from station.errors import LogError
+from station.messages import Message
 
 #: What comes through the pipe: kind and size, then that many bytes.
 _HEAD = struct.Struct("<cQ")
-_FRAMES, _SENTENCE, _END = b"F", b"S", b"."
+_FRAMES, _MESSAGE, _END = b"F", b"M", b"."
 #: What the other process does; it finds the station where this one did.
 _CODE = (
     "import sys; sys.path[:] = {path!r}; "
@@ -41,17 +43,15 @@ def _received_blocks(pipe: IO[bytes], path: Path) -> Iterator[Frames]:
         data = pipe.read(size)
         if kind == _END:
             return
-        if kind == _SENTENCE:
-            raise LogError(data.decode())
+        if kind == _MESSAGE:
+            raise LogError(Message.of(json.loads(data)))
         if kind != _FRAMES or len(data) != size:
-            raise LogError(
-                f"{path} is no readable .mf4 log (it makes its reader break off); record or convert it again"
-            )
+            raise LogError("log-crashes-reader", file=str(path))
         yield plain.from_bytes(data)
 
 
 def run_reader_process(path: str, channel: str | None = None) -> None:
-    """The other process: reads, and writes blocks, a sentence, or the end to what was its standard output."""
+    """The other process: reads, and writes blocks, a message, or the end to what was its standard output."""
     from station.adapters.bus._recorded import by_python_can
 
     with os.fdopen(os.dup(1), "wb") as pipe:
@@ -61,7 +61,7 @@ def run_reader_process(path: str, channel: str | None = None) -> None:
             for frames in by_python_can(Path(path), channel):
                 _write(pipe, _FRAMES, plain.to_bytes(frames))
         except LogError as error:
-            kind, last = _SENTENCE, error.sentence.encode()
+            kind, last = _MESSAGE, json.dumps(error.message.document()).encode()
         _write(pipe, kind, last)
 
 

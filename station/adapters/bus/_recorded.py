@@ -32,8 +32,8 @@ def by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
                 while block := list(islice(messages, BLOCK)):
                     yield to_frames(block, [round(m.timestamp * 1e9) for m in block])
         except errors as error:
-            said = _OPENED_FILE.sub("it", " ".join(str(error).split()))
-            raise LogError(f"{path} is no readable {path.suffix} log ({said}); record or convert it again") from None
+            why = _OPENED_FILE.sub("it", " ".join(str(error).split()))
+            raise LogError("log-not-readable", file=str(path), kind=path.suffix, why=why) from None
 
 
 def _reader(suffix: str) -> tuple[Any, str, tuple[type[Exception], ...]]:

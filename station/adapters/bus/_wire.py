@@ -14,9 +14,9 @@ from station.errors import UsageError
 
 
 class _Kind(NamedTuple):
-    """told: in words; state: of the station's controller; fails: errno of the station's sends, 0: frames wait."""
+    """words: what is wrong; state: of the station's controller; fails: errno of the station's sends, 0: frames wait."""
 
-    told: str
+    words: str
     state: str
     fails: int = 0
     loses: bool = True
@@ -30,7 +30,7 @@ _KINDS = {
     "queue-full": _Kind("the transmit queue of the interface is full (ENOBUFS)", "active", errno.ENOBUFS, loses=False),
 }
 #: kind → what is wrong, for the list of faults.
-KINDS: Mapping[str, str] = MappingProxyType({kind: about.told for kind, about in _KINDS.items()})
+KINDS: Mapping[str, str] = MappingProxyType({kind: about.words for kind, about in _KINDS.items()})
 #: Frames that wait in the interface's queue until they are acknowledged, as `ip link` sets it for CAN by default.
 TX_QUEUE_FRAMES = 10
 
@@ -58,14 +58,14 @@ def parse(text: str) -> InjectedBusFault:
     kind, _, rest = text.partition(":")
     given = {"after_s": 0.0, "seconds": math.inf}
     if kind not in KINDS:
-        raise UsageError(f"there is no fault BUS/{kind[:40]!r}; the bus knows {', '.join(KINDS)}")
+        raise UsageError("bus-fault-unknown", kind=kind[:40], known=tuple(KINDS))
     for key, _, value in (part.partition("=") for part in rest.split(",") if part):
         try:
             number = float(value)
         except ValueError:
             number = math.nan
         if key not in given or not number >= 0:
-            raise UsageError(f"fault BUS/{text[:60]!r}: {key[:40]!r} is not after_s or seconds with =NUMBER")
+            raise UsageError("bus-fault-option", fault=text[:60], option=key[:40])
         given[key] = number
     return InjectedBusFault(kind, given["after_s"], given["seconds"])
 

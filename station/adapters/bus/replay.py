@@ -34,7 +34,7 @@ class ReplayBus:
         self._channel = channel
         self._channels: list[_Channel] = []
         if next(read_blocks(path, channel), None) is None:
-            raise LogError(f"{path} holds no CAN frames; check that it is the right log")
+            raise LogError("log-without-frames", file=str(path))
 
     @classmethod
     def open(cls, channel: str, _clock: Clock, _settings: Settings) -> "ReplayBus":
@@ -85,13 +85,13 @@ class _Channel:
 
     def send(self, can_id: int, data: bytes) -> None:
         """A recording cannot be changed: BusFault."""
-        raise BusFault(f"{self._name} is a recording, nothing can be sent to it ({can_id:#x}, {len(data)} bytes)")
+        raise BusFault("recording-takes-no-frames", bus=self._name, can_id=can_id, size=len(data))
 
     def receive(self, timeout_s: float) -> Frames:
         """The next block that holds frames for this channel; none at the end. Never waits: `timeout_s` is no matter."""
         del timeout_s
         if self._blocks is None:
-            raise BusFault(f"the channel of {self._name} is closed; open another one")
+            raise BusFault("channel-closed", bus=self._name)
         for block in self._blocks:
             mine = accepted_mask(block, self._can_ids, errors=self._errors)
             if mine.any():

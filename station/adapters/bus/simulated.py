@@ -5,7 +5,7 @@ import uuid
 
 import numpy as np
 
-from station.adapters.bus._errors import SEND_DEADLINE_S, socket_error_sentence
+from station.adapters.bus._errors import SEND_DEADLINE_S, socket_error
 from station.adapters.bus._filter import accepted_mask
 from station.adapters.bus._messages import to_frames, to_message
 from station.adapters.bus._python_can import VirtualBus
@@ -189,7 +189,7 @@ class _Channel:
         now_s = self._clock.monotonic_s()
         number = wire.fails(now_s)
         if number or (wire.holds(now_s) and len(self._held) >= TX_QUEUE_FRAMES):
-            raise BusFault(socket_error_sentence(self._name, number or errno.ENOBUFS))
+            raise BusFault(socket_error(self._name, number or errno.ENOBUFS))
         if wire.holds(now_s):
             self._held.append((can_id, data))
             return False
@@ -201,7 +201,7 @@ class _Channel:
         now_s, before_s = self._clock.monotonic_s(), self._looked_s
         self._looked_s = now_s
         if wire.went_down(before_s, now_s):
-            raise BusFault(socket_error_sentence(self._name, errno.ENETDOWN))
+            raise BusFault(socket_error(self._name, errno.ENETDOWN))
         if self._held and not wire.holds(now_s):
             self._send_held()
 
@@ -218,4 +218,4 @@ class _Channel:
 
     def _check_open(self) -> None:
         if self not in self._peers:
-            raise BusFault("the channel of the simulated bus is closed; open another one")
+            raise BusFault("channel-closed", bus="simulated")

@@ -15,6 +15,7 @@ from station.adapters.bus._recvmmsg import SO_MEMINFO, SO_RCVBUFFORCE, Receiver
 from station.domain.core.types import EXTENDED, Frames
 from station.domain.recipe.recipe import StrictModel
 from station.errors import BusFault, ConfigError
+from station.messages import system_reason
 from station.ports.bus import ErrorCounters
 from station.ports.clock import Clock
 
@@ -131,7 +132,7 @@ class _Channel:
                 self._sock.send(frame)
             except OSError as error:
                 if error.errno not in (errno.ENOBUFS, errno.EAGAIN) or time.monotonic() > deadline_s:
-                    raise BusFault(_errors.socket_error_sentence(self._name, error.errno or 0)) from None
+                    raise BusFault(_errors.socket_error(self._name, error.errno or 0)) from None
                 time.sleep(0.001)  # poll() calls the socket writable although the queue behind it is full
             else:
                 return
@@ -152,7 +153,7 @@ class _Channel:
             while len(parts[-1]) == self._receiver.batch and len(parts) < MOST_BATCHES:
                 parts.append(self._receiver.take())
         except OSError as error:
-            raise BusFault(_errors.socket_error_sentence(self._name, error.errno or 0)) from None
+            raise BusFault(_errors.socket_error(self._name, error.errno or 0)) from None
         return frames if len(parts) == 1 else Frames.join(parts)
 
     def drops(self) -> int:
@@ -166,7 +167,7 @@ class _Channel:
 
     def _check_open(self) -> None:
         if self._sock.fileno() < 0:
-            raise BusFault(f"the channel of {self._name} is closed; open another one")
+            raise BusFault("channel-closed", bus=self._name)
 
 
 def _bound(name: str, can_ids: tuple[int, ...], *, errors: bool, buffer_bytes: int) -> socket.socket:
@@ -174,10 +175,7 @@ def _bound(name: str, can_ids: tuple[int, ...], *, errors: bool, buffer_bytes: i
     try:
         sock = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     except OSError as error:
-        raise ConfigError(
-            f"this kernel has no CAN ({error.strerror}); "
-            "load it with `modprobe can_raw`, or try the station on simulated units with --simulate"
-        ) from None
+        raise ConfigError("kernel-without-can", why=system_reason(error)) from None
     try:
         sock.settimeout(0)
         sock.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, _filters(can_ids))
@@ -186,11 +184,8 @@ def _bound(name: str, can_ids: tuple[int, ...], *, errors: bool, buffer_bytes: i
         sock.bind((name,))
     except OSError as error:
         sock.close()
-        known = ", ".join(n for _, n in socket.if_nameindex() if "can" in n) or "none"
-        raise ConfigError(
-            f"CAN interface {name} cannot be opened ({error.strerror}); "
-            f"interfaces with such a name here: {known}; correct bus.channel or plug the adapter in"
-        ) from None
+        known = tuple(n for _, n in socket.if_nameindex() if "can" in n)
+        raise ConfigError("interface-not-opened", bus=name, why=system_reason(error), known=known) from None
     return sock
 
 

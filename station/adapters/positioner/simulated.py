@@ -13,6 +13,7 @@ from station.domain.recipe.moves import turn_s
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.recipe.recipe import NotNegative, Positive, StrictModel
 from station.errors import PositionerFault
+from station.messages import Message
 from station.ports.clock import Clock
 
 #: Told of each move as it begins: the stop, when it departs and when it arrives, monotonic s.
@@ -60,7 +61,7 @@ class SimulatedPositioner:
     def move(self, stop: PlannedVisit, timeout_s: float) -> None:
         """Turns to the stop and waits until it is there; PositionerFault when that takes longer than `timeout_s`."""
         self.begin(stop)
-        self._wait(timeout_s, f"position {stop.position!r}")
+        self._wait(timeout_s, Message("place-position", position=stop.position))
 
     def begin(self, stop: PlannedVisit) -> None:
         """Starts the turn to a stop and returns at once."""
@@ -86,7 +87,7 @@ class SimulatedPositioner:
     def park(self, timeout_s: float) -> None:
         """Turns back to the identity, where units are loaded."""
         self._go(np.eye(3), None)
-        self._wait(timeout_s, "its parking place")
+        self._wait(timeout_s, Message("place-parking"))
 
     def plate(self, time_s: Floats) -> Floats:
         """True nest → station rotations (n, 3, 3) at instants (n) of the clock's monotonic seconds, from the last
@@ -111,15 +112,12 @@ class SimulatedPositioner:
         if stop is not None and self._moving is not None:
             self._moving(stop, self._began_s, self._arrives_s)
 
-    def _wait(self, timeout_s: float, place: str) -> None:
+    def _wait(self, timeout_s: float, place: Message) -> None:
         took_s = self._arrives_s - self._began_s
         self._clock.sleep(min(took_s, timeout_s))
         if took_s > timeout_s:
             self._origin, self._turn = self.at(self._clock.monotonic_s()), np.zeros(3)
-            raise PositionerFault(
-                f"the positioner did not reach {place} within {timeout_s:g} s; "
-                "free it, check its drive, and start again"
-            )
+            raise PositionerFault("positioner-timed-out", place=place, timeout_s=timeout_s)
 
     def _broken(self, how: str) -> bool:
         return self._settings.fault == how and self._moves > self._settings.after

@@ -67,7 +67,7 @@ class InjectedFault:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise UsageError(f"there is no fault {self.kind[:40]!r}; the known ones are {', '.join(KINDS)}")
+            raise UsageError("device-fault-unknown", kind=self.kind[:40], known=tuple(KINDS))
 
     def meets(self, index: int, sub: int, access: str) -> bool:
         """Whether a request for this object in this direction (read, write) is one that the fault is about."""
@@ -83,7 +83,7 @@ def parse(text: str) -> InjectedFault:
     for part in filter(None, rest.split(",")):
         key, equals, value = part.partition("=")
         if key not in known or not equals:
-            raise UsageError(f"fault {text[:60]!r}: {part[:40]!r} is not one of {', '.join(known)} with =value")
+            raise UsageError("device-fault-option", fault=text[:60], option=part[:40], known=tuple(known))
         given[key] = _value(text, key, value)
     return InjectedFault(kind, **given)  # type: ignore[arg-type]
 
@@ -91,11 +91,11 @@ def parse(text: str) -> InjectedFault:
 def _value(text: str, key: str, value: str) -> int | float | str:
     if key == "access":
         if value not in ("read", "write"):
-            raise UsageError(f"fault {text[:60]!r}: access is read or write")
+            raise UsageError("device-fault-access", fault=text[:60])
         return value
     try:
         if key == "value" and value.lower().startswith("0x"):
             return int(value, 16)
         return float(value) if key in ("value", "fraction", "seconds", "after_s") else int(value, 0)
     except ValueError:
-        raise UsageError(f"fault {text[:60]!r}: {value[:40]!r} is not a number for {key}") from None
+        raise UsageError("device-fault-number", fault=text[:60], value=value[:40], key=key) from None

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from station.errors import ConfigError, UsageError
 from station.files.replace import replace_text
+from station.messages import system_reason
 
 #: Values by address, written as: {"2101:01": 1.0}. Bytes are hex text.
 SavedObjects = dict[str, int | float | str]
@@ -29,11 +30,11 @@ class NonVolatileMemory:
     def of_serial(cls, folder: Path, serial: str) -> "NonVolatileMemory":
         """The memory of the device with this printed serial: folder/SERIAL.json. Errors: UsageError, ConfigError."""
         if not serial or not all(c.isalnum() or c in "-_." for c in serial) or serial.startswith("."):
-            raise UsageError(f"serial {serial[:40]!r} cannot name a file; use letters, digits, - and _")
+            raise UsageError("serial-names-no-file", serial=serial[:40])
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as exc:
-            raise ConfigError(f"the folder {folder} for the devices' memory cannot be made ({exc.strerror})") from exc
+            raise ConfigError("memory-folder-not-made", folder=str(folder), why=system_reason(exc)) from exc
         return cls(folder / f"{serial}.json")
 
     def objects(self) -> SavedObjects:
@@ -41,7 +42,7 @@ class NonVolatileMemory:
         return dict(self._objects)
 
     def store(self, objects: Mapping[str, int | float | str]) -> None:
-        """Keeps these objects in place of the old ones: all of them or, when power fails, none."""
+        """Stores these objects in place of the old ones: all of them or, when power fails, none."""
         self._objects = dict(objects)
         if self._path is not None:
             replace_text(self._path, json.dumps({"objects": self._objects}, indent=1), durable=True)
@@ -56,4 +57,4 @@ def _read(path: Path) -> SavedObjects:
         objects: SavedObjects = json.loads(path.read_text(encoding="utf-8"))["objects"]
         return dict(objects)
     except (OSError, ValueError, KeyError, TypeError) as exc:
-        raise ConfigError(f"{path} is not the memory of a simulated device; delete it to start afresh") from exc
+        raise ConfigError("memory-damaged", file=str(path)) from exc

@@ -85,7 +85,7 @@ def test_the_same_channel_works_again_after_link_down_and_up(bus: SocketCan, vca
     sender.send(0x1, b"\x01")
     vcan.down()
     assert bus.state() == "down"
-    down = f"{vcan.name} went down; bring it up with `ip link set {vcan.name} up`"
+    down = f"{vcan.name} went down: bring it up with `ip link set {vcan.name} up`"
     with pytest.raises(BusFault, match=down):
         service.send(0x2, b"")
     with pytest.raises(BusFault, match=down):

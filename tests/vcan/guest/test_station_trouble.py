@@ -163,7 +163,7 @@ def test_a_link_that_goes_down_ends_the_run_truthfully_and_the_next_one_passes(
     ):
         cut = fixture.run(bench, [SERIAL], served.turn, During(z_down=near.down))
         assert isinstance(cut.fault, BusFault)
-        assert cut.fault.sentence == f"{near.name} went down; bring it up with `ip link set {near.name} up`"
+        assert cut.fault.sentence == f"{near.name} went down: bring it up with `ip link set {near.name} up`"
         assert cut.results[SERIAL].outcome is Outcome.ERROR
         assert not cut.results[SERIAL].written
         near.up()
@@ -197,7 +197,7 @@ def test_a_queue_that_empties_no_more_ends_the_run_and_leaves_the_old_values(
         ran = fixture.run(bench, [SERIAL], served.turn, During(x_down=jam))
     r = ran.results[SERIAL]
     assert isinstance(ran.fault, BusFault)
-    assert f"{link.near.name} could not send for 1 s, its queue is full" in ran.fault.sentence
+    assert f"{link.near.name} could not send for 1 s because its queue is full" in ran.fault.sentence
     assert (r.outcome, r.written, r.verified) == (Outcome.ERROR, False, False)
     (attempt,) = fixture.life(tmp_path, SERIAL)
     assert (attempt["outcome"], len(attempt["visits"])) == ("ERROR", 6), "readings still came"
