@@ -1,26 +1,36 @@
 """A reader's language, as what is drawn and certified needs it."""
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-from station.messages import Message, labels, render
-from station.messages.message import TEXT
+from station.messages import Message, labels, render, templates
+
+_BETWEEN = re.compile(r"[^a-z0-9]+")
 
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """code: the language; texts: its labels by key; say: a sentence of the station in it."""
+    """code: the language; texts: its labels by key."""
 
     code: str
     texts: Mapping[str, str]
-    say: Callable[[str], str]
 
     def render(self, message: Message) -> str:
-        """A message in this language; what an older log kept as a sentence, as `say` has it."""
-        text = render(message, self.code)
-        return self.say(text) if message.id == TEXT else text
+        """A message in this language; what an older log holds as a sentence, as it stands there."""
+        return render(message, self.code)
+
+    def term(self, name: str) -> str:
+        """The name of a quantity, chart or column in this language; a name without an entry `term-…` as it is."""
+        return term(name, self.code)
 
 
-def words_of(code: str, say: Callable[[str], str] = str) -> Words:
+def term(name: str, code: str) -> str:
+    """The same for the language of that code."""
+    plain = name.lower().replace("σ", "sigma").replace("−", "minus")
+    return templates(code).get(f"term-{_BETWEEN.sub('-', plain).strip('-')}", name)
+
+
+def words_of(code: str) -> Words:
     """Words of that language."""
-    return Words(code, labels.all_texts()[code], say)
+    return Words(code, labels.all_texts()[code])

@@ -23,7 +23,7 @@ from station.ports.log_reader import Attempt, LogReader
 from station.service import compute
 
 #: Parts of a calibration that are words about its numbers: a later version may say them otherwise.
-_WORDS = frozenset({"reasons", "messages", "checks", "notes", "rule"})
+_WORDS = frozenset({"reasons", "messages", "checks", "notes", "note_messages", "rule"})
 
 #: What the rules of the budget decide: those of another edition give another uncertainty, and may give another verdict.
 _BY_RULES = frozenset({"covariance", "budget", "false_accept", "false_reject", "outcome", "rules", "decisions"})

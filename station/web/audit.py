@@ -12,16 +12,17 @@ from starlette.routing import Route
 from station.domain.methods import coefficients
 from station.domain.records.stored_attempt import result
 from station.errors import LogError
+from station.messages import Message
 from station.ports.log_reader import Attempt, LogReader, Query
 from station.reporting.certificate.document import Certificate
 from station.reporting.certificate.pdf import pdf
 from station.reporting.drawing.figure import Figure, Series, svg
+from station.reporting.words import term
 from station.service.certificates import certificate_of
 from station.web import language, render
 from station.web.guard import form_of, require_right
 from station.web.panel import Panel
 from station.web.query_form import QUERY_FIELDS, query_of
-from station.web.sentences import translate
 from station.web.sessions import Session
 
 #: Attempts on one page; the next page begins where this one ends.
@@ -168,9 +169,9 @@ def _chart(history: list[tuple[dict[str, Any], dict[str, Any]]], code: str) -> s
         y = [_theta(fit)[axis] for _, fit in history]
         u = [fit["budget"][axis]["expanded"] for _, fit in history]
         low, high = [a - b for a, b in zip(y, u, strict=True)], [a + b for a, b in zip(y, u, strict=True)]
-        series.append(Series(x, y, translate(coefficients.NAMES[axis], code), "dots", low, high, axis))
+        series.append(Series(x, y, term(coefficients.NAMES[axis], code), "dots", low, high, axis))
     unit = history[0][1]["budget"][0]["unit"]
-    title = translate("Offsets of every attempt, with U (95 %)", code)
+    title = language.sentence(Message("offsets-of-attempts"), code)
     return svg(Figure(title, "", unit, tuple(series), names))
 
 

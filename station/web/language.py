@@ -1,23 +1,20 @@
 """Which language a person reads, and what they read in it."""
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 from starlette.requests import Request
 
 from station.messages import Message, render
 from station.messages.labels import all_texts
-from station.messages.message import TEXT
 from station.reporting.words import Words, words_of
-from station.web.sentences import translate
 
 LANGUAGE_COOKIE = "station_language"
 
 
 def words(code: str) -> Words:
-    """Words of that language, with the sentences of older logs."""
-    return words_of(code, partial(translate, code=code))
+    """Words of that language."""
+    return words_of(code)
 
 
 def sentence(kept: Message | Mapping[str, Any] | str | None, code: str) -> str:
@@ -26,9 +23,7 @@ def sentence(kept: Message | Mapping[str, Any] | str | None, code: str) -> str:
         return ""
     if isinstance(kept, Mapping):
         kept = Message.of(kept)
-    message = Message.text(kept) if isinstance(kept, str) else kept
-    said = render(message, code)
-    return translate(said, code) if message.id == TEXT else said
+    return kept if isinstance(kept, str) else render(kept, code)
 
 
 def of_request(request: Request) -> str:

@@ -3,7 +3,7 @@
 import asyncio
 import json
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -13,6 +13,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from station.errors import StationError, UsageError
+from station.messages import Message
 from station.web import language, render
 from station.web.accounts import Account
 from station.web.guard import form_of, require_right
@@ -69,10 +70,15 @@ def _translated(key: str, value: Any, code: str) -> Any:
     if key == "messages":
         return [language.sentence(message, code) for message in value]
     if key == "confirm" and value:
-        return {**value, "confirm": language.sentence(value["confirm"], code)}
+        return {**value, "confirm": language.sentence(_request_of(value["confirm"]), code)}
     if key.startswith("nest ") and "reasons" in value:
         return {**value, "reasons": [language.sentence(message, code) for message in value["reasons"]]}
     return value
+
+
+def _request_of(action: Mapping[str, Any] | str) -> Message | str:
+    """What a person must do, with the button that says that it is done."""
+    return Message("then-press-done", action=Message.of(action)) if isinstance(action, Mapping) else action
 
 
 @require_right("run")

@@ -1,5 +1,6 @@
 """Templates → answers: HTML with everything escaped, in the person's language, with their rights and their token."""
 
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,11 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse
 
 from station.domain.records.stored_attempt import utc
-from station.messages import labels
+from station.messages import Message, labels
 from station.reporting.number_text import format_number, format_time, format_to_uncertainty
+from station.reporting.words import term
 from station.web import language
 from station.web.accounts import RIGHTS
-from station.web.sentences import translate
 from station.web.sessions import Session
 
 _FOLDER = Path(__file__).parent / "templates"
@@ -31,7 +32,8 @@ def environment() -> Environment:
         "utc": utc,
         "number": format_number,
         "drawing": Markup,
-        "said": _translated,
+        "term": _term,
+        "sentence": _sentence,
         "quoted": format_to_uncertainty,
         "moment": format_time,
     }
@@ -40,9 +42,17 @@ def environment() -> Environment:
 
 
 @pass_context
-def _translated(context: Context, sentence: str) -> str:
-    """A sentence of the station in the page's language."""
-    return translate(sentence, str(context["language"]))
+def _term(context: Context, name: str) -> str:
+    """The name of a quantity in the page's language."""
+    return term(name, str(context["language"]))
+
+
+@pass_context
+def _sentence(context: Context, recorded: Mapping[str, Any] | str) -> str:
+    """A recorded reason or message in the page's language; an older log's sentence as it stands there."""
+    if isinstance(recorded, Mapping) and "id" not in recorded:
+        recorded = Message.recorded(recorded).document()
+    return language.sentence(recorded, str(context["language"]))
 
 
 def page(request: Request, name: str, session: Session | None, status: int = 200, **values: Any) -> HTMLResponse:

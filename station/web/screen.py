@@ -9,6 +9,7 @@ from typing import Any
 
 from station.config.settings import Settings
 from station.errors import StationError, StoreFault
+from station.messages import Message
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.queue import LoadQueue
 from station.reporting.drawing import fixture
@@ -149,9 +150,9 @@ class Screen:
         if running:
             return ""
         if self._runs.started not in (None, self._live.get("pid")):
-            return self._runs.last_words() or "the run ended before it began, without a word"
+            return self._runs.last_words() or Message("run-not-begun").document()
         if self._live and not state.get("over", False):
-            return self._runs.last_words() or "the run ended without a word; its units count as interrupted"
+            return self._runs.last_words() or Message("run-ended-silently").document()
         return state.get("fault") or ""
 
     def _golden_problem(self) -> str:

@@ -58,7 +58,7 @@ _WHO = _rows(
         "unit exchanged after it was measured",
         "device other-unit:at=33,value=77",
         ERROR,
-        "77, but it was 1",
+        "77, but was 1",
     ),
 )
 
@@ -118,7 +118,7 @@ _STREAM = _rows(
         NEW,
         "never moved by a step of 0.01 °C",
     ),
-    ("too warm for the recipe", 'recipe limits={"temperature_degC": [-10, 10]}', ERROR, "is outside -10 to 10 degC"),
+    ("too warm for the recipe", 'recipe limits={"temperature_degC": [-10, 10]}', ERROR, ", outside -10 to 10 °C"),
     ("restart during the tumble", "device spontaneous-reset:after_s=6", FAIL, "restarted by itself at 'x-up'"),
     ("restart during verification", "device spontaneous-reset:after_s=22", FAIL, "restarted by itself at", NEW),
     (
@@ -160,7 +160,7 @@ _WRITES = _rows(
         "the answer to a write 3 s late",
         "device late:seconds=3,index=0x2101,sub=4,access=write,times=1",
         ERROR,
-        "request to take 0x2101:04",
+        "Write to 0x2101:04",
     ),
     ("a write done but not answered", "device silent:index=0x2101,sub=4,access=write", ERROR, "Write to 0x2101:04"),
     ("a write not heard", "device deaf:index=0x2101,sub=4,access=write", ERROR, "Write to 0x2101:04"),
@@ -222,9 +222,9 @@ _WIRE = _rows(
     ("cable out in the middle of the write, for good", "wire cable-out:after_s=19.84", ERROR, "no node acknowledges"),
     ("the link is down from the start", "wire link-down", ERROR, "went down: bring it up with `ip link set"),
     ("link down in the tumble", "wire link-down:after_s=6", ERROR, "went down: bring it up with `ip link set"),
-    ("link down and up again in the tumble", "wire link-down:after_s=6,seconds=1", ERROR, "went down; bring it up"),
+    ("link down and up again in the tumble", "wire link-down:after_s=6,seconds=1", ERROR, "went down: bring it up"),
     ("link down and up in the middle of the write", "wire link-down:after_s=19.84,seconds=0.2", ERROR, "went down"),
-    ("link down between save and reset", "wire link-down:after_s=20.3,seconds=1", ERROR, "went down; bring it up", NEW),
+    ("link down between save and reset", "wire link-down:after_s=20.3,seconds=1", ERROR, "went down: bring it up", NEW),
     ("nothing can be sent (ENOBUFS)", "wire queue-full", ERROR, "could not send for 1 s because its queue is full"),
     ("nothing can be sent in the middle of the write", "wire queue-full:after_s=19.84", ERROR, "its queue is full"),
     ("a full queue empties within its time", "wire queue-full:after_s=19.84,seconds=0.5", PASS, "", NEW),
@@ -234,21 +234,21 @@ _WIRE = _rows(
 
 _GOLD = _rows(
     "The gold reference",
-    ("it is dead", "gold deaf", ERROR, "the gold reference G1 cannot be started, so there is no truth"),
+    ("it is dead", "gold deaf", ERROR, "Gold reference G1 cannot be started, so there is no truth"),
     (
         "it refuses raw output",
         "gold refuse:index=0x2106,code=0x08000022",
         ERROR,
-        "the gold reference G1 cannot be started",
+        "Gold reference G1 cannot be started",
     ),
     (
         "it falls silent in a dwell",
         "gold stream-stops:after_s=4.6",
         ERROR,
-        "the gold reference G1 (node 5) gave 0 of 100",
+        "Gold reference G1 (node 5) sent 0 of 100",
     ),
-    ("it falls silent after the write", "gold stream-stops:after_s=22", ERROR, "the gold reference G1 (node 5)", NEW),
-    ("a third of its frames is lost", "gold frames-lost:fraction=0.3", ERROR, "the gold reference G1 (node 5) gave"),
+    ("it falls silent after the write", "gold stream-stops:after_s=22", ERROR, "Gold reference G1 (node 5)", NEW),
+    ("a third of its frames is lost", "gold frames-lost:fraction=0.3", ERROR, "Gold reference G1 (node 5) sent"),
     ("it is past its due date", "gold due=2020-01-31", ERROR, "expired on 2020-01-31"),
 )
 
@@ -259,7 +259,7 @@ _RIG = (
             "the positioner stands 90 degrees off",
             "positioner fault=wrong-place,after=2",
             ERROR,
-            "90.0 degrees away from",
+            "90.0° away from",
         ),
     ),
     Row(
@@ -283,7 +283,7 @@ _RIG = (
         "it stands wrongly and its encoder lies",
         "positioner fault=wrong-place,after=0,encoder_lies=true",
         ERROR,
-        "-x is up instead of -z at 'z-down'",
+        "-x is up at 'z-down' instead of -z",
         parked=False,
     ),
     Row(
@@ -309,7 +309,7 @@ _LOG = _rows(
     "The log",
     ("the disk is full", "log full at stop 2", ERROR, "cannot be written: the disk is full"),
     ("the file became read-only", "log read-only at stop 2", ERROR, "cannot be written: it is read-only"),
-    ("another program locks the file", "log locked at stop 2", ERROR, "another program holds it locked"),
+    ("another program locks the file", "log locked at stop 2", ERROR, "another program has locked it"),
     ("the file is no log", "log garbage", ERROR, "it is not a station log, or its first page is damaged"),
     ("a newer station wrote the log", "log newer", ERROR, "was written by a newer station"),
     ("its folder does not exist", "log nowhere", ERROR, "its folder does not exist; create it first"),

@@ -219,7 +219,7 @@ def test_a_gold_reference_is_the_truth_and_when_it_dies_nothing_counts(tmp_path:
     dead = fixture_run.run(tmp_path, seed=3, faults=("GOLD/stream-stops:after_s=6",), recipe=gold(tmp_path))
     assert dead.results["SN0001"].outcome is Outcome.ERROR
     told = dead.results["SN0001"].reasons[0].sentence
-    assert "the gold reference G1 (node 5) gave 0 of 100 readings at 'x-up'" in told
+    assert "Gold reference G1 (node 5) sent 0 of 100 readings at 'x-up'" in told
 
 
 def test_a_simulated_bus_without_simulated_units(tmp_path: Path) -> None:

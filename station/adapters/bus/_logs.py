@@ -20,15 +20,15 @@ def read_blocks(path: Path, channel: str | None = None) -> Iterator[Frames]:
     """
     suffix = path.suffix.lower()
     if suffix not in (".log", *READ_BY_PYTHON_CAN):
-        raise LogError("log-kind-unknown", file=str(path))
+        raise LogError("recording-kind-unknown", file=str(path))
     if not path.is_file():
-        raise LogError("log-missing", file=str(path))
+        raise LogError("recording-missing", file=str(path))
     try:
         yield from _blocks(path, suffix, channel)
     except OSError as error:
-        raise LogError("log-no-access", file=str(path), why=system_reason(error)) from None
+        raise LogError("recording-no-access", file=str(path), why=system_reason(error)) from None
     except OverflowError:
-        raise LogError("log-impossible-frame", file=str(path)) from None
+        raise LogError("recording-impossible-frame", file=str(path)) from None
 
 
 def _blocks(path: Path, suffix: str, channel: str | None) -> Iterator[Frames]:
@@ -42,8 +42,8 @@ def read_log(path: Path, channel: str | None = None) -> Frames:
     frames = Frames.join(list(read_blocks(path, channel)))
     if not len(frames):
         if channel is None:
-            raise LogError("log-without-frames", file=str(path))
-        raise LogError("log-without-channel", file=str(path), channel=channel)
+            raise LogError("recording-without-frames", file=str(path))
+        raise LogError("recording-without-channel", file=str(path), channel=channel)
     return frames
 
 
@@ -51,11 +51,11 @@ def write_log(path: Path, frames: Frames, channel: str = "can0") -> None:
     """Writes frames as a candump log (.log) or BLF (.blf), by the file's ending; UsageError for any other."""
     writers: dict[str, Callable[[Path, Frames, str], None]] = {".log": _candump.write, ".blf": _write_blf}
     if path.suffix.lower() not in writers:
-        raise UsageError("log-ending", file=str(path))
+        raise UsageError("recording-ending", file=str(path))
     try:
         writers[path.suffix.lower()](path, frames, channel)
     except OSError as error:
-        raise UsageError("log-not-written", file=str(path), why=system_reason(error)) from None
+        raise UsageError("recording-not-written", file=str(path), why=system_reason(error)) from None
 
 
 def _write_blf(path: Path, frames: Frames, _channel: str) -> None:

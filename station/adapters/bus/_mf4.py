@@ -46,7 +46,7 @@ def _received_blocks(pipe: IO[bytes], path: Path) -> Iterator[Frames]:
         if kind == _MESSAGE:
             raise LogError(Message.of(json.loads(data)))
         if kind != _FRAMES or len(data) != size:
-            raise LogError("log-crashes-reader", file=str(path))
+            raise LogError("recording-crashes-reader", file=str(path))
         yield plain.from_bytes(data)
 
 

@@ -33,7 +33,7 @@ def by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
                     yield to_frames(block, [round(m.timestamp * 1e9) for m in block])
         except errors as error:
             why = _OPENED_FILE.sub("it", " ".join(str(error).split()))
-            raise LogError("log-not-readable", file=str(path), kind=path.suffix, why=why) from None
+            raise LogError("recording-not-readable", file=str(path), kind=path.suffix, why=why) from None
 
 
 def _reader(suffix: str) -> tuple[Any, str, tuple[type[Exception], ...]]:

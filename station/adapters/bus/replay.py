@@ -34,7 +34,7 @@ class ReplayBus:
         self._channel = channel
         self._channels: list[_Channel] = []
         if next(read_blocks(path, channel), None) is None:
-            raise LogError("log-without-frames", file=str(path))
+            raise LogError("recording-without-frames", file=str(path))
 
     @classmethod
     def open(cls, channel: str, _clock: Clock, _settings: Settings) -> "ReplayBus":

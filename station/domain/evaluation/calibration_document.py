@@ -52,6 +52,7 @@ def unit(result: CalibrationResult) -> dict[str, Any]:
         "decisions": [asdict(d) | {"margin": d.margin} for d in result.decisions],
         "temperature_degC": _number(np.mean(result.stops.temperature_degC)),
         "notes": [render(note) for note in found.notes],
+        "note_messages": [note.document() for note in found.notes],
     }
 
 

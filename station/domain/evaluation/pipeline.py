@@ -20,7 +20,7 @@ from station.domain.planning import adaptive_dwell, design
 from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
-from station.messages import Message, render
+from station.messages import Message
 
 NO_ROUNDING = np.zeros(12)
 #: What the magnitude alone must determine: three offsets and three gains, or six entries of a triangular matrix.

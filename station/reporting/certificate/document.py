@@ -94,7 +94,7 @@ class _Writer:
     """Words of one language."""
 
     def __init__(self, words: Words) -> None:
-        self.texts, self.say, self.render = words.texts, words.say, words.render
+        self.texts, self.term, self.render = words.texts, words.term, words.render
 
     def __call__(self, key: str, *values: str) -> str:
         """The text `cert_KEY`, with its values."""
@@ -103,7 +103,7 @@ class _Writer:
     def table(self, title: str, columns: Sequence[str], rows: Rows) -> CertificateTable:
         """A table whose title and heads stand in the catalogues; a head that does not is shown as it is."""
         known = templates("en")
-        heads = [self.render(Message(f"head-{c}")) if f"head-{c}" in known else self.say(c) for c in columns]
+        heads = [self.render(Message(f"head-{c}")) if f"head-{c}" in known else self.term(c) for c in columns]
         return CertificateTable(self.render(Message(title)), tuple(heads), rows)
 
     def section(self, title: str, columns: Sequence[str], rows: Rows, more: str = "") -> CertificateTable:
@@ -138,14 +138,21 @@ def _result(w: _Writer, kept: Mapping[str, Any], fit: Mapping[str, Any], verdict
         (w("temperature"), f"{format_number(fit.get('temperature_degC'), 4)} °C"),
         (w("written"), w("yes") if verdict["written"] else w("no")),
         (w("verified"), w("yes") if verdict["verified"] else w("no")),
-        *((w("note"), w.say(str(note))) for note in fit.get("notes", ())),
+        *((w("note"), note) for note in _notes(w, fit)),
     )
+
+
+def _notes(w: _Writer, fit: Mapping[str, Any]) -> tuple[str, ...]:
+    """Notes on the calibration; an older log keeps only their sentences."""
+    if "note_messages" in fit:
+        return tuple(w.render(Message.of(note)) for note in fit["note_messages"])
+    return tuple(str(note) for note in fit.get("notes", ()))
 
 
 def _rule(w: _Writer, verdict: Mapping[str, Any]) -> str:
     """The decision rule; an older log keeps only its sentence."""
     kept = verdict.get("rule_message")
-    return w.render(Message.of(kept)) if kept else w.say(str(verdict["rule"] or "–"))
+    return w.render(Message.of(kept)) if kept else str(verdict["rule"] or "–")
 
 
 _COEFFICIENTS = ("coefficient", "value", "std", "dof", "factor", "expanded", "unit")
@@ -160,7 +167,7 @@ _MANY_DOF = 1e5
 def _values(w: _Writer, told: Mapping[str, Any]) -> Rows:
     return tuple(
         (
-            w.say(str(c["name"])),
+            w.term(str(c["name"])),
             format_to_uncertainty(c["value"], c["expanded"]),
             *(_uncertain(c) if c["estimated"] else (w.render(Message("certificate-assumed")), "–", "–", "–")),
             str(c["unit"]),

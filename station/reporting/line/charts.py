@@ -10,6 +10,7 @@ from station.domain.core.types import Floats
 from station.domain.line_quality import spc
 from station.domain.records.stored_attempt import utc
 from station.errors import UsageError
+from station.messages import Message
 from station.reporting.drawing.figure import Figure, Series, svg
 from station.reporting.drawing.tables import bar_chart
 from station.reporting.line.statistics import CYCLE_PARTS, VALUE_NAMES, YIELD_SPLITS, LineStatistics, limits_of
@@ -43,17 +44,19 @@ Translate = Callable[[str], str]
 def draw(line: LineStatistics, value: str, size: int, words: Words) -> Charts:
     """All figures. value: what the control chart follows, in subgroups of `size` attempts."""
 
-    say = words.say
+    say = words.term
     control, capability, problem = _control(line, value, size, say)
     figures = [_yield(line, say), _pareto(line, words), _cycle(line, say), *control, *_tilts(line, say)]
     tables = [*(_yields(by, line) for by in YIELD_SPLITS), *capability, _tilt_table(line)]
-    return Charts(tuple(f for f in figures if f), tuple(_translated(table, say) for table in tables), say(problem))
+    sentence = words.render(problem) if problem else ""
+    return Charts(tuple(f for f in figures if f), tuple(_translated(table, say) for table in tables), sentence)
 
 
 def _translated(table: ChartTable, say: Translate) -> ChartTable:
     """The table in the reader's language; names of stations, recipes and positions are nobody's words to translate."""
     rows = tuple(tuple(say(cell) for cell in row) for row in table.rows) if table.words else table.rows
-    return ChartTable(say(table.title), tuple(say(c) for c in table.columns), rows, table.words)
+    title = ": ".join(say(part) for part in table.title.split(": "))
+    return ChartTable(title, tuple(say(c) for c in table.columns), rows, table.words)
 
 
 def _yield(line: LineStatistics, say: Translate) -> str:
@@ -75,8 +78,8 @@ def _pareto(line: LineStatistics, words: Words) -> str:
     """Reasons by their names in the reader's language; one that it has no name for, by its code."""
     names = words.texts
     rows = [(names.get(f"check_{check}", check), float(count)) for check, count in line.reasons.items()]
-    title = words.say("Reasons of attempts that did not pass")
-    return bar_chart(title, rows, words.say("attempts")) if rows else ""
+    title = words.term("Reasons of attempts that did not pass")
+    return bar_chart(title, rows, words.term("attempts")) if rows else ""
 
 
 def _cycle(line: LineStatistics, say: Translate) -> str:
@@ -85,17 +88,19 @@ def _cycle(line: LineStatistics, say: Translate) -> str:
     return bar_chart(say("Cycle time of a unit that passes, mean"), rows, "s") if rows else ""
 
 
-def _control(line: LineStatistics, value: str, size: int, say: Translate) -> tuple[list[str], list[ChartTable], str]:
+def _control(
+    line: LineStatistics, value: str, size: int, say: Translate
+) -> tuple[list[str], list[ChartTable], Message | None]:
     if value not in VALUE_NAMES:
-        raise UsageError(f"there is no value {value[:40]!r}; use one of {', '.join(VALUE_NAMES)}")
+        raise UsageError("chart-value-unknown", value=value[:40], known=VALUE_NAMES)
     if not 1 <= size <= 25:
-        raise UsageError(f"a subgroup has 1 to 25 attempts, not {size}")
+        raise UsageError("chart-subgroup-size", size=size)
     kept = [
         (m.started_ns, m.values[value]) for m in line.attempts if value in m.values and m.outcome in ("PASS", "FAIL")
     ]
     count = len(kept) // size
     if count < 2:
-        return [], [], f"a control chart of {value} needs two subgroups of {size}; there are {len(kept)} values"
+        return [], [], Message("chart-too-few", value=value, size=size, count=len(kept))
     used = kept[-count * size :]
     groups = np.array([v for _, v in used]).reshape(count, size)
     unit = line.recipe.unit if line.recipe and value.split(maxsplit=1)[0] in ("offset", "residual", "noise") else ""
@@ -122,19 +127,19 @@ def _chart(chart: spc.Chart, value: str, unit: str, size: int, say: Translate) -
         (chart.centre, ""),
         (chart.lower, f"LCL {format_number(chart.lower, 4)}"),
     )
-    named = say(f"{chart.name} of {size}") if size > 1 else say(chart.name)
+    named = f"{say(chart.name)} (n = {size})" if size > 1 else say(chart.name)
     title = f"{say(value)}: {named}"
     return svg(Figure(title, say("subgroup"), f"{say(value)} {unit}".strip(), series, levels=levels, zero=False))
 
 
-def _capability(line: LineStatistics, value: str, groups: Floats) -> tuple[list[ChartTable], str]:
+def _capability(line: LineStatistics, value: str, groups: Floats) -> tuple[list[ChartTable], Message | None]:
     lower, upper = limits_of(value, line.recipe.limits) if line.recipe else (None, None)
     if lower is None and upper is None:
-        return [], ""
+        return [], None
     try:
         c = spc.capability(groups, lower, upper)
     except UsageError as exc:
-        return [], exc.sentence
+        return [], exc.message
     rows = [
         ("limits", f"{format_number(lower)} … {format_number(upper)}"),
         ("n", str(c.n)),
@@ -145,7 +150,7 @@ def _capability(line: LineStatistics, value: str, groups: Floats) -> tuple[list[
         rows.append(
             (name, "–" if index is None else "{} ({} … {}, 95 %)".format(*(format_number(v, 4) for v in index)))
         )
-    return [ChartTable(f"Capability: {value}", ("quantity", "value"), tuple(rows), words=True)], ""
+    return [ChartTable(f"Capability: {value}", ("quantity", "value"), tuple(rows), words=True)], None
 
 
 def _tilts(line: LineStatistics, say: Translate) -> list[str]:

@@ -78,4 +78,4 @@ def _column(planes: bytes, width: int, n: int) -> Words:
 
 
 def _damaged() -> LogError:
-    return LogError("stored frames are damaged; run `station audit --verify`")
+    return LogError("frames-damaged")

@@ -129,4 +129,4 @@ def _from_columns(body: bytes, rows: int, columns: int) -> Frames:
 
 
 def _damaged() -> LogError:
-    return LogError("stored frames are damaged; run `station audit --verify`")
+    return LogError("frames-damaged")
