@@ -36,7 +36,7 @@ def checks() -> set[str]:
     for path in [*(ROOT / "domain").rglob("*.py"), *(ROOT / "service").rglob("*.py")]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and ast.unparse(node.func) in ("Reason", "Reason.text", "_largest"):
-                given = [k.value for k in node.keywords if k.arg == "check"] or node.args[:1]
+                given = [k.value for k in node.keywords if k.arg == "check"] or node.args[4:5] or node.args[:1]
                 if isinstance(given[0], ast.Call):
                     given = given[0].args[:1]
                 found |= {part.value for part in given if isinstance(part, ast.Constant)}

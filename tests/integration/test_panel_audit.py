@@ -137,7 +137,7 @@ def test_a_name_in_chinese_stands_on_a_german_certificate(folder: Path) -> None:
 def test_reasons_and_refusals_come_in_the_readers_language(client: TestClient) -> None:
     page = client.get("/audit/unit", params={"serial": "SN0002", "language": "de"}, headers=HTML).text
     client.cookies.delete("station_language")
-    assert "keinerlei Rauschen" in page
+    assert "ohne jedes Rauschen" in page
     assert "no noise at all" not in page
     refused = client.get("/audit/unit", params={"serial": "SN9999"}, headers={"accept-language": "zh-CN,zh"})
     assert refused.json()["error"] == "日志中没有单元 'SN9999'：请搜索。"

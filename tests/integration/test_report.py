@@ -74,7 +74,7 @@ def test_every_figure_is_there(line: LineStatistics) -> None:
         "Yield by day",
         "Reasons of attempts",
         "Cycle time",
-        "gain z: mean of 2",
+        "gain z: mean (n = 2)",
         "range of 2",
         "Tilt of each",
     ):
@@ -84,7 +84,7 @@ def test_every_figure_is_there(line: LineStatistics) -> None:
 
 def test_too_few_values_are_said_and_wrong_ones_refused(line: LineStatistics) -> None:
     assert "needs two subgroups" in charts.draw(line, "offset x", 20, words_of("en")).problem
-    with pytest.raises(UsageError, match="there is no value"):
+    with pytest.raises(UsageError, match="There is no value"):
         charts.draw(line, "offset q", 1, words_of("en"))
 
 

@@ -87,7 +87,7 @@ def _check(table: SampleTable, recipe: Recipe, begin: Array, end: Array) -> None
         row = int(wrong[0])
         names = table.position.names
         raise SamplesError(
-            "visit-at-two-positions",
+            "samples-visit-at-two-positions",
             visit=int(table.visit[row]),
             run=int(table.run[row]),
             serial=str(table.unit.text()[row]),
