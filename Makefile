@@ -42,7 +42,7 @@ check: $(VENV)/.dev  ## import contracts, types, lint: the same on a desk and in
 
 torture: $(VENV)/.dev  ## the worst days in earnest, as one table: an hour and more; with SCALE=0.01 some minutes
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --group fuzz
-	$(BIN)/python benchmarks/torture.py --seed $(SEED) --scale $(SCALE)
+	$(BIN)/python tests/endurance/torture.py --seed $(SEED) --scale $(SCALE)
 
 bench: $(VENV)/.dev  ## every goal of speed in one table; a quarter of an hour, QUICK=1: a few minutes; WRITE=1: into docs/benchmarks.md
 	PYTHONPATH=. $(BIN)/python benchmarks/table.py $(if $(QUICK),--quick) $(if $(WRITE),--write docs/benchmarks.md)

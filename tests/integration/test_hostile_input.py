@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks import torture_input
-from benchmarks.torture_input import TOKENS, Target
 from station.adapters.bus import _mf4, read_log
 from station.config.recipes import load_recipe
 from station.domain.recipe import serial
 from station.errors import LogError, UsageError
+from tests.endurance import torture_input
+from tests.endurance.torture_input import TOKENS, Target
 
 FILES = ("recipe", "config", "product", "model", "dbc", "eds")
 NAMES = (*FILES, "samples.csv", "samples.parquet", "candump", "blf", "asc")

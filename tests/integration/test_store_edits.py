@@ -1,4 +1,4 @@
-"""A short form of benchmarks/torture_edits.py: whatever is done to the log behind the station's back is found."""
+"""A short form of tests/endurance/torture_edits.py: whatever is done to the log behind the station's back is found."""
 
 import sqlite3
 from pathlib import Path
@@ -7,7 +7,6 @@ import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from benchmarks import torture_edits
 from station.adapters.store import keys
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
@@ -15,6 +14,7 @@ from station.domain.records.chain import IntegrityFinding
 from station.errors import ConfigError, StoreFault, UsageError
 from station.ports.log_reader import Trust
 from tests.conftest import SEED
+from tests.endurance import torture_edits
 from tests.fakes import logs
 
 

@@ -12,7 +12,16 @@ ROOT = Path(__file__).parents[2]
 
 
 def test_killed_at_points_and_instants_nothing_is_lost_contradicted_or_overlooked() -> None:
-    command = [sys.executable, "benchmarks/torture_kill.py", "--points", "12", "--instants", "3", "--seed", str(SEED)]
+    command = [
+        sys.executable,
+        "tests/endurance/torture_kill.py",
+        "--points",
+        "12",
+        "--instants",
+        "3",
+        "--seed",
+        str(SEED),
+    ]
     done = subprocess.run([*command, "--json"], cwd=ROOT, capture_output=True, text=True, timeout=110, check=False)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
@@ -23,7 +32,7 @@ def test_killed_at_points_and_instants_nothing_is_lost_contradicted_or_overlooke
 
 
 def test_units_after_the_first_leave_nothing_behind() -> None:
-    command = [sys.executable, "benchmarks/torture_lasting.py", "--units", "8", "--after", "4", "--json"]
+    command = [sys.executable, "tests/endurance/torture_lasting.py", "--units", "8", "--after", "4", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=110, check=False)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
@@ -34,7 +43,7 @@ def test_units_after_the_first_leave_nothing_behind() -> None:
 
 
 def full_bus(*options: str) -> dict[str, Any]:
-    command = [sys.executable, "benchmarks/full_bus.py", "--seconds", "1", "--idle", "--json", *options]
+    command = [sys.executable, "tests/endurance/full_bus.py", "--seconds", "1", "--idle", "--json", *options]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=110, check=False)
     assert done.returncode == 0, done.stderr
     told: dict[str, Any] = json.loads(done.stdout)
@@ -56,7 +65,16 @@ def test_frames_that_a_small_buffer_loses_are_counted_and_their_visits_rejected(
 
 
 def power_cut(*options: str) -> tuple[int, dict[str, Any]]:
-    command = [sys.executable, "benchmarks/torture_power.py", "--every", "5", "--seed", str(SEED), "--json", *options]
+    command = [
+        sys.executable,
+        "tests/endurance/torture_power.py",
+        "--every",
+        "5",
+        "--seed",
+        str(SEED),
+        "--json",
+        *options,
+    ]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=110, check=False)
     return done.returncode, json.loads(done.stdout)
 
@@ -78,7 +96,7 @@ def test_the_table_says_what_was_tried_what_came_of_it_and_goes_on_where_it_was_
     kept = tmp_path / "torture.json"
     other = {"code": 1, "told": None, "took_s": 2.0, "seed": 7, "scale": 1.0}
     kept.write_text(json.dumps({"kill": other}))
-    command = [sys.executable, "benchmarks/torture.py", "--scale", "0.001", "--only", "edits", "--json", str(kept)]
+    command = [sys.executable, "tests/endurance/torture.py", "--scale", "0.001", "--only", "edits", "--json", str(kept)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=110, check=False)
     head, broken, edits = done.stdout.splitlines()
     assert head.split() == ["what", "tried", "came", "to", "goal", "seed", "took"]

@@ -1,7 +1,7 @@
 """Kills a run with SIGKILL at every commit point, every SDO exchange and every save, and at random instants; then
 asks the log, the device's flash and the next start whether they agree.
 
-    python benchmarks/torture_kill.py [--points N] [--instants N] [--seed S] [--json]
+    python tests/endurance/torture_kill.py [--points N] [--instants N] [--seed S] [--json]
 
 A point lies before and after each call of the store, each SDO frame that is sent, each SDO transfer and NMT command,
 and each save of the device's flash. --points: so many of all points, spread evenly (0: every one). Each trial is a
@@ -32,7 +32,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.canopen.network import ServiceNetwork

@@ -1,6 +1,6 @@
 """Everything that is promised about the worst days, tried in earnest: `make torture`.
 
-    python benchmarks/torture.py [--seed 1] [--scale 1] [--only kill,edits,…] [--json FILE]
+    python tests/endurance/torture.py [--seed 1] [--scale 1] [--only kill,edits,…] [--json FILE]
 
 An hour and more; --scale 0.01 tries a hundredth of everything, in minutes. Prints a table of what was tried, how often,
 what came of it, the goal and the seed; --json keeps what each part came to, so that a run that was stopped goes on with

@@ -1,6 +1,6 @@
 """Edits a log at random behind the station's back, and counts the edits that `station audit --verify` finds.
 
-    python benchmarks/torture_edits.py [--edits 10000] [--seed 1] [--json]
+    python tests/endurance/torture_edits.py [--edits 10000] [--seed 1] [--json]
 
 Every edit is made in SQL with the guards off, as somebody with the file in hands would: any value of any record
 changed, records deleted, inserted, copied, swapped, moved, the end cut off with the log's own note of it brought into

@@ -1,6 +1,6 @@
 """Cuts the power at every fsync of a run: the log's files as they then stand on the disk must open, whole.
 
-    python benchmarks/torture_power.py [--every 1] [--seed 1] [--careless] [--json]
+    python tests/endurance/torture_power.py [--every 1] [--seed 1] [--careless] [--json]
 
 A simulated run of two units works with a library loaded before the C library (power_cut.c), which copies the log's
 folder at each fsync and fdatasync. From the copies the files are restored in three ways: as last synced, each; with
@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "vcan")]
 
 from station.adapters.store.reader import SqliteLogReader

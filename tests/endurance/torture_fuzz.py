@@ -1,6 +1,6 @@
 """Coverage-guided fuzzing of everything that reads what people hand in, with atheris (libFuzzer for Python).
 
-    python benchmarks/torture_fuzz.py [--runs 5000] [--seed 1] [--targets recipe,dbc,…] [--json]
+    python tests/endurance/torture_fuzz.py [--runs 5000] [--seed 1] [--targets recipe,dbc,…] [--json]
 
 Each target of torture_input.py has a process of its own: `runs` inputs, grown from a good one by what makes the
 station's modules (and, with them, PyYAML, cantools and canopen's EDS reader) go new ways. Faulty is what torture_input
@@ -19,7 +19,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 MOST_MIB, MOST_S = 1024, 5
 #: No longer than so many times the good input, or 4 kB.
@@ -32,7 +32,7 @@ def child(name: str, runs: int, seed: int, folder: Path) -> None:
     import atheris
 
     with atheris.instrument_imports(include=list(_INSTRUMENTED)):
-        from benchmarks import torture_input
+        from tests.endurance import torture_input
 
         target = torture_input.targets(folder)[name]
     corpus = folder / "corpus"
@@ -65,7 +65,7 @@ def _escaped(token: bytes) -> str:
 
 def fuzz(name: str, runs: int, seed: int) -> dict[str, Any]:
     """One target in a process of its own: how many inputs it had, how much it covers, and what was wrong."""
-    from benchmarks.torture_input import SELDOM
+    from tests.endurance.torture_input import SELDOM
 
     runs = max(runs // SELDOM.get(name, 1), 1)  # that reader has a process of its own, out of coverage's sight
     begun_s = time.monotonic()
@@ -102,7 +102,7 @@ def main() -> int:
         sys.exit("atheris is not installed here: python -m pip install --group fuzz")
     if given.child:
         child(given.child, given.runs, given.seed, given.folder)
-    from benchmarks import torture_input
+    from tests.endurance import torture_input
 
     with tempfile.TemporaryDirectory() as folder:
         names = given.targets.split(",") if given.targets else list(torture_input.targets(Path(folder)))

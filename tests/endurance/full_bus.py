@@ -1,6 +1,6 @@
 """Frames lost at a full 1 Mbit/s while the run, a second calibration, the page and the store work beside the receiver.
 
-    python benchmarks/full_bus.py [--seconds 60] [--buffer BYTES] [--idle] [--json]
+    python tests/endurance/full_bus.py [--seconds 60] [--buffer BYTES] [--idle] [--json]
 
 Four simulated devices in a process of their own send 9,008 readings a second (a classic bus at 1 Mbit/s carries 9,009
 frames of 8 bytes), each at its device's own clock. The station takes load after load of them through six positions:
@@ -31,7 +31,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
 import panel as pages
 import wires

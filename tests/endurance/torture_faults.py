@@ -1,6 +1,6 @@
 """Runs the fault table (tests/faults/table.py, shown in docs/faults.md) and counts the rows that come out as they must.
 
-python benchmarks/torture_faults.py [--every 1] [--json]
+python tests/endurance/torture_faults.py [--every 1] [--json]
 """
 
 import argparse
@@ -11,7 +11,7 @@ import tempfile
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.faults.table import ROWS

@@ -1,6 +1,6 @@
 """Takes many units through one opened station in virtual time, and watches what should not grow.
 
-    python benchmarks/torture_lasting.py [--units 10000] [--after 500] [--seed 1] [--json]
+    python tests/endurance/torture_lasting.py [--units 10000] [--after 500] [--seed 1] [--json]
 
 Each unit is a fixture load of its own: identified, measured in one position, its twelve coefficients written, saved,
 reset, verified and logged.
@@ -21,7 +21,7 @@ from typing import Any
 
 import yaml
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from station.config.search_path import shipped_folder
 from station.domain.core.types import Outcome

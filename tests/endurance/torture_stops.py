@@ -1,6 +1,6 @@
 """Stop, pressed 1 to 20 times from random instants of a run on: parked, put back, every record finished and true.
 
-    python benchmarks/torture_stops.py [--instants 500] [--seed 1] [--json]
+    python tests/endurance/torture_stops.py [--instants 500] [--seed 1] [--json]
 
 Instants are the calls of devices, positioner and log, and the sleeps inside moves and parking; the signals are real.
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.fakes.stop_presses import faults_of, run_and_press

@@ -1,6 +1,6 @@
 """Hands broken input to everything that reads any, and counts what is neither taken nor refused in one sentence.
 
-    python benchmarks/torture_input.py [--inputs 100000] [--seed 1] [--json]
+    python tests/endurance/torture_input.py [--inputs 100000] [--seed 1] [--json]
 
 Every input is a good one (a shipped recipe, DBC, EDS, config, a written table or log) with a few mutations: bytes
 changed, cut, doubled or swapped, lines repeated, and tokens put in that have broken parsers before. Faulty is an error
@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from station.adapters import dbc
 from station.adapters.bus import read_log, write_log
