@@ -18,9 +18,6 @@ from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 
-#: More screens than any line has.
-MOST_CONNECTIONS = 200
-
 
 @dataclass(frozen=True, slots=True)
 class PanelFiles:
@@ -42,11 +39,20 @@ class PanelFiles:
 
 @dataclass(frozen=True, slots=True)
 class ListenAddress:
-    """Where the server listens."""
+    """Where the server listens. names: further names of this machine; proxy: the address of the proxy in front, whose
+    headers name the client."""
 
     host: str
     port: int
     secure: bool
+    names: tuple[str, ...] = ()
+    proxy: str | None = None
+
+    @property
+    def host_names(self) -> frozenset[str]:
+        """The names by which the page may be reached, beside any address."""
+        own = ("localhost", socket.gethostname(), socket.getfqdn(), self.host, *self.names)
+        return frozenset(name.lower() for name in own)
 
 
 def change_accounts(where: PanelFiles, add: str | None, remove: str | None, role: str) -> int:
@@ -79,7 +85,7 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
         if pace is None:
             raise ConfigError("panel-nobody", file=str(people))
         _add_demo_account(people)
-    panel = Panel(settings, job.recipe, order, people, secure=listen.secure)
+    panel = Panel(settings, job.recipe, order, people, secure=listen.secure, host_names=listen.host_names)
     with serving(order.database):
         _serve(panel, listen)
     return 0
@@ -89,7 +95,9 @@ def _serve(panel: Panel, listen: ListenAddress) -> None:
     import uvicorn
 
     from station.web.app import create_app
+    from station.web.connections import GuardedConnection, allow_connections
 
+    allow_connections()
     door = _listening_socket(listen)
     host, port = door.getsockname()[:2]
     _output.print_line(f"http://{f'[{host}]' if ':' in host else host}:{port}")
@@ -107,7 +115,10 @@ def _serve(panel: Panel, listen: ListenAddress) -> None:
         access_log=False,
         server_header=False,
         timeout_graceful_shutdown=2,
-        limit_concurrency=MOST_CONNECTIONS,
+        http=GuardedConnection,
+        ws="none",
+        proxy_headers=listen.proxy is not None,
+        forwarded_allow_ips=listen.proxy,
     )
     Server(options).run(sockets=[door])
 
@@ -121,7 +132,7 @@ def _listening_socket(listen: ListenAddress) -> socket.socket:
         try:
             door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             door.bind(address)
-            door.listen(128)
+            door.listen(1024)
         except OSError:
             door.close()
             raise

@@ -17,6 +17,12 @@ def command(
     ] = None,
     host: Annotated[str, Option(help="Address to listen at; only this machine unless told otherwise.")] = "127.0.0.1",
     port: Annotated[int, Option(min=0, max=65535, help="Port to listen at; 0: any free one.")] = 8080,
+    host_name: Annotated[
+        list[str] | None, Option(help="A further name of this machine, as browsers are given it; addresses always do.")
+    ] = None,
+    proxy: Annotated[
+        str | None, Option(help="Address of a proxy in front of the page; only its X-Forwarded-For is believed.")
+    ] = None,
     secure: Annotated[bool, Option("--secure", help="The page is reached by https only (behind a proxy).")] = False,
     accounts: Annotated[Path | None, Option(help="File of the people; left out: accounts.json beside the log.")] = None,
     add: Annotated[str | None, Option(help="Add this person (or change the password), then end.")] = None,
@@ -45,5 +51,5 @@ def command(
         return _panel.change_accounts(where, add, remove, role)
     if fault and not simulate:
         raise UsageError("option-needs-simulate", option="--fault")
-    listen = _panel.ListenAddress(host, port, secure=secure)
+    listen = _panel.ListenAddress(host, port, secure, tuple(host_name or ()), proxy)
     return _panel.serve(where, listen, pace=pace if simulate else None, faults=tuple(fault or ()))

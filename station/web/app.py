@@ -33,7 +33,7 @@ def create_app(panel: Panel) -> Starlette:
             *metrics.ROUTES,
             Mount("/static", StaticFiles(directory=Path(__file__).parent / "static")),
         ],
-        middleware=[Middleware(SecurityMiddleware)],
+        middleware=[Middleware(SecurityMiddleware, host_names=panel.host_names)],
         exception_handlers={HTTPException: _http_error, StationError: _station_error},
         lifespan=_lifespan,
     )

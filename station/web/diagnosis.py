@@ -75,7 +75,7 @@ def _start_diagnosis(panel: Panel, serials: list[str], name: str) -> None:
     words = ["diagnose", "--samples", "samples.parquet", "--recipe", "./recipe.yaml", "--report", "report.html"]
     with (folder / "said.txt").open("wb") as said:
         panel.children[name] = subprocess.Popen(
-            [sys.executable, "-m", "station", *words, "--json", "diagnosis.json"],
+            [sys.executable, "-P", "-m", "station", *words, "--json", "diagnosis.json"],
             cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True,
         )  # fmt: skip
 

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Awaitable, Callable
 from functools import wraps
+from ipaddress import ip_address
 
 from starlette.datastructures import FormData, Headers, MutableHeaders
 from starlette.exceptions import HTTPException
@@ -29,6 +30,7 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 
+_HOST = re.compile(r"(?:(?P<bare>[^\[\]:]+)|\[(?P<bracketed>[0-9A-Fa-f:.]+)\])(?::[0-9]{1,5})?")
 _WHOLE_NUMBER = re.compile("[0-9]{1,18}")
 Endpoint = Callable[[Request], Awaitable[Response]]
 
@@ -87,10 +89,10 @@ async def form_of(request: Request, session: Session | None) -> FormData:
 
 
 class SecurityMiddleware:
-    """Refuses large bodies and foreign origins before anything reads them, and closes the answer's headers."""
+    """Refuses foreign names, foreign origins and large bodies before they are read; closes the answer's headers."""
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
+    def __init__(self, app: ASGIApp, host_names: frozenset[str] | None) -> None:
+        self._app, self._host_names = app, host_names
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Checks, calls, adds headers."""
@@ -105,8 +107,27 @@ class SecurityMiddleware:
                     headers.setdefault(name, value)
             await send(message)
 
-        refused = _refusal_response(str(scope["method"]), Headers(scope=scope))
+        headers = Headers(scope=scope)
+        refused = _foreign_host(headers, self._host_names) or _refusal_response(str(scope["method"]), headers)
         await (refused or self._app)(scope, receive, closed)
+
+
+def _foreign_host(headers: Headers, known: frozenset[str] | None) -> Response | None:
+    """Refuses a name that is not the page's own: a foreign site may have made its name point here (DNS rebinding).
+    An address as such cannot be anybody else's name."""
+    name = _HOST.fullmatch(headers.get("host", ""))
+    host = (name["bare"] or name["bracketed"]).lower() if name else ""
+    if known is None or host in known or _is_address(host):
+        return None
+    return Response("the page is not reached by this name; start it with --host-name NAME", 421)
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ip_address(host)
+    except ValueError:
+        return False
+    return True
 
 
 def _refusal_response(method: str, headers: Headers) -> Response | None:

@@ -1,8 +1,6 @@
-"""Log-in and log-out: rate-limited, the same time for known and unknown names, every try in the journal."""
+"""Log-in and log-out: guessing is slowed, the same time for known and unknown names, every try in the journal."""
 
-import math
-
-from anyio import to_thread
+from anyio import sleep, to_thread
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
@@ -29,18 +27,16 @@ async def log_in(request: Request) -> Response:
         str(form.get("password", ""))[: accounts.MAX_LENGTH],
     )
     keys = (f"name {name}", f"address {request.client.host if request.client else ''}")
-    wait_s = panel.login_throttle.wait_s(*keys)
-    if wait_s > 0:
-        answer = render.page(request, "login.html", None, 429, error="too_many")
-        answer.headers["Retry-After"] = str(math.ceil(wait_s))
-        return answer
+    guessing = panel.login_throttle.guessing(*keys)
     # Counted before it is known: tries that come at the same time all count.
     panel.login_throttle.failed(*keys)
     account = panel.people.get(name)
     kept = account.password if account else accounts.DUMMY_HASH
-    right = await to_thread.run_sync(accounts.verify_password, password, kept, limiter=panel.hashing)
+    lane = panel.hashing_of_guessers if guessing else panel.hashing
+    right = await to_thread.run_sync(accounts.verify_password, password, kept, limiter=lane)
     if account is None or not right:
         panel.journal.add(name, "log-in-refused")
+        await sleep(panel.login_throttle.delay_s(*keys))
         return render.page(request, "login.html", None, 401, error="wrong_password")
     panel.login_throttle.clear_failures(*keys)
     panel.journal.add(name, "log-in", role=str(account.role))

@@ -24,18 +24,16 @@ from station.web.screen import Screen
 from station.web.sessions import LoginThrottle, Sessions
 from station.wiring.logs import open_log
 
-#: Passwords checked at the same time.
-MOST_PARALLEL_HASHES = 2
-
 
 @dataclass(slots=True)
 class Panel:
     """Settings and recipe of the station; the people's file; how runs are started; open sessions.
 
-    secure: the page is reached by https only, so cookies are too. over: the server ends, and so do its streams.
-    monotonic_s: the clock of sessions and guesses. children: diagnoses under way, by name. memory: what the charts
-    remember. hashing: passwords are checked so many at a time, each takes 128 MiB. turn: one deed after the other; a
-    stop waits for none.
+    secure: the page is reached by https only, so cookies are too. host_names: by which names it is reached; None: by
+    any. over: the server ends, and so do its streams. monotonic_s: the clock of sessions and guesses. children:
+    diagnoses under way, by name. memory: what the charts remember. hashing, hashing_of_guessers: one password
+    is checked after the other, each takes 128 MiB; those of guessers wait for each other alone. turn: one action
+    after the other; a stop waits for none.
     """
 
     settings: Settings
@@ -43,6 +41,7 @@ class Panel:
     order: LaunchOptions
     accounts: Path
     secure: bool = False
+    host_names: frozenset[str] | None = None
     monotonic_s: Callable[[], float] = time.monotonic
     over: bool = False
     sessions: Sessions = field(init=False)
@@ -50,7 +49,8 @@ class Panel:
     journal: Journal = field(init=False)
     runs: RunLauncher = field(init=False)
     queue: LoadQueue = field(init=False)
-    hashing: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(MOST_PARALLEL_HASHES))
+    hashing: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
+    hashing_of_guessers: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
     _accounts_by_name: tuple[tuple[int, int, int], Mapping[str, Account]] = ((-1, 0, 0), MappingProxyType({}))
     memory: LineCache = field(default_factory=LineCache)
     screen: Screen = field(init=False)

@@ -1,17 +1,15 @@
 """Runs are processes of their own: started in their own session, found again by their lock, stopped by a signal."""
 
-import os
-import signal
 import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from station.errors import StationFault, UsageError
-from station.messages import system_reason
+from station.errors import UsageError
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.owner import owner_pid
+from station.panel_protocol.stop import signal_stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +59,7 @@ class RunLauncher:
         """Starts a run of nest → serial that outlives this process; its pid. UsageError when one is under way."""
         if self.pid() is not None:
             raise UsageError("run-under-way")
-        words = [sys.executable, "-m", "station", *self.order.words(units, operator)]
+        words = [sys.executable, "-P", "-m", "station", *self.order.words(units, operator)]
         with self._errors().open("wb") as errors:
             self._child = subprocess.Popen(
                 words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors, start_new_session=True
@@ -74,10 +72,7 @@ class RunLauncher:
         pid = self.pid()
         if pid is None:
             raise UsageError("no-run-under-way")
-        try:
-            os.kill(pid, signal.SIGINT)
-        except OSError as exc:
-            raise StationFault("run-not-stopped", pid=pid, why=system_reason(exc)) from exc
+        signal_stop(pid)
         return pid
 
     def last_words(self) -> str:

@@ -2,10 +2,14 @@
 
 import hmac
 import secrets
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from station.web.accounts import Account
+
+#: Beyond so many names and addresses, those without a recent failure are forgotten.
+_MOST_KEYS = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,26 +71,35 @@ def same_token(session: Session, given: str) -> bool:
 
 @dataclass(slots=True)
 class LoginThrottle:
-    """Failed log-ins by key (name, and address): after `most` within `window_s`, no further try counts."""
+    """Failed log-ins by key (name, and address). Whoever has failed `most` times within `window_s` is a guesser: tries
+    by such a name or from such an address are checked one after the other, and a wrong one is answered late. None is
+    refused unchecked: the right password always opens, whoever else tries."""
 
     monotonic_s: Callable[[], float]
     most: int = 5
     window_s: float = 60.0
-    _failed: dict[str, list[float]] = field(default_factory=dict)
+    longest_delay_s: float = 2.0
+    _failed: dict[str, deque[float]] = field(default_factory=dict)
 
-    def wait_s(self, *keys: str) -> float:
-        """Seconds until the next try is allowed; 0 when it is."""
-        now = self.monotonic_s()
-        self._failed = {
-            k: fresh for k, v in self._failed.items() if (fresh := [t for t in v if now - t < self.window_s])
-        }
-        full = [v for k in keys if len(v := self._failed.get(k, [])) >= self.most]
-        return max((self.window_s - (now - v[-self.most]) for v in full), default=0.0)
+    def guessing(self, *keys: str) -> bool:
+        """Whether any of the keys belongs to a guesser."""
+        return any(self._recent(key) >= self.most for key in keys)
+
+    def delay_s(self, *keys: str) -> float:
+        """How much later than at once a wrong try is answered: doubled with every failure beyond `most`."""
+        beyond = max(self._recent(key) for key in keys) - self.most
+        return 0.0 if beyond < 0 else min(0.25 * 2.0 ** min(beyond, 10), self.longest_delay_s)
 
     def failed(self, *keys: str) -> None:
-        """Counts one failed try against each key."""
+        """Counts one failed try against each key; only so many are remembered as make a difference."""
+        if len(self._failed) > _MOST_KEYS:
+            self._failed = {key: tries for key, tries in self._failed.items() if self._recent(key)}
         for key in keys:
-            self._failed.setdefault(key, []).append(self.monotonic_s())
+            self._failed.setdefault(key, deque(maxlen=self.most + 10)).append(self.monotonic_s())
+
+    def _recent(self, key: str) -> int:
+        tries, since_s = self._failed.get(key, ()), self.monotonic_s() - self.window_s
+        return sum(at_s > since_s for at_s in tries)
 
     def clear_failures(self, *keys: str) -> None:
         """A success clears the name."""

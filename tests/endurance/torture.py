@@ -96,6 +96,16 @@ def full_bus(told: Told) -> Sequence[tuple[str, str, str, str]]:
     return (("frames lost at a full 1 Mbit/s in visits that were kept", count, str(told["lost_in_kept"]), "0"),)
 
 
+def page(told: Told) -> Sequence[tuple[str, str, str, str]]:
+    """The page under attack."""
+    what = f"{told['idle']} idle and {told['slow']} slow clients, {told['guesses']} guesses: Stop unanswered / p99, s"
+    refused = f"{told['refused']} of {told['log_ins']}"
+    return (
+        (what, str(told["stops"]), f"{told['stops_unanswered']} / {told['stop_p99_s']:.2f}", "0 / 0.5"),
+        ("right passwords refused meanwhile; opened by a guess", "", f"{refused}; {told['opened_by_guess']}", "0; 0"),
+    )
+
+
 PARTS = (
     Part("kill", "torture_kill.py",
          lambda s: ("--points", 0 if s >= 1 else most(587, s, 8), "--instants", most(1000, s, 4)), kills),
@@ -107,6 +117,8 @@ PARTS = (
     Part("fuzz", "torture_fuzz.py",
          lambda s: ("--runs", most(5000, s, 300), "--targets", "" if s >= 0.1 else "recipe,dbc,candump"), fuzzed),
     Part("full-bus", "full_bus.py", lambda s: ("--seconds", most(60, s, 5)), full_bus),
+    Part("page", "torture_page.py",
+         lambda s: ("--idle", most(1000, s, 50), "--slow", most(1000, s, 50), "--guesses", most(10_000, s, 20)), page),
     Part("lasting", "torture_lasting.py",
          lambda s: ("--units", most(10_000, s, 20), "--after", most(500, s, 10)), lasting),
 )  # fmt: skip

@@ -88,13 +88,21 @@ def test_guessing_is_slowed_and_a_success_forgives() -> None:
     clock = HandClock()
     guesses = sessions.LoginThrottle(clock, most=3, window_s=60)
     for clock.now_s in (0, 10, 20):
-        assert guesses.wait_s("name") == 0
+        assert not guesses.guessing("name")
         guesses.failed("name", "10.0.0.1")
-    assert guesses.wait_s("name") == 40
-    assert guesses.wait_s("other", "10.0.0.1") == 40
-    assert guesses.wait_s("other") == 0
-    clock.now_s = 61
-    assert guesses.wait_s("name") == 0
-    guesses.failed("name")
+    assert guesses.guessing("name")
+    assert guesses.guessing("other", "10.0.0.1")
+    assert not guesses.guessing("other")
+    assert guesses.delay_s("other") == 0
+    delays = []
+    for _ in range(9):
+        delays.append(guesses.delay_s("name", "10.0.0.1"))
+        guesses.failed("name", "10.0.0.1")
+    assert delays[:3] == [0.25, 0.5, 1.0]
+    assert delays[-1] == guesses.longest_delay_s, "a guess is never answered later than that"
+    clock.now_s = 81
+    assert not guesses.guessing("name")
+    for _ in range(3):
+        guesses.failed("name")
     guesses.clear_failures("name")
-    assert guesses.wait_s("name") == 0
+    assert not guesses.guessing("name")

@@ -1,0 +1,35 @@
+"""`station stop`: ends the present run."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+
+def command(
+    db: Annotated[Path | None, Option(help="The log that the run writes; left out: as config.yaml says.")] = None,
+    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+) -> int:
+    """Stop the present run, whoever started it: it parks the fixture, closes its records and ends.
+
+    It needs neither the page nor a network, only the right to signal the run's process:
+
+        station stop
+
+    Where several stations write logs on this machine, name the log:
+
+        station stop --db station.db
+    """
+    from station.cli import _output
+    from station.config.settings import load_settings
+    from station.messages import Message, render
+    from station.panel_protocol.stop import request_stop
+
+    database = db or Path(load_settings(config).database)
+    pid = request_stop(database)
+    if json:
+        _output.print_json({"schema": "station.stop/1", "database": str(database), "pid": pid})
+    else:
+        _output.print_line(render(Message("stop-requested", pid=pid)))
+    return 0

@@ -1,0 +1,113 @@
+"""Connections of the page: nobody who only holds one open, or feeds or drains it drop by drop, keeps others out.
+
+A connection must bring a whole request, head and body, within REQUEST_S, and must take what it is sent within DRAIN_S.
+There may be many: one that idles costs some kilobytes, and who opens them anew as fast as they are closed would always
+push the newest out. Beyond MOST_CONNECTIONS, or MOST_PER_ADDRESS from one address, the one that has idled longest is
+closed for a newcomer, if it had GRACE_S; one whose request is being answered never is, unless it is a log-in.
+"""
+
+import asyncio
+import resource
+from collections.abc import Iterable
+from typing import Any
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+MOST_CONNECTIONS, MOST_PER_ADDRESS = 4000, 2500
+REQUEST_S, DRAIN_S, GRACE_S = 10.0, 20.0, 2.0
+#: Handles for the log, the threads and the children, beside those of connections.
+_OTHER_HANDLES = 256
+
+
+def allow_connections() -> None:
+    """Lets this process hold that many open."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MOST_CONNECTIONS + _OTHER_HANDLES
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        most = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+
+
+class GuardedConnection(H11Protocol):
+    """One connection with its deadlines."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._deadline: asyncio.TimerHandle | None = None
+        self._drain: asyncio.TimerHandle | None = None
+        self.waiting_since_s = self.loop.time()
+
+    @property
+    def answering(self) -> bool:
+        """Whether a whole request has come and its answer is under way."""
+        cycle = vars(self)["cycle"]  # None before the first request, whatever uvicorn's annotation says
+        return cycle is not None and not cycle.more_body and not cycle.response_complete
+
+    @property
+    def dispensable(self) -> bool:
+        """Whether it may be closed for another: it idles, or somebody unknown tries to log in."""
+        return not self.transport.is_closing() and not (self.answering and self.scope["path"] != "/login")
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Makes room for the newcomer, or turns it away where everybody else is being served."""
+        super().connection_made(transport)
+        if len(self.connections) > MOST_PER_ADDRESS:
+            self._make_room()
+        self._expect_request()
+
+    def data_received(self, data: bytes) -> None:
+        """Takes bytes in; the deadline stands until the request is whole."""
+        super().data_received(data)
+        if self.answering:
+            self._forget_deadline()
+        elif self._deadline is None and not self.transport.is_closing():
+            self._expect_request()
+
+    def on_response_complete(self) -> None:
+        """The next request has its own deadline; uvicorn's keep-alive is shorter while nothing comes."""
+        self.waiting_since_s = self.loop.time()
+        super().on_response_complete()
+
+    def pause_writing(self) -> None:
+        """The client takes nothing more: it has DRAIN_S."""
+        super().pause_writing()
+        self._forget_drain()
+        self._drain = self.loop.call_later(DRAIN_S, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        """It takes again."""
+        self._forget_drain()
+        super().resume_writing()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """No deadline outlives its connection."""
+        self._forget_deadline()
+        self._forget_drain()
+        super().connection_lost(exc)
+
+    def _make_room(self) -> None:
+        others = [c for c in self.connections if isinstance(c, GuardedConnection) and c is not self]
+        crowded = len(others) >= MOST_CONNECTIONS
+        host = self.client[0] if self.client else None
+        rivals = others if crowded else [c for c in others if c.client and c.client[0] == host]
+        if crowded or len(rivals) >= MOST_PER_ADDRESS:
+            (_longest_idle(rivals, self.loop.time() - GRACE_S) or self).transport.abort()
+
+    def _expect_request(self) -> None:
+        self._deadline = self.loop.call_later(REQUEST_S, self.transport.abort)
+
+    def _forget_deadline(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+
+    def _forget_drain(self) -> None:
+        if self._drain is not None:
+            self._drain.cancel()
+            self._drain = None
+
+
+def _longest_idle(connections: Iterable[GuardedConnection], before_s: float) -> GuardedConnection | None:
+    """The dispensable one that has waited longest, and since before that instant; None where there is none."""
+    idle = (c for c in connections if c.dispensable and c.waiting_since_s < before_s)
+    return min(idle, key=lambda c: c.waiting_since_s, default=None)

@@ -1,0 +1,46 @@
+"""A short form of tests/endurance/torture_page.py, and `station stop`, which needs no page at all."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from station.adapters.store.sqlite import SqliteStore
+from station.errors import UsageError
+from station.panel_protocol.stop import request_stop
+from tests.endurance import torture_page
+
+OWNER = """
+import sys, time
+from pathlib import Path
+from station.adapters.store.sqlite import SqliteStore
+store = SqliteStore(Path(sys.argv[1]), owner="bench-7", epoch_ns=time.time_ns)
+try:
+    print("ready", flush=True)
+    time.sleep(60)
+except KeyboardInterrupt:
+    store.close()
+    sys.exit(7)
+"""
+
+
+def test_held_connections_and_guesses_keep_nobody_from_stop_or_log_in(tmp_path: Path) -> None:
+    found = torture_page.attack(tmp_path, idle=250, slow=150, guesses=30, stops=25)
+    assert found.stops_unanswered == 0
+    assert (found.log_ins, found.refused, found.opened_by_guess) == (2, 0, 0)
+
+
+def test_stop_reaches_whoever_writes_the_log(tmp_path: Path) -> None:
+    words = [sys.executable, "-c", OWNER, str(tmp_path / "s.db")]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as owner:
+        assert owner.stdout is not None
+        assert owner.stdout.readline() == "ready\n"
+        assert request_stop(tmp_path / "s.db") == owner.pid
+        assert owner.wait(20) == 7
+
+
+def test_without_a_run_there_is_nothing_to_stop(tmp_path: Path) -> None:
+    SqliteStore(tmp_path / "s.db", owner="bench-7", epoch_ns=lambda: 1).close()
+    with pytest.raises(UsageError, match="[Nn]o run"):
+        request_stop(tmp_path / "s.db")
