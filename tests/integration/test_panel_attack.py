@@ -42,5 +42,5 @@ def test_stop_reaches_whoever_writes_the_log(tmp_path: Path) -> None:
 
 def test_without_a_run_there_is_nothing_to_stop(tmp_path: Path) -> None:
     SqliteStore(tmp_path / "s.db", owner="bench-7", epoch_ns=lambda: 1).close()
-    with pytest.raises(UsageError, match="[Nn]o run"):
+    with pytest.raises(UsageError, match=r"[Nn]o run"):
         request_stop(tmp_path / "s.db")
