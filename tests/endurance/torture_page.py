@@ -126,7 +126,7 @@ class Holders(threading.Thread):
             watched.register(link, selectors.EVENT_READ, drips)
 
 
-def attack(folder: Path, idle: int, slow: int, guesses: int, stops: int) -> Counted:
+def attack(folder: Path, idle: int, slow: int, guesses: int, stops: int, guessers: int = GUESSERS) -> Counted:
     """Everything at once."""
     most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
@@ -150,8 +150,8 @@ def attack(folder: Path, idle: int, slow: int, guesses: int, stops: int) -> Coun
                     return
                 opened += bool(log_in(port, f"guess {number}"))
 
-        guessers = [threading.Thread(target=guess, daemon=True) for _ in range(min(GUESSERS, guesses))]
-        for thread in guessers:
+        threads = [threading.Thread(target=guess, daemon=True) for _ in range(min(guessers, guesses))]
+        for thread in threads:
             thread.start()
         times, unanswered, refused, log_ins = [], 0, 0, 0
         for number in range(stops):
@@ -163,7 +163,7 @@ def attack(folder: Path, idle: int, slow: int, guesses: int, stops: int) -> Coun
                 log_ins += 1
                 refused += not log_in(port, PASSWORD)
             time.sleep(0.02)
-        for thread in guessers:
+        for thread in threads:
             thread.join(0.0 if stops else None)
         over.set()
         holders.over.set()

@@ -4,9 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pyarrow import parquet
 
 from station.adapters.samples import by_units, pieces, read_samples, write_parts, write_samples
 from station.domain.core.types import SampleTable
@@ -197,3 +199,24 @@ def test_a_parquet_of_another_schema_or_with_text_for_numbers(tmp_path: Path) ->
     parquet.write_table(pa.table(columns).replace_schema_metadata({"schema": "other/2"}), tmp_path / "t.parquet")
     with pytest.raises(SamplesError, match="has the schema 'other/2'"):
         read_samples(tmp_path / "t.parquet")
+
+
+def test_a_table_far_too_wide_is_refused_at_once(tmp_path: Path) -> None:
+    names = ",".join(f"c{i}" for i in range(30_000))
+    for text in (f"{names}\n", "x" * 50_000_000):
+        with pytest.raises(SamplesError, match="it is no samples table"):
+            read_samples(written(tmp_path, text))
+    path = tmp_path / "wide.parquet"
+    parquet.write_table(pa.table({f"c{i}": [0.0] for i in range(2000)}), path)
+    with pytest.raises(SamplesError, match="it is no samples table"):
+        read_samples(path)
+
+
+def test_a_small_file_that_unfolds_into_memory_is_refused(tmp_path: Path) -> None:
+    """Twenty million equal rows are some kilobytes of Parquet."""
+    path = tmp_path / "bomb.parquet"
+    rows = 20_000_000
+    parquet.write_table(pa.table({"x": pa.array(np.zeros(rows, np.int8))}), path, compression="zstd")
+    assert path.stat().st_size < 100_000
+    with pytest.raises(SamplesError, match="it is no measured table"):
+        read_samples(path)

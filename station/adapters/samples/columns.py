@@ -19,6 +19,8 @@ NUMBER_COLUMNS = (
 )
 REQUIRED_COLUMNS = ("unit", "run", "visit", "position", "time_s", "x", "y", "z")
 GOLD_COLUMNS = ("gold_x", "gold_y", "gold_z")
+#: More columns, or a longer line of their names, has no table of one sensor, with all that somebody may have added.
+MOST_COLUMNS, LONGEST_HEADER = 500, 100_000
 ALL_COLUMNS = (*TEXT_COLUMNS, *INTEGER_COLUMNS, *NUMBER_COLUMNS)
 
 
@@ -42,6 +44,12 @@ def content_of(name: str) -> Message:
     if name in TEXT_COLUMNS:
         return Message("content-text")
     return Message("content-whole-numbers") if name in INTEGER_COLUMNS else Message("content-numbers")
+
+
+def check_width(path: Path, columns: int, header_bytes: int = 0) -> None:
+    """SamplesError for what is far wider than any samples table."""
+    if columns > MOST_COLUMNS or header_bytes > LONGEST_HEADER:
+        raise SamplesError("samples-too-wide", file=str(path), most=MOST_COLUMNS, bytes=LONGEST_HEADER)
 
 
 def check_columns(path: Path, names: list[str]) -> None:

@@ -11,10 +11,12 @@ from station.adapters.samples.checks import PieceOrigin, check_cells, explain_cs
 from station.adapters.samples.columns import (
     ALL_COLUMNS,
     GOLD_COLUMNS,
+    LONGEST_HEADER,
     NUMBER_COLUMNS,
     SCHEMA,
     TEXT_COLUMNS,
     check_columns,
+    check_width,
     content_of,
     kind_of,
     type_of,
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
 PIECE = 1 << 16
 BLOCK = 1 << 22
 PORTION = 100_000
+#: Noise does not compress: measured tables come to a fifth, runs and names in them to nothing. A file that unfolds to
+#: more than so many times its size, and to more than so many bytes, was made to fill memory.
+MOST_UNFOLDING, LEAST_UNFOLDED = 50, 64_000_000
 
 
 def read_samples(path: Path) -> SampleTable:
@@ -145,7 +150,9 @@ def _header(path: Path) -> list[str]:
 
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            row = next(csv.reader(file), [])
+            first = file.readline(LONGEST_HEADER + 1)
+        check_width(path, first.count(",") + 1, len(first))
+        row = next(csv.reader([first]), [])
     except (UnicodeDecodeError, csv.Error) as exc:
         raise SamplesError("samples-not-utf8", file=str(path)) from exc
     return [name.strip() for name in row]
@@ -160,6 +167,8 @@ def _parquet(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.Record
         # Read ahead, the whole file would stay in memory until it is closed.
         with parquet.ParquetFile(str(path), pre_buffer=False, read_dictionary=text) as file:
             names = file.schema_arrow.names
+            check_width(path, len(names))
+            _check_unfolded(path, file.metadata.num_rows * len(names))
             schema = (file.schema_arrow.metadata or {}).get(b"schema", SCHEMA.encode()).decode(errors="replace")
             if schema != SCHEMA:
                 raise SamplesError("samples-other-schema", file=str(path), schema=schema, expected=SCHEMA)
@@ -168,6 +177,13 @@ def _parquet(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.Record
                 yield _cast(path, batch)
     except (pa.ArrowException, UnicodeDecodeError, OSError) as exc:
         raise SamplesError("samples-no-parquet", file=str(path)) from exc
+
+
+def _check_unfolded(path: Path, cells: int) -> None:
+    """SamplesError for a file whose cells, as numbers, take far more memory than any measurement compresses to."""
+    size, unfolded = path.stat().st_size, 8 * cells
+    if unfolded > max(LEAST_UNFOLDED, MOST_UNFOLDING * size):
+        raise SamplesError("samples-unfolds", file=str(path), size_mb=size / 1e6, unfolded_mb=unfolded / 1e6)
 
 
 def _cast(path: Path, batch: "pa.RecordBatch") -> "pa.RecordBatch":

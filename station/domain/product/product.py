@@ -1,12 +1,12 @@
 """A product file `dbc/<name>.yaml` (schema `station.product/1`): its frames, its identity and its device map."""
 
-import re
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from station import plugins
 from station.domain.can.sensor_layout import FrameMap
+from station.domain.core.patterns import groups_of
 from station.domain.product.device_map import DeviceMap, SerialObject
 from station.domain.recipe import sensor as sensor_kind
 from station.domain.recipe.recipe import Name, StrictModel, one_of
@@ -57,10 +57,10 @@ class Product(StrictModel):
 
 def stored_serial(serial: SerialObject, printed: str) -> int | str:
     """What a device with this printed serial must keep (SN0042 → 42); UsageError when it follows another pattern."""
-    match = re.search(serial.printed, printed)
-    if match is None:
+    groups = groups_of(serial.printed, printed)
+    if groups is None or groups[0] is None:
         raise UsageError("serial-not-of-product", serial=printed[:40], pattern=serial.printed)
-    return int(match[1]) if serial.kind == "number" else match[1]
+    return int(groups[0]) if serial.kind == "number" else groups[0]
 
 
 def decode_serial(serial: SerialObject, raw: bytes) -> int | str:

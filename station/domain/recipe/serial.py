@@ -1,8 +1,8 @@
 """Printed serials: the recipe's pattern, the check digit, and nobody twice in one fixture."""
 
-import re
 from collections.abc import Sequence
 
+from station.domain.core.patterns import matches_whole
 from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 
@@ -17,7 +17,7 @@ def check(serial: str, recipe: Recipe) -> str:
     short = serial[:40]
     if not serial or len(serial) > MAX_LENGTH or not serial.isascii() or not serial.isprintable():
         raise UsageError("serial-not-printable", serial=short, longest=MAX_LENGTH)
-    if recipe.serial_pattern is not None and re.fullmatch(recipe.serial_pattern, serial) is None:
+    if recipe.serial_pattern is not None and not matches_whole(recipe.serial_pattern, serial):
         raise UsageError("serial-not-of-pattern", serial=short, pattern=recipe.serial_pattern)
     rule = {"mod10": mod10, "mod43": mod43}.get(recipe.check_digit)
     if rule is not None and not rule(serial):
