@@ -1,5 +1,6 @@
 """Printed serials: the recipe's pattern, the check digit, and nobody twice in one fixture."""
 
+import re
 from collections.abc import Sequence
 
 from station.domain.core.patterns import matches_whole
