@@ -15,17 +15,17 @@ NEGLIGIBLE = 1e-3
 
 
 def table(budget: Budget, unit: str, title: str) -> "Table":
-    """One row a coefficient, one column a cause that contributes, the sum and what covers 95 %."""
+    """One row a coefficient: share of u² by cause, in percent, for causes that contribute, then u, k and U."""
     from rich.table import Table
 
     causes = [cause for cause in budget.parts if (budget.std(cause) > NEGLIGIBLE * budget.std()).any()]
     shown = Table(title=title, title_justify="left")
     shown.add_column("coefficient")
-    for heading in (*causes, "together", "U (95 %)", "unit"):
+    for heading in (*(f"{cause} %" for cause in causes), "u", "k", "U (95 %)", "unit"):
         shown.add_column(heading, justify="right")
-    std, expanded = budget.std(), budget.expanded()
+    std, factor, expanded = budget.std(), budget.factor(), budget.expanded()
     for i in np.flatnonzero(std > 0):
-        parts = (f"{budget.std(cause)[i]:.2g}" for cause in causes)
+        parts = (f"{100 * (budget.std(cause)[i] / std[i]) ** 2:.0f}" for cause in causes)
         name, of = coefficients.NAMES[i], coefficients.unit_of(int(i), unit)
-        shown.add_row(name, *parts, f"{std[i]:.2g}", f"{expanded[i]:.2g}", of)
+        shown.add_row(name, *parts, f"{std[i]:.2g}", f"{factor[i]:.2f}", f"{expanded[i]:.2g}", of)
     return shown

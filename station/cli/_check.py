@@ -15,6 +15,7 @@ from station.domain.evaluation.pipeline import NO_ROUNDING
 from station.domain.methods import coefficients, method, rank
 from station.domain.planning import design, optimal
 from station.domain.planning.forecast import forecast
+from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 from station.messages import render
@@ -124,8 +125,8 @@ def _uncertainty(asked: CheckSubject) -> CheckSection | None:
     found = forecast(recipe, asked.rounding)
     std = found.budget.std()
     predicted = [
-        {"coefficient": n, "std": float(s), "unit": coefficients.unit_of(i, recipe.unit)}
-        for i, (n, s) in enumerate(zip(coefficients.NAMES, std, strict=True))
+        {"coefficient": n, "std": float(s), "expanded": float(wide), "unit": coefficients.unit_of(i, recipe.unit)}
+        for i, (n, s, wide) in enumerate(zip(coefficients.NAMES, std, found.budget.expanded(), strict=True))
     ]
     noise = f"noise of one sample {found.noise:.2g} {recipe.unit}"
     if recipe.device.noise_density is None:
@@ -141,6 +142,20 @@ def _uncertainty(asked: CheckSubject) -> CheckSection | None:
     return CheckSection(
         "predicted", document, (_dwell_sentence(found), _budget_table.table(found.budget, recipe.unit, title), *words)
     )
+
+
+def _assumptions(asked: CheckSubject) -> CheckSection:
+    """Every contribution to the uncertainty as stated or as assumed; a warning where the recipe leaves it open."""
+    found = assumptions.listing(asked.recipe)
+    document = [
+        {"key": a.key, "std": a.value, "unit": a.unit, "stated": a.stated, "source": render(a.source)} for a in found
+    ]
+    lines = tuple(
+        f"assumed: {a.key} = {a.value:.2g}{'' if a.unit == '1' else ' ' + a.unit} ({render(a.source)}); state it, or 0"
+        for a in found
+        if not a.stated
+    )
+    return CheckSection("assumptions", document, lines)
 
 
 def _dwell_sentence(found: Any) -> str:
@@ -204,5 +219,6 @@ SECTIONS: tuple[Callable[[CheckSubject], CheckSection | None], ...] = (
     _cycle_time,
     _observability,
     _uncertainty,
+    _assumptions,
     _causes,
 )

@@ -20,6 +20,7 @@ class RegisterOptions:
     bad: bool
     within: float
     due: str
+    values: tuple[str, ...] = ()
 
 
 def manage_golden_units(
@@ -53,7 +54,9 @@ def _update_register(
 ) -> None:
     if serial is None:
         raise UsageError("golden-without-serial", action=action)
-    if action == "register":
+    if action == "register" and said.values:
+        units[serial] = golden_register.by_certificate(serial, said.values, _parse_day(said.due))
+    elif action == "register":
         with open_log(database) as log:
             units[serial] = golden_register.expect(
                 log, serial, bad=said.bad, share=said.within, due=_parse_day(said.due)

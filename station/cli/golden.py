@@ -11,6 +11,10 @@ def command(
     serial: Annotated[str | None, Argument(help="The unit (register, remove).")] = None,
     bad: Annotated[bool, Option("--bad", help="register: it must FAIL, for the same reasons.")] = False,
     within: Annotated[float, Option(min=0.001, max=1, help="register: half-width, as a share of the limits.")] = 0.1,
+    value: Annotated[
+        list[str] | None,
+        Option(help="register: NAME=VALUE:U of its certificate, as 'gain z=1.0021:0.0004'; Eₙ decides."),
+    ] = None,
     due: Annotated[str, Option(help="register: day by which the unit itself is due, 2027-01-31.")] = "",
     json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
     db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
@@ -19,9 +23,12 @@ def command(
     """Register units whose result is known; the station makes nothing while their check is due or failed.
 
     config.yaml says that they are wanted, and how often: `golden: {file: golden.json, every_h: 8}`.
-    Run the unit once, then register what it came to:
+    Register a unit by the values and U of its certificate, before its first run:
 
-        station run --serial GOLD01
+        station golden register GOLD01 --value "gain z=1.0021:0.0004" --due 2027-06-30
+
+    Without a certificate, register what its last run came to:
+
         station golden register GOLD01 --due 2027-06-30
         station golden register BAD01 --bad
 
@@ -32,4 +39,6 @@ def command(
     """
     from station.cli._golden import RegisterOptions, manage_golden_units
 
-    return manage_golden_units(action, serial, RegisterOptions(bad, within, due), (db, config), as_json=json)
+    return manage_golden_units(
+        action, serial, RegisterOptions(bad, within, due, tuple(value or ())), (db, config), as_json=json
+    )

@@ -13,7 +13,7 @@ from station.domain.line_quality.golden import GoldenStatus, LatestResult, Regis
 from station.domain.methods import coefficients
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
-from station.errors import ConfigError, LogError, ReferenceOverdue
+from station.errors import ConfigError, LogError, ReferenceOverdue, UsageError
 from station.files.replace import replace_text
 from station.messages import system_reason
 from station.ports.log_reader import Attempt, LogReader, Query
@@ -70,6 +70,25 @@ def expect(log: LogReader, serial: str, *, bad: bool, share: float, due: str) ->
     )
 
 
+def by_certificate(serial: str, values: Sequence[str], due: str) -> RegisteredUnit:
+    """A golden unit by another laboratory's values, each `NAME=VALUE:U`; it need not have been run here yet.
+
+    Errors: UsageError.
+    """
+    found = {}
+    for text in values:
+        name, _, number = text.partition("=")
+        value, _, wide = number.partition(":")
+        try:
+            pair = float(value), float(wide)
+        except ValueError as exc:
+            raise UsageError("golden-value-form", text=text[:60]) from exc
+        if name not in coefficients.NAMES or not pair[1] > 0:
+            raise UsageError("golden-value-form", text=text[:60])
+        found[name] = pair
+    return RegisteredUnit(serial, "golden", "", "PASS", found, (), due, external=True)
+
+
 def standings(settings: Settings, find_log: FindLog) -> list[GoldenStatus]:
     """Every registered unit; nothing where config.yaml has no golden block. Errors: ConfigError, LogError."""
     if settings.golden is None:
@@ -82,7 +101,7 @@ def standings(settings: Settings, find_log: FindLog) -> list[GoldenStatus]:
     if log is not None:
         with log:
             for serial, unit in units.items():
-                attempt = _newest(log, serial, unit.recipe)
+                attempt = _newest(log, serial, unit.recipe or None)
                 results[serial] = None if attempt is None else _golden_result(log, attempt)
     now_s, today = time.time(), date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall here
     return [golden_status(u, results[s], now_s, today, settings.golden.every_h) for s, u in units.items()]
@@ -112,12 +131,13 @@ def _newest(log: LogReader, serial: str, recipe: str | None) -> Attempt | None:
 def _golden_result(log: LogReader, attempt: Attempt) -> LatestResult:
     kept = log.attempt(attempt)
     fit, verdict = stored_attempt.result(kept, "calibration") or {}, stored_attempt.result(kept, "verdict") or {}
-    values: dict[str, float] = {}
+    values, expanded = dict[str, float](), dict[str, float]()
     if fit.get("offset") is not None:
         theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
         values = dict(zip(coefficients.NAMES, theta, strict=True))
+        expanded = {b["coefficient"]: b["expanded"] for b in fit["budget"]}
     checks = tuple(sorted({str(r["check"]) for r in verdict.get("reasons", ())}))
-    return LatestResult((attempt.ended_ns or attempt.started_ns) / 1e9, str(attempt.outcome), values, checks)
+    return LatestResult((attempt.ended_ns or attempt.started_ns) / 1e9, str(attempt.outcome), values, checks, expanded)
 
 
 def _half_widths(recipe: Recipe, share: float) -> dict[str, float]:

@@ -42,7 +42,8 @@ def tables(frames: Frames, marks: Annotations, job: Job) -> Iterator[SampleTable
 
 def _units(frames: Frames, marks: Annotations, job: Job) -> Iterator[tuple[NestAssignment, list[Visit], SampleTable]]:
     """Every unit with its marked visits, and the samples of those that it is calibrated by."""
-    for serial, own in marks.units().items():
+    for own in marks.units().values():
+        serial = own[0].unit
         seat = NestAssignment(serial, "", own[0].node)
         _check_marks(own, frames, job)
         visits = decode_visits(seat.node, captured_visits(own, frames), job.recipe, job.layout)

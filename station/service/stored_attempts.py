@@ -1,5 +1,6 @@
 """What the log keeps, as the rest of the station knows it: samples tables, CAN logs with marks, rows of results."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -57,7 +58,12 @@ def frames(log: LogReader, attempts: Sequence[Attempt]) -> tuple[Frames, Annotat
     dwells = [(a, stored_visits(log.attempt(a)["visits"], parts)) for a, parts in kept]
     _check_apart([(a, visit) for a, visits in dwells for visit in visits])
     names = {a.recipe_name for a in attempts}
-    made = tuple(mark for a, visits in dwells for mark in _marks(log, a, visits, zero_ns))
+    count = Counter(a.serial for a in attempts)
+    made = tuple(
+        mark.model_copy(update={"attempt": a.attempt}) if count[a.serial] > 1 else mark
+        for a, visits in dwells
+        for mark in _marks(log, a, visits, zero_ns)
+    )
     return joined, Annotations(recipe=names.pop() if len(names) == 1 else None, marks=made)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from station.adapters.store.reader import SqliteLogReader
 from station.cli.app import main
-from station.domain.line_quality import spc
+from station.domain.line_quality import capability
 from station.errors import UsageError
 from station.ports.log_reader import Query
 from station.reporting.line import charts
@@ -61,7 +61,7 @@ def test_the_capability_is_that_of_the_values_in_the_log(line: LineStatistics) -
     table = dict(next(t for t in drawn.tables if t.title == "Capability: offset x").rows)
     values = np.array([m.values["offset x"] for m in line.attempts if "offset x" in m.values])
     assert line.recipe is not None
-    expected = spc.capability(values.reshape(-1, 2), *limits_of("offset x", line.recipe.limits))
+    expected = capability.capability(values.reshape(-1, 2), *limits_of("offset x", line.recipe.limits))
     assert table["n"] == str(len(values))
     assert table["Cpk"].split()[0] == f"{expected.cpk[0]:.4g}".replace("-", "−")
     assert expected.cp is not None

@@ -8,6 +8,7 @@ import pytest
 from station.domain.can.decode import decode_samples
 from station.domain.can.sensor_layout import EndToEnd, FrameMap, SampleRoles, SensorLayout, TemperatureRole
 from station.domain.can.signals import FrameLayout, SignalLayout
+from station.domain.capture import annotations
 from station.domain.capture.annotations import captured_visits
 from station.domain.capture.assemble import sample_table
 from station.domain.capture.visit import decode_visit
@@ -113,3 +114,11 @@ def test_faults_of_the_bus_are_in_the_log(name: str, trouble: str) -> None:
 def test_too_many_nests_for_a_bus_is_a_sentence() -> None:
     with pytest.raises(UsageError, match="200 nests are more than the 127 node ids of a bus"):
         recorded(tilt(), nests=200)
+
+
+def test_attempts_of_one_unit_stay_apart() -> None:
+    """Two attempts make the same runs and visits again: put together they would be a noisier unit."""
+    one = annotations.Annotation(unit="A", node=5, run=0, visit=0, position="p", start_s=0, end_s=1, attempt="first")
+    other = one.model_copy(update={"attempt": "second", "start_s": 9.0, "end_s": 10.0})
+    found = annotations.Annotations.model_validate({"schema": "station.marks/1", "marks": (one, other)}).units()
+    assert [[m.attempt for m in own] for own in found.values()] == [["first"], ["second"]]

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from station.domain.line_quality.golden import LatestResult, RegisteredUnit, golden_status
+from station.domain.line_quality.golden import LatestResult, RegisteredUnit, golden_status, normalised_error
 
 GOLD = RegisteredUnit("G1", "golden", "six-point", "PASS", {"offset x": (0.02, 0.004)}, (), "2027-01-31")
 BAD = RegisteredUnit("B1", "known-bad", "six-point", "FAIL", {}, ("stuck",), "")
@@ -38,3 +38,12 @@ def test_a_known_bad_unit_must_fail_for_its_own_reason() -> None:
     assert problem(BAD, LatestResult(1000.0, "FAIL", {}, ("noise", "stuck"))) == ""
     assert "PASS instead of FAIL" in problem(BAD, SHOWN)
     assert "stuck was not found wanting" in problem(BAD, LatestResult(1000.0, "FAIL", {}, ("noise",)))
+
+
+def test_a_certified_unit_is_decided_by_both_uncertainties() -> None:
+    """0.0035 apart: Eₙ = 0.0035/√(0.004² + 0.003²) = 0.7; 0.006 apart 1.2."""
+    certified = RegisteredUnit("G1", "golden", "", "PASS", {"offset x": (0.02, 0.004)}, (), "", external=True)
+    here = replace(SHOWN, expanded={"offset x": 0.003})
+    assert normalised_error(0.0035, 0.004, 0.003) == 0.7
+    assert problem(certified, here) == ""
+    assert "Eₙ of offset x is +1.20" in problem(certified, replace(here, values={"offset x": 0.026}))

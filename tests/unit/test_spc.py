@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.domain.line_quality import spc
+from station.domain.line_quality import capability, spc
 from station.errors import UsageError
 
 # Montgomery, Introduction to SQC, table 6.1 first ten samples of flow width; R̄ and x̄ worked by hand here.
@@ -53,7 +53,7 @@ def test_opposite_sides_do_not_add_up() -> None:
 
 def test_capability_knows_within_from_overall(rng: np.random.Generator) -> None:
     groups = rng.normal(size=(200, 5)) + 2 * rng.normal(size=(200, 1))
-    result = spc.capability(groups, -10, 10)
+    result = capability.capability(groups, -10, 10)
     assert result.sigma_within == pytest.approx(1.0, rel=0.1)  # 5 σ of a mean of 200 ranges is 9 %
     assert result.sigma_overall > 2
     assert result.cp is not None
@@ -63,7 +63,7 @@ def test_capability_knows_within_from_overall(rng: np.random.Generator) -> None:
 
 
 def test_capability_by_hand() -> None:
-    result = spc.capability(np.array([[1.0], [2.0], [3.0]]), 0.0, 4.0)
+    result = capability.capability(np.array([[1.0], [2.0], [3.0]]), 0.0, 4.0)
     assert result.sigma_overall == 1.0
     assert result.pp is not None
     assert result.pp[0] == pytest.approx(4 / 6)
@@ -73,23 +73,53 @@ def test_capability_by_hand() -> None:
 @given(st.floats(0.1, 10), st.floats(-5, 5))
 def test_capability_does_not_depend_on_units(scale: float, shift: float) -> None:
     a, b = (
-        spc.capability(g, lo, hi)
+        capability.capability(g, lo, hi)
         for g, lo, hi in [(FLOW, 1, 2), (FLOW * scale + shift, scale + shift, 2 * scale + shift)]
     )
     assert b.cpk[0] == pytest.approx(a.cpk[0], rel=1e-9)
 
 
-def test_coverage_of_the_capability_interval(rng: np.random.Generator) -> None:
-    draws = rng.normal(size=(1000, 60, 1))
-    inside = [(r := spc.capability(d, -4, 4).ppk)[1] <= 4 / 3 <= r[2] for d in draws]
-    # Bissell is an approximation; 1000 draws give ±0.7 % (1 σ).
-    assert 0.92 < np.mean(inside) < 0.98
+@pytest.mark.parametrize("size", [1, 2, 5, 10])
+def test_capability_intervals_hold(rng: np.random.Generator, size: int) -> None:
+    """95 % of 600 draws, ± 3 standard errors (2.7 %); Cpk off the middle, where one limit decides."""
+    draws = rng.normal(size=(600, 60 // size + 2, size))
+    found = [capability.capability(d, -3, 6) for d in draws]
+    assert 0.923 < np.mean([(c := r.cp) is not None and c[1] <= 1.5 <= c[2] for r in found]) < 0.977
+    assert 0.923 < np.mean([r.cpk[1] <= 1.0 <= r.cpk[2] for r in found]) < 0.977
+
+
+def test_a_skew_process_is_read_by_percentiles(rng: np.random.Generator) -> None:
+    values = np.exp(0.6 * rng.normal(size=(400, 1)))
+    true = (12.0 - 1.0) / (np.exp(0.6 * 3) - 1.0)
+    found = capability.capability(values, None, 12.0)
+    assert found.normality < 0.01 and found.percentile is not None
+    # The 99.865 % point of 400 values is known to about 15 %.
+    assert found.percentile == pytest.approx(true, rel=0.3)
+    assert found.ppk[0] > 1.3 * found.percentile
+
+
+def test_the_normality_test_keeps_its_level(rng: np.random.Generator) -> None:
+    p = np.array([capability.normality(x) for x in rng.normal(size=(2000, 50))])
+    assert (p < 0.05).mean() == pytest.approx(0.05, abs=4 * np.sqrt(0.05 * 0.95 / 2000))
+
+
+@pytest.mark.parametrize(
+    ("points", "rule"),
+    [
+        ([0, 0.1, 0.2, 0.3, 0.4, 0.5], "six in a trend"),
+        ([0.5, -0.5] * 7, "fourteen alternating"),
+        ([0.2] * 8 + [-0.2] * 7, "fifteen within 1σ"),
+        ([1.5, -1.5] * 4, "eight beyond 1σ on both sides"),
+    ],
+)
+def test_nelsons_further_rules(points: list[float], rule: str) -> None:
+    assert (len(points) - 1, rule) in spc.nelson(np.array(points), 0.0, 1.0)
 
 
 def test_data_that_cannot_be_charted_are_refused() -> None:
     with pytest.raises(UsageError, match="two subgroups"):
         spc.charts(np.ones((1, 5)))
     with pytest.raises(UsageError, match="vary"):
-        spc.capability(np.ones((5, 5)), 0, 2)
+        capability.capability(np.ones((5, 5)), 0, 2)
     with pytest.raises(UsageError, match="limit"):
-        spc.capability(FLOW, None, None)
+        capability.capability(FLOW, None, None)

@@ -16,7 +16,8 @@ ASSUMED_GAP_S = 0.001
 
 
 class Annotation(StrictModel):
-    """One dwell. start_s (with) and end_s (without) count from the log's first frame; node: of the unit's device."""
+    """One dwell. start_s (with) and end_s (without) count from the log's first frame; node: of the unit's device;
+    attempt: which one, where the marks hold several of one unit."""
 
     unit: Name
     node: Annotated[int, Field(ge=1, le=127)]
@@ -26,6 +27,7 @@ class Annotation(StrictModel):
     start_s: Finite
     end_s: Finite
     seating: Name = "home"
+    attempt: str = ""
 
 
 class Annotations(StrictModel):
@@ -36,10 +38,10 @@ class Annotations(StrictModel):
     marks: tuple[Annotation, ...] = ()
 
     def units(self) -> dict[str, list[Annotation]]:
-        """Marks by unit, in the order of run and visit."""
+        """Marks by unit, and by attempt where there are several, in the order of run and visit."""
         found: dict[str, list[Annotation]] = {}
-        for mark in sorted(self.marks, key=lambda m: (m.unit, m.run, m.visit)):
-            found.setdefault(mark.unit, []).append(mark)
+        for mark in sorted(self.marks, key=lambda m: (m.unit, m.attempt, m.run, m.visit)):
+            found.setdefault(f"{mark.unit} {mark.attempt}".strip(), []).append(mark)
         return found
 
 

@@ -19,6 +19,8 @@ from station.messages import Message
 FACE_DEG = 30.0
 #: Factor between mean reading and stimulus from which on range or unit must be wrong.
 SCALE = 1.5
+#: Slower than this a rate table rests: what turns is the Earth, and offsets are larger.
+AT_REST_DEG_S = 0.1
 #: The dwell moved when its halves differ by more standard deviations.
 MOVED = 6.0
 #: A dwell this often at the end of the range is clipped.
@@ -95,6 +97,8 @@ def _stimulus(recipe: Recipe, stops: ReducedVisits) -> Iterator[Reason]:
     known = np.asarray(np.isfinite(stops.true).all(axis=1))
     wanted = np.linalg.norm(np.where(known[:, None], stops.true, recipe.reference.strength() * np.eye(3)[2]), axis=1)
     if sensor.of(recipe).large_offset or not (wanted > 0).all():
+        return
+    if recipe.reference.source == "rate" and wanted.max() < AT_REST_DEG_S:
         return
     # At a weak stimulus, such as a gyroscope's rest, the offset decides what is read.
     strong = np.asarray(wanted >= least_directed_stimulus(float(wanted.max()), recipe)) | ~known

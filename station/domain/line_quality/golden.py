@@ -1,7 +1,8 @@
 """Golden and known-bad units: what each must come out as, and whether its last run says so. Pure."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 GoldenKind = Literal["golden", "known-bad"]
@@ -11,8 +12,9 @@ GoldenKind = Literal["golden", "known-bad"]
 class RegisteredUnit:
     """What is registered of one unit.
 
-    values: name → (value, half-width) of what must come out; checks: those that must fail (known-bad); due: day by
-    which the unit itself must be looked at again, ISO, or ''.
+    values: name → (value, half-width) of what must come out; external: they are another laboratory's, with its U, and
+    Eₙ decides (ISO 13528, 9.7) where otherwise the half-width does; checks: those that must fail (known-bad); due: day
+    by which the unit itself must be looked at again, ISO, or ''.
     """
 
     serial: str
@@ -22,16 +24,18 @@ class RegisteredUnit:
     values: Mapping[str, tuple[float, float]]
     checks: tuple[str, ...]
     due: str
+    external: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class LatestResult:
-    """What the newest judged attempt of a unit came to; at_s: its end (epoch)."""
+    """What the newest judged attempt of a unit came to; at_s: its end (epoch); expanded: U of the values."""
 
     at_s: float
     outcome: str
     values: Mapping[str, float]
     checks: tuple[str, ...]
+    expanded: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +72,11 @@ def _problem(
     return ""
 
 
+def normalised_error(difference: float, expanded: float, own_expanded: float) -> float:
+    """Eₙ (ISO 13528, eq. 32): the difference over both expanded uncertainties; beyond ± 1 they disagree."""
+    return difference / math.hypot(expanded, own_expanded) if expanded or own_expanded else math.inf * difference
+
+
 def differences(expected: RegisteredUnit, shown: LatestResult) -> list[str]:
     """What came out otherwise than registered, a sentence each."""
     found = []
@@ -76,6 +85,13 @@ def differences(expected: RegisteredUnit, shown: LatestResult) -> list[str]:
     found += [f"{check} was not found wanting" for check in expected.checks if check not in shown.checks]
     for name, (value, half) in expected.values.items():
         got = shown.values.get(name)
+        if expected.external and got is not None:
+            score = normalised_error(got - value, half, shown.expanded.get(name, 0.0))
+            if abs(score) > 1:
+                found.append(
+                    f"Eₙ of {name} is {score:+.2f}: {got:.6g} here, {value:.6g} ± {half:.2g} by its certificate"
+                )
+            continue
         if got is None or abs(got - value) > half:
             said = "nothing" if got is None else f"{got:.6g}"
             found.append(f"{name} is {said} instead of {value:.6g} ± {half:.2g}")

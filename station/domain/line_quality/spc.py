@@ -29,20 +29,6 @@ class Chart:
     alarms: tuple[tuple[int, str], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Capability:
-    """Capability with 95 % confidence intervals; a one-sided limit gives no Cp and no Pp."""
-
-    n: int
-    mean: float
-    sigma_within: float
-    sigma_overall: float
-    cp: tuple[float, float, float] | None
-    cpk: tuple[float, float, float]
-    pp: tuple[float, float, float] | None
-    ppk: tuple[float, float, float]
-
-
 def c4(n: int) -> float:
     """E[s]/σ of n normal values."""
     return math.sqrt(2 / (n - 1)) * math.exp(math.lgamma(n / 2) - math.lgamma((n - 1) / 2))
@@ -65,16 +51,14 @@ def sigma_within(groups: Floats) -> float:
 
 
 def charts(groups: Floats) -> tuple[Chart, Chart]:
-    """The location chart and the spread chart of subgroups (m, n), with 3σ limits and Western Electric rules."""
+    """The location chart and the spread chart of subgroups (m, n), with 3σ limits and Nelson's rules."""
     _, n = _shape(groups)
     sigma, means = sigma_within(groups), groups.mean(axis=1)
     half = 3 * sigma / math.sqrt(n)
     kind = chart_kind(n)
     names = {"i-mr": ("individual", "moving range"), "xbar-r": ("mean", "range"), "xbar-s": ("mean", "deviation")}[kind]
     centre = float(means.mean())
-    location = Chart(
-        names[0], means, centre, centre - half, centre + half, western_electric(means, centre, sigma / math.sqrt(n))
-    )
+    location = Chart(names[0], means, centre, centre - half, centre + half, nelson(means, centre, sigma / math.sqrt(n)))
     return location, _spread(groups, kind, sigma, names[1])
 
 
@@ -109,6 +93,22 @@ def western_electric(points: Floats, centre: float, sigma: float) -> tuple[tuple
     return tuple(sorted(set(found)))
 
 
+def nelson(points: Floats, centre: float, sigma: float) -> tuple[tuple[int, str], ...]:
+    """Nelson's eight rules (1984, J. Quality Technology 16): those of Western Electric, and trends, alternation, points
+    that hug the centre and points that avoid it."""
+    if sigma <= 0:
+        return ()
+    z = (np.asarray(points, float) - centre) / sigma
+    step = np.sign(np.diff(z))
+    found = list(western_electric(points, centre, sigma))
+    for side in (1, -1):
+        found += [(int(i) + 1, "six in a trend") for i in _runs(side * step > 0, 5, 5)]
+    found += [(int(i) + 2, "fourteen alternating") for i in _runs(step[1:] * step[:-1] < 0, 12, 12)]
+    found += [(int(i), "fifteen within 1σ") for i in _runs(np.abs(z) < 1, 15, 15)]
+    found += [(int(i), "eight beyond 1σ on both sides") for i in _runs(np.abs(z) > 1, 8, 8)]
+    return tuple(sorted(set(found)))
+
+
 def _runs(beyond: NDArray[np.bool_], window: int, wanted: int) -> NDArray[np.int64]:
     """Indices that are beyond themselves and end a window with `wanted` such points."""
     if len(beyond) < window:
@@ -116,47 +116,6 @@ def _runs(beyond: NDArray[np.bool_], window: int, wanted: int) -> NDArray[np.int
     count = np.convolve(beyond.astype(int), np.ones(window, int))[window - 1 : len(beyond)]
     ends = np.arange(window - 1, len(beyond))
     return ends[(count >= wanted) & beyond[ends]]
-
-
-def capability(groups: Floats, lower: float | None, upper: float | None) -> Capability:
-    """Cp, Cpk from σ within and Pp, Ppk from σ overall of subgroups (m, n), each with a 95 % interval.
-
-    Intervals: χ² for Cp and Pp, Bissell's normal approximation for Cpk and Ppk (Montgomery, SQC 7th ed.,
-    eq. 8.20 and 8.21). UsageError when neither limit is given or the data do not vary.
-    """
-    _shape(groups)
-    values = groups.ravel()
-    within, overall = sigma_within(groups), float(np.std(values, ddof=1))
-    if lower is None and upper is None:
-        raise UsageError("capability needs a lower or an upper limit")
-    if within <= 0 or overall <= 0:
-        raise UsageError("capability needs values that vary; these are all the same")
-    mean, n = float(values.mean()), len(values)
-    room = min(x for x in ((upper - mean) if upper is not None else math.inf,
-                           (mean - lower) if lower is not None else math.inf))  # fmt: skip
-    both = None if lower is None or upper is None else (upper - lower) / 6
-    return Capability(
-        n,
-        mean,
-        within,
-        overall,
-        None if both is None else _chi_interval(both / within, n),
-        _bissell(room / (3 * within), n),
-        None if both is None else _chi_interval(both / overall, n),
-        _bissell(room / (3 * overall), n),
-    )
-
-
-def _chi_interval(index: float, n: int) -> tuple[float, float, float]:
-    from scipy.stats import chi2
-
-    low, high = chi2.ppf([0.025, 0.975], n - 1)
-    return index, index * math.sqrt(low / (n - 1)), index * math.sqrt(high / (n - 1))
-
-
-def _bissell(index: float, n: int) -> tuple[float, float, float]:
-    half = 1.959964 * math.sqrt(1 / (9 * n) + index**2 / (2 * (n - 1)))
-    return index, index - half, index + half
 
 
 def _shape(groups: Floats) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from statistics import fmean
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.line_quality import spc
+from station.domain.line_quality import capability, spc
 from station.domain.records.stored_attempt import utc
 from station.errors import UsageError
 from station.messages import Message
@@ -110,8 +110,8 @@ def _control(
     tables = (
         [ChartTable(f"Out of control: {value}", ("chart", "from", "rule"), tuple(alarms), words=True)] if alarms else []
     )
-    capability, problem = _capability(line, value, groups)
-    return drawn, [*tables, *capability], problem
+    indices, problem = _capability(line, value, groups)
+    return drawn, [*tables, *indices], problem
 
 
 def _chart(chart: spc.Chart, value: str, unit: str, size: int, say: Translate) -> str:
@@ -137,7 +137,7 @@ def _capability(line: LineStatistics, value: str, groups: Floats) -> tuple[list[
     if lower is None and upper is None:
         return [], None
     try:
-        c = spc.capability(groups, lower, upper)
+        c = capability.capability(groups, lower, upper)
     except UsageError as exc:
         return [], exc.message
     rows = [
@@ -150,6 +150,9 @@ def _capability(line: LineStatistics, value: str, groups: Floats) -> tuple[list[
         rows.append(
             (name, "–" if index is None else "{} ({} … {}, 95 %)".format(*(format_number(v, 4) for v in index)))
         )
+    rows += [("normality, p", format_number(c.normality, 2)), ("ν of σ within", format_number(c.dof_within, 3))]
+    if c.percentile is not None:
+        rows.append(("Ppk by percentiles", format_number(c.percentile, 4)))
     return [ChartTable(f"Capability: {value}", ("quantity", "value"), tuple(rows), words=True)], None
 
 
