@@ -92,6 +92,8 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
     moving, merged = visit_motion.moving(motion, unit, size)
     out = moving | merged
     preflight_checks.check_magnitude(recipe, mean[~out], unit[~out], found)
+    poses = _poses(recipe, mean[~out], unit[~out])
+    preflight_checks.check_poses(recipe, poses, table)
     lost = tuple(_left_out(table, begin, motion, merged, int(v)) for v in np.flatnonzero(out))
     warm = table.values.get("temperature_degC")
     lengths = np.linalg.norm(mean[~out] if (~out).any() else mean, axis=1)
@@ -99,7 +101,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
         sheet=found,
         units=len(np.unique(unit)),
         visits=len(begin),
-        poses=_poses(recipe, mean[~out], unit[~out]),
+        poses=poses,
         magnitude=(float(lengths.min()), float(np.median(lengths)), float(lengths.max())),
         temperature_degC=None if warm is None else (float(np.nanmin(warm)), float(np.nanmax(warm))),
         inferred=inferred_keys(recipe),
@@ -129,7 +131,8 @@ def _poses(recipe: Recipe, mean: Floats, unit: NDArray[np.int32]) -> int:
     most = 0
     for u in np.unique(unit)[:200]:
         own = mean[unit == u]
-        centre = sphere(own)[0] if not recipe.pose_known else np.zeros(3)
+        turned = np.ptp(own, axis=0).max(initial=0.0) > preflight_checks.STIMULATED * recipe.reference.strength()
+        centre = sphere(own)[0] if turned and not recipe.pose_known else np.zeros(3)
         most = max(most, int(orientations(own - centre).max(initial=-1)) + 1)
     return most
 

@@ -21,6 +21,8 @@ MAGNITUDE = 0.05
 RATE = 0.05
 #: Readings are this many times the stimulus, within SAME_RATIO, when they are in another unit.
 SAME_RATIO = 0.05
+#: Temperatures that range over more than this are a reason to stay in one pose.
+HEATED_DEGC = 2.0
 #: An axis that no pose moves by this share of the stimulus is not stimulated.
 STIMULATED = 0.3
 
@@ -55,6 +57,14 @@ def check_rest(motion: VisitMotion, unit: Ints, size: float) -> None:
             visits=len(unit),
             percent=100 * float(np.median(motion.range)) / size,
         )
+
+
+def check_poses(recipe: Recipe, poses: int, table: SampleTable) -> None:
+    """Errors: SamplesError where only the magnitude is known, in one pose, and nothing else changes either."""
+    warm = table.values.get("temperature_degC")
+    heated = warm is not None and float(np.nanmax(warm) - np.nanmin(warm)) > HEATED_DEGC
+    if not recipe.pose_known and poses < 2 and not heated and recipe.reference.source != "rate":
+        raise SamplesError("one-unknown-pose")
 
 
 def check_magnitude(recipe: Recipe, mean: Floats, unit: Ints, found: InferredSheet) -> None:

@@ -23,6 +23,8 @@ from station.errors import SamplesError
 from station.messages import Message
 
 NO_ROUNDING = np.zeros(12)
+#: Readings that vary by less than this share of the stimulus show no middle to count directions from.
+TURNED = 0.3
 #: What the magnitude alone must determine: three offsets and three gains, or six entries of a triangular matrix.
 MAGNITUDE_UNKNOWNS = {"offset-gain": 6, "matrix": 9}
 #: Units solved together: enough to be fast, few enough for a processor's cache.
@@ -228,7 +230,8 @@ def _undetermined_reason(recipe: Recipe, stops: ReducedVisits) -> Message | None
 
 def _too_few_poses(recipe: Recipe, stops: ReducedVisits) -> Message | None:
     """A magnitude gives one equation a pose; the scatter of poses held again is none."""
-    poses = int(orientations(_directions(stops)).max(initial=-1)) + 1
+    turned = np.ptp(stops.mean, axis=0).max() > TURNED * recipe.reference.strength()
+    poses = int(orientations(_directions(stops) if turned else stops.mean).max(initial=-1)) + 1
     needed = MAGNITUDE_UNKNOWNS[recipe.model]
     return Message("too-few-poses", poses=poses, needed=needed, model=recipe.model) if poses < needed else None
 

@@ -1,0 +1,140 @@
+"""Real recordings from the file to the story: import or segment, calibrate, diagnose; by commands alone."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.integration.test_import import station
+
+HAND_HELD = "hand-held"
+
+
+@pytest.fixture(autouse=True)
+def own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+def calibrated(samples: str, recipe: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, Any]]:
+    code = station("calibrate", "--samples", samples, "--recipe", recipe, "--json", "-")
+    told = capsys.readouterr()
+    assert "Traceback" not in told.err
+    return code, json.loads(told.out) if told.out else {"sentence": told.err}
+
+
+def diagnosed(samples: str, recipe: str, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    code = station("diagnose", "--samples", samples, "--recipe", recipe, "--json", "-")
+    told = capsys.readouterr()
+    assert told.err == ""
+    found: dict[str, Any] = json.loads(told.out)
+    assert code == (0 if found["verdict"] == "none" else 1)
+    return found
+
+
+def effects(told: dict[str, Any]) -> list[str]:
+    return [cause["effect"] for cause in told["causes"]]
+
+
+@pytest.mark.parametrize("command", ["import", "segment"])
+def test_the_xsens_recording_needs_nothing_stated(
+    reference_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    out = str(tmp_path / "s.parquet")
+    assert station(command, str(reference_data / "xsens_mti_tumble" / "xsens_acc.mat"), "--out", out) == 0
+    capsys.readouterr()
+    code, told = calibrated(out, HAND_HELD, capsys)
+    assert code == 0
+    (unit,) = told["units"]
+    # Non-orthogonality as its authors found it: 3.4, 9.1 and 21 mrad.
+    assert unit["matrix"][0][1:] == pytest.approx([3.4e-3, 9.1e-3], abs=3e-4)
+    assert unit["matrix"][1][2] == pytest.approx(21e-3, abs=4e-4)
+    checked = told["preflight"]
+    assert (checked["visits"], checked["left_out"]) == (39, [])
+    assert checked["rate_hz"] == pytest.approx(100, rel=1e-3)
+    assert set(checked["inferred"]) == {"rate_hz", "lsb", "noise_density"}
+    found = diagnosed(out, HAND_HELD, capsys)
+    assert "quantization" not in effects(found)
+    assert "cross-axis" in effects(found)
+
+
+def test_the_hand_held_blocks_calibrate_and_no_data_sheet_is_held_against_them(
+    reference_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "s.parquet")
+    assert station("import", str(reference_data / "ck_handheld" / "acc_log.csv"), "--out", out) == 0
+    capsys.readouterr()
+    code, told = calibrated(out, HAND_HELD, capsys)
+    assert code == 0
+    (unit,) = told["units"]
+    assert unit["residual_rms"] < 1.3e-3
+    # One block moves within itself by two degrees: said, and out of both.
+    assert len(told["preflight"]["left_out"]) <= 2
+    found = diagnosed(out, HAND_HELD, capsys)
+    assert found["verdict"] != "none"
+    assert not {"quantization", "wrong-scale", "clock-error"} & set(effects(found))
+    assert found["data"]["visits"] == 160 - len(found["preflight"]["left_out"])
+
+
+def test_six_faces_by_hand_are_too_few_for_a_magnitude_and_enough_for_positions(
+    reference_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session, out = str(reference_data / "imucal_ferraris" / "example_ferraris_session.csv"), str(tmp_path / "s.parquet")
+    assert station("segment", session, "--rate", "102.4", "--out", out) == 0
+    capsys.readouterr()
+    code, told = calibrated(out, HAND_HELD, capsys)
+    assert code == 2
+    assert "6 orientations only, and the magnitude alone needs 9" in told["sentence"]
+    assert station("segment", session, "--rate", "102.4", "--recipe", "six-point", "--out", out) == 0
+    capsys.readouterr()
+    code, told = calibrated(out, "six-point", capsys)
+    (unit,) = told["units"]
+    # imucal on its own labels: -10.2/9.81 … within the scatter of hand-placed faces.
+    assert np.diag(unit["matrix"]) == pytest.approx([0.996, 1.003, 1.024], abs=0.01)
+
+
+def test_labelled_faces_with_rotations_in_them(
+    reference_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    labelled, out = str(reference_data / "imucal_ferraris" / "annotated_session.csv"), str(tmp_path / "s.parquet")
+    assert station("import", labelled, "--recipe", "six-point", "--out", out) == 0
+    capsys.readouterr()
+    code, told = calibrated(out, "six-point", capsys)
+    assert code in (0, 1)
+    (unit,) = told["units"]
+    assert np.linalg.norm(unit["offset"]) < 0.1
+
+
+def test_a_drive_is_no_tumble(reference_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = reference_data / "css_canmod"
+    recording, dbc = folder / "2F6913DB_00000004_00000001.MF4", folder / "canmod-gps.dbc"
+    for command in ("import", "segment"):
+        assert station(command, str(recording), "--dbc", str(dbc), "--out", str(tmp_path / "s.csv")) == 2
+        told = capsys.readouterr()
+        assert "not a tumble" in told.err
+        assert told.err.count("\n") == 1
+    # Cut into blocks by force, it is refused before anything is fitted.
+    out = str(tmp_path / "b.csv")
+    assert station("import", str(recording), "--dbc", str(dbc), "--blocks", "100", "--out", out) == 0
+    capsys.readouterr()
+    for command in ("calibrate", "diagnose"):
+        assert station(command, "--samples", out, "--recipe", HAND_HELD) == 2
+        told = capsys.readouterr()
+        assert told.err.count("\n") == 1
+
+
+def test_what_replay_decodes_is_segmented(
+    reference_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = reference_data / "css_canmod"
+    signals, dbc = str(tmp_path / "signals.csv"), str(folder / "canmod-gps.dbc")
+    recording = str(folder / "2F6913DB_00000004_00000001.MF4")
+    assert station("replay", recording, "--dbc", dbc, "--out", signals) == 0
+    capsys.readouterr()
+    assert station("import", signals, "--raw", "--json") == 0
+    (one,) = json.loads(capsys.readouterr().out)["recordings"]
+    assert one["axes"] == ["AccelerationX", "AccelerationY", "AccelerationZ"]
+    assert one["time_unit"] == "ns"
+    assert station("segment", signals, "--out", str(tmp_path / "s.csv")) == 2
+    assert "not a tumble" in capsys.readouterr().err
