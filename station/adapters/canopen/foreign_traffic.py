@@ -14,6 +14,8 @@ _WRITES = (1, 6)
 #: NMT commands that change a node that is measured: stop, pre-operational, reset node, reset communication.
 _NMT = (2, 128, 129, 130)
 _SDO, _NMT_ID = 0x600, 0x000
+#: Own frames after which their echoes are taken from the channel: far fewer than a socket's buffer holds.
+_SORT_EVERY = 32
 #: An adapter that does not show the station its own frames leaves them here; so many are enough to recognise an echo.
 _MAX_OWN = 4096
 
@@ -27,15 +29,17 @@ class ForeignTrafficWatch:
         self._nodes = tuple(nodes)
         self._own: Counter[tuple[int, bytes]] = Counter()
         self._heard: list[ForeignCommand] = []
+        self._unsorted = 0
         self._lock = threading.Lock()
 
     def sent(self, can_id: int, data: bytes) -> None:
-        """The station is about to send this frame. What was heard until now is sorted first: few echoes are ever
-        waiting, so the channel's buffer does not overflow."""
+        """The station is about to send this frame."""
         if can_id != _NMT_ID and can_id - _SDO not in self._nodes:
             return
         with self._lock:
-            self._sort()
+            self._unsorted += 1
+            if self._unsorted >= _SORT_EVERY:
+                self._sort()
             if len(self._own) >= _MAX_OWN:
                 self._own.clear()
             self._own[can_id, bytes(data)] += 1
@@ -54,6 +58,7 @@ class ForeignTrafficWatch:
 
     def _sort(self) -> None:
         """Takes what came and leaves out what the station sent."""
+        self._unsorted = 0
         try:
             frames = self._channel.receive(0.0)
         except BusFault:
