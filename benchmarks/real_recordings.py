@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from station.domain.capture import rest_segments
-from station.domain.evaluation import model_comparison, pipeline
+from station.domain.evaluation import model_comparison
 from tests.fakes import tumble
 from tests.integration import test_real_recordings as recordings
 
@@ -45,7 +45,7 @@ def xsens(folder: Path) -> None:
     found = rest_segments.find(raw[:, 0], reading)
     names = [f"still-{i:02d}" for i in range(len(found))]
     recipe = recordings.by_hand()
-    result = pipeline.calibrate_unit(recipe, rest_segments.table(raw[:, 0], reading, found, "MTi", names), tumble.TODAY)
+    result = tumble.calibrate_unit(recipe, rest_segments.table(raw[:, 0], reading, found, "MTi", names), tumble.TODAY)
     assert result.calibration is not None and result.stops is not None
     quadratic, cubic = model_comparison.of_unit(recipe, result)
     print("Xsens MTi, 512 s by hand, norm fit, mg")
@@ -89,9 +89,7 @@ def diagnosis(folder: Path) -> None:
 def imucal(folder: Path) -> None:
     """Six labelled faces of a real sensor, beside imucal's own answer."""
     table = recordings.session(folder)
-    ours = pipeline.calibrate_unit(
-        tumble.recipe("six-point"), recordings.faces(table, recordings.IMUCAL_G), tumble.TODAY
-    )
+    ours = tumble.calibrate_unit(tumble.recipe("six-point"), recordings.faces(table, recordings.IMUCAL_G), tumble.TODAY)
     assert ours.budget is not None
     std = ours.budget.std()
     off = tumble.coefficients(ours) - recordings.imucals(table)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from station import plugins
-from station.domain.evaluation import pipeline
 from station.domain.methods import method, uncertainty
 from station.domain.recipe import sensor
 from station.domain.recipe.recipe import Recipe
@@ -64,7 +63,7 @@ def test_an_uncertain_magnitude_is_the_same_share_of_every_gain(kind: str, rng: 
     unsure = bench(kind, magnitude_std=0.01 * largest)
     theta = tumble.units(rng, 1, largest)
     table = tumble.table(unsure, tumble.readings(theta, tumble.truths(unsure)), 1e-4 * largest, 40, rng)
-    found = pipeline.calibrate_unit(unsure, table, tumble.TODAY)
+    found = tumble.calibrate_unit(unsure, table, tumble.TODAY)
     assert found.budget is not None
     own = plugins.load(sensor.PACKAGE, kind)
     (name,) = [n for n in ("gravity", "field", "rate") if n in found.budget.parts]
@@ -139,6 +138,6 @@ def test_g_sensitivity_of_a_gyroscope_stands_in_the_budget_where_it_cannot_be_fi
     sheet = {"g_sensitivity": 0.02}
     recipe = tumble.recipe("one-point", "gyroscope", positions=[{"name": "rest", "rate": [0, 0, 0]}], device=sheet)
     table = tumble.table(recipe, np.zeros((1, 1, 3)), 0.01, 50, rng)
-    found = pipeline.calibrate_unit(recipe, table, tumble.TODAY)
+    found = tumble.calibrate_unit(recipe, table, tumble.TODAY)
     assert found.budget is not None
     assert found.budget.std("g-sensitivity")[:3] == pytest.approx([0.02] * 3)

@@ -7,8 +7,11 @@ import numpy as np
 
 from station.domain.core import rotation
 from station.domain.core.types import Floats, Labels, SampleTable
+from station.domain.evaluation import pipeline
+from station.domain.evaluation.pipeline import NO_ROUNDING, CalibrationResult
 from station.domain.recipe import plan
 from station.domain.recipe.recipe import Recipe
+from station.errors import SamplesError
 
 TODAY = "2026-11-21"
 FACES: Mapping[str, str] = {
@@ -113,3 +116,11 @@ def table(of: Recipe, mean: Floats, noise: Floats | float, count: int, rng: np.r
 def coefficients(result: Any) -> Floats:
     """The twelve of a result."""
     return np.concatenate([result.calibration.offset, result.calibration.matrix.ravel()])
+
+
+def calibrate_unit(recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING) -> CalibrationResult:
+    """The one unit of a table. Errors: as `pipeline.calibrate`, and SamplesError when it cannot be calibrated."""
+    (result,) = pipeline.calibrate(recipe, table, today, rounding)
+    if result.calibration is None:
+        raise SamplesError(result.verdict.reasons[0].message)
+    return result

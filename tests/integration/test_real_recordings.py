@@ -12,7 +12,7 @@ from station.cli import app
 from station.config.recipes import load_recipe
 from station.domain.capture import rest_segments
 from station.domain.core.types import Floats, Labels, SampleTable
-from station.domain.evaluation import model_comparison, pipeline
+from station.domain.evaluation import model_comparison
 from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 from tests.fakes.tumble import TODAY, coefficients
@@ -33,9 +33,7 @@ def xsens(reference_data: Path) -> Any:
     reading = (raw[:, 1:] - XSENS_ZERO) / XSENS_SCALE / XSENS_G
     found = rest_segments.find(raw[:, 0], reading)
     names = [f"still-{i:02d}" for i in range(len(found))]
-    return found, pipeline.calibrate_unit(
-        by_hand(), rest_segments.table(raw[:, 0], reading, found, "MTi", names), TODAY
-    )
+    return found, tumble.calibrate_unit(by_hand(), rest_segments.table(raw[:, 0], reading, found, "MTi", names), TODAY)
 
 
 def test_39_rests_are_found_in_the_xsens_recording(xsens: Any) -> None:
@@ -180,7 +178,7 @@ def test_six_faces_of_a_real_sensor_agree_with_imucal(reference_data: Path) -> N
     """Within the uncertainty of both: imucal takes two of six readings for an offset, so its is 1.7 times ours."""
     table = session(reference_data)
     recipe = tumble.recipe("six-point")
-    ours = pipeline.calibrate_unit(recipe, faces(table, IMUCAL_G), TODAY)
+    ours = tumble.calibrate_unit(recipe, faces(table, IMUCAL_G), TODAY)
     assert ours.budget is not None
     std = ours.budget.std()
     theirs = imucals(table)
@@ -192,7 +190,7 @@ def test_six_faces_of_a_real_sensor_agree_with_imucal(reference_data: Path) -> N
 
 
 def test_the_recipe_that_ships_takes_a_recording_by_hand(reference_data: Path) -> None:
-    found = pipeline.calibrate_unit(load_recipe("six-point"), faces(session(reference_data), 9.80665), TODAY)
+    found = tumble.calibrate_unit(load_recipe("six-point"), faces(session(reference_data), 9.80665), TODAY)
     assert found.calibration is not None
     assert str(found.verdict.outcome) == "PASS"
     assert any(note.id == "visits-scatter" for note in found.calibration.notes)

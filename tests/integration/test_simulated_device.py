@@ -129,8 +129,7 @@ def test_restore_takes_effect_at_the_reset(rig: Rig) -> None:
     device = rig()
     written = write(device)
     save(device)
-    command = writeback.restore(device.product.map)
-    device.station.download(*command.address, command.raw, command.timeout_s)
+    device.station.download(0x1011, 1, b"load")
     assert held(device, written) == written
     restart(device)
     assert device.station.upload(0x2101, 1) == struct.pack("<f", 1.0)

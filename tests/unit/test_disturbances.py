@@ -30,7 +30,7 @@ def test_a_bumped_stop_is_left_out_and_reported(method: str, rng: np.random.Gene
     recipe, theta, table = bench(method, rng)
     # Along the stimulus: norm cannot see across.
     push = 0.02 * tumble.truths(recipe)[4]
-    found = pipeline.calibrate_unit(recipe, pushed(table, 4, push.tolist()), TODAY)
+    found = tumble.calibrate_unit(recipe, pushed(table, 4, push.tolist()), TODAY)
     assert found.calibration is not None and found.budget is not None
     assert np.flatnonzero(found.calibration.disturbed).tolist() == [4]
     assert any(note.id == "visit-disturbed" and "visit 4" in render(note) for note in found.calibration.notes)
@@ -41,7 +41,7 @@ def test_four_bumped_stops_of_thirty_six(rng: np.random.Generator) -> None:
     recipe, _, table = bench("n-point", rng, runs=[{"order": "listed"}, {"order": "reversed"}])
     # Visit 3 of both passes, and visit 11 of both passes.
     table = pushed(pushed(table, 3, [0.0, 0.01, 0.0]), 11, [0.02, 0.0, 0.0])
-    found = pipeline.calibrate_unit(recipe, table, TODAY).calibration
+    found = tumble.calibrate_unit(recipe, table, TODAY).calibration
     assert found is not None
     bumped = {v for v, out in zip([*range(18), *range(18)], found.disturbed, strict=True) if out}
     assert bumped == {3, 11}
@@ -50,7 +50,7 @@ def test_four_bumped_stops_of_thirty_six(rng: np.random.Generator) -> None:
 
 def test_six_faces_cannot_say_which_of_a_pair_was_bumped_and_do_not_pretend(rng: np.random.Generator) -> None:
     recipe, theta, table = bench("six-point", rng)
-    found = pipeline.calibrate_unit(recipe, pushed(table, 4, [0.01, 0.0, 0.0]), TODAY)
+    found = tumble.calibrate_unit(recipe, pushed(table, 4, [0.01, 0.0, 0.0]), TODAY)
     assert found.calibration is not None and found.budget is not None
     assert not found.calibration.disturbed.any()
     assert any(note.id == "visits-scatter" for note in found.calibration.notes)
@@ -64,7 +64,7 @@ def test_without_a_disturbance_hardly_a_stop_is_lost(rng: np.random.Generator) -
 
 
 def checks(recipe: Any, table: SampleTable) -> dict[str, str]:
-    verdict = pipeline.calibrate_unit(recipe, table, TODAY).verdict
+    verdict = tumble.calibrate_unit(recipe, table, TODAY).verdict
     return {r.check: r.sentence for r in verdict.reasons}
 
 
@@ -92,9 +92,7 @@ def test_a_wrong_face_is_named_with_the_one_it_looks_like(rng: np.random.Generat
     names = list(table.position.names)
     swapped = [{"x-up": "y-up", "y-up": "x-up"}.get(n, n) for n in names]
     table = replace(table, position=type(table.position)(tuple(swapped), table.position.code))
-    told = [
-        r.sentence for r in pipeline.calibrate_unit(recipe, table, TODAY).verdict.reasons if r.check == "wrong-face"
-    ]
+    told = [r.sentence for r in tumble.calibrate_unit(recipe, table, TODAY).verdict.reasons if r.check == "wrong-face"]
     assert any("at 'y-up'" in one and "looks like 'x-up'" in one for one in told)
     assert any("at 'x-up'" in one and "looks like 'y-up'" in one for one in told)
 

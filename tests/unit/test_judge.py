@@ -5,7 +5,6 @@ import pytest
 from scipy.stats import norm, t
 
 from station.domain.core.types import Calibration, Floats, Outcome
-from station.domain.evaluation import pipeline
 from station.domain.methods import decision_rule, risk
 from station.domain.methods.uncertainty import Budget
 from station.domain.recipe.recipe import Limits
@@ -94,7 +93,7 @@ def _stops(recipe: object) -> object:
     rng = np.random.default_rng(1)
     own = tumble.recipe("one-point")
     table = tumble.table(own, np.array([[[0.0, 0.0, 1.0]]]), 1e-4, 20, rng)
-    return pipeline.calibrate_unit(own, table, tumble.TODAY).stops
+    return tumble.calibrate_unit(own, table, tumble.TODAY).stops
 
 
 @pytest.mark.parametrize(("rule", "stated"), [("guard-band", 0.025), ("false-accept", 0.01)])
@@ -135,5 +134,5 @@ def test_every_reason_is_told_not_the_first_only(rng: np.random.Generator) -> No
         **{n: getattr(table, n) for n in table.__slots__ if n != "values"},
         values={"temperature_degC": np.full(len(table), 35.0)},
     )
-    found = {r.check for r in pipeline.calibrate_unit(recipe, table, tumble.TODAY).verdict.reasons}
+    found = {r.check for r in tumble.calibrate_unit(recipe, table, tumble.TODAY).verdict.reasons}
     assert {"offset", "gain", "cross-axis", "noise", "temperature"} <= found

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from station.domain.core.types import Floats
-from station.domain.evaluation import model_comparison, pipeline
+from station.domain.evaluation import model_comparison
 from tests.fakes import tumble
 
 
@@ -15,7 +15,7 @@ def bent(
     true = tumble.truths(recipe)
     theta = tumble.units(rng, 1)
     mean = tumble.readings(theta, true + quadratic * true**2 + cubic * true**3)
-    found = pipeline.calibrate_unit(recipe, tumble.table(recipe, mean, 1e-3, 60, rng), tumble.TODAY)
+    found = tumble.calibrate_unit(recipe, tumble.table(recipe, mean, 1e-3, 60, rng), tumble.TODAY)
     return {one.terms: one for one in model_comparison.of_unit(recipe, found)}
 
 
@@ -44,7 +44,7 @@ def test_what_the_poses_cannot_tell_is_said(rng: np.random.Generator) -> None:
     )
     table = tumble.table(recipe, tumble.truths(recipe)[None], 1e-3, 40, rng)
     found = {
-        one.terms: one for one in model_comparison.of_unit(recipe, pipeline.calibrate_unit(recipe, table, tumble.TODAY))
+        one.terms: one for one in model_comparison.of_unit(recipe, tumble.calibrate_unit(recipe, table, tumble.TODAY))
     }
     assert np.isnan(found["cubic"].p) and not found["cubic"].pays
     assert np.isfinite(found["quadratic"].p)
@@ -53,7 +53,7 @@ def test_what_the_poses_cannot_tell_is_said(rng: np.random.Generator) -> None:
 def test_methods_with_positions_to_match_are_not_asked(rng: np.random.Generator) -> None:
     recipe = tumble.recipe("six-point")
     table = tumble.table(recipe, tumble.truths(recipe)[None], 1e-3, 40, rng)
-    assert model_comparison.of_unit(recipe, pipeline.calibrate_unit(recipe, table, tumble.TODAY)) == ()
+    assert model_comparison.of_unit(recipe, tumble.calibrate_unit(recipe, table, tumble.TODAY)) == ()
 
 
 def test_leaving_a_group_out_is_a_fit_without_it(rng: np.random.Generator) -> None:

@@ -5,14 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from station.domain.evaluation import pipeline
 from tests.fakes import tumble
 from tests.fakes.tumble import TODAY, coefficients
 
 
 def result(recipe: Any, mean: Any) -> Any:
     table = tumble.table(recipe, np.array([mean], float), 0.0, 3, np.random.default_rng(0))
-    return pipeline.calibrate_unit(recipe, table, TODAY)
+    return tumble.calibrate_unit(recipe, table, TODAY)
 
 
 def test_one_point_takes_the_stimulus_off_the_reading() -> None:
@@ -72,7 +71,7 @@ def test_hand_held_stops_give_the_upper_triangular_matrix(rng: np.random.Generat
     posed = tumble.recipe("norm")
     mean = tumble.readings(theta, tumble.truths(posed))
     table = tumble.table(posed, mean, 0.0, 3, rng)
-    found = pipeline.calibrate_unit(recipe, table, TODAY)
+    found = tumble.calibrate_unit(recipe, table, TODAY)
     upper = np.linalg.cholesky((theta[0, 3:].reshape(3, 3) @ theta[0, 3:].reshape(3, 3).T)[::-1, ::-1])[::-1, ::-1]
     assert found.calibration.matrix == pytest.approx(upper, abs=1e-9)
     assert found.calibration.offset == pytest.approx(theta[0, :3], abs=1e-9)
@@ -98,7 +97,7 @@ def test_gold_readings_take_the_place_of_the_nominal_truth(rng: np.random.Genera
     table = type(table)(
         **{n: getattr(table, n) for n in table.__slots__ if n != "gold"}, gold=np.repeat(seen, 3, axis=0)
     )
-    found = pipeline.calibrate_unit(recipe, table, TODAY)
+    found = tumble.calibrate_unit(recipe, table, TODAY)
     assert coefficients(found) == pytest.approx(theta[0], abs=1e-9)
 
 

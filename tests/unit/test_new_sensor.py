@@ -12,11 +12,11 @@ import pytest
 from station import plugins
 from station.diagnosis.results.diagnose import diagnose
 from station.diagnosis.search import alarm
-from station.domain.evaluation import pipeline
 from station.domain.product.product import Product
 from station.domain.recipe import sensor
 from station.model.model_file import Model
 from station.model.simulate import SimulationJob, parse_effect, simulate
+from tests.fakes import tumble
 from tests.unit.tilt_recipe import THREE_RUNS, tilt
 
 FILE = '''
@@ -68,7 +68,7 @@ def test_a_new_file_is_all_it_takes_to_simulate_calibrate_and_diagnose() -> None
     job = SimulationJob(recipe(), ("A", "B"), 3, (parse_effect("quadratic", recipe()),))
     made = simulate(job)
     plain = simulate(SimulationJob(recipe(), ("A",), 3))
-    unit = pipeline.calibrate_unit(recipe(), plain.table, "2026-11-22")
+    unit = tumble.calibrate_unit(recipe(), plain.table, "2026-11-22")
     gain = np.diagonal(unit.calibration.matrix)
     np.testing.assert_allclose(gain, np.diagonal(plain.base.matrix[0]), atol=2e-4)
     found = diagnose(job.recipe, made.table, Model(), lambda *campaign: alarm.bootstrap(*campaign, 1))

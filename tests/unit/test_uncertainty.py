@@ -21,7 +21,7 @@ def budget(method: str, **more: Any) -> Any:
     recipe = tumble.recipe(method, device=KNOWN, **more)
     theta = np.array([[0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1.0]])
     table = tumble.table(recipe, tumble.readings(theta, tumble.truths(recipe)), 1e-4, 50, np.random.default_rng(2))
-    return pipeline.calibrate_unit(recipe, table, TODAY).budget
+    return tumble.calibrate_unit(recipe, table, TODAY).budget
 
 
 def test_parts_add_up_in_squares() -> None:
@@ -48,7 +48,7 @@ def test_rounding_in_the_device_enters_as_it_is_told(rng: np.random.Generator) -
     recipe = tumble.recipe("three-point")
     table = tumble.table(recipe, tumble.truths(recipe)[None], 1e-4, 50, rng)
     rounding = np.full(12, 3e-5)
-    found = pipeline.calibrate_unit(recipe, table, TODAY, rounding).budget
+    found = tumble.calibrate_unit(recipe, table, TODAY, rounding).budget
     assert found is not None
     # What the method does not estimate is kept nominal, and nominal is not rounded.
     assert (found.std("rounding") > 0).sum() == 6
@@ -60,7 +60,7 @@ def test_temperature_differences_enter_by_the_sheets_coefficient(rng: np.random.
     recipe = tumble.recipe("three-point", device={"offset_tempco": 1e-4}, reference=RIG | {"thermometer_std_degC": 0})
     table = tumble.table(recipe, tumble.truths(recipe)[None], 1e-4, 50, rng)
     warm = np.where(table.visit == 0, 30.0, 20.0)
-    found = pipeline.calibrate_unit(recipe, replace(table, values={"temperature_degC": warm}), TODAY).budget
+    found = tumble.calibrate_unit(recipe, replace(table, values={"temperature_degC": warm}), TODAY).budget
     assert found is not None
     # x is measured up while warm: its gain takes all of 1 mg, its offset (the mean of the other two) −⅓ of it.
     assert found.std("temperature")[[0, 3]] == pytest.approx([1e-3 / 3, 1e-3], rel=1e-6)
@@ -71,7 +71,7 @@ def test_quantisation_without_dither_is_a_line_of_its_own(rng: np.random.Generat
     true = tumble.readings(tumble.units(rng, 1), tumble.truths(recipe))
     table = tumble.table(recipe, true, 0.001, 50, rng)
     table = replace(table, reading=np.round(table.reading / 0.0127) * 0.0127)
-    found = pipeline.calibrate_unit(recipe, table, TODAY)
+    found = tumble.calibrate_unit(recipe, table, TODAY)
     assert found.budget is not None and found.calibration is not None
     assert found.budget.std("quantisation")[:3] == pytest.approx(np.full(3, 0.0127 / np.sqrt(12 * 6)), rel=0.2)
     assert any("steps of 0.0127" in render(note) for note in found.calibration.notes)

@@ -19,7 +19,6 @@ from station.domain.noise.noise_prior import NoisePrior
 from station.domain.planning import adaptive_dwell, design
 from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
-from station.errors import SamplesError
 from station.messages import Message
 
 NO_ROUNDING = np.zeros(12)
@@ -79,16 +78,6 @@ def calibrate_portions(
                 yield from _solve(recipe, batch, rounding)
                 batch = []
     yield from _solve(recipe, batch, rounding)
-
-
-def calibrate_unit(recipe: Recipe, table: SampleTable, today: str, rounding: Floats = NO_ROUNDING) -> CalibrationResult:
-    """The one unit of a table. Errors: as `calibrate`, and SamplesError when the unit cannot be calibrated."""
-    results = list(calibrate(recipe, table, today, rounding))
-    if len(results) != 1:
-        raise SamplesError("samples-of-several-units", count=len(results))
-    if results[0].calibration is None:
-        raise SamplesError(results[0].verdict.reasons[0].message)
-    return results[0]
 
 
 def calibrate_reduced(

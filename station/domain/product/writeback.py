@@ -152,11 +152,6 @@ def save(device_map: DeviceMap) -> ObjectWrite:
     return _command("save", device_map.save, SAVE)
 
 
-def restore(device_map: DeviceMap) -> ObjectWrite:
-    """The write of the signature `load`: factory values after the next reset."""
-    return _command("restore", device_map.restore, LOAD)
-
-
 def expected_checksum(device_map: DeviceMap, raws: RawValues) -> bytes | None:
     """What the device's own checksum object must read for these coefficients; None where there is none."""
     if device_map.checksum is None:
