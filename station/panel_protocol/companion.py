@@ -21,7 +21,9 @@ class Companion(StrEnum):
 
 
 def companion_file(database: Path, ending: Companion) -> Path:
-    """That file of this log. Errors: StoreFault where the path has no name, as `/` has none."""
-    if not database.name:
+    """That file of this log, by whatever link the log is reached. Errors: StoreFault where the path has no name, as `/`
+    has none."""
+    real = database.resolve()
+    if not real.name:
         raise StoreFault("log-not-opened", path=str(database), reason=Message("log-is-folder"))
-    return database.with_name(database.name + ending.value)
+    return real.with_name(real.name + ending.value)

@@ -13,6 +13,7 @@ from station.adapters.store.schema import COLUMNS, foreign_objects, migrations
 from station.adapters.store.sqlite_errors import translate_errors
 from station.domain.records.chain import SCHEMA, genesis
 from station.errors import LogError, StationError, StoreFault
+from station.files.lock import take
 from station.messages import Message
 
 #: Pages of write-ahead log that are kept on disk after a checkpoint; a long-reading page may not let it grow for ever.
@@ -75,6 +76,23 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
 def altered_objects(db: Database) -> list[str]:
     """What in the log's schema is not as this version makes it."""
     return foreign_objects(db, migrations)
+
+
+def own_inode(path: Path) -> int:
+    """Locks the file itself, which a bind mount may show under another path too; the handle that holds the lock.
+
+    Errors: StoreFault where another process has it, or where the file has further names (hard links): SQLite would
+    keep a write-ahead log for each of them, and neither would know of the other's records.
+    """
+    if (names := path.stat().st_nlink) > 1:
+        raise StoreFault("log-hard-linked", path=str(path), names=names)
+    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        take(handle)
+    except BlockingIOError:
+        os.close(handle)
+        raise StoreFault("log-owned-elsewhere", path=str(path)) from None
+    return handle
 
 
 def _preallocate_wal(wal: Path) -> None:

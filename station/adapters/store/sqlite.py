@@ -1,6 +1,7 @@
 """The log as a SQLite file: every method of the store port is one durable transaction of sealed records."""
 
 import hashlib
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -67,7 +68,7 @@ class SqliteStore:
         witness: WitnessPlace | None = None,
         old_signer: keys.Signer | None = None,
     ) -> None:
-        self.path = path
+        self.path = path = path.resolve()  # one log, one owner, by whatever link it is reached
         self._epoch_ns, self._signer, self._station = epoch_ns, signer, owner
         self._turn = Lock()
         self._signature = b""
@@ -77,8 +78,11 @@ class SqliteStore:
                 raise StoreFault("log-not-opened", path=str(path), reason=Message("log-is-folder"))
             lock = path.with_name(path.name + ".lock")
             opened.callback(OwnerLock(lock, Message("owned-log", path=str(path)), owner, time.time_ns()).release)
+            inode = opened.enter_context(ExitStack())  # let go after the database: closing a handle ends SQLite's locks
             self._db = file.open_for_writing(path, busy_s)
             opened.callback(self._db.close)
+            inode.callback(os.close, file.own_inode(path))
+            self._data_version = self._read_data_version()
             self._log_id = str(self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0])
             self._head_file = anchor.HeadFile(path)
             self._anchors = LogAnchors((self._head_file, *anchors, *([witness] if witness else ())))
@@ -223,6 +227,7 @@ class SqliteStore:
             with translate_errors(StoreFault, self.path, doing):
                 try:
                     self._db.execute("BEGIN IMMEDIATE")
+                    self._check_nobody_else_wrote()
                     yield
                     self._db.execute("COMMIT")
                 except BaseException:
@@ -230,6 +235,18 @@ class SqliteStore:
                     self._roll_back()
                     raise
             self._keep_head(durable=False)
+
+    def _check_nobody_else_wrote(self) -> None:
+        """StoreFault where the log's newest record is not the one that this owner made last."""
+        if (version := self._read_data_version()) == self._data_version:
+            return
+        if file.newest(self._db, self._log_id) != (self._number, self._hash):
+            raise StoreFault("log-written-by-another", path=str(self.path), number=self._number)
+        self._data_version = version
+
+    def _read_data_version(self) -> int:
+        """Another number after each commit of another connection, and only then (SQLite, PRAGMA data_version)."""
+        return int(self._db.execute("PRAGMA data_version").fetchone()[0])
 
     def _roll_back(self) -> None:
         if self._db.in_transaction:

@@ -1,0 +1,99 @@
+"""One log, one owner, by whatever name it is reached."""
+
+import os
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from station.adapters.store import file
+from station.adapters.store.sqlite import SqliteStore
+from station.errors import StoreFault
+from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.owner import owner_pid
+
+
+def opened(path: Path) -> SqliteStore:
+    return SqliteStore(path, owner="bench-7")
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    (tmp_path / "real").mkdir()
+    path = tmp_path / "real" / "station.db"
+    opened(path).close()
+    return path
+
+
+def names_of(log: Path, folder: Path) -> dict[str, Path]:
+    """Other ways to write the same file's path."""
+    (folder / "file-link.db").symlink_to(log)
+    (folder / "relative-link.db").symlink_to(Path("real") / log.name)
+    (folder / "folder-link").symlink_to(log.parent)
+    (folder / "chain.db").symlink_to(folder / "file-link.db")
+    return {
+        "file link": folder / "file-link.db",
+        "relative link": folder / "relative-link.db",
+        "link to the folder": folder / "folder-link" / log.name,
+        "link to a link": folder / "chain.db",
+        "dots": log.parent / ".." / log.parent.name / log.name,
+        "relative": Path(os.path.relpath(log)),
+    }
+
+
+def test_a_second_owner_is_refused_under_every_name(log: Path, tmp_path: Path) -> None:
+    first = opened(log)
+    for name, path in names_of(log, tmp_path).items():
+        with pytest.raises(StoreFault, match="in use by bench-7"):
+            opened(path)
+        assert owner_pid(path) == os.getpid(), name
+        assert companion_file(path, Companion.LIVE) == log.with_name("station.db.live.json").resolve()
+    first.close()
+
+
+def test_the_first_owner_may_have_come_by_a_link(log: Path, tmp_path: Path) -> None:
+    first = opened(names_of(log, tmp_path)["link to a link"])
+    with pytest.raises(StoreFault, match="in use by bench-7"):
+        opened(log)
+    first.close()
+
+
+def test_a_hard_link_is_refused(log: Path, tmp_path: Path) -> None:
+    (tmp_path / "second.db").hardlink_to(log)
+    for path in (log, tmp_path / "second.db"):
+        with pytest.raises(StoreFault, match="has 2 names"):
+            opened(path)
+
+
+def test_the_file_itself_is_locked_where_its_path_differs_too(log: Path) -> None:
+    """As under a bind mount: another folder, so another lock file, and the same inode."""
+    first = opened(log)
+    with pytest.raises(StoreFault, match="in use under another path"):
+        file.own_inode(log)
+    first.close()
+    os.close(file.own_inode(log))
+
+
+def test_what_another_program_writes_meanwhile_ends_the_run_and_not_the_log(log: Path) -> None:
+    store = opened(log)
+    with sqlite3.connect(log) as other:
+        seq, seal = other.execute("SELECT seq, hash FROM event ORDER BY seq DESC LIMIT 1").fetchone() or (0, b"")
+        other.execute(
+            "INSERT INTO event (seq, previous, hash, at_ns, kind, detail) VALUES (?, ?, ?, 1, 'foreign', '{}')",
+            (seq + 1000, seal, b"x" * 32),
+        )
+    other.close()
+    with pytest.raises(StoreFault, match="was written by another program after record"):
+        store.event("", "note", {})
+    store.close()
+
+
+def test_a_program_that_changes_no_record_disturbs_nobody(log: Path) -> None:
+    store = opened(log)
+    with sqlite3.connect(log) as other:
+        other.execute("CREATE TEMP TABLE t (x)")
+    other.execute("PRAGMA wal_checkpoint")
+    other.close()
+    store.event("", "note", {})
+    store.event("", "note", {})
+    store.close()
