@@ -21,21 +21,21 @@ RowIndex = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Campaign:
-    """Every unit of a batch goes once through every run of the recipe; visits (v) hold all stops."""
+    """Every unit of a batch goes once through every run of the recipe; visits (v) hold all visits."""
 
     recipe: Recipe
-    batch: FleetPart
+    part: FleetPart
     line: SimulatedLine
     seed: int
     rounds: tuple[RunTimeline, ...]
     visits: VisitTable
 
     def arrival_s(self) -> Floats:
-        """Arrival at each stop (v), s from the start of its run."""
-        return np.tile(np.concatenate([done.arrival_s for done in self.rounds]), len(self.batch.units))
+        """Arrival at each visit (v), s from the start of its run."""
+        return np.tile(np.concatenate([done.arrival_s for done in self.rounds]), len(self.part.units))
 
     def started_s(self) -> Floats:
-        """Start of each stop's run (v) on the one clock of the fleet, s."""
+        """Start of each visit's run (v) on the one clock of the fleet, s."""
         lasts = np.array([r.prewarm_s + r.duration_s + self.line.changeover_s for r in self.rounds])
         begun = np.concatenate([[0.0], np.cumsum(lasts)])
         run = self.visits.run
@@ -43,8 +43,8 @@ class Campaign:
         return np.asarray(self.line.changeover_s + self._load_index() * begun[-1] + begun[run] + prewarm)
 
     def dwell_s(self) -> Floats:
-        """How long each stop (v) is measured, s."""
-        return np.tile(np.concatenate([done.dwell_s for done in self.rounds]), len(self.batch.units))
+        """How long each visit (v) is measured, s."""
+        return np.tile(np.concatenate([done.dwell_s for done in self.rounds]), len(self.part.units))
 
     def dwells(self, rate_hz: Floats) -> Scene:
         """The samples of the dwells; rate_hz (U): true sample rates."""
@@ -52,7 +52,7 @@ class Campaign:
         return self.scene(np.repeat(np.arange(len(self.visits)), [len(s) for s in since]), np.concatenate(since))
 
     def scene(self, visit: RowIndex, since_arrival_s: Floats) -> Scene:
-        """Samples (n) at stops; since_arrival_s (n) is negative on the way there."""
+        """Samples (n) at visits; since_arrival_s (n) is negative on the way there."""
         time_s = self.arrival_s()[visit] + since_arrival_s
         run = self.visits.run[visit]
         powered = np.array([r.prewarm_s for r in self.rounds])[run] + self.line.power_lead_s
@@ -67,11 +67,11 @@ class Campaign:
         return self.recipe.settle.time_s + np.arange(max(1, round(dwell_s * rate_hz))) / rate_hz
 
     def _load_index(self) -> Array:
-        """Which load of the fixture each stop (v) belongs to."""
-        return self.batch.number()[self.visits.unit.code] // self.line.nests
+        """Which load of the fixture each visit (v) belongs to."""
+        return self.part.number()[self.visits.unit.code] // self.line.nests
 
     def _motor_level(self) -> Floats:
-        """Drive level (v) of the line's motors: another at each stop, the same for all units of a fixture load."""
+        """Drive level (v) of the line's motors: another at each visit, the same for all units of a fixture load."""
         visits = self.visits
         on = np.array([r.motors for r in self.rounds])[visits.run]
         key, inverse = np.unique(np.stack([self._load_index(), visits.run, visits.visit]), axis=1, return_inverse=True)
@@ -84,12 +84,12 @@ def campaign_of(
 ) -> Campaign:
     """The campaign that a recipe plans for these units."""
     line = line or SimulatedLine()
-    batch = units if isinstance(units, FleetPart) else FleetPart(tuple(units))
+    part = units if isinstance(units, FleetPart) else FleetPart(tuple(units))
     rounds = tuple(run_timeline(recipe, run, line) for run in range(len(recipe.runs)))
-    visits = _visits(recipe, batch, rounds, line)
+    visits = _visits(recipe, part, rounds, line)
     if not recipe.pose_known:
         visits = replace(visits, nest_R=_random_orientations(visits, seed))
-    return Campaign(recipe, batch, line, seed, rounds, visits)
+    return Campaign(recipe, part, line, seed, rounds, visits)
 
 
 def scene_of_plan(recipe: Recipe, units: Sequence[str], seed: int, line: SimulatedLine | None = None) -> Scene:
@@ -97,20 +97,20 @@ def scene_of_plan(recipe: Recipe, units: Sequence[str], seed: int, line: Simulat
     return campaign_of(recipe, units, seed, line).dwells(np.full(len(units), recipe.device.rate_hz))
 
 
-def _visits(recipe: Recipe, batch: FleetPart, rounds: Sequence[RunTimeline], line: SimulatedLine) -> VisitTable:
-    """Every stop of every unit, with who worked where."""
-    units = len(batch.units)
+def _visits(recipe: Recipe, part: FleetPart, rounds: Sequence[RunTimeline], line: SimulatedLine) -> VisitTable:
+    """Every visit of every unit, with who worked where."""
+    units = len(part.units)
     stops = [len(done.position) for done in rounds]
-    unit = Labels(batch.units, np.repeat(np.arange(units, dtype=np.int32), sum(stops)))
+    unit = Labels(part.units, np.repeat(np.arange(units, dtype=np.int32), sum(stops)))
     run = np.tile(np.repeat(np.arange(len(rounds), dtype=np.int32), stops), units)
     visit = np.tile(np.concatenate([np.arange(n, dtype=np.int32) for n in stops]), units)
-    at = batch.number()[unit.code]
+    at = part.number()[unit.code]
     labels = {
         "position": Labels.of(np.tile(np.concatenate([done.position for done in rounds]), units)),
         "seating": Labels.of(np.tile(np.repeat([done.seating for done in rounds], stops), units)),
         "station": _numbered("S", at // line.nests % line.stations),
         "nest": _numbered("N", (at + run) % line.nests),
-        "lot": _numbered("L", batch.lot(line.lots)[unit.code]),
+        "lot": _numbered("L", part.lot(line.lots)[unit.code]),
         "operator": _numbered("O", (at // line.nests + run) % line.operators),
     }
     return visit_table(recipe, unit, run, visit, labels)
@@ -122,7 +122,7 @@ def _numbered(letter: str, number: Array) -> Labels:
 
 
 def _random_orientations(visits: VisitTable, seed: int) -> Floats:
-    """Any orientation at each stop (v, 3, 3): a person turned the part."""
+    """Any orientation at each visit (v, 3, 3): a person turned the part."""
     _, names = visits.group("visit", 1)
     q = np.array([random_stream(seed, "hand", name).standard_normal(4) for name in names])
     return np.array([rotation.from_quaternion(one) for one in q])

@@ -30,23 +30,23 @@ def rows() -> list[dict[str, Any]]:
 
 def page() -> str:
     """The page, Markdown."""
-    told, parts = rows(), [PAGE_HEAD]
+    listed, parts = rows(), [PAGE_HEAD]
     for level, title in LEVEL_TITLES.items():
         parts.append(f"## {title}\n")
         parts.append("| id | physics | parameter | typical (range) | of | needs |\n|---|---|---|---|---|---|")
-        parts.extend(_line(row) for row in told if row["level"] == level)
+        parts.extend(_line(row) for row in listed if row["level"] == level)
         parts.append("")
     parts.append("## What to do, and what shows a cause\n")
     parts.append("| id | remedy | what shows it | drawn over | with unknown pose |\n|---|---|---|---|---|")
     parts.extend(
         f"| `{row['effect']}` | {row['remedy']} | {row['shown_by']} | {row['drawn_over']} | "
         f"{'yes' if row['pose_free'] else 'no'} |"
-        for row in told
+        for row in listed
     )
     parts.append("")
     parts.append("## Where the sizes come from\n")
     parts.append("| id | parameter | source |\n|---|---|---|")
-    parts.extend(f"| `{row['effect']}` | {p['name']} | {p['source']} |" for row in told for p in row["parameters"])
+    parts.extend(f"| `{row['effect']}` | {p['name']} | {p['source']} |" for row in listed for p in row["parameters"])
     return "\n".join(parts) + "\n"
 
 
@@ -69,8 +69,8 @@ def _row(kind: type[Effect]) -> dict[str, Any]:
 
 
 def _parameter(effect: Effect, p: Parameter) -> dict[str, Any]:
-    told = (lambda value: value) if p in effect.forms else effect.value_of
-    values = {key: told(getattr(p, key)) for key in ("typical", "low", "high")}
+    listed = (lambda value: value) if p in effect.forms else effect.value_of
+    values = {key: listed(getattr(p, key)) for key in ("typical", "low", "high")}
     return {"name": p.name, "unit": p.unit, **values, "source": p.source}
 
 

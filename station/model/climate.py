@@ -64,5 +64,5 @@ def room_temperature(time_s: Floats, line: SimulatedLine, seed: int) -> tuple[Fl
 
 
 def motor_level(seed: int, load: int, run: int, visit: int) -> float:
-    """Drive level of the line's motors at one stop of one fixture load, where they are on: 0 … 1."""
+    """Drive level of the line's motors at one visit of one fixture load, where they are on: 0 … 1."""
     return round(float(random_stream(seed, "motor", load, run, visit).uniform()), 2)

@@ -44,7 +44,7 @@ def compensate(recipe: Recipe, model: Model, *, gains_only: bool) -> Compensated
     recipe's positions do not determine it, with the positions to add.
     """
     whole = recipe.model_copy(update={"model": "matrix"})
-    effects = {told.effect: told.build() for told in model.effects}
+    effects = {listed.effect: listed.build() for listed in model.effects}
     why = {name: _reason_against(effect, whole, gains_only=gains_only) for name, effect in effects.items()}
     causes = tuple(name for name, reason in why.items() if not reason)
     if causes:
@@ -95,8 +95,8 @@ def _random_scene(recipe: Recipe) -> Scene:
         for i, row in enumerate(draws)
     )
     reference = recipe.reference.model_copy(update={"pose": "known"})
-    said = {"positions": positions, "runs": (Run(),), "seatings": {}, "reference": reference}
-    probing = recipe.model_copy(update=said)
+    changes = {"positions": positions, "runs": (Run(),), "seatings": {}, "reference": reference}
+    probing = recipe.model_copy(update=changes)
     return campaign_of(probing, FleetPart(("any",)), 1, SimulatedLine()).dwells(np.array([recipe.device.rate_hz]))
 
 

@@ -1,4 +1,4 @@
-"""The forward simulation: from stops and causes to readings. Pure, vectorised, exact and non-linear.
+"""The forward simulation: from visits and causes to readings. Pure, vectorised, exact and non-linear.
 
 R = exp(Σ station) · nest_R · exp(Σ nest) · seat_R · exp(Σ device)      resting orientation of the sensor
 a = Rᵀ · stimulus + Σ stimulus effects                                 what it feels
@@ -84,9 +84,9 @@ def sensor_signal(scene: Scene, active: ActiveEffects = NO_EFFECTS) -> Signal:
 
 
 def signal_during_moves(signal: Signal, moving: NDArray[np.bool_], plate: Floats) -> Signal:
-    """The same, but rows where `moving` (n) are still on their way to their stop.
+    """The same, but rows where `moving` (n) are still on their way to their visit.
 
-    plate (m, 3, 3): nest → station rotation of the positioner at those rows. What is felt at the stop is turned back
+    plate (m, 3, 3): nest → station rotation of the positioner at those rows. What is felt at the visit is turned back
     by the rest of the way; a rate, which belongs to the table and not to its attitude, is left as it is.
     """
     scene, visits = signal.scene, signal.scene.visits

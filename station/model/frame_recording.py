@@ -37,13 +37,13 @@ class FrameRecording:
 
 def simulate_frames(job: SimulationJob, layout: SensorLayout) -> FrameRecording:
     """The frames of all units of a job. The unit in the fixture's k-th seat has node id k."""
-    job, batch = job.with_drawn_form(), FleetPart(job.units)
+    job, part = job.with_drawn_form(), FleetPart(job.units)
     if job.line.nests > MAX_NODE_ID:
         raise UsageError("too-many-nests", nests=job.line.nests, limit=MAX_NODE_ID)
-    rates = rates_of(job, batch)
-    campaign = campaign_of(job.recipe, batch, job.seed, job.line)
+    rates = rates_of(job, part)
+    campaign = campaign_of(job.recipe, part, job.seed, job.line)
     scene, moving = _every_sample(campaign, rates)
-    made = SimulatedUnits(batch.units, job.base(batch.units), job.active(scene), scene)
+    made = SimulatedUnits(part.units, job.base(part.units), job.active(scene), scene)
     signal = signal_during_moves(sensor_signal(scene, made.active), moving, _plate(campaign, scene, moving))
     reading = device_output(job, signal, made.base, made.active)
     frames = Frames.join(_sent(job, layout, made, reading))
@@ -57,7 +57,7 @@ def node_of(unit: int, nests: int) -> int:
 
 
 def _every_sample(campaign: Campaign, rate_hz: Floats) -> tuple[Scene, NDArray[np.bool_]]:
-    """Every sample of every run from its first move to its last dwell, and which (n) are on the way to their stop."""
+    """Every sample of every run from its first move to its last dwell, and which (n) are on the way to their visit."""
     visits, since, first = [], [], 0
     for rate in rate_hz:
         for done in campaign.rounds:
@@ -97,9 +97,9 @@ def _sent(job: SimulationJob, layout: SensorLayout, made: SimulatedUnits, readin
         readings.append(encode.sample_frames(layout, node, time_ns[rows], reading[rows], first_count=count))
         slow = slice(rows.start, rows.stop, max(1, round(TEMPERATURE_EVERY_S * rate_hz)))
         temperatures.append(encode.temperature_frames(layout, node, time_ns[slow], shown[slow]))
-    seen, came = arrivals(scene, made.active, job.seed)
-    late_ns = np.rint(repetition_delay_s(seen) * 1e9).astype(np.int64)
-    return [replace(Frames.join(readings)[came], time_ns=time_ns[seen] + late_ns), *temperatures]
+    sent_index, arrived_index = arrivals(scene, made.active, job.seed)
+    late_ns = np.rint(repetition_delay_s(sent_index) * 1e9).astype(np.int64)
+    return [replace(Frames.join(readings)[arrived_index], time_ns=time_ns[sent_index] + late_ns), *temperatures]
 
 
 def _marks(campaign: Campaign, frames: Frames) -> Annotations:

@@ -68,7 +68,7 @@ class LiveUnit:
         return np.asarray(white + flicker_at(self._slow, time_s))
 
     def visits(self, went: Sequence[FixtureMove]) -> VisitTable:
-        """The stops of this run so far, for this unit, with the plate where it came to rest."""
+        """The visits of this run so far, for this unit, with the plate where it came to rest."""
         recipe = self._job.recipe
         stops = [w.stop for w in went]
         zero = np.zeros(len(stops), np.int32)
@@ -90,10 +90,10 @@ class LiveUnit:
         return acting
 
     def _told(self, scene: Scene) -> list[ActiveEffect]:
-        return [a for told in self._job.model_effects for a in told.acting(scene, self._job.seed)]
+        return [a for listed in self._job.model_effects for a in listed.acting(scene, self._job.seed)]
 
     def _coefficients(self, i: int, effect: Effect, name: str) -> Floats:
-        """Coefficients (axes) of one group; those of the planned stops are drawn together, as a campaign draws them."""
+        """Coefficients (axes) of one group; those of planned visits are drawn together, as a campaign draws them."""
         if (i, name) not in self._drawn:
             together = self._planned.get(name.partition(":")[0], ())
             names = together if name in together else (*together, name)

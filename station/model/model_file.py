@@ -123,11 +123,11 @@ def _for_all_groups(
         level, known = "visit", {}
     names = scene.group(level)[1]
     c = np.tile(neutral_coefficients(effect), (len(names), 1))
-    strange = [i for i, name in enumerate(names) if name not in known]
+    unknown = [i for i, name in enumerate(names) if name not in known]
     # A swapped axis is one unit's fault, a bumped stop is past: neither says anything of the others.
     spreads = effect.stage is not EffectStage.OUTPUT and not (known and level in ("run", "visit", "power-on"))
-    if strange and seed is not None and spreads:
-        c[strange] = replace(effect, size=rms).coefficients([names[i] for i in strange], seed)
+    if unknown and seed is not None and spreads:
+        c[unknown] = replace(effect, size=rms).coefficients([names[i] for i in unknown], seed)
     for i, name in enumerate(names):
         c[i] = known.get(name, c[i])
     return ActiveEffect(effect, c, level)

@@ -63,27 +63,29 @@ def after_bus_faults(sent: SampleTable, scene: Scene, active: ActiveEffects, see
 
     sent: rows as in the scene, sorted by unit.
     """
-    seen, came = arrivals(scene, active, seed)
-    if len(seen) == len(sent) and np.array_equal(came, seen):
+    sent_index, arrived_index = arrivals(scene, active, seed)
+    if len(sent_index) == len(sent) and np.array_equal(arrived_index, sent_index):
         return sent
-    rows = sent[seen]
-    values = {**rows.values, "counter": sent.values["counter"][came]}
-    return replace(rows, time_s=rows.time_s + repetition_delay_s(seen), reading=sent.reading[came], values=values)
+    rows = sent[sent_index]
+    values = {**rows.values, "counter": sent.values["counter"][arrived_index]}
+    return replace(
+        rows, time_s=rows.time_s + repetition_delay_s(sent_index), reading=sent.reading[arrived_index], values=values
+    )
 
 
 def arrivals(scene: Scene, active: ActiveEffects, seed: int) -> tuple[Array, Array]:
     """Of the frames sent, those whose instants are seen, and those whose payloads come then (both m)."""
-    seen = came = np.arange(len(scene))
+    sent_index = arrived_index = np.arange(len(scene))
     for acting in active.values():
         if isinstance(acting.effect, BusEffect):
-            order = _order(acting, acting.effect, scene, seen, seed)
-            seen, came = seen[np.sort(order)], came[order]
-    return seen, came
+            order = _order(acting, acting.effect, scene, sent_index, seed)
+            sent_index, arrived_index = sent_index[np.sort(order)], arrived_index[order]
+    return sent_index, arrived_index
 
 
-def repetition_delay_s(seen: Array) -> Floats:
+def repetition_delay_s(sent_index: Array) -> Floats:
     """How much later than the frame before a repeated frame is seen (m), s."""
-    return np.asarray(REPEAT_S * (np.diff(seen, prepend=-1) == 0))
+    return np.asarray(REPEAT_S * (np.diff(sent_index, prepend=-1) == 0))
 
 
 def _order(acting: ActiveEffect, effect: BusEffect, scene: Scene, rows: Array, seed: int) -> Array:

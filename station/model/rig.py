@@ -56,7 +56,7 @@ class Rig:
         self._begin(now_s)
 
     def go(self, stop: PlannedVisit, departs_s: float, arrives_s: float) -> None:
-        """The fixture moves to a stop. A stop of another run starts that run; another seating is clamped before the
+        """The fixture moves to a visit. A visit of another run starts that run; another seating is clamped before the
         warming up that the run asks for, and the power stays on."""
         if self._moves_done and self._moves_done[-1].arrives_s == np.inf:
             self._moves_done.clear()
@@ -137,7 +137,7 @@ class Rig:
         return self._conditions(bare, visit, time_s), active
 
     def _first(self) -> PlannedVisit:
-        """The recipe's first stop."""
+        """The recipe's first visit."""
         if not self._job.recipe.positions:
             raise UsageError("simulated-without-positions")
         return plan.planned_visits(self._job.recipe, 0)[0]

@@ -1,4 +1,4 @@
-"""What was done, when, and under which conditions: the stops, and the covariates of every sample.
+"""What was done, when, and under which conditions: the visits, and the covariates of every sample.
 
 A scene is made from a plan (`campaign.scene_of_plan`) or from a measured table (`scene_of_table`); the forward
 simulation cannot tell which. Its rows may also stand for blocks of samples at their mean times.
@@ -36,7 +36,7 @@ POWER_ON_TOLERANCE_S = 1.0
 class Scene:
     """Rows (n) at `visits` (v); visit (n) is the row's stop, time_s (n) counts from the start of the run.
 
-    since_arrival_s (n) counts from the arrival at the stop; temperature_degC, temperature_rate (degC/s),
+    since_arrival_s (n) counts from the arrival at the visit; temperature_degC, temperature_rate (degC/s),
     since_power_s, since_clamp_s, motor (drive level), started_s (n), or None where not known.
     """
 
@@ -57,7 +57,7 @@ class Scene:
 
     @staticmethod
     def of_units(recipe: Recipe, units: tuple[str, ...]) -> "Scene":
-        """A scene of one stop for each unit, no samples taken: for what is known before anything is measured."""
+        """A scene of one visit for each unit, no samples taken: for what is known before anything is measured."""
         count = len(units)
         one = Labels((recipe.positions[0].name if recipe.positions else "any",), np.zeros(count, np.int32))
         code, zero = np.arange(count, dtype=np.int32), np.zeros(count, np.int32)
@@ -110,7 +110,7 @@ class Signal:
 
     @property
     def step(self) -> Floats:
-        """Previous stop's resting vector minus this one's (n, 3); zero at the first stop of a run."""
+        """Previous visit's resting vector minus this one's (n, 3); zero at the first visit of a run."""
         previous = self.scene.visits.previous
         step = np.where(previous[:, None] >= 0, self.at_stop[previous] - self.at_stop, 0.0)
         return np.asarray(step[self.scene.visit])
@@ -197,5 +197,5 @@ def estimate_temperature_rate(
 
 
 def fit_temperature_slopes(time_s: Floats, temperature_degC: Floats, visits: VisitTable) -> list[TemperatureSlope]:
-    """The temperature's slope in each run, from times and means (v) of the stops."""
+    """The temperature's slope in each run, from times and means (v) of the visits."""
     return temperature_slopes([(time_s[rows], temperature_degC[rows]) for rows in visits.run_slices()])

@@ -53,13 +53,13 @@ class SimulationJob:
     @property
     def causes(self) -> tuple[Effect, ...]:
         """The causes of the model, and those asked for."""
-        return (*(told.build() for told in self.model_effects), *self.effects)
+        return (*(listed.build() for listed in self.model_effects), *self.effects)
 
     @property
     def model_effects(self) -> tuple[ModelEffect, ...]:
         """The causes of the model that are not asked for by name."""
-        asked = {effect.id for effect in self.effects}
-        return tuple(told for told in self.model.effects if told.effect not in asked)
+        requests = {effect.id for effect in self.effects}
+        return tuple(listed for listed in self.model.effects if listed.effect not in requests)
 
     @property
     def needs_gold(self) -> bool:
@@ -70,23 +70,23 @@ class SimulationJob:
     @property
     def noise(self) -> Noise:
         """Noise of the units."""
-        said = self.model.noise
-        density = noise_density_of(self.recipe) if said.density is None else said.density
-        return Noise(density, FLICKER_RATIO * density if said.flicker is None else said.flicker)
+        stated = self.model.noise
+        density = noise_density_of(self.recipe) if stated.density is None else stated.density
+        return Noise(density, FLICKER_RATIO * density if stated.flicker is None else stated.flicker)
 
     def base(self, units: Sequence[str]) -> BaseResponse:
         """Offset and gain of each unit, from its own random stream."""
-        said, size = self.model.spread, stimulus_strength(self.recipe)
-        offset_std = OFFSET_STD * size if said.offset_std is None else said.offset_std
-        gain_std = GAIN_STD if said.gain_std is None else said.gain_std
-        std = np.where(np.eye(3) > 0, gain_std, said.cross_std or 0.0)
+        stated, size = self.model.spread, stimulus_strength(self.recipe)
+        offset_std = OFFSET_STD * size if stated.offset_std is None else stated.offset_std
+        gain_std = GAIN_STD if stated.gain_std is None else stated.gain_std
+        std = np.where(np.eye(3) > 0, gain_std, stated.cross_std or 0.0)
         draws = np.array([random_stream(self.seed, "unit", name).standard_normal(12) for name in units])
         return BaseResponse(offset_std * draws[:, :3], np.eye(3) + std * draws[:, 3:].reshape(-1, 3, 3))
 
     def active(self, scene: Scene, kind: type[Effect] = Effect) -> dict[str, ActiveEffect]:
         """The causes of a kind at work in a scene: those of the model, and those asked for."""
-        told = [a for told in self.model_effects for a in told.acting(scene, self.seed)]
-        acting = [a for a in told if isinstance(a.effect, kind)]
+        listed = [a for listed in self.model_effects for a in listed.acting(scene, self.seed)]
+        acting = [a for a in listed if isinstance(a.effect, kind)]
         for effect in self.effects:
             if isinstance(effect, kind):
                 of = effect.of[0]
@@ -155,10 +155,10 @@ def _with_form(effect: Effect, form: Mapping[str, str]) -> Effect:
     return replace(effect, **found)
 
 
-def parse_effects(asked: Sequence[str], recipe: Recipe) -> tuple[Effect, ...]:
+def parse_effects(requests: Sequence[str], recipe: Recipe) -> tuple[Effect, ...]:
     """Causes as a person asks for them, ID or ID=SIZE, each with parameters of its form behind commas
     (warm-up=5e-4,time_constant_s=60); UsageError also for one that is asked for twice."""
-    pairs = [_split_request(text) for text in asked]
+    pairs = [_split_request(text) for text in requests]
     names = [name for name, _, _ in pairs]
     for name in names:
         if names.count(name) > 1:
@@ -195,17 +195,17 @@ def _samples_of_a_unit(job: SimulationJob) -> int:
     return max(round(float(campaign.dwell_s().sum()) * job.recipe.device.rate_hz), 1)
 
 
-def simulate_part(job: SimulationJob, batch: FleetPart) -> SimulatedCampaign:
+def simulate_part(job: SimulationJob, fleet_part: FleetPart) -> SimulatedCampaign:
     """Some units of a settled job."""
-    rates = rates_of(job, batch)
-    scene = campaign_of(job.recipe, batch, job.seed, job.line).dwells(rates)
-    active, base = job.active(scene), job.base(batch.units)
+    rates = rates_of(job, fleet_part)
+    scene = campaign_of(job.recipe, fleet_part, job.seed, job.line).dwells(rates)
+    active, base = job.active(scene), job.base(fleet_part.units)
     signal = sensor_signal(scene, active)
     table = recording.samples_table(scene, device_output(job, signal, base, active), rates, job.seed)
     if job.needs_gold:
         table = replace(table, gold=recording.gold_readings(signal, active, job.noise, job.seed))
     return SimulatedCampaign(
-        batch.units, base, active, scene, recording.after_bus_faults(table, scene, active, job.seed)
+        fleet_part.units, base, active, scene, recording.after_bus_faults(table, scene, active, job.seed)
     )
 
 
@@ -223,13 +223,13 @@ def by_data_sheet(recipe: Recipe, reading: Floats) -> Floats:
     return np.asarray(np.round(reading / sheet.lsb) * sheet.lsb) if sheet.lsb > 0 else reading
 
 
-def rates_of(job: SimulationJob, batch: FleetPart) -> Floats:
+def rates_of(job: SimulationJob, fleet_part: FleetPart) -> Floats:
     """True sample rate of each unit (U), Hz: within half the clock's tolerance, unless a clock is off."""
     sheet = job.recipe.device
-    within = np.array([random_stream(job.seed, "clock", name).uniform(-0.5, 0.5) for name in batch.units])
+    within = np.array([random_stream(job.seed, "clock", name).uniform(-0.5, 0.5) for name in fleet_part.units])
     rates = sheet.rate_hz * (1 + 1e-6 * sheet.clock_tolerance_ppm * within)
     if any(isinstance(effect, ClockEffect) for effect in job.causes):
-        scene = Scene.of_units(job.recipe, batch.units)
+        scene = Scene.of_units(job.recipe, fleet_part.units)
         for acting in job.active(scene, ClockEffect).values():
             if isinstance(acting.effect, ClockEffect):
                 rates = acting.effect.apply(rates, acting.by_visit(scene))

@@ -1,7 +1,7 @@
 """How fast a recorded temperature changes, and how well that is known.
 
 Within a run T = β₀ + β₁ t + f(t) + noise, f an integrated Wiener process: the cubic smoothing spline (Wahba 1978). Its
-stiffness is the one that restricted likelihood prefers over all runs; the slope at each stop is its conditional mean,
+stiffness is the one that restricted likelihood prefers over all runs; the slope at each visit is its conditional mean,
 and what is not known of it its conditional covariance.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from station.domain.core.types import Array, Floats
 
-#: Stiffness tried: variance of f over a whole run beside that of the noise of a stop.
+#: Stiffness tried: variance of f over a whole run beside that of the noise of a visit.
 STIFFNESS_RATIOS = np.geomspace(1e-2, 1e8, 21)
 #: Runs that the stiffness is judged by, at most.
 MAX_LIKELIHOOD_RUNS = 48
@@ -21,14 +21,14 @@ MODES = 3
 
 
 class RunTemperatures(NamedTuple):
-    """Times (r, n) from the first one as parts of the longest run, and mean temperatures (r, n), of runs of n stops."""
+    """Times (r, n) from the first one as parts of the longest run, mean temperatures (r, n), of runs of n visits."""
 
     time: Floats
     value: Floats
 
 
 class TemperatureSlope(NamedTuple):
-    """Slope (n) at each stop of a run, and modes (n, MODES) of its error: their sum, each times a standard normal
+    """Slope (n) at each visit of a run, and modes (n, MODES) of its error: their sum, each times a standard normal
     number, is the error."""
 
     slope: Floats
@@ -36,15 +36,15 @@ class TemperatureSlope(NamedTuple):
 
 
 def temperature_slopes(runs: Sequence[tuple[Floats, Floats]]) -> list[TemperatureSlope]:
-    """The slopes of runs, each given as times (n) in s and means (n) of its stops."""
+    """The slopes of runs, each given as times (n) in s and means (n) of its visits."""
     longest = max((float(np.ptp(t)) for t, _ in runs), default=0.0) or 1.0
-    alike: dict[int, list[int]] = {}
+    by_length: dict[int, list[int]] = {}
     for i, (t, _) in enumerate(runs):
-        alike.setdefault(len(t), []).append(i)
-    scaled = {n: _stacked([runs[i] for i in places], longest) for n, places in alike.items()}
+        by_length.setdefault(len(t), []).append(i)
+    scaled = {n: _stacked([runs[i] for i in places], longest) for n, places in by_length.items()}
     ratio, noise = _stiffness(list(scaled.values()))
     found: dict[int, TemperatureSlope] = {}
-    for n, places in alike.items():
+    for n, places in by_length.items():
         slope, modes = _slope(scaled[n], ratio, noise)
         found.update(
             {i: TemperatureSlope(s / longest, m / longest) for i, s, m in zip(places, slope, modes, strict=True)}
@@ -58,13 +58,13 @@ def _stacked(runs: Sequence[tuple[Floats, Floats]], longest: float) -> RunTemper
 
 
 def _stiffness(kinds: Sequence[RunTemperatures]) -> tuple[float, float]:
-    """The ratio that restricted likelihood prefers, and the standard deviation of a stop's noise."""
+    """The ratio that restricted likelihood prefers, and the standard deviation of a visit's noise."""
     long = [runs for runs in kinds if runs.time.shape[1] > 2]
     if not long:
         return 1.0, 0.0
-    alike = max(long, key=lambda runs: len(runs.time))
-    every = max(1, len(alike.time) // MAX_LIKELIHOOD_RUNS)
-    judges = RunTemperatures(alike.time[::every], alike.value[::every])
+    by_length = max(long, key=lambda runs: len(runs.time))
+    every = max(1, len(by_length.time) // MAX_LIKELIHOOD_RUNS)
+    judges = RunTemperatures(by_length.time[::every], by_length.value[::every])
     logdet, squares = _likelihoods(judges)
     free = len(judges.time) * (judges.time.shape[1] - 2)
     variance = np.maximum(squares / free, 1e-24)

@@ -1,4 +1,4 @@
-"""The timeline of a run: when the rig arrives at each stop, and how long it stays."""
+"""The timeline of a run: when the rig arrives at each visit, and how long it stays."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,7 +19,7 @@ DEFAULT_NOISE_DENSITY = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunTimeline:
-    """One run of the recipe as every unit lives it: names, arrivals (s from the run's start) and dwells of its stops
+    """One run of the recipe as every unit lives it: names, arrivals (s from the run's start) and dwells of its visits
     (v)."""
 
     position: tuple[str, ...]
@@ -33,7 +33,7 @@ class RunTimeline:
 
 
 def visit_dwells_s(recipe: Recipe) -> Floats:
-    """How long each stop of all runs is measured, s; with `until_std` as long as the sheet's white noise needs."""
+    """How long each visit of all runs is measured, s; with `until_std` as long as the sheet's white noise needs."""
     return adaptive_dwell.planned_dwells_s(recipe, noise_density_of(recipe) ** 2 / 2)
 
 

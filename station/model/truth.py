@@ -22,9 +22,9 @@ class Truth:
             self.units.append({"serial": name, "offset": offset.tolist(), "matrix": matrix.tolist()})
         for key, acting in part.active.items():
             names = part.scene.group(acting.of)[1]
-            told = acting.effect.parameter_rows(names, acting.coefficients, self.job.recipe.unit)
+            rows = acting.effect.parameter_rows(names, acting.coefficients, self.job.recipe.unit)
             # Parts of a fleet share what is common; it is told once.
-            self.effects.setdefault(key, {}).update({(p["name"], p["axis"], p["of"]): p for p in told})
+            self.effects.setdefault(key, {}).update({(p["name"], p["axis"], p["of"]): p for p in rows})
 
     def document(self) -> dict[str, Any]:
         """In the parameter form of docs/formats.md {name, axis, of, value, unit}.
@@ -41,8 +41,8 @@ class Truth:
             "noise": {"density": noise.density, "flicker": noise.flicker},
             "units": self.units,
             "effects": [
-                {"effect": key.partition("/")[2], "parameters": list(told.values())}
-                for key, told in self.effects.items()
+                {"effect": key.partition("/")[2], "parameters": list(rows.values())}
+                for key, rows in self.effects.items()
             ],
         }
 

@@ -1,4 +1,4 @@
-"""The stops of a scene as arrays: who, where, in which order, and how the part stood."""
+"""The visits of a scene as arrays: who, where, in which order, and how the part stood."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ GROUP_LABELS = ("station", "nest", "lot", "operator")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VisitTable:
-    """Stops (v), sorted by unit, run and visit.
+    """Visits (v), sorted by unit, run and visit.
 
     unit, position, seating (Labels); run, visit (v); groups: those of station, nest, lot, operator that are known;
     nest_R (v, 3, 3) nest → station; seat_R (v, 3, 3) device → nest; stimulus (v, 3) in the station's frame (a
@@ -92,7 +92,7 @@ def visit_table(
     visit: NDArray[np.int32],
     labels: Mapping[str, Labels],
 ) -> VisitTable:
-    """Stops with their orientations from the recipe; rows sorted by unit, run, visit. Poses not known are NaN.
+    """Visits with their orientations from the recipe; rows sorted by unit, run, visit. Poses not known are NaN.
 
     labels: position, and what is known of seating, station, nest, lot and operator.
     """

@@ -64,7 +64,7 @@ def test_the_first_screen_says_what_is_wrong(made: Made) -> None:
     assert made.told["causes"][0]["effect"] == "nest-tilt"
     first = made.html[: made.html.index("<section")]
     assert "cause found" in first
-    assert "The nest holds every part turned by the same small angle" in first
+    assert "The nest holds every part at the same wrong angle" in first
     assert "mrad" in first
     assert first.count("<svg") == 1
 

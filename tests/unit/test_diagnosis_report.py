@@ -157,7 +157,7 @@ def test_what_cannot_be_told_apart_is_never_named_as_if_certain() -> None:
     run["certainty"] = 0.999
     cause = a_cause("warm-up", indistinguishable_from=["clamp-creep"])
     page = build_page(some_data("named", [cause], next_run=run))
-    assert page.sentence.startswith("These data cannot tell warm-up from clamp-creep. Most likely: after power-on")
+    assert page.sentence.startswith("These data cannot tell warm-up from clamp-creep. Most likely: the device")
     assert page.do.startswith("Measure again with one run 10 degC warmer (3.1 min)")
     assert page.do.endswith("to separate warm-up, clamp-creep. Chance that a single cause is named then: 99 %.")
     assert "d·√κ < 3.3" in section(page, "not-told-apart").text[0]
@@ -173,7 +173,7 @@ def test_of_several_causes_the_largest_leads_and_each_has_its_section() -> None:
     small = a_cause("cubic")
     small["gain"] = {**small["gain"], "rms_before": 9e-5}
     page = build_page(some_data("named", [small, a_cause("nest-tilt", ("nest:N1",))]))
-    assert page.sentence.startswith("The nest holds every part turned")
+    assert page.sentence.startswith("The nest holds every part at the same wrong angle")
     assert "on nest N1" in page.sentence
     assert page.sentence.endswith("Another cause was found: cubic.")
     assert {"cause-1", "cause-2"} <= {s.name for s in page.sections}

@@ -82,8 +82,8 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     input_checks.check(recipe, table)
     inspected = inspect(recipe, recut(recipe, table).table)
     input_checks.check_unclipped(table, inspected.table)
-    told = {effect.effect for effect in model.effects}
-    news = tuple(f for f in inspected.faults if f.effect not in told)
+    known = {effect.effect for effect in model.effects}
+    news = tuple(f for f in inspected.faults if f.effect not in known)
     reduced = reduce_samples(recipe, inspected.table)
     problem = initial_problem(reduced, FloorAllowance.of(recipe, model), matrix=model.calibration == "matrix")
     problem = with_model(problem, model)
@@ -151,14 +151,14 @@ def _floor_gain(finding: CauseFinding, rms: float) -> HeldOutGain:
 
 
 def residual_rms(problem: ScoringProblem) -> float:
-    """Rms of measured − simulated over the stops, in the recipe's unit, once everything known is fitted."""
+    """Rms of measured − simulated over the visits, in the recipe's unit, once everything known is fitted."""
     rows = problem.view.readings().stop[..., 0]
     live = problem.structure.pad[problem.structure.member] == 0
     return float(np.sqrt(np.mean(rows[live] ** 2))) if live.any() else 0.0
 
 
 def floor_rms(problem: ScoringProblem, floor: FittedFloor) -> float:
-    """Rms of a stop's mean that the noise floor alone makes, the walk apart."""
+    """Rms of a visit's mean that the noise floor alone makes, the walk apart."""
     parts = problem.structure.parts
     diagonal = np.einsum("i,cijj->cj", floor.floor.variances * np.array([1.0, 1.0, 0.0]), parts)
     live = problem.structure.pad == 0

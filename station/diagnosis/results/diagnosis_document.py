@@ -64,7 +64,7 @@ def document(
 
 
 def within_visit_rms(d: Diagnosis) -> float:
-    """Rms of a stop's mean that the scatter of its own samples makes: what is left where no floor may be trusted."""
+    """Rms of a visit's mean that the scatter of its own samples makes: what is left where no floor may be trusted."""
     view = d.search_result.first.view
     return float(view.sigma / np.sqrt(view.reduced.count.sum(1).mean()))
 

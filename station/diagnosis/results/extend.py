@@ -21,10 +21,10 @@ def extend_model(model: Model, d: Diagnosis) -> Model:
 
 
 def _fault_effect(f: GrossFault) -> ModelEffect:
-    told = tuple(
+    parameters = tuple(
         ModelParameter(name=n.name, axis=n.axis, of=n.of, value=n.value, std=n.std, unit=n.unit) for n in f.numbers
     )
-    return ModelEffect(effect=f.effect, parameters=told)
+    return ModelEffect(effect=f.effect, parameters=parameters)
 
 
 def _cause_effects(c: Cause, d: Diagnosis) -> Iterator[ModelEffect]:

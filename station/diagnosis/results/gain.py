@@ -1,9 +1,9 @@
 """What a cause gains on data it did not fit.
 
-The white rows of the stops are independent, so a part of them can be held out and predicted from the rest. What is
-held out respects the cause: stops where each unit has its own coefficient, units where all share one (the held-out
-unit then keeps only its own calibration), samples where one stop alone is hit. The score is the logarithmic one, its
-standard error that of the sum of the paired differences of the stops.
+The white rows of the visits are independent, so a part of them can be held out and predicted from the rest. What is
+held out respects the cause: visits where each unit has its own coefficient, units where all share one (the held-out
+unit then keeps only its own calibration), samples where one visit alone is hit. The score is the logarithmic one, its
+standard error that of the sum of the paired differences of the visits.
 """
 
 from collections.abc import Iterator
@@ -19,11 +19,11 @@ from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 
-#: Parts into which stops or units are dealt, and the fewest units that can be held out in turn.
+#: Parts into which visits or units are dealt, and the fewest units that can be held out in turn.
 FOLDS, MIN_HELD_OUT_UNITS = 6, 3
 #: Covariates that change slowly and steadily from stop to stop.
 SLOW_COVARIATES = frozenset({"time_s", "temperature_degC", "temperature_rate", "since_power_s", "since_clamp_s"})
-#: Pairs into which one stop's data are split by noise.
+#: Pairs into which one visit's data are split by noise.
 FISSIONS = 4
 
 
@@ -92,7 +92,7 @@ def _held_out_by(problem: ScoringProblem, item: AcceptedCause) -> str:
 
 
 def _folds(problem: ScoringProblem, by: str) -> Iterator[Floats]:
-    """Which stops (U, R, V) are held out, 1, in turn."""
+    """Which visits (U, R, V) are held out, 1, in turn."""
     slot = problem.view.grid.slot
     U, R, V = slot.shape
     if by == "unit":
@@ -111,7 +111,7 @@ def _folds(problem: ScoringProblem, by: str) -> Iterator[Floats]:
 
 
 class _Prediction(NamedTuple):
-    """half_squares (U, R, V) of the held-out stops' white rows; these rows (U, M); raw: sum of squares of readings."""
+    """half_squares (U, R, V) of the held-out visits' white rows; these rows (U, M); raw: sum of squares of readings."""
 
     half_squares: Floats
     rows: Floats
@@ -136,7 +136,7 @@ class _HeldOutTest:
         )
 
     def predicted(self, held: Floats, by: str) -> "_Prediction":
-        """What is left of the held-out stops."""
+        """What is left of the held-out visits."""
         held_rows = self._rows(held)
         if by == "sample":
             return self._split_by_noise(held)
@@ -147,7 +147,7 @@ class _HeldOutTest:
         return _Prediction(0.5 * self._by_visit(white**2), self._measured(white), self._raw(solved, held))
 
     def _split_by_noise(self, held: Floats) -> "_Prediction":
-        """The same for one stop: two data sets of twice the variance are made by adding and taking off noise, which
+        """The same for one visit: two data sets of twice the variance are made by adding and taking off noise, which
         are independent; the one is fitted, the other judged, and the other way round (data fission, Leiner et al.
         2023). Some such pairs are averaged, so that hardly anything depends on the noise added."""
         rng = np.random.default_rng(0)
@@ -172,7 +172,7 @@ class _HeldOutTest:
         return replace(solved, own=solve(bare).own)
 
     def _rows(self, stops: Floats) -> Floats:
-        """A value of each stop (U, R, V) for each of its white rows (U, M), 0 for those of the priors."""
+        """A value of each visit (U, R, V) for each of its white rows (U, M), 0 for those of the priors."""
         U = len(stops)
         flat = stops.reshape(U, -1)
         stop = np.repeat(flat, self.white.stops // flat.shape[1], axis=1)

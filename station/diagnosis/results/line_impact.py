@@ -21,7 +21,7 @@ from station.model.scene import visits_scene_of_table
 
 #: A thousandth of a recipe's unit, as a line speaks of it.
 MILLI_UNITS = {"g": "mg", "uT": "nT", "deg/s": "mdeg/s"}
-#: Limits of coefficients and stops; without any of them there is no verdict to change.
+#: Limits of coefficients and visits; without any of them there is no verdict to change.
 JUDGED_LIMITS = ("offset", "gain", "cross_axis", "residual", "consistency", "tilt_deg")
 
 
@@ -74,7 +74,7 @@ def assess_line_impact(d: Diagnosis, today: str) -> LineImpact | None:
 
 
 def cause_contribution(problem: ScoringProblem, i: int) -> tuple[Floats, Floats]:
-    """What an accepted cause adds to the means of the stops (v, 3) and to their contrasts (v, B−1, 3)."""
+    """What an accepted cause adds to the means of the visits (v, 3) and to their contrasts (v, B−1, 3)."""
     with_it, without = problem.view.simulated(), problem.without(i).view.simulated()
     return with_it[0] - without[0], with_it[1] - without[1]
 

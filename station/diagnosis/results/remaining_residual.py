@@ -1,5 +1,5 @@
 """What is left once calibrations and causes are at their best: the figure beside the residual of the simulation as it
-was, taken the same way, by plain least squares over the stops."""
+was, taken the same way, by plain least squares over the visits."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from station.domain.core.types import Floats
 
 
 def remaining_rms(problem: ScoringProblem) -> float:
-    """Rms of measured − simulated over the stops, recipe's unit, every stop alike and every coefficient free."""
+    """Rms of measured − simulated over the visits, recipe's unit, every visit alike and every coefficient free."""
     own, shared = (_rows(part.stop) for part in (problem.known.own, problem.known.shared))
     data = _rows(problem.view.readings().stop)[..., 0]
     white = WhiteRows(own, shared, data, data.shape[1], 0)

@@ -1,4 +1,4 @@
-"""The axes come out swapped or with the wrong sign: the part is mounted turned, or the decoding is wrong.
+"""The axes are swapped or have the wrong sign: the part is mounted turned, or the decoding is wrong.
 
 The coefficient is a number in MAPPINGS; the mapping -y,x,z means that −y stands on x, x on y, z on z.
 
@@ -40,7 +40,7 @@ MATRICES = np.array([matrix_of(mapping) for mapping in MAPPINGS])
 class AxisPermutation(OutputEffect):
     """What stands on x, y, z, per unit."""
 
-    physics = "The axes come out swapped or with the wrong sign: the part is mounted turned, or the decoding is wrong."
+    physics = "The axes are swapped or have the wrong sign: the part is mounted turned, or the decoding is wrong."
     remedy = "check how the unit sits in its nest, and the axes in the decoding, before anything else"
     shown_by = "state the orientation of every position in the recipe"
     drawn_over = "expected"

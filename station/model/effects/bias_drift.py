@@ -1,4 +1,4 @@
-"""The offset creeps evenly with time, whatever the temperature does.
+"""The offset drifts linearly with time, whatever the temperature does.
 
 reading_i gains c_i · t, t from the start of the run.
 
@@ -22,7 +22,7 @@ from station.model.scene import Signal
 class BiasDrift(SensorEffect):
     """Rate of the offset, per unit and axis."""
 
-    physics = "The offset creeps evenly with time, whatever the temperature does."
+    physics = "The offset drifts linearly with time, whatever the temperature does."
     remedy = "calibrate offsets at the middle of the run, or return to one position and subtract the drift"
     shown_by = "add visits to a run, and return to one position"
     drawn_over = "time"

@@ -1,6 +1,6 @@
-"""The offset wanders at random: each stop adds a small step to all that came before.
+"""The offset wanders at random: each visit adds a small step to those before.
 
-reading_i gains the sum of the run's steps so far, this stop's included. It belongs to the noise floor.
+reading_i gains the sum of the run's steps so far, this visit's included. It belongs to the noise floor.
 
 >>> import numpy as np
 >>> from station.model.scene import Signal
@@ -22,7 +22,7 @@ from station.model.scene import Scene, Signal
 class BiasWalk(SensorEffect):
     """Standard deviation of a step; coefficients are the steps themselves, per visit and axis."""
 
-    physics = "The offset wanders at random: each stop adds a small step to all that came before."
+    physics = "The offset wanders at random: each visit adds a small step to those before."
     remedy = "dwell longer, visit positions twice, and ask the supplier about low-frequency noise"
     shown_by = "return to one position within a run"
     drawn_over = "order"

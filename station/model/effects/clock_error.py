@@ -1,4 +1,4 @@
-"""The device's oscillator is off, and with it the rate at which it samples.
+"""The device's oscillator is off, and with it its sample rate.
 
 rate = rate of the data sheet · (1 + c). A dwell's values cannot show it; the frames counted by the host's clock can.
 
@@ -19,7 +19,7 @@ from station.model.effect import SINGLE_COEFFICIENT, ClockEffect, Parameter
 class ClockError(ClockEffect):
     """Relative error of the rate, per unit."""
 
-    physics = "The device's oscillator is off, and with it the rate at which it samples."
+    physics = "The device's oscillator is off, and with it its sample rate."
     remedy = "take time from the host's clock, and ask the supplier about the oscillator"
     shown_by = "state `device.rate_hz` in the recipe, and dwell longer"
     drawn_over = "unit"

@@ -1,4 +1,4 @@
-"""The axes are not square to each other: each reads a little of the other two, alike both ways.
+"""The axes are not orthogonal: each reads a little of the other two, symmetrically.
 
 reading_i gains s_ij · a_j and reading_j gains s_ij · a_i. The other half, unlike both ways, is `package-rotation`.
 
@@ -21,7 +21,7 @@ from station.model.scene import Signal
 class CrossAxis(SensorEffect):
     """Coefficient of the other axis, per unit and pair of axes."""
 
-    physics = "The axes are not square to each other: each reads a little of the other two, alike both ways."
+    physics = "The axes are not orthogonal: each reads a little of the other two, symmetrically."
     remedy = "calibrate with method n-point, which takes the angles between the axes out"
     shown_by = "add positions that load two axes at once"
     drawn_over = "other-axis"

@@ -1,4 +1,4 @@
-"""A reading grows with the product of its own axis and another: a side load changes the gain.
+"""The reading has a term in the product of its own axis and another: a side load changes the gain.
 
 reading_i gains c · a_i · a_j; axis x:y means on x, of x · y. At six faces one of them is 0.
 
@@ -22,7 +22,7 @@ from station.model.scene import Signal
 class CrossQuadratic(SensorEffect):
     """Coefficient of a_i · a_j, per unit and pair."""
 
-    physics = "A reading grows with the product of its own axis and another: a side load changes the gain."
+    physics = "The reading has a term in the product of its own axis and another: a side load changes the gain."
     remedy = "add the product of two axes to the compensation, or ask the supplier about the lot"
     shown_by = "add positions at edges and corners: at six faces the product is zero"
     drawn_over = "input-product"

@@ -1,4 +1,4 @@
-"""A reading grows with the cube of what the axis feels: the spring stiffens.
+"""The reading has a cubic term in what the axis feels: the spring stiffens.
 
 reading_i gains c_i · a_i³. At six faces it is the same as a gain; it takes tilts between them to tell.
 
@@ -21,7 +21,7 @@ from station.model.scene import Signal
 class Cubic(SensorEffect):
     """Coefficient of a³, per unit and axis."""
 
-    physics = "A reading grows with the cube of what the axis feels: the spring stiffens."
+    physics = "The reading has a cubic term in what the axis feels: the spring stiffens."
     remedy = "add the cube to the compensation, or ask the supplier about the lot"
     shown_by = "add positions at 45°: at six faces a cube is a gain"
     drawn_over = "input"

@@ -1,6 +1,6 @@
-"""Somebody bumps the rig, or a part is not pushed home: one stop is wrong.
+"""One visit is wrong: somebody bumped the rig, or the part is not fully seated.
 
-Rotation vector in the nest's frame, right-handed, at one stop in fifty, and at least at one.
+Rotation vector in the nest's frame, right-handed, at one visit in fifty, and at least at one.
 
 >>> import numpy as np
 >>> DisturbedVisit.example().apply(np.array([[0.0, 0.0, 0.001]]))
@@ -20,7 +20,7 @@ from station.model.effect import Parameter, PoseEffect
 class DisturbedVisit(PoseEffect):
     """Angle about each axis of the nest, per visit."""
 
-    physics = "Somebody bumps the rig, or a part is not pushed home: one stop is wrong."
+    physics = "One visit is wrong: somebody bumped the rig, or the part is not fully seated."
     remedy = "run these units again, and find who or what touches the rig"
     shown_by = "make more than one visit a unit"
     drawn_over = "visits"
@@ -31,6 +31,6 @@ class DisturbedVisit(PoseEffect):
     size: float = parameter.typical
 
     def coefficients(self, names: Sequence[str], seed: int) -> Floats:
-        """Angles (visits, 3), zero at the stops that are spared."""
+        """Angles (visits, 3), zero at the visits that are spared."""
         drawn = super().coefficients(names, seed)
         return np.where(self.draw_hits(names, seed, 0.02)[:, None], drawn, 0.0)

@@ -1,4 +1,4 @@
-"""The device's low-pass filter has not yet forgotten the last orientation.
+"""The device's low-pass filter still holds part of the last orientation.
 
 What it passes on gains c_i · (previous − present) · e^(−t/τ), t since arrival. A linear filter and a gain can change
 places, so it acts where `settling` does: without ringing the two differ only in whose coefficient it is.
@@ -24,7 +24,7 @@ from station.model.scene import Signal
 class FilterLag(StimulusEffect):
     """Fraction of the step that is left on arrival, per unit and axis."""
 
-    physics = "The device's low-pass filter has not yet forgotten the last orientation."
+    physics = "The device's low-pass filter still holds part of the last orientation."
     remedy = "lengthen `settle.time_s` in the recipe, or set a faster filter while calibrating"
     shown_by = "set `settle.time_s` to 0, so that the dwell begins during the move's last swing"
     drawn_over = "dwell"

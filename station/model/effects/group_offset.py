@@ -1,4 +1,4 @@
-"""All that is measured at one nest, by one operator, at one station or from one lot reads the same amount off.
+"""All readings of one nest, operator, station or lot share an offset.
 
 reading_i gains c_i of the group. Where a unit is always in the same group it is the same as the unit's own offset.
 
@@ -22,9 +22,7 @@ from station.model.scene import Signal
 class GroupOffset(SensorEffect):
     """Offset, per nest (or operator, station, lot) and axis."""
 
-    physics = (
-        "All that is measured at one nest, by one operator, at one station or from one lot reads the same amount off."
-    )
+    physics = "All readings of one nest, operator, station or lot share an offset."
     remedy = "measure the same unit at both places to find the one that is wrong"
     shown_by = "measure the same unit at both places, and record `station`, `nest`, `lot`, `operator`"
     drawn_over = "group"

@@ -1,6 +1,6 @@
-"""The reading remembers the stop before: the suspension does not quite come back.
+"""The reading depends on the previous position: the suspension does not fully return.
 
-reading_i gains c_i · (previous − present), of the resting vectors; nothing at the first stop of a run.
+reading_i gains c_i · (previous − present), of the resting vectors; nothing at the first visit of a run.
 
 >>> import numpy as np
 >>> from types import SimpleNamespace
@@ -22,7 +22,7 @@ from station.model.scene import Signal
 class Hysteresis(SensorEffect):
     """Fraction of the step that stays, per unit and axis."""
 
-    physics = "The reading remembers the stop before: the suspension does not quite come back."
+    physics = "The reading depends on the previous position: the suspension does not fully return."
     remedy = "go round in both directions and average, or ask the supplier about the lot"
     shown_by = "add a run in reversed order"
     drawn_over = "step"

@@ -1,4 +1,4 @@
-"""A position of the rig is off by the same angle, each time and for every unit.
+"""A position of the rig is off by the same angle every time and for every unit.
 
 Rotation vector in the nest's frame, right-handed. One unit cannot tell it from `repeatability`.
 
@@ -16,7 +16,7 @@ from station.model.effect import Parameter, PoseEffect
 class IndexingError(PoseEffect):
     """Angle about each axis of the nest, per position."""
 
-    physics = "A position of the rig is off by the same angle, each time and for every unit."
+    physics = "A position of the rig is off by the same angle every time and for every unit."
     remedy = "measure the positioner's angles and enter them in the recipe, or have the index serviced"
     shown_by = "measure two units or more, and one run in reversed order"
     drawn_over = "position"

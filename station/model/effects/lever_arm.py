@@ -1,4 +1,4 @@
-"""The fixture still turns a little on arrival, and the sensor feels it because it sits away from the axis.
+"""The fixture still turns on arrival, and the sensor, away from the axis, feels it.
 
 a_i gains A_i · e^(−t/τ), t since arrival: ω²r while ω dies away. At constant ω it could not be told from an offset.
 
@@ -22,7 +22,7 @@ from station.model.scene import Signal
 class LeverArm(StimulusEffect):
     """Acceleration at arrival, per nest (each sits elsewhere) and axis."""
 
-    physics = "The fixture still turns a little on arrival, and the sensor feels it because it sits away from the axis."
+    physics = "The fixture still turns on arrival, and the sensor, away from the axis, feels it."
     remedy = "wait for the full stop: lengthen `settle.time_s` in the recipe"
     shown_by = "set `settle.time_s` to 0, so that the dwell begins during the move's last swing"
     drawn_over = "dwell"

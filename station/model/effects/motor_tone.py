@@ -1,4 +1,4 @@
-"""A motor of the line shakes the fixture at one frequency; the device samples it, and it may alias.
+"""A motor of the line shakes the fixture at one frequency; sampling may alias it.
 
 a_i gains A_i · motor · sin(2πft + φ), t on the clock of the whole campaign, taken at the instants of the samples.
 
@@ -24,7 +24,7 @@ from station.model.scene import Signal
 class MotorTone(StimulusEffect):
     """Amplitude at full drive, per axis, common to the line."""
 
-    physics = "A motor of the line shakes the fixture at one frequency; the device samples it, and it may alias."
+    physics = "A motor of the line shakes the fixture at one frequency; sampling may alias it."
     remedy = "switch the motor off while measuring, or change the sample rate so that the tone averages out"
     shown_by = "record `motor` and `started_s`, with the motors on in one run and off in another"
     drawn_over = "spectrum"

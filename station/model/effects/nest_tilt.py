@@ -1,4 +1,4 @@
-"""The nest holds every part turned by the same small angle: a worn or badly shimmed seat.
+"""The nest holds every part at the same wrong angle: a worn or badly shimmed seat.
 
 Rotation vector in the nest's frame, right-handed, between the plate and the part. The gold sits in the nest too.
 
@@ -16,7 +16,7 @@ from station.model.effect import Parameter, PoseEffect
 class NestTilt(PoseEffect):
     """Angle about each axis of the nest, per nest."""
 
-    physics = "The nest holds every part turned by the same small angle: a worn or badly shimmed seat."
+    physics = "The nest holds every part at the same wrong angle: a worn or badly shimmed seat."
     remedy = "shim or replace the seat of the nest, then measure its orientation again"
     shown_by = "add a run with the units turned in the nest (`seating`), or use several nests"
     drawn_over = "position"

@@ -1,4 +1,4 @@
-"""The sensor sits turned in its housing: soldered askew.
+"""The sensor sits rotated in its housing: soldered askew.
 
 Rotation vector in the device's frame, right-handed: R becomes R · exp(ε). Its mean is the same as `nest-tilt`.
 
@@ -16,7 +16,7 @@ from station.model.effect import Parameter, PoseEffect
 class PackageRotation(PoseEffect):
     """Angle about each axis of the device, per unit."""
 
-    physics = "The sensor sits turned in its housing: soldered askew."
+    physics = "The sensor sits rotated in its housing: soldered askew."
     remedy = "calibrate with method n-point, which takes the rotation out, or ask the supplier how the sensor is placed"
     shown_by = "add a run with the units turned in the nest (`seating`)"
     drawn_over = "position"

@@ -1,4 +1,4 @@
-"""A reading grows with the square of what the axis feels: second-order nonlinearity of the suspension.
+"""The reading has a quadratic term in what the axis feels: second-order nonlinearity of the suspension.
 
 reading_i gains c_i · a_i². Unlike gain it is even: up and down err the same way.
 
@@ -21,7 +21,7 @@ from station.model.scene import Signal
 class Quadratic(SensorEffect):
     """Coefficient of a², per unit and axis."""
 
-    physics = "A reading grows with the square of what the axis feels: second-order nonlinearity of the suspension."
+    physics = "The reading has a quadratic term in what the axis feels: second-order nonlinearity of the suspension."
     remedy = "add the square to the compensation, or ask the supplier about the lot"
     shown_by = "add positions at 45°, so that each axis feels three magnitudes"
     drawn_over = "input"

@@ -1,4 +1,4 @@
-"""Frames overtake each other on the way from the adapter.
+"""Frames overtake each other between adapter and host.
 
 A frame changes places with the next one with the given chance; the counter then steps back. Not across a pause.
 
@@ -21,7 +21,7 @@ from station.model.effect import BusEffect, Parameter
 class ReorderedFrames(BusEffect):
     """Fraction of frames that change places with their successor."""
 
-    physics = "Frames overtake each other on the way from the adapter."
+    physics = "Frames overtake each other between adapter and host."
     remedy = "replace the adapter or its driver; sort by the frame counter meanwhile"
     shown_by = "record the frame `counter`"
     drawn_over = "unit"

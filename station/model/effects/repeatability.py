@@ -1,6 +1,6 @@
-"""The positioner comes to rest a little elsewhere each time.
+"""The positioner comes to rest at a slightly different angle each time.
 
-Rotation vector in the nest's frame, right-handed, another at each stop. It belongs to the noise floor.
+Rotation vector in the nest's frame, right-handed, another at each visit. It belongs to the noise floor.
 
 >>> import numpy as np
 >>> Repeatability.example().apply(np.array([[0.0, 0.0, 0.001]]))
@@ -19,7 +19,7 @@ from station.model.effect import Parameter, PoseEffect
 class Repeatability(PoseEffect):
     """Standard deviation of the angle about each axis of the nest; coefficients are the angles themselves."""
 
-    physics = "The positioner comes to rest a little elsewhere each time."
+    physics = "The positioner comes to rest at a slightly different angle each time."
     remedy = "check the positioner for play: clamp, bearing, brake; visit positions more than once meanwhile"
     shown_by = "return to one position within a run"
     drawn_over = "position"

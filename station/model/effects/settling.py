@@ -1,4 +1,4 @@
-"""The fixture still swings to its place when the dwell begins: the rest of the last move dies away.
+"""The fixture still swings when the dwell begins: the last move has not died away.
 
 a_i gains c_i · (previous − present) · e^(−t/τ) · cos(2πft), t since arrival; f = 0 is a fixture that does not ring.
 
@@ -23,7 +23,7 @@ from station.model.scene import Signal
 class Settling(StimulusEffect):
     """Fraction of the move that is left on arrival, per axis, common to the rig."""
 
-    physics = "The fixture still swings to its place when the dwell begins: the rest of the last move dies away."
+    physics = "The fixture still swings when the dwell begins: the last move has not died away."
     remedy = "lengthen `settle.time_s` in the recipe, or stiffen the fixture"
     shown_by = "set `settle.time_s` to 0, so that the dwell begins during the move's last swing"
     drawn_over = "dwell"

@@ -1,4 +1,4 @@
-"""Something jumps in the middle of a run and stays: a part slips, a solder joint gives, a supply sags.
+"""The offset jumps in the middle of a run and stays: a part slips, a solder joint gives, a supply sags.
 
 reading_i gains c_i from `at_s` on, in the runs that are hit: one in four, and at least one.
 
@@ -27,7 +27,7 @@ from station.model.timeline import run_timeline
 class Step(SensorEffect):
     """Height of the jump, per run and axis, and its time from the start of the run."""
 
-    physics = "Something jumps in the middle of a run and stays: a part slips, a solder joint gives, a supply sags."
+    physics = "The offset jumps in the middle of a run and stays: a part slips, a solder joint gives, a supply sags."
     remedy = "check the seating and the solder joints of these units, and run them again"
     shown_by = "add visits to a run"
     drawn_over = "time"

@@ -1,4 +1,4 @@
-"""One bit of the output never changes: a broken line of the converter or a fault in packing.
+"""One output bit never changes: a broken line of the converter or a packing fault.
 
 The bit of weight |c| reads 0 where c > 0 and 1 where c < 0; codes are two's complement.
 
@@ -23,7 +23,7 @@ from station.model.effect import SINGLE_COEFFICIENT, OutputEffect, Parameter
 class StuckBit(OutputEffect):
     """Weight of the bit, per unit; negative where it is stuck at 1."""
 
-    physics = "One bit of the output never changes: a broken line of the converter or a fault in packing."
+    physics = "One output bit never changes: a broken line of the converter or a packing fault."
     remedy = "check the packing of the frame, then replace the converter or the device"
     shown_by = "state `device.lsb` in the recipe"
     drawn_over = "samples"

@@ -1,4 +1,4 @@
-"""The offset follows how fast the temperature changes: the package is warmer on one side.
+"""The offset follows the rate of temperature change: the package is warmer on one side.
 
 reading_i gains c_i · dT/dt: a loop in the offset against temperature, open as long as it changes.
 
@@ -22,7 +22,7 @@ from station.model.scene import Signal
 class TemperatureRate(SensorEffect):
     """Offset for each degree a second, per unit and axis."""
 
-    physics = "The offset follows how fast the temperature changes: the package is warmer on one side."
+    physics = "The offset follows the rate of temperature change: the package is warmer on one side."
     remedy = "let the units reach room temperature before the run, and keep draughts away"
     shown_by = "let the temperature rise and fall within a run"
     drawn_over = "temperature-rate"

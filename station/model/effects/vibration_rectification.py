@@ -1,4 +1,4 @@
-"""Vibration that the sensor cannot follow shifts its mean: its nonlinearity rectifies it.
+"""Vibration beyond the sensor's band shifts its mean: its nonlinearity rectifies it.
 
 reading_i gains c_i · motor²: vibration grows with the drive level of the line's motors.
 
@@ -22,7 +22,7 @@ from station.model.scene import Signal
 class VibrationRectification(SensorEffect):
     """Shift at full drive, per unit and axis."""
 
-    physics = "Vibration that the sensor cannot follow shifts its mean: its nonlinearity rectifies it."
+    physics = "Vibration beyond the sensor's band shifts its mean: its nonlinearity rectifies it."
     remedy = "switch the motors off while measuring, or decouple the fixture from them"
     shown_by = "add a run with the motors off (`motors: off`)"
     drawn_over = "motor"

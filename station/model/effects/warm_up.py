@@ -1,4 +1,4 @@
-"""After power-on the device warms itself and its offset runs in.
+"""The device warms itself after power-on, and its offset settles.
 
 reading_i gains A_i · e^(−t/τ), t since power-on.
 
@@ -22,7 +22,7 @@ from station.model.scene import Signal
 class WarmUp(SensorEffect):
     """Offset at power-on, per unit and axis."""
 
-    physics = "After power-on the device warms itself and its offset runs in."
+    physics = "The device warms itself after power-on, and its offset settles."
     remedy = "power the units several time constants before the first visit"
     shown_by = "add a run with the units powered long before"
     drawn_over = "since-power"

@@ -1,4 +1,4 @@
-"""Everything reads a whole factor too much or too little: the wrong range or unit is set.
+"""All readings are off by one factor: the wrong range or unit is set.
 
 reading is multiplied by the factor: ½, 2, 4, 8 for a range, 1000 for mg, 9.80665 for m/s².
 
@@ -19,7 +19,7 @@ from station.model.effect import SINGLE_COEFFICIENT, OutputEffect, Parameter
 class WrongScale(OutputEffect):
     """Factor of the reading, per unit."""
 
-    physics = "Everything reads a whole factor too much or too little: the wrong range or unit is set."
+    physics = "All readings are off by one factor: the wrong range or unit is set."
     remedy = "check range and unit of the device and in the decoding, before anything else"
     shown_by = "state `reference.magnitude` in the recipe"
     drawn_over = "expected"

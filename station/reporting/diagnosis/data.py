@@ -1,4 +1,4 @@
-"""What a report is made of: the diagnosis' document, and the numbers of every stop that the pictures show."""
+"""What a report is made of: the diagnosis' document, and the numbers of every visit that the pictures show."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ class CauseSignature:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DwellCourse:
-    """The course within a dwell, every stop turned so that the cause starts upwards: parts of the dwell by name, what
+    """The course within a dwell, every visit turned so that the cause starts upwards: parts of the dwell by name, what
     is left (b) with its standard error and what the cause says (b), in the recipe's unit."""
 
     parts: tuple[str, ...]
@@ -55,8 +55,8 @@ class DwellSamples:
 class ReportData:
     """Everything a report shows.
 
-    document: a station.diagnosis/1 (docs/formats.md); recipe: its name; axes: names of the k numbers of a stop;
-    unit, position (Labels), run, visit, previous (v; index of the stop before, −1 for none) and values (v) by
+    document: a station.diagnosis/1 (docs/formats.md); recipe: its name; axes: names of the k numbers of a visit;
+    unit, position (Labels), run, visit, previous (v; index of the visit before, −1 for none) and values (v) by
     covariate, those that were recorded; measured (v, k), before and after (v, k): measured − simulated without and
     with the causes, each unit calibrated; read, expected (v, 3): plain means of the samples as they came, and what an
     ideal unit would read, where gross faults were found; smallest: rms coefficient of each cause that would have been
@@ -90,8 +90,8 @@ class ReportData:
     @property
     def line(self) -> Mapping[str, Any] | None:
         """What the causes mean for the line, as the document has it; None where it says nothing."""
-        told: Mapping[str, Any] | None = self.document.get("line")
-        return told
+        impact: Mapping[str, Any] | None = self.document.get("line")
+        return impact
 
     @property
     def judged(self) -> Mapping[str, Any] | None:
@@ -105,8 +105,8 @@ class ReportData:
 
     @property
     def noise_rms(self) -> float:
-        """What noise alone makes of a stop's mean, recipe's unit. Where something unknown is in the data it is in the
-        fitted floor too; then it is what the samples within the stops tell."""
+        """What noise alone makes of a visit's mean, recipe's unit. Where something unknown is in the data it is in the
+        fitted floor too; then it is what the samples within the visits tell."""
         within = (self.document.get("floor") or {}).get("within_stops")
         if self.document["verdict"] == "unknown" and within:
             return float(within)

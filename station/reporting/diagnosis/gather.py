@@ -69,25 +69,25 @@ def _without_calibration(problem: ScoringProblem, effect: Floats) -> Floats:
     """An effect (v, k) without what each unit's calibration takes up of it, by least squares."""
     view = problem.view
     columns = np.einsum("vki,vip->vkp", view.keep, view.calibration(problem.matrix))
-    kept, unit = _projected(view, effect), view.scene.visits.unit.code
-    left = np.empty_like(kept)
+    projected, unit = _projected(view, effect), view.scene.visits.unit.code
+    left = np.empty_like(projected)
     for u in range(len(view.base.offset)):
         rows = unit == u
-        A, y = columns[rows].reshape(-1, columns.shape[2]), kept[rows].ravel()
-        left[rows] = (y - A @ np.linalg.lstsq(A, y, rcond=1e-9)[0]).reshape(-1, kept.shape[1])
+        A, y = columns[rows].reshape(-1, columns.shape[2]), projected[rows].ravel()
+        left[rows] = (y - A @ np.linalg.lstsq(A, y, rcond=1e-9)[0]).reshape(-1, projected.shape[1])
     return left
 
 
 def _dwell_course(problem: ScoringProblem, effects: list[tuple[Floats, Floats]]) -> DwellCourse:
-    """The mean course within a dwell, stops and axes weighted and turned by how strongly the causes begin there."""
+    """The mean course within a dwell, visits and axes weighted and turned by how strongly the causes begin there."""
     r = problem.view.reduced
     mean, contrast = (sum(parts[1:], parts[0]) for parts in zip(*effects, strict=True))
-    said = _blocks(r, mean, contrast)
+    predicted = _blocks(r, mean, contrast)
     now = problem.view.simulated()
     left = _blocks(r, r.mean - now[0] + mean, r.contrast - now[1] + contrast)
-    weight = said[:, 0] - said[:, -1]
+    weight = predicted[:, 0] - predicted[:, -1]
     total = max(float(np.abs(weight).sum()), 1e-300)
-    level = [np.einsum("vbi,vi->b", part - part[:, -1:], weight / total) for part in (left, said)]
+    level = [np.einsum("vbi,vi->b", part - part[:, -1:], weight / total) for part in (left, predicted)]
     ends = [0.0, *BLOCK_EDGES]
     names = tuple(f"{100 * a:.0f}–{100 * b:.0f} % of the dwell" for a, b in zip(ends, BLOCK_EDGES, strict=False))
     rest = _blocks(r, r.mean - now[0], r.contrast - now[1])
@@ -101,8 +101,8 @@ def _blocks(r: ReducedScene, mean: Floats, contrast: Floats) -> Floats:
     v, B = r.count.shape
     row, rest = mean_and_contrasts(np.broadcast_to(np.eye(B), (v, B, B)), r.count)
     forth = np.concatenate([row[:, None], rest], axis=1)
-    said = np.concatenate([mean[:, None], contrast], axis=1)
-    return np.asarray(np.linalg.pinv(forth) @ said)
+    predicted = np.concatenate([mean[:, None], contrast], axis=1)
+    return np.asarray(np.linalg.pinv(forth) @ predicted)
 
 
 def _read_and_expected(d: Diagnosis) -> tuple[Floats, Floats]:

@@ -65,14 +65,14 @@ def _course(
     data: ReportData, signature: CauseSignature, axis: CauseAxis, chosen: AffectedVisits, over: DrawnOver, i: int
 ) -> Course:
     rows = chosen.rows & np.isfinite(axis.at) & np.isfinite(data.after[:, i])
-    told = (signature.values if over in _BENDS or signature.whole is None else signature.whole)[rows, i]
+    predicted = (signature.values if over in _BENDS or signature.whole is None else signature.whole)[rows, i]
     # An offset belongs to the calibration: only what changes along the axis is the cause's.
     if not axis.places and over not in _ONE_BY_ONE:
-        told = told - told.mean()
+        predicted = predicted - predicted.mean()
     if over in _OF_SEVERAL:
         places, code = np.unique(np.round(axis.at[rows], 2), return_inverse=True)
-        told = (np.bincount(code, told) / np.bincount(code, minlength=len(places)))[code]
-    return Course(axis.at[rows], data.after[rows, i] + told, told, over in _ONE_BY_ONE)
+        predicted = (np.bincount(code, predicted) / np.bincount(code, minlength=len(places)))[code]
+    return Course(axis.at[rows], data.after[rows, i] + predicted, predicted, over in _ONE_BY_ONE)
 
 
 def _figure(
@@ -115,9 +115,9 @@ def _single_points(axis: CauseAxis, c: Course) -> Series:
 def _curve(axis: CauseAxis, c: Course) -> Series:
     """What the cause says along the axis: dashes at places, a line over numbers."""
     groups = _groups(c.at, len(c.at) if c.single else len(axis.places) or CURVE_STEPS)
-    at, said = groups.mean(c.at), groups.mean(c.cause)
+    at, predicted = groups.mean(c.at), groups.mean(c.cause)
     kind: Literal["dashes", "line"] = "dashes" if axis.places or c.single else "line"
-    return Series(at.tolist(), said.tolist(), report_text("legend-cause"), kind=kind, colour=1)
+    return Series(at.tolist(), predicted.tolist(), report_text("legend-cause"), kind=kind, colour=1)
 
 
 def _grouped(axis: CauseAxis, c: Course, noise: float) -> Series:

@@ -11,7 +11,7 @@ from station.reporting.diagnosis.data import ReportData
 
 #: Steps of a number's axis within which a signature is averaged.
 BINS = 24
-#: Share of a signature that an axis must order to be the one to draw it on; stops that are drawn one by one.
+#: Share of a signature that an axis must order to be the one to draw it on; visits that are drawn one by one.
 MIN_EXPLAINED, MAX_SINGLE_VISITS = 0.6, 96
 AXIS_LABELS = {
     "time_s": "time within the run, s",
@@ -30,8 +30,8 @@ AXIS_LABELS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlotAxis:
-    """A horizontal axis: name, where each stop stands (v, NaN where it has no place), words for the places 0, 1, 2 …;
-    single: each stop has a place of its own."""
+    """A horizontal axis: name, where each visit stands (v, NaN where it has no place), words for the places 0, 1, 2 …;
+    single: each visit has a place of its own."""
 
     name: str
     at: Floats
@@ -39,11 +39,11 @@ class PlotAxis:
     single: bool = False
 
     def only(self, rows: NDArray[np.bool_]) -> "PlotAxis":
-        """The same for some of the stops (v)."""
+        """The same for some of the visits (v)."""
         return replace(self, at=np.where(rows, self.at, np.nan))
 
     def bins(self) -> NDArray[np.intp]:
-        """Number (v) of the place, or of the step of the axis, of each stop; −1 where it has none."""
+        """Number (v) of the place, or of the step of the axis, of each visit; −1 where it has none."""
         there = np.isfinite(self.at)
         out = np.full(len(self.at), -1, np.intp)
         at = self.at[there]
@@ -75,7 +75,7 @@ def plot_axis(data: ReportData, name: str) -> PlotAxis | None:
 
 def best_axis(data: ReportData, signature: Floats, rows: NDArray[np.bool_], wanted: Sequence[str]) -> PlotAxis | None:
     """The axis that orders a signature best: the wanted one, else that whose steps leave the least of it; where all
-    leave much, the stops themselves."""
+    leave much, the visits themselves."""
     found = [a for name in wanted if (a := plot_axis(data, name)) is not None]
     if found:
         return found[0]
@@ -86,7 +86,7 @@ def best_axis(data: ReportData, signature: Floats, rows: NDArray[np.bool_], want
 
 
 def one_by_one(rows: NDArray[np.bool_]) -> PlotAxis | None:
-    """The chosen stops (v) one after the other, as many as can be told apart."""
+    """The chosen visits (v) one after the other, as many as can be told apart."""
     chosen = np.flatnonzero(rows)[:MAX_SINGLE_VISITS]
     at = np.full(len(rows), np.nan)
     at[chosen] = np.arange(len(chosen))

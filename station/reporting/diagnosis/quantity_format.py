@@ -39,7 +39,7 @@ def format_significant(value: float, digits: int = 3) -> str:
 
 
 def format_aligned(values: Sequence[float], digits: int = 3) -> list[str]:
-    """Numbers that stand beside each other: as many decimals for all as the largest of them needs, nought for what is
+    """Numbers that stand beside each other: as many decimals for all as the largest of them needs, zero for what is
     far below it."""
     largest = max((abs(v) for v in values if math.isfinite(v)), default=0.0)
     places = max(0, digits - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
