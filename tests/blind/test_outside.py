@@ -159,3 +159,18 @@ def test_clipping_is_found_at_any_limit_and_nothing_else_is_made_of_it(limit: fl
     assert all(float(n.value) == limit for n in found.numbers)
     assert found.gain is not None
     assert found.gain.accepted
+
+
+@pytest.mark.parametrize("pose", ["known", "unknown"])
+def test_a_visit_that_is_wrong_by_anything_is_disturbed_and_spoils_no_other(pose: str) -> None:
+    off = np.random.default_rng(SEED).normal(0.0, 0.03, 3)
+    table, _ = hide(recipe(1), lambda w, rng: (w.a, (w.visit == 7)[:, None] * off), 900 + SEED, units=1)
+    whole = recipe(1)
+    if pose == "unknown":
+        unknown = whole.reference.model_copy(update={"pose": "unknown"})
+        whole = whole.model_copy(update={"reference": unknown, "positions": ()})
+        table = replace(table, labels={}, values={})
+    told = document(look(whole, table))
+    assert told["verdict"] == "named"
+    assert [c["effect"] for c in told["causes"]] == ["disturbed-visit"]
+    assert {p["of"] for p in told["causes"][0]["parameters"]} == {"visit:SN0001/0/7"}

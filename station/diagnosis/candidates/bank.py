@@ -208,13 +208,16 @@ def candidates(effect: Effect, view: ResidualView) -> list[Candidate]:
     return [_with_covariate_error(_with_even_powers(c), view) for c in found]
 
 
-def disturbed_lengths(view: ResidualView) -> list[Candidate]:
-    """A visit whose length is wrong by anything, where only lengths are known: a part that moved or was bumped."""
+def disturbed_readings(view: ResidualView) -> list[Candidate]:
+    """A visit whose reading is wrong by anything, not by a turn alone: a part that still moved, or was bumped. Where
+    only lengths are known, a length."""
     code, names = view.scene.group("visit")
-    if view.grid.k != 1 or len(names) < 2:
+    if len(names) < 2:
         return []
-    across = view.keep.transpose(0, 2, 1) / np.sum(view.keep**2, axis=2, keepdims=True)
-    return [Candidate(DisturbedVisit.id, None, "visit", "scan", code, names, across)]
+    anything = np.broadcast_to(np.eye(3), (len(code), 3, 3)).copy()
+    if view.grid.k == 1:
+        anything = view.keep.transpose(0, 2, 1) / np.sum(view.keep**2, axis=2, keepdims=True)
+    return [Candidate(DisturbedVisit.id, None, "visit", "scan", code, names, anything)]
 
 
 def _with_even_powers(c: Candidate) -> Candidate:

@@ -182,7 +182,7 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
             both = factor[one][:, :, :bends, None] * factor[two][:, :, None, :bends]
             functions = both.reshape(len(both), 3, -1)
             columns = np.einsum("ij,vif->vifj", np.eye(3), functions).reshape(len(both), 3, -1)
-            for of in _levels(view, "unit", "common"):
+            for of in _levels(view, "unit", "common") if bends == 1 else ("unit",):
                 yield _kernel(f"{one}*{two}", of, view, columns)
 
 

@@ -25,6 +25,8 @@ from station.domain.core.types import Floats
 
 #: Nats of log-likelihood below which a floor is not worth improving.
 CONVERGED_NATS = 2e-5
+#: Rows of a run up to which its parts are worth writing out.
+MAX_DENSE_ROWS = 150
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +77,17 @@ class FloorStructure:
         squares = [np.einsum("cvai,cvai->cv", x, x) for x in (turned, walked)]
         return np.stack([white, squares[0].sum(1), (squares[1] * self.step).sum(1)], axis=1)
 
-    def act(self, i: int, inverse: Floats, rows: Floats) -> Floats:
+    def relative(self, inverse: Floats) -> Floats | None:
+        """The parts as whitened rows see them (classes, 3, m, m), where runs are so short that these are cheaper made
+        once than their factors multiplied each time; else None."""
+        if inverse.shape[-1] > MAX_DENSE_ROWS:
+            return None
+        return np.asarray(inverse[:, None] @ self.parts @ inverse[:, None].transpose(0, 1, 3, 2))
+
+    def act(self, i: int, inverse: Floats, relative: Floats | None, rows: Floats) -> Floats:
         """A part as whitened rows see it, times rows (U, R, m, c) of them."""
+        if relative is not None:
+            return np.asarray(relative[self.member, i] @ rows)
         back = inverse.transpose(0, 2, 1)[self.member] @ rows
         return np.asarray(inverse[self.member] @ (self.parts[:, i][self.member] @ back))
 
@@ -169,10 +180,11 @@ def _newton(parts: FloorStructure, now: ResidualSpace) -> tuple[Floats, Floats]:
     inverse, member = now.covariance.inverse, now.covariance.member
     U, R = member.shape
     m = inverse.shape[-1]
+    relative = parts.relative(inverse)
 
     def act(i: int, rows: Floats) -> Floats:
         wide = rows[:, : R * m].reshape(U, R, m, -1)
-        out = parts.act(i, inverse, wide).reshape(U, R * m, -1)
+        out = parts.act(i, inverse, relative, wide).reshape(U, R * m, -1)
         return np.asarray(np.pad(out, ((0, 0), (0, rows.shape[1] - R * m), (0, 0))))
 
     residual = now.residual[..., None]

@@ -124,10 +124,12 @@ def _parameters(e: Estimate, unit: str) -> list[dict[str, Any]]:
     """Coefficients of the groups that act, then the parameters of the form."""
     candidate, effect = e.item.candidate, e.item.candidate.effect
     if effect is None:
+        axes: tuple[str | None, ...] = ("x", "y", "z") if candidate.axes == 3 else (None,)
         return [
-            {"name": "excess", "axis": None, "of": candidate.names[g], "value": float(e.value[g, 0]),
-             "std": float(e.std[g, 0]), "unit": unit}
+            {"name": "excess", "axis": axis, "of": candidate.names[g], "value": float(e.value[g, i]),
+             "std": float(e.std[g, i]), "unit": unit}
             for g in np.flatnonzero(e.item.hit)
+            for i, axis in enumerate(axes)
         ]  # fmt: skip
     rows: list[dict[str, Any]] = [
         {

@@ -12,7 +12,7 @@ from station.diagnosis.candidates.bank import (
     build_bank,
     candidates,
     cause_library,
-    disturbed_lengths,
+    disturbed_readings,
     is_testable,
     smooth_causes,
 )
@@ -124,7 +124,7 @@ def build_banks(view: ResidualView, hidden: Collection[str] = ()) -> tuple[Bank,
     """The still and the moving candidates, without the causes that are hidden from these data."""
     effects = [e for e in cause_library(view.scene.recipe) if e.id not in hidden and is_testable(e, view)]
     items = [c for e in effects for c in candidates(e, view)] + generic.kernel_candidates(view)
-    items += [] if DisturbedVisit.id in hidden else disturbed_lengths(view)
+    items += [] if DisturbedVisit.id in hidden else disturbed_readings(view)
     return build_bank(items, view.layout, moving=False), build_bank(items, view.layout, moving=True)
 
 
