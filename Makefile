@@ -8,7 +8,7 @@ SCALE  ?= 1
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: release drawing help run test check lock blind torture bench bench-diagnosis pictures clean
+.PHONY: validation release drawing help run test check lock blind torture bench bench-diagnosis pictures clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -49,6 +49,10 @@ bench: $(VENV)/.dev  ## every goal of speed in one table; a quarter of an hour, 
 
 bench-diagnosis: $(VENV)/.bench  ## how good the diagnosis is, beside other ways to choose a cause; a quarter of an hour
 	PYTHONPATH=. $(BIN)/python benchmarks/diagnosis.py --seed $(SEED)
+
+validation: $(VENV)/.dev  ## report of the uncertainties for an auditor, into validation.txt; a quarter of an hour
+	PYTHONPATH=. $(BIN)/python benchmarks/metrology.py --units 2000 > validation.txt
+	@cat validation.txt
 
 lock:  ## renew the lock files from pyproject.toml
 	$(PYTHON) -m pip install --quiet uv
