@@ -392,9 +392,7 @@ def main() -> None:
     parser.add_argument("--xsd", help="DCC schema 3.2.1 with its imports beside it; it is not part of this project.")
     options = parser.parse_args()
     XSD.extend([options.xsd] if options.xsd else [])
-    print(
-        f"station {__version__}, python {platform.python_version()}, numpy {np.__version__}; U for 95 %, seeds in each row"
-    )
+    print(f"station {__version__}, python {platform.python_version()}, numpy {np.__version__}; U for 95 %")
     for name, row in chosen(options.only):
         begun = time.perf_counter()
         print(f"{name}: {options.units} units a case")
