@@ -147,8 +147,8 @@ class Load:
         self._stop.check()
         store = self._station.store
         identify(unit, self._job, store)
-        if told := check_suspect_unit(unit, self._station):
-            yield Notice(told, unit.seat.serial)
+        if finding := check_suspect_unit(unit, self._station):
+            yield Notice(finding, unit.seat.serial)
         read_old_values(unit, self._job, store)
         make_ready(unit, self._job)
         if unit.identity is not None:
@@ -239,7 +239,7 @@ class Load:
         if fit.stops is not None:  # what `station backtest` computes from: raw frames of a whole fleet take hours
             self._station.store.result(unit.attempt, "stops", reduced_visits_document.to_document(fit.stops))
         self._station.store.result(unit.attempt, "calibration", calibration_document.unit(fit))
-        if self._capture is not None and (dwell := self._capture.pace.told(unit.seat.serial)):
+        if self._capture is not None and (dwell := self._capture.pace.document(unit.seat.serial)):
             self._station.store.result(unit.attempt, "dwell", dwell)
         yield Judged(unit.seat, fit)
         if fit.calibration is None or fit.verdict.outcome is not Outcome.PASS:

@@ -57,6 +57,12 @@ def stops(told: Told) -> Sequence[tuple[str, str, str, str]]:
     return ((what, f"{told['instants']} instants", str(told["right"]), "all"),)
 
 
+def intruders(told: Told) -> Sequence[tuple[str, str, str, str]]:
+    """Somebody else at the bench."""
+    what = "foreign writes, resets, swaps: found before PASS"
+    return ((what, f"{told['instants']} instants", str(told["found"]), "all"),)
+
+
 def edits(told: Told) -> Sequence[tuple[str, str, str, str]]:
     """Edits of the log."""
     found = told["edits"] - told["missed"]
@@ -111,6 +117,7 @@ PARTS = (
          lambda s: ("--points", 0 if s >= 1 else most(587, s, 8), "--instants", most(1000, s, 4)), kills),
     Part("faults", "torture_faults.py", lambda s: ("--every", max(round(1 / s) // 10, 1)), faults),
     Part("stops", "torture_stops.py", lambda s: ("--instants", most(500, s, 10)), stops),
+    Part("intruder", "torture_intruder.py", lambda s: ("--instants", most(1000, s, 10)), intruders),
     Part("edits", "torture_edits.py", lambda s: ("--edits", most(10_000, s, 100)), edits),
     Part("power", "torture_power.py", lambda s: ("--every", 1 if s >= 1 else 5), power),
     Part("inputs", "torture_input.py", lambda s: ("--inputs", most(100_000, s, 300)), inputs),

@@ -168,7 +168,7 @@ def test_a_run_dwells_about_as_long_as_known_noise_would_need(rng: np.random.Gen
     lasted_s = [go(pace, stop, noise[stop]) for stop in range(len(pace.aim))]
     bound_s = adaptive_dwell.planned_dwells_s(recipe("n-point"), WHITE).sum()
     assert 0.85 < sum(lasted_s) / bound_s < 1.45
-    assert pace.told("SN1")["dwell_s"] == lasted_s
+    assert pace.document("SN1")["dwell_s"] == lasted_s
     assert go(pace, None, noise[0]) == pytest.approx(np.mean(lasted_s))
 
 
@@ -182,7 +182,7 @@ def test_a_run_that_knows_the_kind_dwells_as_known_noise_would_need(rng: np.rand
     pace = AdaptiveDwell(wanted, earlier)
     for stop in range(stops):
         go(pace, stop, root * rng.standard_normal((2000, 3)))
-    told: Mapping[str, Any] = pace.told("SN1")
+    told: Mapping[str, Any] = pace.document("SN1")
     prior = learn_prior(earlier, longest)
     assert prior is not None
     assert told["prior"] == noise_document.of_prior(prior)
@@ -201,7 +201,7 @@ def test_a_stop_measured_again_counts_as_it_was_the_last_time(rng: np.random.Gen
     go(pace, 0, 20 * noise[0])
     lasted_s = go(pace, 0, noise[1])
     assert lasted_s < 3.0
-    assert pace.told("SN1")["dwell_s"] == [lasted_s, 0, 0, 0, 0, 0]
+    assert pace.document("SN1")["dwell_s"] == [lasted_s, 0, 0, 0, 0, 0]
 
 
 def test_a_unit_that_says_nothing_holds_nobody_up() -> None:
@@ -212,7 +212,7 @@ def test_a_fixed_dwell_decodes_nothing() -> None:
     pace = control_for(recipe(dwell={"time_s": 0.7}), lambda: pytest.fail("asked for"))
     assert isinstance(pace, FixedDwell)
     assert pace.first_s(0) == pace.until_s(0, 0.7, lambda: pytest.fail("decoded")) == 0.7
-    assert pace.told("SN1") == {}
+    assert pace.document("SN1") == {}
 
 
 SHIPPED = sorted(path.stem for path in (shipped_folder() / "recipes").glob("*.yaml"))
