@@ -1,5 +1,6 @@
 """A unit's life, a list of attempts and the findings of a check, as a person reads them."""
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any
@@ -28,7 +29,14 @@ def print_audit(document: Document) -> None:
 
 def _line(text: str = "") -> None:
     """Serials and sentences come from outside: nothing in them may steer the terminal."""
-    _output.print_line("".join(c if c.isprintable() else " " for c in text))
+    clean = "".join(c if c.isprintable() else " " for c in text)
+    width = _output.line_width()
+    indent = " " * (len(clean) - len(clean.lstrip()))
+    if width is None or len(clean) <= width:
+        _output.print_line(clean)
+        return
+    for part in textwrap.wrap(clean, width, subsequent_indent=f"{indent}  ", break_long_words=False):
+        _output.print_line(part)
 
 
 def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -37,8 +45,23 @@ def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) ->
     cells = [["".join(c if c.isprintable() else " " for c in _cell(v)) for v in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(columns, *cells, strict=True)]
     _line(f"  {title}")
+    parts = _fold(widths)
     for row in chain([columns], cells):
-        _line("    " + "  ".join(f"{v:<{w}}" for v, w in zip(row, widths, strict=True)).rstrip())
+        for number, part in enumerate(parts):
+            indent = "    " if number == 0 else "      "
+            _output.print_line((indent + "  ".join(f"{row[i]:<{widths[i]}}" for i in part)).rstrip())
+
+
+def _fold(widths: Sequence[int]) -> list[list[int]]:
+    """Columns line by line: a row too wide for the screen goes on in the next line, and no digit is cut off."""
+    limit = _output.line_width()
+    parts: list[list[int]] = [[]]
+    for i, width in enumerate(widths):
+        used = sum(widths[j] + 2 for j in parts[-1]) + 6
+        if limit is not None and parts[-1] and used + width > limit:
+            parts.append([])
+        parts[-1].append(i)
+    return parts
 
 
 def _cell(value: Any) -> str:
@@ -64,8 +87,12 @@ def _show_check(check: Document) -> None:
 
 
 def _show_list(attempts: Sequence[Document]) -> None:
-    columns = ("serial", "outcome", "started", "station", "nest", "recipe_name", "recipe_version", "lot", "attempt")
-    _table(f"{len(attempts)} attempts, newest first", columns, [[a[c] for c in columns] for a in attempts])
+    columns = ("serial", "outcome", "started", "station", "nest", "recipe", "lot", "attempt")
+    rows = []
+    for a in attempts:
+        started, recipe = a["started"][:19] + "Z", f"{a['recipe_name']}/{a['recipe_version']}"
+        rows.append([a["serial"], a["outcome"], started, a["station"], a["nest"], recipe, a["lot"], a["attempt"]])
+    _table(f"{len(attempts)} {'attempt' if len(attempts) == 1 else 'attempts'}, newest first", columns, rows)
     if not attempts:
         _line("no such attempt")
 

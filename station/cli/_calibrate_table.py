@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from station.cli import _budget_table, _output
+from station.cli._fold import folded
 from station.domain.core.types import Outcome
 from station.domain.evaluation.model_comparison import LargerModel
 from station.domain.evaluation.pipeline import CalibrationResult
@@ -67,7 +68,7 @@ def print_calibrations(recipe: Recipe, told: CalibrationSummary, *, with_budget:
     if rest:
         console.print(f"… and {rest} more units; --json FILE holds them all")
     for r, larger in zip(told.first, told.larger, strict=True):
-        for line in (*(reason.sentence for reason in r.verdict.reasons), *_notes(r), *_larger(recipe, larger)):
+        for line in (*folded(r.verdict.reasons), *_notes(r), *_larger(recipe, larger)):
             console.print(f"{r.serial}: {line}", markup=False)
         for line in _hardly_known(recipe, r):
             console.print(line, markup=False)

@@ -7,12 +7,15 @@ from typing import Any
 import numpy as np
 
 from station.cli import _output
+from station.cli._fold import folded
 from station.domain.core.types import Calibration, Outcome, Reason
 from station.domain.evaluation import calibration_document
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.recipe.recipe import Recipe
 from station.domain.run.progress import UnitResult
 
+#: A screen narrower than this gets one blank between columns instead of two.
+ROOMY_WIDTH = 90
 #: Colour and symbol: colour alone tells nothing to one man in twelve.
 OUTCOME_STYLES = {
     Outcome.PASS: ("green", "✔"),
@@ -53,7 +56,9 @@ def print_results(rows: Sequence[Row], recipe: Recipe) -> None:
     from rich.table import Table
 
     title = f"{recipe.name} version {recipe.version}; offsets and noise in {recipe.unit}, time in s"
-    shown = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    # On a screen of 80 columns three numbers of five digits, twice, leave no room for more.
+    padding = (0, 0) if (_output.line_width() or _output.PIPE_WIDTH) < ROOMY_WIDTH else (0, 1, 0, 0)
+    shown = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, show_edge=False, padding=padding)
     for name in ("serial", "nest", "verdict"):
         shown.add_column(name, no_wrap=True)
     for name in ("offset x y z", "gain x y z", "noise", "time"):
@@ -74,8 +79,8 @@ def print_results(rows: Sequence[Row], recipe: Recipe) -> None:
     console.print(shown)
     for r in rows:
         if r.outcome is not Outcome.PASS:
-            for reason in r.reasons:
-                console.print(f"{r.serial}: {reason.sentence}", markup=False)
+            for line in folded(r.reasons):
+                console.print(f"{r.serial}: {line}", markup=False)
     for r in rows:
         if told := _gain_sentence(r):
             console.print(f"{r.serial}: {told}", markup=False)
