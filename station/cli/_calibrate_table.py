@@ -93,7 +93,8 @@ def _table(recipe: Recipe, results: Sequence[CalibrationResult]) -> "Table":
     """Three rows a unit: x, y, z."""
     from rich.table import Table
 
-    shown = Table(title=f"{recipe.name} version {recipe.version}, {recipe.method}", title_justify="left")
+    title = f"{recipe.name} version {recipe.version}, {recipe.method}"
+    shown = Table(title=title, title_justify="left", **_output.table_style())
     for title in ("serial", "verdict", "axis"):
         shown.add_column(title)
     for title in (f"offset, {recipe.unit}", "± 95 %", "gain", "± 95 %", f"residual, {recipe.unit}", "worst tilt, deg"):

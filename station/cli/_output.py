@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 #: As wide as a line of a table may be in a pipe or a file.
 PIPE_WIDTH = 160
+#: A screen narrower than this gets one blank between columns instead of two.
+ROOMY_WIDTH = 90
 
 
 #: What every command takes, and the variable of the environment that stands for it.
@@ -41,6 +43,14 @@ def console(stderr: bool = False) -> "Console":
 def line_width() -> int | None:
     """How many characters a line of text may have; None where nobody looks at it on a screen."""
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+
+
+def table_style() -> dict[str, Any]:
+    """How a table is drawn: without lines, and close together on a screen of 80 columns."""
+    from rich.box import SIMPLE_HEAD
+
+    narrow = (line_width() or PIPE_WIDTH) < ROOMY_WIDTH
+    return {"box": SIMPLE_HEAD, "pad_edge": False, "show_edge": False, "padding": (0, 0) if narrow else (0, 1, 0, 0)}
 
 
 def print_line(text: str = "") -> None:

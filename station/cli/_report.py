@@ -63,10 +63,12 @@ def _write(path: Path, text: str) -> None:
 
 
 def _print_table(table: charts.ChartTable) -> None:
-    from rich import box
     from rich.table import Table
 
-    shown = Table(*table.columns, box=box.SIMPLE)
+    shown = Table(**_output.table_style())
+    for number, name in enumerate(table.columns):
+        # Digits go on in the next line; none is cut off.
+        shown.add_column(name, overflow="fold", no_wrap=number == 0)
     for row in table.rows:
         shown.add_row(*row)
     _output.console().print(shown)

@@ -14,8 +14,6 @@ from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.recipe.recipe import Recipe
 from station.domain.run.progress import UnitResult
 
-#: A screen narrower than this gets one blank between columns instead of two.
-ROOMY_WIDTH = 90
 #: Colour and symbol: colour alone tells nothing to one man in twelve.
 OUTCOME_STYLES = {
     Outcome.PASS: ("green", "✔"),
@@ -52,13 +50,10 @@ def run_row(r: UnitResult) -> Row:
 
 def print_results(rows: Sequence[Row], recipe: Recipe) -> None:
     """Prints the table, then every reason of those that did not pass."""
-    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     title = f"{recipe.name} version {recipe.version}; offsets and noise in {recipe.unit}, time in s"
-    # On a screen of 80 columns three numbers of five digits, twice, leave no room for more.
-    padding = (0, 0) if (_output.line_width() or _output.PIPE_WIDTH) < ROOMY_WIDTH else (0, 1, 0, 0)
-    shown = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, show_edge=False, padding=padding)
+    shown = Table(title=title, title_justify="left", **_output.table_style())
     for name in ("serial", "nest", "verdict"):
         shown.add_column(name, no_wrap=True)
     for name in ("offset x y z", "gain x y z", "noise", "time"):
