@@ -118,6 +118,12 @@ def test_shaking_and_accelerating_are_refused(rng: np.random.Generator) -> None:
     assert driven.value.message.id == "magnitude-not-constant"
 
 
+def test_noise_without_a_stimulus_is_refused(rng: np.random.Generator) -> None:
+    with pytest.raises(SamplesError) as refused:
+        preflight.inspect(by_hand(), table(rng.standard_normal((2400, 3)), 24))
+    assert refused.value.message.id in ("noise-above-stimulus", "most-visits-move")
+
+
 def test_an_axis_that_no_pose_turns_is_named(rng: np.random.Generator) -> None:
     flat = SPHERE * [1, 1, 0]
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)

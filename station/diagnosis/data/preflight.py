@@ -89,6 +89,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
     unit = table.unit.code[begin]
     size = preflight_checks.stimulus_size(recipe, mean)
     preflight_checks.check_rest(motion, unit, size)
+    preflight_checks.check_signal(recipe, found, size)
     moving, merged = visit_motion.moving(motion, unit, size)
     out = moving | merged
     preflight_checks.check_magnitude(recipe, mean[~out], unit[~out], found)

@@ -21,6 +21,8 @@ MAGNITUDE = 0.05
 RATE = 0.05
 #: Readings are this many times the stimulus, within SAME_RATIO, when they are in another unit.
 SAME_RATIO = 0.05
+#: White noise above this share of the mean readings leaves no stimulus to see.
+DROWNED = 1.0
 #: Temperatures that range over more than this are a reason to stay in one pose.
 HEATED_DEGC = 2.0
 #: An axis that no pose moves by this share of the stimulus is not stimulated.
@@ -57,6 +59,13 @@ def check_rest(motion: VisitMotion, unit: Ints, size: float) -> None:
             visits=len(unit),
             percent=100 * float(np.median(motion.range)) / size,
         )
+
+
+def check_signal(recipe: Recipe, found: InferredSheet, size: float) -> None:
+    """Errors: SamplesError where readings scatter more than any stimulus at rest shows."""
+    noise = float(np.linalg.norm(found.noise))
+    if recipe.reference.source != "rate" and noise > DROWNED * size:
+        raise SamplesError("noise-above-stimulus", noise=noise, size=size, unit=recipe.unit)
 
 
 def check_poses(recipe: Recipe, poses: int, table: SampleTable) -> None:
