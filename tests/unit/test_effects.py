@@ -376,6 +376,6 @@ def test_bad_sizes_and_names_are_sentences(name: str, size: str | None, said: st
 def test_a_cause_that_the_sensor_cannot_feel_is_refused() -> None:
     field = {"source": "field", "magnitude": 50.0}
     compass = recipe(sensor="magnetometer", unit="uT", reference=field)
-    with pytest.raises(UsageError, match="local-gravity cannot act on a magnetometer, only on what measures acceleration"):
+    with pytest.raises(UsageError, match="local-gravity cannot act on a magnetometer, only on what measures"):
         parse_effect("local-gravity", compass)
     assert parse_effect("quadratic", compass).size == pytest.approx(3e-4 / 50)
