@@ -54,7 +54,7 @@ def calibrate_file(samples: Path, recipe_name: str, wanted: CalibrateOutputs) ->
             if wanted.pictures is not None:
                 _draw(wanted.pictures, recipe, result)
         if told.calibrated == 0:
-            raise SamplesError(f"{samples}: {told.first[0].verdict.reasons[0].sentence}")
+            raise SamplesError("file-reason", file=str(samples), reason=told.first[0].verdict.reasons[0].message)
         found = replace(preflight.merge(checked), remarks=(*preflight.merge(checked).remarks, *family.outlying()))
         file.append("preflight", found.document())
     if str(wanted.json) != "-":

@@ -25,6 +25,7 @@ SAME_MEANING = {
     "environment": "the templates of a face",
     "fastest": "the order of least moving time",
     "faults": "the gross faults that one check finds in a diagnosis' data; a test compares the checks",
+    "find": "looks through data for what is there",
     "fit": "estimates parameters from data",
     "form_of": "the form in which something came",
     "frames": "raw frames of attempts",
