@@ -1,5 +1,7 @@
 """CAN logs as files: round trips, python-can as the other side, broken files, and a real recording."""
 
+import struct
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -191,3 +193,16 @@ def test_a_real_recording_decodes_frame_for_frame_as_cantools_does(name: str, sh
         at = place[can_id][row]
         assert {key: values[at] for key, values in decoded[can_id].values.items()} == expected
     assert len(checked) == sum(len(d.rows) for d in decoded.values()) > 3000
+
+
+def test_a_blf_that_unfolds_into_memory_is_refused(tmp_path: Path) -> None:
+    """One container of a megabyte that holds a gigabyte of zeros."""
+    packer = zlib.compressobj(9)
+    packed = b"".join(packer.compress(bytes(1 << 20)) for _ in range(1024)) + packer.flush()
+    body = struct.pack("<H6xL4x", 2, 1 << 30) + packed
+    head = struct.pack("<4sL", b"LOGG", 144).ljust(144, b"\0")
+    path = tmp_path / "bomb.blf"
+    path.write_bytes(head + struct.pack("<4sHHLL", b"LOBJ", 16, 1, 16 + len(body), 10) + body)
+    assert path.stat().st_size < 1_100_000
+    with pytest.raises(LogError, match="unfolds to more than 64 MB"):
+        read_log(path)
