@@ -57,6 +57,8 @@ NODES, SERIALS = (0x11, 0x12, 0x13, 0x14), ("SN0001", "SN0002", "SN0003", "SN000
 RATE_HZ, BLOCK_S = 2252, 0.005
 #: Bases of the identifiers of readings and temperature: they go to the stream's socket, as its filter would have it.
 STREAMED = (0x180, 0x280)
+#: Base of the identifiers of a device's SDO answers (CiA 301, 7.3.5).
+SDO_ANSWER = 0x580
 Address = tuple[str, int]
 
 
@@ -73,9 +75,9 @@ class UdpBus:
         """Readings."""
         return self._channel("stream")
 
-    def service(self, _can_ids: tuple[int, ...]) -> _Channel:
-        """Everything else."""
-        return self._channel("service")
+    def service(self, can_ids: tuple[int, ...]) -> _Channel:
+        """Everything else; who does not listen to the devices' answers hears nobody on this bus."""
+        return self._channel("service" if any(can_id & ~0x7F == SDO_ANSWER for can_id in can_ids) else "watch")
 
     def state(self) -> str:
         """Nobody can tell."""
@@ -87,7 +89,7 @@ class UdpBus:
             channel.close()
 
     def _channel(self, kind: str) -> _Channel:
-        sock = bound(self._ports[kind], self._buffer)
+        sock = bound(self._ports.get(kind, 0), self._buffer)
         sock.connect(("127.0.0.1", self._devices))
         self._open.append(_Channel(self.name, sock))
         return self._open[-1]

@@ -27,6 +27,7 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "vcan")]
 
+from station.adapters.store import keys
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.errors import StationError
@@ -55,8 +56,8 @@ def work(folder: Path, out: Path, *, careless: bool) -> None:
 
         setattr(SqliteStore, name, told)
 
-    def carelessly(store: SqliteStore) -> None:
-        check(store)
+    def carelessly(store: SqliteStore, old: keys.Signer | None = None) -> None:
+        check(store, old)
         if careless:
             store._db.execute("PRAGMA synchronous = NORMAL")
 
