@@ -105,11 +105,11 @@ def test_an_operator_turns_the_units_by_hand_and_scans_the_next_load(
     scan(page, "SN0001", "SN0002")
     page.click("#start")
     page.wait("!document.querySelector('#todo').hidden", 60)
-    assert "in den Sitz 'turned' drehen" in page.text("#confirm"), "in the reader's language"
+    assert "(Sitzlage 'turned')" in page.text("#confirm"), "in the reader's language"
     page.keys("SN0003\n")
     page.wait("document.querySelector('[data-nest=A] [data-part=next]').textContent.includes('SN0003')")
     page.keys("SN0001\n")
-    page.wait("document.querySelector('#told').textContent.includes('sitzt gerade in Nest A')")
+    page.wait("document.querySelector('#told').textContent.includes('wird in Nest A geprüft')")
     page.picture(pictures / "confirm.png")
     for width, height in SCREENS:
         page.device(width, height)

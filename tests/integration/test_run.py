@@ -238,7 +238,7 @@ def test_an_uncertainty_out_of_reach_is_told(tmp_path: Path) -> None:
     # The last tenth of the variance would cost the longest dwell at every stop.
     assert all(0.4 < s < 0.52 for s in dwelt_s(ran, "tumble"))
     notes = ran.kept("SN0001", "calibration")["notes"]
-    assert any("times what dwell.until_std 1e-05 g asks for; raise dwell.max_s (0.5 s)" in note for note in notes)
+    assert any("times the target of dwell.until_std 1e-05 g: raise dwell.max_s (0.5 s)" in note for note in notes)
 
 
 def test_all_nests_dwell_together_and_each_is_told_what_it_alone_would_need(tmp_path: Path) -> None:

@@ -82,5 +82,5 @@ def test_a_product_may_be_of_the_new_kind() -> None:
 
 
 def test_it_is_gone_again() -> None:
-    with pytest.raises(ValueError, match="'load-cell' is none of"):
+    with pytest.raises(ValueError, match="'load-cell' is unknown"):
         recipe()

@@ -131,8 +131,8 @@ def test_forbidden_moves_are_not_made_where_others_are_open() -> None:
 @pytest.mark.parametrize(
     ("run", "said"),
     [
-        ({"order": "listed", "first": "z-up"}, "first goes with order: fastest"),
-        ({"order": "fastest", "first": "z-up", "last": "z-up"}, "a run stops at a position once"),
+        ({"order": "listed", "first": "z-up"}, "first needs order: fastest"),
+        ({"order": "fastest", "first": "z-up", "last": "z-up"}, "a run visits a position once"),
         ({"order": "fastest", "last": "zup"}, "the nearest is 'z-up'"),
     ],
 )

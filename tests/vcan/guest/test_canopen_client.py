@@ -150,7 +150,7 @@ def test_refusals_come_as_sentences(vcan: Interface, node_device: Device, statio
     with pytest.raises(DeviceRefused, match="the object does not exist"):
         device.upload(0x2999, 0)
     unit.fault(refuse={0x2102: 0x06090030})
-    with pytest.raises(DeviceRefused, match="the value is outside its range"):
+    with pytest.raises(DeviceRefused, match="the value is out of range"):
         device.download(0x2102, 1, bytes(4))
 
 
