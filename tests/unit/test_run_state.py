@@ -49,7 +49,10 @@ def test_readings_move_vector_and_noise_and_nothing_else() -> None:
 
 def test_a_unit_ends_with_every_reason_and_its_neighbour_goes_on() -> None:
     state = BEGUN.after(Identified(SEATS[0], "accelerometer", "1.0.0", 1), 1001)
-    reasons = (Reason.text("offset", "offset x is too large"), Reason.text("noise", "too noisy"))
+    reasons = (
+        Reason(Message.text("offset x is too large"), check="offset"),
+        Reason(Message.text("too noisy"), check="noise"),
+    )
     ended = UnitResult(SEATS[0], "id", Outcome.FAIL, reasons, None, False, False, 0.002, 3.0)
     state = state.after(UnitDone(ended), 1002)
     first, second = state.nests
@@ -70,7 +73,7 @@ def test_phases_writes_and_the_end_with_its_fault() -> None:
 
 
 def test_messages_are_held_but_never_without_end() -> None:
-    state = BEGUN.after(VisitRejected("SN1", "z-up", (Reason.text("gaps", "frames were lost"),), True), 1001)
+    state = BEGUN.after(VisitRejected("SN1", "z-up", (Reason(Message.text("frames were lost")),), True), 1001)
     reasons = (Message.text("frames were lost"),)
     assert state.messages == (Message("visit-measured-again", serial="SN1", reasons=reasons),)
     for i in range(3 * MAX_MESSAGES):

@@ -216,13 +216,6 @@ class Reason:
         """The message in English."""
         return render(self.message)
 
-    @staticmethod
-    def text(
-        check: str, sentence: str, value: float | None = None, limit: float | None = None, unit: str = ""
-    ) -> "Reason":
-        """A reason whose sentence has no id yet."""
-        return Reason(Message.text(sentence), value, limit, unit, check)
-
     def document(self) -> dict[str, Any]:
         """As the log keeps it."""
         numbers = {"value": self.value, "limit": self.limit, "unit": self.unit}

@@ -126,7 +126,7 @@ def _results(
 
 
 def _result(
-    recipe: Recipe, unit: UnitInput, found: Calibration, budget: Budget, broken: tuple[str, ...]
+    recipe: Recipe, unit: UnitInput, found: Calibration, budget: Budget, broken: tuple[Message, ...]
 ) -> CalibrationResult:
     serial, stops, measured = unit
     unsound: tuple[Reason, ...] = ()
@@ -162,7 +162,7 @@ def _calibration(
             *_disturbed(stops, fit, u, recipe.unit),
             *_scatter(budget, recipe.unit),
             *_dwell(recipe, fit, stops, budget),
-            *(Message.text(note) for note in fit.notes[u]),
+            *fit.notes[u],
         ),
     )
 
@@ -191,10 +191,10 @@ def _scatter(budget: Budget, unit: str) -> Iterator[Message]:
         yield Message("visits-scatter", value=budget.scatter, unit=unit)
 
 
-def _invalid_fit_reasons(found: Calibration, notes: tuple[str, ...]) -> Iterator[Reason]:
+def _invalid_fit_reasons(found: Calibration, notes: tuple[Message, ...]) -> Iterator[Reason]:
     """A fit that is no calibration: not settled, not finite, or a matrix that mirrors."""
     if notes:
-        yield Reason(Message.text(notes[0]), check="fit")
+        yield Reason(notes[0], check="fit")
     if not (np.isfinite(found.offset).all() and np.isfinite(found.matrix).all()):
         yield Reason(Message("fit-not-finite"), check="fit")
     elif not np.linalg.det(found.matrix) > 0:

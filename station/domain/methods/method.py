@@ -15,6 +15,7 @@ from station.domain.core.types import Array, Floats, ReducedVisits
 from station.domain.methods import rank
 from station.domain.recipe import assumptions, references, sensor
 from station.domain.recipe.recipe import Recipe
+from station.messages import Message
 
 PACKAGE = "station.domain.methods.calibrate"
 #: Which units.
@@ -79,7 +80,7 @@ class Fit:
     variances (u, v, a) that noise and declared pose errors give it; parameters: how many it fitted to that; explained
     (k, v, a): orthonormal patterns of misfit that stated errors shared by all stops make; consistent (u): known to have
     neither scatter nor a stop that does not fit; pose_std_rad, pose_dof (u): pose error about each axis as found and
-    its degrees of freedom, 0 where the method cannot tell; notes: sentences a unit.
+    its degrees of freedom, 0 where the method cannot tell; notes: messages a unit.
     """
 
     theta: Floats
@@ -96,7 +97,7 @@ class Fit:
     consistent: NDArray[np.bool_]
     pose_std_rad: Floats
     pose_dof: Floats
-    notes: tuple[tuple[str, ...], ...]
+    notes: tuple[tuple[Message, ...], ...]
 
     def take(self, rows: NDArray[np.intp]) -> "Fit":
         """The same for some of the units."""

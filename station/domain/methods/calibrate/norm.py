@@ -19,6 +19,7 @@ from station.domain.methods.calibrate._shared_fit import scatter_basis
 from station.domain.methods.method import Fit, FitProblem
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
+from station.messages import Message
 
 NAMES = (
     *(f"offset {a}" for a in "xyz"),
@@ -105,7 +106,7 @@ def _fit(
     tilts: tuple[Floats, Floats],
     pose_std: tuple[Floats, Floats],
 ) -> Fit:
-    lost = ("the norm fit did not settle; the readings do not lie on an ellipsoid",)
+    lost = (Message("norm-not-settled"),)
     return Fit(
         theta=theta,
         jacobian=jacobian,
