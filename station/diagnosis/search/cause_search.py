@@ -109,7 +109,8 @@ class SearchResult:
         said = next((f.words for f in self.findings if f.words), ())
         if said or self.statistics[-1] <= self.threshold:
             return said
-        return depends_on({name: e for name, e in self.rest.items() if name in generic.KERNEL_NAMES})
+        kernels = {name: e for name, e in self.rest.items() if name in generic.KERNEL_NAMES}
+        return depends_on(kernels) if max(kernels.values(), default=0.0) >= UNKNOWN_NATS else ()
 
     @property
     def ranking(self) -> tuple[Mapping[str, float], Mapping[str, float]]:
@@ -151,7 +152,8 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult
         if cause is None or (kernel is not None and is_unknown(kernel.evidence, cause.evidence)):
             # Several causes at once may each explain less than a kernel that follows them all.
             chain = search.chain(look, ranks, [f.name for f, _ in found])
-            if not chain and kernel is None:
+            if not chain and (kernel is None or kernel.evidence < UNKNOWN_NATS):
+                # What nobody has described must be as much ahead of chance as of any cause.
                 break
             if not chain:
                 found.append((_unknown(ranks, look.statistic), look))
