@@ -178,7 +178,7 @@ def test_a_simulation_without_an_eds(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("serials", "words"),
-    [(["SN0001", "SN0001"], "given twice"), (["SN1"], "does not match"), (["SN0001\n"], "printable")],
+    [(["SN0001", "SN0001"], "is listed twice"), (["SN1"], "does not match"), (["SN0001\n"], "printable")],
 )
 def test_serials_that_cannot_be(tmp_path: Path, serials: list[str], words: str) -> None:
     with (

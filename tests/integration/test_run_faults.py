@@ -56,7 +56,7 @@ def test_limits_decide_and_nothing_is_written_on_fail(tmp_path: Path) -> None:
     assert [x.check for x in r.reasons] == ["offset", "offset"]
     assert r.fit is not None
     assert r.fit.calibration is not None
-    said = f"offset y is {r.fit.calibration.offset[1]:+.5f} g, beyond 0.02 less the guard band"
+    said = f"offset y is {r.fit.calibration.offset[1]:+.5f} g off nominal, beyond 0.02 less the guard band"
     assert said in r.reasons[1].sentence
     assert not r.written
     assert ran.memory("SN0001") == {}
