@@ -32,7 +32,7 @@ _BY_RULES = frozenset({"covariance", "budget", "false_accept", "false_reject", "
 @dataclass(frozen=True, slots=True)
 class Recomputed:
     """What came out. compared: how many values of the stored calibration, those without its budget where that was made
-    by rules of another edition (docs/decisions/0033-uncertainty.md); differences: those not the same bits.
+    by rules of another edition (docs/decisions/0038-uncertainty.md); differences: those not the same bits.
 
     skipped: why there was nothing to compare, or ''.
     """
