@@ -39,8 +39,8 @@ class Message:
     @staticmethod
     def recorded(document: Mapping[str, Any]) -> "Message":
         """The message of a log's entry; its sentence as it stands where an older version kept nothing else."""
-        kept = document.get("message")
-        return Message.of(kept) if kept else Message.text(str(document["sentence"]))
+        stored = document.get("message")
+        return Message.of(stored) if stored else Message.text(str(document["sentence"]))
 
     @staticmethod
     def of(document: Mapping[str, Any]) -> "Message":

@@ -39,13 +39,13 @@ def climate(
     """
     powered = time_s + powered_s
     room_degC, drift = room_temperature(time_s + started_s, line, seed)
-    left = line.heating_degC * np.exp(-powered / line.heating_tau_s)
+    remaining_degC = line.heating_degC * np.exp(-powered / line.heating_tau_s)
     return Climate(
         started_s=started_s,
         since_power_s=powered,
         since_clamp_s=time_s + clamped_s,
-        temperature_degC=room_degC + offset_degC + line.heating_degC - left,
-        temperature_rate=drift + left / line.heating_tau_s,
+        temperature_degC=room_degC + offset_degC + line.heating_degC - remaining_degC,
+        temperature_rate=drift + remaining_degC / line.heating_tau_s,
     )
 
 

@@ -30,11 +30,11 @@ PROBE_POSES = 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompensatedRecipe:
-    """recipe: as it is to be run; causes: ids that its calibration holds; left: why each other cause stays."""
+    """recipe: as it is to be run; causes: ids that its calibration holds; uncompensated: why each other cause stays."""
 
     recipe: Recipe
     causes: tuple[str, ...]
-    left: tuple[str, ...]
+    uncompensated: tuple[str, ...]
 
 
 def compensate(recipe: Recipe, model: Model, *, gains_only: bool) -> CompensatedRecipe:
@@ -49,8 +49,8 @@ def compensate(recipe: Recipe, model: Model, *, gains_only: bool) -> Compensated
     causes = tuple(name for name, reason in why.items() if not reason)
     if causes:
         _check(whole, causes)
-    left = tuple(f"{name} {reason}" for name, reason in why.items() if reason)
-    return CompensatedRecipe(whole if causes else recipe, causes, left)
+    uncompensated = tuple(f"{name} {reason}" for name, reason in why.items() if reason)
+    return CompensatedRecipe(whole if causes else recipe, causes, uncompensated)
 
 
 def _reason_against(effect: Effect, whole: Recipe, *, gains_only: bool) -> str:

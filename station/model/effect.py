@@ -118,7 +118,7 @@ class Effect(ABC):
     """A cause. Fields are its parameters: `size` (rms of its coefficients) and those of its form, units in names.
 
     id: from the file's name; physics: one sentence; remedy: what to do on the line; shown_by: the change of a recipe
-    that shows it where another hides it; drawn_over: what its residual is drawn against; told_apart_by: pairs of
+    that shows it where another hides it; drawn_over: what its residual is drawn against; separated_by: pairs of
     another cause's id and what would tell the two apart where no run of a recipe does; pose_free: whether it changes
     the length of a reading, so that visits of unknown pose show it; level: device, rig or bus; of: who shares one
     coefficient (the first is simulated, the others are tried too); axes: one coefficient each; needs: covariates
@@ -133,7 +133,7 @@ class Effect(ABC):
     remedy: ClassVar[str]
     shown_by: ClassVar[str]
     drawn_over: ClassVar[DrawnOver]
-    told_apart_by: ClassVar[tuple[tuple[str, str], ...]] = ()
+    separated_by: ClassVar[tuple[tuple[str, str], ...]] = ()
     pose_free: ClassVar[bool] = True
     stage: ClassVar[EffectStage]
     level: ClassVar[Literal["device", "rig", "bus"]]

@@ -93,8 +93,8 @@ def signal_during_moves(signal: Signal, moving: NDArray[np.bool_], plate: Floats
     if not moving.any() or scene.recipe.reference.source == "rate":
         return signal
     rows = scene.visit[moving]
-    left = np.einsum("mji,mjk->mik", plate, visits.nest_R[rows])
-    seated = np.einsum("mji,mjk,mkl->mil", visits.seat_R[rows], left, visits.seat_R[rows])
+    remaining_R = np.einsum("mji,mjk->mik", plate, visits.nest_R[rows])
+    seated = np.einsum("mji,mjk,mkl->mil", visits.seat_R[rows], remaining_R, visits.seat_R[rows])
     true = signal.true.copy()
     true[moving] = np.einsum("mij,mj->mi", seated, true[moving])
     return replace(signal, true=true, moving=True)

@@ -82,14 +82,14 @@ class LiveUnit:
 
     def active(self, scene: Scene) -> ActiveEffects:
         """The causes at work on this unit."""
-        acting = {f"model-{i}": a for i, a in enumerate(self._told(scene))}
+        acting = {f"model-{i}": a for i, a in enumerate(self._model_effects(scene))}
         for i, effect in enumerate(self._job.effects):
             of = effect.of[0]
             c = np.array([self._coefficients(i, effect, name) for name in scene.group(of)[1]])
             acting[f"asked-{i}"] = ActiveEffect(effect, c, of)
         return acting
 
-    def _told(self, scene: Scene) -> list[ActiveEffect]:
+    def _model_effects(self, scene: Scene) -> list[ActiveEffect]:
         return [a for listed in self._job.model_effects for a in listed.acting(scene, self._job.seed)]
 
     def _coefficients(self, i: int, effect: Effect, name: str) -> Floats:

@@ -18,7 +18,7 @@ def with_model(job: Job, path: Path | None) -> tuple[Job, tuple[str, ...]]:
     if path is None:
         return job, ()
     found = compensate(job.recipe, load_model(path), gains_only=job.product.map.matrix.order == "diagonal")
-    told = [f"{path}: {reason}" for reason in found.left]
+    told = [f"{path}: {reason}" for reason in found.uncompensated]
     if found.causes:
         names = ", ".join(found.causes)
         told.insert(0, f"{path}: {names}, the device's own, goes into the calibration: offset and the whole matrix")

@@ -160,7 +160,7 @@ def test_file_says_what_a_reader_needs(name: str) -> None:
     assert 10 < len(effect.remedy) <= 120 and not effect.remedy.endswith(".")
     assert 10 < len(effect.shown_by) <= 120 and not effect.shown_by.endswith(".")
     assert effect.drawn_over in get_args(DrawnOver)
-    assert {other for other, _ in effect.told_apart_by} <= set(IDS) - {name}
+    assert {other for other, _ in effect.separated_by} <= set(IDS) - {name}
     assert effect.level in ("device", "rig", "bus")
     assert effect.of and set(effect.of) <= set(LEVELS)
     assert set(effect.needs) <= {*COVARIATES, "gold"}

@@ -25,7 +25,7 @@ def test_of_the_device_only_angles_are_of_offset_and_matrix(name: str) -> None:
 def test_the_recipe_then_fits_the_matrix_and_says_what_stays() -> None:
     found = compensate(load_recipe("offset-gain"), model("cross-axis", "quadratic", "nest-tilt"), gains_only=False)
     assert (found.recipe.model, found.causes) == ("matrix", ("cross-axis",))
-    assert found.left == (
+    assert found.uncompensated == (
         "quadratic is no part of offset and matrix, which is all that the device keeps; it stays in the device's "
         "output",
         "nest-tilt is of the rig and not of the device, so no calibration takes it in; have it put right",
@@ -43,9 +43,9 @@ def test_a_product_of_gains_alone_and_a_method_of_gains_alone_keep_it_out() -> N
     gains = compensate(load_recipe("offset-gain"), model("cross-axis"), gains_only=True)
     three = compensate(load_recipe("three-point"), model("cross-axis"), gains_only=False)
     assert not gains.causes
-    assert "keeps offsets and gains only" in gains.left[0]
+    assert "keeps offsets and gains only" in gains.uncompensated[0]
     assert not three.causes
-    assert "method three-point does not determine; use method: n-point" in three.left[0]
+    assert "method three-point does not determine; use method: n-point" in three.uncompensated[0]
 
 
 def test_positions_that_do_not_show_it_are_refused_with_those_to_add() -> None:

@@ -146,7 +146,7 @@ class _Channel:
         """All frames waiting, in order of time; lets simulated time pass up to `timeout_s` until there are some."""
         self._check_open()
         if self._wire is not None:
-            self._look(self._wire)
+            self._pick_up(self._wire)
         until_s = self._clock.monotonic_s() + timeout_s
         frames = self._drain()
         if not len(frames) and timeout_s > 0:
@@ -196,7 +196,7 @@ class _Channel:
         self._send_held()
         return True
 
-    def _look(self, wire: Wire) -> None:
+    def _pick_up(self, wire: Wire) -> None:
         """Tells once that the link went down; sends what waited, when it can."""
         now_s, before_s = self._clock.monotonic_s(), self._looked_s
         self._looked_s = now_s

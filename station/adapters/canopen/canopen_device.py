@@ -101,9 +101,9 @@ class CanopenDevice:
     def emergencies(self) -> tuple[Emergency, ...]:
         """EMCY messages since the last call, oldest first."""
         self._network.catch_up()
-        taken = tuple(self._emergencies)
+        received = tuple(self._emergencies)
         self._emergencies.clear()
-        return taken
+        return received
 
     def boot_ups(self) -> int:
         """Boot-up messages seen so far."""

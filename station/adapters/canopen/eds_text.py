@@ -13,7 +13,7 @@ _NEEDLESS = ("comments", "fileinfo", "devicecomissioning", "devicecommissioning"
 
 def cleaned(text: str) -> str:
     """The text without stray lines, comments, sections that no object needs, and empty values of the device block."""
-    kept: list[str] = []
+    cleaned_lines: list[str] = []
     section = ""
     for line in text.splitlines():
         head = _SECTION.match(line)
@@ -22,8 +22,8 @@ def cleaned(text: str) -> str:
         elif not _OPTION.match(line) or (section == "deviceinfo" and not _plain(line)):
             continue
         if section and section not in _NEEDLESS:
-            kept.append(line.strip() if head is None else f"[{head[1].strip()}]")
-    return "\n".join(kept) + "\n"
+            cleaned_lines.append(line.strip() if head is None else f"[{head[1].strip()}]")
+    return "\n".join(cleaned_lines) + "\n"
 
 
 def _plain(line: str) -> bool:

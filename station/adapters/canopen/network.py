@@ -62,13 +62,13 @@ class ServiceNetwork:
     def wait(self, arrived: Callable[[], bool], deadline_s: float) -> bool:
         """Pumps until `arrived()`, at most until the clock shows `deadline_s`; whether it arrived."""
         while not arrived():
-            left_s = deadline_s - self.clock.monotonic_s()
-            if left_s <= 0:
+            remaining_s = deadline_s - self.clock.monotonic_s()
+            if remaining_s <= 0:
                 return False
             if self._pumping.acquire(timeout=_TURN_S):
                 try:
                     if not arrived():
-                        self.pump(min(left_s, _SLICE_S))
+                        self.pump(min(remaining_s, _SLICE_S))
                 finally:
                     self._pumping.release()
         return True

@@ -62,18 +62,18 @@ def _messages(path: Path, text: str, used: Used | None) -> list[Any]:
     from cantools import database  # heavy, and only needed where a product is loaded
     from cantools.database.errors import Error
 
-    left: str | None = text
+    remaining: str | None = text
     for _ in range(MOST_REPAIRS):
         try:
-            parsed: Any = database.load_string(left or "", "dbc", strict=used is None, sort_signals=None)
+            parsed: Any = database.load_string(remaining or "", "dbc", strict=used is None, sort_signals=None)
             for message in parsed.messages:
                 if used is not None and message.name in used:
                     message.refresh(strict=True)
             return list(parsed.messages)
         except Error as error:
             why = str(getattr(error, "e_dbc", error))
-            left = None if used is None or left is None else without_fault(left, why, used.keys())
-            if left is None:
+            remaining = None if used is None or remaining is None else without_fault(remaining, why, used.keys())
+            if remaining is None:
                 raise ProductError(_syntax_error(path, text, why)) from None
     raise ProductError(_syntax_error(path, text, why))
 

@@ -56,7 +56,7 @@ class SimulatedPositioner:
         self._turn = np.zeros(3)
         self._began_s = self._arrives_s = clock.monotonic_s()
         self._moves = 0
-        self._asked = np.eye(3)
+        self._commanded = np.eye(3)
 
     def move(self, stop: PlannedVisit, timeout_s: float) -> None:
         """Turns to the stop and waits until it is there; PositionerFault when that takes longer than `timeout_s`."""
@@ -70,14 +70,14 @@ class SimulatedPositioner:
         if self._broken("wrong-place"):
             goal = rotation.about(np.array([1.0, 1.0, 0.0]), 90.0) @ goal
         self._moves += 1
-        self._asked = stop.nest
+        self._commanded = stop.nest
         self._go(goal, stop)
 
     def where(self) -> Floats:
         """Nest → station rotation (3, 3) as the encoders read it."""
         error = self._rng.normal(0.0, math.radians(self._settings.encoder_deg), 3)
-        seen = self._asked if self._settings.encoder_lies else self.at(self._clock.monotonic_s())
-        return np.asarray(rotation.from_vector(error) @ seen)
+        attitude = self._commanded if self._settings.encoder_lies else self.at(self._clock.monotonic_s())
+        return np.asarray(rotation.from_vector(error) @ attitude)
 
     def estimate_s(self, origin: PlannedVisit | None, stop: PlannedVisit) -> float:
         """Time of the move by the trapezium of speed."""

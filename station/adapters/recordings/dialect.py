@@ -33,12 +33,12 @@ class Dialect:
 
 def recognise(file: str, lines: list[str]) -> Dialect:
     """The dialect of a text by its first lines. Errors: SamplesError where they hold no table of numbers."""
-    kept = [(i, line) for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
-    scored = [(*_score(kept, delimiter), delimiter) for delimiter in DELIMITERS]
+    content = [(i, line) for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
+    scored = [(*_score(content, delimiter), delimiter) for delimiter in DELIMITERS]
     score, columns, delimiter = max(scored, key=lambda s: (round(s[0], 2), s[1]))
     if score < 0.3:
         raise SamplesError("no-table-of-numbers", file=file)
-    rows = [(i, split(line, delimiter)) for i, line in kept]
+    rows = [(i, split(line, delimiter)) for i, line in content]
     usual = _numeric_share([cells for _, cells in rows if len(cells) == columns][-50:])
     first = next(
         i for i, cells in rows if len(cells) == columns and _numeric_share([cells]) >= min(usual, 0.999) * 0.75
@@ -86,8 +86,8 @@ def _score(lines: list[tuple[int, str]], delimiter: str) -> tuple[float, int]:
     ((columns, times),) = Counter(len(cells) for cells in rows).most_common(1) or ((0, 0),)
     if columns < 2:
         return 0.0, columns
-    alike = [cells for cells in rows if len(cells) == columns]
-    return times / len(rows) * _numeric_share(alike) ** 0.5, columns
+    regular = [cells for cells in rows if len(cells) == columns]
+    return times / len(rows) * _numeric_share(regular) ** 0.5, columns
 
 
 def _numeric_share(rows: list[list[str]]) -> float:

@@ -46,8 +46,8 @@ class _Tap:
         self._channel.send_many(frames)
 
     def receive(self, _timeout_s: float) -> Frames:
-        taken, self._frames = self._frames, []
-        return Frames.join(taken)
+        received, self._frames = self._frames, []
+        return Frames.join(received)
 
     def drops(self) -> int:
         return self._channel.drops()

@@ -89,7 +89,7 @@ class SimulatedObjects:
         """(offset (3), matrix (3, 3)) of the calibration held, whether it is used or not; None: none can be used."""
         return self._correction
 
-    def kept(self) -> SavedObjects:
+    def saved(self) -> SavedObjects:
         """What the next start will read back: the last save, or the factory values."""
         factory = {
             object_key(*address): self._fixed.get(address, entry.default)

@@ -144,8 +144,8 @@ class SdoService:
         self._work(now_s)
 
     def _tear(self, torn: InjectedFault) -> None:
-        kept, wanted = self._objects.kept(), self._objects.snapshot()
-        changed = [address for address, value in wanted.items() if kept.get(address) != value]
+        saved, wanted = self._objects.saved(), self._objects.snapshot()
+        changed = [address for address, value in wanted.items() if saved.get(address) != value]
         first = {address: wanted[address] for address in changed[: len(changed) // 2]}
-        self._objects.memory.store({**kept, **first})
+        self._objects.memory.store({**saved, **first})
         self._device_control.cut_power(torn.seconds)

@@ -41,15 +41,15 @@ def findings(
     progress is given the record's number now and then.
     """
     # Heads are read first: they may lag behind the snapshot, never run ahead of it.
-    kept = anchors_of(path, trust)
+    anchored = anchors_of(path, trust)
     connection = db.conn
     connection.text_factory = lambda data: data.decode("utf-8", "surrogateescape")
     try:
         connection.execute("SAVEPOINT verification")
         yield from _schema(db)
-        yield from _chain(db, kept, trust, progress)
+        yield from _chain(db, anchored, trust, progress)
         yield from _head(db)
-        yield from _places(db, kept)
+        yield from _places(db, anchored)
         yield from _frames(db)
         yield from _pages(db)
     except sqlite3.DatabaseError as exc:
@@ -78,30 +78,30 @@ def _schema(db: Database) -> Iterator[IntegrityFinding]:
 
 def anchors_of(path: Path, trust: Trust) -> dict[str, SealedHead | None]:
     """Heads by place: the file beside the log, unless seals are known from elsewhere, and the anchors."""
-    beside = dict[str, SealedHead | None]()
+    adjacent = dict[str, SealedHead | None]()
     if not trust.known:
         place = anchor.HeadFile(path)
         try:
-            beside[place.name] = place.read()
+            adjacent[place.name] = place.read()
         except (OSError, ValueError):
-            beside[place.name] = None
-    return beside | dict(trust.anchors)
+            adjacent[place.name] = None
+    return adjacent | dict(trust.anchors)
 
 
-def _seals(db: Database, kept: Mapping[str, SealedHead | None], trust: Trust) -> dict[int, bytes]:
+def _seals(db: Database, anchored: Mapping[str, SealedHead | None], trust: Trust) -> dict[int, bytes]:
     """Seals by number that something outside the tables of evidence knows of this log."""
     noted = {number: seal for number, seal in db.execute("SELECT number, hash FROM head") if number}
-    own = [head for head in kept.values() if head and head.number and head.log_id == log_id(db)]
+    own = [head for head in anchored.values() if head and head.number and head.log_id == log_id(db)]
     return noted | {head.number: bytes.fromhex(head.hash) for head in own} | dict(trust.known)
 
 
 def _chain(
     db: Database,
-    kept: Mapping[str, SealedHead | None],
+    anchored: Mapping[str, SealedHead | None],
     trust: Trust,
     progress: Callable[[int], None],
 ) -> Iterator[IntegrityFinding]:
-    anchors = _seals(db, kept, trust)
+    anchors = _seals(db, anchored, trust)
     schedule = keys.schedule(db.conn, log_id(db), trust.public_key)
     yield from schedule.findings()
     walk = ChainVerifier(chain.genesis(log_id(db)), anchors, schedule.check if schedule.signs else None)
@@ -133,19 +133,19 @@ def _head(db: Database) -> Iterator[IntegrityFinding]:
         yield IntegrityFinding("edited", "head", 0, Message("log-head-edited"))
 
 
-def _places(db: Database, kept: Mapping[str, SealedHead | None]) -> Iterator[IntegrityFinding]:
+def _places(db: Database, anchored: Mapping[str, SealedHead | None]) -> Iterator[IntegrityFinding]:
     """What the chain's walk does not see: no head, one of another log, one that is too old, one that nobody signed."""
-    for place, state in compared(db, kept).items():
+    for place, state in compared(db, anchored).items():
         if state.message is not None and state.what not in ("replaced", "truncated"):
             what = "forged" if state.what == "forged" else "unanchored"
             yield IntegrityFinding(what, place, 0, state.message)
 
 
-def compared(db: Database, kept: Mapping[str, SealedHead | None]) -> dict[str, AnchorState]:
+def compared(db: Database, anchored: Mapping[str, SealedHead | None]) -> dict[str, AnchorState]:
     """What each place says of the log."""
     end = StoredLogEnd(db.conn, log_id(db))
     states = dict[str, AnchorState]()
-    for place, head in kept.items():
+    for place, head in anchored.items():
         found = (
             missing(place) if head is None else against(place, head, end, lags=not place.startswith(anchor.HEAD_FILE))
         )

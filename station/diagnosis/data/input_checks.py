@@ -30,10 +30,10 @@ def check(recipe: Recipe, table: SampleTable) -> None:
 
 def check_unclipped(table: SampleTable, rest: SampleTable) -> None:
     """Errors: SamplesError where hardly a stop is left of a table beside those that are clipped."""
-    every, left = len(_first_rows(table)), len(_first_rows(rest)) if len(rest) else 0
-    if left < 2:
+    every, whole = len(_first_rows(table)), len(_first_rows(rest)) if len(rest) else 0
+    if whole < 2:
         raise SamplesError(
-            f"{every - left} of {every} stops are clipped, and nothing can be told from the rest; measure in a range "
+            f"{every - whole} of {every} stops are clipped, and nothing can be told from the rest; measure in a range "
             "that holds the readings, or correct the columns' unit"
         )
 
@@ -112,10 +112,10 @@ def _check_same_unit_of_measure(recipe: Recipe, table: SampleTable) -> None:
         if not turned.any() or moves[turned].max() <= MAX_RESPONSE_RATIO * moves[turned].min():
             continue
         worst = int(np.nanargmax(np.abs(np.log(moves / np.nanmedian(moves)))))
-        told = ", ".join(f"{a} {m:.3g}" for a, m in zip("xyz", moves, strict=True) if np.isfinite(m))
+        factors = ", ".join(f"{a} {m:.3g}" for a, m in zip("xyz", moves, strict=True) if np.isfinite(m))
         raise SamplesError(
             f"unit {serial}: column {'xyz'[worst]} is in another unit than the others; beside what the positions make "
-            f"of it each axis moves by a factor of {told}, so write all three in {recipe.unit}"
+            f"of it each axis moves by a factor of {factors}, so write all three in {recipe.unit}"
         )
 
 

@@ -76,13 +76,13 @@ class RowLayout:
             dwell = dwell.reshape(len(dwell), -1, dwell.shape[-1]) / self.sigma
         return self.laid(self.keep @ stop, dwell)
 
-    def laid(self, kept: Floats, dwell: Floats | None, units: slice = ALL_UNITS) -> DataColumns:
+    def laid(self, retained: Floats, dwell: Floats | None, units: slice = ALL_UNITS) -> DataColumns:
         """Numbers kept of the stops of some units (v, k, c) and contrasts (v, (B−1)·k, c), laid out by unit."""
         grid = self.grid.part(units)[0]
         if dwell is None:
-            return DataColumns(grid.spread(kept))
+            return DataColumns(grid.spread(retained))
         inside = VisitGrid(grid.slot, dwell.shape[1]).spread(dwell)
-        return DataColumns(grid.spread(kept), inside.reshape(grid.units, -1, dwell.shape[-1]))
+        return DataColumns(grid.spread(retained), inside.reshape(grid.units, -1, dwell.shape[-1]))
 
     def within(self, dwell: Floats, stops: slice = ALL_UNITS) -> Floats:
         """Contrasts (v, B−1, 3, …) as they are, or along the stimulus alone (v, B−1, 1, …) where a hand may turn."""

@@ -170,19 +170,19 @@ def residual_space(
 ) -> ResidualSpace:
     """The space of `count` readings (one column). Contrasts are kept where the readings have them."""
     dwell = 0 if readings.dwell is None else readings.dwell.shape[1]
-    own_rows, shared_rows, said = prior_rows(known)
+    own_rows, shared_rows, targets = prior_rows(known)
     white = [covariance.whiten(rows, dwell) for rows in (known.own, known.shared, readings)]
     own, shared, data = (
-        np.concatenate(pair, axis=1) for pair in zip(white, (own_rows, shared_rows, said), strict=True)
+        np.concatenate(pair, axis=1) for pair in zip(white, (own_rows, shared_rows, targets), strict=True)
     )
     basis, rank, logdet_own = _basis(own)
     free = shared - basis @ (basis.transpose(0, 2, 1) @ shared)
     border, common = _orthonormal(free)
-    left = (data - basis @ (basis.transpose(0, 2, 1) @ data))[..., 0]
+    residual = (data - basis @ (basis.transpose(0, 2, 1) @ data))[..., 0]
     logdet = covariance.logdet + logdet_own + common
     live = np.concatenate([_live(covariance, readings, dwell), (own_rows != 0).any(2) | (shared_rows != 0).any(2)], 1)
     dof = count + known.prior_count - rank - border.shape[2]
-    return ResidualSpace(covariance, dwell, live, basis, border, common, logdet, dof, left)
+    return ResidualSpace(covariance, dwell, live, basis, border, common, logdet, dof, residual)
 
 
 def _live(covariance: FloorCovariance, readings: DataColumns, dwell: int) -> NDArray[np.bool_]:
@@ -199,29 +199,29 @@ def prior_rows(known: NuisanceColumns) -> tuple[Floats, Floats, Floats]:
     """
     U, p = known.per_unit_precision.shape
     c = len(known.shared_precision)
-    own, shared, said = np.zeros((U, p + c, p)), np.zeros((U, p + c, c)), np.zeros((U, p + c, 1))
+    own, shared, targets = np.zeros((U, p + c, p)), np.zeros((U, p + c, c)), np.zeros((U, p + c, 1))
     root, common = np.sqrt(known.per_unit_precision), np.sqrt(known.shared_precision)
     own[:, np.arange(p), np.arange(p)] = root
-    said[:, :p, 0] = root * known.per_unit_target
+    targets[:, :p, 0] = root * known.per_unit_target
     shared[0, p + np.arange(c), np.arange(c)] = common
-    said[0, p:, 0] = common * known.shared_target
-    return own, shared, said
+    targets[0, p:, 0] = common * known.shared_target
+    return own, shared, targets
 
 
 def _basis(columns: Floats) -> tuple[Floats, int, float]:
     """Orthonormal basis (U, M, p) of columns (U, M, p), zeros for what is lost; rank; log det of the normal matrix."""
     length = np.linalg.norm(columns, axis=1, keepdims=True)
     scaled = columns / np.where(length > 0, length, 1.0)
-    left, s, _ = np.linalg.svd(scaled, full_matrices=False)
-    kept = s > RANK_TOLERANCE * np.max(s, axis=1, keepdims=True, initial=1e-300)
-    logdet = 2 * float(np.sum(np.log(s[kept])) + np.sum(np.log(length[length > 0])))
-    return left * kept[:, None, :], int(np.count_nonzero(kept)), logdet
+    vectors, s, _ = np.linalg.svd(scaled, full_matrices=False)
+    retained = s > RANK_TOLERANCE * np.max(s, axis=1, keepdims=True, initial=1e-300)
+    logdet = 2 * float(np.sum(np.log(s[retained])) + np.sum(np.log(length[length > 0])))
+    return vectors * retained[:, None, :], int(np.count_nonzero(retained)), logdet
 
 
 def _orthonormal(columns: Floats) -> tuple[Floats, float]:
     """Orthonormal basis (U, M, rank) of columns (U, M, c) over all units; log det of their normal matrix."""
     flat = columns.reshape(columns.shape[0] * columns.shape[1], -1)
     values, vectors = np.linalg.eigh(flat.T @ flat)
-    kept = values > RANK_TOLERANCE * values.max(initial=0.0)
-    basis = flat @ (vectors[:, kept] / np.sqrt(values[kept]))
-    return basis.reshape(*columns.shape[:2], -1), float(np.sum(np.log(values[kept])))
+    retained = values > RANK_TOLERANCE * values.max(initial=0.0)
+    basis = flat @ (vectors[:, retained] / np.sqrt(values[retained]))
+    return basis.reshape(*columns.shape[:2], -1), float(np.sum(np.log(values[retained])))

@@ -44,7 +44,7 @@ def _tie_breakers(members: Collection[str]) -> Iterator[str]:
     """What would tell two of these causes apart though no run does, as their files say."""
     for name in sorted(members):
         kind: type[Effect] = plugins.load(EFFECTS, name)
-        yield from (text for other, text in kind.told_apart_by if other in members)
+        yield from (text for other, text in kind.separated_by if other in members)
 
 
 def _tie(c: Cause) -> CauseTie | None:

@@ -162,20 +162,20 @@ def recipe_separability(recipe: Recipe, units: int = 4) -> RecipeSeparability:
     """What a recipe can and cannot tell apart at the causes' usual sizes."""
     bank = _bank(plan_campaign(recipe, units))
     effects = {e.id: e for e in cause_library(recipe)}
-    seen = {name: axes for name, axes in bank.items() if _largest(effects[name], recipe) * axes[0].length >= 1.0}
-    shown = tuple(_cause_separability(effects[name], recipe, seen) for name in seen)
-    return RecipeSeparability(units, shown, tuple(name for name in effects if name not in seen))
+    detectable = {name: axes for name, axes in bank.items() if _largest(effects[name], recipe) * axes[0].length >= 1.0}
+    shown = tuple(_cause_separability(effects[name], recipe, detectable) for name in detectable)
+    return RecipeSeparability(units, shown, tuple(name for name in effects if name not in detectable))
 
 
 def _cause_separability(
-    effect: Effect, recipe: Recipe, seen: Mapping[str, Sequence[SignatureAxes]]
+    effect: Effect, recipe: Recipe, detectable: Mapping[str, Sequence[SignatureAxes]]
 ) -> CauseSeparability:
     size = abs(effect.parameter.typical * effect.parameter.scale(recipe))
-    axes = seen[effect.id][0]
+    axes = detectable[effect.id][0]
     d = size * axes.length
     apart = {
         name: d * float(np.sqrt(least_distinct_share(axes, others)))
-        for name, others in seen.items()
+        for name, others in detectable.items()
         if name != effect.id
     }
     return CauseSeparability(

@@ -32,7 +32,7 @@ from station.model.simulated_line import SimulatedLine
 from station.model.timeline import run_timeline
 
 #: Certainty that is enough, the gain that another run must bring, and runs at most.
-ENOUGH_CERTAINTY, LEAST_GAIN, MAX_RUNS = 0.95, 0.05, 3
+SUFFICIENT_CERTAINTY, LEAST_GAIN, MAX_RUNS = 0.95, 0.05, 3
 #: How much longer a slow run dwells, and at most for how long, s.
 SLOW_FACTOR, SLOWEST_DWELL_S = 10.0, 10.0
 SECOND_NEST = "once more in the next nest"
@@ -130,7 +130,7 @@ def propose(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Proposal | 
         if better is None or (best is not None and better.certainty < best.certainty + LEAST_GAIN):
             break
         best, now = better, better.campaign
-        if best.certainty >= ENOUGH_CERTAINTY:
+        if best.certainty >= SUFFICIENT_CERTAINTY:
             break
     return best if best is not None and best.separates else None
 
@@ -143,7 +143,7 @@ def probability_parted(apart: float) -> float:
 def _best(found: Sequence[Proposal]) -> Proposal | None:
     """The shortest of those that are as good as any, to within a gain not worth a minute."""
     most = max((p.certainty for p in found), default=0.0)
-    good = [p for p in found if p.certainty >= min(most, ENOUGH_CERTAINTY) - LEAST_GAIN / 2]
+    good = [p for p in found if p.certainty >= min(most, SUFFICIENT_CERTAINTY) - LEAST_GAIN / 2]
     return min(good, key=lambda p: (round(p.minutes), -p.certainty), default=None)
 
 
@@ -171,7 +171,7 @@ def _rated_menu(
     for text, longer in sorted(run_menu(campaign, now), key=lambda choice: round(_minutes(choice[1]))):
         found = _rated(campaign, text, longer, lines_up, before)
         yield found
-        if found.certainty >= ENOUGH_CERTAINTY:
+        if found.certainty >= SUFFICIENT_CERTAINTY:
             return
 
 

@@ -115,7 +115,7 @@ def _causes(
 ) -> tuple[Cause, ...]:
     """The named findings with sizes and gains."""
     out: list[Cause] = []
-    taken, before = 0, len(searched.first.accepted)
+    consumed, before = 0, len(searched.first.accepted)
     for finding in searched.findings:
         if finding.words:
             continue
@@ -123,8 +123,8 @@ def _causes(
             if _still_exceeds_allowance(finding, searched, floor):
                 out.append(Cause(finding, None, _floor_gain(finding, residual_rms(last))))
             continue
-        out.append(Cause(finding, sized[taken], held_out_gain(last, before + taken, floor.floor)))
-        taken += 1
+        out.append(Cause(finding, sized[consumed], held_out_gain(last, before + consumed, floor.floor)))
+        consumed += 1
     # Beside a cause that pays, one that does not is a shadow of it; alone, one that gains nothing is no finding at all.
     paying = tuple(cause for cause in out if cause.gain.accepted)
     return paying or tuple(cause for cause in out if cause.gain.log_score > EXPLAINS_NATS)

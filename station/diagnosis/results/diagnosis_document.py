@@ -81,13 +81,13 @@ def sentence(d: Diagnosis) -> str:
         names.append(f"{c.finding.name}{others}")
     found = "; ".join(names)
     rest = " and ".join(d.depends_on)
-    told = {
+    by_verdict = {
         "none": "The simulation accounts for the data.",
         "named": f"Found: {found}.",
         "incomplete": f"Found: {found}; what is left depends on {rest}.",
         "unknown": f"Something is wrong that no known cause explains; it depends on {rest}.",
     }
-    return told[d.verdict]
+    return by_verdict[d.verdict]
 
 
 def _cause(c: Cause, d: Diagnosis) -> dict[str, Any]:
@@ -139,10 +139,10 @@ def _parameters(e: Estimate, unit: str) -> list[dict[str, Any]]:
         for g in range(len(candidate.names)) if e.item.hit[g]
         for i, column in enumerate(effect.columns)
     ]  # fmt: skip
-    told = {t.field: t for t in e.form}
+    estimated = {t.field: t for t in e.form}
     for effect, of in _forms_with_groups(e):
         for form in effect.form_parameters:
-            std = told[form.field].std if form.field in told else e.form_std(form.field)
+            std = estimated[form.field].std if form.field in estimated else e.form_std(form.field)
             value = float(getattr(effect, form.field))
             rows.append(
                 {"name": form.name, "axis": None, "of": of, "value": value, "std": std, "unit": form.unit_in(unit)}
@@ -165,8 +165,8 @@ def _floor_parameters(name: str, d: Diagnosis) -> list[dict[str, Any]]:
     i = 1 if name == "repeatability" else 2
     value = (d.floor.floor.noise, d.floor.floor.turn, d.floor.floor.walk)[i]
     std = float(d.floor.covariance[i, i] ** 0.5 / (2 * value)) if value > 0 else 0.0
-    told = ("angle", "rad") if i == 1 else ("step_std", d.recipe.unit)
-    return [{"name": told[0], "axis": None, "of": "common", "value": value, "std": std, "unit": told[1]}]
+    label = ("angle", "rad") if i == 1 else ("step_std", d.recipe.unit)
+    return [{"name": label[0], "axis": None, "of": "common", "value": value, "std": std, "unit": label[1]}]
 
 
 def _fault(f: GrossFault) -> dict[str, Any]:

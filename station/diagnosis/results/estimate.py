@@ -64,10 +64,10 @@ def _coefficients(
     problem: ScoringProblem, items: Sequence[AcceptedCause], fitted: FittedFloor
 ) -> list[tuple[Floats, Floats]]:
     """Coefficients and their standard deviations (groups, axes) of accepted causes."""
-    beside = problem.beside(items)
-    readings, _ = beside.readings(moving=beside.known.moving)
-    solved = solve(whitened(fitted.space.covariance, beside.known, readings))
-    found = (solved.at(place) for place in beside.places)
+    joint = problem.beside(items)
+    readings, _ = joint.readings(moving=joint.known.moving)
+    solved = solve(whitened(fitted.space.covariance, joint.known, readings))
+    found = (solved.at(place) for place in joint.places)
     return [(item.coefficient + step, std) for item, (step, std) in zip(items, found, strict=True)]
 
 

@@ -18,7 +18,7 @@ def remaining_rms(problem: ScoringProblem) -> float:
     return float(np.sqrt(np.mean(rest**2))) if len(rest) else 0.0
 
 
-def _rows(laid: Floats) -> Floats:
+def _rows(grid: Floats) -> Floats:
     """Rows (U, R, m, c) of all runs of a unit, one after the other."""
-    U, R, m = laid.shape[:3]
-    return np.asarray(laid).reshape(U, R * m, *laid.shape[3:])
+    U, R, m = grid.shape[:3]
+    return np.asarray(grid).reshape(U, R * m, *grid.shape[3:])

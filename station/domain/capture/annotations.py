@@ -88,7 +88,7 @@ def annotate_visits(
 def _between(time_ns: "np.ndarray[tuple[int], np.dtype[np.int64]]", bound_ns: int) -> int:
     """The middle between the last frame before a bound and the first from it on."""
     at = int(np.searchsorted(time_ns, bound_ns))
-    beside = round(ASSUMED_GAP_S * 1e9)
-    before = int(time_ns[at - 1]) if at > 0 else (int(time_ns[0]) - beside if len(time_ns) else bound_ns)
-    after = int(time_ns[at]) if at < len(time_ns) else (int(time_ns[-1]) + beside if len(time_ns) else bound_ns)
+    margin_ns = round(ASSUMED_GAP_S * 1e9)
+    before = int(time_ns[at - 1]) if at > 0 else (int(time_ns[0]) - margin_ns if len(time_ns) else bound_ns)
+    after = int(time_ns[at]) if at < len(time_ns) else (int(time_ns[-1]) + margin_ns if len(time_ns) else bound_ns)
     return (before + after) // 2

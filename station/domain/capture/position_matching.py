@@ -31,15 +31,15 @@ class RestSegment:
 
 def nodes_in(frames: Frames, layout: SensorLayout) -> tuple[int, ...]:
     """Node ids whose sample frames are in a log."""
-    seen = set(np.unique(frames.can_id).tolist())
-    return tuple(node for node in range(1, 128) if _id(layout, node) in seen)
+    observed_ids = set(np.unique(frames.can_id).tolist())
+    return tuple(node for node in range(1, 128) if _id(layout, node) in observed_ids)
 
 
 def segments_of_node(frames: Frames, layout: SensorLayout, node: int) -> list[RestSegment]:
     """Stretches in which a node was at rest, in order of time; none when it said too little to tell."""
-    told = decode_samples(frames, layout, node)
-    time_s = (told.time_ns[told.usable] - frames.time_ns[0]) / 1e9
-    xyz = told.xyz[told.usable]
+    decoded = decode_samples(frames, layout, node)
+    time_s = (decoded.time_ns[decoded.usable] - frames.time_ns[0]) / 1e9
+    xyz = decoded.xyz[decoded.usable]
     try:
         found = rest_segments.find(time_s, xyz)
     except SamplesError:

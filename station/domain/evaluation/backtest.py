@@ -89,9 +89,9 @@ def _outcome(old: PreviousResult, new: CalibrationResult, *, from_samples: bool)
     reasons = tuple(r.sentence for r in new.verdict.reasons)
     if from_samples:
         return str(new.verdict.outcome), reasons
-    kept = tuple(sentence for check, sentence in old.checks if check in SAMPLE_CHECKS)
-    outcome = Outcome.FAIL if kept and new.verdict.outcome is Outcome.PASS else new.verdict.outcome
-    return str(outcome), (*kept, *reasons)
+    retained = tuple(sentence for check, sentence in old.checks if check in SAMPLE_CHECKS)
+    outcome = Outcome.FAIL if retained and new.verdict.outcome is Outcome.PASS else new.verdict.outcome
+    return str(outcome), (*retained, *reasons)
 
 
 def dwells_differ(old: Recipe, new: Recipe) -> bool:

@@ -48,16 +48,16 @@ def _one(
     name: str, rows: Floats, columns: Floats, before: tuple[Floats, Floats], misfit: Floats, group: NDArray[np.intp]
 ) -> LargerModel:
     wide = np.column_stack([rows, columns])
-    left = len(wide) - wide.shape[1]
-    told = (name, float("nan"), _rms(before[0]), _rms(before[1]))
-    if left < 1 or rank.of(wide) < wide.shape[1]:
-        return LargerModel(*told, float("nan"), float("nan"), pays=False)
+    dof = len(wide) - wide.shape[1]
+    summary = (name, float("nan"), _rms(before[0]), _rms(before[1]))
+    if dof < 1 or rank.of(wide) < wide.shape[1]:
+        return LargerModel(*summary, float("nan"), float("nan"), pays=False)
     after, after_out = _fitted(wide, misfit, group)
     drop = float((before[0] ** 2).sum() - (after**2).sum())
     q = columns.shape[1]
-    p = float(scipy.special.fdtrc(q, left, drop / q / max(float((after**2).sum()) / left, 1e-300)))
+    p = float(scipy.special.fdtrc(q, dof, drop / q / max(float((after**2).sum()) / dof, 1e-300)))
     pays = p < LEVEL and _rms(after_out) < _rms(before[1])
-    return LargerModel(name, p, *told[2:], _rms(after), _rms(after_out), pays=pays)
+    return LargerModel(name, p, *summary[2:], _rms(after), _rms(after_out), pays=pays)
 
 
 def _fitted(rows: Floats, misfit: Floats, group: NDArray[np.intp]) -> tuple[Floats, Floats]:
@@ -81,23 +81,23 @@ def of_unit(recipe: Recipe, result: CalibrationResult) -> tuple[LargerModel, ...
     found, stops, kind = result.calibration, result.stops, method.of(recipe)
     if found is None or stops is None or not kind.open_ended:
         return ()
-    kept = ~found.disturbed
-    seen = found.correct(stops.mean)[kept]
-    group = _groups(recipe, stops, seen, kept)
+    used = ~found.disturbed
+    corrected = found.correct(stops.mean)[used]
+    group = _groups(recipe, stops, corrected, used)
     if kind.by_magnitude:
-        size = np.asarray(np.linalg.norm(seen, axis=1), float)
-        known = np.asarray(np.linalg.norm(stops.true[kept], axis=1), float)
+        size = np.asarray(np.linalg.norm(corrected, axis=1), float)
+        known = np.asarray(np.linalg.norm(stops.true[used], axis=1), float)
         wanted: Floats = known if recipe.pose_known else np.full(len(size), recipe.reference.strength())
-        rows, _ = kind.design(seen, recipe, np.zeros((len(seen), 0)))
-        along = seen / size[:, None]
-        more = {"quadratic": along * seen**2, "cubic": along * seen**3}
+        rows, _ = kind.design(corrected, recipe, np.zeros((len(corrected), 0)))
+        along = corrected / size[:, None]
+        more = {"quadratic": along * corrected**2, "cubic": along * corrected**3}
         return compare(rows, more, np.asarray(size - wanted), group)
-    true = stops.true[kept]
+    true = stops.true[used]
     rows, _ = kind.design(true, recipe, np.zeros((len(true), 0)))
     # Axis by axis: all stops of x, then of y, then of z.
     wide = rows if len(rows) == 3 * len(true) else np.asarray(np.kron(np.eye(3), rows), float)
     more = {name: _columns_per_axis(true**power) for name, power in (("quadratic", 2), ("cubic", 3))}
-    return compare(wide, more, found.residual[kept].T.ravel(), np.tile(group, 3))
+    return compare(wide, more, found.residual[used].T.ravel(), np.tile(group, 3))
 
 
 def _columns_per_axis(values: Floats) -> Floats:
@@ -109,10 +109,10 @@ def _columns_per_axis(values: Floats) -> Floats:
     return out
 
 
-def _groups(recipe: Recipe, stops: ReducedVisits, seen: Floats, kept: NDArray[np.bool_]) -> NDArray[np.intp]:
+def _groups(recipe: Recipe, stops: ReducedVisits, corrected: Floats, used: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Stops that are left out together: those of one pose; of hand-held stops, those that look alike."""
     if not recipe.pose_known:
-        return rest_segments.orientations(seen)
-    keys = [k for k, keep in zip(zip(stops.position, stops.seating, strict=True), kept, strict=True) if keep]
+        return rest_segments.orientations(corrected)
+    keys = [k for k, keep in zip(zip(stops.position, stops.seating, strict=True), used, strict=True) if keep]
     number = {key: i for i, key in enumerate(dict.fromkeys(keys))}
     return np.array([number[k] for k in keys], np.intp)

@@ -90,13 +90,13 @@ def calibrate_reduced(
 
 def _solve(recipe: Recipe, units: Sequence[UnitInput], rounding: Floats) -> list[CalibrationResult]:
     """Units that went through the same visits are solved together; the order of the results is that of the units."""
-    alike: dict[object, list[int]] = {}
+    same_truth: dict[object, list[int]] = {}
     for i, (_, stops, _) in enumerate(units):
         # Of hand-held stops each unit has directions of its own.
         truth = stops.true if recipe.pose_known else stops.mean
-        alike.setdefault((stops.position, stops.seating, truth.tobytes()), []).append(i)
+        same_truth.setdefault((stops.position, stops.seating, truth.tobytes()), []).append(i)
     done: dict[int, CalibrationResult] = {}
-    for members in alike.values():
+    for members in same_truth.values():
         group = [units[i] for i in members]
         why = _undetermined_reason(recipe, group[0][1])
         found = [_refused(serial, why) for serial, _, _ in group] if why else _solve_group(recipe, group, rounding)
@@ -142,8 +142,8 @@ def _calibration(
     recipe: Recipe, stops: ReducedVisits, fitted: tuple[Fit, int], budget: Budget, tilts: tuple[Floats, Floats]
 ) -> Calibration:
     fit, u = fitted
-    kept = ~fit.disturbed[u]
-    square = (fit.residual[u][kept] ** 2).sum(axis=1)
+    used = ~fit.disturbed[u]
+    square = (fit.residual[u][used] ** 2).sum(axis=1)
     # Of a hand-held stop only the magnitude can be off: one number, not three.
     rms = np.sqrt(square.mean() / (3 if recipe.pose_known else 1))
     return Calibration(

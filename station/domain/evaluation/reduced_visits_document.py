@@ -48,8 +48,8 @@ def _at(values: Mapping[str, Any], positions: set[str], seatings: set[str]) -> d
     return {name: tuple(v[i] for i in rows) if name in _TEXT else v[rows] for name, v in values.items()}
 
 
-def _value(name: str, kept: Any) -> Any:
+def _value(name: str, stored: Any) -> Any:
     if name in _TEXT:
-        return tuple(kept)
+        return tuple(stored)
     # Null stands for NaN; numpy reads None as NaN when told to make floats.
-    return np.array(kept, _WHOLE.get(name, np.float64))
+    return np.array(stored, _WHOLE.get(name, np.float64))

@@ -93,6 +93,6 @@ def differences(expected: RegisteredUnit, shown: LatestResult) -> list[str]:
                 )
             continue
         if got is None or abs(got - value) > half:
-            said = "nothing" if got is None else f"{got:.6g}"
-            found.append(f"{name} is {said} instead of {value:.6g} ± {half:.2g}")
+            reported = "nothing" if got is None else f"{got:.6g}"
+            found.append(f"{name} is {reported} instead of {value:.6g} ± {half:.2g}")
     return found

@@ -107,13 +107,13 @@ def lack_of_fit(problem: FitProblem, fit: Fit) -> LackOfFit:
     noise = fit.noise + problem.scatter_visit[:, None, None]
     group = (problem.pose[:, None] == np.arange(problem.pose.max() + 1)).astype(float)
     weight = (keep / noise).transpose(0, 2, 1) @ group
-    seen = weight > 0
-    of_mean = np.where(seen, 1 / np.where(seen, weight, 1.0), 1.0)
+    observed = weight > 0
+    of_mean = np.where(observed, 1 / np.where(observed, weight, 1.0), 1.0)
     misfit = _unexplained(fit)
     mean = ((keep * misfit / noise).transpose(0, 2, 1) @ group) * of_mean
     declared = (keep * fit.pose_variance).transpose(0, 2, 1) @ group / np.maximum(keep[..., 0] @ group, 1)[:, None]
     about = (misfit - (mean @ group.T).transpose(0, 2, 1)) * keep
-    poses, stops = seen[:, 0].sum(axis=1), keep.sum(axis=(1, 2))
+    poses, stops = observed[:, 0].sum(axis=1), keep.sum(axis=(1, 2))
     return LackOfFit(
         between=(mean**2).reshape(u, -1),
         of_between=(of_mean + declared).reshape(u, -1),

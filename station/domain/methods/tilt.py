@@ -41,5 +41,5 @@ def leverages(problem: FitProblem, fit: Fit) -> Floats:
     by_own = np.einsum("ukvi->uvik", fit.jacobian)
     u, v = problem.magnitude.shape
     by_matrix = by_own[..., 3:].reshape(u, v, 3, 3, 3)
-    taken = np.einsum("uvii->uvi", by_own[..., :3]) + np.einsum("uviij,uvj->uvi", by_matrix, problem.true)
-    return np.asarray(np.clip(taken, 0.0, 1.0))
+    leverage = np.einsum("uvii->uvi", by_own[..., :3]) + np.einsum("uviij,uvj->uvi", by_matrix, problem.true)
+    return np.asarray(np.clip(leverage, 0.0, 1.0))

@@ -129,9 +129,9 @@ def _fill_columns(x: Floats, columns: Columns, rows: Ints) -> Floats:
     """Fills the columns of dwells x (d, 3, n); returns deviations from the mean, 0 where rejected."""
     n = x.shape[2]
     least = least_step(x)
-    mean, deviation, kept = deviations(x, least)
+    mean, deviation, accepted = deviations(x, least)
     half = max(n // 2, 1)
-    columns["rejected"][rows] = n - kept
+    columns["rejected"][rows] = n - accepted
     columns["mean"][rows] = mean
     columns["square"][rows], columns["neighbours"][rows] = squares(deviation)
     columns["cross"][rows] = deviation @ deviation.transpose(0, 2, 1)
@@ -156,9 +156,9 @@ def deviations(x: Floats, least: Floats) -> tuple[Floats, Floats, Ints]:
     # Coarse readings may have no median deviation at all; two steps are never far.
     bound = OUTLIER_SIGMA * (1 + 8 / n) * scale + 2 * np.where(np.isfinite(least), least, 0.0)[..., None]
     keep = (off <= bound).all(axis=1, keepdims=True)
-    kept = keep.sum(axis=2, keepdims=True)
-    mean = np.where(keep, x, 0.0).sum(axis=2, keepdims=True) / kept
-    return mean[..., 0], np.where(keep, x - mean, 0.0), kept[:, 0, 0]
+    accepted = keep.sum(axis=2, keepdims=True)
+    mean = np.where(keep, x, 0.0).sum(axis=2, keepdims=True) / accepted
+    return mean[..., 0], np.where(keep, x - mean, 0.0), accepted[:, 0, 0]
 
 
 def squares(deviation: Floats) -> tuple[Floats, Floats]:
@@ -226,7 +226,7 @@ def flat_topped(dwells: DwellStatistics) -> NDArray[np.bool_]:
     Readings coarser than their noise are constant everywhere and say nothing.
     """
     usual = np.median(dwells.std, axis=0)
-    enough = (dwells.count >= MIN_READINGS)[:, None] & (len(dwells.count) > 2)
+    sufficient = (dwells.count >= MIN_READINGS)[:, None] & (len(dwells.count) > 2)
     out = np.zeros(dwells.mean.shape, bool)
     for extreme, at, side in (
         (dwells.high.max(axis=0), dwells.high, 1.0),
@@ -235,5 +235,5 @@ def flat_topped(dwells: DwellStatistics) -> NDArray[np.bool_]:
         # What is cut on one side leaves a mean nearer to the extreme than the scatter of a whole dwell allows.
         near = side * (extreme - dwells.mean) < 0.5 * usual
         quiet = dwells.std < FLAT_SHARE * usual
-        out |= (at == extreme) & near & quiet & enough
+        out |= (at == extreme) & near & quiet & sufficient
     return out & (usual > 0)

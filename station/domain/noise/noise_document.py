@@ -12,24 +12,24 @@ from station.errors import LogError
 MIN_LOG_LIKELIHOOD = -12.0
 
 
-def of_likelihood(seen: NoiseLikelihood) -> dict[str, Any]:
+def of_likelihood(likelihood: NoiseLikelihood) -> dict[str, Any]:
     """The shapes that say something of a unit, by number in their family of so many, and what they say, rounded."""
-    shapes = np.flatnonzero((seen.log_likelihood > MIN_LOG_LIKELIHOOD).any(axis=0))
+    shapes = np.flatnonzero((likelihood.log_likelihood > MIN_LOG_LIKELIHOOD).any(axis=0))
     return {
-        "longest": seen.longest,
-        "dof": seen.dof,
-        "family": seen.log_likelihood.shape[1],
+        "longest": likelihood.longest,
+        "dof": likelihood.dof,
+        "family": likelihood.log_likelihood.shape[1],
         "shapes": shapes.tolist(),
-        "log_likelihood": seen.log_likelihood[:, shapes].round(2).tolist(),
-        "log_variance": seen.log_variance[:, shapes].round(4).tolist(),
+        "log_likelihood": likelihood.log_likelihood[:, shapes].round(2).tolist(),
+        "log_variance": likelihood.log_variance[:, shapes].round(4).tolist(),
     }
 
 
 def all_likelihoods(dwells: Iterable[Mapping[str, Any]]) -> list[NoiseLikelihood]:
     """What units have told, from their results `dwell`; those from before it was kept are passed over, and those of
     a family that is no longer the same."""
-    told = [dwell["noise"] for dwell in dwells if dwell.get("noise")]
-    return [to_likelihood(noise) for noise in told if noise["family"] == len(general_log_weights(noise["longest"]))]
+    stored = [dwell["noise"] for dwell in dwells if dwell.get("noise")]
+    return [to_likelihood(noise) for noise in stored if noise["family"] == len(general_log_weights(noise["longest"]))]
 
 
 def to_likelihood(document: Mapping[str, Any]) -> NoiseLikelihood:
@@ -57,10 +57,10 @@ def to_prior(dwell: Mapping[str, Any] | None) -> NoisePrior | None:
     """The prior that stands in a result `dwell`; None where none was used. Errors: LogError where it is damaged."""
     if not dwell or not dwell.get("prior"):
         return None
-    kept = dwell["prior"]
+    stored = dwell["prior"]
     try:
-        numbers = (np.array(kept[name], float) for name in ("log_weight", "mean", "covariance"))
-        prior = NoisePrior(int(kept["longest"]), int(kept["units"]), *numbers)
+        numbers = (np.array(stored[name], float) for name in ("log_weight", "mean", "covariance"))
+        prior = NoisePrior(int(stored["longest"]), int(stored["units"]), *numbers)
         if len(prior.log_weight) != len(general_log_weights(prior.longest)):
             raise LogError("noise-prior-of-other-version")
         return prior

@@ -137,18 +137,18 @@ def learn_prior(units: Sequence[NoiseLikelihood], longest: int) -> NoisePrior | 
 
     Its numbers are round, so that a record can keep them all.
     """
-    told = [u for u in units if u.longest == longest and (u.log_variance > SILENT_LOG_VARIANCE).all()][-MAX_UNITS:]
-    if not told:
+    usable = [u for u in units if u.longest == longest and (u.log_variance > SILENT_LOG_VARIANCE).all()][-MAX_UNITS:]
+    if not usable:
         return None
-    likelihood = np.exp(np.stack([u.log_likelihood for u in told]))
+    likelihood = np.exp(np.stack([u.log_likelihood for u in usable]))
     share = start = np.exp(general_log_weights(longest))
-    for _ in range(min(STEPS, 1 + len(told) // UNITS_A_STEP)):
+    for _ in range(min(STEPS, 1 + len(usable) // UNITS_A_STEP)):
         of_unit = _normed(likelihood * share)
-        share = (GENERAL_AXES * start + of_unit.sum(axis=(0, 1))) / (GENERAL_AXES + 3 * len(told))
-    variance = np.exp(np.stack([u.log_variance for u in told]))
-    mean, spread = log_variance_moments(_normed(likelihood * share), variance, np.array([[u.dof] for u in told]))
+        share = (GENERAL_AXES * start + of_unit.sum(axis=(0, 1))) / (GENERAL_AXES + 3 * len(usable))
+    variance = np.exp(np.stack([u.log_variance for u in usable]))
+    mean, spread = log_variance_moments(_normed(likelihood * share), variance, np.array([[u.dof] for u in usable]))
     covariance = _covariance(mean, spread)
-    return NoisePrior(longest, len(told), np.log(share).round(3), mean.mean(axis=0).round(5), covariance.round(7))
+    return NoisePrior(longest, len(usable), np.log(share).round(3), mean.mean(axis=0).round(5), covariance.round(7))
 
 
 def _covariance(mean: Floats, spread: Floats) -> Floats:

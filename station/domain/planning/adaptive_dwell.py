@@ -68,20 +68,20 @@ class AccuracyTarget:
 @dataclass(frozen=True, slots=True, eq=False)
 class DwellProgress:
     """Where a run of fixtures (f) stands. curve: of their noise; done_s (f, v): dwells of stops already done, 0 where
-    still to come; seen: the stops that curve.odd is of; seen_s (f): how long readings were looked at for it."""
+    still to come; observed: the stops that curve.odd is of; observed_s (f): how long readings were observed for it."""
 
     curve: NoiseCurve
     done_s: Floats
-    seen: NDArray[np.intp]
-    seen_s: Floats
+    observed: NDArray[np.intp]
+    observed_s: Floats
 
     def variance(self, dwell_s: Floats, rate_hz: float) -> Floats:
         """Variance (f, v, 3) of the means after dwells (f, v), widened as it will be when all of them are done."""
         count = np.maximum(dwell_s * rate_hz, 1.0)
         odd = np.ones((*dwell_s.shape, 3))
-        odd[:, self.seen] = self.curve.variance_ratio
+        odd[:, self.observed] = self.curve.variance_ratio
         by_count, dof = self.curve.at(count)
-        final = dof * np.maximum(dwell_s.sum(axis=1) / self.seen_s, 1.0)[:, None, None]
+        final = dof * np.maximum(dwell_s.sum(axis=1) / self.observed_s, 1.0)[:, None, None]
         # By so much, in its logarithm, the estimate will still move (2/ν is the variance of ln χ²/ν).
         unsure = np.exp(CAUTION * np.sqrt(np.maximum(2 / dof - 2 / final, 0.0)))
         return np.asarray(by_count / count[..., None] * odd * noise.widening(final) * unsure)
@@ -113,14 +113,14 @@ def accuracy_target(recipe: Recipe) -> AccuracyTarget:
 
 def plan_dwells(aim: AccuracyTarget, so_far: DwellProgress, guess_s: Floats, rounds: int = WARM) -> DwellPlan:
     """Dwells that reach the aim in the least time for fixtures (f); guess_s (f, v): dwells to start from."""
-    left = so_far.done_s[0] == 0
-    dwell_s = np.where(left, guess_s, so_far.done_s)
-    shortest, longest = (np.full((len(dwell_s), left.sum()), s) for s in (aim.shortest_s, aim.longest_s))
-    for _ in range(rounds if left.any() else 0):
+    remaining = so_far.done_s[0] == 0
+    dwell_s = np.where(remaining, guess_s, so_far.done_s)
+    shortest, longest = (np.full((len(dwell_s), remaining.sum()), s) for s in (aim.shortest_s, aim.longest_s))
+    for _ in range(rounds if remaining.any() else 0):
         part = _variance_shares(aim, so_far, dwell_s)
-        price = (part * dwell_s[:, None])[..., left]
+        price = (part * dwell_s[:, None])[..., remaining]
         dwell_s = dwell_s.copy()
-        dwell_s[:, left] = least_dwells(price, part[..., ~left].sum(axis=2), shortest, longest)
+        dwell_s[:, remaining] = least_dwells(price, part[..., ~remaining].sum(axis=2), shortest, longest)
     share = _variance_shares(aim, so_far, dwell_s).sum(axis=2)
     return DwellPlan(dwell_s, np.sqrt(share) * np.where(np.isfinite(aim.std), aim.std, 0.0))
 

@@ -39,15 +39,15 @@ def least_dwells(price: Floats, past: Floats, shortest: Floats, longest: Floats)
     for _ in range(STEPS):
         weight = np.einsum("fc,fcv->fv", multiplier, price)
         T = np.clip(np.sqrt(weight), shortest, longest)
-        left = _variance_ratio(price, T, room)
-        enough = np.clip(T * np.maximum(left.max(axis=1, keepdims=True), 1.0), shortest, longest)
-        holds = _variance_ratio(price, enough, room).max(axis=1) <= 1 + AGREE
-        better = holds & (enough.sum(axis=1) < best.sum(axis=1))
-        best = np.where(better[:, None], enough, best)
+        ratio = _variance_ratio(price, T, room)
+        feasible = np.clip(T * np.maximum(ratio.max(axis=1, keepdims=True), 1.0), shortest, longest)
+        holds = _variance_ratio(price, feasible, room).max(axis=1) <= 1 + AGREE
+        better = holds & (feasible.sum(axis=1) < best.sum(axis=1))
+        best = np.where(better[:, None], feasible, best)
         bound = (T + weight / T).sum(axis=1) - (multiplier * room).sum(axis=1)
         if (best.sum(axis=1) - bound <= AGREE * best.sum(axis=1)).all():
             break
-        multiplier = multiplier * np.maximum(left, 1e-9) ** POWER
+        multiplier = multiplier * np.maximum(ratio, 1e-9) ** POWER
     return best
 
 

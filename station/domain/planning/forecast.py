@@ -70,7 +70,7 @@ def _decisions(recipe: Recipe, budget: Budget) -> tuple[LimitForecast, ...]:
             continue
         worst = int(np.argmax(np.where(which, std, -1.0)))
         expanded = float(budget.expanded()[worst])
-        told = "impossible" if max(expanded, guard[worst]) >= limit else "tight"
-        told = "comfortable" if COMFORTABLE * expanded <= limit else told
-        out.append(LimitForecast(kind, coefficients.NAMES[worst], limit, expanded, float(guard[worst]), told))
+        prospect = "impossible" if max(expanded, guard[worst]) >= limit else "tight"
+        prospect = "comfortable" if COMFORTABLE * expanded <= limit else prospect
+        out.append(LimitForecast(kind, coefficients.NAMES[worst], limit, expanded, float(guard[worst]), prospect))
     return tuple(out)

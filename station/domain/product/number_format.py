@@ -61,8 +61,8 @@ class NumberFormat:
         """The number that these bytes mean; InvalidValue when their count is not the format's."""
         if len(raw) != self.size:
             raise InvalidValue("number-wrong-size", format=self.name, size=self.size, count=len(raw))
-        (kept,) = struct.unpack(self.code, raw)
-        return float(kept) if self.is_float else float(kept) * self.step
+        (stored,) = struct.unpack(self.code, raw)
+        return float(stored) if self.is_float else float(stored) * self.step
 
     def spacing(self, value: float) -> float:
         """Distance between neighbouring numbers of the format about `value`."""

@@ -49,11 +49,11 @@ def encode(device_map: DeviceMap, calibration: Calibration) -> tuple[ObjectWrite
     Errors: UnitFault when a coefficient is not finite, beyond its limits or does not fit its type; ProductError
     when the device keeps gains only and the calibration has cross-axis terms.
     """
-    kept = _device_values(device_map, calibration.offset, calibration.matrix)
+    stored = _device_values(device_map, calibration.offset, calibration.matrix)
     if device_map.matrix.order == "diagonal":
         _refuse_cross_axis(calibration)
     return tuple(
-        _write(name, number, kept[name], device_map.nominal(name)) for name, number in device_map.coefficients()
+        _write(name, number, stored[name], device_map.nominal(name)) for name, number in device_map.coefficients()
     )
 
 
@@ -81,11 +81,11 @@ def rounding_std(device_map: DeviceMap, offset: Floats | None = None, matrix: Fl
     """
     b = np.zeros(3) if offset is None else np.asarray(offset, float)
     A = np.eye(3) if matrix is None else np.asarray(matrix, float)
-    kept = _device_values(device_map, b, A)
+    stored = _device_values(device_map, b, A)
     std = np.zeros(12)
     for name, number in device_map.coefficients():
         shape = number_format.parse(number.type)
-        value = number.sign * (kept[name] - device_map.nominal(name)) / number.scale
+        value = number.sign * (stored[name] - device_map.nominal(name)) / number.scale
         std[_coefficient_index(name)] = shape.spacing(value) * number.scale / np.sqrt(12)
     return np.asarray(np.sqrt((_jacobian(device_map, b, A) ** 2) @ std**2))
 
@@ -171,9 +171,9 @@ def _device_values(device_map: DeviceMap, b: Floats, A: Floats) -> dict[str, flo
     else:
         matrix = _inverse(A)
         offset = b if device_map.stores == "inverse" else -matrix @ b
-    kept = {f"offset.{a}": float(offset[i]) for i, a in enumerate(AXES)}
-    kept |= {f"matrix.{r}{c}": float(matrix[i, j]) for i, r in enumerate(AXES) for j, c in enumerate(AXES)}
-    return kept
+    stored = {f"offset.{a}": float(offset[i]) for i, a in enumerate(AXES)}
+    stored |= {f"matrix.{r}{c}": float(matrix[i, j]) for i, r in enumerate(AXES) for j, c in enumerate(AXES)}
+    return stored
 
 
 def _forward(device_map: DeviceMap, offset: Floats, matrix: Floats) -> tuple[Floats, Floats]:
@@ -227,12 +227,12 @@ def _value(name: str, number: NumberObject, nominal: float, raws: RawValues) -> 
     if number.address not in raws:
         raise UnitFault("coefficient-not-read", name=name, object=where)
     try:
-        kept = number_format.parse(number.type).decode(raws[number.address])
+        stored = number_format.parse(number.type).decode(raws[number.address])
     except InvalidValue as exc:
         raise UnitFault("coefficient-not-decodable", name=name, object=where, why=exc.message) from None
-    if not np.isfinite(kept):
+    if not np.isfinite(stored):
         raise UnitFault("coefficient-not-finite", name=name, object=where)
-    return number.sign * kept * number.scale + nominal
+    return number.sign * stored * number.scale + nominal
 
 
 def _refuse_cross_axis(calibration: Calibration) -> None:

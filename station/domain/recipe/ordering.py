@@ -102,9 +102,9 @@ def _length(cost: Floats, tour: Path) -> float:
 def _nearest(cost: Floats, first: int) -> Path:
     """From start 0 to `first`, then always to the nearest position not yet visited, to the end n + 1."""
     n = len(cost) - 2
-    tour, left = [0, first], [p for p in range(1, n + 1) if p != first]
-    while left:
-        tour.append(left.pop(int(cost[tour[-1], left].argmin())))
+    tour, remaining = [0, first], [p for p in range(1, n + 1) if p != first]
+    while remaining:
+        tour.append(remaining.pop(int(cost[tour[-1], remaining].argmin())))
     return np.array([*tour, n + 1])
 
 

@@ -52,7 +52,7 @@ def assign(table: RawTable, options: ImportOptions, quantity: Quantity) -> Roles
     if len(given) == 4:
         time: int | None = given[0]
     else:
-        time = _time(table, taken={*given, label, temperature})
+        time = _time(table, assigned={*given, label, temperature})
     counter = None
     if time is not None and options.time_unit == "none":
         time, counter = None, time
@@ -90,9 +90,9 @@ def place_of(table: RawTable, name: str) -> int:
     raise SamplesError("column-name-unknown", file=table.source, column=name, nearest=near[0], known=listed)
 
 
-def _axes(table: RawTable, quantity: Quantity, taken: set[int | None]) -> tuple[tuple[int, int, int], bool, int]:
+def _axes(table: RawTable, quantity: Quantity, assigned: set[int | None]) -> tuple[tuple[int, int, int], bool, int]:
     """Three columns, whether their content chose them, and the rank of their names."""
-    triples = _triples(table, taken) if table.named else []
+    triples = _triples(table, assigned) if table.named else []
     ranked = sorted(triples, key=lambda t: _rank(t[0], quantity))
     if ranked and _rank(ranked[0][0], quantity) < FOREIGN:
         rank = _rank(ranked[0][0], quantity)
@@ -102,7 +102,7 @@ def _axes(table: RawTable, quantity: Quantity, taken: set[int | None]) -> tuple[
         raise SamplesError(
             "no-axes-of-quantity", file=table.source, unit=quantity.unit, found=_names(table, ranked[0][1])
         )
-    free = [i for i in table.numeric() if i not in taken]
+    free = [i for i in table.numeric() if i not in assigned]
     if len(free) < 3:
         raise SamplesError("no-three-axes", file=table.source, columns=", ".join(c.name for c in table.columns[:12]))
     runs = [(free[i], free[i + 1], free[i + 2]) for i in range(len(free) - 2)]
@@ -126,11 +126,11 @@ def _rank(stem: str, quantity: Quantity) -> int:
     return 10 + derived
 
 
-def _triples(table: RawTable, taken: set[int | None]) -> list[tuple[str, tuple[int, int, int]]]:
+def _triples(table: RawTable, assigned: set[int | None]) -> list[tuple[str, tuple[int, int, int]]]:
     """Columns whose names differ by x, y, z alone, or by three numbers: what is common to them, and their places."""
     groups: dict[tuple[str, str], dict[str, int]] = {}
     for place in table.numeric():
-        if place in taken:
+        if place in assigned:
             continue
         name = table.columns[place].name.lower()
         for i, letter in enumerate(name):
@@ -163,9 +163,9 @@ def _spread_of_magnitude(reading: Floats) -> float:
     return float(1.4826 * np.median(np.abs(size - middle)) / middle) if middle > 0 and alive else np.inf
 
 
-def _time(table: RawTable, taken: set[int | None]) -> int | None:
+def _time(table: RawTable, assigned: set[int | None]) -> int | None:
     """The column of time: named so or, without names, the first that never falls."""
-    free = [i for i in table.numeric() if i not in taken]
+    free = [i for i in table.numeric() if i not in assigned]
     named = [i for i in free if table.named and _TIME.search(table.columns[i].name)]
     rising = [i for i in named if _rises(table.columns[i].values)]
     if rising:
@@ -177,8 +177,8 @@ def _time(table: RawTable, taken: set[int | None]) -> int | None:
     return rising[0] if rising else None
 
 
-def _counter(table: RawTable, taken: list[int]) -> int | None:
-    free = [i for i in table.numeric() if i not in taken and table.named]
+def _counter(table: RawTable, assigned: list[int]) -> int | None:
+    free = [i for i in table.numeric() if i not in assigned and table.named]
     found = [i for i in free if _COUNTER.search(table.columns[i].name) and _rises(table.columns[i].values)]
     return found[0] if found else None
 
@@ -205,17 +205,17 @@ def _is_counter(column: RawColumn, named: bool) -> bool:
     return bool(len(apart)) and bool(np.mean(apart == 1) > 0.9)
 
 
-def _temperature(table: RawTable, taken: set[int | None]) -> int | None:
+def _temperature(table: RawTable, assigned: set[int | None]) -> int | None:
     if not table.named:
         return None
-    named = [i for i in table.numeric() if i not in taken and _TEMPERATURE.search(table.columns[i].name)]
+    named = [i for i in table.numeric() if i not in assigned and _TEMPERATURE.search(table.columns[i].name)]
     return next((i for i in named if np.isfinite(table.numbers(i)).any()), None)
 
 
-def _labels(table: RawTable, taken: set[int | None]) -> int | None:
+def _labels(table: RawTable, assigned: set[int | None]) -> int | None:
     """A column of text or whole numbers whose name says that it marks parts, and which lasts for some readings each."""
     for place, column in enumerate(table.columns):
-        if place in taken or not table.named or not _LABEL.search(column.name):
+        if place in assigned or not table.named or not _LABEL.search(column.name):
             continue
         codes = column.text.code if column.text is not None else column.values
         if codes is None or not _marks_parts(np.asarray(codes)):

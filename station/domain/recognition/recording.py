@@ -55,12 +55,12 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
     keep, remarks = _complete_rows(table, roles)
     raw = np.stack([table.numbers(i)[keep] for i in roles.axes], axis=1)
     ticks = _clock(table, roles, options, keep, assumed_rate_hz)
-    raw, kept = raw[ticks.order], keep[ticks.order]
-    edges, names, declared = _declared(table, roles, options, kept, raw)
+    raw, usable = raw[ticks.order], keep[ticks.order]
+    edges, names, declared = _declared(table, roles, options, usable, raw)
     if declared == "shown-blocks" and ticks.unit != "none":
         edges, names, declared = None, None, None
     scale = _scale(table, roles, options, quantity, _rest_means(ticks.time_s, raw, edges), raw)
-    temperature, lost = _temperature(table, roles, kept)
+    temperature, lost = _temperature(table, roles, usable)
     return Recording(
         source=table.source,
         time_s=ticks.time_s,
@@ -112,12 +112,12 @@ def _clock(
 
 
 def _declared(
-    table: RawTable, roles: Roles, options: ImportOptions, kept: NDArray[np.intp], raw: Floats
+    table: RawTable, roles: Roles, options: ImportOptions, usable: NDArray[np.intp], raw: Floats
 ) -> tuple[NDArray[np.int64] | None, tuple[str, ...] | None, str | None]:
     if options.blocks is not None:
         return visits.blocks(table.source, len(raw), options.blocks), None, "blocks"
     if roles.labels is not None:
-        edges, names = visits.labelled(table.source, table.columns[roles.labels], kept)
+        edges, names = visits.labelled(table.source, table.columns[roles.labels], usable)
         return edges, names, "labels"
     length = visits.shown_blocks(raw)
     return (visits.blocks(table.source, len(raw), length), None, "shown-blocks") if length else (None, None, None)
@@ -154,12 +154,12 @@ def _scale(
     return replace(found, inferred=stated is None)
 
 
-def _temperature(table: RawTable, roles: Roles, kept: NDArray[np.intp]) -> tuple[Floats | None, tuple[Message, ...]]:
+def _temperature(table: RawTable, roles: Roles, usable: NDArray[np.intp]) -> tuple[Floats | None, tuple[Message, ...]]:
     """Temperature (n) in °C; a thermometer that says something now and then is taken as a line between its readings."""
     if roles.temperature is None:
         return None, ()
     column = table.columns[roles.temperature]
-    values = table.numbers(roles.temperature)[kept]
+    values = table.numbers(roles.temperature)[usable]
     known = np.flatnonzero(np.isfinite(values))
     unit = column.unit.strip(" []()°").lower()
     if unit in ("k", "kelvin") or (not unit and len(known) and 230 < np.median(values[known]) < 400):

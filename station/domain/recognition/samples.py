@@ -113,12 +113,12 @@ def _named(recording: Recording, found: Visits, recipe: Recipe) -> Visits:
         return found
     means = np.array([recording.reading[a:b].mean(axis=0) for a, b in found.edges])
     names = _nearest(recipe, means)
-    kept = [i for i, name in enumerate(names) if name]
-    if not kept:
+    named = [i for i, name in enumerate(names) if name]
+    if not named:
         raise SamplesError("no-visit-near-a-position", file=recording.source, recipe=recipe.name, degrees=FACE_DEG)
-    lost = len(names) - len(kept)
+    lost = len(names) - len(named)
     note = (Message("visits-near-no-position", file=recording.source, visits=lost, recipe=recipe.name),) if lost else ()
-    return Visits(found.edges[kept], tuple(names[i] for i in kept), found.found_by, note)
+    return Visits(found.edges[named], tuple(names[i] for i in named), found.found_by, note)
 
 
 def _nearest(recipe: Recipe, mean: Floats) -> list[str]:

@@ -59,12 +59,12 @@ def rate_of(time_s: Floats, within: NDArray[np.bool_]) -> tuple[float | None, fl
     if not len(going) or not (going > 0).any():
         return None, 0.0
     usual = float(np.median(going[going > 0]))
-    kept = going[going <= 5 * usual]
-    span = float(kept.sum())
+    regular = going[going <= 5 * usual]
+    span = float(regular.sum())
     if not span > 0:
         return None, 0.0
-    rate = len(kept) / span
-    return rate, float(np.sqrt(np.mean((kept - 1 / rate) ** 2)))
+    rate = len(regular) / span
+    return rate, float(np.sqrt(np.mean((regular - 1 / rate) ** 2)))
 
 
 def step_of(column: Floats) -> float:

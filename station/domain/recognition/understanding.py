@@ -73,56 +73,71 @@ def _inferred(r: Recording, visits: Visits | None) -> Iterator[str]:
     yield from ("noise", "lsb", "full_scale")
 
 
-def messages(told: dict[str, Any], remarks: tuple[Message, ...]) -> Iterator[Message]:
+def messages(facts: dict[str, Any], remarks: tuple[Message, ...]) -> Iterator[Message]:
     """The same as lines for a person."""
     guess = Message("mark-inferred")
     stated = Message("mark-stated")
 
     def how(*names: str) -> Message:
-        return guess if any(n in told["inferred"] for n in names) else stated
+        return guess if any(n in facts["inferred"] for n in names) else stated
 
     yield Message(
-        "understood-file", file=told["source"], unit=told["unit"], run=told["run"], readings=told["readings"],
-        duration_s=told["duration_s"],
+        "understood-file", file=facts["source"], unit=facts["unit"], run=facts["run"], readings=facts["readings"],
+        duration_s=facts["duration_s"],
     )  # fmt: skip
-    yield Message("understood-axes", axes=tuple(told["axes"]), how=how("axes"))
-    yield _unit_message(told, how("unit"))
-    yield _rate_message(told, how("time_unit"))
-    if told["visits"]:
-        key = f"visits-by-{told['visits_by']}"
-        yield Message("understood-visits", visits=told["visits"], how=Message(key), poses=told["poses"])
-    size = told["magnitude"]
+    yield Message("understood-axes", axes=tuple(facts["axes"]), how=how("axes"))
+    yield _unit_message(facts, how("unit"))
+    yield _rate_message(facts, how("time_unit"))
+    if facts["visits"]:
+        key = f"visits-by-{facts['visits_by']}"
+        yield Message("understood-visits", visits=facts["visits"], how=Message(key), poses=facts["poses"])
+    size = facts["magnitude"]
     yield Message(
         "understood-magnitude", median=size["median"], least=size["least"], greatest=size["greatest"],
-        unit=told["reading_unit"],
+        unit=facts["reading_unit"],
     )  # fmt: skip
-    yield Message("understood-noise", noise=_three(told["noise"]), lsb=_three(told["lsb"]), unit=told["reading_unit"])
-    if told["full_scale"] is not None:
-        yield Message("understood-full-scale", full_scale=told["full_scale"], unit=told["reading_unit"])
-    if told["temperature_degC"] is not None:
-        low, high = told["temperature_degC"]
+    yield Message(
+        "understood-noise",
+        noise=_three(facts["noise"]),
+        lsb=_three(facts["lsb"]),
+        unit=facts["reading_unit"],
+    )
+    if facts["full_scale"] is not None:
+        yield Message("understood-full-scale", full_scale=facts["full_scale"], unit=facts["reading_unit"])
+    if facts["temperature_degC"] is not None:
+        low, high = facts["temperature_degC"]
         yield Message("understood-temperature", low=low, high=high)
     yield from remarks
 
 
-def _unit_message(told: dict[str, Any], how: Message) -> Message:
-    if told["zero"]:
+def _unit_message(facts: dict[str, Any], how: Message) -> Message:
+    if facts["zero"]:
         return Message(
-            "understood-counts", zero=told["zero"], counts=1 / told["scale"], unit=told["reading_unit"], how=how
+            "understood-counts",
+            zero=facts["zero"],
+            counts=1 / facts["scale"],
+            unit=facts["reading_unit"],
+            how=how,
         )
-    if told["raw_unit"] == "LSB":
-        return Message("understood-lsb", counts=1 / told["scale"], unit=told["reading_unit"], how=how)
-    if told["raw_unit"] == told["reading_unit"]:
-        return Message("understood-same-unit", unit=told["reading_unit"], how=how)
-    return Message("understood-unit", raw=told["raw_unit"], factor=told["scale"], unit=told["reading_unit"], how=how)
-
-
-def _rate_message(told: dict[str, Any], how: Message) -> Message:
-    if told["time_unit"] == "none":
-        return Message("understood-no-clock", rate_hz=told["rate_hz"])
+    if facts["raw_unit"] == "LSB":
+        return Message("understood-lsb", counts=1 / facts["scale"], unit=facts["reading_unit"], how=how)
+    if facts["raw_unit"] == facts["reading_unit"]:
+        return Message("understood-same-unit", unit=facts["reading_unit"], how=how)
     return Message(
-        "understood-rate", rate_hz=told["rate_hz"], jitter_ms=1e3 * told["jitter_s"], time_unit=told["time_unit"],
-        gaps=told["gaps"], restarts=told["restarts"], how=how,
+        "understood-unit",
+        raw=facts["raw_unit"],
+        factor=facts["scale"],
+        unit=facts["reading_unit"],
+        how=how,
+    )
+
+
+def _rate_message(facts: dict[str, Any], how: Message) -> Message:
+    if facts["time_unit"] == "none":
+        return Message("understood-no-clock", rate_hz=facts["rate_hz"])
+    return Message(
+        "understood-rate", rate_hz=facts["rate_hz"], jitter_ms=1e3 * facts["jitter_s"], time_unit=facts["time_unit"],
+        gaps=facts["gaps"], restarts=facts["restarts"], how=how,
     )  # fmt: skip
 
 

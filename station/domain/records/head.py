@@ -33,11 +33,11 @@ class SealedHead:
     def parse(text: str) -> "SealedHead":
         """The head of such a line, that of version 0.1 too, which named no station. Errors: ValueError."""
         try:
-            kept = json.loads(text)
-            seal = bytes.fromhex(kept["hash"])
-            signature = bytes.fromhex(kept.get("signature", ""))
-            number = int(kept["number"])
-            names = str(kept["log_id"]), str(kept.get("station", ""))
+            stored = json.loads(text)
+            seal = bytes.fromhex(stored["hash"])
+            signature = bytes.fromhex(stored.get("signature", ""))
+            number = int(stored["number"])
+            names = str(stored["log_id"]), str(stored.get("station", ""))
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError("no head of a log") from error
         if number < 0 or len(seal) != 32:

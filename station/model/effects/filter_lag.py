@@ -28,7 +28,7 @@ class FilterLag(StimulusEffect):
     remedy = "lengthen `settle.time_s` in the recipe, or set a faster filter while calibrating"
     shown_by = "set `settle.time_s` to 0, so that the dwell begins during the move's last swing"
     drawn_over = "dwell"
-    told_apart_by = (("settling", "another output data rate: ringing of the rig keeps its frequency in Hz"),)
+    separated_by = (("settling", "another output data rate: ringing of the rig keeps its frequency in Hz"),)
     level = "device"
     of = ("unit", "common")
     parameter = Parameter(
@@ -43,5 +43,5 @@ class FilterLag(StimulusEffect):
 
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """c · (previous − present) · e^(−t/τ)."""
-        left = np.exp(-signal.scene.require("since_arrival_s") / self.time_constant_s)
-        return np.asarray(c * signal.step * left[:, None])
+        remaining = np.exp(-signal.scene.require("since_arrival_s") / self.time_constant_s)
+        return np.asarray(c * signal.step * remaining[:, None])

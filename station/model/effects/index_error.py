@@ -20,7 +20,7 @@ class IndexingError(PoseEffect):
     remedy = "measure the positioner's angles and enter them in the recipe, or have the index serviced"
     shown_by = "measure two units or more, and one run in reversed order"
     drawn_over = "position"
-    told_apart_by = (
+    separated_by = (
         ("base-tilt", "a level on the rig: an error of every position can look like its tilt"),
         ("nest-tilt", "the same positions in another nest"),
     )

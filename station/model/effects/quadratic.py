@@ -25,7 +25,7 @@ class Quadratic(SensorEffect):
     remedy = "add the square to the compensation, or ask the supplier about the lot"
     shown_by = "add positions at 45°, so that each axis feels three magnitudes"
     drawn_over = "input"
-    told_apart_by = (("asymmetry", "tilts between the faces, or more than 1 g on a centrifuge"),)
+    separated_by = (("asymmetry", "tilts between the faces, or more than 1 g on a centrifuge"),)
     level = "device"
     of = ("unit", "common")
     parameter = Parameter(

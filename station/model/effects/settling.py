@@ -27,7 +27,7 @@ class Settling(StimulusEffect):
     remedy = "lengthen `settle.time_s` in the recipe, or stiffen the fixture"
     shown_by = "set `settle.time_s` to 0, so that the dwell begins during the move's last swing"
     drawn_over = "dwell"
-    told_apart_by = (("filter-lag", "another output data rate: ringing of the rig keeps its frequency in Hz"),)
+    separated_by = (("filter-lag", "another output data rate: ringing of the rig keeps its frequency in Hz"),)
     level = "rig"
     of = ("common", "nest")
     parameter = Parameter(
@@ -45,5 +45,5 @@ class Settling(StimulusEffect):
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """c · (previous − present) · e^(−t/τ) · cos(2πft)."""
         t = signal.scene.require("since_arrival_s")
-        left = np.exp(-t / self.time_constant_s) * np.cos(2 * np.pi * self.frequency_hz * t)
-        return np.asarray(c * signal.step * left[:, None])
+        remaining = np.exp(-t / self.time_constant_s) * np.cos(2 * np.pi * self.frequency_hz * t)
+        return np.asarray(c * signal.step * remaining[:, None])

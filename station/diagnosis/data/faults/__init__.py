@@ -61,11 +61,11 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
     hit = np.zeros(len(scene.visits), bool)
     hit[stop[bad]] = True
     whole = ~hit[stop]
-    kept = table[whole] if bad.any() else table
-    found += motor_tone.faults(recipe, kept, stop[whole])
+    usable = table[whole] if bad.any() else table
+    found += motor_tone.faults(recipe, usable, stop[whole])
     found = [f for f in found if not f.rejected]
     return Inspection(
-        tuple(found), kept, _undetectable(recipe, table, scene), gold_reference.testable_causes(recipe, table)
+        tuple(found), usable, _undetectable(recipe, table, scene), gold_reference.testable_causes(recipe, table)
     )
 
 

@@ -111,19 +111,19 @@ def faults(table: SampleTable, scene: Scene, found: dict[int, AxisDecoding], mea
             for u, r in turned.items()
         )
         u, r = next(iter(turned.items()))
-        told = f"{MAPPINGS[r.mapping]} stands on x, y, z of {unit_label(table.unit, u)}"
-        alike = _indistinguishable(scene, turned, len(table.unit.names))
+        sentence = f"{MAPPINGS[r.mapping]} stands on x, y, z of {unit_label(table.unit, u)}"
+        indistinguishable = _indistinguishable(scene, turned, len(table.unit.names))
         gain = _held_out_gain(scene, mean, {u: replace(r, factor=1.0) for u, r in turned.items()})
-        out.append(GrossFault("axis-permutation", "unit", numbers, told, _nats(gain), alike, gain))
+        out.append(GrossFault("axis-permutation", "unit", numbers, sentence, _nats(gain), indistinguishable, gain))
     if scaled:
         numbers = tuple(
             FaultParameter("factor", None, unit_label(table.unit, u), r.factor, 0.01 * r.factor, "1")
             for u, r in scaled.items()
         )
         u, r = next(iter(scaled.items()))
-        told = f"{unit_label(table.unit, u)} reads {r.measured:.4g} times too much"
+        sentence = f"{unit_label(table.unit, u)} reads {r.measured:.4g} times too much"
         gain = _held_out_gain(scene, mean, scaled)
-        out.append(GrossFault("wrong-scale", "unit", numbers, told, _nats(gain), (), gain))
+        out.append(GrossFault("wrong-scale", "unit", numbers, sentence, _nats(gain), (), gain))
     return out
 
 
@@ -167,8 +167,8 @@ def _gaussian_scores(y: Floats, predicted: Floats, fitted: Array, judged: Array)
     offset = (y - predicted)[fitted].mean(0) if y.shape[1] == 3 else np.zeros(1)
     off = (y - predicted - offset)[fitted]
     spread = max(float(np.sqrt(np.mean(off**2))), 1e-6 * float(np.abs(y).max()), 1e-300)
-    left = (y - predicted - offset)[judged]
-    return -0.5 * np.sum((left / spread) ** 2 + 2 * np.log(spread), axis=1), float(np.sum(left**2))
+    residual = (y - predicted - offset)[judged]
+    return -0.5 * np.sum((residual / spread) ** 2 + 2 * np.log(spread), axis=1), float(np.sum(residual**2))
 
 
 def _nominal(scene: Scene) -> Floats:

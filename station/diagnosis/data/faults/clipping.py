@@ -62,11 +62,11 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     numbers = tuple(
         FaultParameter("limit", None, unit_label(table.unit, u), x, std, recipe.unit) for u, x in limits.items()
     )
-    told = f"{int(bad.sum())} samples stand still at ±{next(iter(limits.values())):.4g} {recipe.unit}"
+    sentence = f"{int(bad.sum())} samples stand still at ±{next(iter(limits.values())):.4g} {recipe.unit}"
     scores = [_held_out_scores(table.reading[rows], stop[rows], limits[u], recipe.device.lsb)
               for u, rows in enumerate(rows_of_units(table.unit)) if u in limits]  # fmt: skip
     gain = block_gain(np.concatenate([s for s, _ in scores]), np.concatenate([n for _, n in scores]), "sample")
-    return [GrossFault("clipping", "unit", numbers, told, float(bad.sum()), gain=gain)]
+    return [GrossFault("clipping", "unit", numbers, sentence, float(bad.sum()), gain=gain)]
 
 
 def _held_out_scores(reading: Floats, stop: NDArray[np.intp], limit: float, lsb: float) -> tuple[Floats, Floats]:
@@ -91,10 +91,10 @@ def _held_out_scores(reading: Floats, stop: NDArray[np.intp], limit: float, lsb:
             judged = (half == part) & (share[:, axis] > 0)
             if not len(fitted):
                 continue
-            told = float(np.clip(fitted.mean(), 0.5 / count.max(), 1 - 0.5 / count.max()))
+            fitted_share = float(np.clip(fitted.mean(), 0.5 / count.max(), 1 - 0.5 / count.max()))
             hits = share[judged, axis] * count[judged]
             rest = count[judged] - hits
-            score[judged] += hits * np.log(told / chance) + rest * np.log((1 - told) / (1 - chance))
+            score[judged] += hits * np.log(fitted_share / chance) + rest * np.log((1 - fitted_share) / (1 - chance))
             samples[judged] += count[judged]
     return score, samples
 

@@ -66,10 +66,10 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
         )
         for u in np.flatnonzero(np.isfinite(error) & (np.abs(error) < MAX_RATE_ERROR))
     )
-    told = f"{int(off.sum())} of {len(error)} clocks are off by more than {recipe.device.clock_tolerance_ppm:g} ppm"
+    sentence = f"{int(off.sum())} of {len(error)} clocks are off by more than {recipe.device.clock_tolerance_ppm:g} ppm"
     gain = _held_out_gain([found.stops[int(u)] for u in np.flatnonzero(off)], tolerance)
     nats = float(0.5 * np.sum(beyond[off] ** 2)) if gain is None else max(gain.total, 0.0)
-    return [GrossFault("clock-error", "unit", numbers, told, nats, gain=gain)]
+    return [GrossFault("clock-error", "unit", numbers, sentence, nats, gain=gain)]
 
 
 def _held_out_gain(units: list[tuple[Floats, Floats]], tolerance: float) -> BlockGain | None:
@@ -176,9 +176,9 @@ def _slope(time_s: Floats, device_s: Floats, group: Array, stop: Array) -> tuple
     if spread <= 0 or free < 1:
         return float("nan"), float("nan"), (np.zeros(0), np.zeros(0))
     slope = float(t @ y) / spread
-    left = y - slope * t
-    std = float(np.sqrt(np.sum(left**2) / free / spread))
-    pulls, weight = np.bincount(stop, left * t), np.bincount(stop, t * t)
+    residual = y - slope * t
+    std = float(np.sqrt(np.sum(residual**2) / free / spread))
+    pulls, weight = np.bincount(stop, residual * t), np.bincount(stop, t * t)
     own = np.where(weight > 0, np.bincount(stop, t * y) / np.where(weight > 0, weight, 1.0), 0.0)
     spare = max(len(pulls) - (len(count) if len(count) < len(pulls) else 0) - 1, 1)
     std = max(std, float(np.sqrt(np.sum(pulls**2) * len(pulls) / spare)) / spread)

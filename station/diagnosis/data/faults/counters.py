@@ -67,12 +67,17 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
         ("reordered-frames", t.stepped_back, t.arrived, "were overtaken"),
     ]
     return [
-        _fault(name, t.unit, events, of, told, table) for name, events, of, told in found if events.sum() >= MIN_EVENTS
+        _fault(name, t.unit, events, of, verb, table) for name, events, of, verb in found if events.sum() >= MIN_EVENTS
     ]
 
 
 def _fault(
-    name: str, unit: NDArray[np.intp], events: NDArray[np.int64], of: NDArray[np.int64], told: str, table: SampleTable
+    name: str,
+    unit: NDArray[np.intp],
+    events: NDArray[np.int64],
+    of: NDArray[np.int64],
+    verb: str,
+    table: SampleTable,
 ) -> GrossFault:
     """From the events of each stop (v) among so many frames (v)."""
     units = len(table.unit.names)
@@ -86,7 +91,7 @@ def _fault(
     total, all_of = int(events.sum()), int(of.sum())
     nats = total * np.log(total / all_of / HEALTHY_EVENT_RATE) - total + HEALTHY_EVENT_RATE * all_of
     gain = block_gain(_held_out_scores(events, of), of.astype(float), "frame")
-    return GrossFault(name, "unit", numbers, f"{total} of {all_of} frames {told}", float(nats), gain=gain)
+    return GrossFault(name, "unit", numbers, f"{total} of {all_of} frames {verb}", float(nats), gain=gain)
 
 
 def _held_out_scores(events: NDArray[np.int64], of: NDArray[np.int64]) -> Floats:

@@ -81,11 +81,11 @@ def fault(course: GoldCourse, recipe: Recipe) -> GrossFault:
     size = float(np.linalg.norm(course.offset))
     if np.isfinite(course.at_s):
         numbers.append(FaultParameter("at", None, "common", course.at_s, course.seconds / np.sqrt(12) / 100, "s"))
-        told = f"the gold jumps by {size:.2g} {recipe.unit} at {course.at_s:.0f} s"
+        sentence = f"the gold jumps by {size:.2g} {recipe.unit} at {course.at_s:.0f} s"
     else:
         numbers.append(FaultParameter("rate", None, "common", size / course.seconds, None, f"{recipe.unit}/s"))
-        told = f"the gold drifts by {size:.2g} {recipe.unit} in {course.seconds:.0f} s"
-    return GrossFault("gold-drift", "common", tuple(numbers), told, course.nats, gain=course.gain)
+        sentence = f"the gold drifts by {size:.2g} {recipe.unit} in {course.seconds:.0f} s"
+    return GrossFault("gold-drift", "common", tuple(numbers), sentence, course.nats, gain=course.gain)
 
 
 def without(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp], course: GoldCourse) -> SampleTable:
@@ -122,10 +122,10 @@ def _held_out_gain(y: Floats, X: Floats) -> BlockGain | None:
     for part in (0, 1):
         fitted, judged = half != part, half == part
         _, c, _ = _fit(y[fitted], X[fitted], int(fitted.sum()))
-        left = y - X @ c
-        variances = [max(float(np.mean(x[fitted] ** 2)), 1e-300) for x in (y, left)]
-        each = [-0.5 * (x[judged] ** 2 / v + np.log(v)) for x, v in zip((y, left), variances, strict=True)]
+        residual = y - X @ c
+        variances = [max(float(np.mean(x[fitted] ** 2)), 1e-300) for x in (y, residual)]
+        each = [-0.5 * (x[judged] ** 2 / v + np.log(v)) for x, v in zip((y, residual), variances, strict=True)]
         score[judged] = each[1] - each[0]
-        squares += [float(np.sum(x[judged] ** 2)) for x in (y, left)]
+        squares += [float(np.sum(x[judged] ** 2)) for x in (y, residual)]
     before, after = np.sqrt(squares / len(y))
     return block_gain(score, np.ones(len(y)), "visit", rms=(float(before), float(after)))

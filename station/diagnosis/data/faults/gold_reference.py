@@ -62,18 +62,18 @@ def faults(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.in
     causes = testable_causes(recipe, table)
     if not causes or table.gold is None:
         return []
-    seen = _lengths(recipe, scene, _quiet_means(table, stop, table.gold))
-    columns = {"gold-drift": seen.direction, "local-gravity": seen.length[:, None]}
-    falls = {name: seen.fit(columns[name])[2] for name in causes}
+    lengths = _lengths(recipe, scene, _quiet_means(table, stop, table.gold))
+    columns = {"gold-drift": lengths.direction, "local-gravity": lengths.length[:, None]}
+    falls = {name: lengths.fit(columns[name])[2] for name in causes}
     rank = {name: int(np.linalg.matrix_rank(columns[name], 1e-6)) for name in causes}
     first = max(causes, key=lambda name: falls[name] - CHI2_RISES[rank[name]])
     if falls[first] < CHI2_RISES[rank[first]]:
         return []
     chosen = [first]
-    both = seen.fit(np.concatenate([columns[name] for name in causes], axis=1))[2]
+    both = lengths.fit(np.concatenate([columns[name] for name in causes], axis=1))[2]
     chosen += [name for name in causes if name != first and both - falls[first] > CHI2_RISES[rank[name]]]
     like = tuple(name for name in causes if name not in chosen and falls[first] - falls[name] < GOLD_SEPARATION**2)
-    found, covariance, fall = seen.fit(np.concatenate([columns[name] for name in chosen], axis=1))
+    found, covariance, fall = lengths.fit(np.concatenate([columns[name] for name in chosen], axis=1))
     std = np.sqrt(np.diag(covariance))
     return [
         _fault(
@@ -121,14 +121,14 @@ def _fault(name: str, value: Floats, std: Floats, nats: float, recipe: Recipe, l
     numbers: tuple[FaultParameter, ...]
     if name == "local-gravity":
         numbers = (FaultParameter("coefficient", None, "common", float(value[0]), float(std[0]), "1"),)
-        told = f"the gold finds {1e6 * float(value[0]):+.0f} ppm more gravity than the recipe says"
+        sentence = f"the gold finds {1e6 * float(value[0]):+.0f} ppm more gravity than the recipe says"
     else:
         numbers = tuple(
             FaultParameter("offset", axis, "common", float(v), float(s), recipe.unit)
             for axis, v, s in zip("xyz", value, std, strict=True)
         )
-        told = f"the gold reads {float(np.linalg.norm(value)):.2g} {recipe.unit} beside its certificate"
-    return GrossFault(name, "common", numbers, told, nats, like)
+        sentence = f"the gold reads {float(np.linalg.norm(value)):.2g} {recipe.unit} beside its certificate"
+    return GrossFault(name, "common", numbers, sentence, nats, like)
 
 
 def _quiet_means(table: SampleTable, stop: NDArray[np.intp], gold: Floats) -> tuple[Floats, Floats]:

@@ -55,7 +55,7 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
         FaultParameter("lsb", None, unit_label(table.unit, u), step, step * 1e-3, recipe.unit)
         for u, (step, _) in found.items()
     )
-    told = f"the output comes in steps of {next(iter(found.values()))[0]:.3g} {recipe.unit}, not {promised:.3g}"
+    sentence = f"the output comes in steps of {next(iter(found.values()))[0]:.3g} {recipe.unit}, not {promised:.3g}"
     nats = sum(3 * rows * np.log(step / promised) for step, rows in found.values())
     parts = [
         _held_out_scores(table.reading[of], stop[of], promised)
@@ -63,7 +63,7 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
         if u in found
     ]
     gain = block_gain(np.concatenate([s for s, _ in parts]), np.concatenate([n for _, n in parts]), "sample")
-    return [GrossFault("quantization", "unit", numbers, told, float(nats), gain=gain)]
+    return [GrossFault("quantization", "unit", numbers, sentence, float(nats), gain=gain)]
 
 
 def _held_out_scores(reading: Floats, stop: NDArray[np.intp], promised: float) -> tuple[Floats, Floats]:

@@ -123,8 +123,8 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     if samples < 16:
         return []
     tried = np.arange(3, OVERSAMPLING * samples // 2) * rate / (OVERSAMPLING * samples)
-    seen, matched = _power_spectrum(table, stop, rate, tried)
-    gains = _gains(seen)
+    spectrum, matched = _power_spectrum(table, stop, rate, tried)
+    gains = _gains(spectrum)
     best = int(gains.argmax())
     coherent = matched.lines()
     loud = gains[best] >= MIN_GAIN_NATS + np.log(len(tried))
@@ -201,18 +201,18 @@ def _weight(d: WhiteDwells) -> Floats:
     return np.asarray(d.motor**2 * _count(d))
 
 
-def _gains(seen: PowerSpectrum) -> Floats:
+def _gains(spectrum: PowerSpectrum) -> Floats:
     """Log-likelihood (f) that a line of powers (f, 3) gains over the median of the spectrum around it.
 
     The background is the data's own, so neither the tails nor the colour of the noise can pass for a line. Powers
     are exponential: a mean of N of them that is r times what it should be is e^(−N(r − 1 − ln r)) likely (Chernoff's
     bound). N counts the stops by their weight, and less where the background itself is known from few frequencies.
     """
-    power, place = seen.power, np.arange(len(seen.power))
+    power, place = spectrum.power, np.arange(len(spectrum.power))
     far = np.abs(place[:, None] - place)
     around = (far > LINE_BINS) & (far <= BACKGROUND_BINS)
     background = np.array([np.median(power[near], axis=0) if near.any() else np.full(3, np.inf) for near in around])
-    known = seen.stops / (1 + np.pi / 2 * OVERSAMPLING / np.maximum(around.sum(1), 1))
+    known = spectrum.stops / (1 + np.pi / 2 * OVERSAMPLING / np.maximum(around.sum(1), 1))
     ratio = np.maximum(power / np.maximum(background, 1e-300), 1.0)
     return np.asarray(known * np.sum(ratio - 1 - np.log(ratio), axis=1))
 
@@ -281,8 +281,8 @@ class Tone:
                 continue
             waves, white = self.waves[:, judged], d.white[judged]
             if self.coherent:
-                told = np.einsum("kvsi,ki->vsi", waves, _amplitude(self.waves[:, fitted], d.white[fitted]))
-                scores[judged] = 0.5 * np.sum(white**2 - (white - told) ** 2, axis=(1, 2))
+                predicted = np.einsum("kvsi,ki->vsi", waves, _amplitude(self.waves[:, fitted], d.white[fitted]))
+                scores[judged] = 0.5 * np.sum(white**2 - (white - predicted) ** 2, axis=(1, 2))
             else:
                 amplitude = power_per_visit(self.waves[:, fitted], d.white[fitted]).amplitude
                 along = np.sqrt(np.sum(np.einsum("kvsi,vsi->kvi", waves, white) ** 2, axis=0)) * amplitude
@@ -311,8 +311,8 @@ def _tone(d: WhiteDwells, frequency_hz: float) -> Tone:
         c = _amplitude(waves, d.white)
         late = 2 * np.pi * (d.time_s - d.time_s.mean())
         bend = _filtered(d, late * np.cos(angle)) * c[0] - _filtered(d, late * np.sin(angle)) * c[1]
-        left = d.white - np.einsum("kvsi,ki->vsi", waves, c)
-        frequency_hz += float(np.sum(bend * left) / max(float(np.sum(bend**2)), 1e-300))
+        residual = d.white - np.einsum("kvsi,ki->vsi", waves, c)
+        frequency_hz += float(np.sum(bend * residual) / max(float(np.sum(bend**2)), 1e-300))
     return Tone(frequency_hz, waves, c, bend, power_per_visit(waves, d.white))
 
 
@@ -333,8 +333,8 @@ def _fault(tone: Tone, d: WhiteDwells, sigma: float, nats: float, recipe: Recipe
     frequency_std = float(1 / np.sqrt(max(float(np.sum(tone.bend**2)), 1e-300)))
     numbers.append(FaultParameter("frequency", None, "common", frequency_hz, frequency_std, "Hz"))
     numbers.append(FaultParameter("phase", None, "common", phase, float(std / (sigma * np.hypot(*c)[strong])), "rad"))
-    told = f"a tone of {frequency_hz:.3f} Hz follows the motors"
-    return GrossFault("motor-tone", "common", tuple(numbers), told, nats, gain=gain)
+    sentence = f"a tone of {frequency_hz:.3f} Hz follows the motors"
+    return GrossFault("motor-tone", "common", tuple(numbers), sentence, nats, gain=gain)
 
 
 def _incoherent_fault(d: WhiteDwells, frequency_hz: float, sigma: float, nats: float, recipe: Recipe) -> GrossFault:
@@ -365,5 +365,5 @@ def _filtered(d: WhiteDwells, wave: Floats) -> Floats:
 def _amplitude(waves: Floats, white: Floats) -> Floats:
     """Least-squares coefficients (2, 3) of two waves (2, v, s, 3) on each axis."""
     normal = np.einsum("kvsi,lvsi->ikl", waves, waves)
-    said = np.einsum("kvsi,vsi->ik", waves, white)
-    return np.asarray(np.linalg.solve(normal, said[..., None])[..., 0].T)
+    projected = np.einsum("kvsi,vsi->ik", waves, white)
+    return np.asarray(np.linalg.solve(normal, projected[..., None])[..., 0].T)

@@ -48,10 +48,10 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     if not numbers:
         return []
     weight = float(numbers[0].value)
-    told = f"the bit of {abs(weight):.3g} {recipe.unit} always reads {int(weight < 0)}"
+    sentence = f"the bit of {abs(weight):.3g} {recipe.unit} always reads {int(weight < 0)}"
     gain = block_gain(np.concatenate([s for s, _ in scores]), np.concatenate([n for _, n in scores]), "sample")
     nats = len(numbers) * (MIN_LEVELS - 1) * float(np.log(2))
-    return [GrossFault("stuck-bit", "unit", tuple(numbers), told, nats, gain=gain)]
+    return [GrossFault("stuck-bit", "unit", tuple(numbers), sentence, nats, gain=gain)]
 
 
 def _held_out_scores(steps: Floats, stop: NDArray[np.intp], bit: int) -> tuple[Floats, Floats]:
@@ -66,8 +66,8 @@ def _held_out_scores(steps: Floats, stop: NDArray[np.intp], bit: int) -> tuple[F
     score = np.zeros(int(where[-1]) + 1)
     for axis in range(3):
         for part in (0, 1):
-            seen = one[half != part, axis]
-            share = (seen.sum() + 0.5) / (len(seen) + 1.0)
+            observed = one[half != part, axis]
+            share = (observed.sum() + 0.5) / (len(observed) + 1.0)
             rows = np.flatnonzero(half == part)
             values = np.unique(np.stack([where[rows], code[rows, axis] >> bit], axis=1), axis=0)
             chance = np.where(values[:, 1] & 1, share, 1 - share)

@@ -42,11 +42,11 @@ class TonePower:
 def power_per_visit(waves: Floats, white: Floats) -> TonePower:
     """From the waves (2, v, s, 3) at amplitude 1 as the samples (v, s, 3) would hold them."""
     normal = np.einsum("kvsi,lvsi->vikl", waves, waves)
-    said = np.einsum("kvsi,vsi->vik", waves, white)
+    projected = np.einsum("kvsi,vsi->vik", waves, white)
     size = np.trace(normal, axis1=-2, axis2=-1)
     live = size > 1e-3 * size.max()
     inverse = np.linalg.inv(np.where(live[..., None, None], normal, np.eye(2)))
-    c = np.einsum("vikl,vil->vik", inverse, said)
+    c = np.einsum("vikl,vil->vik", inverse, projected)
     extra = np.trace(inverse, axis1=-2, axis2=-1)
     square = np.where(live, np.sum(c**2, axis=-1) - extra, 0.0)
     weight = np.where(live, size, 0.0) ** 2

@@ -47,19 +47,19 @@ def worst_visit(residual: Floats, hat: HatMatrix, variance: Floats, keep: Floats
     """
     a = residual.shape[2]
     free = 1 - hat.diagonal()
-    told = (free > 1 - FULL_LEVERAGE).all(axis=2) & (keep > 0)
-    drop = (residual**2 / (variance * np.maximum(free, 1 - FULL_LEVERAGE))).sum(axis=2) * told
+    testable = (free > 1 - FULL_LEVERAGE).all(axis=2) & (keep > 0)
+    drop = (residual**2 / (variance * np.maximum(free, 1 - FULL_LEVERAGE))).sum(axis=2) * testable
     chi2 = (keep[..., None] * residual**2 / variance).sum(axis=(1, 2))
-    left = a * keep.sum(axis=1) - parameters - a
+    dof = a * keep.sum(axis=1) - parameters - a
     suspect, largest = drop.argmax(axis=1), drop.max(axis=1)
     rest = np.maximum(chi2 - largest, 0.0)
-    scatter = rest / np.maximum(left, 1)
+    scatter = rest / np.maximum(dof, 1)
     p = np.where(
-        scipy.special.chdtrc(np.maximum(left, 1), rest) > LEVEL,
+        scipy.special.chdtrc(np.maximum(dof, 1), rest) > LEVEL,
         scipy.special.chdtrc(a, largest),
-        scipy.special.fdtrc(a, np.maximum(left, 1), largest / a / np.maximum(scatter, 1e-300)),
+        scipy.special.fdtrc(a, np.maximum(dof, 1), largest / a / np.maximum(scatter, 1e-300)),
     )
-    found = (p * keep.sum(axis=1) < LEVEL) & (left >= a)
+    found = (p * keep.sum(axis=1) < LEVEL) & (dof >= a)
     if found.any():
         found &= ~_ambiguous(hat, free, keep, suspect)
     return np.asarray(found[:, None] & (np.arange(drop.shape[1]) == suspect[:, None]))
@@ -69,6 +69,6 @@ def _ambiguous(hat: HatMatrix, free: Floats, keep: Floats, suspect: NDArray[np.i
     """Whether another stop's residuals would look the same (u), as those of opposite faces do: −h / √((1−h)(1−h))."""
     u = np.arange(len(suspect))
     root = np.sqrt(np.maximum(free * free[u, suspect][:, None], 1e-300))
-    alike = (np.abs(hat.row(suspect)) / root).mean(axis=2) * (keep > 0)
-    alike[u, suspect] = 0.0
-    return np.asarray((alike > MAX_CORRELATION).any(axis=1))
+    correlation = (np.abs(hat.row(suspect)) / root).mean(axis=2) * (keep > 0)
+    correlation[u, suspect] = 0.0
+    return np.asarray((correlation > MAX_CORRELATION).any(axis=1))

@@ -24,12 +24,12 @@ Columns = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedSolution:
-    """What one truth comes to: T (v, 4) = [1, truth]; jacobian (12, v, 3); kept (12) coefficients of a perfect sensor
+    """What one truth comes to: T (v, 4) = [1, truth]; jacobian (12, v, 3); ideal (12) coefficients of a perfect sensor
     that are not fitted, else 0; free (12) bool; spread (v, 3) = 1/(1 − leverage), 0 where the others say nothing."""
 
     T: Floats
     jacobian: Floats
-    kept: Floats
+    ideal: Floats
     free: NDArray[np.bool_]
     spread: Floats
 
@@ -48,7 +48,7 @@ def fit(
     """
     v = len(problem.pose)
     shared = shared_solution(np.ascontiguousarray(problem.true[0]).tobytes(), v, columns)
-    theta = shared.kept + _times(shared.jacobian.reshape(12, -1), problem.mean - _readings(shared, shared.kept))
+    theta = shared.ideal + _times(shared.jacobian.reshape(12, -1), problem.mean - _readings(shared, shared.ideal))
     residual = problem.mean - _readings(shared, theta)
     chi2, drop = _misfit(residual**2, shared.spread, variance[0] + variance[1], explained)
     parameters = sum(map(len, columns))

@@ -193,11 +193,11 @@ def _pose_std(
     count = np.maximum(keep @ group, 1e-9)
     mean = (off * keep[..., None]).transpose(0, 2, 1) @ group / count[:, None]
     expected = (keep * noise) @ group / count**2
-    seen = keep @ group > 0
-    dof = 2 * seen.sum(axis=1) - 3.0 - len(explained)
-    square = (mean**2).sum(axis=1) * seen
+    observed = keep @ group > 0
+    dof = 2 * observed.sum(axis=1) - 3.0 - len(explained)
+    square = (mean**2).sum(axis=1) * observed
     chi2 = (square / np.maximum(expected, 1e-30)).sum(axis=1)
-    usual = (expected * seen).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
+    usual = (expected * observed).sum(axis=1) / np.maximum(observed.sum(axis=1), 1)
     ratio, nu = residual_scatter.posterior(chi2, np.maximum(dof, 0.0))
     return np.maximum(np.sqrt(ratio * usual), problem.pose_std_rad), nu
 

@@ -14,11 +14,11 @@ class ByteWriter:
     def count(self, *values: int) -> None:
         """Numbers from 0 on, seven bits a byte."""
         for value in values:
-            left = value
-            while left > 0x7F:
-                self.out.append(left & 0x7F | 0x80)
-                left >>= 7
-            self.out.append(left)
+            remaining = value
+            while remaining > 0x7F:
+                self.out.append(remaining & 0x7F | 0x80)
+                remaining >>= 7
+            self.out.append(remaining)
 
     def whole(self, *values: int) -> None:
         """Numbers of either sign."""

@@ -34,14 +34,14 @@ def pack(parts: Sequence[Frames]) -> bytes:
     keys = sorted({key for messages, _ in split for key in messages})[:_MAX_MESSAGES]
     layouts = {key: _layout(key, parts, split) for key in keys}
     head = ByteWriter()
-    left: dict[Key, Residuals] = {key: [[] for _ in layout.columns] for key, layout in layouts.items()}
+    residuals: dict[Key, Residuals] = {key: [[] for _ in layout.columns] for key, layout in layouts.items()}
     head.count(len(parts), len(keys))
     for key, layout in layouts.items():
         message.write_layout(head, key, layout)
     for part, (messages, _) in zip(parts, split, strict=True):
-        _pack_part(head, left, part, {key: rows for key, rows in messages.items() if key in layouts}, layouts)
+        _pack_part(head, residuals, part, {key: rows for key, rows in messages.items() if key in layouts}, layouts)
     out = _wrap_head(bytes(head))
-    columns.pack(out, [np.concatenate(column) for message_left in left.values() for column in message_left])
+    columns.pack(out, [np.concatenate(column) for of_message in residuals.values() for column in of_message])
     return bytes(out)
 
 
@@ -55,8 +55,8 @@ def unpack(data: bytes) -> list[Frames]:
     totals = [sum(b.n for part in parts for i, b in part.begun if i == each) for each in range(described)]
     lengths = [n for n, (_, layout) in zip(totals, layouts, strict=True) for _ in layout.columns]
     flat = iter(columns.unpack(box, lengths))
-    left = [[next(flat) for _ in layout.columns] for _, layout in layouts]
-    return [_restore(part, layouts, left) for part in parts]
+    residuals = [[next(flat) for _ in layout.columns] for _, layout in layouts]
+    return [_restore(part, layouts, residuals) for part in parts]
 
 
 def _layout(key: Key, parts: Sequence[Frames], split: Sequence[tuple[dict[Key, Rows], Rows]]) -> PayloadLayout:
@@ -80,7 +80,7 @@ def _messages(frames: Frames) -> tuple[dict[Key, Rows], Rows]:
 
 def _pack_part(
     head: ByteWriter,
-    left: dict[Key, Residuals],
+    residuals: dict[Key, Residuals],
     frames: Frames,
     messages: dict[Key, Rows],
     layouts: dict[Key, PayloadLayout],
@@ -89,10 +89,10 @@ def _pack_part(
     head.count(frames.data.shape[1], len(messages))
     for key, rows in messages.items():
         head.count(known.index(key))
-        for column, own in zip(left[key], message.pack(head, frames[rows], layouts[key]), strict=True):
+        for column, own in zip(residuals[key], message.pack(head, frames[rows], layouts[key]), strict=True):
             column.append(own)
-    taken = np.concatenate([np.zeros(0, np.int64), *messages.values()])
-    rest = np.setdiff1d(np.arange(len(frames)), taken)
+    packed = np.concatenate([np.zeros(0, np.int64), *messages.values()])
+    rest = np.setdiff1d(np.arange(len(frames)), packed)
     _write_stragglers(head, frames[rest])
     _write_order(head, frames, [*messages.values(), rest])
 
@@ -120,13 +120,13 @@ def _read_part(head: ByteReader, layouts: Sequence[tuple[Key, PayloadLayout]]) -
 
 
 def _restore(
-    part: _PackedPart, layouts: Sequence[tuple[Key, PayloadLayout]], left: list[list[NDArray[np.uint64]]]
+    part: _PackedPart, layouts: Sequence[tuple[Key, PayloadLayout]], residuals: list[list[NDArray[np.uint64]]]
 ) -> Frames:
     """The frames of one part; takes what belongs to it off the front of what is left."""
     found = []
     for which, begun in part.begun:
-        own = [column[: begun.n] for column in left[which]]
-        left[which] = [column[begun.n :] for column in left[which]]
+        own = [column[: begun.n] for column in residuals[which]]
+        residuals[which] = [column[begun.n :] for column in residuals[which]]
         found.append(message.unpack_frames(begun, *layouts[which], own))
     joined = Frames.join([*found, part.stragglers])
     whole = replace(joined, data=message.of_width(joined.data, part.width))

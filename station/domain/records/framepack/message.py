@@ -57,12 +57,12 @@ def pack(out: ByteWriter, frames: Frames, layout: PayloadLayout) -> list[Words]:
     out.count(len(frames), tick)
     out.whole(int(frames.time_ns[0]))
     out.out += first.tobytes()
-    left = []
+    remainders = []
     for column, model in zip((ticks, *layout.fields(data).T), layout.columns, strict=True):
         residual, parameters = predict.residuals(column, model)
-        left.append(predict.zigzag(residual))
+        remainders.append(predict.zigzag(residual))
         out.whole(*parameters)
-    return left
+    return remainders
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,14 +80,14 @@ def read(data: ByteReader, layout: PayloadLayout) -> MessageHeader:
     """The inverse of what `pack` writes."""
     n, tick, start = data.count(), data.count(), data.whole()
     first = data.take(layout.width)
-    told = tuple(tuple(data.whole() for _ in range(predict.PARAMETERS[m])) for m in layout.columns)
-    return MessageHeader(n, tick, start, first, told)
+    parameters = tuple(tuple(data.whole() for _ in range(predict.PARAMETERS[m])) for m in layout.columns)
+    return MessageHeader(n, tick, start, first, parameters)
 
 
-def unpack_frames(begun: MessageHeader, key: Key, layout: PayloadLayout, left: Sequence[Words]) -> Frames:
+def unpack_frames(begun: MessageHeader, key: Key, layout: PayloadLayout, residuals: Sequence[Words]) -> Frames:
     """The frames of this identifier and length, from what `pack` wrote and gave."""
-    leftovers = zip(left, layout.columns, begun.parameters, strict=True)
-    time, *fields = [predict.backward(predict.unzigzag(u), model, list(told)) for u, model, told in leftovers]
+    leftovers = zip(residuals, layout.columns, begun.parameters, strict=True)
+    time, *fields = [predict.backward(predict.unzigzag(u), model, list(values)) for u, model, values in leftovers]
     table = np.column_stack(fields) if fields else np.zeros((begun.n, 0), np.int64)
     payload = _payload(layout, table, np.frombuffer(begun.first, np.uint8))
     can_id, length = np.full(begun.n, key[0], np.uint32), np.full(begun.n, key[1], np.uint8)

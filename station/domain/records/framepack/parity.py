@@ -61,14 +61,14 @@ def find_parity(words: Words, byte: int) -> Parity | None:
     first = int(words[0])
     keep = ~(0xFF << 8 * byte) & (1 << 64) - 1
     basis: dict[int, int] = {}
-    left = words[:: max(1, len(words) // _SAMPLE)]
-    while len(left):
-        for word in left[:_SAMPLE].tolist():
+    remaining = words[:: max(1, len(words) // _SAMPLE)]
+    while len(remaining):
+        for word in remaining[:_SAMPLE].tolist():
             if not _add(basis, word ^ first, keep):
                 return None
         parity = Parity(byte, tuple(_mask(basis, 8 * byte + i) for i in range(8)))
         wrong = parity.predict(words, first) != (words >> np.uint64(8 * byte)).astype(np.uint8)
-        left = words[wrong]
+        remaining = words[wrong]
     return parity
 
 
