@@ -16,7 +16,7 @@ from station.adapters.store import anchor, ids
 from station.adapters.store.schema import COLUMNS
 from station.adapters.store.sqlite import SqliteStore
 from station.domain.records import chain
-from station.ports.store import LogHead
+from station.domain.records.head import SealedHead
 
 #: A day of an eight-station plant: one unit every 15 s.
 FIRST_NS, STEP_NS = 1_735_689_600_000_000_000, 15_000_000_000
@@ -69,9 +69,10 @@ def build(path: Path, made_from: Template, units: int, every: int) -> None:
     db.execute("UPDATE head SET number = ?, hash = ?", last)
     db.execute("PRAGMA journal_mode = WAL")
     db.close()
-    note = anchor.Anchor(path, log_id)
-    note.write(LogHead(writer.number, writer.hash.hex()), durable=True)
-    note.close()
+    head_file = anchor.HeadFile(path)
+    head_file.open()
+    head_file.write(SealedHead(log_id, "", writer.number, writer.hash.hex()), durable=True)
+    head_file.close()
 
 
 class _Writer:

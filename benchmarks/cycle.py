@@ -26,7 +26,7 @@ import yaml
 
 GOAL = 0.01
 #: Part of the station → what of it is timed, (module, owner or "", names). Functions are wrapped before they are used.
-PARTS = {
+PARTS: dict[str, list[tuple[str, str, tuple[str, ...]]]] = {
     "simulated rig": [
         ("station.adapters.clock", "VirtualClock", ("settle", "advance")),
         ("station.adapters.bus.simulated", "_Channel", ("send",)),  # the wire: a copy of each frame for each endpoint
@@ -162,7 +162,9 @@ def one_run(ledger: Ledger, rate_hz: int, positions: int) -> tuple[float, dict[s
             yield event
 
     kept: dict[str, list[float]] = {}
-    VirtualClock.__init__, Load.run = watched, told  # type: ignore[method-assign]
+    clock_class: Any = VirtualClock
+    load_class: Any = Load
+    clock_class.__init__, load_class.run = watched, told
     try:
         with tempfile.TemporaryDirectory() as folder, Path(os.devnull).open("w") as nowhere:
             path, log = recipe(Path(folder), rate_hz, positions), Path(folder) / "station.db"

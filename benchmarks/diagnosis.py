@@ -15,14 +15,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.diagnosis_rows.cost import cost
-from benchmarks.diagnosis_rows.detection import false_alarms, power
-from benchmarks.diagnosis_rows.figures import Figure
-from benchmarks.diagnosis_rows.intervals import coverage
-from benchmarks.diagnosis_rows.naming import gain, naming, set_size, sizes
-from benchmarks.diagnosis_rows.pairs import two
-from benchmarks.diagnosis_rows.ties import degenerate, resolved
-from benchmarks.diagnosis_rows.unknown import unknown
+from diagnosis_rows.cost import cost
+from diagnosis_rows.detection import false_alarms, power
+from diagnosis_rows.figures import Figure
+from diagnosis_rows.intervals import coverage
+from diagnosis_rows.naming import gain, naming, set_size, sizes
+from diagnosis_rows.pairs import two
+from diagnosis_rows.ties import degenerate, resolved
+from diagnosis_rows.unknown import unknown
 
 ROWS: dict[str, Callable[[int, int], list[Figure]]] = {
     "false-alarms": false_alarms,

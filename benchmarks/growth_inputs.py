@@ -113,6 +113,6 @@ def _one(unit: int, readings: Floats, names: tuple[str, ...], each: int, rng: np
         run=run.astype(np.int32),
         visit=(stop % len(names)).astype(np.int32),
         position=Labels(names, (stop % len(names)).astype(np.int32)),
-        time_s=(np.arange(n) - run * len(names) * each) * 0.01,
+        time_s=(np.arange(n, dtype=float) - run * len(names) * each) * 0.01,
         reading=np.repeat(readings, each, axis=0) + NOISE * rng.standard_normal((n, 3)),
     )

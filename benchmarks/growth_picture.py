@@ -34,7 +34,9 @@ def _time(title: str, over: str, found: Sequence[Any], name: Any) -> Figure:
         *(title, over, "processor time, powers of ten", tuple(series)),
         x_names=POWERS[: _columns(found)],
         levels=tuple((float(p), f"{10.0**p:g} s") for p in range(low, high + 1)),
-        **{"width": WIDTH, "height": HEIGHT, "zero": False},
+        width=WIDTH,
+        height=HEIGHT,
+        zero=False,
     )
 
 

@@ -10,9 +10,8 @@ import time
 from itertools import pairwise
 
 import numpy as np
-
-from benchmarks.diagnosis_rows.figures import Figure, at_least, at_most, share
-from benchmarks.diagnosis_rows.ties import TIED_ONCE, Parted, parted
+from diagnosis_rows.figures import Figure, at_least, at_most, share
+from diagnosis_rows.ties import TIED_ONCE, Parted, parted
 
 #: Edges of the promised chance in the diagram, strengths that are hidden.
 EDGES, STRENGTHS = (0.0, 0.25, 0.5, 0.75, 0.9, 1.01), (8.0, 12.0, 16.0)

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import can
 import cantools
@@ -214,7 +215,7 @@ class _PeerBus(SocketcanBus):
 
 def _peer(wire: wires.Wire) -> Callable[[int], int]:
     """python-can's Notifier and cantools, frame by frame; they check neither counter nor CRC."""
-    database = cantools.database.load_file(DBC)
+    database: Any = cantools.database.load_file(DBC)
 
     def receive(count: int) -> int:
         decoded, done = [], threading.Event()

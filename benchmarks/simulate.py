@@ -11,6 +11,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +58,7 @@ def main() -> None:
     limit_s = statistics.median(timed(lambda: rng.standard_normal((samples, 3)).copy(), options.runs))
     for what, effects in (("no cause", ()), (f"all {len(everything)} causes", everything)):
         job = SimulationJob(recipe, four, 1, effects)
-        seconds = timed(lambda job=job: simulate(job), options.runs)
+        seconds = timed(partial(simulate, job), options.runs)
         told(f"{samples} samples, {what}", seconds, limit_s, f"goal ≤ {GOAL_S * 1e3:.0f} ms")
     fleet = SimulationJob(recipe, tuple(f"SN{i:04d}" for i in range(options.units)), 1)
     begun = time.perf_counter()

@@ -22,10 +22,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from station.domain.core.types import Floats
-from station.domain.methods import method, scatter
+from station.domain.methods import contributions, method, scatter
 from station.domain.methods.method import FitProblem
 from station.domain.methods.scatter import SolvedUnits
-from station.domain.methods.uncertainty import covariance_of_noise
 from station.domain.recipe import directions
 from station.domain.recipe.recipe import Recipe
 from station.service.backtest import PORTION
@@ -117,6 +116,7 @@ def bench(mean: Floats, true: Floats) -> FitProblem:
         pose_std_rad=0.0,
         scatter_pose=np.zeros(u),
         scatter_visit=np.zeros(u),
+        patterns=np.zeros((0, v, 3)),
         nuisance=np.zeros((v, 0)),
         model="matrix",
         pose_known=True,
@@ -126,7 +126,7 @@ def bench(mean: Floats, true: Floats) -> FitProblem:
 def solved(kind: method.Method, problem: FitProblem) -> Iterator[tuple[SolvedUnits, Floats]]:
     """Part by part, with the covariances of its rows (u, 12, 12)."""
     for part in scatter.solve(kind, problem):
-        yield part, covariance_of_noise(part.fit, part.problem.cov)
+        yield part, contributions.noise(part.fit, part.problem.cov)
 
 
 def in_turn(kind: method.Method, batches: list[FitProblem]) -> None:

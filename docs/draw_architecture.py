@@ -39,7 +39,7 @@ def contracts() -> list[dict[str, Any]]:
 
 def layers(container: str) -> list[str]:
     """What a contract puts above each other in a package, top first; nothing where none does."""
-    found = next((c["layers"] for c in contracts() if c.get("containers") == [container]), [])
+    found: list[str] = next((c["layers"] for c in contracts() if c.get("containers") == [container]), [])
     return [name.strip() for layer in found for name in layer.split("|")]
 
 

@@ -22,7 +22,7 @@ def rank(nodeid: str) -> int:
     return next((i for i, start in enumerate(FIRST) if nodeid.startswith(start)), len(FIRST))
 
 
-class ByFile(LoadScopeScheduling):
+class ByFile(LoadScopeScheduling):  # type: ignore[misc]  # xdist publishes no types
     """Pieces of work in the order in which they were collected."""
 
     def _split_scope(self, nodeid: str) -> str:

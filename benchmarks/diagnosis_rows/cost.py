@@ -10,8 +10,8 @@ import time
 from pathlib import Path
 
 import numpy as np
+from diagnosis_rows.figures import Figure, Judge, at_most
 
-from benchmarks.diagnosis_rows.figures import Figure, Judge, at_most
 from tests.blind.bench import hide
 from tests.blind.hidden import KNOWN
 from tests.blind.look import look

@@ -1,11 +1,13 @@
 """Rows 1 and 2: alarms where nothing is wrong; and how strong a cause must be, against the test told its form."""
 
+from functools import partial
+
 import numpy as np
+from diagnosis_rows import oracle
+from diagnosis_rows.figures import Array, Figure, at_most, bootstrapped, share
+from diagnosis_rows.trials import Ask, First, first_look
 from scipy.stats import norm
 
-from benchmarks.diagnosis_rows import oracle
-from benchmarks.diagnosis_rows.figures import Array, Figure, at_most, bootstrapped, share
-from benchmarks.diagnosis_rows.trials import Ask, First, first_look
 from tests.blind.hidden import KNOWN
 
 #: Of the largest share of false alarms, by floor.
@@ -20,7 +22,7 @@ def false_alarms(seed: int, sets: int) -> list[Figure]:
     for i, (floor, most) in enumerate(FALSE_ALARMS.items()):
         asks = [Ask("", floor, seed * 10**6 + 10**5 * i + n) for n in range(100 * sets)]
         fired = [_told(a, first_look(a)) for a in asks]
-        found.append(share(f"false alarms at 1 %, floor {floor}", fired, lambda p, most=most: at_most(p, most)))
+        found.append(share(f"false alarms at 1 %, floor {floor}", fired, partial(at_most, goal=most)))
     return found
 
 

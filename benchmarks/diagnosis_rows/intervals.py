@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from diagnosis_rows.figures import Z95, Array, Figure, between, bootstrapped
 
-from benchmarks.diagnosis_rows.figures import Z95, Array, Figure, between, bootstrapped
 from station.diagnosis.results.estimate import Estimate
 from tests.blind.bench import World, hide
 from tests.blind.hidden import KNOWN

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
+from diagnosis_rows import oracle, peers
+from diagnosis_rows.figures import Figure, Judge, at_least, at_most, bootstrapped, share
+from diagnosis_rows.same_noise import gain_of_the_true_form
+from diagnosis_rows.trials import Ask, Trial, named_ids, tell_misses, trial, tried
 
-from benchmarks.diagnosis_rows import oracle, peers
-from benchmarks.diagnosis_rows.figures import Figure, Judge, at_least, at_most, bootstrapped, share
-from benchmarks.diagnosis_rows.same_noise import gain_of_the_true_form
-from benchmarks.diagnosis_rows.trials import Ask, Trial, named_ids, tell_misses, trial, tried
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.results.diagnose import Diagnosis
 from station.model.forward import forward
@@ -63,7 +63,7 @@ def gained(made: Trial, found: Diagnosis) -> float:
     sigma = WHITE.density * np.sqrt(of.device.rate_hz / 2)
 
     def off(view: ResidualView) -> float:
-        return float(np.sum((quiet.reading - forward(scene, view.base, view.active)) ** 2)) / sigma**2
+        return float(np.sum((quiet.reading - forward(scene, view.base, view.active)) ** 2) / sigma**2)
 
     return off(found.search_result.first.view) - off(found.last.view)
 
@@ -74,7 +74,7 @@ def naming(seed: int, sets: int) -> list[Figure]:
     for d, goal in NAMING.items():
         all_of = survey(seed, sets, d)
         seen = [s for s in all_of if s.trial.alarmed]
-        figures += _of([s.trial for s in all_of], f"d = {d:g}", lambda p, goal=goal: at_least(p, goal))
+        figures += _of([s.trial for s in all_of], f"d = {d:g}", partial(at_least, goal=goal))
         for peer in all_of[0].peers:
             right = [s.peers[peer] == s.trial.ask.right for s in seen]
             figures.append(share(f"  {peer} names first", right))
@@ -102,7 +102,7 @@ def sizes(seed: int, sets: int) -> list[Figure]:
             for i, name in enumerate(named_ids())
             for n in range(sets)
         ]
-        figures += _of([trial(a) for a in asks], f"usual size × {size:g}", lambda p, goal=goal: at_least(p, goal))
+        figures += _of([trial(a) for a in asks], f"usual size × {size:g}", partial(at_least, goal=goal))
     return figures
 
 
@@ -116,7 +116,7 @@ def gain(seed: int, sets: int) -> list[Figure]:
                 print(f"    {s.gain:.0f} of {s.true_gain:.0f}: {s.trial.miss()}")
         own, other = ([s for s in seen if (s.trial.ask.name in WRONG_FORM) == wrong] for wrong in (False, True))
         what = f"gain on fresh data ÷ that of the true model, d = {d:g}"
-        figures.append(_ratio(what, own, lambda r, goal=goal: at_least(r, goal)))
+        figures.append(_ratio(what, own, partial(at_least, goal=goal)))
         figures.append(_ratio("  ÷ that of the true model on the same noise", own, same_noise=True))
         figures.append(_ratio("  where the true form is not in the library", other))
     return figures

@@ -51,7 +51,7 @@ def columns(w: World, hidden: Hidden, start: Any) -> Array:
     while i < count:
         rng = OneHot(np.random.PCG64())
         rng.bit_generator.state, rng.chosen = start, i
-        felt, added = hidden(w, rng)  # type: ignore[arg-type]
+        felt, added = hidden(w, rng)
         found.append((felt - still + added) / sigma)
         count, i = rng.count, i + 1
     return freed(w, np.stack(found, axis=-1)).reshape(-1, count)

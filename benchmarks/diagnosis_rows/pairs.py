@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from diagnosis_rows.figures import Array, Figure, at_least, share
+from diagnosis_rows.trials import Ask, Trial, told
 
-from benchmarks.diagnosis_rows.figures import Array, Figure, at_least, share
-from benchmarks.diagnosis_rows.trials import Ask, Trial, told
 from tests.blind.bench import WHITE, Hidden, Scaled, World, hide, strength
 from tests.blind.hidden import KNOWN
 from tests.blind.look import look

@@ -62,7 +62,7 @@ class Readings:
     @property
     def count(self) -> int:
         """Numbers left."""
-        return int(np.count_nonzero(self.data)) - sum(Q.shape[1] for _, Q in self.basis)
+        return int(np.count_nonzero(self.data)) - sum(int(Q.shape[1]) for _, Q in self.basis)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,9 +4,9 @@ the white floor, it estimates the coefficients alone, each by its mean given the
 from typing import Any
 
 import numpy as np
+from diagnosis_rows.oracle import columns, freed
+from diagnosis_rows.trials import Ask
 
-from benchmarks.diagnosis_rows.oracle import columns, freed
-from benchmarks.diagnosis_rows.trials import Ask
 from tests.blind.bench import WHITE, Floor, hide, world
 from tests.blind.recipes import recipe
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from diagnosis_rows.figures import Array, Figure, at_least, at_most, share
+from diagnosis_rows.trials import Ask, Trial, told
 
-from benchmarks.diagnosis_rows.figures import Array, Figure, at_least, at_most, share
-from benchmarks.diagnosis_rows.trials import Ask, Trial, told
 from station.config.recipes import load_recipe
 from station.diagnosis.planning.next_run import next_run
 from station.diagnosis.results.diagnose import Diagnosis

@@ -1,8 +1,11 @@
 """Row 6: what no cause of the library explains is called unknown, and what is known is not."""
 
-from benchmarks.diagnosis_rows.figures import Figure, at_least, at_most, share
-from benchmarks.diagnosis_rows.naming import NAMING, survey
-from benchmarks.diagnosis_rows.trials import Ask, Trial, tell_misses, trial
+from functools import partial
+
+from diagnosis_rows.figures import Figure, at_least, at_most, share
+from diagnosis_rows.naming import NAMING, survey
+from diagnosis_rows.trials import Ask, Trial, tell_misses, trial
+
 from tests.blind.outside import OUTSIDE
 
 #: Of all data sets, how many must be called unknown or incomplete with the right covariate.
@@ -27,7 +30,7 @@ def unknown(seed: int, sets: int) -> list[Figure]:
             share(
                 f"out of the library, d = {d:g}: unknown or incomplete, right covariate",
                 right,
-                lambda p, goal=goal: at_least(p, goal),
+                partial(at_least, goal=goal),
             ),
             share("  unknown, or incomplete", [_open(t) for t in trials]),
             share(

@@ -179,8 +179,8 @@ def world(recipe: Recipe, units: int, rng: np.random.Generator, nests: int = 2) 
     got["stop"] = stop - stop[0]
     up = np.tile([0.0, 0.0, recipe.reference.strength()], (len(stop), 1))
     kept = World(recipe, nest_q=nest_q, seat_q=seat_q, up=up, names=names, seats=seats, **got)
-    order = np.lexsort((kept.t, kept.run, kept.unit))
-    moved = {k: getattr(kept, k)[order] for k in (*got, "nest_q", "seat_q", "up")}
+    by_time = np.lexsort((kept.t, kept.run, kept.unit))
+    moved = {k: getattr(kept, k)[by_time] for k in (*got, "nest_q", "seat_q", "up")}
     stops = np.cumsum(np.diff(moved["stop"], prepend=-9) != 0) - 1
     return replace(kept, **{**moved, "stop": stops})
 
@@ -231,7 +231,7 @@ def strength(w: World, felt: Array, added: Array, density: float) -> float:
             y = means[rows, i]
             left = y - A @ np.linalg.lstsq(A, y, rcond=None)[0]
             total += float(np.sum(left**2 * count[rows]))
-    return float(np.sqrt(total)) / sigma
+    return float(np.sqrt(total) / sigma)
 
 
 def table(w: World, reading: Array, rng: np.random.Generator, without: tuple[str, ...] = ()) -> SampleTable:

@@ -15,7 +15,8 @@ from tests.browser.conftest import Site
 from tests.browser.judge import SCREENS, judged
 from tests.fakes import fixture_run
 
-Serve, LogIn = Callable[..., Site], Callable[..., Browser]
+Serve = Callable[..., Site]
+LogIn = Callable[..., Browser]
 pytestmark = pytest.mark.timeout(240)
 F2 = "\ue032"
 

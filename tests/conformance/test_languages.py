@@ -39,7 +39,8 @@ def checks() -> set[str]:
                 given = [k.value for k in node.keywords if k.arg == "check"] or node.args[4:5] or node.args[:1]
                 if isinstance(given[0], ast.Call):
                     given = given[0].args[:1]
-                found |= {part.value for part in given if isinstance(part, ast.Constant)}
+                constants = [part.value for part in given if isinstance(part, ast.Constant)]
+                found |= {value for value in constants if isinstance(value, str)}
     from station import errors
 
     kinds = [v for v in vars(errors).values() if isinstance(v, type) and issubclass(v, errors.StationError)]
@@ -117,7 +118,8 @@ def test_every_deed_in_the_journal_has_a_name() -> None:
     trees = [ast.parse(path.read_text(encoding="utf-8")) for path in (ROOT / "web").glob("*.py")]
     calls = [n for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Call)]
     added = [n for n in calls if isinstance(n.func, ast.Attribute) and ast.unparse(n.func).endswith("journal.add")]
-    deeds = {n.args[1].value for n in added if isinstance(n.args[1], ast.Constant)}
+    constants = [n.args[1].value for n in added if isinstance(n.args[1], ast.Constant)]
+    deeds = {value for value in constants if isinstance(value, str)}
     assert {"log-in", "scan", "again", "confirm", "certificate"} <= deeds
     for code, said in labels.all_texts().items():
         assert sorted(d for d in deeds if f"deed_{d}" not in said) == [], code

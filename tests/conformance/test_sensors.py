@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from station import plugins
-from station.domain.methods import method, uncertainty
+from station.domain.methods import contributions, method
 from station.domain.recipe import sensor
 from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
@@ -68,6 +68,7 @@ def test_an_uncertain_magnitude_is_the_same_share_of_every_gain(kind: str, rng: 
     own = plugins.load(sensor.PACKAGE, kind)
     (name,) = [n for n in ("gravity", "field", "rate") if n in found.budget.parts]
     part = found.budget.std(name)
+    assert found.calibration is not None
     assert getattr(own, "quantity")  # noqa: B009
     assert np.diagonal(part[3:].reshape(3, 3)) == pytest.approx(0.01 * np.diagonal(found.calibration.matrix), rel=1e-6)
     assert np.abs(part[:3]).max() < 1e-12 * largest
@@ -89,7 +90,7 @@ def test_a_gold_reference_brings_its_own_uncertainty(kind: str, rng: np.random.G
     patterns = sensor.of(recipe).truth_errors(recipe, names, seats, true)["gold reference"]
     problem = _problem(recipe, true, rng, size)
     fit = method.of(recipe).fit(problem)
-    part = uncertainty.covariance_of_patterns(fit, patterns)[0]
+    part = contributions.patterns(fit, patterns)[0]
     std = np.sqrt(np.diagonal(part))
     assert std[:3] == pytest.approx(np.full(3, 0.002 * size), rel=1e-6)
     matrix = std[3:].reshape(3, 3)
@@ -112,6 +113,7 @@ def _problem(recipe: Recipe, true: Any, rng: np.random.Generator, size: float) -
         pose_std_rad=0.0,
         scatter_pose=np.zeros(1),
         scatter_visit=np.zeros(1),
+        patterns=np.zeros((0, v, 3)),
         nuisance=np.zeros((v, 0)),
         model="matrix",
         pose_known=True,

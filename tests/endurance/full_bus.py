@@ -190,7 +190,7 @@ def calibrate(over: threading.Event, done: Counter[str]) -> None:
     recipe = load_recipe("six-point")
     table = simulate(SimulationJob(recipe, SERIALS, seed=1)).table
     while not over.is_set():
-        done["calibrations"] += sum(1 for _ in pipeline.calibrate(recipe, table, "2026-01-01", 0.0))
+        done["calibrations"] += sum(1 for _ in pipeline.calibrate(recipe, table, "2026-01-01"))
 
 
 def order(folder: Path) -> RunOrder:
@@ -214,8 +214,9 @@ def measure(seconds: float, buffer: int, *, idle: bool) -> dict[str, Any]:
     process = multiprocessing.get_context("fork").Process(target=live, args=(tuple(ports), here), daemon=True)
     process.start()
     bus = UdpBus(ports[1], ports[2], ports[0], buffer)
-    bench.open_bus = lambda *_args, **_options: bus  # type: ignore[assignment]
-    bench.refuse_numbers_for_real_units = lambda _settings: None  # type: ignore[assignment]  # behind this bus stands nobody
+    wiring: Any = bench
+    wiring.open_bus = lambda *_args, **_options: bus
+    wiring.refuse_numbers_for_real_units = lambda _settings: None  # behind this bus stands nobody
     outcomes: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as name, ExitStack() as opened:
         folder = Path(name)

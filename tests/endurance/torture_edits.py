@@ -19,8 +19,9 @@ from pathlib import Path
 
 import numpy as np
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from sqlite_utils import Database
 
-from station.adapters.store import file, verify
+from station.adapters.store import verify
 from station.adapters.store.keys import Signer
 from station.adapters.store.schema import COLUMNS
 from station.adapters.store.sqlite import SqliteStore
@@ -81,6 +82,7 @@ def other(value: object, rng: Rng) -> object:
         return raw.decode("utf-8", "replace") + "\u00b7" if isinstance(value, str) else bytes(raw)
     if isinstance(value, int):
         return value + int(rng.choice([-1, 1, 1000, 2**33]))
+    assert isinstance(value, float)
     return float(np.nextafter(value, np.inf)) if rng.random() < 0.5 else -float(value) - 1
 
 
@@ -222,7 +224,7 @@ EDITS: tuple[Edit, ...] = (
 def torture(path: Path, edits: int, seed: int) -> tuple[Counter[str], list[str]]:
     """Makes and undoes that many edits; how many of each kind, and those that nobody noticed."""
     rng = np.random.default_rng(seed)
-    writable = file.Database(sqlite3.connect(path, isolation_level=None), execute_plugins=False)
+    writable = Database(sqlite3.connect(path, isolation_level=None), execute_plugins=False)
     connection = writable.conn
     assert list(verify.findings(path, writable)) == []
     made: Counter[str] = Counter()

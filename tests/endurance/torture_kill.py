@@ -43,6 +43,7 @@ from station.domain.core.types import Outcome
 from station.domain.product.writeback import classify
 from station.domain.records.stored_attempt import result
 from station.domain.run.progress import Phase, PhaseEntered, UnitDone
+from station.messages import Message
 from station.ports.log_reader import Query, Trust
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
@@ -148,7 +149,7 @@ def run(folder: Path, seed: int, *, torn: bool = False, until: Phase | None = No
         bench.fixture.place(seats)
         for event in Runner(bench.station, bench.job, stop).run(seats):
             if isinstance(event, PhaseEntered) and event.phase is until:
-                stop.request("seen enough")
+                stop.request(Message.text("seen enough"))
             if isinstance(event, UnitDone) and death is not None:
                 death.tell(f"shown {event.result.outcome}")
 
@@ -199,7 +200,14 @@ def flash(folder: Path, like: dict[str, str]) -> dict[str, str]:
     return {at: raw(held[at], len(like[at]) // 2) for at in like}
 
 
-def raw(value: float | str, size: int) -> str:
+def flash_state(folder: Path, base: Path, planned: Any) -> str:
+    """Whether the flash holds the old values, the new ones, or some of each."""
+    old: Any = flash(base, planned)  # values and addresses as the log writes them; they are only compared
+    now: Any = flash(folder, planned)
+    return classify(old, planned, now)
+
+
+def raw(value: float | int | str, size: int) -> str:
     """A value of the flash file as hex."""
     if isinstance(value, str):
         return value.encode().hex()
@@ -217,7 +225,7 @@ def judge(folder: Path, trial: Trial, base: Path) -> tuple[list[str], str] | Non
     if attempt is None:
         return wrong, "old"
     planned = (result(attempt, "write-plan") or {}).get("objects", {})
-    truth = classify(flash(base, planned), planned, flash(folder, planned)) if planned else "old"
+    truth = flash_state(folder, base, planned) if planned else "old"
     wrong += [f"contradicting: {what}" for what in contradicting(attempt, truth)]
     come_again(folder, trial.seed + 1)
     wrong += [f"unrecognised: {what}" for what in unrecognised(lives(folder), truth)]

@@ -63,7 +63,8 @@ def work(folder: Path, out: Path, *, careless: bool) -> None:
 
     for name in CALLS:
         telling(name)
-    check, SqliteStore._name_key = SqliteStore._name_key, carelessly  # type: ignore[method-assign]
+    store_class: Any = SqliteStore
+    check, store_class._name_key = SqliteStore._name_key, carelessly
     fixture_run.run(folder, units=2, device_state=None)
 
 

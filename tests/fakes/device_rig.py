@@ -26,7 +26,7 @@ DBC = Path(__file__).parents[2] / "dbc"
 KEY = bytes.fromhex("3143414c")
 
 
-def still(at: Sequence[float] = (0.1, -0.2, 1.0)) -> Callable[[Floats], Floats]:
+def still(at: Sequence[float] | Floats = (0.1, -0.2, 1.0)) -> Callable[[Floats], Floats]:
     """A world in which the sensor feels always the same."""
     return lambda times_s: np.tile(np.asarray(at, float), (len(times_s), 1))
 

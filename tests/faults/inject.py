@@ -26,6 +26,7 @@ from station.adapters.store.sqlite import SqliteStore
 from station.domain.core.types import NestAssignment
 from station.domain.run.progress import Event, LiveReading, PhaseEntered, VisitStarted
 from station.files.owner import OwnerLock
+from station.messages import Message
 from station.service.stop_request import StopRequest
 from station.wiring.bench import Bench
 from tests.fakes import fixture_run
@@ -102,7 +103,8 @@ def _log(made: Injected, how: str, folder: Path) -> None:
     elif how == "nowhere":
         made.order["database"] = folder / "no such folder" / "station.db"
     elif how == "in use":
-        made.opened.callback(OwnerLock(folder / "station.db.lock", f"the log {path}", "bench-7", _STARTED_NS).release)
+        owned = Message("owned-log", path=str(path))
+        made.opened.callback(OwnerLock(folder / "station.db.lock", owned, "bench-7", _STARTED_NS).release)
     else:
         trouble, number = _match(r"(\S+) at stop (\d+)", how)
         made.order["hook"] = _at_stop(int(number), lambda bench: _STORE[trouble](made, bench, path))

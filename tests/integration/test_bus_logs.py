@@ -4,6 +4,7 @@ import struct
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import can
 import cantools
@@ -175,7 +176,7 @@ def test_nothing_can_be_sent_to_a_recording(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("name", "shift"), CSS)
 def test_a_real_recording_decodes_frame_for_frame_as_cantools_does(name: str, shift: int, reference_data: Path) -> None:
     folder = reference_data / "css_canmod"
-    database = cantools.database.load_file(folder / "canmod-gps.dbc")
+    database: Any = cantools.database.load_file(folder / "canmod-gps.dbc")
     frames = ReplayBus(folder / name).stream(()).receive(1.0)
     decoded, place = {}, {}
     for layout in read_layouts(folder / "canmod-gps.dbc").values():

@@ -1,13 +1,14 @@
 """`station check` says before anything is measured which causes a recipe cannot tell apart."""
 
 import json
+from typing import Any
 
 import pytest
 
 from station.cli.app import main
 
 
-def checked(recipe: str, capsys: pytest.CaptureFixture[str]) -> dict[str, dict[str, object]]:
+def checked(recipe: str, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     with pytest.raises(SystemExit) as ended:
         main(["check", recipe, "--json"])
     assert ended.value.code == 0

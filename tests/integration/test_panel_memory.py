@@ -1,7 +1,9 @@
 """What the charts remember is what counting anew comes to: units that come again, late ends, several questions."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from starlette.testclient import TestClient
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.config.settings import load_settings
-from station.ports.log_reader import Query
+from station.ports.log_reader import Attempt, Query
 from station.ports.store import AttemptStart
 from station.service.line_statistics import gather_statistics
 from station.web.app import create_app
@@ -55,7 +57,7 @@ def test_remembered_yields_are_those_counted_anew(tmp_path: Path, seed: int) -> 
     assert len(memory._days) == 2, "questions that differ in their span only share their days"
 
 
-def _table(cells: list[object]) -> list[str]:
+def _table(cells: Sequence[object]) -> list[str]:
     return sorted(map(repr, cells))
 
 
@@ -108,7 +110,12 @@ def test_finished_attempts_are_read_once(tmp_path: Path, monkeypatch: pytest.Mon
     fixture_run.run(tmp_path, ["SN0001", "SN0002"])
     memory, read = LineCache(), list[str]()
     real = SqliteLogReader.attempt
-    monkeypatch.setattr(SqliteLogReader, "attempt", lambda self, a: read.append(a.serial) or real(self, a))
+
+    def attempt(log: SqliteLogReader, unit: Attempt) -> dict[str, Any]:
+        read.append(unit.serial)
+        return real(log, unit)
+
+    monkeypatch.setattr(SqliteLogReader, "attempt", attempt)
     with SqliteLogReader(tmp_path / "station.db") as log:
         since = log.attempts(Query())[-1].started_ns // DAY_NS * DAY_NS
         first = gather_statistics(log, Query(since_ns=since), 50, memory)

@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import cantools
 import numpy as np
@@ -67,7 +68,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
     return folder, ran
 
 
-def replayed(capsys: pytest.CaptureFixture[str], *args: object) -> dict[str, object]:
+def replayed(capsys: pytest.CaptureFixture[str], *args: object) -> dict[str, Any]:
     code = replay_log(*args, as_json=True)  # type: ignore[arg-type]
     document = json.loads(capsys.readouterr().out)
     assert document["schema"] == "station.calibration/1"
@@ -180,8 +181,9 @@ def test_a_real_log_decodes_frame_for_frame_as_cantools_does(
     with (tmp_path / "out.csv").open(newline="") as file:
         for row in csv.DictReader(file):
             ours[int(row["frame"]), row["signal"]] = float(row["value"])
-    database = cantools.database.load_file(dbc)
-    theirs, unknown, total = {}, 0, 0
+    database: Any = cantools.database.load_file(dbc)
+    theirs: dict[tuple[int, str], float] = {}
+    unknown, total = 0, 0
     with log.open("rb") as raw, mf4().MF4Reader(raw) as reader:
         for number, message in enumerate(reader):
             total += 1

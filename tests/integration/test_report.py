@@ -58,7 +58,8 @@ def test_parts_of_the_cycle_make_the_cycle(line: LineStatistics) -> None:
 
 def test_the_capability_is_that_of_the_values_in_the_log(line: LineStatistics) -> None:
     drawn = charts.draw(line, "offset x", 2, words_of("en"))
-    table = dict(next(t for t in drawn.tables if t.title == "Capability: offset x").rows)
+    rows = next(t for t in drawn.tables if t.title == "Capability: offset x").rows
+    table = {row[0]: row[1] for row in rows}
     values = np.array([m.values["offset x"] for m in line.attempts if "offset x" in m.values])
     assert line.recipe is not None
     expected = capability.capability(values.reshape(-1, 2), *limits_of("offset x", line.recipe.limits))

@@ -4,6 +4,7 @@ import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -68,7 +69,7 @@ def refused(folder: Path, kind: type[StationError] | tuple[type[StationError], .
         ({"dwell": {"time_s": 1, "until_std": 0.001}}, "either time_s or until_std"),
     ],
 )
-def test_a_recipe_that_cannot_be_run(tmp_path: Path, changes: dict[str, object], words: str) -> None:
+def test_a_recipe_that_cannot_be_run(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
     said = refused(tmp_path, InputError, recipe=fixture_run.recipe(tmp_path, **changes))
     assert words in said
     assert "six-point-changed.yaml" in said or "product" in words or "no-such-thing" in words or "plain name" in words
@@ -85,7 +86,7 @@ def test_a_recipe_that_cannot_be_run(tmp_path: Path, changes: dict[str, object],
         ({"bus": {"interface": "socketcan", "bitrat": 500000}}, "did you mean `bitrate`?"),
     ],
 )
-def test_a_config_that_cannot_be_used(tmp_path: Path, changes: dict[str, object], words: str) -> None:
+def test_a_config_that_cannot_be_used(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
     said = refused(tmp_path, ConfigError, config=fixture_run.config(tmp_path, **changes))
     assert words in said
     assert "config.yaml, line" in said
@@ -117,7 +118,7 @@ def test_an_absent_interface(tmp_path: Path) -> None:
     assert "nocan9" in said or "This kernel has no CAN" in said
 
 
-def product(folder: Path, change: Callable[[dict[str, object]], None] = lambda _: None) -> Path:
+def product(folder: Path, change: Callable[[dict[str, Any]], object] = lambda _: None) -> Path:
     """A copy of the shipped product beside a recipe of its own, changed; the recipe's path."""
     shutil.copytree(shipped_folder() / "dbc", folder / "dbc")
     path = folder / "dbc" / "accelerometer.yaml"
@@ -130,8 +131,8 @@ def product(folder: Path, change: Callable[[dict[str, object]], None] = lambda _
 
 
 def test_a_dbc_without_the_mapped_signal(tmp_path: Path) -> None:
-    def change(document: dict[str, object]) -> None:
-        document["frames"]["sample"]["x"] = "XX"  # type: ignore[index]
+    def change(document: dict[str, Any]) -> None:
+        document["frames"]["sample"]["x"] = "XX"
 
     said = refused(tmp_path, ProductError, recipe=str(product(tmp_path, change)))
     assert "message ACCELERATION has no signal XX; its signals are CRC, COUNTER, STATUS, X, Y, Z" in said
@@ -163,8 +164,8 @@ def test_a_product_of_another_sensor(tmp_path: Path) -> None:
 
 
 def test_an_unknown_key_in_the_device_map(tmp_path: Path) -> None:
-    def change(document: dict[str, object]) -> None:
-        document["map"]["matirx"] = document["map"].pop("matrix")  # type: ignore[index, union-attr]
+    def change(document: dict[str, Any]) -> None:
+        document["map"]["matirx"] = document["map"].pop("matrix")
 
     said = refused(tmp_path, ProductError, recipe=str(product(tmp_path, change)))
     assert "did you mean `matrix`?" in said
@@ -206,7 +207,7 @@ def test_a_gold_reference_nobody_can_read(tmp_path: Path, node: int | None, word
 
 
 def test_a_gold_reference_is_the_truth_and_when_it_dies_nothing_counts(tmp_path: Path) -> None:
-    tilted = {"effects": ("base-tilt=0.02",), "recipe": gold(tmp_path)}
+    tilted: dict[str, Any] = {"effects": ("base-tilt=0.02",), "recipe": gold(tmp_path)}
     ran = fixture_run.run(tmp_path, **tilted)
     r = ran.results["SN0001"]
     assert r.fit is not None

@@ -1,6 +1,6 @@
 """The fixture turned by a person: the station sees the right face, says the wrong one, and fails no unit for it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,7 +70,7 @@ def by_hand(wrong: dict[str, str] | None = None, delay_s: float = 2.0):  # type:
     return wrap
 
 
-def sentences(events: Iterator[Notice]) -> list[str]:
+def sentences(events: Iterable[Notice]) -> list[str]:
     return [render(e.message) for e in events]
 
 

@@ -42,7 +42,7 @@ def watching(seen: list[tuple[Any, ...]]) -> Callable[[Bench], Bench]:
         there = bench.station
         devices = {n.node: Watched(there.device(n.node), ("download",), seen) for n in there.settings.nests}
         store: Any = Watched(there.store, ("begin", "write", "result", "finish"), seen)
-        return replace(bench, station=replace(there, store=store, device=devices.__getitem__))  # type: ignore[arg-type]
+        return replace(bench, station=replace(there, store=store, device=devices.__getitem__))
 
     return wrap
 

@@ -1,6 +1,8 @@
 """Stop means stop: asked for at any moment, the fixture is parked, the record is true, no device is half written."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -164,12 +166,12 @@ class _Broken:
         return call
 
 
-def broken(name: str, method: str, number: int, error: Exception) -> "fixture_run.Callable[[Bench], Bench]":
+def broken(name: str, method: str, number: int, error: Exception) -> Callable[[Bench], Bench]:
     from dataclasses import replace
 
     def wrap(bench: Bench) -> Bench:
-        port = _Broken(getattr(bench.station, name), method, number, error)
-        return replace(bench, station=replace(bench.station, **{name: port}))
+        port: dict[str, Any] = {name: _Broken(getattr(bench.station, name), method, number, error)}
+        return replace(bench, station=replace(bench.station, **port))
 
     return wrap
 

@@ -68,7 +68,8 @@ def decoded(rig: DeviceRig, duration_s: float) -> Samples:
 
 def steps(rig: DeviceRig, got: Samples) -> list[list[int]]:
     """Readings as the integers that were sent."""
-    return np.rint(got.xyz / [axis.scale for axis in rig.layout.axes]).astype(int).tolist()
+    counts: list[list[int]] = np.rint(got.xyz / [axis.scale for axis in rig.layout.axes]).astype(int).tolist()
+    return counts
 
 
 # ---- identity, flash, power ----

@@ -278,7 +278,7 @@ CASES: dict[str, Check] = {
 }
 
 
-def shaking(times_s: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+def shaking(times_s: np.ndarray) -> np.ndarray:
     """A sensor that is not still, so that a stuck axis shows."""
     return np.stack([0.1 * np.sin(40 * times_s + axis) for axis in range(3)], axis=1)
 

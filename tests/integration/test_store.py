@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import uuid
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -143,11 +144,12 @@ def test_frames_that_a_crash_left_plain_are_packed_at_the_next_opening(path: Pat
 def test_nothing_but_events_follows_a_finish(path: Path) -> None:
     with SqliteStore(path) as store:
         attempt = logs.unit(store)
-        for call in (
+        calls: tuple[Callable[[], object], ...] = (
             lambda: store.result(attempt, "verdict", {"outcome": "PASS"}),
             lambda: store.finish(attempt, "PASS", 1),
             lambda: store.visit([attempt], [logs.visit(9, np.random.default_rng(1))]),
-        ):
+        )
+        for call in calls:
             with pytest.raises(StoreFault, match="is not open in the log"):
                 call()
         with pytest.raises(StoreFault, match="holds no attempt nobody"):
@@ -237,9 +239,12 @@ def test_a_clock_that_steps_back_changes_no_order(path: Path) -> None:
 def test_threads_may_share_a_store(path: Path) -> None:
     with SqliteStore(path) as store:
         attempts = [store.begin(logs.begin(f"SN{n}")) for n in range(4)]
-        threads = [
-            threading.Thread(target=lambda a=a: [store.event(a, "tick", {"n": n}) for n in range(25)]) for a in attempts
-        ]
+
+        def tick(attempt: str) -> None:
+            for n in range(25):
+                store.event(attempt, "tick", {"n": n})
+
+        threads = [threading.Thread(target=tick, args=(attempt,)) for attempt in attempts]
         for t in threads:
             t.start()
         for t in threads:

@@ -6,6 +6,7 @@ import sqlite3
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -49,11 +50,15 @@ def steps(store: SqliteStore) -> Iterator[Callable[[], object]]:
     attempt = store.begin(logs.begin())
     yield lambda: store.result(attempt, "identity", {"software": "1.0.0"})
     for number in range(3):
-        yield lambda number=number: store.visit([attempt], [logs.visit(number, rng)])
+        yield partial(_visit, store, attempt, number, rng)
     yield lambda: store.event(attempt, "x", {"text": "y" * 3000})
     yield lambda: store.result(attempt, "verdict", {"outcome": "PASS"})
     yield lambda: store.finish(attempt, "PASS", 1)
     yield store.tidy
+
+
+def _visit(store: SqliteStore, attempt: str, number: int, rng: np.random.Generator) -> None:
+    store.visit([attempt], [logs.visit(number, rng)])
 
 
 @contextmanager

@@ -60,9 +60,9 @@ def messages(draw: st.DrawFn, multiplexed: bool = False, longest: int = 8) -> Te
     _fill(draw, text, first=2, prefix="Q", mux="m3 ")
     for line in [s.split()[1] for s in text.signals if s.split()[1].startswith("Q")]:
         text.muxes.append(f"SG_MUL_VAL_ {text.frame_id} {line} N 3-3, 5-9;")
-    for line in [s.split() for s in text.signals if s.split()[1].startswith("P")]:
-        value = line[2][1:]
-        text.muxes.append(f"SG_MUL_VAL_ {text.frame_id} {line[1]} M {value}-{value};")
+    for words in [s.split() for s in text.signals if s.split()[1].startswith("P")]:
+        outer = words[2][1:]
+        text.muxes.append(f"SG_MUL_VAL_ {text.frame_id} {words[1]} M {outer}-{outer};")
     return text
 
 

@@ -1,6 +1,7 @@
 """The chain of hashes: every edit breaks it, and the one edited record is the one that is named."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -48,8 +49,8 @@ def test_two_different_records_never_give_the_same_bytes(two: list[tuple[chain.V
 @pytest.mark.parametrize("at", range(6))
 def test_an_edited_record_is_named_and_no_other(at: int) -> None:
     for field, value in (("body", b"else"), ("hash", b"\0" * 32), ("previous", b"\1" * 32)):
-        changed = records(6)
-        changed[at] = replace(changed[at], **{field: value})
+        changed, edit = records(6), dict[str, Any]({field: value})
+        changed[at] = replace(changed[at], **edit)
         assert [(f.what, f.number) for f in findings(changed)] == [("edited", at + 1)]
 
 

@@ -1,5 +1,7 @@
 """What a recipe can determine before anything moves: rank, refusal, efficiency, proposals."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import yaml
@@ -24,7 +26,7 @@ NORM = {
 }
 
 
-def on(solid: int, method: str, **more: object) -> Recipe:
+def on(solid: int, method: str, **more: Any) -> Recipe:
     ups = {f"p{i:02d}": d for i, d in enumerate(directions.SOLIDS[solid])}
     return tumble.recipe(method, ups=ups, **more)
 

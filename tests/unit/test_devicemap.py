@@ -2,6 +2,7 @@
 
 import math
 import zlib
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from station.domain.core.types import Calibration
+from station.domain.core.types import Calibration, Floats
 from station.domain.product import number_format, writeback
 from station.domain.product.device_map import DeviceMap
 from station.errors import ProductError, UnitFault
@@ -90,12 +91,12 @@ def test_the_device_corrects_by_its_own_formula_as_the_station_does(stores: str)
     c = np.array([kept[f"offset.{a}"] for a in "xyz"])
     M = np.array([[kept[f"matrix.{r}{s}"] for s in "xyz"] for r in "xyz"])
     measured = np.array([0.3, -0.8, 0.5])
-    corrected = {
+    formulas: dict[str, Callable[[], Floats]] = {
         "forward": lambda: np.linalg.solve(M, measured - c),
         "inverse": lambda: M @ (measured - c),
         "inverse-add": lambda: M @ measured + c,
-    }[stores]()
-    np.testing.assert_allclose(corrected, GOOD.correct(measured), atol=1e-14)
+    }
+    np.testing.assert_allclose(formulas[stores](), GOOD.correct(measured), atol=1e-14)
 
 
 def test_order_sign_and_scale_are_where_they_are_said_to_be() -> None:

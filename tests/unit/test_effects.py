@@ -47,7 +47,7 @@ def scene(
         runs,
         visit,
         Labels.of(positions),
-        10.0 * visit,
+        10.0 * visit.astype(float),
         np.zeros((n, 3)),
         {"seating": Labels.of([seating] * n), "nest": Labels.of(["N1"] * n)},
         dict(values),
@@ -180,7 +180,7 @@ def test_cross_quadratic_needs_two_axes_at_once() -> None:
 def test_hysteresis_remembers_the_stop_before_but_not_across_runs() -> None:
     """previous − present: z-up → x-up is (−1, 0, +1); the first stop of each run has no previous one."""
     got = reads("hysteresis", [0.1, 0.2, 0.3], scene(["z-up", "x-up", "y-up"], run=[0, 0, 1]))
-    np.testing.assert_allclose(got, [[0, 0, 1], [0.9, 0, 0.3], [0, 1, 0]], atol=1e-15)
+    np.testing.assert_allclose(got, [[0.0, 0, 1], [0.9, 0, 0.3], [0.0, 1, 0]], atol=1e-15)
 
 
 def test_hysteresis_takes_the_true_previous_vector() -> None:
@@ -207,6 +207,7 @@ def test_what_is_left_of_a_move_dies_away(name: str) -> None:
         np.zeros((n + 1, 3)),
     )
     at = scene_of_table(recipe(settle={"time_s": 0.1}), table)
+    assert at.since_arrival_s is not None
     np.testing.assert_allclose(at.since_arrival_s, [0.1, 0.1, 0.3, 0.5])
     got = reads(name, [0.5] * 3, at, time_constant_s=0.2)
     left = 0.5 * np.exp(-np.array([0.1, 0.3, 0.5]) / 0.2)
@@ -223,13 +224,15 @@ def test_settling_may_ring() -> None:
 
 def test_temperature_acts_from_25_degC() -> None:
     warm = scene(["x-up", "x-down"], values={"temperature_degC": np.array([35.0, 25.0])})
-    np.testing.assert_allclose(reads("offset-temperature", [0.01] * 3, warm), [[1.1, 0.1, 0.1], [-1, 0, 0]], atol=1e-15)
-    np.testing.assert_allclose(reads("gain-temperature", [0.01] * 3, warm), [[1.1, 0, 0], [-1, 0, 0]], atol=1e-15)
+    np.testing.assert_allclose(
+        reads("offset-temperature", [0.01] * 3, warm), [[1.1, 0.1, 0.1], [-1.0, 0, 0]], atol=1e-15
+    )
+    np.testing.assert_allclose(reads("gain-temperature", [0.01] * 3, warm), [[1.1, 0, 0], [-1.0, 0, 0]], atol=1e-15)
 
 
 def test_temperature_rate_of_a_ramp() -> None:
     """One degree in every ten seconds: 0.1 degC/s at each stop."""
-    ramp = scene(["x-up"] * 5, values={"temperature_degC": 20.0 + np.arange(5)})
+    ramp = scene(["x-up"] * 5, values={"temperature_degC": 20.0 + np.arange(5, dtype=float)})
     np.testing.assert_allclose(reads("temperature-rate", [0.5] * 3, ramp)[:, 1], np.full(5, 0.05), atol=1e-12)
 
 
@@ -261,7 +264,14 @@ def test_motor_tone_aliases_at_the_sample_rate() -> None:
     values = {"motor": np.ones(n), "started_s": np.full(n, 7.0)}
     zero = np.zeros(n, np.int32)
     table = SampleTable(
-        Labels.of(["U"] * n), zero, zero, Labels.of(["z-up"] * n), 0.1 * np.arange(n), np.zeros((n, 3)), {}, values
+        Labels.of(["U"] * n),
+        zero,
+        zero,
+        Labels.of(["z-up"] * n),
+        0.1 * np.arange(n, dtype=float),
+        np.zeros((n, 3)),
+        {},
+        values,
     )
     at = scene_of_table(recipe(), table)
     tones = [
@@ -308,7 +318,7 @@ def test_gold_drift_passes_on_to_the_unit_where_gold_is_the_truth() -> None:
 def test_converter_first_then_decoding() -> None:
     """1.04 is clipped to 1.0, lies on the grid of 0.25, doubles to 2, and goes to the y axis with the other sign."""
     at = scene(["x-up"])
-    kinds = {
+    kinds: dict[str, Any] = {
         name: plugins.load("station.model.effects", name)
         for name in ("clipping", "quantization", "wrong-scale", "axis-permutation")
     }

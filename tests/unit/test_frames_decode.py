@@ -26,7 +26,8 @@ def _frames(can_id: int, payloads: list[bytes], width: int = 8) -> Frames:
 
 
 def _load(text: Text, folder: Path) -> tuple[Any, FrameLayout]:
-    return cantools.database.load_string(text.dbc(), "dbc").messages[0], text.layout(folder)
+    database: Any = cantools.database.load_string(text.dbc(), "dbc")
+    return database.messages[0], text.layout(folder)
 
 
 def _same(ours: Any, theirs: Any) -> bool:

@@ -58,7 +58,8 @@ def test_repetitions_are_counted_and_data_frames_ignored() -> None:
 
 
 def test_bus_off_lasts_until_the_restart() -> None:
-    off, on, data = (ERROR | BUS_OFF, {}), (ERROR | RESTARTED, {}), (0x140, {})
+    payload: dict[int, int] = {}
+    off, on, data = (ERROR | BUS_OFF, payload), (ERROR | RESTARTED, payload), (0x140, payload)
     assert has_bus_off(_frames(data, off, data))
     assert not has_bus_off(_frames(off, on))
     assert has_bus_off(_frames(off, on, off))

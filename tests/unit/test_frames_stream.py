@@ -33,7 +33,7 @@ def layout() -> SensorLayout:
 
 
 def _frames(layout: SensorLayout, n: int = 100, node: int = NODE, **options: Any) -> Frames:
-    counts = np.arange(3 * n).reshape(n, 3) - 150
+    counts = np.arange(3 * n, dtype=float).reshape(n, 3) - 150
     return sample_frames(layout, node, np.arange(n) * MS, counts * LSB_g, **options)
 
 
@@ -59,7 +59,8 @@ def test_what_was_encoded_comes_back(layout: SensorLayout) -> None:
 
 def test_cantools_reads_our_frames(layout: SensorLayout) -> None:
     frames = _frames(layout, 20, node=1)
-    message = cantools.database.load_file(DBC).get_message_by_name("ACCELERATION")
+    database: Any = cantools.database.load_file(DBC)
+    message = database.get_message_by_name("ACCELERATION")
     for row in range(20):
         told = message.decode(frames.data[row].tobytes())
         assert [told[axis] for axis in "XYZ"] == decode_samples(frames[row : row + 1], layout, 1).xyz[0].tolist()

@@ -1,10 +1,12 @@
 """Limits and the decision rule: what is accepted, why not, and how often wrongly."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from station.domain.core.types import Calibration, Floats, Outcome
+from station.domain.core.types import Calibration, Floats, Outcome, ReducedVisits
 from station.domain.methods import decision_rule, risk
 from station.domain.methods.uncertainty import Budget
 from station.domain.recipe.recipe import Limits
@@ -71,7 +73,7 @@ def test_probability_of_conformance_by_hand() -> None:
 
 def test_a_value_in_the_guard_band_fails_although_it_is_within_the_limit() -> None:
     recipe = tumble.recipe("one-point", limits={"offset": OFFSET, "rule": "guard-band"})
-    stops = _stops(recipe)
+    stops = _stops()
     verdict = decision_rule.judge(recipe, *unit([0.04, 0, 0], 0.006), stops, ())
     assert verdict.outcome is Outcome.FAIL
     assert verdict.false_accept == 0
@@ -84,21 +86,23 @@ def test_a_value_in_the_guard_band_fails_although_it_is_within_the_limit() -> No
 
 def test_a_limit_that_the_uncertainty_eats_up_is_said_to_be_undecidable() -> None:
     recipe = tumble.recipe("one-point", limits={"offset": OFFSET, "rule": "guard-band"})
-    verdict = decision_rule.judge(recipe, *unit([0, 0, 0], 0.03), _stops(recipe), ())
+    verdict = decision_rule.judge(recipe, *unit([0, 0, 0], 0.03), _stops(), ())
     assert len(verdict.reasons) == 3
     assert all("cannot decide it" in r.sentence for r in verdict.reasons)
 
 
-def _stops(recipe: object) -> object:
+def _stops() -> ReducedVisits:
     rng = np.random.default_rng(1)
     own = tumble.recipe("one-point")
     table = tumble.table(own, np.array([[[0.0, 0.0, 1.0]]]), 1e-4, 20, rng)
-    return tumble.calibrate_unit(own, table, tumble.TODAY).stops
+    found = tumble.calibrate_unit(own, table, tumble.TODAY)
+    assert found.stops is not None
+    return found.stops
 
 
 @pytest.mark.parametrize(("rule", "stated"), [("guard-band", 0.025), ("false-accept", 0.01)])
 def test_100000_units_at_the_limit_are_not_accepted_more_often_than_stated(
-    rng: np.random.Generator, rule: str, stated: float
+    rng: np.random.Generator, rule: Literal["guard-band", "false-accept"], stated: float
 ) -> None:
     """Units just out of limits, noise estimated with few degrees of freedom: the hardest case for the guard band."""
     limits = Limits(offset=OFFSET, rule=rule, false_accept=0.01 if rule == "false-accept" else None)

@@ -3,6 +3,7 @@
 import json
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -81,7 +82,7 @@ def test_a_question_bears_a_mark_and_the_time_it_takes_is_no_progress(tmp_path: 
     live = LiveStateWriter(tmp_path / "s.db", job.recipe, {}, print)
     live.event(BEGUN)
 
-    def state() -> dict[str, object]:
+    def state() -> dict[str, Any]:
         return dict(json.loads((tmp_path / "s.db.live.json").read_text())["state"])
 
     began_s = state()["began_s"]

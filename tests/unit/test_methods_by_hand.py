@@ -73,6 +73,7 @@ def test_hand_held_stops_give_the_upper_triangular_matrix(rng: np.random.Generat
     table = tumble.table(posed, mean, 0.0, 3, rng)
     found = tumble.calibrate_unit(recipe, table, TODAY)
     upper = np.linalg.cholesky((theta[0, 3:].reshape(3, 3) @ theta[0, 3:].reshape(3, 3).T)[::-1, ::-1])[::-1, ::-1]
+    assert found.calibration is not None
     assert found.calibration.matrix == pytest.approx(upper, abs=1e-9)
     assert found.calibration.offset == pytest.approx(theta[0, :3], abs=1e-9)
     assert (np.diagonal(found.calibration.covariance) > 0).tolist() == [True] * 6 + [

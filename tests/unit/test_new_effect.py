@@ -3,6 +3,7 @@
 import importlib
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -92,7 +93,7 @@ def test_it_is_found_blind_and_the_report_has_its_remedy_and_picture() -> None:
     recipe = tilt(runs=THREE_RUNS)
     job = SimulationJob(recipe, ("A", "B"), 4, (parse_effect("ripple", recipe),))
     made = simulate(job)
-    found = diagnose(recipe, made.table, Model(), lambda *campaign: alarm.bootstrap(*campaign, 1))
+    found = diagnose(recipe, made.table, Model(), partial(alarm.bootstrap, seed=1))
     written = document(found)
     assert (written["verdict"], [c["effect"] for c in written["causes"]]) == ("named", ["ripple"])
     rows = truth.document(job, [made])["effects"][0]["parameters"]

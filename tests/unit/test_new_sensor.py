@@ -3,6 +3,7 @@
 import importlib
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -69,9 +70,10 @@ def test_a_new_file_is_all_it_takes_to_simulate_calibrate_and_diagnose() -> None
     made = simulate(job)
     plain = simulate(SimulationJob(recipe(), ("A",), 3))
     unit = tumble.calibrate_unit(recipe(), plain.table, "2026-11-22")
+    assert unit.calibration is not None
     gain = np.diagonal(unit.calibration.matrix)
     np.testing.assert_allclose(gain, np.diagonal(plain.base.matrix[0]), atol=2e-4)
-    found = diagnose(job.recipe, made.table, Model(), lambda *campaign: alarm.bootstrap(*campaign, 1))
+    found = diagnose(job.recipe, made.table, Model(), partial(alarm.bootstrap, seed=1))
     assert found.verdict == "named"
     assert "quadratic" in {c.finding.name for c in found.causes} | set(found.causes[0].finding.indistinguishable_from)
 

@@ -1,6 +1,7 @@
 """The preflight: what it understands, what it leaves out, what it refuses; in tables made without the station."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ SPHERE = np.array([[np.cos(a) * np.sqrt(1 - z**2), np.sin(a) * np.sqrt(1 - z**2)
 
 
 def by_hand(**device: float) -> Recipe:
-    more = {"device": device} if device else {}
+    more: dict[str, Any] = {"device": device} if device else {}
     reference = {"source": "gravity", "magnitude": 1.0, "pose": "unknown"}
     return tumble.recipe("norm", reference=reference, positions=[], **more)
 

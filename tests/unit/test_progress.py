@@ -52,8 +52,8 @@ def test_a_stop_is_seen_at_the_next_check_and_keeps_its_first_reason() -> None:
 def test_a_stop_asked_for_is_seen_before_waiting_begins() -> None:
     stop = StopRequest()
     with stop:
-        assert stop.waiting
-    assert not stop.waiting
+        inside = stop.waiting
+    assert (inside, stop.waiting) == (True, False)
     stop.request()
     with pytest.raises(Aborted), stop:
         raise AssertionError("must not come here")

@@ -12,13 +12,13 @@ vectors = st.tuples(coordinate, coordinate, coordinate).map(np.array)
 
 
 def test_a_quarter_turn_about_z_brings_x_to_y() -> None:
-    np.testing.assert_allclose(rotation.about([0, 0, 2], 90) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(rotation.about(np.array([0, 0, 2]), 90) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
 
 
 def test_a_quaternion_with_scalar_first_is_the_same_turn() -> None:
     half = np.deg2rad(45)
-    R = rotation.from_quaternion([np.cos(half), 0, 0, np.sin(half)])
-    np.testing.assert_allclose(R, rotation.about([0, 0, 1], 90), atol=1e-15)
+    R = rotation.from_quaternion(np.array([np.cos(half), 0, 0, np.sin(half)]))
+    np.testing.assert_allclose(R, rotation.about(np.array([0, 0, 1]), 90), atol=1e-15)
 
 
 @pytest.mark.parametrize("axis", [np.eye(3)[i] * s for i in range(3) for s in (1, -1)])

@@ -23,7 +23,7 @@ def some(rng: np.random.Generator, units: int = 2) -> SampleTable:
     recipe = tumble.recipe("three-point")
     table = tumble.table(recipe, tumble.readings(tumble.units(rng, units), tumble.truths(recipe)), 1e-3, 7, rng)
     n = len(table)
-    values = {"temperature_degC": 20 + rng.standard_normal(n), "counter": np.arange(n) % 16.0}
+    values = {"temperature_degC": 20 + rng.standard_normal(n), "counter": np.arange(n, dtype=float) % 16}
     return replace(table, values=values, gold=rng.standard_normal((n, 3)))
 
 

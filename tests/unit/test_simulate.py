@@ -206,6 +206,7 @@ def test_gold_sits_in_the_nest_and_knows_nothing_of_seat_and_unit() -> None:
     made = simulate(one)
     visits = made.scene.visits
     plain = np.einsum("vji,vj->vi", visits.nest_R, visits.stimulus)[made.scene.visit]
+    assert made.table.gold is not None
     np.testing.assert_allclose(made.table.gold, plain, atol=1e-12)
     tilted = simulate(replace(one, effects=(parse_effect("nest-tilt", one.recipe),))).table.gold
     assert np.abs(tilted - plain).max() > 5e-4

@@ -50,7 +50,7 @@ def tumble(rig: Rig, plate: Plate, recipe: Recipe, nests: list[str], run: int = 
         rig.go(stop, now_s, now_s + MOVE_S)
         plate.go(stop.nest, now_s)
         now_s += MOVE_S
-        out.append([rig.sense(nest, now_s + 0.01 * np.arange(20)) for nest in nests])
+        out.append([rig.sense(nest, now_s + 0.01 * np.arange(20, dtype=float)) for nest in nests])
         now_s += STAY_S
     return np.swapaxes(np.array(out), 0, 1)
 
@@ -155,7 +155,7 @@ def test_another_seating_is_another_clamping(run: int, fresh: bool) -> None:
     rig.load({"N1": "A"}, 0.0)
     tumble(rig, plate, recipe, ["N1"], 0)
     later = tumble(rig, plate, recipe, ["N1"], 1, now_s=5000.0)[0, 0, 0]
-    effect = parse_effect("clamp-creep", recipe)
+    effect: Any = parse_effect("clamp-creep", recipe)
     base, stop = SimulationJob(recipe, (), 2).base(("A",)), plan.planned_visits(recipe, 1)[0]
     crept = (later - base.matrix[0] @ stop.true - base.offset[0]) / effect.coefficients(("unit:A",), 2)[0]
     since = MOVE_S + (600.0 if fresh else 5000.0)

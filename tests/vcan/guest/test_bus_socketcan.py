@@ -19,6 +19,7 @@ from station.adapters.bus.socketcan import SocketCan
 from station.domain.can.error_frames import error_frames, has_bus_off
 from station.domain.core.types import ERROR, Frames
 from station.errors import BusFault, ConfigError
+from station.messages import render
 from tests.conformance.bus_suite import collect, frames_of, rows_of
 
 Open = Callable[..., RawSocket]
@@ -161,7 +162,7 @@ def test_bus_off_is_read_from_the_error_frames(
     cansend(vcan, ERROR | 0x40, bytes(8))
     frames = collect(stream, 2)
     assert has_bus_off(frames)
-    assert error_frames(frames) == (
+    assert tuple(render(message) for message in error_frames(frames)) == (
         "error passive while receiving",
         "error passive while sending",
         "the controller is bus-off: check wiring, termination and bit rate",
