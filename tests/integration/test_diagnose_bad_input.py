@@ -34,7 +34,10 @@ def diagnosed(path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]
 
 @pytest.mark.parametrize(
     ("positions", "rows", "noise_g", "words"),
-    [(["z-up"], 100, 1e-3, "nothing can be told from one stop"), (["z-up"] * 3, 1, 0.0, "the same in every row")],
+    [
+        (["z-up"], 100, 1e-3, "of one visit: measure at least two positions"),
+        (["z-up"] * 3, 1, 0.0, "the same in every row"),
+    ],
 )
 def test_too_little_is_one_sentence(
     positions: list[str],
@@ -90,13 +93,13 @@ def changed(table: pd.DataFrame, column: str, value: object, rows: slice = slice
         ),
         (lambda t: changed(t, "seating", "sideways"), "@0, column seating: 'sideways' is not in recipe six-point"),
         (lambda t: t.sample(frac=1, random_state=1), "rows; sort the rows by unit, run and time"),
-        (lambda t: t.assign(z=1000 * t["z"]), "unit A: column z is in another unit than the others"),
-        (lambda t: t.assign(x=0.5), "the readings of x are the same in every row"),
-        (lambda t: t.assign(x=np.where(t["unit"] == "B", 0.5, t["x"])), "unit B: the readings of x are the same"),
-        (lambda t: t.assign(time_s=0.0), "time_s stands still in every stop"),
+        (lambda t: t.assign(z=1000 * t["z"]), "Unit A: column z is in another unit of measure than the others"),
+        (lambda t: t.assign(x=0.5), "The readings of x are the same in every row"),
+        (lambda t: t.assign(x=np.where(t["unit"] == "B", 0.5, t["x"])), "Unit B: the readings of x are the same"),
+        (lambda t: t.assign(time_s=0.0), "time_s does not advance within any visit"),
         (lambda t: t.assign(visit=0), "unit A, run 0, visit 0 is at two positions, z-up and z-down: number the stops"),
         (lambda t: t.assign(run=-1), "column run: -1 is not a whole number from 0"),
-        (lambda t: t.assign(since_power_s=-1.0), "since_power_s is -1, but no time before it can be measured"),
+        (lambda t: t.assign(since_power_s=-1.0), "since_power_s is -1, but a time elapsed cannot be negative"),
     ],
 )
 def test_a_table_that_is_wrong_is_one_sentence(

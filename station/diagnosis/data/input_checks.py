@@ -44,16 +44,18 @@ def _first_rows(table: SampleTable) -> NDArray[np.intp]:
     return np.flatnonzero(np.any([np.diff(codes, prepend=-1) != 0 for codes in where], axis=0))
 
 
-def _location(table: SampleTable, row: int) -> str:
-    return f"unit {table.unit.names[table.unit.code[row]]}, run {table.run[row]}, visit {table.visit[row]}"
+def _location(table: SampleTable, row: int) -> dict[str, str | int]:
+    """The visit that a row is of, as parameters of a message."""
+    return {
+        "serial": table.unit.names[table.unit.code[row]],
+        "run": int(table.run[row]),
+        "visit": int(table.visit[row]),
+    }
 
 
 def _check_visit_count(table: SampleTable, first: NDArray[np.intp]) -> None:
     if len(first) < 2:
-        raise SamplesError(
-            f"the {len(table)} rows of the samples are of one stop; nothing can be told from one stop, so measure at "
-            "least two positions"
-        )
+        raise SamplesError("samples-of-one-visit", rows=len(table))
 
 
 def _check_one_position_per_visit(table: SampleTable, first: NDArray[np.intp]) -> None:
@@ -62,27 +64,20 @@ def _check_one_position_per_visit(table: SampleTable, first: NDArray[np.intp]) -
     if len(inside):
         row = int(inside[0])
         one, two = (table.position.names[table.position.code[r]] for r in (row - 1, row))
-        raise SamplesError(
-            f"{_location(table, row)} stands at {one!r} and at {two!r}; number the stops of a run in `visit`, from 0"
-        )
+        raise SamplesError("visit-at-two-positions", **_location(table, row), one=one, two=two)
 
 
 def _check_time_advances(table: SampleTable, first: NDArray[np.intp]) -> None:
     last = np.append(first[1:], len(table)) - 1
     long = last > first
     if long.any() and not np.any(table.time_s[last] - table.time_s[first]):
-        raise SamplesError(
-            f"time_s stands still in every stop ({table.time_s[first[0]]:g} in the first); write each sample's own "
-            "time since the start of the run"
-        )
+        raise SamplesError("samples-time-stuck", time_s=float(table.time_s[first[0]]))
     for name in ELAPSED_COLUMNS:
         early = table.values[name] < 0 if name in table.values else np.zeros(0, bool)
         if early.any():
             row = int(early.argmax())
             raise SamplesError(
-                f"{_location(table, row)}: {name} is {table.values[name][row]:g}, but no time before "
-                "it can be measured; "
-                "correct the column or leave it out"
+                "samples-time-negative", **_location(table, row), column=name, value=float(table.values[name][row])
             )
 
 
@@ -95,15 +90,10 @@ def _check_axes_vary(table: SampleTable) -> None:
         off = np.abs(table.reading[:, i] - table.reading[place[table.unit.code], i])
         dead = np.flatnonzero(np.bincount(table.unit.code, off, len(place))[units] == 0)
         if len(dead) == len(units):
-            raise SamplesError(
-                f"the readings of {axis} are the same in every row; the sensor is stuck or these are no raw samples"
-            )
+            raise SamplesError("samples-axis-constant", axis=axis)
         if len(dead):
             name = table.unit.names[units[dead[0]]]
-            raise SamplesError(
-                f"unit {name}: the readings of {axis} are the same in every row, so that axis is dead; repair the unit "
-                "or take it out of the samples"
-            )
+            raise SamplesError("unit-axis-constant", serial=name, axis=axis)
 
 
 def _check_same_unit_of_measure(recipe: Recipe, table: SampleTable) -> None:
@@ -112,10 +102,9 @@ def _check_same_unit_of_measure(recipe: Recipe, table: SampleTable) -> None:
         if not turned.any() or moves[turned].max() <= MAX_RESPONSE_RATIO * moves[turned].min():
             continue
         worst = int(np.nanargmax(np.abs(np.log(moves / np.nanmedian(moves)))))
-        factors = ", ".join(f"{a} {m:.3g}" for a, m in zip("xyz", moves, strict=True) if np.isfinite(m))
+        factors = tuple(f"{a} {m:.3g}" for a, m in zip("xyz", moves, strict=True) if np.isfinite(m))
         raise SamplesError(
-            f"unit {serial}: column {'xyz'[worst]} is in another unit than the others; beside what the positions make "
-            f"of it each axis moves by a factor of {factors}, so write all three in {recipe.unit}"
+            "samples-axis-in-other-unit", serial=serial, column="xyz"[worst], factors=factors, unit=recipe.unit
         )
 
 
