@@ -38,7 +38,7 @@ class VisitRecord:
 
     statistics: from_ns and to_ns, the dwell that a refit cuts out of the frames (`capture.assemble`), and for
     people mean, std, count, gaps, repeats, crc_errors, kernel_drops, temperature_degC, reasons of a rejection.
-    laid: the frames as the log keeps them, where they were laid out and hashed as they came in.
+    encoded: the frames as the log keeps them, where they were laid out and hashed as they came in.
     """
 
     run: int
@@ -50,7 +50,7 @@ class VisitRecord:
     left_ns: int
     frames: Frames
     statistics: Mapping[str, Any]
-    laid: PlainFrames | None = None
+    encoded: PlainFrames | None = None
 
 
 @dataclass(frozen=True, slots=True)

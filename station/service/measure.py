@@ -167,7 +167,7 @@ def _visit_record(
         left_ns=captured.to_ns,
         frames=captured.frames,
         statistics={**statistics(visit), **more},
-        laid=encoded,
+        encoded=encoded,
     )
 
 

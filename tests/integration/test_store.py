@@ -70,7 +70,7 @@ def test_everything_that_was_kept_comes_back(path: Path) -> None:
 def test_plain_frames_of_an_earlier_log_are_checked_and_packed_as_they_were_sealed(path: Path) -> None:
     told = logs.visit(0, np.random.default_rng(3))
     by_columns = plain.to_bytes(told.frames, plain.COLUMNS)
-    earlier = replace(told, laid=plain.PlainFrames(by_columns, plain.digest(by_columns), len(told.frames)))
+    earlier = replace(told, encoded=plain.PlainFrames(by_columns, plain.digest(by_columns), len(told.frames)))
     with SqliteStore(path) as store:
         attempt = store.begin(logs.begin())
         store.visit([attempt], [earlier])

@@ -76,9 +76,9 @@ class Wire:
     def __init__(self) -> None:
         self._injected_faults: list[InjectedBusFault] = []
 
-    def add(self, trouble: InjectedBusFault) -> None:
+    def add(self, fault: InjectedBusFault) -> None:
         """One more."""
-        self._injected_faults.append(trouble)
+        self._injected_faults.append(fault)
 
     def state(self, now_s: float) -> str:
         """State of the station's controller."""

@@ -79,5 +79,5 @@ def _statement(lines: list[str], row: int) -> range:
 
 
 def _blanked(lines: list[str], rows: set[int]) -> str | None:
-    gone = [i for i in rows if i < len(lines) and lines[i].strip()]
-    return "\n".join("" if i in rows else line for i, line in enumerate(lines)) if gone else None
+    cleared = [i for i in rows if i < len(lines) and lines[i].strip()]
+    return "\n".join("" if i in rows else line for i, line in enumerate(lines)) if cleared else None

@@ -26,10 +26,10 @@ class Agenda:
         """Instant of the next thing; infinity when there is none."""
         return self._heap[0][0] if self._heap else math.inf
 
-    def at(self, due_s: float, deed: Callable[[], None]) -> None:
+    def at(self, due_s: float, action: Callable[[], None]) -> None:
         """Puts a deed on the agenda."""
         self._count += 1
-        heapq.heappush(self._heap, (due_s, self._count, deed))
+        heapq.heappush(self._heap, (due_s, self._count, action))
 
     def run(self, now_s: float) -> None:
         """Does all that is due, and what becomes due by it."""

@@ -104,10 +104,10 @@ def first_tables(db: Database) -> None:
 
 def guard(db: Database, table: str) -> None:
     """Makes a table append-only for everyone who does not first drop the guard, which the chain would show."""
-    for deed in ("UPDATE", "DELETE"):
+    for action in ("UPDATE", "DELETE"):
         db.execute(
-            f"CREATE TRIGGER {table}_no_{deed.lower()} BEFORE {deed} ON {table} "
-            f"BEGIN SELECT RAISE(ABORT, 'the log is append-only: {table} refuses {deed}'); END"
+            f"CREATE TRIGGER {table}_no_{action.lower()} BEFORE {action} ON {table} "
+            f"BEGIN SELECT RAISE(ABORT, 'the log is append-only: {table} refuses {action}'); END"
         )
 
 

@@ -132,7 +132,7 @@ class SqliteStore:
 
     def visit(self, attempts: Sequence[str], visits: Sequence[VisitRecord]) -> None:
         """Keeps one visit of every nest, in one transaction."""
-        packed = [v.laid or raw.to_plain(v.frames) for v in visits]
+        packed = [v.encoded or raw.to_plain(v.frames) for v in visits]
         rows = [column_values.visit(v, plain) for v, plain in zip(visits, packed, strict=True)]
         with self._transaction("written"):
             numbers = self._append_all(

@@ -309,10 +309,12 @@ class Bank:
         parts = [m.candidate.stop[stops] for m in self.made]
         stop = self._scatter_to_groups(layout.keep[stops] @ np.concatenate(parts, axis=2), stops)
         if not self.moving:
-            return layout.laid(stop, None, units)
+            return layout.columns(stop, None, units)
         inside = np.concatenate([m.candidate.dwell[stops] for m in self.made if m.candidate.dwell is not None], axis=3)
         dwell = layout.within(inside, stops) / layout.sigma
-        return layout.laid(stop, self._scatter_to_groups(dwell.reshape(len(dwell), -1, dwell.shape[-1]), stops), units)
+        return layout.columns(
+            stop, self._scatter_to_groups(dwell.reshape(len(dwell), -1, dwell.shape[-1]), stops), units
+        )
 
     def _scatter_to_groups(self, columns: Floats, stops: slice) -> Floats:
         """Columns (s, n, a) of each candidate as (s, n, C), those of each stop in the place of its group."""

@@ -97,7 +97,12 @@ def nuisance_of(
             np.pad(x, ((0, 0), (0, width)), constant_values=c) for x, c in ((precision, 1), (target, 0))
         )
     known = NuisanceColumns(
-        DataColumns.beside(own), precision, target, DataColumns.beside(shared), common_precision, common_target
+        DataColumns.concatenate(own),
+        precision,
+        target,
+        DataColumns.concatenate(shared),
+        common_precision,
+        common_target,
     )
     return known, tuple(places)
 

@@ -101,9 +101,9 @@ def clip_outliers(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: N
     motion = sum(np.maximum(np.abs(values[a] - values[b]) - 3 * sigma, 0.0) for a, b in nearby)
     off = values[rows] - centre
     wild = np.abs(off) > 5 * sigma + 3 * motion
-    calm = np.array(values)
-    calm[rows] = np.where(wild, centre + np.clip(off, -HUBER_K * sigma, HUBER_K * sigma), values[rows])
-    return calm
+    winsorised = np.array(values)
+    winsorised[rows] = np.where(wild, centre + np.clip(off, -HUBER_K * sigma, HUBER_K * sigma), values[rows])
+    return winsorised
 
 
 def huber_means(values: Floats, time_s: Floats, cell: NDArray[np.intp], count: Floats, scale: Floats) -> Floats:

@@ -74,9 +74,9 @@ class RowLayout:
         if dwell is not None:
             dwell = self.within(dwell)
             dwell = dwell.reshape(len(dwell), -1, dwell.shape[-1]) / self.sigma
-        return self.laid(self.keep @ stop, dwell)
+        return self.columns(self.keep @ stop, dwell)
 
-    def laid(self, retained: Floats, dwell: Floats | None, units: slice = ALL_UNITS) -> DataColumns:
+    def columns(self, retained: Floats, dwell: Floats | None, units: slice = ALL_UNITS) -> DataColumns:
         """Numbers kept of the stops of some units (v, k, c) and contrasts (v, (B−1)·k, c), laid out by unit."""
         grid = self.grid.part(units)[0]
         if dwell is None:

@@ -23,7 +23,7 @@ class DataColumns(NamedTuple):
     dwell: Floats | None = None
 
     @staticmethod
-    def beside(parts: "Sequence[DataColumns]") -> "DataColumns":
+    def concatenate(parts: "Sequence[DataColumns]") -> "DataColumns":
         """All columns side by side; there must be at least one part."""
         moving = [p.dwell for p in parts if p.dwell is not None]
         stop = np.concatenate([p.stop for p in parts], axis=-1)

@@ -41,19 +41,19 @@ def check(visit: Visit, true: Floats, recipe: Recipe, layout: SensorLayout) -> t
 
 def statistics(visit: Visit) -> dict[str, object]:
     """What the record keeps of a visit beside its raw frames."""
-    trouble, xyz = visit.samples.frame_errors, visit.readings
+    errors, xyz = visit.samples.frame_errors, visit.readings
     some = len(xyz) > 0
     return {
         "mean": xyz.mean(axis=0).tolist() if some else None,
         "std": xyz.std(axis=0, ddof=1).tolist() if len(xyz) > 1 else None,
         "count": len(xyz),
-        "frames": trouble.frames,
-        "lost": trouble.counter.lost,
-        "gaps": trouble.counter.gaps,
-        "repeats": trouble.counter.repeats,
-        "late": trouble.counter.late,
-        "crc_errors": trouble.crc_errors,
-        "wrong_length": trouble.wrong_length,
+        "frames": errors.frames,
+        "lost": errors.counter.lost,
+        "gaps": errors.counter.gaps,
+        "repeats": errors.counter.repeats,
+        "late": errors.counter.late,
+        "crc_errors": errors.crc_errors,
+        "wrong_length": errors.wrong_length,
         "kernel_drops": visit.drops,
         "temperature_degC": visit.temperature_degC,
         "emergencies": [render(m) for m in visit.emergencies],

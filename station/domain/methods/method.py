@@ -156,7 +156,7 @@ class Method(Protocol):
         """Linearised design of a nominal unit: rows (r, k), and what each of the k columns determines."""
 
     def together(self, problem: FitProblem) -> Fit | None:
-        """Coefficients by what units have in common, right for those that the fit calls calm; None where for none."""
+        """Coefficients by what units have in common, right for the fit's consistent ones; None where for none."""
 
     def fit(self, problem: FitProblem) -> Fit:
         """Coefficients of every unit, each by itself; stops that do not fit with the rest left out and marked."""

@@ -57,10 +57,10 @@ def solve(method: Method, problem: FitProblem) -> Iterator[SolvedUnits]:
     for first in range(0, len(problem.mean), units):
         own = problem.take(slice(first, first + units))
         fit = method.together(own)
-        calm = np.zeros(len(own.mean), bool) if fit is None else fit.consistent
-        rest.append(first + np.flatnonzero(~calm))
-        if fit is not None and calm.any():
-            rows = np.flatnonzero(calm)
+        consistent = np.zeros(len(own.mean), bool) if fit is None else fit.consistent
+        rest.append(first + np.flatnonzero(~consistent))
+        if fit is not None and consistent.any():
+            rows = np.flatnonzero(consistent)
             yield SolvedUnits(first + rows, rows, own, fit)
     if len(others := np.concatenate(rest)):
         few = problem.take(others)
@@ -90,10 +90,10 @@ def estimate(problem: FitProblem, fit: Fit, level: Literal["between", "within"])
     found = lack_of_fit(problem, fit)
     square, variance, dof = (getattr(found, name) for name in (level, f"of_{level}", f"dof_{level}"))
     chi2 = (square / variance).sum(axis=1)
-    loud = (dof > 0) & (scipy.special.chdtrc(np.maximum(dof, 1), chi2) < LEVEL)
-    out = np.zeros(len(loud))
-    if loud.any():
-        out[loud] = _paule_mandel(square[loud], variance[loud], dof[loud])
+    significant = (dof > 0) & (scipy.special.chdtrc(np.maximum(dof, 1), chi2) < LEVEL)
+    out = np.zeros(len(significant))
+    if significant.any():
+        out[significant] = _paule_mandel(square[significant], variance[significant], dof[significant])
     return out
 
 

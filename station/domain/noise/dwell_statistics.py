@@ -75,8 +75,8 @@ def measure(reading: Floats, start: Ints, count: Ints, unit: Ints, prior: NoiseP
             for part in np.split(rows, range(max(CHUNK_READINGS // n, 1), len(rows), max(CHUNK_READINGS // n, 1)))
         ]
         groups.append(DwellGroup(rows, n, cut, np.concatenate(parts)))
-    odd = variance_ratios(columns["square"], columns["neighbours"], count, units)
-    errors = standard_errors(groups, odd, units, prior)
+    ratio = variance_ratios(columns["square"], columns["neighbours"], count, units)
+    errors = standard_errors(groups, ratio, units, prior)
     return DwellStatistics(
         count=count,
         rejected=columns["rejected"].astype(np.int64),

@@ -50,7 +50,7 @@ class DwellNoise:
 @dataclass(frozen=True, slots=True, eq=False)
 class NoiseCurve:
     """Noise density of units (u): the variance of the mean of n readings times n, `by_count` (u, 3, p), at `count` (p)
-    readings; dof (u, 3, p) of it; odd (u, v, 3): the variance of each dwell over that of the unit's usual one."""
+    readings; dof (u, 3, p) of it; variance_ratio (u, v, 3): of each dwell to that of the unit's usual one."""
 
     count: Floats
     by_count: Floats
@@ -111,8 +111,8 @@ def noise_curve(dwells: Sequence[DwellNoise], longest: int, prior: NoisePrior | 
 
     A prior is heard where `longest` is what it is for.
     """
-    odd = _variance_ratios(dwells)
-    misfit, dof, log_det = _pooled(dwells, odd)
+    variance_ratio = _variance_ratios(dwells)
+    misfit, dof, log_det = _pooled(dwells, variance_ratio)
     if prior is not None and prior.longest == longest:
         weight, variance, dof = prior.posterior(misfit, dof, log_det)
     else:
@@ -123,7 +123,7 @@ def noise_curve(dwells: Sequence[DwellNoise], longest: int, prior: NoisePrior | 
         count=count.astype(float),
         by_count=np.stack([n * v for n, (v, _) in zip(count, found, strict=True)], axis=2),
         dof=np.stack([nu for _, nu in found], axis=2),
-        variance_ratio=odd,
+        variance_ratio=variance_ratio,
     )
 
 
@@ -132,12 +132,12 @@ def likelihoods(dwells: Sequence[DwellNoise], longest: int) -> list[NoiseLikelih
     return noise_prior.likelihoods(*_pooled(dwells, _variance_ratios(dwells)), longest)
 
 
-def _pooled(dwells: Sequence[DwellNoise], odd: Floats) -> tuple[Floats, Floats, Floats]:
+def _pooled(dwells: Sequence[DwellNoise], variance_ratio: Floats) -> tuple[Floats, Floats, Floats]:
     """Misfit (u, 3, s), dof (u, 1) and log_det (u, s) of usual dwells together: see noise.posterior.
 
     A dwell that is odd in one axis was disturbed or moved: it says nothing of the usual noise.
     """
-    usual = (odd == 1).all(axis=2).astype(float)
+    usual = (variance_ratio == 1).all(axis=2).astype(float)
     # Where each is odd in some axis, nobody knows which is the usual one.
     usual = np.where(usual.any(axis=1, keepdims=True), usual, 1.0)
     misfit = np.stack([d.misfit for d in dwells], axis=1)

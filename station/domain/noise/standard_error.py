@@ -45,15 +45,17 @@ class StandardErrors:
 
 
 def standard_errors(
-    groups: Sequence[DwellGroup], odd: Floats, units: UnitRows, prior: NoisePrior | None = None
+    groups: Sequence[DwellGroup], variance_ratio: Floats, units: UnitRows, prior: NoisePrior | None = None
 ) -> StandardErrors:
-    """Errors of all dwells. odd (d, 3): a dwell's variance over the unit's usual one; prior: for informed units."""
-    errors = StandardErrors(np.zeros_like(odd), np.zeros_like(odd), np.zeros_like(odd))
+    """Errors of all dwells. variance_ratio (d, 3): of a dwell to the unit's usual one; prior: for informed units."""
+    errors = StandardErrors(np.zeros_like(variance_ratio), np.zeros_like(variance_ratio), np.zeros_like(variance_ratio))
     for step, reach, informed in np.unique(np.stack([units.step, units.reach, units.informed], axis=1), axis=0):
         member = (units.step == step) & (units.reach == reach) & (units.informed == informed)
         number = np.where(member, np.cumsum(member) - 1, -1)[units.of]
         mine = [_only(g, number[g.rows] >= 0) for g in groups if g.cut.step == step]
-        _fill(errors, [g for g in mine if len(g.rows)], odd, number, (int(reach), prior if informed else None))
+        _fill(
+            errors, [g for g in mine if len(g.rows)], variance_ratio, number, (int(reach), prior if informed else None)
+        )
     return errors
 
 
@@ -64,7 +66,7 @@ def _only(group: DwellGroup, keep: NDArray[np.bool_]) -> DwellGroup:
 def _fill(
     errors: StandardErrors,
     groups: Sequence[DwellGroup],
-    odd: Floats,
+    variance_ratio: Floats,
     number: Ints,
     known: tuple[int, NoisePrior | None],
 ) -> None:
@@ -76,12 +78,12 @@ def _fill(
     misfit, dof, log_det = np.zeros((units, 3, shapes)), np.zeros((units, 1)), np.zeros((units, shapes))
     leading = []
     for g, f in zip(groups, families, strict=True):
-        coefficient = (g.blocks / np.sqrt(odd[g.rows])[..., None]) @ f.transform.T
+        coefficient = (g.blocks / np.sqrt(variance_ratio[g.rows])[..., None]) @ f.transform.T
         leading.append(coefficient[..., min(1, g.cut.blocks - 1)])
         first = np.flatnonzero(np.r_[True, np.diff(number[g.rows]) > 0])
         who = number[g.rows][first]
         # A dwell that is odd in one axis was disturbed or moved: it says nothing of the usual noise.
-        usual = (odd[g.rows] == 1).all(axis=1)
+        usual = (variance_ratio[g.rows] == 1).all(axis=1)
         many = np.add.reduceat(usual.astype(float), first)
         misfit[who] += np.add.reduceat(coefficient**2 * usual[:, None, None], first) @ f.inverse
         dof[who, 0] += many * (g.cut.blocks - 1)
@@ -92,7 +94,7 @@ def _fill(
     else:
         weight, variance, dof = prior.posterior(misfit, dof, log_det)
     for g, f, c in zip(groups, families, leading, strict=True):
-        who, own = number[g.rows], odd[g.rows]
+        who, own = number[g.rows], variance_ratio[g.rows]
         shrink = g.cut.blocks * g.cut.samples / g.count
         mean_variance, nu = noise.average_shapes(weight, variance * f.mean_variance * shrink, dof)
         errors.variance[g.rows] = mean_variance[who] * own

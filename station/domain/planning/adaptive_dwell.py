@@ -68,7 +68,7 @@ class AccuracyTarget:
 @dataclass(frozen=True, slots=True, eq=False)
 class DwellProgress:
     """Where a run of fixtures (f) stands. curve: of their noise; done_s (f, v): dwells of stops already done, 0 where
-    still to come; observed: the stops that curve.odd is of; observed_s (f): how long readings were observed for it."""
+    still to come; observed: the stops that curve.variance_ratio is of; observed_s (f): how long they lasted."""
 
     curve: NoiseCurve
     done_s: Floats
@@ -78,13 +78,13 @@ class DwellProgress:
     def variance(self, dwell_s: Floats, rate_hz: float) -> Floats:
         """Variance (f, v, 3) of the means after dwells (f, v), widened as it will be when all of them are done."""
         count = np.maximum(dwell_s * rate_hz, 1.0)
-        odd = np.ones((*dwell_s.shape, 3))
-        odd[:, self.observed] = self.curve.variance_ratio
+        variance_ratio = np.ones((*dwell_s.shape, 3))
+        variance_ratio[:, self.observed] = self.curve.variance_ratio
         by_count, dof = self.curve.at(count)
         final = dof * np.maximum(dwell_s.sum(axis=1) / self.observed_s, 1.0)[:, None, None]
         # By so much, in its logarithm, the estimate will still move (2/ν is the variance of ln χ²/ν).
         unsure = np.exp(CAUTION * np.sqrt(np.maximum(2 / dof - 2 / final, 0.0)))
-        return np.asarray(by_count / count[..., None] * odd * noise.widening(final) * unsure)
+        return np.asarray(by_count / count[..., None] * variance_ratio * noise.widening(final) * unsure)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -127,11 +127,11 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     gains = _gains(spectrum)
     best = int(gains.argmax())
     coherent = matched.lines()
-    loud = gains[best] >= MIN_GAIN_NATS + np.log(len(tried))
-    if not loud and coherent is None:
+    significant = gains[best] >= MIN_GAIN_NATS + np.log(len(tried))
+    if not significant and coherent is None:
         return []
     d, sigma = white_dwells(table, stop, rate)
-    if coherent is not None and not (loud and gains[best] > coherent[1]):
+    if coherent is not None and not (significant and gains[best] > coherent[1]):
         frequency, nats = _nearest_tone(d, coherent[0], matched.resolution_hz), coherent[1]
     else:
         frequency, nats = _refine_frequency(d, float(tried[best])), float(gains[best])

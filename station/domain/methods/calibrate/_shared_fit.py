@@ -41,7 +41,7 @@ def fit(
     explained: Floats,
     even: NDArray[np.bool_],
 ) -> Fit:
-    """The fit of all units as if their stops counted alike; `calm` tells for which of the `even` ones (u) it holds.
+    """The fit of all units as if their stops counted equally; `consistent`: which of the `even` ones (u) it holds for.
 
     variance: of a mean by noise and by the declared error of its pose, each (u, 1, 3); explained (k, v, 3): see
     explained_residuals.
@@ -52,8 +52,8 @@ def fit(
     residual = problem.mean - _readings(shared, theta)
     chi2, drop = _misfit(residual**2, shared.spread, variance[0] + variance[1], explained)
     parameters = sum(map(len, columns))
-    calm = even & (chi2 <= chi2_limit(3 * v - parameters)) & (drop < outlier_limit(v))
-    return replace(_fit(shared, theta, residual, variance, parameters, calm), explained=scatter_basis(explained))
+    consistent = even & (chi2 <= chi2_limit(3 * v - parameters)) & (drop < outlier_limit(v))
+    return replace(_fit(shared, theta, residual, variance, parameters, consistent), explained=scatter_basis(explained))
 
 
 def _misfit(square: Floats, spread: Floats, variance: Floats, explained: Floats) -> tuple[Floats, Floats]:
@@ -138,7 +138,7 @@ def _fit(
     residual: Floats,
     variance: tuple[Floats, Floats],
     parameters: int,
-    calm: NDArray[np.bool_],
+    consistent: NDArray[np.bool_],
 ) -> Fit:
     u, v, _ = residual.shape
     return Fit(
@@ -153,7 +153,7 @@ def _fit(
         pose_variance=np.broadcast_to(variance[1], residual.shape),
         parameters=parameters,
         explained=np.zeros((0, v, 3)),
-        consistent=calm,
+        consistent=consistent,
         pose_std_rad=np.zeros(u),
         pose_dof=np.ones(u),
         notes=((),) * u,
