@@ -81,9 +81,9 @@ def _show_check(check: Document) -> None:
         _line(f"{finding['what']}: {finding['sentence']}")
     for anchor in check["anchors"]:
         _line(f"compared with {anchor['place']}: record {anchor['number']}, {anchor['state']}")
-    for taken in check["acknowledged"]:
-        what = "; ".join(f"{f['place']} {f['what']}" for f in taken["findings"])
-        _line(f"acknowledged {utc(taken['at_ns'])} by {taken['by']}: {taken['reason']} ({what})")
+    for entry in check["acknowledged"]:
+        what = "; ".join(f"{f['place']} {f['what']}" for f in entry["findings"])
+        _line(f"acknowledged {utc(entry['at_ns'])} by {entry['by']}: {entry['reason']} ({what})")
 
 
 def _show_list(attempts: Sequence[Document]) -> None:
@@ -148,8 +148,8 @@ def _show_calibration(found: Document | None) -> None:
     if found is None:
         return
     _line(f"  calibration: {found['outcome']} by its limits")
-    for said in [*found["reasons"], *found["notes"]]:
-        _line(f"    {said}")
+    for reason in [*found["reasons"], *found["notes"]]:
+        _line(f"    {reason}")
     if found["offset"] is None:
         return
     std = [max(found["covariance"][i][i] or 0.0, 0.0) ** 0.5 for i in range(12)]

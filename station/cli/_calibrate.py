@@ -42,34 +42,34 @@ def calibrate_file(samples: Path, recipe_name: str, wanted: CalibrateOutputs) ->
     """Calibrates every unit of a file; returns the exit code. Errors: InputError, ReferenceOverdue."""
     retain_all_memory()
     recipe = load_recipe(recipe_name)
-    told = CalibrationSummary()
+    summary = CalibrationSummary()
     with CalibrationJsonWriter(wanted.json, calibration_document.head(recipe)) as file:
         checked: list[Preflight] = []
         family = Family()
         for result in _calibrate(recipe, samples, _rounding(recipe, recipe_path(recipe_name)), checked):
             family.add(result)
             larger = model_comparison.of_unit(recipe, result) if wanted.compare_models else ()
-            told.add(result, larger)
+            summary.add(result, larger)
             file.add(_unit(result, larger))
             if wanted.pictures is not None:
                 _draw(wanted.pictures, recipe, result)
-        if told.calibrated == 0:
-            raise SamplesError("file-reason", file=str(samples), reason=told.first[0].verdict.reasons[0].message)
+        if summary.calibrated == 0:
+            raise SamplesError("file-reason", file=str(samples), reason=summary.first[0].verdict.reasons[0].message)
         found = replace(preflight.merge(checked), remarks=(*preflight.merge(checked).remarks, *family.outlying()))
         file.append("preflight", found.document())
     if str(wanted.json) != "-":
         for line in preflight.lines(found, recipe.unit):
             _output.print_message(line)
-        _calibrate_table.print_calibrations(recipe, told, with_budget=wanted.budget)
-    for sentence in told.refused:
+        _calibrate_table.print_calibrations(recipe, summary, with_budget=wanted.budget)
+    for sentence in summary.refused:
         _output.print_remark(f"station: {samples}: {sentence}")
-    return _exit_code(told)
+    return _exit_code(summary)
 
 
-def _exit_code(told: CalibrationSummary) -> int:
-    if told.outcomes[Outcome.ERROR]:
+def _exit_code(summary: CalibrationSummary) -> int:
+    if summary.outcomes[Outcome.ERROR]:
         return InputError.exit_code
-    return 1 if told.outcomes[Outcome.FAIL] else 0
+    return 1 if summary.outcomes[Outcome.FAIL] else 0
 
 
 def _unit(result: CalibrationResult, larger: Sequence[LargerModel]) -> dict[str, Any]:
@@ -103,9 +103,9 @@ def _calibrate(
 def _inspected(recipe: Recipe, samples: Path, checked: list[Preflight]) -> Iterator[SampleTable]:
     """The portions of a table without the visits that the preflight leaves out."""
     for table in by_units(samples):
-        found, kept = preflight.inspect(recipe, table)
+        found, cleaned = preflight.inspect(recipe, table)
         checked.append(found)
-        yield kept
+        yield cleaned
 
 
 def _rounding(recipe: Recipe, path: Path) -> Floats:

@@ -59,15 +59,15 @@ class CalibrationSummary:
             self.refused.append(verdict.reasons[0].sentence)
 
 
-def print_calibrations(recipe: Recipe, told: CalibrationSummary, *, with_budget: bool) -> None:
+def print_calibrations(recipe: Recipe, summary: CalibrationSummary, *, with_budget: bool) -> None:
     """Prints the table, then for each unit every reason and note, its budget, and whether larger models pay."""
     console = _output.console()
     width = None if console.is_terminal else PIPE_WIDTH
-    console.print(_table(recipe, told.first), width=width)
-    rest = told.outcomes.total() - len(told.first)
+    console.print(_table(recipe, summary.first), width=width)
+    rest = summary.outcomes.total() - len(summary.first)
     if rest:
         console.print(f"… and {rest} more units; --json FILE holds them all")
-    for r, larger in zip(told.first, told.larger, strict=True):
+    for r, larger in zip(summary.first, summary.larger, strict=True):
         for line in (*folded(r.verdict.reasons), *_notes(r), *_larger(recipe, larger)):
             console.print(f"{r.serial}: {line}", markup=False)
         for line in _hardly_known(recipe, r):
@@ -75,7 +75,7 @@ def print_calibrations(recipe: Recipe, told: CalibrationSummary, *, with_budget:
         if with_budget and r.budget is not None:
             title = f"{r.serial}: standard uncertainty by cause"
             console.print(_budget_table.table(r.budget, recipe.unit, title), width=width)
-    console.print(_summary(recipe, told), markup=False)
+    console.print(_summary(recipe, summary), markup=False)
 
 
 def _larger(recipe: Recipe, models: Sequence[LargerModel]) -> Iterator[str]:
@@ -155,13 +155,13 @@ def _notes(r: CalibrationResult) -> tuple[str, ...]:
     return () if r.calibration is None else tuple(render(note) for note in r.calibration.notes)
 
 
-def _summary(recipe: Recipe, told: CalibrationSummary) -> str:
-    limits, passed = recipe.limits, told.outcomes[Outcome.PASS]
-    text = f"{passed} of {told.outcomes.total()} units pass"
+def _summary(recipe: Recipe, summary: CalibrationSummary) -> str:
+    limits, passed = recipe.limits, summary.outcomes[Outcome.PASS]
+    text = f"{passed} of {summary.outcomes.total()} units pass"
     if not coefficients_limited(recipe):
         return f"{text}; the recipe has no limits for coefficients"
     if passed:
-        worst = told.worst_false_accept
+        worst = summary.worst_false_accept
         chance = "below 1e-6" if worst < 1e-6 else f"at most {worst:.2g}"
         text += f"; probability of a false accept {chance}; rule {render(decision_rule.rule_of(limits))}"
     return text

@@ -46,16 +46,16 @@ def write_certificate(
     with open_named_log(db, config) as log:
         _require_whole(log)
         chosen = _attempt(log, serial, attempt)
-        kept = log.attempt(chosen)
-        facts.require_certifiable(kept)
+        stored = log.attempt(chosen)
+        facts.require_certifiable(stored)
         recipe = Recipe.model_validate_json(log.recipe_and_product(chosen)[0])
         head = log.head()
     today = datetime.now(UTC).date().isoformat()
-    if late := facts.overdue(recipe, kept["started"]):
+    if late := facts.overdue(recipe, stored["started"]):
         raise ReferenceOverdue("certificate-reference-overdue", item=late[0]["item"], due=late[0]["due"])
     issuer = Issuer.of(load_settings(config).certificate.document())
-    found = facts.of_attempt(kept, recipe, head, issuer, today)
-    made = document.build(kept, recipe, head, words_of(files.language), issuer, today)
+    found = facts.of_attempt(stored, recipe, head, issuer, today)
+    made = document.build(stored, recipe, head, words_of(files.language), issuer, today)
     written: list[tuple[Path | None, Callable[[], bytes]]] = [
         (files.pdf, lambda: pdf(made)),
         (files.xml, lambda: _xml(found, files)),

@@ -53,13 +53,13 @@ def check_recipe(name: str, count: int | None, *, order: bool, config: Path | No
     recipe = load_recipe(name)
     if recipe.product is not None:
         load_job(name)  # refuses a map, EDS and DBC that contradict each other
-    asked = CheckSubject(recipe, recipe_path(name), _rounding(recipe, recipe_path(name)))
+    subject = CheckSubject(recipe, recipe_path(name), _rounding(recipe, recipe_path(name)))
     if count is None:
         design.check(recipe)
     chosen = SECTIONS if count is None else (_proposal(count),)
     if order:
         chosen = (partial(_order, config),)
-    sections = [s for s in (make(asked) for make in chosen) if s is not None]
+    sections = [s for s in (make(subject) for make in chosen) if s is not None]
     if as_json:
         head = {"schema": SCHEMA, "recipe": {"name": recipe.name, "version": recipe.version}}
         _output.print_json(head | {s.key: s.document for s in sections})
@@ -79,25 +79,27 @@ def _rounding(recipe: Recipe, path: Path) -> Floats:
     return NO_ROUNDING if recipe.product is None else writeback.rounding_std(load_product(recipe.product, path).map)
 
 
-def _summary(asked: CheckSubject) -> CheckSection:
-    r = asked.recipe
+def _summary(subject: CheckSubject) -> CheckSection:
+    r = subject.recipe
     stops = sum(len(r.positions) for _ in r.runs)
-    told = f"{r.name} version {r.version}: {r.sensor}, {r.method}, {len(r.positions)} positions, {stops} stops"
-    return CheckSection("method", r.method, (told,))
+    sentence = f"{r.name} version {r.version}: {r.sensor}, {r.method}, {len(r.positions)} positions, {stops} stops"
+    return CheckSection("method", r.method, (sentence,))
 
 
-def _cycle_time(asked: CheckSubject) -> CheckSection:
+def _cycle_time(subject: CheckSubject) -> CheckSection:
     """Moves as the simulated line makes them; the bench's own positioner may be slower."""
     from station.model.timeline import run_timeline
 
-    rounds = [run_timeline(asked.recipe, run) for run in range(len(asked.recipe.runs))]
+    rounds = [run_timeline(subject.recipe, run) for run in range(len(subject.recipe.runs))]
     tumble = sum(r.duration_s + r.prewarm_s for r in rounds)
-    told = f"cycle time: {tumble:.0f} s" + ("" if len(rounds) == 1 else f" in {len(rounds)} runs, prewarming included")
-    return CheckSection("cycle_s", tumble, (told,))
+    sentence = f"cycle time: {tumble:.0f} s" + (
+        "" if len(rounds) == 1 else f" in {len(rounds)} runs, prewarming included"
+    )
+    return CheckSection("cycle_s", tumble, (sentence,))
 
 
-def _observability(asked: CheckSubject) -> CheckSection | None:
-    recipe = asked.recipe
+def _observability(subject: CheckSubject) -> CheckSection | None:
+    recipe = subject.recipe
     if not recipe.pose_known:
         return None
     rows, names = design.rows_of(recipe)
@@ -117,12 +119,12 @@ def _observability(asked: CheckSubject) -> CheckSection | None:
     return CheckSection("design", found, lines)
 
 
-def _uncertainty(asked: CheckSubject) -> CheckSection | None:
-    recipe = asked.recipe
+def _uncertainty(subject: CheckSubject) -> CheckSection | None:
+    recipe = subject.recipe
     if not recipe.pose_known:
-        told = "hand-held stops: the uncertainty depends on where they will be, so it is told with the result"
-        return CheckSection("predicted", None, (told,))
-    found = forecast(recipe, asked.rounding)
+        sentence = "hand-held stops: the uncertainty depends on where they will be, so it is told with the result"
+        return CheckSection("predicted", None, (sentence,))
+    found = forecast(recipe, subject.rounding)
     std = found.budget.std()
     predicted = [
         {"coefficient": n, "std": float(s), "expanded": float(wide), "unit": coefficients.unit_of(i, recipe.unit)}
@@ -144,9 +146,9 @@ def _uncertainty(asked: CheckSubject) -> CheckSection | None:
     )
 
 
-def _assumptions(asked: CheckSubject) -> CheckSection:
+def _assumptions(subject: CheckSubject) -> CheckSection:
     """Every contribution to the uncertainty as stated or as assumed; a warning where the recipe leaves it open."""
-    found = assumptions.listing(asked.recipe)
+    found = assumptions.listing(subject.recipe)
     document = [
         {"key": a.key, "std": a.value, "unit": a.unit, "stated": a.stated, "source": render(a.source)} for a in found
     ]
@@ -162,8 +164,8 @@ def _dwell_sentence(found: Any) -> str:
     """How long the stops last by the sheet's noise, and whether that is enough."""
     least, most = float(found.dwell_s.min()), float(found.dwell_s.max())
     each = f"{least:.2g} s a stop" if most - least < 0.005 else f"{least:.2g} to {most:.2g} s a stop"
-    told = f"dwell: {each}, {found.dwell_s.sum():.3g} s in all"
-    return f"{told}. {render(found.missed)}" if found.missed else told
+    sentence = f"dwell: {each}, {found.dwell_s.sum():.3g} s in all"
+    return f"{sentence}. {render(found.missed)}" if found.missed else sentence
 
 
 def _decision(d: Any) -> dict[str, Any]:
@@ -184,8 +186,8 @@ def _decision_sentence(d: Any, unit: str) -> str:
 
 
 def _proposal(count: int) -> Callable[[CheckSubject], CheckSection]:
-    def propose(asked: CheckSubject) -> CheckSection:
-        recipe = asked.recipe
+    def propose(subject: CheckSubject) -> CheckSection:
+        recipe = subject.recipe
         true = optimal.search(recipe, count)
         positions = [optimal.as_yaml(f"p{i + 1:02d}", t, recipe) for i, t in enumerate(true)]
         lines = ("positions:", *(f"  - {p}" for p in positions))
@@ -196,21 +198,21 @@ def _proposal(count: int) -> Callable[[CheckSubject], CheckSection]:
     return propose
 
 
-def _order(config: Path | None, asked: CheckSubject) -> CheckSection:
+def _order(config: Path | None, subject: CheckSubject) -> CheckSection:
     from station.cli._check_order import order_proposal
 
-    if not asked.recipe.pose_known:
-        raise UsageError("check-order-by-hand", recipe=asked.recipe.name)
-    return CheckSection("order", *order_proposal(asked.recipe, config))
+    if not subject.recipe.pose_known:
+        raise UsageError("check-order-by-hand", recipe=subject.recipe.name)
+    return CheckSection("order", *order_proposal(subject.recipe, config))
 
 
-def _causes(asked: CheckSubject) -> CheckSection | None:
+def _causes(subject: CheckSubject) -> CheckSection | None:
     """Which causes of trouble the recipe shows and tells apart; nothing where nobody knows the pose."""
-    if not asked.recipe.pose_known:
+    if not subject.recipe.pose_known:
         return None
     from station.cli._check_causes import distinguishable_causes
 
-    return CheckSection("causes", *distinguishable_causes(asked.recipe))
+    return CheckSection("causes", *distinguishable_causes(subject.recipe))
 
 
 #: What a check tells, in order. A section returns None where it does not apply.

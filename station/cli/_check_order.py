@@ -86,5 +86,5 @@ def _planned_visit(name: str, nest: Floats) -> PlannedVisit:
 
 def _yaml(position: Position) -> str:
     """A position as a recipe says it, on one line."""
-    said = position.model_dump(mode="json", exclude_none=True)
-    return str(yaml.safe_dump(said, default_flow_style=True, sort_keys=False, width=1 << 30)).strip()
+    entry = position.model_dump(mode="json", exclude_none=True)
+    return str(yaml.safe_dump(entry, default_flow_style=True, sort_keys=False, width=1 << 30)).strip()

@@ -50,7 +50,7 @@ class PageConfirmation:
         mark = self._live.ask(action)
         try:
             while read_answer(self._database) != mark:
-                served_s = self._seen(served_s)
+                served_s = self._last_served(served_s)
                 self._stop.check()
                 time.sleep(_POLL_S)
         finally:
@@ -58,7 +58,7 @@ class PageConfirmation:
             self._live.clear_question(waited_s)
             self._held.skip(waited_s)
 
-    def _seen(self, served_s: float) -> float:
+    def _last_served(self, served_s: float) -> float:
         """When a page was last there; asks for a stop when that is too long ago."""
         now_s = time.monotonic()
         if is_served(self._database):

@@ -66,22 +66,24 @@ def run_diagnose(
     found = diagnose(recipe, table, simulation, _cached_null(seed))
     proposed, proposal = next_run(found)
     today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
-    told = document(found, proposed, line_impact.document(line_impact.assess_line_impact(found, today), recipe.unit))
-    told = {**told, "preflight": checked.document()}
-    _write(wanted, told, found, simulation)
+    findings = document(
+        found, proposed, line_impact.document(line_impact.assess_line_impact(found, today), recipe.unit)
+    )
+    findings = {**findings, "preflight": checked.document()}
+    _write(wanted, findings, found, simulation)
     if wanted.next_run is not None:
         _write_next_run(wanted.next_run, proposal)
     if str(wanted.json) != "-":
         for line in preflight.lines(checked, recipe.unit):
             _output.print_message(line)
-        _print_diagnosis(told)
+        _print_diagnosis(findings)
     return 0 if found.verdict == "none" else 1
 
 
 def _inspected(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]:
     """What the preflight finds, units far from the others included, and the samples that it leaves."""
-    found, kept = preflight.inspect(recipe, table)
-    return replace(found, remarks=(*found.remarks, *family.of_table(recipe, kept))), kept
+    found, cleaned = preflight.inspect(recipe, table)
+    return replace(found, remarks=(*found.remarks, *family.of_table(recipe, cleaned))), cleaned
 
 
 def _table(samples: Path | None, db: Path | None, since: str | None, recipe_name: str, recipe: Recipe) -> SampleTable:
@@ -188,15 +190,15 @@ def _store_null(path: Path, null: NullDistribution) -> None:
         replace_text(path, json.dumps(null.document()))
 
 
-def _write(wanted: DiagnoseOutputs, told: Mapping[str, Any], found: Diagnosis, model: Model) -> None:
+def _write(wanted: DiagnoseOutputs, findings: Mapping[str, Any], found: Diagnosis, model: Model) -> None:
     if str(wanted.json) == "-":
-        _output.print_json(told)
+        _output.print_json(findings)
     elif wanted.json is not None:
-        _write_text(wanted.json, "--json", json.dumps(told, allow_nan=False, ensure_ascii=False))
+        _write_text(wanted.json, "--json", json.dumps(findings, allow_nan=False, ensure_ascii=False))
     if wanted.report is not None or wanted.figures is not None:
         from station.cli._diagnosis_page import html, page_of_diagnosis, write_figures
 
-        page = page_of_diagnosis(found, told)
+        page = page_of_diagnosis(found, findings)
         if wanted.report is not None:
             _write_text(wanted.report, "--report", html(page))
         if wanted.figures is not None:
@@ -218,8 +220,8 @@ def _write_next_run(path: Path, proposal: Proposal | None) -> None:
     import yaml
 
     recipe = proposal.recipe.model_copy(update={"version": proposal.recipe.version + 1})
-    told = recipe.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-    text = yaml.safe_dump({"schema": "station.recipe/1", **told}, sort_keys=False, allow_unicode=True, width=120)
+    content = recipe.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    text = yaml.safe_dump({"schema": "station.recipe/1", **content}, sort_keys=False, allow_unicode=True, width=120)
     _write_text(path, "--next-run", f"{_heading(recipe.name, proposal)}{text}")
 
 
@@ -243,14 +245,14 @@ def _write_text(path: Path, option: str, text: str) -> None:
         raise UsageError("option-not-written", option=option, path=str(path), why=system_reason(exc)) from exc
 
 
-def _line_sentences(told: Mapping[str, Any]) -> Iterator[str]:
+def _line_sentences(findings: Mapping[str, Any]) -> Iterator[str]:
     """What the causes do to calibrations and verdicts."""
-    found = told["line"]
+    found = findings["line"]
     if found is None:
         return
     worst = max(found["units"], key=lambda u: u["moves"])
-    told_of = f"{worst['moves']:.3g} {found['unit']} rms ({worst['serial']})"
-    yield f"on the line: calibrated readings move by up to {told_of}"
+    largest = f"{worst['moves']:.3g} {found['unit']} rms ({worst['serial']})"
+    yield f"on the line: calibrated readings move by up to {largest}"
     if found["passed_before"] is not None:
         yield (
             f"  {found['verdicts_changed']} of {len(found['units'])} verdicts would change; "
@@ -258,18 +260,18 @@ def _line_sentences(told: Mapping[str, Any]) -> Iterator[str]:
         )
 
 
-def _print_diagnosis(told: Mapping[str, Any]) -> None:
+def _print_diagnosis(findings: Mapping[str, Any]) -> None:
     """The finding for a person."""
-    data, unit = told["data"], told["baseline"]["unit"]
+    data, unit = findings["data"], findings["baseline"]["unit"]
     _output.print_line(f"{data['units']} units, {data['runs']} runs, {data['visits']} stops, {data['samples']} samples")
-    _output.print_line(f"verdict: {told['verdict']}. {told['sentence']}")
-    base = told["baseline"]
-    left = f", {told['extended']['residual_rms']:.3g} {unit} with what was found" if told["causes"] else ""
+    _output.print_line(f"verdict: {findings['verdict']}. {findings['sentence']}")
+    base = findings["baseline"]
+    remaining = f", {findings['extended']['residual_rms']:.3g} {unit} with what was found" if findings["causes"] else ""
     # What is unknown is in the fitted floor too; the samples within the stops know nothing of it.
-    noise = told["floor"]["within_stops"] if told["verdict"] == "unknown" else base["floor_rms"]
+    noise = findings["floor"]["within_stops"] if findings["verdict"] == "unknown" else base["floor_rms"]
     floor = f"the noise floor alone makes {noise:.3g} {unit}"
-    _output.print_line(f"residual {base['residual_rms']:.3g} {unit} rms{left}; {floor}")
-    for cause in told["causes"]:
+    _output.print_line(f"residual {base['residual_rms']:.3g} {unit} rms{remaining}; {floor}")
+    for cause in findings["causes"]:
         gain = cause["gain"]
         also = cause["indistinguishable_from"]
         names = cause["effect"] + (f" (or {', '.join(also)})" if also else "")
@@ -279,18 +281,18 @@ def _print_diagnosis(told: Mapping[str, Any]) -> None:
             _output.print_line(f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}")
         if len(cause["parameters"]) > 12:
             _output.print_line(f"    and {len(cause['parameters']) - 12} more; --json has all")
-    for sentence in _line_sentences(told):
+    for sentence in _line_sentences(findings):
         _output.print_line(sentence)
-    if told["next_run"]:
-        run = told["next_run"]
+    if findings["next_run"]:
+        run = findings["next_run"]
         _output.print_line(
             f"next: {run['recipe_change']}, {run['minutes']} minutes, to separate {', '.join(run['separates'])}; "
             f"chance that a single cause is left: {run['certainty']:.0%}"
             if run["separates"]
             else f"next: {run['recipe_change']}"
         )
-    if told["not_testable"]:
-        _output.print_line(f"not testable with these data: {', '.join(told['not_testable'])}")
+    if findings["not_testable"]:
+        _output.print_line(f"not testable with these data: {', '.join(findings['not_testable'])}")
 
 
 def _gain_text(gain: dict[str, Any], unit: str) -> str:

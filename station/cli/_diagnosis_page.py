@@ -15,9 +15,9 @@ from station.reporting.diagnosis.gather import report_data
 from station.reporting.diagnosis.page import ReportPage, build_page
 
 
-def page_of_diagnosis(found: Diagnosis, told: Mapping[str, Any]) -> ReportPage:
+def page_of_diagnosis(found: Diagnosis, findings: Mapping[str, Any]) -> ReportPage:
     """The report of a diagnosis and its document."""
-    return build_page(report_data(found, told))
+    return build_page(report_data(found, findings))
 
 
 def html(page: ReportPage) -> str:

@@ -64,9 +64,9 @@ def export(log: LogReader, attempts: Sequence[Attempt], wanted: ExportFiles, *, 
     if as_json:
         _output.print_json({"schema": "station.export/1", "files": files})
         return 0
-    for told in files:
+    for entry in files:
         _output.print_line(
-            f"{told['path']}: {told['rows']} {told['what']} of {len(attempts)} attempts, sha256 {told['sha256']}"
+            f"{entry['path']}: {entry['rows']} {entry['what']} of {len(attempts)} attempts, sha256 {entry['sha256']}"
         )
     _output.print_line(f"head of {log.location}: {files[0]['head']['number']}:{files[0]['head']['hash']}")
     return 0
@@ -76,7 +76,7 @@ def _file(log: LogReader, attempts: Sequence[Attempt], path: Path, write: Any) -
     """Writes one file and, beside it, what it is and what log it came from."""
     with _atomic_file(path) as unfinished:
         what, rows = write(unfinished)
-    told = {
+    entry = {
         "path": str(path),
         "what": what,
         "rows": rows,
@@ -85,10 +85,10 @@ def _file(log: LogReader, attempts: Sequence[Attempt], path: Path, write: Any) -
         "head": asdict(log.head()),
         "attempts": [a.attempt for a in attempts],
     }
-    beside = path.with_name(path.name + ".export.json")
-    with _atomic_file(beside) as unfinished:
-        unfinished.write_text(json.dumps({"schema": "station.export/1", **told}, indent=1), encoding="utf-8")
-    return told
+    sidecar = path.with_name(path.name + ".export.json")
+    with _atomic_file(sidecar) as unfinished:
+        unfinished.write_text(json.dumps({"schema": "station.export/1", **entry}, indent=1), encoding="utf-8")
+    return entry
 
 
 def _samples(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[str, int]:

@@ -24,7 +24,7 @@ class RegisterOptions:
 
 
 def manage_golden_units(
-    action: str, serial: str | None, said: RegisterOptions, where: tuple[Path | None, Path | None], *, as_json: bool
+    action: str, serial: str | None, options: RegisterOptions, where: tuple[Path | None, Path | None], *, as_json: bool
 ) -> int:
     """Does what is asked; where: log and config. Errors: UsageError, ConfigError, LogError."""
     db, config = where
@@ -34,7 +34,7 @@ def manage_golden_units(
     database, register = db or Path(settings.database), Path(settings.golden.file)
     units = golden_register.load(register)
     if action in ("register", "remove"):
-        _update_register(units, action, serial, said, database)
+        _update_register(units, action, serial, options, database)
         golden_register.save(register, units)
     elif action not in ("check", "list"):
         raise UsageError("golden-unknown-action", action=action[:20])
@@ -50,16 +50,16 @@ def manage_golden_units(
 
 
 def _update_register(
-    units: dict[str, RegisteredUnit], action: str, serial: str | None, said: RegisterOptions, database: Path
+    units: dict[str, RegisteredUnit], action: str, serial: str | None, options: RegisterOptions, database: Path
 ) -> None:
     if serial is None:
         raise UsageError("golden-without-serial", action=action)
-    if action == "register" and said.values:
-        units[serial] = golden_register.by_certificate(serial, said.values, _parse_day(said.due))
+    if action == "register" and options.values:
+        units[serial] = golden_register.by_certificate(serial, options.values, _parse_day(options.due))
     elif action == "register":
         with open_log(database) as log:
             units[serial] = golden_register.expect(
-                log, serial, bad=said.bad, share=said.within, due=_parse_day(said.due)
+                log, serial, bad=options.bad, share=options.within, due=_parse_day(options.due)
             )
     elif units.pop(serial, None) is None:
         raise UsageError("golden-not-registered", serial=serial, serials=tuple(units))

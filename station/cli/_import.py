@@ -45,15 +45,15 @@ def import_files(
     recipe = load_recipe(job.recipe) if job.recipe is not None else None
     passes = [p for run, path in enumerate(files) for p in _passes(path, run, job, recipe)]
     visited = [(p, None if raw else samples.visits_of(p.recording, recipe)) for p in passes]
-    told = [understanding.document(p, visits) for p, visits in visited]
+    documents = [understanding.document(p, visits) for p, visits in visited]
     if out is not None and raw:
         write_recording(passes, out)
     elif out is not None:
         write_samples(samples.samples_table([(p, v) for p, v in visited if v is not None]), out)
     if as_json:
-        _output.print_json({"schema": understanding.SCHEMA, "recordings": told})
+        _output.print_json({"schema": understanding.SCHEMA, "recordings": documents})
     else:
-        _print(visited, told, out)
+        _print(visited, documents, out)
     return 0
 
 
@@ -116,9 +116,9 @@ def _understood(table: RawTable, job: ImportJob, recipe: Recipe | None) -> Recor
 
 
 def _print(
-    visited: Sequence[tuple[UnitRecording, Visits | None]], told: Sequence[dict[str, Any]], out: Path | None
+    visited: Sequence[tuple[UnitRecording, Visits | None]], documents: Sequence[dict[str, Any]], out: Path | None
 ) -> None:
-    for (one, visits), document in zip(visited, told, strict=True):
+    for (one, visits), document in zip(visited, documents, strict=True):
         remarks = (*one.recording.remarks, *(visits.remarks if visits is not None else ()))
         for message in understanding.messages(document, remarks):
             _output.print_message(message)

@@ -55,7 +55,7 @@ def run_study(order: RunOrder, ask: MsaRequest, *, as_json: bool) -> int:
     if ask.value not in VALUE_NAMES:
         raise UsageError("unknown-value", value=ask.value[:40], values=VALUE_NAMES)
     readings = _readings_of_table(ask) if ask.samples is not None else _readings_of_log(order, ask)
-    told = _type1(ask, order, readings) if ask.study == "type1" else _grr(ask, order, readings)
+    figures = _type1(ask, order, readings) if ask.study == "type1" else _grr(ask, order, readings)
     document = {
         "schema": SCHEMA,
         "study": ask.study,
@@ -63,14 +63,14 @@ def run_study(order: RunOrder, ask: MsaRequest, *, as_json: bool) -> int:
         "at": datetime.now(UTC).isoformat(timespec="seconds"),
         "from": str(ask.samples or _database(order)),
         "readings": readings.tolist(),
-        **told,
+        **figures,
     }
-    kept = _store_study(document, ask.samples or _database(order))
+    study_path = _store_study(document, ask.samples or _database(order))
     if as_json:
         _output.print_json(document)
     else:
         _print_study(document)
-        _output.print_line(f"study: {kept}")
+        _output.print_line(f"study: {study_path}")
     return 0
 
 

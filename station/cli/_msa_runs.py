@@ -34,13 +34,13 @@ def measure_missing(order: RunOrder, wanted: Mapping[StudyCell, int], there: Map
 
 def missing_loads(wanted: Mapping[StudyCell, int], there: Mapping[StudyCell, int]) -> Iterator[list[StudyCell]]:
     """Loads that bring every cell to its count: each nest and each part at most once in a load, cyclic Latin square."""
-    left = Counter({cell: count - there.get(cell, 0) for cell, count in wanted.items()})
+    remaining = Counter({cell: count - there.get(cell, 0) for cell, count in wanted.items()})
     parts, nests = (list(dict.fromkeys(cell[i] for cell in wanted)) for i in (0, 1))
-    while any(count > 0 for count in left.values()):
+    while any(count > 0 for count in remaining.values()):
         for turn in range(len(parts)):
             cells = [(parts[(turn + i) % len(parts)], nest) for i, nest in enumerate(nests)]
-            load = [cell for cell in cells if left[cell] > 0]
-            left.subtract(load)
+            load = [cell for cell in cells if remaining[cell] > 0]
+            remaining.subtract(load)
             if load:
                 yield load
 

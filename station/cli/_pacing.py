@@ -25,5 +25,5 @@ class RealTimePacer:
         if self._factor is None:
             return
         until_s = self._began[1] + (self._virtual_s() - self._began[0]) / self._factor
-        while not self._stop.requested and (left_s := until_s - time.monotonic()) > 0:
-            time.sleep(min(_POLL_S, left_s))
+        while not self._stop.requested and (remaining_s := until_s - time.monotonic()) > 0:
+            time.sleep(min(_POLL_S, remaining_s))

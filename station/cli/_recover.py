@@ -20,7 +20,7 @@ def recover_unit(order: RunOrder, serial: str, nest: str | None, how: str | None
     if order.database is not None and not order.database.exists():
         raise UsageError("log-missing", path=str(order.database))
     with open_bench(order) as bench:
-        for sentence in bench.told:
+        for sentence in bench.notices:
             _output.print_remark(sentence)
         suspect = bench.station.store.suspect(serial)
         if suspect is None:

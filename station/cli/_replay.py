@@ -25,8 +25,8 @@ from station.wiring.recordings import find_marks_file, read_log, read_marks
 
 def replay_log(log: Path, recipe: str | None, marks: Path | None, *, as_json: bool) -> int:
     """Calibrates every unit of a log; the exit code."""
-    job, frames, told = open_recording(log, recipe, marks)
-    units = list(replay(frames, told, job))
+    job, frames, marked = open_recording(log, recipe, marks)
+    units = list(replay(frames, marked, job))
     if as_json:
         _output.print_json(_document(units, job))
     else:
@@ -39,11 +39,11 @@ def replay_log(log: Path, recipe: str | None, marks: Path | None, *, as_json: bo
 def open_recording(log: Path, recipe: str | None, marks: Path | None) -> tuple[Job, Frames, Annotations]:
     """A log with its recipe and its marks: those given, those beside it, or those found in the frames themselves."""
     given = marks or find_marks_file(log)
-    told = read_marks(given) if given is not None else None
-    name = recipe or (told.recipe if told is not None else None) or load_settings().recipe
+    marked = read_marks(given) if given is not None else None
+    name = recipe or (marked.recipe if marked is not None else None) or load_settings().recipe
     job, _ = load_job(name)
     frames = read_log(log)
-    return job, frames, _recognised_marks(log, frames, job) if told is None else told
+    return job, frames, _recognised_marks(log, frames, job) if marked is None else marked
 
 
 def decode_log(log: Path, dbc: Path, out: Path | None, *, as_json: bool) -> int:

@@ -50,9 +50,9 @@ def run_report(log: "LogReader", ask: ReportRequest, *, as_json: bool) -> int:
 def _page(log: "LogReader", drawn: charts.Charts, count: int) -> str:
     head = log.head()
     title = f"Line report: {PurePath(log.location).name}"
-    said = f"{count} finished attempts; control charts show the newest of them, limits are three σ within subgroups."
+    summary = f"{count} finished attempts; control charts show the newest of them, limits are three σ within subgroups."
     template = environment().get_template("report.html")
-    return template.render(title=title, said=said, charts=drawn, head=f"{head.number}:{head.hash}")
+    return template.render(title=title, said=summary, charts=drawn, head=f"{head.number}:{head.hash}")
 
 
 def _write(path: Path, text: str) -> None:

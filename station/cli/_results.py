@@ -77,8 +77,8 @@ def print_results(rows: Sequence[Row], recipe: Recipe) -> None:
             for line in folded(r.reasons):
                 console.print(f"{r.serial}: {line}", markup=False)
     for r in rows:
-        if told := _gain_sentence(r):
-            console.print(f"{r.serial}: {told}", markup=False)
+        if sentence := _gain_sentence(r):
+            console.print(f"{r.serial}: {sentence}", markup=False)
 
 
 def _gain_sentence(r: Row) -> str:
@@ -103,9 +103,9 @@ def _rms(values: Sequence[float]) -> float:
 
 def unit_document(r: Row) -> dict[str, Any]:
     """A unit as `station.calibration/1` prints it; what was not reached is null."""
-    told = dict.fromkeys(calibration_document.ABSENT) if r.fit is None else calibration_document.unit(r.fit)
+    calibration = dict.fromkeys(calibration_document.ABSENT) if r.fit is None else calibration_document.unit(r.fit)
     return {
-        **told,
+        **calibration,
         "serial": r.serial,
         "outcome": str(r.outcome),
         "reasons": [s.sentence for s in r.reasons],

@@ -71,7 +71,7 @@ def run_units(order: RunOrder, given: Sequence[str], units: int | None, face: Ru
         serials_of.check_all(serials, bench.job.recipe)
         _check_faults(order, serials)
         refuse_unless_checked(bench.station.settings, partial(find_log, bench.database), serials)
-        for sentence in bench.told:
+        for sentence in bench.notices:
             _output.print_remark(sentence)
         results, fault = _run(bench, serials, face, stop)
         place = {serial: i for i, serial in enumerate(serials)}
@@ -149,7 +149,6 @@ class _ProgressLines:
     def __init__(self, bar: Any, title: str) -> None:
         self._bar, self._title = bar, title
         self._task = bar.add_task(title, total=None)
-        self._seen = 0
 
     def event(self, event: Event) -> None:
         """Shows one event."""

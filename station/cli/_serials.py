@@ -49,19 +49,19 @@ def _scanned(bench: Bench, units: int | None) -> Iterator[str]:
 
 def _prompted(bench: Bench, units: int | None) -> Iterator[str]:
     """One nest after the other; a wrong serial is asked for again, an empty line starts the run."""
-    seen: list[str] = []
+    scanned: list[str] = []
     nests = bench.station.settings.nests
     wanted = units or len(nests)
-    while len(seen) < wanted:
-        nest = nests[len(seen) % len(nests)]
+    while len(scanned) < wanted:
+        nest = nests[len(scanned) % len(nests)]
         print(f"serial of the unit in nest {nest.name} (empty: start): ", end="", file=sys.stderr, flush=True)
         text = sys.stdin.readline(LONGEST_LINE).strip()
         if not text:
             return
         try:
-            serial.check_all([*seen, text], bench.job.recipe)
+            serial.check_all([*scanned, text], bench.job.recipe)
         except UsageError as exc:
             print(exc.sentence, file=sys.stderr)
             continue
-        seen.append(text)
+        scanned.append(text)
         yield text

@@ -36,36 +36,36 @@ class SimulateRequest:
     gold: bool
 
 
-def run_simulate(out: Path, asked: SimulateRequest, *, as_json: bool) -> int:
+def run_simulate(out: Path, request: SimulateRequest, *, as_json: bool) -> int:
     """Writes the campaign and its truth; returns the exit code. Errors: InputError."""
     ending = out.suffix.lower()
     if ending not in (*TABLE_ENDINGS, *LOG_ENDINGS):
         raise UsageError("option-ending", option="--out", path=str(out), endings=(*TABLE_ENDINGS, *LOG_ENDINGS))
     if not out.parent.is_dir():
         raise UsageError("option-no-folder", option="--out", path=str(out), folder=str(out.parent))
-    name = asked.recipe or load_settings().recipe
-    job = _job(asked, name)
+    name = request.recipe or load_settings().recipe
+    job = _job(request, name)
     try:
-        told = _write_table(out, job) if ending in TABLE_ENDINGS else _write_log(out, job, name, asked.product)
-        beside = out.with_suffix(".truth.json")
-        beside.write_text(json.dumps(told, ensure_ascii=False, allow_nan=False, indent=1), encoding="utf-8")
+        truth = _write_table(out, job) if ending in TABLE_ENDINGS else _write_log(out, job, name, request.product)
+        truth_path = out.with_suffix(".truth.json")
+        truth_path.write_text(json.dumps(truth, ensure_ascii=False, allow_nan=False, indent=1), encoding="utf-8")
     except OSError as exc:
         raise UsageError("option-not-written", option="--out", path=str(out), why=system_reason(exc)) from None
-    _print_summary(out, beside, told, as_json=as_json)
+    _print_summary(out, truth_path, truth, as_json=as_json)
     return 0
 
 
-def _job(asked: SimulateRequest, name: str) -> SimulationJob:
+def _job(request: SimulateRequest, name: str) -> SimulationJob:
     recipe = load_recipe(name)
-    model = load_model(asked.model)
+    model = load_model(request.model)
     return SimulationJob(
         recipe=recipe,
-        units=tuple(f"SN{i + 1:04d}" for i in range(asked.units)),
-        seed=asked.seed,
-        effects=parse_effects(asked.effects, recipe),
+        units=tuple(f"SN{i + 1:04d}" for i in range(request.units)),
+        seed=request.seed,
+        effects=parse_effects(request.effects, recipe),
         model=model,
-        line=asked.line,
-        gold=asked.gold,
+        line=request.line,
+        gold=request.gold,
     )
 
 
@@ -104,18 +104,20 @@ def _layout(job: SimulationJob, name: str, product: str | None) -> "SensorLayout
     from station.domain.can.sensor_layout import resolve, used_signals
     from station.wiring.product_files import read_layouts
 
-    said, near = product or job.recipe.product, recipe_path(name)
-    if said is None:
+    product_name, near = product or job.recipe.product, recipe_path(name)
+    if product_name is None:
         raise UsageError("simulate-without-product", file=str(near))
-    frames = load_product(said, near).frames
-    return resolve(frames, read_layouts(product_path(said, near).parent / frames.dbc, used_signals(frames)))
+    frames = load_product(product_name, near).frames
+    return resolve(frames, read_layouts(product_path(product_name, near).parent / frames.dbc, used_signals(frames)))
 
 
-def _print_summary(out: Path, beside: Path, told: dict[str, Any], *, as_json: bool) -> None:
-    names = [effect["effect"] for effect in told["effects"]]
+def _print_summary(out: Path, truth_path: Path, truth: dict[str, Any], *, as_json: bool) -> None:
+    names = [effect["effect"] for effect in truth["effects"]]
     if as_json:
-        document = {"schema": "station.simulation/1", "out": str(out), "truth": str(beside), "effects": names}
-        _output.print_json({**document, "units": len(told["units"]), "seed": told["seed"]})
+        document = {"schema": "station.simulation/1", "out": str(out), "truth": str(truth_path), "effects": names}
+        _output.print_json({**document, "units": len(truth["units"]), "seed": truth["seed"]})
         return
     causes = ", ".join(names) or "no cause"
-    _output.print_line(f"{len(told['units'])} units with {causes}, seed {told['seed']}: {out}; the truth: {beside}")
+    _output.print_line(
+        f"{len(truth['units'])} units with {causes}, seed {truth['seed']}: {out}; the truth: {truth_path}"
+    )

@@ -33,7 +33,7 @@ def command(
     from station.cli._simulate import SimulateRequest, run_simulate
     from station.model.simulated_line import SimulatedLine
 
-    asked = SimulateRequest(
+    request = SimulateRequest(
         recipe=recipe,
         units=units,
         seed=seed,
@@ -43,4 +43,4 @@ def command(
         line=SimulatedLine(nests=nests, operators=operators, lots=lots),
         gold=gold,
     )
-    return run_simulate(out, asked, as_json=json)
+    return run_simulate(out, request, as_json=json)

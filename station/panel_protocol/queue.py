@@ -36,15 +36,15 @@ class LoadQueue:
         self._path = path
         self._turn = Lock()
         self._stamp: tuple[int, int] | None = None
-        self._kept = QueueState({}, {})
+        self._state = QueueState({}, {})
 
     @property
     def _current(self) -> QueueState:
         """As the file says: another page on the same log may have changed it."""
         stamp = _file_stamp(self._path)
         if stamp != self._stamp:
-            self._stamp, self._kept = stamp, _read(self._path)
-        return self._kept
+            self._stamp, self._state = stamp, _read(self._path)
+        return self._state
 
     @property
     def waiting(self) -> dict[str, WaitingUnit]:
@@ -95,7 +95,7 @@ class LoadQueue:
             replace_text(self._path, json.dumps({"schema": SCHEMA, **asdict(lists)}), durable=True)
         except OSError as exc:
             raise StoreFault(f"{self._path} cannot be written ({exc.strerror}); free the disk, then try again") from exc
-        self._stamp, self._kept = _file_stamp(self._path), lists
+        self._stamp, self._state = _file_stamp(self._path), lists
 
 
 def _file_stamp(path: Path) -> tuple[int, int] | None:
@@ -110,8 +110,8 @@ def _file_stamp(path: Path) -> tuple[int, int] | None:
 def _read(path: Path) -> QueueState:
     """What the file holds; nothing where there is none, or one that nobody can read: units can be scanned again."""
     try:
-        kept = json.loads(path.read_bytes())
-        waiting, handed = ({str(n): WaitingUnit(**w) for n, w in kept[k].items()} for k in ("waiting", "handed"))
-        return QueueState(waiting, handed, int(kept["pid"]))
+        document = json.loads(path.read_bytes())
+        waiting, handed = ({str(n): WaitingUnit(**w) for n, w in document[k].items()} for k in ("waiting", "handed"))
+        return QueueState(waiting, handed, int(document["pid"]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return QueueState({}, {})

@@ -111,13 +111,13 @@ def _from_frames(log: LogReader, rows: Sequence[ReducedAttempt], recipe: Recipe)
 
 def _recompute_attempt(log: LogReader, attempt: Attempt, recipe: Recipe) -> CalibrationResult:
     old, product, layout = parse_recipe_and_product(*log.recipe_and_product(attempt))
-    kept = log.attempt(attempt)
-    visits = stored_visits(kept["visits"], log.frames(attempt))
+    stored = log.attempt(attempt)
+    visits = stored_visits(stored["visits"], log.frames(attempt))
     if backtest.dwells_differ(old, recipe):
         visits = backtest.recut_dwells(visits, old, recipe)
     positions = {p.name for p in recipe.positions}
     at_positions = [v for v in visits if not recipe.pose_known or v.position in positions]
-    return refit_attempt(attempt, at_positions, recipe, (product, layout), kept)
+    return refit_attempt(attempt, at_positions, recipe, (product, layout), stored)
 
 
 def _before(row: ReducedAttempt) -> PreviousResult:

@@ -54,8 +54,8 @@ class Capture:
     def wait(self, duration_s: float) -> None:
         """Lets time pass, with the stream emptied and the operator's stop seen."""
         until_s = self._station.clock.monotonic_s() + duration_s
-        while (left_s := until_s - self._station.clock.monotonic_s()) > 0:
-            self._pass_over(self._poll(min(DWELL_POLL_S, left_s)))
+        while (remaining_s := until_s - self._station.clock.monotonic_s()) > 0:
+            self._pass_over(self._poll(min(DWELL_POLL_S, remaining_s)))
 
     def drain(self) -> None:
         """Drops what is waiting: frames from before the arrival belong to no stop, error frames to the next one."""

@@ -129,8 +129,8 @@ def _newest(log: LogReader, serial: str, recipe: str | None) -> Attempt | None:
 
 
 def _golden_result(log: LogReader, attempt: Attempt) -> LatestResult:
-    kept = log.attempt(attempt)
-    fit, verdict = stored_attempt.result(kept, "calibration") or {}, stored_attempt.result(kept, "verdict") or {}
+    stored = log.attempt(attempt)
+    fit, verdict = stored_attempt.result(stored, "calibration") or {}, stored_attempt.result(stored, "verdict") or {}
     values, expanded = dict[str, float](), dict[str, float]()
     if fit.get("offset") is not None:
         theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
@@ -143,8 +143,8 @@ def _golden_result(log: LogReader, attempt: Attempt) -> LatestResult:
 def _half_widths(recipe: Recipe, share: float) -> dict[str, float]:
     limits = recipe.limits
     half = {"offset": limits.offset, "gain": limits.gain, "cross-axis": limits.cross_axis}
-    said = {name: half[name.partition(" ")[0]] for name in coefficients.NAMES}
-    return {name: share * limit for name, limit in said.items() if limit is not None}
+    half_widths = {name: half[name.partition(" ")[0]] for name in coefficients.NAMES}
+    return {name: share * limit for name, limit in half_widths.items() if limit is not None}
 
 
 def _expected(unit: dict[str, Any]) -> RegisteredUnit:

@@ -18,12 +18,12 @@ def with_model(job: Job, path: Path | None) -> tuple[Job, tuple[str, ...]]:
     if path is None:
         return job, ()
     found = compensate(job.recipe, load_model(path), gains_only=job.product.map.matrix.order == "diagonal")
-    told = [f"{path}: {reason}" for reason in found.uncompensated]
+    notices = [f"{path}: {reason}" for reason in found.uncompensated]
     if found.causes:
         names = ", ".join(found.causes)
-        told.insert(0, f"{path}: {names}, the device's own, goes into the calibration: offset and the whole matrix")
+        notices.insert(0, f"{path}: {names}, the device's own, goes into the calibration: offset and the whole matrix")
     if found.recipe == job.recipe:
-        return replace(job, compensated_causes=found.causes), tuple(told)
+        return replace(job, compensated_causes=found.causes), tuple(notices)
     whole = replace(
         job,
         recipe=found.recipe,
@@ -32,4 +32,4 @@ def with_model(job: Job, path: Path | None) -> tuple[Job, tuple[str, ...]]:
         compensated_causes=found.causes,
         plain=job.recipe,
     )
-    return whole, tuple(told)
+    return whole, tuple(notices)

@@ -51,7 +51,7 @@ class VisitMeasurement:
         means: dict[str, tuple[float, ...]] = {}
         bad: dict[str, Reasons] = {}
         waiting = list(units)
-        for repeats_left in range(self._job.recipe.visit_repeats, -1, -1):
+        for repeats_remaining in range(self._job.recipe.visit_repeats, -1, -1):
             self._capture.drain()
             if instruction:
                 yield from self._capture.wait_for_face(waiting, planned, instruction)
@@ -61,7 +61,7 @@ class VisitMeasurement:
             means |= {serial: _mean(visit) for serial, (visit, reasons) in found.items() if not reasons}
             bad = {serial: reasons for serial, (_, reasons) in found.items() if reasons}
             for serial, reasons in bad.items():
-                yield VisitRejected(serial, planned.position, reasons, repeats_left > 0)
+                yield VisitRejected(serial, planned.position, reasons, repeats_remaining > 0)
             waiting = [unit for unit in waiting if unit.seat.serial in bad]
             if not waiting:
                 break

@@ -51,13 +51,13 @@ class Recomputed:
 
 def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
     """Refits one attempt and compares. Errors: LogError where its record cannot be read."""
-    kept = reader.attempt(attempt)
-    stored = stored_attempt.result(kept, "calibration")
+    record = reader.attempt(attempt)
+    stored = stored_attempt.result(record, "calibration")
     if stored is None:
         return Recomputed(attempt.attempt, attempt.serial, 0, (), "it came to no calibration")
     recipe, product, layout = parse_recipe_and_product(*reader.recipe_and_product(attempt))
-    visits = stored_visits(kept["visits"], reader.frames(attempt))
-    result = refit_attempt(attempt, visits, recipe, (product, layout), kept)
+    visits = stored_visits(record["visits"], reader.frames(attempt))
+    result = refit_attempt(attempt, visits, recipe, (product, layout), record)
     again = json.loads(plain_json.document(calibration_document.unit(result)))
     leave = _WORDS if stored.get("rules") == uncertainty.RULES else _WORDS | _BY_RULES
     before, after = ({k: v for k, v in document.items() if k not in leave} for document in (stored, again))
@@ -87,33 +87,33 @@ def refit_attempt(
     visits: Sequence[CapturedVisit],
     recipe: Recipe,
     product: tuple[Product, SensorLayout],
-    kept: Mapping[str, Any],
+    record: Mapping[str, Any],
 ) -> CalibrationResult:
-    """The run's own computation over kept visits, on its day and with what it knew of the noise; kept: the attempt."""
+    """The run's own computation over stored visits, on its day, with its prior of the noise; record: the attempt's."""
     seat = NestAssignment(attempt.serial, attempt.nest, attempt.node)
     decoded = compute.decode_visits(attempt.node, visits, recipe, product[1])
     table = compute.samples_of(seat, decoded, recipe, product[1], {})
-    prior = noise_document.to_prior(stored_attempt.result(kept, "dwell"))
-    return compute.refit(table, recipe, product[0], judged_ns(kept), prior)
+    prior = noise_document.to_prior(stored_attempt.result(record, "dwell"))
+    return compute.refit(table, recipe, product[0], judged_ns(record), prior)
 
 
-def judged_ns(kept: Mapping[str, Any]) -> int:
+def judged_ns(record: Mapping[str, Any]) -> int:
     """When the attempt was calibrated: the due date of a gold reference is judged by that day."""
-    return int(next(r["at_ns"] for r in reversed(kept["results"]) if r["name"] == "calibration"))
+    return int(next(r["at_ns"] for r in reversed(record["results"]) if r["name"] == "calibration"))
 
 
 def _stored_visit(row: Mapping[str, Any], frames: Frames) -> CapturedVisit:
     if not raw.digest_matches(frames, row["frames_sha256"]):
         raise LogError("attempt-frames-altered", number=int(row["record"]))
-    told = row["statistics"]
+    statistics = row["statistics"]
     return CapturedVisit(
         run=row["run"],
         visit=row["visit"],
         position=row["position"],
         seating=row["seating"],
         arrived_ns=row["arrived_ns"],
-        from_ns=told["from_ns"],
-        to_ns=told["to_ns"],
+        from_ns=statistics["from_ns"],
+        to_ns=statistics["to_ns"],
         frames=frames,
     )
 

@@ -23,11 +23,13 @@ def device_state(state: str) -> Message:
 def close_unfinished(station: Station) -> tuple[Message, ...]:
     """Ends every attempt that a crash left open as INTERRUPTED; messages for the operator."""
     notices = []
-    for left in station.store.unfinished():
-        station.store.event(left.attempt, "interrupted", {"after": left.last_event, "visits": left.visits})
-        station.store.finish(left.attempt, Outcome.INTERRUPTED, station.clock.epoch_ns())
-        id_ = "attempt-interrupted-in-write" if left.writes else "attempt-interrupted"
-        notices.append(Message(id_, serial=left.serial, began=_when(left.started_ns)))
+    for interrupted in station.store.unfinished():
+        station.store.event(
+            interrupted.attempt, "interrupted", {"after": interrupted.last_event, "visits": interrupted.visits}
+        )
+        station.store.finish(interrupted.attempt, Outcome.INTERRUPTED, station.clock.epoch_ns())
+        id_ = "attempt-interrupted-in-write" if interrupted.writes else "attempt-interrupted"
+        notices.append(Message(id_, serial=interrupted.serial, began=_when(interrupted.started_ns)))
     return tuple(notices)
 
 

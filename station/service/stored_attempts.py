@@ -32,15 +32,15 @@ def samples(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[SampleTable
     runs: dict[str, int] = {}
     for attempt in attempts:
         recipe, _, layout = parse_recipe_and_product(*log.recipe_and_product(attempt))
-        kept = log.attempt(attempt)
-        visits = stored_visits(kept["visits"], log.frames(attempt))
+        stored = log.attempt(attempt)
+        visits = stored_visits(stored["visits"], log.frames(attempt))
         if not visits:
             continue
         labels = {"station": attempt.station, "nest": attempt.nest, "lot": attempt.lot, "operator": attempt.operator}
         bits = recipe.device.counter_bits
         decoded = [decode_visit(visit, layout, attempt.node) for visit in visits]
         table = sample_table(attempt.serial, decoded, layout.counter_values, counter_bits=bits, everything=True)
-        table = replace(table, values={**table.values, **_clocks(table, visits, kept["events"])})
+        table = replace(table, values={**table.values, **_clocks(table, visits, stored["events"])})
         before = runs.get(attempt.serial, 0)
         runs[attempt.serial] = before + len(recipe.runs)
         yield _complete(table, labels, wanted, before, (visits[0].arrived_ns - zero_ns) / 1e9)
@@ -51,11 +51,11 @@ def frames(log: LogReader, attempts: Sequence[Attempt]) -> tuple[Frames, Annotat
 
     Errors: UsageError when two attempts overlap in time on one node, so that marks could not part them.
     """
-    kept = [(attempt, log.frames(attempt)) for attempt in attempts]
-    joined = Frames.join([part for _, parts in kept for part in parts])
+    per_attempt = [(attempt, log.frames(attempt)) for attempt in attempts]
+    joined = Frames.join([part for _, parts in per_attempt for part in parts])
     joined = joined[np.argsort(joined.time_ns, kind="stable")]
     zero_ns = int(joined.time_ns[0]) if len(joined) else 0
-    dwells = [(a, stored_visits(log.attempt(a)["visits"], parts)) for a, parts in kept]
+    dwells = [(a, stored_visits(log.attempt(a)["visits"], parts)) for a, parts in per_attempt]
     _check_apart([(a, visit) for a, visits in dwells for visit in visits])
     names = {a.recipe_name for a in attempts}
     count = Counter(a.serial for a in attempts)
@@ -125,17 +125,17 @@ def _check_apart(marks: Sequence[tuple[Attempt, CapturedVisit]]) -> None:
         last[attempt.node] = max(until, visit.to_ns), attempt
 
 
-def _result(attempt: Attempt, kept: dict[str, Any]) -> dict[str, Any]:
-    fit = stored_attempt.result(kept, "calibration") or {}
-    verdict = stored_attempt.result(kept, "verdict") or {}
-    identity = stored_attempt.result(kept, "identity") or {}
+def _result(attempt: Attempt, stored: dict[str, Any]) -> dict[str, Any]:
+    fit = stored_attempt.result(stored, "calibration") or {}
+    verdict = stored_attempt.result(stored, "verdict") or {}
+    identity = stored_attempt.result(stored, "identity") or {}
     theta, std = _theta(fit)
     return {
         "serial": attempt.serial,
         "attempt": attempt.attempt,
         "outcome": attempt.outcome,
-        "started": kept["started"],
-        "ended": kept["ended"],
+        "started": stored["started"],
+        "ended": stored["ended"],
         **{k: getattr(attempt, k) for k in ("station", "nest", "node", "lot", "operator", "software")},
         **{k: getattr(attempt, k) for k in ("recipe_name", "recipe_version", "recipe_hash", "config_hash")},
         "firmware": identity.get("software"),
@@ -144,7 +144,7 @@ def _result(attempt: Attempt, kept: dict[str, Any]) -> dict[str, Any]:
         **{k: fit.get(k) for k in ("residual_rms", "false_accept", "false_reject")},
         **{k: verdict.get(k) for k in ("written", "verified", "noise")},
         "reasons": "; ".join(r["sentence"] for r in verdict.get("reasons", ())),
-        "seal": "" if kept["seal"] is None else f"{kept['seal']['number']}:{kept['seal']['hash']}",
+        "seal": "" if stored["seal"] is None else f"{stored['seal']['number']}:{stored['seal']['hash']}",
     }
 
 

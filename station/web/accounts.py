@@ -60,10 +60,10 @@ def hash_password(password: str) -> str:
     return f"scrypt${_N}${_R}${_P}${_b64(salt)}${_b64(key)}"
 
 
-def verify_password(password: str, kept: str) -> bool:
+def verify_password(password: str, stored_hash: str) -> bool:
     """Whether the password is the kept one, in time that does not tell how nearly."""
     try:
-        _, n, r, p, salt, key = kept.split("$")
+        _, n, r, p, salt, key = stored_hash.split("$")
         found = _scrypt(password, base64.b64decode(salt), int(n), int(r), int(p))
         return hmac.compare_digest(found, base64.b64decode(key))
     except ValueError:

@@ -33,19 +33,19 @@ PAGE_SIZE = 100
 async def search(request: Request, session: Session) -> Response:
     """The form and what it found; `as=text` gives every serial, one a line: the list of a recall."""
     panel: Panel = request.app.state.panel
-    asked = dict(request.query_params)
-    query = query_of(asked)
-    said = {k: v[:200] for k, v in asked.items() if k in QUERY_FIELDS and v}
-    if asked.get("as") == "text":
+    parameters = dict(request.query_params)
+    query = query_of(parameters)
+    filters = {k: v[:200] for k, v in parameters.items() if k in QUERY_FIELDS and v}
+    if parameters.get("as") == "text":
         serials = await run_in_threadpool(_serials, panel, query)
-        panel.journal.add(session.account.name, "containment", question=said, units=len(serials))
+        panel.journal.add(session.account.name, "containment", question=filters, units=len(serials))
         return PlainTextResponse("".join(f"{s}\n" for s in serials))
     found, head = await run_in_threadpool(_matching_attempts, panel, query)
-    more = urlencode({**said, "before": found[PAGE_SIZE - 1].number}) if len(found) > PAGE_SIZE else ""
-    shown = {k: asked.get(k, "") for k in QUERY_FIELDS}
+    more = urlencode({**filters, "before": found[PAGE_SIZE - 1].number}) if len(found) > PAGE_SIZE else ""
+    shown = {k: parameters.get(k, "") for k in QUERY_FIELDS}
     return render.page(
         *(request, "audit.html", session),
-        asked=shown, found=found[:PAGE_SIZE], more=more, head=head, text=urlencode({**said, "as": "text"}),
+        asked=shown, found=found[:PAGE_SIZE], more=more, head=head, text=urlencode({**filters, "as": "text"}),
     )  # fmt: skip
 
 
@@ -82,8 +82,8 @@ async def show_certificate(request: Request, session: Session) -> Response:
     if not request.url.path.endswith(".pdf"):
         return render.page(request, "certificate.html", session, made=made)
     paper = await run_in_threadpool(pdf, made)
-    told = {"Content-Disposition": f'inline; filename="{file_name(made.serial)}"'}
-    return Response(paper, media_type="application/pdf", headers=told)
+    headers = {"Content-Disposition": f'inline; filename="{file_name(made.serial)}"'}
+    return Response(paper, media_type="application/pdf", headers=headers)
 
 
 def file_name(serial: str) -> str:
@@ -137,8 +137,8 @@ def _attempt(log: LogReader, serial: str, attempt: str) -> Attempt:
     raise LogError("page-no-attempt", attempt=attempt[:40], serial=serial[:40])
 
 
-def _unit_and_attempt(asked: dict[str, str]) -> tuple[str, str]:
-    return asked.get("serial", ""), asked.get("attempt", "")
+def _unit_and_attempt(parameters: dict[str, str]) -> tuple[str, str]:
+    return parameters.get("serial", ""), parameters.get("attempt", "")
 
 
 def _certificate(panel: Panel, serial: str, attempt: str, code: str) -> Certificate:

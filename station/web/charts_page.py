@@ -27,7 +27,7 @@ FILTER_FIELDS = ("since", "until", "station", "nest", "recipe_name", "lot")
 @require_right("charts")
 async def show(request: Request, session: Session) -> Response:
     """Charts of the attempts that the address asks for."""
-    asked = {k: request.query_params.get(k, "") for k in FILTER_FIELDS}
+    filters = {k: request.query_params.get(k, "") for k in FILTER_FIELDS}
     value, size = (
         request.query_params.get("value", VALUE_NAMES[0]),
         parse_whole_number(request.query_params.get("size", "1")),
@@ -35,11 +35,11 @@ async def show(request: Request, session: Session) -> Response:
     if size is None:
         raise UsageError("subgroup-size")
     panel: Panel = request.app.state.panel
-    line = await run_in_threadpool(_statistics, panel, asked)
+    line = await run_in_threadpool(_statistics, panel, filters)
     drawn = await run_in_threadpool(charts.draw, line, value, size, language.words(language.of_request(request)))
     return render.page(
         *(request, "charts.html", session),
-        asked=asked, value=value, size=size, values=VALUE_NAMES, charts=drawn,
+        asked=filters, value=value, size=size, values=VALUE_NAMES, charts=drawn,
         count=len(line.attempts), days=DEFAULT_DAYS,
     )  # fmt: skip
 
@@ -50,8 +50,8 @@ def warm_cache(panel: Panel) -> None:
         _statistics(panel, {})
 
 
-def _statistics(panel: Panel, asked: dict[str, str]) -> LineStatistics:
-    query = query_of(asked)
+def _statistics(panel: Panel, filters: dict[str, str]) -> LineStatistics:
+    query = query_of(filters)
     with panel.log() as log:
         newest = log.attempts(query, 1)
         if not newest or query.since_ns is not None or query.until_ns is not None:

@@ -50,12 +50,12 @@ async def show(request: Request, session: Session) -> Response:
     panel: Panel = request.app.state.panel
     name = request.query_params.get("name", "")
     folder = _folder(panel, name)
-    report, said = folder / "report.html", folder / "said.txt"
+    report, output = folder / "report.html", folder / "said.txt"
     if report.exists():
         return HTMLResponse(report.read_bytes(), headers={"Content-Security-Policy": _POLICY})
     child = panel.children.get(name)
     working = child is not None and child.poll() is None
-    words = "" if working else said.read_text(encoding="utf-8", errors="replace")[-500:]
+    words = "" if working else output.read_text(encoding="utf-8", errors="replace")[-500:]
     return render.page(request, "diagnosis.html", session, working=working, words=words)
 
 
@@ -73,10 +73,10 @@ def _start_diagnosis(panel: Panel, serials: list[str], name: str) -> None:
     (folder / "recipe.yaml").write_text(recipe_json, encoding="utf-8")  # JSON is YAML
     write_samples(join(tables), folder / "samples.parquet")
     words = ["diagnose", "--samples", "samples.parquet", "--recipe", "./recipe.yaml", "--report", "report.html"]
-    with (folder / "said.txt").open("wb") as said:
+    with (folder / "said.txt").open("wb") as output:
         panel.children[name] = subprocess.Popen(
             [sys.executable, "-P", "-m", "station", *words, "--json", "diagnosis.json"],
-            cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True,
+            cwd=folder, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True,
         )  # fmt: skip
 
 

@@ -17,13 +17,13 @@ def words(code: str) -> Words:
     return words_of(code)
 
 
-def sentence(kept: Message | Mapping[str, Any] | str | None, code: str) -> str:
+def sentence(message: Message | Mapping[str, Any] | str | None, code: str) -> str:
     """A message, or what a document keeps of one, in that language; an older log's sentence as it was kept."""
-    if kept is None:
+    if message is None:
         return ""
-    if isinstance(kept, Mapping):
-        kept = Message.of(kept)
-    return kept if isinstance(kept, str) else render(kept, code)
+    if isinstance(message, Mapping):
+        message = Message.of(message)
+    return message if isinstance(message, str) else render(message, code)
 
 
 def of_request(request: Request) -> str:

@@ -19,7 +19,7 @@ class LineCache:
 
     _attempts: dict[int, tuple[AttemptValues, tuple[str, ...]]] = field(default_factory=dict)
     _days: dict[Query, dict[int, list[Yield]]] = field(default_factory=dict)
-    _seen: int = 0
+    _newest: int = 0
     _turn: Lock = field(default_factory=Lock)
 
     def measured(self, log: LogReader, attempt: Attempt) -> tuple[AttemptValues, tuple[str, ...]]:
@@ -38,9 +38,9 @@ class LineCache:
         assert query.since_ns % DAY_NS == 0
         with self._turn:
             self._drop_changed_days(log)
-            asked = replace(query, since_ns=None)
-            days = self._days.pop(asked, {})
-            self._days = dict([*self._days.items(), (asked, days)][-MOST_QUESTIONS:])
+            key = replace(query, since_ns=None)
+            days = self._days.pop(key, {})
+            self._days = dict([*self._days.items(), (key, days)][-MOST_QUESTIONS:])
             newest = log.attempts(query, 1)
             last = newest[0].started_ns // DAY_NS if newest else -1
             first = query.since_ns // DAY_NS
@@ -55,12 +55,12 @@ class LineCache:
     def _drop_changed_days(self, log: LogReader) -> None:
         """Read before anything is counted: what comes in between is looked at the next time."""
         newest = log.head().number
-        if newest == self._seen:
+        if newest == self._newest:
             return
         if self._days:
-            touched = log.changed_days(self._seen)
+            touched = log.changed_days(self._newest)
             self._days = {q: {d: y for d, y in days.items() if d not in touched} for q, days in self._days.items()}
-        self._seen = newest
+        self._newest = newest
 
 
 def _in_order(days: dict[int, list[Yield]]) -> Iterator[Yield]:

@@ -31,9 +31,9 @@ async def log_in(request: Request) -> Response:
     # Counted before it is known: tries that come at the same time all count.
     panel.login_throttle.failed(*keys)
     account = panel.people.get(name)
-    kept = account.password if account else accounts.DUMMY_HASH
+    stored_hash = account.password if account else accounts.DUMMY_HASH
     lane = panel.hashing_of_guessers if guessing else panel.hashing
-    right = await to_thread.run_sync(accounts.verify_password, password, kept, limiter=lane)
+    right = await to_thread.run_sync(accounts.verify_password, password, stored_hash, limiter=lane)
     if account is None or not right:
         panel.journal.add(name, "log-in-refused")
         await sleep(panel.login_throttle.delay_s(*keys))

@@ -110,8 +110,8 @@ def _golden(registry: CollectorRegistry, panel: Panel) -> None:
             age.labels(s.serial, s.kind).set(s.age_s)
 
 
-def _gauge(registry: CollectorRegistry, name: str, told: str) -> Gauge:
-    return Gauge(name, told, registry=registry)
+def _gauge(registry: CollectorRegistry, name: str, description: str) -> Gauge:
+    return Gauge(name, description, registry=registry)
 
 
 def _readable(panel: Panel) -> tuple[Any, float]:

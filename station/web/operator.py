@@ -38,23 +38,23 @@ async def show(request: Request, session: Session) -> Response:
 async def events(request: Request, session: Session) -> Response:
     """Server-sent events: first everything, then only what changed; a beat every half second."""
     headers = {"X-Accel-Buffering": "no"}
-    told = _stream(request.app.state.panel, session, language.of_request(request))
-    return StreamingResponse(told, media_type="text/event-stream", headers=headers)
+    stream = _stream(request.app.state.panel, session, language.of_request(request))
+    return StreamingResponse(stream, media_type="text/event-stream", headers=headers)
 
 
 async def _stream(panel: Panel, session: Session, code: str) -> AsyncIterator[str]:
     sent: dict[str, object] = {}
-    said_s = 0.0
+    last_sent_s = 0.0
     yield "retry: 300\n\n"
     while not panel.over and panel.sessions.open(session.token):
         shown = panel.screen.shown()
         changed = {k: v for k, v in shown.items() if sent.get(k, _ABSENT) != v}
         if changed:
             sent.update(changed)
-            said = {k: _translated(k, v, code) for k, v in changed.items()}
-            yield f"event: change\ndata: {json.dumps({**said, 'now_s': time.time()})}\n\n"
-        if changed or time.monotonic() - said_s > HEARTBEAT_S:
-            said_s = time.monotonic()
+            translated = {k: _translated(k, v, code) for k, v in changed.items()}
+            yield f"event: change\ndata: {json.dumps({**translated, 'now_s': time.time()})}\n\n"
+        if changed or time.monotonic() - last_sent_s > HEARTBEAT_S:
+            last_sent_s = time.monotonic()
             if panel.people.get(session.account.name) != session.account:
                 break
             yield f"event: beat\ndata: {time.time():.3f}\n\n"
@@ -86,25 +86,25 @@ async def command(request: Request, session: Session) -> Response:
     """One deed of a person; it is in the journal before it is done. A stop waits for no other deed."""
     form = await form_of(request, session)
     panel: Panel = request.app.state.panel
-    said = ActionForm(*(str(form.get(f.name, "")).strip() for f in fields(ActionForm)))
+    submitted = ActionForm(*(str(form.get(f.name, "")).strip() for f in fields(ActionForm)))
     action = str(form.get("action", ""))
     try:
         if action not in ACTIONS:
             raise UsageError("page-unknown-action", action=action[:20], actions=tuple(ACTIONS))
-        told = await run_in_threadpool(_perform, panel, action, session.account, said)
+        done = await run_in_threadpool(_perform, panel, action, session.account, submitted)
     except StationError as exc:
         answer = {"error": language.sentence(exc.message, language.of_request(request))}
         if isinstance(exc, PassedAlready):
-            answer["again"] = said.serial if session.account.may("again") else ""
+            answer["again"] = submitted.serial if session.account.may("again") else ""
         return JSONResponse(answer, 409)
-    return JSONResponse({"told": told})
+    return JSONResponse({"told": done})
 
 
-def _perform(panel: Panel, action: str, who: Account, said: ActionForm) -> str:
+def _perform(panel: Panel, action: str, who: Account, submitted: ActionForm) -> str:
     if action == "stop":
-        return ACTIONS[action](panel, who, said)
+        return ACTIONS[action](panel, who, submitted)
     with panel.turn:
-        return ACTIONS[action](panel, who, said)
+        return ACTIONS[action](panel, who, submitted)
 
 
 ROUTES = [

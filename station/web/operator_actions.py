@@ -32,60 +32,60 @@ class PassedAlready(UsageError):
     """The unit has passed this recipe; an engineer may take it again on purpose."""
 
 
-def scan(panel: Panel, who: Account, said: ActionForm) -> str:
+def scan(panel: Panel, who: Account, form: ActionForm) -> str:
     """The serial goes to the first nest that is free in the next load."""
-    _check_fits_load(panel, said.serial)
-    passed = _newest_pass(panel, said.serial)
+    _check_fits_load(panel, form.serial)
+    passed = _newest_pass(panel, form.serial)
     if passed is not None:
         raise PassedAlready(
             "scan-passed-already",
-            serial=said.serial,
+            serial=form.serial,
             recipe=passed.recipe_name,
             day=utc(passed.started_ns)[:10],
             nest=passed.nest,
         )
     nest = _free_nest(panel)
-    panel.journal.add(who.name, "scan", serial=said.serial, nest=nest)
-    panel.queue.put({nest: WaitingUnit(said.serial, panel.screen.load_pid())})
-    return f"{said.serial}: {nest}"
+    panel.journal.add(who.name, "scan", serial=form.serial, nest=nest)
+    panel.queue.put({nest: WaitingUnit(form.serial, panel.screen.load_pid())})
+    return f"{form.serial}: {nest}"
 
 
-def take_again(panel: Panel, who: Account, said: ActionForm) -> str:
+def take_again(panel: Panel, who: Account, form: ActionForm) -> str:
     """A unit that passed is taken once more, by an engineer's choice and with the reason."""
     if not who.may("again"):
         raise UsageError("repeat-not-allowed", role=who.role.value)
-    if not 3 <= len(said.reason) <= LONGEST_REASON or not said.reason.isprintable():
+    if not 3 <= len(form.reason) <= LONGEST_REASON or not form.reason.isprintable():
         raise UsageError("repeat-reason-length", limit=LONGEST_REASON)
-    _check_fits_load(panel, said.serial)
-    passed, nest = _newest_pass(panel, said.serial), _free_nest(panel)
+    _check_fits_load(panel, form.serial)
+    passed, nest = _newest_pass(panel, form.serial), _free_nest(panel)
     of = passed.attempt if passed else ""
-    panel.journal.add(who.name, "again", serial=said.serial, nest=nest, reason=said.reason, passed=of)
-    panel.queue.put({nest: WaitingUnit(said.serial, panel.screen.load_pid())})
-    return f"{said.serial}: {nest}"
+    panel.journal.add(who.name, "again", serial=form.serial, nest=nest, reason=form.reason, passed=of)
+    panel.queue.put({nest: WaitingUnit(form.serial, panel.screen.load_pid())})
+    return f"{form.serial}: {nest}"
 
 
-def clear(panel: Panel, who: Account, _said: ActionForm) -> str:
+def clear(panel: Panel, who: Account, _form: ActionForm) -> str:
     """Nothing waits for the start any more."""
     panel.journal.add(who.name, "clear", serials=panel.queue.serials())
     panel.queue.clear()
     return ""
 
 
-def resume(panel: Panel, who: Account, _said: ActionForm) -> str:
+def resume(panel: Panel, who: Account, _form: ActionForm) -> str:
     """The units of the last load that came to no verdict are taken up again, each in its nest."""
     _check_idle(panel)
-    left = panel.screen.unfinished()
-    if not left:
+    unfinished = panel.screen.unfinished()
+    if not unfinished:
         raise UsageError("take-up-nothing")
     if panel.queue.waiting:
         raise UsageError("take-up-other-load")
-    serials_of.check_all(list(left.values()), panel.recipe)
-    panel.journal.add(who.name, "resume", serials=list(left.values()))
-    panel.queue.put({nest: WaitingUnit(serial) for nest, serial in left.items()})
-    return ", ".join(left.values())
+    serials_of.check_all(list(unfinished.values()), panel.recipe)
+    panel.journal.add(who.name, "resume", serials=list(unfinished.values()))
+    panel.queue.put({nest: WaitingUnit(serial) for nest, serial in unfinished.items()})
+    return ", ".join(unfinished.values())
 
 
-def start(panel: Panel, who: Account, _said: ActionForm) -> str:
+def start(panel: Panel, who: Account, _form: ActionForm) -> str:
     """Every unit that waits goes to a run of its own process, each in its nest."""
     _check_idle(panel)
     waiting = panel.queue.waiting
@@ -98,7 +98,7 @@ def start(panel: Panel, who: Account, _said: ActionForm) -> str:
     return ", ".join(units.values())
 
 
-def stop(panel: Panel, who: Account, _said: ActionForm) -> str:
+def stop(panel: Panel, who: Account, _form: ActionForm) -> str:
     """The run stops at the next safe place and parks."""
     pid = panel.runs.stop()
     panel.screen.stopping = True
@@ -106,12 +106,12 @@ def stop(panel: Panel, who: Account, _said: ActionForm) -> str:
     return ""
 
 
-def confirm(panel: Panel, who: Account, said: ActionForm) -> str:
+def confirm(panel: Panel, who: Account, form: ActionForm) -> str:
     """What the run asked a person to do is done; an old screen cannot confirm a later question."""
-    asked, mark = panel.screen.question()
-    if not mark or said.question != mark:
+    question, mark = panel.screen.question()
+    if not mark or form.question != mark:
         raise UsageError("confirm-outdated")
-    panel.journal.add(who.name, "confirm", sentence=asked)
+    panel.journal.add(who.name, "confirm", sentence=question)
     try:
         write_answer(panel.order.database, mark)
     except OSError as exc:
@@ -138,8 +138,10 @@ def _free_nest(panel: Panel) -> str:
 
 def _newest_pass(panel: Panel, serial: str) -> Attempt | None:
     """The unit's newest PASS with this recipe; golden units are there to be measured again and again."""
-    kept = panel.settings.golden
-    if (kept is not None and serial in golden_register.load(Path(kept.file))) or not panel.order.database.exists():
+    register = panel.settings.golden
+    if (
+        register is not None and serial in golden_register.load(Path(register.file))
+    ) or not panel.order.database.exists():
         return None
     with panel.log() as log:
         found = log.attempts(Query(serial=serial, recipe_name=panel.recipe.name, outcome="PASS"), 1)

@@ -13,19 +13,19 @@ COLUMN_FIELDS = ("station", "nest", "recipe_name", "recipe_hash", "firmware", "l
 QUERY_FIELDS = ("serial", "since", "until", "outcome", *COLUMN_FIELDS)
 
 
-def query_of(asked: Mapping[str, str]) -> Query:
+def query_of(parameters: Mapping[str, str]) -> Query:
     """The query; empty fields do not matter. A serial that ends in `*` is a beginning. Errors: UsageError."""
-    said = {k: asked[k].strip() for k in QUERY_FIELDS if asked.get(k, "").strip()}
-    serial = said.get("serial")
+    given = {k: parameters[k].strip() for k in QUERY_FIELDS if parameters.get(k, "").strip()}
+    serial = given.get("serial")
     begins = serial is not None and serial.endswith("*")
     return Query(
         serial=None if begins else serial,
         serial_from=serial[:-1] if serial and begins else None,
-        outcome=_outcome(said.get("outcome")),
-        since_ns=_time_ns(said.get("since"), next_day=False),
-        until_ns=_time_ns(said.get("until"), next_day=True),
-        before=parse_whole_number(asked.get("before", "")),
-        **{k: said[k] for k in COLUMN_FIELDS if k in said},
+        outcome=_outcome(given.get("outcome")),
+        since_ns=_time_ns(given.get("since"), next_day=False),
+        until_ns=_time_ns(given.get("until"), next_day=True),
+        before=parse_whole_number(parameters.get("before", "")),
+        **{k: given[k] for k in COLUMN_FIELDS if k in given},
     )
 
 

@@ -48,13 +48,13 @@ class Screen:
         now_s = time.monotonic()
         if now_s - self._looked_s > LIVE_MAX_AGE_S:
             self._looked_s = now_s
-            self._look()
+            self._refresh()
             self._shown = self._compose()
         return self._shown
 
     def state(self) -> dict[str, Any]:
         """The run's own state as it last told it, empty when there never was one."""
-        self._look()
+        self._refresh()
         found: dict[str, Any] = self._live.get("state", {})
         return found
 
@@ -77,7 +77,7 @@ class Screen:
         """Nest → serial of the units of the last load that neither passed nor failed."""
         return {n["nest"]: n["serial"] for n in self.state().get("nests", ()) if n["outcome"] not in ("PASS", "FAIL")}
 
-    def _look(self) -> None:
+    def _refresh(self) -> None:
         """Reads the live file again when it is another one; a file in between keeps the last."""
         try:
             stat = self._path.stat()
@@ -136,13 +136,13 @@ class Screen:
         """What is in a nest, and what comes next. A verdict stays until the unit that was scanned after it takes over;
         one that was scanned during the run waits beside the verdict, because the other unit is still in the nest."""
         waits, handed = self._queue.waiting.get(name), self._queue.handed.get(name)
-        kept = next((n for n in state.get("nests", ()) if n["nest"] == name), None)
+        entry = next((n for n in state.get("nests", ()) if n["nest"] == name), None)
         if running and not mine:
             there = {"serial": handed.serial if handed else "", "scanned": handed is not None}
         elif not running and waits is not None and waits.beside != self._live.get("pid"):
             return {"serial": waits.serial, "scanned": True, "next": ""}
         else:
-            there = {**(kept or {"serial": ""}), "scanned": False}
+            there = {**(entry or {"serial": ""}), "scanned": False}
         return {**there, "next": waits.serial if waits else ""}
 
     def _fault(self, state: Mapping[str, Any], *, running: bool) -> Mapping[str, Any] | str:
@@ -157,15 +157,15 @@ class Screen:
 
     def _golden_problem(self) -> str:
         """What is due or wrong with the golden units, looked up every few seconds; '' when all is well."""
-        at_s, told = self._golden
+        at_s, problem = self._golden
         if time.monotonic() - at_s > GOLDEN_POLL_S:
             try:
                 found = standings(self._settings, partial(find_log, self._runs.order.database))
-                told = "; ".join(s.problem for s in found if s.problem)
+                problem = "; ".join(s.problem for s in found if s.problem)
             except StationError as exc:
-                told = exc.sentence
-            self._golden = (time.monotonic(), told)
-        return told
+                problem = exc.sentence
+            self._golden = (time.monotonic(), problem)
+        return problem
 
     def _bus(self, *, mine: bool) -> dict[str, Any]:
         """State and error counters: as the run tells them, and between runs as the kernel does for its interface."""
@@ -176,8 +176,8 @@ class Screen:
         if time.monotonic() - self._between[0] > BUS_POLL_S:
             name = self._settings.bus.channel
             state, counters = state_of(name)
-            told = {"name": name, "state": state, "counters": asdict(counters) if counters else None}
-            self._between = (time.monotonic(), told)
+            status = {"name": name, "state": state, "counters": asdict(counters) if counters else None}
+            self._between = (time.monotonic(), status)
         return self._between[1]
 
     def _picture(self, poses: Sequence[Any], number: int, name: str) -> str:

@@ -20,7 +20,7 @@ class Session:
     csrf: str
     account: Account
     begun_s: float
-    seen_s: float
+    last_used_s: float
 
 
 @dataclass(slots=True)
@@ -61,7 +61,7 @@ class Sessions:
         self._open.pop(token, None)
 
     def _alive(self, session: Session, now: float) -> bool:
-        return now - session.seen_s < self.idle_s and now - session.begun_s < self.longest_s
+        return now - session.last_used_s < self.idle_s and now - session.begun_s < self.longest_s
 
 
 def same_token(session: Session, given: str) -> bool:

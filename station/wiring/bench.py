@@ -57,7 +57,7 @@ class _ByHand:
 class Bench:
     """An opened station with its job. Use as a context manager: it lets go of bus and log.
 
-    told: what the start-up found and the operator should know.
+    notices: what the start-up found and the operator should know.
     """
 
     station: Station
@@ -66,7 +66,7 @@ class Bench:
     fixture: Fixture
     database: Path
     simulated: bool
-    told: tuple[str, ...]
+    notices: tuple[str, ...]
     _open: ExitStack = field(repr=False)
 
     def loads(self, serials: Sequence[str]) -> list[tuple[NestAssignment, ...]]:
@@ -123,8 +123,8 @@ def open_bench(order: RunOrder) -> Bench:
         device, foreign = _devices(bus, clock, settings, job)
         config_hash = content_hash(settings)
         station = Station(settings, config_hash, bus, turned_by, store, clock, device, foreign, order.simulate)
-        told = (*learnt, *(render(m) for m in close_unfinished(station)))
-        return Bench(station, job, source, fixture, database, order.simulate, told, opened.pop_all())
+        notices = (*learnt, *(render(m) for m in close_unfinished(station)))
+        return Bench(station, job, source, fixture, database, order.simulate, notices, opened.pop_all())
     raise AssertionError("unreachable: ExitStack swallows nothing")
 
 
@@ -134,9 +134,9 @@ def _overridden(settings: Settings, order: RunOrder) -> Settings:
     same_kind = order.interface in (None, settings.bus.interface)
     given_bus = settings.bus.model_dump() if same_kind else {}
     own = {k: v for k, v in {"operator": order.operator, "lot": order.lot}.items() if v is not None}
-    told = settings.model_dump(by_alias=True)
+    stored = settings.model_dump(by_alias=True)
     try:
-        return Settings.model_validate({**told, **own, "bus": {**given_bus, **bus}})
+        return Settings.model_validate({**stored, **own, "bus": {**given_bus, **bus}})
     except ValidationError as exc:
         raise UsageError("options-mistakes", mistakes=mistakes(exc, Settings)) from None
 

@@ -79,12 +79,12 @@ def open_witness(heads: Path, key: Path, stations: Mapping[str, Path]) -> Iterat
     """
     signer = keys.load_signer(key)
     known = {name: keys.load_public_key(path) for name, path in stations.items()}
-    kept = TreeHeadFile(heads)
-    kept.open()
+    head_file = TreeHeadFile(heads)
+    head_file.open()
     try:
-        yield Witness(kept, SystemClock(), signer.sign, keys.verify, known)
+        yield Witness(head_file, SystemClock(), signer.sign, keys.verify, known)
     finally:
-        kept.close()
+        head_file.close()
 
 
 def signer_of(key: str) -> keys.Signer:
@@ -129,7 +129,7 @@ def acknowledge(path: Path, settings: Settings, by: str, reason: str) -> list[Me
     open_store(path, settings, SystemClock().epoch_ns, Acknowledgement(by, reason)).close()
     with open_log(path) as log:
         new = log.acknowledgements()[before:]
-    return [Message.of(f["message"]) for taken in new for f in taken["findings"]]
+    return [Message.of(f["message"]) for acknowledgement in new for f in acknowledgement["findings"]]
 
 
 def public_key_of_signer(path: Path) -> bytes:

@@ -32,7 +32,7 @@ class Ran:
     results: dict[str, UnitResult] = field(default_factory=dict)
     fault: StationError | None = None
     parked: bool = False
-    told: tuple[str, ...] = ()
+    notices: tuple[str, ...] = ()
 
     def of(self, kind: type[Event]) -> list[Any]:
         """Events of one kind."""
@@ -84,7 +84,7 @@ def run(
     stop = StopRequest()
     with open_bench(RunOrder(**order)) as opened:
         bench = wrap(opened)
-        ran.told = bench.told
+        ran.notices = bench.notices
         for seats in bench.loads(names or serials(units)):
             bench.fixture.place(seats)
             for event in Runner(bench.station, bench.job, stop, confirm).run(seats):

@@ -43,7 +43,7 @@ def test_after_a_death_the_next_start_knows_everything(tmp_path: Path, port: str
     left = Ran(tmp_path).life("SN0001")
     assert left["outcome"] in (None, "PASS")
     again = fixture_run.run(tmp_path, seed=3)
-    assert bool(again.told) is (left["outcome"] is None)
+    assert bool(again.notices) is (left["outcome"] is None)
     assert again.lives("SN0001")[1]["outcome"] == (left["outcome"] or str(Outcome.INTERRUPTED))
     r = again.results["SN0001"]
     if after == old:

@@ -48,45 +48,43 @@ class Certificate:
 
 
 def build(
-    kept: Mapping[str, Any],
+    stored: Mapping[str, Any],
     recipe: Recipe,
     head: LogHead,
     words: Words,
     issuer: Issuer | None = None,
     issued: str = "",
 ) -> Certificate:
-    """The certificate of one ended attempt. kept: everything the log holds of it, with the recipe it used; head: the
+    """The certificate of one ended attempt. stored: everything the log holds of it, with the recipe it used; head: the
     newest record of the log; issued: ISO date. Errors: LogError where it came to no calibration."""
-    told = facts.of_attempt(
-        kept, recipe, head, issuer or Issuer(), issued or str(kept["ended"] or kept["started"])[:10]
+    content = facts.of_attempt(
+        stored, recipe, head, issuer or Issuer(), issued or str(stored["ended"] or stored["started"])[:10]
     )
-    fit, verdict = stored_attempt.result(kept, "calibration"), stored_attempt.result(kept, "verdict")
+    fit, verdict = stored_attempt.result(stored, "calibration"), stored_attempt.result(stored, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
-        raise LogError(
-            f"the attempt {kept['attempt']} of {kept['serial']} came to no calibration; it has no certificate"
-        )
+        raise LogError("certificate-no-calibration", attempt=str(stored["attempt"]), serial=str(stored["serial"]))
     w = _Writer(words)
     stops = ("cert_position", "cert_tilt", "cert_tilt_u", "cert_residual")
     sections = (
-        w.table("certificate-issue", (), _issue(w, told)),
-        w.section("cert_unit", (), _unit(w, kept)),
-        w.section("cert_result", (), _result(w, kept, fit, verdict)),
-        w.table("certificate-coefficients", _COEFFICIENTS, _values(w, told)),
-        w.table("certificate-decisions", _DECISIONS, _decisions(told)),
-        w.table("certificate-budget", *_budget(told)),
+        w.table("certificate-issue", (), _issue(w, content)),
+        w.section("cert_unit", (), _unit(w, stored)),
+        w.section("cert_result", (), _result(w, stored, fit, verdict)),
+        w.table("certificate-coefficients", _COEFFICIENTS, _values(w, content)),
+        w.table("certificate-decisions", _DECISIONS, _decisions(content)),
+        w.table("certificate-budget", *_budget(content)),
         w.section("cert_stops", stops, _positions(fit), f" {recipe.unit}"),
-        w.section("cert_verification", ("cert_position", "cert_error", "cert_limit"), _verification(kept)),
-        w.table("certificate-adjustment", _ADJUSTMENT, _adjustment(told)),
+        w.section("cert_verification", ("cert_position", "cert_error", "cert_limit"), _verification(stored)),
+        w.table("certificate-adjustment", _ADJUSTMENT, _adjustment(content)),
         w.section("cert_reference", (), _reference(w, recipe)),
-        w.table("certificate-traceability", _TRACEABILITY, _traceability(told)),
+        w.table("certificate-traceability", _TRACEABILITY, _traceability(content)),
         w.table("certificate-assumptions", _ASSUMPTIONS, _assumptions(w, recipe)),
-        w.section("cert_provenance", (), _provenance(w, kept, asdict(head))),
+        w.section("cert_provenance", (), _provenance(w, stored, asdict(head))),
     )
     filled = tuple(s for s in sections if s.rows)
-    mark = w.render(Message("certificate-simulated-mark")) if told["simulated"] else ""
-    declared = tuple(w.render(m) for m in dcc.statements(told))
+    mark = w.render(Message("certificate-simulated-mark")) if content["simulated"] else ""
+    declared = tuple(w.render(m) for m in dcc.statements(content))
     return Certificate(
-        kept["serial"], kept["attempt"], str(verdict["outcome"]), words.code, w.texts, filled, mark, declared
+        stored["serial"], stored["attempt"], str(verdict["outcome"]), words.code, w.texts, filled, mark, declared
     )
 
 
@@ -114,21 +112,24 @@ class _Writer:
         )
 
 
-def _unit(w: _Writer, kept: Mapping[str, Any]) -> Rows:
-    identity = stored_attempt.result(dict(kept), "identity") or {}
+def _unit(w: _Writer, stored: Mapping[str, Any]) -> Rows:
+    identity = stored_attempt.result(dict(stored), "identity") or {}
     device = " ".join(str(identity[k]) for k in ("name", "hardware", "software") if identity.get(k))
     return (
-        (w("serial"), str(kept["serial"])),
+        (w("serial"), str(stored["serial"])),
         (w("device"), device or "–"),
-        (w("measured"), f"{format_time(kept['started'])} – {format_time(kept['ended']) if kept['ended'] else '…'}"),
-        (w("place"), f"{kept['station']} / {kept['nest']} ({w('node')} {kept['node']})"),
-        (w("operator"), str(kept["operator"]) or "–"),
-        (w("lot"), str(kept["lot"]) or "–"),
+        (
+            w("measured"),
+            f"{format_time(stored['started'])} – {format_time(stored['ended']) if stored['ended'] else '…'}",
+        ),
+        (w("place"), f"{stored['station']} / {stored['nest']} ({w('node')} {stored['node']})"),
+        (w("operator"), str(stored["operator"]) or "–"),
+        (w("lot"), str(stored["lot"]) or "–"),
     )
 
 
-def _result(w: _Writer, kept: Mapping[str, Any], fit: Mapping[str, Any], verdict: Mapping[str, Any]) -> Rows:
-    outcome = w.texts[kept["outcome"]] if kept["outcome"] else w("running")
+def _result(w: _Writer, stored: Mapping[str, Any], fit: Mapping[str, Any], verdict: Mapping[str, Any]) -> Rows:
+    outcome = w.texts[stored["outcome"]] if stored["outcome"] else w("running")
     return (
         (w("outcome"), outcome),
         *((w("reason"), w.render(Message.recorded(r))) for r in verdict["reasons"]),
@@ -151,8 +152,8 @@ def _notes(w: _Writer, fit: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _rule(w: _Writer, verdict: Mapping[str, Any]) -> str:
     """The decision rule; an older log keeps only its sentence."""
-    kept = verdict.get("rule_message")
-    return w.render(Message.of(kept)) if kept else str(verdict["rule"] or "–")
+    stored = verdict.get("rule_message")
+    return w.render(Message.of(stored)) if stored else str(verdict["rule"] or "–")
 
 
 _COEFFICIENTS = ("coefficient", "value", "std", "dof", "factor", "expanded", "unit")
@@ -164,7 +165,7 @@ _ASSUMPTIONS = ("contribution", "std", "source")
 _MANY_DOF = 1e5
 
 
-def _values(w: _Writer, told: Mapping[str, Any]) -> Rows:
+def _values(w: _Writer, content: Mapping[str, Any]) -> Rows:
     return tuple(
         (
             w.term(str(c["name"])),
@@ -172,7 +173,7 @@ def _values(w: _Writer, told: Mapping[str, Any]) -> Rows:
             *(_uncertain(c) if c["estimated"] else (w.render(Message("certificate-assumed")), "–", "–", "–")),
             str(c["unit"]),
         )
-        for c in told["coefficients"]
+        for c in content["coefficients"]
     )
 
 
@@ -186,20 +187,20 @@ def _uncertain(c: Mapping[str, Any]) -> tuple[str, str, str, str]:
     )
 
 
-def _issue(w: _Writer, told: Mapping[str, Any]) -> Rows:
-    issuer, missing = told["issuer"], w.render(Message("certificate-not-stated"))
+def _issue(w: _Writer, content: Mapping[str, Any]) -> Rows:
+    issuer, missing = content["issuer"], w.render(Message("certificate-not-stated"))
     rows = {
-        "number": told["number"],
-        "issued": told["issued"],
+        "number": content["number"],
+        "issued": content["issued"],
         "laboratory": ", ".join([name, issuer["laboratory_address"]]) if (name := issuer["laboratory"]["name"]) else "",
         "customer": issuer["customer"]["name"],
         "signatory": issuer["signatory"],
-        "method": f"{told['method']['name']}, {told['method']['recipe']} {told['method']['version']}",
+        "method": f"{content['method']['name']}, {content['method']['recipe']} {content['method']['version']}",
     }
     return tuple((w.render(Message(f"certificate-{key}")), str(value) or missing) for key, value in rows.items())
 
 
-def _decisions(told: Mapping[str, Any]) -> Rows:
+def _decisions(content: Mapping[str, Any]) -> Rows:
     keys = ("expanded", "limit", "guard", "margin", "false_accept")
     return tuple(
         (
@@ -207,13 +208,13 @@ def _decisions(told: Mapping[str, Any]) -> Rows:
             format_number(d["value"], 5),
             *(format_number(d[key], 3) for key in keys),
         )
-        for d in told["decisions"]
+        for d in content["decisions"]
     )
 
 
-def _budget(told: Mapping[str, Any]) -> tuple[tuple[str, ...], Rows]:
+def _budget(content: Mapping[str, Any]) -> tuple[tuple[str, ...], Rows]:
     """Shares of u² by cause, in percent; causes that contribute nothing have no column."""
-    estimated = [c for c in told["coefficients"] if c["estimated"]]
+    estimated = [c for c in content["coefficients"] if c["estimated"]]
     causes = [cause for cause in (estimated[0]["budget"] if estimated else {}) if any(
         c["budget"][cause] > 0.01 * c["std"] for c in estimated)]  # fmt: skip
     rows = tuple(
@@ -227,16 +228,16 @@ def _budget(told: Mapping[str, Any]) -> tuple[tuple[str, ...], Rows]:
 _SHOWN = ("offset x", "offset y", "offset z", "gain x", "gain y", "gain z")
 
 
-def _adjustment(told: Mapping[str, Any]) -> Rows:
+def _adjustment(content: Mapping[str, Any]) -> Rows:
     """Objects of the device as found and as left."""
     return tuple(
         (f"{a['name']} ({a['object']})", *(str(a[key] or "–") for key in ("old", "written", "read_back")))
-        for a in told["adjustment"]
+        for a in content["adjustment"]
     )
 
 
-def _traceability(told: Mapping[str, Any]) -> Rows:
-    return tuple((r["item"], r["number"] or "–", r["due"], r["issuer"] or "–") for r in told["references"])
+def _traceability(content: Mapping[str, Any]) -> Rows:
+    return tuple((r["item"], r["number"] or "–", r["due"], r["issuer"] or "–") for r in content["references"])
 
 
 def _assumptions(w: _Writer, recipe: Recipe) -> Rows:
@@ -260,8 +261,8 @@ def _positions(fit: Mapping[str, Any]) -> Rows:
     )
 
 
-def _verification(kept: Mapping[str, Any]) -> Rows:
-    found = stored_attempt.result(dict(kept), "verification")
+def _verification(stored: Mapping[str, Any]) -> Rows:
+    found = stored_attempt.result(dict(stored), "verification")
     if not found:
         return ()
     limit = f"{format_number(found.get('limit'), 4)} {found.get('unit', '')}"
@@ -284,14 +285,14 @@ def _reference(w: _Writer, recipe: Recipe) -> Rows:
     return tuple(rows)
 
 
-def _provenance(w: _Writer, kept: Mapping[str, Any], head: Mapping[str, Any]) -> Rows:
-    seal = kept["seal"]
+def _provenance(w: _Writer, stored: Mapping[str, Any], head: Mapping[str, Any]) -> Rows:
+    seal = stored["seal"]
     return (
-        (w("attempt"), str(kept["attempt"])),
-        (w("software"), f"station {kept['software']}"),
-        (w("recipe"), f"{kept['recipe_name']} {w('version')} {kept['recipe_version']}"),
-        (w("recipe_hash"), str(kept["recipe_hash"])),
-        (w("config_hash"), str(kept["config_hash"])),
+        (w("attempt"), str(stored["attempt"])),
+        (w("software"), f"station {stored['software']}"),
+        (w("recipe"), f"{stored['recipe_name']} {w('version')} {stored['recipe_version']}"),
+        (w("recipe_hash"), str(stored["recipe_hash"])),
+        (w("config_hash"), str(stored["config_hash"])),
         (w("seal"), f"{seal['number']}:{seal['hash']}" if seal else "–"),
         (w("head"), f"{head['number']}:{head['hash']}"),
         (w("check"), f"station audit --verify --head {head['number']}:{head['hash']}"),

@@ -22,34 +22,34 @@ SCHEMA = "station.certificate/1"
 STANDARD_GRAVITY = 9.80665
 
 
-def of_attempt(kept: Mapping[str, Any], recipe: Recipe, head: LogHead, issuer: Issuer, issued: str) -> dict[str, Any]:
+def of_attempt(stored: Mapping[str, Any], recipe: Recipe, head: LogHead, issuer: Issuer, issued: str) -> dict[str, Any]:
     """The certificate of one ended attempt; issued: ISO date. Errors: LogError where it came to no calibration."""
-    fit, verdict = stored_attempt.result(kept, "calibration"), stored_attempt.result(kept, "verdict")
+    fit, verdict = stored_attempt.result(stored, "calibration"), stored_attempt.result(stored, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
-        raise LogError("certificate-no-calibration", attempt=str(kept["attempt"]), serial=str(kept["serial"]))
-    identity = stored_attempt.result(kept, "identity") or {}
+        raise LogError("certificate-no-calibration", attempt=str(stored["attempt"]), serial=str(stored["serial"]))
+    identity = stored_attempt.result(stored, "identity") or {}
     return {
         "schema": SCHEMA,
-        "number": f"{kept['station']}-{kept['attempt']}",
+        "number": f"{stored['station']}-{stored['attempt']}",
         "issued": issued,
-        "simulated": stored_attempt.is_simulated(kept),
+        "simulated": stored_attempt.is_simulated(stored),
         "issuer": {**asdict(issuer), "laboratory_address": issuer.laboratory.address},
-        "item": {"serial": kept["serial"], "identity": identity, "lot": kept["lot"]},
+        "item": {"serial": stored["serial"], "identity": identity, "lot": stored["lot"]},
         "outcome": verdict["outcome"],
-        "performed": {"began": kept["started"], "ended": kept["ended"], "station": kept["station"],
-                      "nest": kept["nest"], "operator": kept["operator"]},
-        "method": {"name": recipe.method, "recipe": kept["recipe_name"], "version": kept["recipe_version"],
-                   "hash": kept["recipe_hash"], "software": kept["software"]},
+        "performed": {"began": stored["started"], "ended": stored["ended"], "station": stored["station"],
+                      "nest": stored["nest"], "operator": stored["operator"]},
+        "method": {"name": recipe.method, "recipe": stored["recipe_name"], "version": stored["recipe_version"],
+                   "hash": stored["recipe_hash"], "software": stored["software"]},
         "unit": recipe.unit,
         "coefficients": coefficients(fit),
         "covariance": fit["covariance"],
         "decisions": fit.get("decisions", []),
         "rule": verdict.get("rule"),
         "risks": {key: verdict.get(key) for key in ("false_accept", "false_reject")},
-        "verification": stored_attempt.result(kept, "verification"),
+        "verification": stored_attempt.result(stored, "verification"),
         "adjustment": [
             {key: write.get(key) for key in ("name", "object", "old", "written", "read_back")}
-            for write in kept["writes"]
+            for write in stored["writes"]
         ],
         "conditions": {
             "temperature_degC": fit.get("temperature_degC"),
@@ -60,16 +60,17 @@ def of_attempt(kept: Mapping[str, Any], recipe: Recipe, head: LogHead, issuer: I
             {"key": a.key, "std": a.value, "unit": a.unit, "stated": a.stated, "source": render(a.source)}
             for a in assumptions.listing(recipe)
         ],
-        "log": {"attempt": kept["attempt"], "seal": kept["seal"], "head": asdict(head), "config": kept["config_hash"]},
+        "log": {"attempt": stored["attempt"], "seal": stored["seal"], "head": asdict(head),
+                "config": stored["config_hash"]},
     }  # fmt: skip
 
 
-def require_certifiable(kept: Mapping[str, Any]) -> None:
+def require_certifiable(stored: Mapping[str, Any]) -> None:
     """LogError unless the attempt passed: what failed gets a report, not a certificate."""
-    if kept["outcome"] != Outcome.PASS:
-        shown = str(kept["outcome"] or "running")
+    if stored["outcome"] != Outcome.PASS:
+        shown = str(stored["outcome"] or "running")
         raise LogError(
-            "certificate-not-passed", attempt=str(kept["attempt"]), serial=str(kept["serial"]), outcome=shown
+            "certificate-not-passed", attempt=str(stored["attempt"]), serial=str(stored["serial"]), outcome=shown
         )
 
 

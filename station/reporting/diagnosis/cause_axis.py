@@ -22,7 +22,7 @@ _COVARIATES: dict[str, tuple[str, str]] = {
     "motor": ("motor", "axis-motor"),
 }
 #: Stimuli (recipe's unit) that differ by less at one position are those of one seating.
-SEATED_ALIKE = 0.2
+SAME_SEATING_MAX = 0.2
 #: Levels whose groups belong to one unit: one unit is drawn.
 _OF_ONE_UNIT = ("unit", "run", "power-on", "visit")
 
@@ -76,7 +76,7 @@ def affected_visits(
 def _seated_twice(data: ReportData, rows: NDArray[np.bool_]) -> bool:
     """Whether the sensor lies in a position in more than one way, so that a position alone says little."""
     return data.felt is not None and any(
-        float(np.ptp(data.felt[rows & (data.position.code == p)], axis=0).max(initial=0.0)) > SEATED_ALIKE
+        float(np.ptp(data.felt[rows & (data.position.code == p)], axis=0).max(initial=0.0)) > SAME_SEATING_MAX
         for p in np.unique(data.position.code[rows])
     )
 

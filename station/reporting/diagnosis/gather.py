@@ -70,12 +70,12 @@ def _without_calibration(problem: ScoringProblem, effect: Floats) -> Floats:
     view = problem.view
     columns = np.einsum("vki,vip->vkp", view.keep, view.calibration(problem.matrix))
     projected, unit = _projected(view, effect), view.scene.visits.unit.code
-    left = np.empty_like(projected)
+    remaining = np.empty_like(projected)
     for u in range(len(view.base.offset)):
         rows = unit == u
         A, y = columns[rows].reshape(-1, columns.shape[2]), projected[rows].ravel()
-        left[rows] = (y - A @ np.linalg.lstsq(A, y, rcond=1e-9)[0]).reshape(-1, projected.shape[1])
-    return left
+        remaining[rows] = (y - A @ np.linalg.lstsq(A, y, rcond=1e-9)[0]).reshape(-1, projected.shape[1])
+    return remaining
 
 
 def _dwell_course(problem: ScoringProblem, effects: list[tuple[Floats, Floats]]) -> DwellCourse:
@@ -84,10 +84,10 @@ def _dwell_course(problem: ScoringProblem, effects: list[tuple[Floats, Floats]])
     mean, contrast = (sum(parts[1:], parts[0]) for parts in zip(*effects, strict=True))
     predicted = _blocks(r, mean, contrast)
     now = problem.view.simulated()
-    left = _blocks(r, r.mean - now[0] + mean, r.contrast - now[1] + contrast)
+    remaining = _blocks(r, r.mean - now[0] + mean, r.contrast - now[1] + contrast)
     weight = predicted[:, 0] - predicted[:, -1]
     total = max(float(np.abs(weight).sum()), 1e-300)
-    level = [np.einsum("vbi,vi->b", part - part[:, -1:], weight / total) for part in (left, predicted)]
+    level = [np.einsum("vbi,vi->b", part - part[:, -1:], weight / total) for part in (remaining, predicted)]
     ends = [0.0, *BLOCK_EDGES]
     names = tuple(f"{100 * a:.0f}–{100 * b:.0f} % of the dwell" for a, b in zip(ends, BLOCK_EDGES, strict=False))
     rest = _blocks(r, r.mean - now[0], r.contrast - now[1])

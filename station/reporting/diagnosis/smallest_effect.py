@@ -19,8 +19,8 @@ def detectable_length(k: float) -> float:
 def smallest_detectable(now: ScoredBank) -> dict[str, float]:
     """Rms coefficient of each cause that would be seen, in its own unit; of its easiest shape and level."""
     found: dict[str, float] = {}
-    for seen in now.seen:
-        for candidate, spectrum in zip(seen.bank.candidates, seen.spectra, strict=True):
+    for scored in now.seen:
+        for candidate, spectrum in zip(scored.bank.candidates, scored.spectra, strict=True):
             if candidate.effect is not None:
                 rms = _of(spectrum)
                 found[candidate.name] = min(rms, found.get(candidate.name, np.inf))

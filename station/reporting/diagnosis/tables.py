@@ -40,10 +40,10 @@ def parameters(cause: Mapping[str, Any]) -> ReportTable:
     """Sizes with their 95 % intervals."""
     rows: Sequence[Mapping[str, Any]] = cause["parameters"]
     shown = sorted(rows, key=_largest)[:MAX_ROWS] if len(rows) > MAX_ROWS else rows
-    left = f"; the {MAX_ROWS} largest of {len(rows)}, the JSON document has all" if len(rows) > MAX_ROWS else ""
+    omitted = f"; the {MAX_ROWS} largest of {len(rows)}, the JSON document has all" if len(rows) > MAX_ROWS else ""
     body = tuple((str(r["of"]), str(r["name"]), str(r["axis"] or "–"), _value(r)) for r in shown)
     return ReportTable(
-        report_text("table-parameters", effect=cause["effect"]) + left, ("of", "name", "axis", "value"), body
+        report_text("table-parameters", effect=cause["effect"]) + omitted, ("of", "name", "axis", "value"), body
     )
 
 
@@ -122,11 +122,11 @@ def shifts(data: ReportData) -> ReportTable | None:
         )
         for u in shown
     )
-    left = f"; the {MAX_ROWS} largest of {len(units)}" if len(units) > MAX_ROWS else ""
+    omitted = f"; the {MAX_ROWS} largest of {len(units)}" if len(units) > MAX_ROWS else ""
     coefficients = [f"offset {a}, {word}" for a in "xyz"] + [f"gain {a}, {part}" for a in "xyz"]
     coefficients += [f"cross {'xyz'[i]}{'xyz'[j]}, {part}" for i, j in _PAIRS]
     head = ("unit", f"a reading, {word}", *coefficients, *(("verdict",) if judged else ()))
-    return ReportTable(report_text("table-shifts") + left, head, rows)
+    return ReportTable(report_text("table-shifts") + omitted, head, rows)
 
 
 def shifts_chart(data: ReportData) -> str | None:

@@ -70,8 +70,8 @@ def _yield(line: LineStatistics, say: Translate) -> str:
 
 def _shares(x: Sequence[float], shares: Sequence[float], name: str, colour: int) -> Series:
     """Percentages; days without any stay out."""
-    kept = [(a, 100 * b) for a, b in zip(x, shares, strict=True) if np.isfinite(b)]
-    return Series([a for a, _ in kept], [b for _, b in kept], name, "dots", colour=colour)
+    measured = [(a, 100 * b) for a, b in zip(x, shares, strict=True) if np.isfinite(b)]
+    return Series([a for a, _ in measured], [b for _, b in measured], name, "dots", colour=colour)
 
 
 def _pareto(line: LineStatistics, words: Words) -> str:
@@ -95,13 +95,13 @@ def _control(
         raise UsageError("chart-value-unknown", value=value[:40], known=VALUE_NAMES)
     if not 1 <= size <= 25:
         raise UsageError("chart-subgroup-size", size=size)
-    kept = [
+    measured = [
         (m.started_ns, m.values[value]) for m in line.attempts if value in m.values and m.outcome in ("PASS", "FAIL")
     ]
-    count = len(kept) // size
+    count = len(measured) // size
     if count < 2:
-        return [], [], Message("chart-too-few", value=value, size=size, count=len(kept))
-    used = kept[-count * size :]
+        return [], [], Message("chart-too-few", value=value, size=size, count=len(measured))
+    used = measured[-count * size :]
     groups = np.array([v for _, v in used]).reshape(count, size)
     unit = line.recipe.unit if line.recipe and value.split(maxsplit=1)[0] in ("offset", "residual", "noise") else ""
     unit = "s" if value == "cycle time" else unit

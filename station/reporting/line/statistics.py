@@ -42,9 +42,9 @@ class LineStatistics:
     reasons: Mapping[str, int] = field(default_factory=dict)
 
 
-def values_and_checks(kept: dict[str, Any]) -> tuple[AttemptValues, tuple[str, ...]]:
+def values_and_checks(stored: dict[str, Any]) -> tuple[AttemptValues, tuple[str, ...]]:
     """One finished attempt's values, and the checks that speak against it."""
-    return values_of(kept), tuple(_checks(kept))
+    return values_of(stored), tuple(_checks(stored))
 
 
 def limits_of(name: str, limits: Limits) -> tuple[float | None, float | None]:
@@ -76,42 +76,42 @@ def _sum(name: str, cells: Sequence[Yield]) -> Yield:
     return Yield(group=name, **counts, mean_duration_s=lasted_s / counts["attempts"])
 
 
-def _checks(kept: dict[str, Any]) -> list[str]:
-    verdict = stored_attempt.result(kept, "verdict") or {}
+def _checks(stored: dict[str, Any]) -> list[str]:
+    verdict = stored_attempt.result(stored, "verdict") or {}
     return sorted({str(r["check"]) for r in verdict.get("reasons", ())})
 
 
-def values_of(kept: dict[str, Any]) -> AttemptValues:
-    """One finished attempt's values; kept: everything the log holds of it."""
-    fit, verdict = stored_attempt.result(kept, "calibration") or {}, stored_attempt.result(kept, "verdict") or {}
+def values_of(stored: dict[str, Any]) -> AttemptValues:
+    """One finished attempt's values; stored: everything the log holds of it."""
+    fit, verdict = stored_attempt.result(stored, "calibration") or {}, stored_attempt.result(stored, "verdict") or {}
     values: dict[str, float] = {}
     if fit.get("offset") is not None:
         theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
         values |= dict(zip(coefficients.NAMES, theta, strict=True)) | {"residual rms": fit["residual_rms"]}
     if verdict.get("noise") is not None:
         values["noise"] = verdict["noise"]
-    values["cycle time"] = (kept["ended_ns"] - kept["started_ns"]) / 1e9
+    values["cycle time"] = (stored["ended_ns"] - stored["started_ns"]) / 1e9
     tilts = {p["name"]: p["tilt_deg"] for p in fit.get("positions") or () if p["tilt_deg"] is not None}
     known = {k: float(v) for k, v in values.items() if math.isfinite(v)}
     return AttemptValues(
-        serial=kept["serial"],
-        nest=f"{kept['station']}/{kept['nest']}",
-        started_ns=kept["started_ns"],
-        outcome=str(kept["outcome"]),
+        serial=stored["serial"],
+        nest=f"{stored['station']}/{stored['nest']}",
+        started_ns=stored["started_ns"],
+        outcome=str(stored["outcome"]),
         values=known,
-        parts=_parts(kept),
+        parts=_parts(stored),
         tilts=tilts,
     )
 
 
-def _parts(kept: dict[str, Any]) -> dict[str, float]:
+def _parts(stored: dict[str, Any]) -> dict[str, float]:
     """How long each part lasted, s: from the record's own time stamps; parts that did not happen take none."""
-    tumble = [v for v in kept["visits"] if v["kind"] != "verify"]
-    verify = [v for v in kept["visits"] if v["kind"] == "verify"]
-    marks = [kept["started_ns"]]
+    tumble = [v for v in stored["visits"] if v["kind"] != "verify"]
+    verify = [v for v in stored["visits"] if v["kind"] == "verify"]
+    marks = [stored["started_ns"]]
     marks.append(tumble[0]["arrived_ns"] if tumble else marks[-1])
     marks.append(tumble[-1]["left_ns"] if tumble else marks[-1])
     marks.append(verify[0]["arrived_ns"] if verify else marks[-1])
     marks.append(verify[-1]["left_ns"] if verify else marks[-1])
-    marks.append(kept["ended_ns"])
+    marks.append(stored["ended_ns"])
     return {name: (b - a) / 1e9 for name, (a, b) in zip(CYCLE_PARTS, pairwise(marks), strict=True)}
