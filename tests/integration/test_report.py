@@ -76,7 +76,7 @@ def test_every_figure_is_there(line: LineStatistics) -> None:
         "Reasons of attempts",
         "Cycle time",
         "gain z: mean (n = 2)",
-        "range of 2",
+        "range (n = 2)",
         "Tilt of each",
     ):
         assert wanted in titles
