@@ -122,9 +122,7 @@ def test_a_log_that_shows_too_little_says_what_to_do(recorded: tuple[Path, Ran],
     folder, _ = recorded
     lines = (folder / "two.log").read_text().splitlines()
     (tmp_path / "short.log").write_text("\n".join(lines[: len(lines) // 2]) + "\n")
-    with pytest.raises(
-        LogError, match=r"short\.log has no marks beside it, and no device in it was held still in every"
-    ):
+    with pytest.raises(LogError, match=r"short\.log has no marks, and no device in it rests in every position"):
         replay_log(tmp_path / "short.log", "six-point", None, as_json=False)
 
 

@@ -221,7 +221,7 @@ def test_waiting_for_a_boot_up_that_came_before_the_call(rig: Rig) -> None:
 
 
 def test_an_unknown_nmt_command_is_refused(rig: Rig) -> None:
-    with pytest.raises(UsageError, match="the known ones are start, stop"):
+    with pytest.raises(UsageError, match="use one of start, stop"):
         rig().station.nmt("explode")
 
 

@@ -206,5 +206,5 @@ def test_clock_error_is_told_to_the_device() -> None:
 def test_an_empty_nest_is_a_sentence() -> None:
     rig, _ = rig_of(tilt())
     rig.load({"N1": "A"}, 0.0)
-    with pytest.raises(UsageError, match="no unit in nest 'N9' of the simulated rig; the loaded nests are N1"):
+    with pytest.raises(UsageError, match="Nest 'N9' of the simulated rig holds no unit; loaded nests: N1"):
         rig.sense("N9", np.zeros(1))
