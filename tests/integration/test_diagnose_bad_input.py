@@ -64,6 +64,20 @@ def test_little_more_names_nothing_and_says_what_it_could_not_test(
     assert {"offset-temperature", "motor-tone"} <= set(document["not_testable"])
 
 
+def test_one_stop_left_of_a_unit_tells_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "clipped.csv"
+    with pytest.raises(SystemExit) as ended:
+        main(["simulate", "--recipe", "six-point", "--units", "6", "--seed", "3", "--effect", "clipping",
+              "--out", str(path)])  # fmt: skip
+    assert ended.value.code == 0
+    capsys.readouterr()
+    # Each face puts an axis at 1 g, so only a fixture's tilt spares a stop here and there.
+    code, told = diagnosed(path, capsys)
+    assert code == 2
+    assert "34 of 36 stops are clipped, and nothing can be told from the rest" in told
+    assert told.count("\n") == 1
+
+
 def faces(rng: np.random.Generator) -> pd.DataFrame:
     """Two units at five faces, twenty samples a stop."""
     rows = [

@@ -137,6 +137,16 @@ def test_where_every_stop_is_clipped_nothing_is_diagnosed() -> None:
         look(recipe(1), made)
 
 
+def test_a_unit_of_which_no_stop_is_left_spoils_no_other() -> None:
+    made = table()
+    mine = made.unit.code == 0
+    # Whatever the tilt, one axis feels more than 1/√3 g.
+    reading = np.where(mine[:, None], np.clip(made.reading, -0.55, 0.55), made.reading)
+    looked = look(RECIPE, replace(made, reading=reading))
+    assert [(f.effect, f.numbers[0].of) for f in looked.faults] == [("clipping", "unit:SN0001")]
+    assert looked.last.view.scene.visits.unit.names == ("SN0002",)
+
+
 @pytest.mark.parametrize(("mapping", "alike"), [("-y,x,z", True), ("x,-y,z", False), ("z,y,x", False)])
 def test_swapped_axes_are_named_and_put_right(mapping: str, alike: bool) -> None:
     made = table()

@@ -29,9 +29,11 @@ def check(recipe: Recipe, table: SampleTable) -> None:
 
 
 def check_unclipped(table: SampleTable, rest: SampleTable) -> None:
-    """Errors: SamplesError where hardly a stop is left of a table beside those that are clipped."""
-    every, whole = len(_first_rows(table)), len(_first_rows(rest)) if len(rest) else 0
-    if whole < 2:
+    """Errors: SamplesError where no unit has two stops left beside those that are clipped: of one stop everything is
+    the unit's own offset."""
+    first = _first_rows(rest) if len(rest) else np.zeros(0, np.intp)
+    every, whole = len(_first_rows(table)), len(first)
+    if np.bincount(rest.unit.code[first]).max(initial=0) < 2:
         raise SamplesError(
             f"{every - whole} of {every} stops are clipped, and nothing can be told from the rest; measure in a range "
             "that holds the readings, or correct the columns' unit"

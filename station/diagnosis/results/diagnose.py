@@ -13,9 +13,8 @@ from station.diagnosis.data.stays import recut
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.results.estimate import Estimate, estimate_causes
 from station.diagnosis.results.gain import HeldOutGain, held_out_gain
-from station.diagnosis.search.alarm import FAMILY_WISE_LEVEL
+from station.diagnosis.search.alarm import EXPLAINS_NATS, FAMILY_WISE_LEVEL
 from station.diagnosis.search.cause_search import (
-    EXPLAINS_NATS,
     CauseFinding,
     NullFactory,
     SearchResult,
@@ -80,7 +79,7 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     """Diagnoses a table. Errors: SamplesError when a position or seating is not in the recipe, or hardly anything is
     in the table."""
     input_checks.check(recipe, table)
-    inspected = inspect(recipe, recut(recipe, table).table)
+    inspected = inspect(recipe, recut(recipe, table.used()).table)
     input_checks.check_unclipped(table, inspected.table)
     known = {effect.effect for effect in model.effects}
     news = tuple(f for f in inspected.faults if f.effect not in known)

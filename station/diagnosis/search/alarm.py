@@ -3,14 +3,17 @@
 Data sets without any cause are drawn from the floor, its own uncertainty included, and scored by the whole bank.
 Each cause's scores give its own null distribution (an exponential tail beyond the sample); the statistic of a data
 set is the largest −log₁₀ p over the bank, and the threshold its 99 % quantile over the null sets, so that the whole
-family of causes raises a false alarm in one of a hundred campaigns.
+family of causes raises a false alarm in one of a hundred campaigns. What explains too little to be named alarms nobody,
+neither in the readings nor in the null sets: of a few stops a cause may say the same whatever is read, and rounding
+alone then looks rare.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.candidates.projected_bank import ProjectedBank
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.search import null_simulation
@@ -19,9 +22,13 @@ from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-NULL_CACHE_VERSION = 6
+NULL_CACHE_VERSION = 7
 #: Chance of any alarm in data without a cause.
 FAMILY_WISE_LEVEL = 0.01
+#: A cause worth fewer nats than this, odds of three to one, explains no alarm.
+EXPLAINS_NATS = 1.1
+#: A kernel must be ahead of chance, and of every cause of the library, by this many nats to be "something unknown".
+UNKNOWN_NATS = 3.0
 #: Probabilities below the tail at which a cause's null scores are kept, and where its exponential tail begins.
 QUANTILE_GRID = np.linspace(0.0, 1.0, 33)
 TAIL_START = 0.975
@@ -47,6 +54,14 @@ class NullDistribution:
         below = 1 - TAIL_START * np.interp(score, self.quantiles[name], QUANTILE_GRID)
         tail = np.maximum(score - self.start[name], 0.0) / (self.scale[name] * np.log(10))
         return np.asarray(-np.log10(below) + tail)
+
+    def surprise(self, scores: Mapping[str, Floats]) -> Floats:
+        """The largest −log₁₀ p (n) of the causes' scores, of those that explain enough to be named; 0 without any."""
+        each = [
+            np.where(s >= (UNKNOWN_NATS if name in KERNEL_NAMES else EXPLAINS_NATS), self.minus_log10_p(name, s), 0.0)
+            for name, s in scores.items()
+        ]
+        return np.asarray(np.max(each, axis=0)) if each else np.zeros(1)
 
     def document(self) -> dict[str, object]:
         """As plain numbers, to keep."""
@@ -88,20 +103,12 @@ def fit_null(scores: Mapping[str, Floats]) -> NullDistribution:
     usual = float(np.median(list(scale.values())))
     scale = {name: max(x, usual) for name, x in scale.items()}
     null = NullDistribution(quantiles, start, scale, 0.0)
-    largest = np.max([null.minus_log10_p(name, s) for name, s in scores.items()], axis=0)
-    return NullDistribution(quantiles, start, scale, float(np.quantile(largest, 1 - FAMILY_WISE_LEVEL)))
+    return replace(null, threshold=float(np.quantile(null.surprise(scores), 1 - FAMILY_WISE_LEVEL)))
 
 
 def statistic(null: NullDistribution, evidence: Mapping[str, float]) -> float:
     """The largest −log₁₀ p over the causes."""
-    return max((float(null.minus_log10_p(name, np.array([e]))[0]) for name, e in evidence.items()), default=0.0)
-
-
-def minus_log10_p_by_cause(
-    null: NullDistribution, evidence: Mapping[str, float], names: Sequence[str]
-) -> dict[str, float]:
-    """−log₁₀ p of the named causes."""
-    return {name: float(null.minus_log10_p(name, np.array([evidence[name]]))[0]) for name in names if name in evidence}
+    return float(null.surprise({name: np.array([e]) for name, e in evidence.items()})[0])
 
 
 def cache_key(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, seed: int) -> str:

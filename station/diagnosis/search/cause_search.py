@@ -31,7 +31,7 @@ from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
-from station.diagnosis.search.alarm import NullDistribution, statistic
+from station.diagnosis.search.alarm import EXPLAINS_NATS, UNKNOWN_NATS, NullDistribution, statistic
 from station.diagnosis.search.distinguishability import (
     SEPARATION_95,
     estimate_signal,
@@ -48,12 +48,9 @@ from station.model.effects.disturbed_visit import DisturbedVisit
 
 NullFactory = Callable[[ScoringProblem, FittedFloor, WalkMarginal], NullDistribution]
 
-#: A kernel must beat every cause of the library by this many nats to be "something unknown".
-UNKNOWN_NATS = 3.0
-#: And by this share: no form, and no mean of a block, is more exact. What it leaves out is found in the next round.
+#: A kernel must beat every cause by this share, too: no form, and no mean of a block, is more exact. What it leaves out
+#: is found in the next round.
 KERNEL_MARGIN = 0.04
-#: A cause worth fewer nats than this, odds of three to one, explains no alarm.
-EXPLAINS_NATS = 1.1
 #: Causes that are tried together against a kernel, how many of them as the first, and what it costs to choose one more,
 #: in nats: one of twenty.
 MAX_CHAIN, MAX_STARTS, CHOICE_NATS = 3, 3, 3.0

@@ -1,7 +1,7 @@
 """Frozen values that the floors hand to each other. Arrays are read-only by convention; units in names."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -74,6 +74,11 @@ class Labels:
         """The column as an array of strings."""
         return np.asarray(self.names, dtype=object)[self.code] if self.names else np.zeros(0, object)
 
+    def used(self) -> "Labels":
+        """The same column without names that no row has."""
+        present, code = np.unique(self.code, return_inverse=True)
+        return Labels(tuple(self.names[i] for i in present), code.astype(np.int32))
+
     @staticmethod
     def of(text: Any) -> "Labels":
         """Codes of a sequence of strings, names in alphabetical order."""
@@ -116,6 +121,11 @@ class SampleTable:
             {k: v[rows] for k, v in self.values.items()},
             None if self.gold is None else self.gold[rows],
         )
+
+    def used(self) -> "SampleTable":
+        """The same samples, without the names of units, positions and the like that no row has any more."""
+        labels = {k: v.used() for k, v in self.labels.items()}
+        return replace(self, unit=self.unit.used(), position=self.position.used(), labels=labels)
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,7 +61,8 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
     hit = np.zeros(len(scene.visits), bool)
     hit[stop[bad]] = True
     whole = ~hit[stop]
-    usable = table[whole] if bad.any() else table
+    # A unit may have no stop left.
+    usable = table[whole].used() if bad.any() else table
     found += motor_tone.faults(recipe, usable, stop[whole])
     found = [f for f in found if not f.rejected]
     return Inspection(

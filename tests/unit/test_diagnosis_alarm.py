@@ -1,0 +1,31 @@
+"""The alarm: what explains next to nothing raises none, and the threshold is the null's."""
+
+import numpy as np
+import pytest
+
+from station.diagnosis.search.alarm import FAMILY_WISE_LEVEL, UNKNOWN_NATS, fit_null, statistic
+
+
+def test_a_cause_that_says_the_same_whatever_is_read_alarms_nobody(rng: np.random.Generator) -> None:
+    # Null sets are drawn in single precision: a constant comes out a little off the readings' own.
+    constant = -0.18 + 1e-6 * rng.standard_normal(2048)
+    null = fit_null({"cross-axis": constant, "cubic": rng.gumbel(-2.0, 1.0, 2048)})
+    assert statistic(null, {"cross-axis": 0.0, "cubic": -2.0}) == 0.0
+
+
+@pytest.mark.parametrize(("name", "alarms"), [("cubic", True), ("input", False)])
+def test_a_kernel_must_be_further_ahead_of_chance_than_a_cause(
+    name: str, alarms: bool, rng: np.random.Generator
+) -> None:
+    null = fit_null({name: 0.1 * rng.standard_normal(2048)})
+    below = UNKNOWN_NATS - 0.5
+    assert (statistic(null, {name: below}) > null.threshold) == alarms
+
+
+def test_the_threshold_is_passed_by_one_null_set_in_a_hundred(rng: np.random.Generator) -> None:
+    names = ("cubic", "input", "time")
+    null = fit_null({name: rng.gumbel(0.0, 1.5, 4096) for name in names})
+    fresh = null.surprise({name: rng.gumbel(0.0, 1.5, 20_000) for name in names})
+    share = float(np.mean(fresh > null.threshold))
+    # Four standard deviations of a share of .01 in 4,096 and in 20,000 sets.
+    assert abs(share - FAMILY_WISE_LEVEL) < 4 * np.sqrt(0.01 * 0.99 * (1 / 4096 + 1 / 20_000))
