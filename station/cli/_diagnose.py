@@ -30,7 +30,7 @@ from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError, SamplesError, UsageError
 from station.files.replace import replace_text
-from station.messages import system_reason
+from station.messages import Message, render, system_reason
 from station.model.model_file import Model
 from station.wiring.process_memory import retain_all_memory
 
@@ -156,7 +156,8 @@ def _without_gaps(table: SampleTable) -> SampleTable:
     """The table without optional columns that have gaps: a cause cannot be laid to what is not always known."""
     gaps = [name for name, values in table.values.items() if not np.all(np.isfinite(values))]
     if gaps:
-        _output.print_remark(f"station: {', '.join(gaps)} is not known in every row, so no cause is laid to it")
+        remark = render(Message("covariates-with-gaps", columns=tuple(gaps)))
+        _output.print_remark(f"station: {remark}")
     return replace(table, values={name: v for name, v in table.values.items() if name not in gaps})
 
 
@@ -213,9 +214,7 @@ def _write(wanted: DiagnoseOutputs, findings: Mapping[str, Any], found: Diagnosi
 def _write_next_run(path: Path, proposal: Proposal | None) -> None:
     """Writes the recipe of the next run; nothing where no run would help."""
     if proposal is None:
-        _output.print_remark(
-            f"station: --next-run {path}: nothing is tied that another run would tell apart; nothing is written"
-        )
+        _output.print_remark(f"station: {render(Message('next-run-not-needed', path=str(path)))}")
         return
     import yaml
 

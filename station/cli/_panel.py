@@ -10,7 +10,7 @@ from pathlib import Path
 from station.cli import _output
 from station.config.settings import Settings, load_settings
 from station.errors import ConfigError, StationFault, UsageError
-from station.messages import system_reason
+from station.messages import Message, render, system_reason
 from station.panel_protocol.presence import serving
 from station.web import accounts
 from station.web.accounts import Account, Role
@@ -145,7 +145,7 @@ def _add_demo_account(people: Path) -> None:
     """One engineer with a password that is said once, so that a demonstration needs no preparation."""
     password = secrets.token_urlsafe(9)
     accounts.save(people, {"demo": Account("demo", Role.ENGINEER, accounts.hash_password(password))})
-    _output.print_remark(f"log in as demo with the password {password} (kept in {people} as a hash; said only now)")
+    _output.print_remark(render(Message("demo-login", password=password, file=str(people))))
 
 
 def _read_password(name: str) -> str:

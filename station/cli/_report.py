@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from station.cli import _output
 from station.cli._pages import environment
 from station.errors import UsageError
-from station.messages import system_reason
+from station.messages import Message, render, system_reason
 from station.ports.log_reader import Query
 from station.reporting.line import charts
 from station.reporting.words import words_of
@@ -50,7 +50,7 @@ def run_report(log: "LogReader", ask: ReportRequest, *, as_json: bool) -> int:
 def _page(log: "LogReader", drawn: charts.Charts, count: int) -> str:
     head = log.head()
     title = f"Line report: {PurePath(log.location).name}"
-    summary = f"{count} finished attempts; control charts show the newest of them, limits are three σ within subgroups."
+    summary = render(Message("line-report-summary", count=count))
     template = environment().get_template("report.html")
     return template.render(title=title, said=summary, charts=drawn, head=f"{head.number}:{head.hash}")
 

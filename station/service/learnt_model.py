@@ -6,6 +6,7 @@ from pathlib import Path
 from station.config.documents import canonical
 from station.config.models import load_model
 from station.config.recipes import recipe_hash
+from station.messages import Message, render
 from station.model.compensated import compensate
 from station.service.station import Job
 
@@ -20,8 +21,7 @@ def with_model(job: Job, path: Path | None) -> tuple[Job, tuple[str, ...]]:
     found = compensate(job.recipe, load_model(path), gains_only=job.product.map.matrix.order == "diagonal")
     notices = [f"{path}: {reason}" for reason in found.uncompensated]
     if found.causes:
-        names = ", ".join(found.causes)
-        notices.insert(0, f"{path}: {names}, the device's own, goes into the calibration: offset and the whole matrix")
+        notices.insert(0, render(Message("model-causes-compensated", file=str(path), causes=found.causes)))
     if found.recipe == job.recipe:
         return replace(job, compensated_causes=found.causes), tuple(notices)
     whole = replace(
