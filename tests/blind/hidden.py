@@ -196,6 +196,9 @@ def _late(w: World, rng: Scaled) -> Array:
     return np.where(w.away > rng.uniform(0.4, 0.6), 1.0, 0.0)
 
 
+#: Another offset in each run, which begins with a power-on.
+ANOTHER_OFFSET = adds(lambda w, rng: rng.amplitude(3e-4, (_units(w) * 9, 3))[w.unit * 9 + w.run])
+
 #: What no cause of the library explains, with the words that may stand in `depends_on`.
 UNKNOWN: dict[str, tuple[set[str], Hidden]] = {
     "periodic in time": ({"time", "order"}, per_unit(3e-4, _wave)),
@@ -208,10 +211,6 @@ UNKNOWN: dict[str, tuple[set[str], Hidden]] = {
     "offset of each position": (
         {"position", "input"},
         adds(lambda w, rng: rng.amplitude(3e-4, (int(w.position.max()) + 1, 3))[w.position]),
-    ),
-    "another offset in each run": (
-        {"unit", "group", "time"},
-        adds(lambda w, rng: rng.amplitude(3e-4, (_units(w) * 9, 3))[w.unit * 9 + w.run]),
     ),
     "pull towards even stops": ({"order", "time"}, per_unit(3e-4, lambda w, rng: (-1.0) ** w.visit)),
 }

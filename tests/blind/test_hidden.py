@@ -12,7 +12,7 @@ from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
 from station.model.model_file import Model
 from tests.blind.bench import FULL, WHITE, hide
-from tests.blind.hidden import KNOWN, UNKNOWN, WRONG_FORM
+from tests.blind.hidden import ANOTHER_OFFSET, KNOWN, UNKNOWN, WRONG_FORM
 from tests.blind.look import look
 from tests.blind.recipes import recipe
 
@@ -61,6 +61,11 @@ def test_what_nobody_knows_is_called_unknown_and_says_on_what_it_depends(name: s
     found = look(recipe(), table)
     assert found.verdict in ("unknown", "incomplete")
     assert words & set(found.depends_on)
+
+
+def test_another_offset_in_each_run_is_the_power_ons() -> None:
+    table, _ = hide(recipe(), ANOTHER_OFFSET, 3000 + SEED, floor=WHITE, d=24.0)
+    assert document(look(recipe(), table))["causes"][0]["effect"] == "turn-on-offset"
 
 
 @pytest.mark.parametrize("seed", range(4))

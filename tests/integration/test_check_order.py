@@ -50,7 +50,7 @@ def test_the_positioner_of_a_config_tells_its_own_times(capsys: pytest.CaptureFi
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["six-point", "--order", "--design", "6"], "ask for one at a time"),
+        (["six-point", "--order", "--design", "6"], "use one at a time"),
         (["six-point", "--config", "config.yaml"], "add --order"),
         (["hand-held", "--order"], "--order needs known poses"),
     ],
