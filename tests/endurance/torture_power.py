@@ -27,7 +27,6 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "vcan")]
 
-from station.adapters.store import keys
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.errors import StationError
@@ -56,15 +55,15 @@ def work(folder: Path, out: Path, *, careless: bool) -> None:
 
         setattr(SqliteStore, name, told)
 
-    def carelessly(store: SqliteStore, old: keys.Signer | None = None) -> None:
-        check(store, old)
+    def carelessly(store: SqliteStore) -> None:
+        check(store)
         if careless:
             store._db.execute("PRAGMA synchronous = NORMAL")
 
     for name in CALLS:
         telling(name)
     store_class: Any = SqliteStore
-    check, store_class._name_key = SqliteStore._name_key, carelessly
+    check, store_class._name_places = SqliteStore._name_places, carelessly
     fixture_run.run(folder, units=2, device_state=None)
 
 
