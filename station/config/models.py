@@ -7,7 +7,7 @@ from station.errors import InputError
 from station.model.model_file import Model
 
 #: A model that has learnt every stop of a fleet is long.
-MOST_BYTES = 50_000_000
+MOST_BYTES = 25_000_000
 
 
 def load_model(path: Path | None) -> Model:
