@@ -66,11 +66,11 @@ def test_a_busy_interface_is_well_and_says_who_speaks(
     found = doctor()
     assert found["bus"] == (True, f"{vcan.name} (vcan) is up, state not told")
     assert found["traffic"][0]
-    assert f"frames/s on {vcan.name}, frames of nests B" in found["traffic"][1]
+    assert f"frames/s on {vcan.name}, from nests B" in found["traffic"][1]
 
 
 def test_silence_is_said_and_no_fault(doctor: Callable[[], dict[str, tuple[bool, str]]], vcan: Interface) -> None:
-    assert doctor()["traffic"] == (True, f"nothing came on {vcan.name} in 1 s; are the units powered?")
+    assert doctor()["traffic"] == (True, f"no frame on {vcan.name} within 1 s; are the units powered?")
 
 
 def test_an_interface_that_is_down_is_named_with_the_command(
