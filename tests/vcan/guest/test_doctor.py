@@ -64,7 +64,7 @@ def test_a_busy_interface_is_well_and_says_who_speaks(
 ) -> None:
     sending(0x192)
     found = doctor()
-    assert found["bus"] == (True, f"{vcan.name} (vcan) is up, state not told")
+    assert found["bus"] == (True, f"{vcan.name} (vcan) is up, state unknown (error counters unknown)")
     assert found["traffic"][0]
     assert f"frames/s on {vcan.name}, from nests B" in found["traffic"][1]
 
