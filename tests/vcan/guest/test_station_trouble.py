@@ -163,7 +163,7 @@ def test_a_link_that_goes_down_ends_the_run_truthfully_and_the_next_one_passes(
     ):
         cut = fixture.run(bench, [SERIAL], served.turn, During(z_down=near.down))
         assert isinstance(cut.fault, BusFault)
-        assert cut.fault.sentence == f"{near.name} went down: bring it up with `ip link set {near.name} up`"
+        assert cut.fault.sentence == f"{near.name} went down: bring it up with `ip link set {near.name} up`."
         assert cut.results[SERIAL].outcome is Outcome.ERROR
         assert not cut.results[SERIAL].written
         near.up()
