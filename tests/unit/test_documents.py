@@ -76,7 +76,7 @@ def test_a_part_keeps_the_lines_of_the_file(tmp_path: Path) -> None:
         (("version: 1", "version: 1\n---\na: 1"), 4, "second document"),
         (("version: 1", 'version: "\\x07"'), 3, "U+0007"),
         (("six", "si\u202ex"), 2, "U+202E"),
-        (("sensor: accelerometer", "sensor: 3\nmethod: guess"), 4, "'accelerometer'"),
+        (("sensor: accelerometer", "sensor: 3\nmethod: guess"), 4, "'3' is unknown"),
     ],
 )
 def test_every_mistake_is_one_sentence_with_its_line(
