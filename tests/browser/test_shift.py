@@ -41,7 +41,7 @@ def test_a_shift(serve: Serve, log_in: LogIn, pictures: Path) -> None:
     page.wait("document.querySelector('#told').textContent.includes('does not match')")
     scan(page, "SN0001", "SN0002", "SN0003", "SN0004")
     page.keys("SN0001\n")
-    page.wait("document.querySelector('#told').textContent.includes('given twice')")
+    page.wait("document.querySelector('#told').textContent.includes('listed twice')")
     page.click("#start")
     # One fails early, with its reason; the others go on.
     page.wait(f"{verdict('B')} === 'FAIL'", 60)
@@ -137,7 +137,7 @@ def test_an_engineer_takes_a_unit_again_on_purpose(serve: Serve, log_in: LogIn, 
     page = log_in(site, "olga")
     page.wait("document.activeElement.id === 'scan'")
     page.keys("SN0001\n")
-    page.wait("document.querySelector('#told').textContent.includes('passed six-point already')")
+    page.wait("document.querySelector('#told').textContent.includes('passed six-point on')")
     assert page.script("return document.querySelector('#again') === null"), "an operator may not"
     page = log_in(site, "emil")
     page.wait("document.activeElement.id === 'scan'")
