@@ -12,7 +12,7 @@ from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
 from station.model.model_file import Model
 from tests.blind.bench import FULL, WHITE, hide
-from tests.blind.hidden import ANOTHER_OFFSET, KNOWN, UNKNOWN, WRONG_FORM
+from tests.blind.hidden import ANOTHER_OFFSET, KNOWN, TEMPERATURE_BUMP, UNKNOWN, WRONG_FORM
 from tests.blind.look import look
 from tests.blind.recipes import recipe
 
@@ -66,6 +66,13 @@ def test_what_nobody_knows_is_called_unknown_and_says_on_what_it_depends(name: s
 def test_another_offset_in_each_run_is_the_power_ons() -> None:
     table, _ = hide(recipe(), ANOTHER_OFFSET, 3000 + SEED, floor=WHITE, d=24.0)
     assert document(look(recipe(), table))["causes"][0]["effect"] == "turn-on-offset"
+
+
+def test_a_bump_over_the_temperature_is_told_from_no_offset_of_each_run() -> None:
+    table, _ = hide(recipe(), TEMPERATURE_BUMP, 3000 + SEED, floor=WHITE, d=24.0)
+    found = look(recipe(), table)
+    named = [cause["effect"] for cause in document(found)["causes"]]
+    assert set(named[:1]) <= {"offset-temperature", "turn-on-offset"} or found.verdict in ("unknown", "incomplete")
 
 
 @pytest.mark.parametrize("seed", range(4))
