@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from station.diagnosis.search.alarm import FAMILY_WISE_LEVEL, UNKNOWN_NATS, fit_null, statistic
+from station.diagnosis.search.rank import variance_surprise
 
 
 def test_a_cause_that_says_the_same_whatever_is_read_alarms_nobody(rng: np.random.Generator) -> None:
@@ -29,3 +31,15 @@ def test_the_threshold_is_passed_by_one_null_set_in_a_hundred(rng: np.random.Gen
     share = float(np.mean(fresh > null.threshold))
     # Four standard deviations of a share of .01 in 4,096 and in 20,000 sets.
     assert abs(share - FAMILY_WISE_LEVEL) < 4 * np.sqrt(0.01 * 0.99 * (1 / 4096 + 1 / 20_000))
+
+
+@pytest.mark.parametrize("dof", [6, 40, 3000])
+@pytest.mark.parametrize("gain", [4.2, 10.0, 100.0])
+def test_a_free_variance_surprises_as_the_tail_of_its_ratio_says(gain: float, dof: int) -> None:
+    tail = 0.5 * stats.f.sf(dof * np.expm1(2 * gain / dof), 1, dof)
+    assert 0 <= -np.log10(tail) - variance_surprise(gain, dof) < 0.05
+
+
+def test_no_gain_is_beyond_the_scale_of_surprise() -> None:
+    assert np.isfinite(variance_surprise(1e6, 300))
+    assert variance_surprise(4.0, 300) == 0.0

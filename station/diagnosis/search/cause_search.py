@@ -41,7 +41,14 @@ from station.diagnosis.search.distinguishability import (
 )
 from station.diagnosis.search.jump_times import fit_jump_times
 from station.diagnosis.search.problem import refined
-from station.diagnosis.search.rank import RankedCause, keep_best, rank_causes, with_free_variance
+from station.diagnosis.search.rank import (
+    RankedCause,
+    keep_best,
+    rank_causes,
+    variance_gains,
+    variance_surprise,
+    with_free_variance,
+)
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import WalkMarginal, marginalise_walks, score_over_walks
 from station.model.effects.disturbed_visit import DisturbedVisit
@@ -204,7 +211,10 @@ class _Search:
         if self._null is None:
             self._null = self._null_of(problem, fitted, around)
         evidence = around.evidence()
-        return _Look(problem, now, around, evidence, statistic(self._null, evidence), self._null.threshold)
+        # The bank follows readings; scatter beyond what the floor may hold shows in the floor alone.
+        scatter = [variance_surprise(gain, fitted.space.dof) for gain, _ in variance_gains(problem, fitted).values()]
+        surprise = max([statistic(self._null, evidence), *scatter])
+        return _Look(problem, now, around, evidence, surprise, self._null.threshold)
 
     def ranks(self, look: _Look, before: Sequence[str]) -> dict[str, RankedCause]:
         """Every cause and kernel at its best; without what has been found often enough already."""

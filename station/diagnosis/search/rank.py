@@ -8,9 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import special
 
 from station.diagnosis.candidates.bank import Bank, Candidate
-from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
+from station.diagnosis.search.alarm import EXPLAINS_NATS
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, evidence_by_cause, score_bank
 from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
@@ -99,14 +101,30 @@ def with_free_variance(problem: ScoringProblem, name: str) -> ScoringProblem:
 
 def _floor_causes(problem: ScoringProblem, first: ScoredBank) -> dict[str, RankedCause]:
     """The causes that are variances of the floor, let free beyond what is allowed."""
+    found = variance_gains(problem, problem.fit(first.floor))
+    return {n: RankedCause(n, gain - OCCAM_NATS, None, ScoredBank(at, first.seen)) for n, (gain, at) in found.items()}
+
+
+def variance_gains(problem: ScoringProblem, bounded: FittedFloor) -> dict[str, tuple[float, NoiseFloor]]:
+    """Of each variance of the floor that has reached its bound: the restricted log-likelihood that it gains when it is
+    let free, in nats, and the floor that then fits best."""
     found = {}
-    bounded = problem.fit(first.floor)
     for name, i in FLOOR_VARIANCES.items():
         if bounded.floor.variances[i] < 0.99 * problem.upper[i]:
             continue
-        upper = problem.upper.copy()
-        upper[i] = np.inf
-        free = problem.fit(bounded.floor, upper)
-        gain = free.space.profile - bounded.space.profile - OCCAM_NATS
-        found[name] = RankedCause(name, gain, None, ScoredBank(free.floor, first.seen))
+        free = with_free_variance(problem, name).fit(bounded.floor)
+        found[name] = (free.space.profile - bounded.space.profile, free.floor)
     return found
+
+
+def variance_surprise(gain: float, dof: int) -> float:
+    """−log₁₀ p of the nats that letting a variance free gains, where it is within its bound: half of χ²₁ (Self and
+    Liang, J. Am. Stat. Assoc. 82 (1987) 605, case 5), or of F₁ of the residual degrees of freedom, by the bound of
+    its tail that keeps the tail's end, which has no smallest number. What gains too little to be named surprises
+    nobody."""
+    if gain - OCCAM_NATS < EXPLAINS_NATS:
+        return 0.0
+    # With n degrees of freedom and y = e^(−2g/n) the tail is I_y(n/2, ½) ≤ y^(n/2) / (n/2 · B(n/2, ½) · √(1 − y)).
+    half = 0.5 * dof
+    nats = gain + np.log(half) + special.betaln(half, 0.5) + 0.5 * np.log(-np.expm1(-gain / half))
+    return float((nats + np.log(2)) / np.log(10))
