@@ -10,7 +10,8 @@ from station.domain.core.types import Floats
 from station.domain.recipe import moves, ordering, plan
 from station.domain.recipe.ordering import MoveTimes
 from station.domain.recipe.plan import PlannedVisit
-from station.domain.recipe.recipe import Position, Recipe
+from station.domain.recipe.position import Position
+from station.domain.recipe.recipe import Recipe
 from station.ports.positioner import Positioner
 
 #: Where the moving times come from, in words.

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from station.config.documents import Document, load_document, validate
 from station.config.search_path import shipped_folder
-from station.domain.recipe.recipe import Name, Positive, StrictModel
+from station.domain.recipe.fields import Name, Positive, StrictModel
 from station.errors import ConfigError, InvalidValue
 
 Node = Annotated[int, Field(ge=1, le=127)]

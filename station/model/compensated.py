@@ -12,7 +12,9 @@ from station.domain.core.types import Floats
 from station.domain.methods import coefficients, method
 from station.domain.planning import design
 from station.domain.planning.forecast import forecast
-from station.domain.recipe.recipe import Position, Recipe, Run
+from station.domain.recipe.blocks import Run
+from station.domain.recipe.position import Position
+from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 from station.model.campaign import campaign_of
 from station.model.effect import Effect

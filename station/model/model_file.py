@@ -13,7 +13,7 @@ from pydantic import Field
 
 from station import plugins
 from station.domain.core.types import Floats
-from station.domain.recipe.recipe import Finite, NotNegative, StrictModel
+from station.domain.recipe.fields import Finite, NotNegative, StrictModel
 from station.errors import InputError
 from station.model.effect import Effect, EffectStage
 from station.model.forward import ActiveEffect

@@ -19,7 +19,7 @@ from station.config.products import load_product, product_path
 from station.domain.can.sensor_layout import SensorLayout, resolve, used_signals
 from station.domain.core.types import Floats
 from station.domain.product.product import stored_serial
-from station.domain.recipe.recipe import UP
+from station.domain.recipe.position import UP
 from station.errors import ProductError, UsageError
 from station.ports.bus import Endpoint
 

@@ -10,7 +10,7 @@ from station import plugins
 from station.adapters.clock import VirtualClock
 from station.domain.core import rotation
 from station.domain.recipe.plan import PlannedVisit
-from station.domain.recipe.recipe import UP
+from station.domain.recipe.position import UP
 from station.ports.positioner import Positioner
 
 PACKAGE = "station.adapters.positioner"

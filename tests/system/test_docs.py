@@ -11,7 +11,8 @@ import pytest
 
 from station.cli.app import commands
 from station.config.recipes import load_recipe
-from station.domain.recipe.recipe import Recipe, Reference
+from station.domain.recipe.recipe import Recipe
+from station.domain.recipe.reference_block import Reference
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -17,7 +17,8 @@ from station.domain.noise.running_noise import NoiseCurve, dwell_noise, family_l
 from station.domain.planning import adaptive_dwell, nominal_visits
 from station.domain.planning.adaptive_dwell import ROUNDS, DwellProgress
 from station.domain.planning.allocation import NEAR
-from station.domain.recipe.recipe import DwellRule, Recipe
+from station.domain.recipe.blocks import DwellRule
+from station.domain.recipe.recipe import Recipe
 from station.service.dwell_control import AdaptiveDwell, FixedDwell, control_for
 from tests.fakes import tumble
 

@@ -9,7 +9,7 @@ from scipy.stats import norm, t
 from station.domain.core.types import Calibration, Floats, Outcome, ReducedVisits
 from station.domain.methods import decision_rule, risk
 from station.domain.methods.uncertainty import Budget
-from station.domain.recipe.recipe import Limits
+from station.domain.recipe.blocks import Limits
 from tests.fakes import tumble
 
 OFFSET = 0.05

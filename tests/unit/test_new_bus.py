@@ -18,7 +18,7 @@ FILE = '''
 """A gateway that carries CAN over something else."""
 
 from station.domain.core.types import Frames
-from station.domain.recipe.recipe import Positive, StrictModel
+from station.domain.recipe.fields import Positive, StrictModel
 
 
 class Gateway:

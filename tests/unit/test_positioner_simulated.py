@@ -7,7 +7,7 @@ from station.adapters.clock import VirtualClock
 from station.adapters.positioner.simulated import SimulatedPositioner
 from station.domain.core import rotation
 from station.domain.recipe.plan import PlannedVisit
-from station.domain.recipe.recipe import UP
+from station.domain.recipe.position import UP
 from station.errors import PositionerFault
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from station.adapters.bus._filter import accepted_mask
 from station.adapters.bus._logs import read_blocks
 from station.domain.core.types import Frames
-from station.domain.recipe.recipe import StrictModel
+from station.domain.recipe.fields import StrictModel
 from station.errors import BusFault, LogError
 from station.ports.clock import Clock
 

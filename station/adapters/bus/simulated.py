@@ -11,7 +11,7 @@ from station.adapters.bus._messages import to_frames, to_message
 from station.adapters.bus._python_can import VirtualBus
 from station.adapters.bus._wire import TX_QUEUE_FRAMES, Wire, parse
 from station.domain.core.types import Frames
-from station.domain.recipe.recipe import StrictModel
+from station.domain.recipe.fields import StrictModel
 from station.errors import BusFault
 from station.ports.bus import ErrorCounters
 from station.ports.clock import EventClock

@@ -13,7 +13,7 @@ from station.adapters.bus import _errors, _netlink
 from station.adapters.bus._errors import SEND_DEADLINE_S
 from station.adapters.bus._recvmmsg import SO_MEMINFO, SO_RCVBUFFORCE, Receiver
 from station.domain.core.types import EXTENDED, Frames
-from station.domain.recipe.recipe import StrictModel
+from station.domain.recipe.fields import StrictModel
 from station.errors import BusFault, ConfigError
 from station.messages import system_reason
 from station.ports.bus import ErrorCounters

@@ -1,7 +1,7 @@
 """A person turns the fixture; the station sees in the frames when the wanted face is up and still."""
 
+from station.domain.recipe.fields import Positive, StrictModel
 from station.domain.recipe.plan import PlannedVisit
-from station.domain.recipe.recipe import Positive, StrictModel
 from station.ports.clock import Clock
 
 

@@ -18,7 +18,9 @@ from station.diagnosis.search.distinguishability import SEPARATION_95, Signature
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Labels, SampleTable
-from station.domain.recipe.recipe import DwellRule, Recipe, Run, Turn
+from station.domain.recipe.blocks import DwellRule, Run
+from station.domain.recipe.position import Turn
+from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 from station.model.effect import Effect
 from station.model.model_file import Model

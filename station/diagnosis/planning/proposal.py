@@ -26,7 +26,9 @@ from station.diagnosis.planning.plan import (
     plan_runs,
 )
 from station.diagnosis.search.distinguishability import SEPARATION_95, SignatureAxes, distinct_share
-from station.domain.recipe.recipe import DwellRule, Recipe, Run, Turn
+from station.domain.recipe.blocks import DwellRule, Run
+from station.domain.recipe.position import Turn
+from station.domain.recipe.recipe import Recipe
 from station.model.effect import Effect
 from station.model.simulated_line import SimulatedLine
 from station.model.timeline import run_timeline

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import EXTENDED
-from station.domain.recipe.recipe import Name, StrictModel
+from station.domain.recipe.fields import Name, StrictModel
 from station.errors import InvalidValue, ProductError
 
 Node = Annotated[int, Field(ge=1, le=127)]

@@ -9,7 +9,7 @@ from pydantic import Field
 from station.domain.can.sensor_layout import SensorLayout
 from station.domain.capture.visit import CapturedVisit
 from station.domain.core.types import Frames, NestAssignment
-from station.domain.recipe.recipe import Finite, Name, StrictModel
+from station.domain.recipe.fields import Finite, Name, StrictModel
 
 #: A frame beside the dwell is this far away where the log holds none, s.
 ASSUMED_GAP_S = 0.001

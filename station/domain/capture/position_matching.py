@@ -13,7 +13,8 @@ from station.domain.capture.annotations import Annotation
 from station.domain.capture.rest_detection import angle_deg
 from station.domain.capture.visit_check import FACE_DEG
 from station.domain.core.types import Floats, Frames
-from station.domain.recipe.recipe import Position, Recipe
+from station.domain.recipe.position import Position
+from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
 
 #: Readings in a block, and how many standard deviations of a difference of two blocks' means are a step.

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from station.domain.core.types import Calibration, Floats, Outcome, Reason, ReducedVisits, Verdict
 from station.domain.methods import coefficients, coverage, risk
 from station.domain.methods.uncertainty import Budget
-from station.domain.recipe.recipe import Limits, Process, Recipe
+from station.domain.recipe.blocks import Limits, Process
+from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 from station.messages import Message, Value
 

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from station.domain.product import number_format
 from station.domain.product.sdo_codes import address
-from station.domain.recipe.recipe import Finite, Positive, StrictModel
+from station.domain.recipe.fields import Finite, Positive, StrictModel
 from station.errors import InvalidValue
 
 AXES = "xyz"

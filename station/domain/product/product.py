@@ -9,7 +9,7 @@ from station.domain.can.sensor_layout import FrameMap
 from station.domain.core.patterns import groups_of
 from station.domain.product.device_map import DeviceMap, SerialObject
 from station.domain.recipe import sensor as sensor_kind
-from station.domain.recipe.recipe import Name, StrictModel, one_of
+from station.domain.recipe.fields import Name, StrictModel, one_of
 from station.errors import UsageError
 from station.messages import Message
 

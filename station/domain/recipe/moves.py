@@ -8,8 +8,10 @@ import numpy as np
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.domain.recipe import ordering
+from station.domain.recipe.blocks import Run
 from station.domain.recipe.ordering import FORBIDDEN_S, MoveTimes
-from station.domain.recipe.recipe import Position, Recipe, Run
+from station.domain.recipe.position import Position
+from station.domain.recipe.recipe import Recipe
 
 #: Speeds of an ordinary bench: `order: fastest` must not depend on the bench, or a run could not be replayed elsewhere.
 SPEED_DEG_S, ACCELERATION_DEG_S2 = 90.0, 180.0

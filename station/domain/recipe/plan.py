@@ -7,7 +7,9 @@ import numpy as np
 
 from station.domain.core.types import Floats
 from station.domain.recipe import moves
-from station.domain.recipe.recipe import Position, Recipe, Run
+from station.domain.recipe.blocks import Run
+from station.domain.recipe.position import Position
+from station.domain.recipe.recipe import Recipe
 
 #: Stops of a run whose recipe lists no positions, because a person holds the part in any pose.
 HAND_HELD_VISITS = 24

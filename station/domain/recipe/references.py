@@ -6,7 +6,8 @@ import numpy as np
 
 from station.domain.core.types import Floats
 from station.domain.recipe import assumptions
-from station.domain.recipe.recipe import GoldReference, Recipe
+from station.domain.recipe.recipe import Recipe
+from station.domain.recipe.reference_block import GoldReference
 from station.errors import RecipeError, ReferenceOverdue
 
 #: Nominal stimulus (v, 3) by positions and seatings: units of one fleet share it.

@@ -7,7 +7,8 @@ from itertools import pairwise
 from typing import Any
 
 from station.domain.methods import coefficients
-from station.domain.recipe.recipe import Limits, Recipe
+from station.domain.recipe.blocks import Limits
+from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
 from station.ports.log_reader import YIELD_CELL, YIELD_SEPARATOR, Yield
 

@@ -1,0 +1,42 @@
+"""Field types and the base class that every block of the documents uses."""
+
+from collections.abc import Callable, Sequence
+from difflib import get_close_matches
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from station.errors import InvalidValue
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+Vector = tuple[Finite, Finite, Finite]
+
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[\w.+\-/ ]+$")]
+
+
+class StrictModel(BaseModel):
+    """Base of every block: frozen, and an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
+
+
+def one_of(known: Callable[[], Sequence[str]]) -> BeforeValidator:
+    """Checks that a value is one of the names that exist, plug-ins by their files."""
+
+    def check(value: Any) -> Any:
+        names = known()
+        if value not in names:
+            near = get_close_matches(str(value), names, 1, 0)[0]
+            raise InvalidValue("name-unknown", given=str(value), known=tuple(names), nearest=near)
+        return value
+
+    return BeforeValidator(check)
