@@ -7,7 +7,7 @@ import pytest
 
 from station import plugins
 from station.domain.methods import contributions, method
-from station.domain.recipe import sensor
+from station.domain.recipe import references, sensor
 from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
@@ -47,7 +47,7 @@ def test_a_recipe_in_another_unit_or_with_another_stimulus_is_refused(kind: str)
 def test_its_errors_of_the_truth_are_patterns_over_the_stops(kind: str) -> None:
     recipe = bench(kind, magnitude_std=0.01)
     names, seats, true = stops(recipe)
-    found = sensor.of(recipe).truth_errors(recipe, names, seats, true)
+    found = references.truth_errors(recipe, names, seats, true)
     assert found
     for patterns in found.values():
         assert patterns.ndim == 3
@@ -87,7 +87,7 @@ def test_a_gold_reference_brings_its_own_uncertainty(kind: str, rng: np.random.G
         positions=[{"name": p.name, "up": "+z"} for p in recipe.positions],
     )
     names, seats, _ = stops(recipe)
-    patterns = sensor.of(recipe).truth_errors(recipe, names, seats, true)["gold reference"]
+    patterns = references.truth_errors(recipe, names, seats, true)["gold reference"]
     problem = _problem(recipe, true, rng, size)
     fit = method.of(recipe).fit(problem)
     part = contributions.patterns(fit, patterns)[0]
@@ -127,7 +127,7 @@ def test_a_gyroscope_without_a_site_does_not_know_the_earths_turning() -> None:
     def unknown(**site: float) -> float:
         reference: dict[str, Any] = {"source": "rate"} | ({"site": site} if site else {})
         recipe = tumble.recipe("one-point", "gyroscope", positions=rest, reference=reference)
-        patterns = sensor.of(recipe).truth_errors(recipe, ("rest",), ("home",), np.zeros((1, 3)))["Earth rate"]
+        patterns = references.truth_errors(recipe, ("rest",), ("home",), np.zeros((1, 3)))["Earth rate"]
         return float(np.sqrt((patterns**2).sum()))
 
     assert unknown() == pytest.approx(0.00417807, rel=1e-5)

@@ -9,7 +9,7 @@ from station.domain.core.types import Floats, ReducedVisits
 from station.domain.methods import coefficients, contributions, coverage, residual_scatter, scatter, tilt
 from station.domain.methods.method import Fit, FitProblem
 from station.domain.noise import noise
-from station.domain.recipe import assumptions, references, sensor
+from station.domain.recipe import assumptions, references
 from station.domain.recipe.recipe import Recipe
 
 #: The budget line for what stops differ by beyond noise and declared pose errors (station.domain.methods.scatter).
@@ -188,7 +188,7 @@ def _truth(recipe: Recipe, problem: FitProblem, fit: Fit, stops: ReducedVisits) 
         relative = assumptions.magnitude_relative_std(recipe)
         gain = np.where(coefficients.OFFSETS, 0.0, fit.theta) * relative
         return {"magnitude": gain[:, :, None] * gain[:, None, :]}
-    found = dict(sensor.of(recipe).truth_errors(recipe, stops.position, stops.seating, stops.true))
+    found = dict(references.truth_errors(recipe, stops.position, stops.seating, stops.true))
     if recipe.reference.source != "gold" or recipe.reference.nest_std_deg is not None:
         degrees = {
             "nest": assumptions.nest_deg(recipe),

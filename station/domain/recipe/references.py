@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.recipe import assumptions
+from station.domain.recipe import assumptions, sensor
 from station.domain.recipe.recipe import Recipe
 from station.domain.recipe.reference_block import GoldReference
 from station.errors import RecipeError, ReferenceOverdue
@@ -75,6 +75,18 @@ def direction_errors(
             turned = np.cross(station[None], np.eye(3)[:, None])
             found[line] = np.deg2rad(angles_deg[name]) * np.einsum("vij,kvi->kvj", pose, turned)
     return found
+
+
+def truth_errors(
+    recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats
+) -> Mapping[str, Floats]:
+    """What the stimulus may be wrong by: a gold reference's own errors, else those of the sensor kind's source.
+
+    Patterns (k, v, 3) by name of the budget line, one standard deviation each; true (v, 3) in the device's frame.
+    """
+    if recipe.reference.source == "gold":
+        return {"gold reference": gold_errors(recipe, true, seating)}
+    return sensor.of(recipe).truth_errors(recipe, position, seating, true)
 
 
 def gold_errors(recipe: Recipe, true: Floats, seating: tuple[str, ...]) -> Floats:

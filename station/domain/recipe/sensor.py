@@ -26,8 +26,9 @@ class Sensor(Protocol):
     def truth_errors(
         self, recipe: "Recipe", position: tuple[str, ...], seating: tuple[str, ...], true: Floats
     ) -> Mapping[str, Floats]:
-        """What its stimulus may be wrong by, by name of the budget line: patterns (k, v, 3), one standard
-        deviation each, of deviations of the truth (v, 3) in the device's frame that all stops share."""
+        """What its own stimulus may be wrong by, by name of the budget line: patterns (k, v, 3), one standard
+        deviation each, of deviations of the truth (v, 3) in the device's frame that all visits share. A gold
+        reference in its place is no matter of the kind: references.truth_errors."""
 
     def nuisance(self, recipe: "Recipe", position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
         """Regressors (v, q) that each axis feels besides the stimulus and that a fit may take out; q may be 0."""

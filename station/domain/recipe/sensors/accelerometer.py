@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.recipe import assumptions, references
+from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import Recipe
 
 
@@ -23,9 +23,6 @@ class Accelerometer:
         self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats
     ) -> Mapping[str, Floats]:
         """Gravity: local anomalies the site formula leaves out, or the stated uncertainty of the magnitude."""
-        r = recipe.reference
-        if r.source == "gold":
-            return {"gold reference": references.gold_errors(recipe, true, seating)}
         return {"gravity": (assumptions.magnitude_relative_std(recipe) * true)[None]}
 
     def nuisance(self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:

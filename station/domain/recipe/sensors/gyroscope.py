@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.recipe import assumptions, gravity, references
+from station.domain.recipe import assumptions, gravity
 from station.domain.recipe.recipe import Recipe
 
 
@@ -27,9 +27,6 @@ class Gyroscope:
         self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats
     ) -> Mapping[str, Floats]:
         """The table's speed, the Earth's turning where site or heading is not said, and the pull of gravity."""
-        r = recipe.reference
-        if r.source == "gold":
-            return {"gold reference": references.gold_errors(recipe, true, seating)}
         fastest = float(np.linalg.norm(true, axis=1).max()) or 1.0
         return {
             "rate": (_rate_relative_std(recipe, fastest) * true)[None],
