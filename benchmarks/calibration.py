@@ -77,7 +77,7 @@ def run(
     found = list(pipeline.calibrate(recipe, tumble.table(recipe, mean, noise, count, rng), tumble.TODAY))
     theta = np.array([tumble.coefficients(r) for r in found])
     std = np.array([r.budget.std() for r in found if r.budget is not None])
-    return theta, std, np.array([r.stops.mean for r in found if r.stops is not None])
+    return theta, std, np.array([r.visits.mean for r in found if r.visits is not None])
 
 
 def bound(draws: int) -> None:

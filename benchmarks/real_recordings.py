@@ -46,7 +46,7 @@ def xsens(folder: Path) -> None:
     names = [f"still-{i:02d}" for i in range(len(found))]
     recipe = recordings.by_hand()
     result = tumble.calibrate_unit(recipe, rest_segments.table(raw[:, 0], reading, found, "MTi", names), tumble.TODAY)
-    assert result.calibration is not None and result.stops is not None
+    assert result.calibration is not None and result.visits is not None
     quadratic, cubic = model_comparison.of_unit(recipe, result)
     print("Xsens MTi, 512 s by hand, norm fit, mg")
     told("still segments found", len(found), "39", len(found) == 39)
@@ -62,8 +62,8 @@ def xsens(folder: Path) -> None:
         told(f"{one.terms} terms: p of the F test", one.p, "rejected", not one.pays)
         before, after = 1e3 * one.rms_left_out, 1e3 * one.larger_rms_left_out
         print(f"    leaving one orientation out they make {before:.3f} into {after:.3f}")
-    white = 1e3 * (result.stops.std / np.sqrt(result.stops.count[:, None])).mean()
-    own = 1e3 * np.sqrt(np.einsum("vii->vi", result.stops.cov).mean())
+    white = 1e3 * (result.visits.std / np.sqrt(result.visits.count[:, None])).mean()
+    own = 1e3 * np.sqrt(np.einsum("vii->vi", result.visits.cov).mean())
     print(f"    standard error of a stop: white noise would give {white:.3f}, this code states {own:.3f}")
 
 

@@ -86,7 +86,7 @@ def _show(d: dict[str, Any]) -> None:
     _output.print_line(
         f"{d['compared']} of {d['attempts']} attempts with recipe {d['of']}, computed again under {name}"
     )
-    source = "raw frames" if d["computed_from"] == "frames" else "reduced stops"
+    source = "raw frames" if d["computed_from"] == "frames" else "reduced visits"
     _output.print_line(f"from {source}; {d['without_calibration']} never came to a calibration")
     for row in d["verdicts"]:
         same = "stay" if row["before"] == row["after"] else "become"

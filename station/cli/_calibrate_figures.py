@@ -16,19 +16,19 @@ from station.reporting.drawing.tables import bar_chart
 
 def unit_figures(recipe: Recipe, result: CalibrationResult) -> Mapping[str, str]:
     """Pictures of one unit by name, as SVG text; none where it could not be calibrated."""
-    found, stops, budget = result.calibration, result.stops, result.budget
-    if found is None or stops is None or budget is None:
+    found, visits, budget = result.calibration, result.visits, result.budget
+    if found is None or visits is None or budget is None:
         return {}
-    pictures = {"residual": residual_svg(recipe, found, stops, result.serial)}
+    pictures = {"residual": residual_svg(recipe, found, visits, result.serial)}
     if recipe.pose_known:
         pictures["tilt"] = tilt_svg(recipe, found, result.serial)
     return {**pictures, "budget": budget_svg(recipe, budget, result.serial)}
 
 
-def residual_svg(recipe: Recipe, found: Calibration, stops: ReducedVisits, serial: str) -> str:
-    """Residual of every axis at every stop, with the bars that noise alone gives."""
-    x = np.arange(len(stops), dtype=float)
-    wide = 1.96 * np.sqrt(np.einsum("vii->vi", stops.cov))
+def residual_svg(recipe: Recipe, found: Calibration, visits: ReducedVisits, serial: str) -> str:
+    """Residual of every axis at every visit, with the bars that noise alone gives."""
+    x = np.arange(len(visits), dtype=float)
+    wide = 1.96 * np.sqrt(np.einsum("vii->vi", visits.cov))
     series = []
     for i, axis in enumerate("xyz"):
         at, y = x + 0.18 * (i - 1), found.residual[:, i]
@@ -41,7 +41,7 @@ def residual_svg(recipe: Recipe, found: Calibration, stops: ReducedVisits, seria
 
 
 def tilt_svg(recipe: Recipe, found: Calibration, serial: str) -> str:
-    """Tilt of every stop from its nominal pose, ± 1.96 standard deviations."""
+    """Tilt of every visit from its nominal pose, ± 1.96 standard deviations."""
     x, y = list(map(float, range(len(found.tilt_deg)))), found.tilt_deg
     wide = 1.96 * found.tilt_std_deg
     one = Series(x, y.tolist(), low=np.maximum(y - wide, 0).tolist(), high=(y + wide).tolist(), colour=1)

@@ -51,7 +51,7 @@ class CalibrationSummary:
         self.calibrated += result.calibration is not None
         if len(self.first) < MOST_DETAILED:
             # Samples of the units shown may go; nobody prints them.
-            self.first.append(replace(result, visits=None))
+            self.first.append(replace(result, dwells=None))
             self.larger.append(larger)
         if verdict.outcome is Outcome.PASS:
             self.worst_false_accept = max(self.worst_false_accept, verdict.false_accept)

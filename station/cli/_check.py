@@ -81,8 +81,8 @@ def _rounding(recipe: Recipe, path: Path) -> Floats:
 
 def _summary(subject: CheckSubject) -> CheckSection:
     r = subject.recipe
-    stops = sum(len(r.positions) for _ in r.runs)
-    sentence = f"{r.name} version {r.version}: {r.sensor}, {r.method}, {len(r.positions)} positions, {stops} stops"
+    visits = sum(len(r.positions) for _ in r.runs)
+    sentence = f"{r.name} version {r.version}: {r.sensor}, {r.method}, {len(r.positions)} positions, {visits} visits"
     return CheckSection("method", r.method, (sentence,))
 
 
@@ -122,7 +122,7 @@ def _observability(subject: CheckSubject) -> CheckSection | None:
 def _uncertainty(subject: CheckSubject) -> CheckSection | None:
     recipe = subject.recipe
     if not recipe.pose_known:
-        sentence = "hand-held stops: the uncertainty depends on where they will be, so it is told with the result"
+        sentence = "hand-held visits: the uncertainty depends on where they will be, so it is told with the result"
         return CheckSection("predicted", None, (sentence,))
     found = forecast(recipe, subject.rounding)
     std = found.budget.std()
@@ -161,9 +161,9 @@ def _assumptions(subject: CheckSubject) -> CheckSection:
 
 
 def _dwell_sentence(found: Any) -> str:
-    """How long the stops last by the sheet's noise, and whether that is enough."""
+    """How long the visits last by the sheet's noise, and whether that is enough."""
     least, most = float(found.dwell_s.min()), float(found.dwell_s.max())
-    each = f"{least:.2g} s a stop" if most - least < 0.005 else f"{least:.2g} to {most:.2g} s a stop"
+    each = f"{least:.2g} s a visit" if most - least < 0.005 else f"{least:.2g} to {most:.2g} s a visit"
     sentence = f"dwell: {each}, {found.dwell_s.sum():.3g} s in all"
     return f"{sentence}. {render(found.missed)}" if found.missed else sentence
 

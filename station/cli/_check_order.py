@@ -72,12 +72,12 @@ def _estimated_moves(
     positioner: Positioner, positions: tuple[Position, ...], start: Floats, end: Floats | None
 ) -> MoveTimes:
     """Moves as the positioner itself estimates them."""
-    stops = [_planned_visit(p.name, p.matrix()) for p in positions]
+    visits = [_planned_visit(p.name, p.matrix()) for p in positions]
     begin, after = _planned_visit("start", start), None if end is None else _planned_visit("end", end)
     return MoveTimes(
-        np.array([[positioner.estimate_s(a, b) for b in stops] for a in stops]),
-        np.array([positioner.estimate_s(begin, stop) for stop in stops]),
-        np.array([0.0 if after is None else positioner.estimate_s(stop, after) for stop in stops]),
+        np.array([[positioner.estimate_s(a, b) for b in visits] for a in visits]),
+        np.array([positioner.estimate_s(begin, visit) for visit in visits]),
+        np.array([0.0 if after is None else positioner.estimate_s(visit, after) for visit in visits]),
     )
 
 

@@ -36,7 +36,7 @@ from station.wiring.process_memory import retain_all_memory
 
 #: Endings of recorded CAN logs, as `station replay` reads them.
 CAN_LOGS = (".log", ".blf", ".asc", ".mf4")
-#: A thousand units of three runs of 24 stops are 7.2 million; every row costs some 300 bytes of memory.
+#: A thousand units of three runs of 24 visits are 7.2 million; every row costs some 300 bytes of memory.
 MOST_ROWS = 10_000_000
 
 
@@ -262,11 +262,13 @@ def _line_sentences(findings: Mapping[str, Any]) -> Iterator[str]:
 def _print_diagnosis(findings: Mapping[str, Any]) -> None:
     """The finding for a person."""
     data, unit = findings["data"], findings["baseline"]["unit"]
-    _output.print_line(f"{data['units']} units, {data['runs']} runs, {data['visits']} stops, {data['samples']} samples")
+    _output.print_line(
+        f"{data['units']} units, {data['runs']} runs, {data['visits']} visits, {data['samples']} samples"
+    )
     _output.print_line(f"verdict: {findings['verdict']}. {findings['sentence']}")
     base = findings["baseline"]
     remaining = f", {findings['extended']['residual_rms']:.3g} {unit} with what was found" if findings["causes"] else ""
-    # What is unknown is in the fitted floor too; the samples within the stops know nothing of it.
+    # What is unknown is in the fitted floor too; the samples within the visits know nothing of it.
     noise = findings["floor"]["within_stops"] if findings["verdict"] == "unknown" else base["floor_rms"]
     floor = f"the noise floor alone makes {noise:.3g} {unit}"
     _output.print_line(f"residual {base['residual_rms']:.3g} {unit} rms{remaining}; {floor}")
@@ -297,7 +299,7 @@ def _print_diagnosis(findings: Mapping[str, Any]) -> None:
 def _gain_text(gain: dict[str, Any], unit: str) -> str:
     """What a cause gains on held-out data, in a few words."""
     if gain["log_score"] is None:
-        return "too few stops to hold any out"
+        return "too few visits to hold any out"
     score = f"{gain['log_score']:.3g} ± {gain['std_error']:.2g} nats" + (f" a {gain['per']}" if gain.get("per") else "")
     if gain["rms_before"] is None:
         return f"held out, {score}"

@@ -153,7 +153,7 @@ class _ProgressLines:
     def event(self, event: Event) -> None:
         """Shows one event."""
         if isinstance(event, LoadStarted):
-            self._bar.update(self._task, total=event.stops + len(PHASES))
+            self._bar.update(self._task, total=event.visits + len(PHASES))
         elif isinstance(event, PhaseEntered) and event.phase in PHASES:
             self._step(PHASES[event.phase])
         elif isinstance(event, VisitStarted):

@@ -27,7 +27,7 @@ def command(
 
         station backtest --recipe tilt-24-tighter.yaml --of tilt-24 --since 30d
 
-    Reduced stops (means with their covariances) are computed from where settling and dwell are as they were; then
+    Reduced visits (means with their covariances) are computed from where settling and dwell are as they were; then
     what only raw samples show, such as clipping, is taken over as it was found.
     """
     from station.cli import _backtest

@@ -100,14 +100,14 @@ def scene_of_plan(recipe: Recipe, units: Sequence[str], seed: int, line: Simulat
 def _visits(recipe: Recipe, part: FleetPart, rounds: Sequence[RunTimeline], line: SimulatedLine) -> VisitTable:
     """Every visit of every unit, with who worked where."""
     units = len(part.units)
-    stops = [len(done.position) for done in rounds]
-    unit = Labels(part.units, np.repeat(np.arange(units, dtype=np.int32), sum(stops)))
-    run = np.tile(np.repeat(np.arange(len(rounds), dtype=np.int32), stops), units)
-    visit = np.tile(np.concatenate([np.arange(n, dtype=np.int32) for n in stops]), units)
+    counts = [len(done.position) for done in rounds]
+    unit = Labels(part.units, np.repeat(np.arange(units, dtype=np.int32), sum(counts)))
+    run = np.tile(np.repeat(np.arange(len(rounds), dtype=np.int32), counts), units)
+    visit = np.tile(np.concatenate([np.arange(n, dtype=np.int32) for n in counts]), units)
     at = part.number()[unit.code]
     labels = {
         "position": Labels.of(np.tile(np.concatenate([done.position for done in rounds]), units)),
-        "seating": Labels.of(np.tile(np.repeat([done.seating for done in rounds], stops), units)),
+        "seating": Labels.of(np.tile(np.repeat([done.seating for done in rounds], counts), units)),
         "station": _numbered("S", at // line.nests % line.stations),
         "nest": _numbered("N", (at + run) % line.nests),
         "lot": _numbered("L", part.lot(line.lots)[unit.code]),

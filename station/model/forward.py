@@ -61,10 +61,10 @@ def sensor_reading(signal: Signal, base: BaseResponse, active: ActiveEffects = N
     """What the sensors read (n, 3) of what they feel."""
     scene = signal.scene
     unit = scene.visits.unit.code
-    at_rest = np.einsum("vij,vj->vi", base.matrix[unit], signal.at_stop) + base.offset[unit]
+    at_rest = np.einsum("vij,vj->vi", base.matrix[unit], signal.at_visit) + base.offset[unit]
     reading = np.asarray(at_rest[scene.visit])
     if signal.moving:
-        moving = signal.true - signal.at_stop[scene.visit]
+        moving = signal.true - signal.at_visit[scene.visit]
         reading += np.einsum("nij,nj->ni", base.matrix[unit][scene.visit], moving)
     for acting in active.values():
         if isinstance(acting.effect, SensorEffect):
@@ -74,13 +74,13 @@ def sensor_reading(signal: Signal, base: BaseResponse, active: ActiveEffects = N
 
 def sensor_signal(scene: Scene, active: ActiveEffects = NO_EFFECTS) -> Signal:
     """What the sensors feel, at rest and with everything that still moves."""
-    at_stop = resting_stimulus(scene, active)
-    rest = Signal(scene, at_stop[scene.visit], at_stop)
+    at_visit = resting_stimulus(scene, active)
+    rest = Signal(scene, at_visit[scene.visit], at_visit)
     true = rest.true
     for acting in active.values():
         if isinstance(acting.effect, StimulusEffect):
             true = true + acting.effect.apply(rest, acting.by_row(scene))
-    return Signal(scene, true, at_stop, moving=true is not rest.true)
+    return Signal(scene, true, at_visit, moving=true is not rest.true)
 
 
 def signal_during_moves(signal: Signal, moving: NDArray[np.bool_], plate: Floats) -> Signal:
@@ -148,7 +148,7 @@ def signature(
     h = 0.1 * effect.parameter.typical * effect.parameter.scale(scene.recipe)
     groups = len(scene.group(of)[1])
     signal = sensor_signal(scene, active)
-    rest = Signal(scene, signal.at_stop[scene.visit], signal.at_stop)
+    rest = Signal(scene, signal.at_visit[scene.visit], signal.at_visit)
     derivatives = []
     for step in np.eye(len(effect.columns)) * h:
         acting = ActiveEffect(effect, np.tile(step, (groups, 1)), of)
@@ -175,7 +175,7 @@ def _difference(one: Signal, two: Signal, base: BaseResponse, active: ActiveEffe
     if one.moving or two.moving:
         apart = np.einsum("nij,nj->ni", matrix[visit], one.true - two.true)
     else:
-        apart = np.einsum("vij,vj->vi", matrix, one.at_stop - two.at_stop)[visit]
+        apart = np.einsum("vij,vj->vi", matrix, one.at_visit - two.at_visit)[visit]
     for acting in active.values():
         if isinstance(acting.effect, SensorEffect):
             c = acting.by_row(one.scene)

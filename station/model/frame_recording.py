@@ -72,7 +72,7 @@ def _every_sample(campaign: Campaign, rate_hz: Floats) -> tuple[Scene, NDArray[n
 
 
 def _plate(campaign: Campaign, scene: Scene, moving: NDArray[np.bool_]) -> Floats:
-    """Nest → station rotation (m, 3, 3) of the moving samples: from the last stop, or the park, the shortest way."""
+    """Nest → station rotation (m, 3, 3) of the moving samples: from the last visit, or the park, the shortest way."""
     visits, row = scene.visits, scene.visit[moving]
     previous, arrival = visits.previous, campaign.arrival_s()
     known = previous >= 0

@@ -25,12 +25,12 @@ FrameFault = tuple[BusEffect, float, np.random.Generator]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FixtureMove:
-    """A move of the fixture: to which stop, when it left and arrived; motor: drive level of the line's motors there.
+    """A move of the fixture: to which visit, when it left and arrived; motor: drive level of the line's motors there.
 
     plate (3, 3): how the plate came to rest, once known.
     """
 
-    stop: PlannedVisit
+    visit: PlannedVisit
     departs_s: float
     arrives_s: float
     motor: float = 0.0
@@ -70,15 +70,18 @@ class LiveUnit:
     def visits(self, went: Sequence[FixtureMove]) -> VisitTable:
         """The visits of this run so far, for this unit, with the plate where it came to rest."""
         recipe = self._job.recipe
-        stops = [w.stop for w in went]
-        zero = np.zeros(len(stops), np.int32)
+        planned = [w.visit for w in went]
+        zero = np.zeros(len(planned), np.int32)
         labels = {name: Labels((text,), zero) for name, text in self._labels.items()}
-        labels |= {"position": Labels.of([s.position for s in stops]), "seating": Labels.of([s.seating for s in stops])}
-        run, visit = (np.array([getattr(s, key) for s in stops], np.int32) for key in ("run", "visit"))
+        labels |= {
+            "position": Labels.of([p.position for p in planned]),
+            "seating": Labels.of([p.seating for p in planned]),
+        }
+        run, visit = (np.array([getattr(p, key) for p in planned], np.int32) for key in ("run", "visit"))
         visits = visit_table(recipe, Labels((self.unit,), zero), run, visit, labels)
         if recipe.reference.source == "rate":
             return visits
-        return replace(visits, nest_R=np.array([w.stop.nest if w.plate is None else w.plate for w in went]))
+        return replace(visits, nest_R=np.array([w.visit.nest if w.plate is None else w.plate for w in went]))
 
     def active(self, scene: Scene) -> ActiveEffects:
         """The causes at work on this unit."""
@@ -119,6 +122,6 @@ def _on_the_bus(job: SimulationJob, unit: str) -> tuple[float, list[FrameFault]]
 def _planned(recipe: Recipe, unit: str) -> dict[str, tuple[str, ...]]:
     """Names of the unit's planned runs and visits."""
     runs = range(len(recipe.runs))
-    stops = [len(run_timeline(recipe, run).position) for run in runs]
-    visits = (f"visit:{unit}/{run}/{v}" for run in runs for v in range(stops[run]))
+    counts = [len(run_timeline(recipe, run).position) for run in runs]
+    visits = (f"visit:{unit}/{run}/{v}" for run in runs for v in range(counts[run]))
     return {"run": tuple(f"run:{unit}/{run}" for run in runs), "visit": tuple(visits)}

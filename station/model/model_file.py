@@ -119,12 +119,12 @@ def _for_all_groups(
     """Coefficients of every group of a level in the scene, from those of the known groups."""
     rms = effect.size_of(np.array(list(known.values())))
     if level == "common" and effect.of[0] == "visit":
-        # A standard deviation of what differs at each stop: the model knows no more, and draws it.
+        # A standard deviation of what differs at each visit: the model knows no more, and draws it.
         level, known = "visit", {}
     names = scene.group(level)[1]
     c = np.tile(neutral_coefficients(effect), (len(names), 1))
     unknown = [i for i, name in enumerate(names) if name not in known]
-    # A swapped axis is one unit's fault, a bumped stop is past: neither says anything of the others.
+    # A swapped axis is one unit's fault, a bumped visit is past: neither says anything of the others.
     spreads = effect.stage is not EffectStage.OUTPUT and not (known and level in ("run", "visit", "power-on"))
     if unknown and seed is not None and spreads:
         c[unknown] = replace(effect, size=rms).coefficients([names[i] for i in unknown], seed)

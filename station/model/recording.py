@@ -48,7 +48,7 @@ def sensor_noise(scene: Scene, of: Noise, seed: int) -> Floats:
 def gold_readings(signal: Signal, active: ActiveEffects, of: Noise, seed: int) -> Floats:
     """Raw readings of the gold (n, 3): what the nest feels, by the gold's own calibration, and its noise."""
     scene, recipe = signal.scene, signal.scene.recipe
-    moving = np.einsum("nij,nj->ni", scene.visits.seat_R[scene.visit], signal.true - signal.at_stop[scene.visit])
+    moving = np.einsum("nij,nj->ni", scene.visits.seat_R[scene.visit], signal.true - signal.at_visit[scene.visit])
     felt = (stimulus_in_nest(scene, active) + gold_error(scene, active))[scene.visit] + moving
     if recipe.reference.gold is not None:
         felt = felt @ np.array(recipe.reference.gold.matrix).T + recipe.reference.gold.offset

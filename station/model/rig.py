@@ -55,18 +55,18 @@ class Rig:
         }
         self._begin(now_s)
 
-    def go(self, stop: PlannedVisit, departs_s: float, arrives_s: float) -> None:
+    def go(self, visit: PlannedVisit, departs_s: float, arrives_s: float) -> None:
         """The fixture moves to a visit. A visit of another run starts that run; another seating is clamped before the
         warming up that the run asks for, and the power stays on."""
         if self._moves_done and self._moves_done[-1].arrives_s == np.inf:
             self._moves_done.clear()
-        if self._moves_done and stop.run != self._moves_done[-1].stop.run:
-            if stop.seating != self._moves_done[-1].stop.seating:
-                self._clamped_s = departs_s - plan.run_of_pass(self._job.recipe, stop.run).prewarm_s
+        if self._moves_done and visit.run != self._moves_done[-1].visit.run:
+            if visit.seating != self._moves_done[-1].visit.seating:
+                self._clamped_s = departs_s - plan.run_of_pass(self._job.recipe, visit.run).prewarm_s
             self._begin(departs_s)
-        on = plan.run_of_pass(self._job.recipe, stop.run).motors == "on"
-        level = motor_level(self._job.seed, self._loads, stop.run, stop.visit) if on else 0.0
-        self._moves_done.append(FixtureMove(stop, departs_s, arrives_s, level))
+        on = plan.run_of_pass(self._job.recipe, visit.run).motors == "on"
+        level = motor_level(self._job.seed, self._loads, visit.run, visit.visit) if on else 0.0
+        self._moves_done.append(FixtureMove(visit, departs_s, arrives_s, level))
         self._scenes.clear()
 
     def sense(self, nest: str, time_s: Floats) -> Floats:
@@ -83,7 +83,7 @@ class Rig:
         """Readings (n, 3) of a gold reference in a nest, in the nest's frame, without noise."""
         signal, active = self._signal(nest, np.asarray(time_s, float))
         seat_R = signal.scene.visits.seat_R[signal.scene.visit]
-        moving = np.einsum("nij,nj->ni", seat_R, signal.true - signal.at_stop[signal.scene.visit])
+        moving = np.einsum("nij,nj->ni", seat_R, signal.true - signal.at_visit[signal.scene.visit])
         felt = (stimulus_in_nest(signal.scene, active) + gold_error(signal.scene, active))[signal.scene.visit] + moving
         own = self._job.recipe.reference.gold
         return np.asarray(felt if own is None else felt @ np.array(own.matrix).T + own.offset)
@@ -103,7 +103,7 @@ class Rig:
         return self._unit(nest).delivered(frames)
 
     def _begin(self, now_s: float) -> None:
-        """A run starts: no stop yet."""
+        """A run starts: no visit yet."""
         self._started_s = now_s
         self._moves_done: list[FixtureMove] = []
         self._scenes: dict[str, tuple[Scene, ActiveEffects]] = {}
@@ -124,7 +124,7 @@ class Rig:
         """The scene of instants (n) for a nest, and the causes at work in it."""
         seat = self._unit(nest)
         if not self._moves_done:
-            # Parked: as if on the way to the first stop, not yet left.
+            # Parked: as if on the way to the first visit, not yet left.
             self._moves_done.append(FixtureMove(self._first(), self._started_s, np.inf))
         self._come_to_rest(float(time_s[-1]) if len(time_s) else self._started_s)
         if nest not in self._scenes:

@@ -34,7 +34,7 @@ POWER_ON_TOLERANCE_S = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """Rows (n) at `visits` (v); visit (n) is the row's stop, time_s (n) counts from the start of the run.
+    """Rows (n) at `visits` (v); visit (n) is the row's visit, time_s (n) counts from the start of the run.
 
     since_arrival_s (n) counts from the arrival at the visit; temperature_degC, temperature_rate (degC/s),
     since_power_s, since_clamp_s, motor (drive level), started_s (n), or None where not known.
@@ -98,21 +98,21 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signal:
-    """What the sensor feels: true (n, 3) in the device's frame; at_stop (v, 3) the resting vector of each visit.
+    """What the sensor feels: true (n, 3) in the device's frame; at_visit (v, 3) the resting vector of each visit.
 
     moving: whether any row differs from the resting vector of its visit.
     """
 
     scene: Scene
     true: Floats
-    at_stop: Floats
+    at_visit: Floats
     moving: bool = False
 
     @property
     def step(self) -> Floats:
         """Previous visit's resting vector minus this one's (n, 3); zero at the first visit of a run."""
         previous = self.scene.visits.previous
-        step = np.where(previous[:, None] >= 0, self.at_stop[previous] - self.at_stop, 0.0)
+        step = np.where(previous[:, None] >= 0, self.at_visit[previous] - self.at_visit, 0.0)
         return np.asarray(step[self.scene.visit])
 
 

@@ -48,10 +48,10 @@ def run_timeline(recipe: Recipe, run: int, line: SimulatedLine | None = None) ->
     line = line or SimulatedLine()
     how = plan.run_of_pass(recipe, run)
     run %= len(recipe.runs)
-    stops = plan.planned_visits(recipe, run) if recipe.pose_known else ()
+    visits = plan.planned_visits(recipe, run) if recipe.pose_known else ()
     names, first = plan.names(recipe, run), plan.visit_index(recipe, run, 0)
     turns = [90.0] * len(names)
-    for i, (a, b) in enumerate(pairwise(stops)):
+    for i, (a, b) in enumerate(pairwise(visits)):
         if recipe.reference.source != "rate":
             turns[i + 1] = float(np.rad2deg(np.linalg.norm(rotation.to_vector(a.nest.T @ b.nest))))
     dwell_s = visit_dwells_s(recipe)[first : first + len(names)]

@@ -22,7 +22,7 @@ class VisitTable:
 
     unit, position, seating (Labels); run, visit (v); groups: those of station, nest, lot, operator that are known;
     nest_R (v, 3, 3) nest → station; seat_R (v, 3, 3) device → nest; stimulus (v, 3) in the station's frame (a
-    rate: the nest's); previous (v) index of the previous stop of the same run, or −1; gold (v, 3) the stimulus in
+    rate: the nest's); previous (v) index of the previous visit of the same run, or −1; gold (v, 3) the stimulus in
     the nest's frame as the gold reference measured it, where the recipe takes it as the truth, or None.
     """
 

@@ -39,21 +39,21 @@ class LiveStateWriter:
         bus: Bus | None = None,
     ) -> None:
         self._path = companion_file(database, Companion.LIVE)
-        stops = [
-            *(s for run in range(len(recipe.runs)) for s in tumble_visits(recipe, run)),
+        planned = [
+            *(v for run in range(len(recipe.runs)) for v in tumble_visits(recipe, run)),
             *verification_visits(recipe),
         ]
         self._failed = False
         self._warn = warn
         self._bus = bus
         self._written_s = 0.0
-        self._state = RunState(stops=tuple(s.position for s in stops))
+        self._state = RunState(visits=tuple(v.position for v in planned))
         self._head = {
             "schema": SCHEMA,
             "pid": os.getpid(),
             "recipe": f"{recipe.name}/{recipe.version}",
             "unit": recipe.unit,
-            "poses": [(s.nest @ s.seat).tolist() for s in stops],
+            "poses": [(v.nest @ v.seat).tolist() for v in planned],
             **head,
         }
 

@@ -34,7 +34,7 @@ class AttemptStart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VisitRecord:
-    """One finished stop of one attempt: raw frames and what they came to.
+    """One finished visit of one attempt: raw frames and what they came to.
 
     statistics: from_ns and to_ns, the dwell that a refit cuts out of the frames (`capture.assemble`), and for
     people mean, std, count, gaps, repeats, crc_errors, kernel_drops, temperature_degC, reasons of a rejection.
@@ -117,7 +117,7 @@ class Store(Protocol):
         """Appends an event to the attempt, also after its end; attempt "": to the station itself."""
 
     def visit(self, attempts: Sequence[str], visits: Sequence[VisitRecord]) -> None:
-        """Keeps one stop of every nest, in one transaction."""
+        """Keeps one visit of every nest, in one transaction."""
 
     def write(self, attempt: str, *stages: WriteRecord) -> None:
         """Keeps stages of object writes: the intent before, the fact after, and with it the intent of the next."""

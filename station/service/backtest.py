@@ -49,7 +49,7 @@ def run(
     progress: Callable[[int], None] = lambda _done: None,
 ) -> BacktestResult:
     """Compares all attempts. open_log: opens the log in each process. from_frames: from raw frames, not from the
-    reduced stops. progress: attempts done.
+    reduced visits. progress: attempts done.
 
     Errors: RecipeError when the recipe cannot be computed at all, LogError, StationFault.
     """
@@ -75,7 +75,7 @@ def compute_portion(task: Task) -> BacktestResult:
     recipe = Recipe.model_validate_json(task.recipe)
     with task.open_log() as log:
         rows = log.reduced(task.numbers)
-        results = _from_frames(log, rows, recipe) if task.from_frames else _from_stops(log, rows, recipe)
+        results = _from_frames(log, rows, recipe) if task.from_frames else _from_reduced(log, rows, recipe)
     return backtest.compare([_before(row) for row in rows], results, from_samples=task.from_frames)
 
 
@@ -84,7 +84,7 @@ def _with_progress(part: BacktestResult, task: Task, progress: Callable[[int], N
     return part
 
 
-def _from_stops(log: LogReader, rows: Sequence[ReducedAttempt], recipe: Recipe) -> list[CalibrationResult]:
+def _from_reduced(log: LogReader, rows: Sequence[ReducedAttempt], recipe: Recipe) -> list[CalibrationResult]:
     truths: references.Truths = {}
     results: dict[str, CalibrationResult] = {}
     by_product: dict[int | None, list[ReducedAttempt]] = {}

@@ -58,7 +58,7 @@ class Capture:
             self._pass_over(self._poll(min(DWELL_POLL_S, remaining_s)))
 
     def drain(self) -> None:
-        """Drops what is waiting: frames from before the arrival belong to no stop, error frames to the next one."""
+        """Drops what is waiting: frames from before the arrival belong to no visit, error frames to the next one."""
         while len(frames := self._receive()):
             self._pass_over(frames)
             self._stop.check()

@@ -1,4 +1,4 @@
-"""What a unit's kept stops come to: calibration, verdict, and the proof through its own output."""
+"""What a unit's kept visits come to: calibration, verdict, and the proof through its own output."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -63,12 +63,12 @@ def refit(
     return result
 
 
-def verify(unit: Unit, job: Job, stops: Sequence[PlannedVisit]) -> tuple[tuple[Reason, ...], dict[str, Any]]:
+def verify(unit: Unit, job: Job, visits: Sequence[PlannedVisit]) -> tuple[tuple[Reason, ...], dict[str, Any]]:
     """Reasons against the unit's own corrected output, and the document for the record, which the unit keeps too."""
     strength = job.recipe.reference.strength()
     found = tuple(
         _verified(visit, _true(visit, planned, job), strength, unit, job)
-        for visit, planned in zip(unit.verify_visits, stops, strict=True)
+        for visit, planned in zip(unit.verify_visits, visits, strict=True)
     )
     positions = [_document(v) for v in found]
     if job.plain is not None:
@@ -94,7 +94,7 @@ def _without_model(
 
 
 def _true(visit: Visit, planned: PlannedVisit, job: Job) -> Floats:
-    """True vector (3) at a verify stop: the recipe's, or what the gold reference says it was."""
+    """True vector (3) at a verify visit: the recipe's, or what the gold reference says it was."""
     if visit.gold is None:
         return planned.true
     mean = visit.gold.readings.mean(axis=0, keepdims=True)
@@ -103,7 +103,7 @@ def _true(visit: Visit, planned: PlannedVisit, job: Job) -> Floats:
 
 
 def _verified(visit: Visit, true: Floats, strength: float, unit: Unit, job: Job) -> verification.VerifiedPosition:
-    """Mean output at a verify stop, with its forecast; of a product without a switch the station corrects it itself."""
+    """Mean output at a verify visit, with its forecast; the station itself corrects a product without a switch."""
     output, fit = visit.readings, unit.fit
     if fit is None or fit.calibration is None:
         return verification.VerifiedPosition(visit.position, np.asarray(output.mean(axis=0)), true, strength)

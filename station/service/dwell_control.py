@@ -77,7 +77,7 @@ class FixedDwell:
 
 
 class AdaptiveDwell:
-    """Stops as long as the coefficients of the noisiest unit need; stops of verification last as the others did."""
+    """Dwells as long as the coefficients of the noisiest unit need; visits of verification last as the others did."""
 
     def __init__(self, recipe: Recipe, earlier: Sequence[NoiseLikelihood] = ()) -> None:
         self.aim = adaptive_dwell.accuracy_target(recipe)
@@ -145,7 +145,7 @@ class AdaptiveDwell:
     def _curves(
         self, serials: tuple[str, ...], at: list[int], reach: int, prior: NoisePrior | None
     ) -> list[NoiseCurve]:
-        """The noise of each by its stops `at`; learnt together, for one at a time takes as long as all."""
+        """The noise of each by its visits `at`; learnt together, for one at a time takes as long as all."""
         dwells = [join_units([self._dwell_noise(serial, number, reach) for serial in serials]) for number in at]
         return noise_curve(dwells, reach, prior).apart()
 

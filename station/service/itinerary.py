@@ -1,4 +1,4 @@
-"""Every stop of a fixture load in order, and how long they should take."""
+"""Every visit of a fixture load in order, and how long they should take."""
 
 from itertools import pairwise
 
@@ -14,7 +14,7 @@ from station.ports.positioner import Positioner
 
 
 def tumble_visits(recipe: Recipe, run: int) -> tuple[PlannedVisit, ...]:
-    """The stops of one run; of a hand-held run, so many nameless ones, spread evenly where a drive turns it."""
+    """The visits of one run; of a hand-held run, so many nameless ones, spread evenly where a drive turns it."""
     if recipe.pose_known or recipe.positions:
         return plan.planned_visits(recipe, run)
     unknown = np.full(3, np.nan)
@@ -43,7 +43,7 @@ def _spread_direction(number: int) -> Floats:
 
 
 def verification_visits(recipe: Recipe) -> tuple[PlannedVisit, ...]:
-    """The stops measured again after the write, in the seating in which the unit sits then."""
+    """The visits measured again after the write, in the seating in which the unit sits then."""
     last = len(recipe.runs) - 1
     return plan.verification_visits(recipe, last, len(tumble_visits(recipe, last)))
 
@@ -51,9 +51,9 @@ def verification_visits(recipe: Recipe) -> tuple[PlannedVisit, ...]:
 def estimate_s(recipe: Recipe, positioner: Positioner) -> float:
     """Expected time of a load from its first move to parking, s; SDO traffic is not in it."""
     runs = [tumble_visits(recipe, run) for run in range(len(recipe.runs))]
-    stops = [*(stop for run in runs for stop in run), *verification_visits(recipe)]
-    moves = sum(positioner.estimate_s(a, b) for a, b in pairwise([None, *stops]) if b is not None)
+    visits = [*(visit for run in runs for visit in run), *verification_visits(recipe)]
+    moves = sum(positioner.estimate_s(a, b) for a, b in pairwise([None, *visits]) if b is not None)
     dwell_s = adaptive_dwell.dwells_by_sheet_s(recipe)
-    verified = len(stops) - len(dwell_s)
-    stay = len(stops) * recipe.settle.time_s + dwell_s.sum() + verified * dwell_s.mean()
+    verified = len(visits) - len(dwell_s)
+    stay = len(visits) * recipe.settle.time_s + dwell_s.sum() + verified * dwell_s.mean()
     return float(moves + stay + sum(run.prewarm_s for run in recipe.runs))

@@ -126,10 +126,10 @@ class Load:
             self._units.append(Unit(seat, attempt, self._station.device(seat.node), self._station.clock.monotonic_s()))
         self._seated(0, "home", powered=True)
         recipe = self._job.recipe
-        stops = sum(len(tumble_visits(recipe, run)) for run in range(len(recipe.runs))) + len(
+        visits = sum(len(tumble_visits(recipe, run)) for run in range(len(recipe.runs))) + len(
             verification_visits(recipe)
         )
-        yield LoadStarted(tuple(seats), stops, estimate_s(recipe, self._station.positioner))
+        yield LoadStarted(tuple(seats), visits, estimate_s(recipe, self._station.positioner))
 
     def _each(self, step: Callable[[Unit], Iterator[Event]]) -> Iterator[Event]:
         """One step for every unit that is left; an error of one unit ends that unit only."""
@@ -170,7 +170,7 @@ class Load:
                     return
                 done += 1
                 self._parked = False
-                bad = yield from measure.at_stop(self._alive, planned, (done, total), "tumble")
+                bad = yield from measure.at_visit(self._alive, planned, (done, total), "tumble")
                 yield from self._drop(bad)
 
     def _start_gold(self) -> None:
@@ -235,9 +235,11 @@ class Load:
             yield Notice(warning, unit.seat.serial)
         prior = None if self._capture is None else self._capture.pace.prior
         fit = compute.calibrate(unit, self._job, self._station, prior)
-        unit.fit = replace(fit, visits=None)  # the log keeps the stops; a long batch must not keep them in memory too
-        if fit.stops is not None:  # what `station backtest` computes from: raw frames of a whole fleet take hours
-            self._station.store.result(unit.attempt, "stops", reduced_visits_document.to_document(fit.stops))
+        unit.fit = replace(
+            fit, dwells=None
+        )  # the log keeps the readings; a long batch must not keep them in memory too
+        if fit.visits is not None:  # what `station backtest` computes from: raw frames of a whole fleet take hours
+            self._station.store.result(unit.attempt, "stops", reduced_visits_document.to_document(fit.visits))
         self._station.store.result(unit.attempt, "calibration", calibration_document.unit(fit))
         if self._capture is not None and (dwell := self._capture.pace.document(unit.seat.serial)):
             self._station.store.result(unit.attempt, "dwell", dwell)
@@ -262,18 +264,18 @@ class Load:
         yield from self._each(lambda unit: _without_events(self._writers[unit.attempt].read_again))
 
     def _verify(self) -> Iterator[Event]:
-        stops = verification_visits(self._job.recipe)
+        visits = verification_visits(self._job.recipe)
         yield from self._each(lambda unit: _without_events(lambda: unit.device.nmt("start")))
-        for number, planned in enumerate(stops, 1):
+        for number, planned in enumerate(visits, 1):
             if not self._alive or self._capture is None:
                 return
             measure = VisitMeasurement(self._station, self._job, self._stop, self._capture)
-            bad = yield from measure.at_stop(self._alive, planned, (number, len(stops)), "verify")
+            bad = yield from measure.at_visit(self._alive, planned, (number, len(visits)), "verify")
             yield from self._drop(bad)
-        yield from self._each(lambda unit: self._verify_one(unit, stops))
+        yield from self._each(lambda unit: self._verify_one(unit, visits))
 
-    def _verify_one(self, unit: Unit, stops: Sequence[PlannedVisit]) -> Iterator[Event]:
-        reasons, shown = compute.verify(unit, self._job, stops)
+    def _verify_one(self, unit: Unit, visits: Sequence[PlannedVisit]) -> Iterator[Event]:
+        reasons, shown = compute.verify(unit, self._job, visits)
         self._station.store.result(unit.attempt, "verification", shown)
         unit.reasons.extend(reasons)
         self._writers[unit.attempt].confirm()
@@ -283,7 +285,7 @@ class Load:
         yield from self._end(unit, None, Outcome.FAIL if reasons else Outcome.PASS)
 
     def _drop(self, bad: RejectedUnits) -> Iterator[Event]:
-        """Ends the units whose stop stayed bad; a wrong face in every nest is the positioner's."""
+        """Ends the units whose visit stayed bad; a wrong face in every nest is the positioner's."""
         for unit in self._alive:
             if unit.seat.serial in bad:
                 unit.reasons.extend(bad[unit.seat.serial])

@@ -1,4 +1,4 @@
-"""One stop of the whole fixture: move, settle, dwell, check, keep. Every nest at once."""
+"""One visit of the whole fixture: move, settle, dwell, check, keep. Every nest at once."""
 
 from collections.abc import Generator, Mapping, Sequence
 
@@ -28,22 +28,22 @@ from station.service.visit_collector import VisitCollector
 GOLD_MIN_SHARE = 0.9
 
 Reasons = tuple[Reason, ...]
-#: Units whose stop stayed bad, by serial, with every reason.
+#: Units whose visit stayed bad, by serial, with every reason.
 RejectedUnits = Mapping[str, Reasons]
 CheckedVisits = Mapping[str, tuple[Visit, Reasons]]
 
 
 class VisitMeasurement:
-    """Goes to stops and measures them. Errors of its calls are those of the whole fixture: PositionerFault,
+    """Goes to visits and measures them. Errors of its calls are those of the whole fixture: PositionerFault,
     BusFault, StoreFault, Aborted."""
 
     def __init__(self, station: Station, job: Job, stop: StopRequest, capture: Capture) -> None:
         self._station, self._job, self._stop, self._capture = station, job, stop, capture
 
-    def at_stop(
+    def at_visit(
         self, units: Sequence[Unit], planned: PlannedVisit, place: tuple[int, int], kind: str
     ) -> Generator[Event, None, RejectedUnits]:
-        """Moves there and measures; place: (number, total). A bad stop is measured again as the recipe allows."""
+        """Moves there and measures; place: (number, total). A bad visit is measured again as the recipe allows."""
         instruction = self._instruction(planned)
         yield VisitStarted(*place, planned.position, instruction)
         self._move(planned)

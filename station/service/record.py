@@ -60,7 +60,7 @@ def _reasons(found: Sequence[Reason]) -> list[dict[str, Any]]:
 
 
 def rejection_outcome(bad: RejectedUnits, serial: str, alive: int) -> Outcome:
-    """Whether a bad stop is the unit's (FAIL) or the station's (ERROR).
+    """Whether a bad visit is the unit's (FAIL) or the station's (ERROR).
 
     A wrong face in one nest of several is that unit, seated wrongly or with its axes swapped; in all of them, or in
     the only one, nobody can tell it from a fixture that stands wrongly.

@@ -17,7 +17,7 @@ from station.service.station import Job
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReplayedUnit:
-    """One unit of a log. reasons: of bad stops, then of the verdict; seat.nest is '' where nobody knows it."""
+    """One unit of a log. reasons: of bad visits, then of the verdict; seat.nest is '' where nobody knows it."""
 
     seat: NestAssignment
     result: CalibrationResult
@@ -70,10 +70,10 @@ def _is_tumble(visit: Visit, job: Job) -> bool:
 
 
 def _check(visit: Visit, job: Job) -> tuple[Reason, ...]:
-    """The checks of a live stop; what only a live bus tells (drops, heartbeat) a log cannot say."""
+    """The checks of a live visit; what only a live bus tells (drops, heartbeat) a log cannot say."""
     recipe = job.recipe
-    stops = plan.planned_visits(recipe, visit.run % len(recipe.runs)) if recipe.pose_known else ()
-    true = {s.position: s.true for s in stops}
+    visits = plan.planned_visits(recipe, visit.run % len(recipe.runs)) if recipe.pose_known else ()
+    true = {s.position: s.true for s in visits}
     return check(visit, true[visit.position], recipe, job.layout) if visit.position in true else ()
 
 
@@ -82,6 +82,6 @@ def _replayed_unit(
 ) -> ReplayedUnit:
     verdict: Verdict = result.verdict
     outcome = Outcome.FAIL if bad and verdict.outcome is Outcome.PASS else verdict.outcome
-    noise = None if result.stops is None else float(result.stops.std.max())
+    noise = None if result.visits is None else float(result.visits.std.max())
     duration_s = (visits[-1].to_ns - visits[0].from_ns) / 1e9
     return ReplayedUnit(seat, result, outcome, (*bad, *verdict.reasons), noise, duration_s)

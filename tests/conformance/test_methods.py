@@ -93,7 +93,7 @@ def problem_of(recipe: Recipe, rng: np.random.Generator) -> method.FitProblem:
     theta = tumble.units(rng, 1)
     table = tumble.table(recipe, tumble.readings(theta, tumble.truths(recipe)), 1e-4, 40, rng)
     (result,) = calibrated(recipe, table)
-    return method.fit_problem(recipe, [result.stops])
+    return method.fit_problem(recipe, [result.visits])
 
 
 def nudged(problem: method.FitProblem, at: tuple[int, int], step: float) -> method.FitProblem:
@@ -236,7 +236,7 @@ def test_scatter_is_a_fixed_point(rng: np.random.Generator) -> None:
     recipe = bench("n-point", "accelerometer")
     theta = tumble.units(rng, 5)
     mean = tumble.readings(theta, tumble.truths(recipe)) + 0.004 * rng.standard_normal((5, 18, 3))
-    stops = [r.stops for r in calibrated(recipe, tumble.table(recipe, mean, 1e-4, 40, rng))]
+    stops = [r.visits for r in calibrated(recipe, tumble.table(recipe, mean, 1e-4, 40, rng))]
     (part,) = scatter.solve(method.of(recipe), method.fit_problem(recipe, stops))
     lack = scatter.lack_of_fit(part.problem, part.fit)
     chi2 = (lack.between / (lack.of_between + part.problem.scatter_pose[:, None])).sum(axis=1)

@@ -62,8 +62,8 @@ def test_the_xsens_floor_is_covered_by_its_own_uncertainty(xsens: Any) -> None:
     """White noise predicts 0.03 mg where 0.117 mg are seen; the dwells themselves tell of the slow part."""
     result = xsens[1]
     assert result.budget.scatter == 0
-    predicted = np.sqrt(np.einsum("vii->vi", result.stops.cov).mean())
-    white = (result.stops.std / np.sqrt(result.stops.count[:, None])).mean()
+    predicted = np.sqrt(np.einsum("vii->vi", result.visits.cov).mean())
+    white = (result.visits.std / np.sqrt(result.visits.count[:, None])).mean()
     assert predicted > 2.5 * white
 
 

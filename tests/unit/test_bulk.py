@@ -24,7 +24,7 @@ def fleet(recipe: Recipe, rng: np.random.Generator) -> dict[str, ReducedVisits]:
         theta[:, coefficients.CROSS] = 0.0
     mean = tumble.readings(theta, tumble.truths(recipe))
     table = tumble.table(recipe, mean, NOISE, 20, rng)
-    found = {r.serial: r.stops for r in pipeline.calibrate(recipe, table, tumble.TODAY)}
+    found = {r.serial: r.visits for r in pipeline.calibrate(recipe, table, tumble.TODAY)}
     return {s: mishap(stops, i % 8, rng) for i, (s, stops) in enumerate(found.items()) if stops is not None}
 
 

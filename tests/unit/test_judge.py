@@ -96,8 +96,8 @@ def _stops() -> ReducedVisits:
     own = tumble.recipe("one-point")
     table = tumble.table(own, np.array([[[0.0, 0.0, 1.0]]]), 1e-4, 20, rng)
     found = tumble.calibrate_unit(own, table, tumble.TODAY)
-    assert found.stops is not None
-    return found.stops
+    assert found.visits is not None
+    return found.visits
 
 
 @pytest.mark.parametrize(("rule", "stated"), [("guard-band", 0.025), ("false-accept", 0.01)])

@@ -28,7 +28,7 @@ def test_the_live_file_holds_the_state_after_every_event(tmp_path: Path) -> None
     told = json.loads((tmp_path / "s.db.live.json").read_text())
     assert (told["schema"], told["operator"], told["unit"]) == ("station.live/1", "anna", "g")
     assert (told["state"]["position"], told["state"]["following"]) == ("z-up", "z-down")
-    assert len(told["state"]["stops"]) == len(told["poses"]) == 8
+    assert len(told["state"]["visits"]) == len(told["poses"]) == 8
     assert told["state"]["at"] == 0
     assert [p.name for p in tmp_path.iterdir()] == ["s.db.live.json"], "nothing half written is left"
 
@@ -72,7 +72,7 @@ def test_a_seating_turns_the_picture_of_the_same_position(tmp_path: Path) -> Non
     live = LiveStateWriter(tmp_path / "s.db", job.recipe, {}, print)
     live.event(BEGUN)
     told = json.loads((tmp_path / "s.db.live.json").read_text())
-    stops = told["state"]["stops"]
+    stops = told["state"]["visits"]
     first, again = (i for i, name in enumerate(stops) if name == "x-045" and i < 48)
     assert told["poses"][first] != told["poses"][again], "turned in its nest, the unit shows another face"
 

@@ -22,7 +22,7 @@ from station.messages import Message
 
 TURN = Message.text("turn it")
 SEATS = (NestAssignment("SN1", "A", 17), NestAssignment("SN2", "B", 18))
-BEGUN = RunState(stops=("z-up", "z-down", "verify-x")).after(LoadStarted(SEATS, 3, 25.0), 1000.0)
+BEGUN = RunState(visits=("z-up", "z-down", "verify-x")).after(LoadStarted(SEATS, 3, 25.0), 1000.0)
 
 
 def test_a_load_begins_with_its_nests_and_its_first_stop_next() -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from station.diagnosis.data import preflight_checks, visit_motion
 from station.domain.capture.rest_segments import orientations
 from station.domain.core.types import Floats, SampleTable
-from station.domain.evaluation.unit_visits import sort_table, visit_boundaries
+from station.domain.evaluation.unit_dwells import sort_table, visit_boundaries
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import sheet
 from station.domain.recognition.quantities import sphere

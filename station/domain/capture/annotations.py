@@ -46,7 +46,7 @@ class Annotations(StrictModel):
 
 
 def captured_visits(marks: Sequence[Annotation], frames: Frames) -> list[CapturedVisit]:
-    """The stops of one unit, cut out of a whole log."""
+    """The visits of one unit, cut out of a whole log."""
     zero = int(frames.time_ns[0])
     found = []
     for mark in marks:
@@ -61,7 +61,7 @@ def captured_visits(marks: Sequence[Annotation], frames: Frames) -> list[Capture
 def annotate_visits(
     seat: NestAssignment, visits: Iterable[CapturedVisit], layout: SensorLayout, zero_ns: int
 ) -> list[Annotation]:
-    """Marks of a unit's stops in a log whose first frame came at `zero_ns`.
+    """Marks of a unit's visits in a log whose first frame came at `zero_ns`.
 
     They are set half-way to the neighbouring frames, so that formats that keep microseconds move no frame across.
     """

@@ -90,22 +90,22 @@ def _counter(visits: Sequence[Visit], rows: list[Rows], values: int, modulus: in
         return {}
     out = []
     for run in dict.fromkeys(run for run, _, _ in counted):
-        stops = [(c, t) for r, c, t in counted if r == run]
-        out.append(_unwrap_counter([s for s in stops if len(s[0])], values) % modulus)
+        own = [(c, t) for r, c, t in counted if r == run and len(c)]
+        out.append(_unwrap_counter(own, values) % modulus)
     return {"counter": np.concatenate(out).astype(np.float64)}
 
 
-def _unwrap_counter(stops: list[tuple[NDArray[np.uint64], Times]], values: int) -> NDArray[np.int64]:
-    """Counters and times of a run's stops, one after the other, as one count: the moves in between are some frames of
-    the stops' own rate long, of which the counter knows the number modulo `values`."""
-    within = [counter_steps(counter, time_ns, values) for counter, time_ns in stops]
+def _unwrap_counter(visits: list[tuple[NDArray[np.uint64], Times]], values: int) -> NDArray[np.int64]:
+    """Counters and times of a run's visits, one after the other, as one count: the moves in between are some frames of
+    the visits' own rate long, of which the counter knows the number modulo `values`."""
+    within = [counter_steps(counter, time_ns, values) for counter, time_ns in visits]
     frames = sum(int(w.sum()) for w in within)
-    elapsed_ns = sum(int(t[-1] - t[0]) for _, t in stops)
+    elapsed_ns = sum(int(t[-1] - t[0]) for _, t in visits)
     numbers: list[NDArray[np.int64]] = []
-    for (counter, time_ns), ahead in zip(stops, within, strict=True):
+    for (counter, time_ns), ahead in zip(visits, within, strict=True):
         first = int(counter[0])
         if numbers:
-            before, last_ns = stops[len(numbers) - 1][0], stops[len(numbers) - 1][1][-1]
+            before, last_ns = visits[len(numbers) - 1][0], visits[len(numbers) - 1][1][-1]
             gap = (first - int(before[-1])) % values
             if elapsed_ns > 0:
                 expected = int(time_ns[0] - last_ns) * frames / elapsed_ns

@@ -69,7 +69,7 @@ def _split_at_steps(xyz: Floats, begin: int, end: int) -> Iterator[tuple[int, in
 def annotate_log(frames: Frames, layout: SensorLayout, node: int, recipe: Recipe) -> tuple[Annotation, ...]:
     """One mark for each position of the recipe, the first still that shows it; none when a position is missing.
 
-    Later ones may have come through the device's own corrected output, as the stops of a verification do.
+    Later ones may have come through the device's own corrected output, as the visits of a verification do.
     """
     first: dict[str, RestSegment] = {}
     for still in segments_of_node(frames, layout, node):

@@ -8,12 +8,12 @@ from station.domain.can.sensor_layout import SensorLayout
 from station.domain.capture.visit import Visit
 from station.messages import Message
 
-#: So many stops tell, seconds and movements apart. A coarser step than this, degC, may stand still in a quiet room.
+#: So many visits tell, seconds and movements apart. A coarser step than this, degC, may stand still in a quiet room.
 MIN_VISITS, FINE_DEGC = 6, 0.1
 
 
 def frozen_warning(visits: Sequence[Visit], layout: SensorLayout) -> Message | None:
-    """None or a warning: the reading has not moved by one step over all stops although its steps are fine.
+    """None or a warning: the reading has not moved by one step over all visits although its steps are fine.
 
     visits: those of one load. A thermometer whose noise has a standard deviation of one step
     or more shows any one value in no more than 38 % of its readings, so in six running in fewer than one load of a

@@ -1,4 +1,4 @@
-"""Is a dwell evidence? Everything that can be wrong with one stop of one unit, as reasons."""
+"""Is a dwell evidence? Everything that can be wrong with one visit of one unit, as reasons."""
 
 from collections.abc import Iterator
 

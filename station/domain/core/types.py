@@ -183,7 +183,7 @@ class Calibration:
     """measured = matrix · true + offset. offset (3) in `unit`, matrix (3, 3), covariance (12, 12).
 
     The 12 are offset x y z, then the matrix row by row; variance 0 means that the method keeps the nominal
-    value. residual (v, 3) measured − modelled for each stop, in `unit`; tilt_deg, tilt_std_deg (v) estimated
+    value. residual (v, 3) measured − modelled for each visit, in `unit`; tilt_deg, tilt_std_deg (v) estimated
     angle between nominal and found direction; disturbed (v) bool: left out as an outlier, and reported.
     """
 

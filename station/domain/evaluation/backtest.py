@@ -12,7 +12,7 @@ from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.methods import coefficients
 from station.domain.recipe.recipe import Recipe
 
-#: Grounds that only raw samples show (`evaluation.quality`): from reduced stops they are taken over as they were.
+#: Grounds that only raw samples show (`evaluation.quality`): from reduced visits they are taken over as they were.
 SAMPLE_CHECKS = frozenset({"stuck", "clipped", "not-still", "scale", "wrong-face"})
 
 
@@ -85,7 +85,7 @@ def compare(
 
 
 def _outcome(old: PreviousResult, new: CalibrationResult, *, from_samples: bool) -> tuple[str, tuple[str, ...]]:
-    """The new verdict with its reasons; from reduced stops those of the samples stand as they were found then."""
+    """The new verdict with its reasons; from reduced visits those of the samples stand as they were found then."""
     reasons = tuple(r.sentence for r in new.verdict.reasons)
     if from_samples:
         return str(new.verdict.outcome), reasons

@@ -40,17 +40,17 @@ def unit(result: CalibrationResult) -> dict[str, Any]:
         "messages": [r.message.document() for r in verdict.reasons],
         "checks": [r.document() for r in verdict.reasons],
     }
-    if found is None or result.stops is None or result.budget is None or not _finite(found):
+    if found is None or result.visits is None or result.budget is None or not _finite(found):
         return {**head, **dict.fromkeys(ABSENT), "notes": []}
     return {
         **head,
-        **coefficients(found, result.stops),
+        **coefficients(found, result.visits),
         "false_accept": verdict.false_accept,
         "false_reject": verdict.false_reject,
         "budget": result.budget.document(found.unit),
         "rules": uncertainty.RULES,
         "decisions": [asdict(d) | {"margin": d.margin} for d in result.decisions],
-        "temperature_degC": _number(np.mean(result.stops.temperature_degC)),
+        "temperature_degC": _number(np.mean(result.visits.temperature_degC)),
         "notes": [render(note) for note in found.notes],
         "note_messages": [note.document() for note in found.notes],
     }
@@ -62,33 +62,33 @@ def _finite(found: Calibration) -> bool:
     return all(bool(np.isfinite(part).all()) for part in parts)
 
 
-def coefficients(found: Calibration, stops: ReducedVisits) -> dict[str, Any]:
-    """Coefficients, their covariance, and what is left at each stop."""
+def coefficients(found: Calibration, visits: ReducedVisits) -> dict[str, Any]:
+    """Coefficients, their covariance, and what is left at each visit."""
     return {
         "offset": found.offset.tolist(),
         "matrix": found.matrix.tolist(),
         "covariance": found.covariance.tolist(),
         "residual_rms": found.residual_rms,
-        "consistency": decision_rule.consistency(stops, found.disturbed),
-        "positions": [_position(found, stops, v) for v in range(len(stops))],
+        "consistency": decision_rule.consistency(visits, found.disturbed),
+        "positions": [_position(found, visits, v) for v in range(len(visits))],
     }
 
 
-def _position(found: Calibration, stops: ReducedVisits, v: int) -> dict[str, Any]:
+def _position(found: Calibration, visits: ReducedVisits, v: int) -> dict[str, Any]:
     return {
-        "name": stops.position[v],
-        "seating": stops.seating[v],
-        "run": int(stops.run[v]),
-        "visit": int(stops.visit[v]),
+        "name": visits.position[v],
+        "seating": visits.seating[v],
+        "run": int(visits.run[v]),
+        "visit": int(visits.visit[v]),
         "residual": found.residual[v].tolist(),
         "tilt_deg": float(found.tilt_deg[v]),
         "tilt_std_deg": float(found.tilt_std_deg[v]),
         "disturbed": bool(found.disturbed[v]),
-        "mean": stops.mean[v].tolist(),
-        "std_of_mean": np.sqrt(np.diagonal(stops.cov[v])).tolist(),
-        "count": int(stops.count[v]),
-        "effective": float(stops.effective[v]),
-        "temperature_degC": _number(stops.temperature_degC[v]),
+        "mean": visits.mean[v].tolist(),
+        "std_of_mean": np.sqrt(np.diagonal(visits.cov[v])).tolist(),
+        "count": int(visits.count[v]),
+        "effective": float(visits.effective[v]),
+        "temperature_degC": _number(visits.temperature_degC[v]),
     }
 
 

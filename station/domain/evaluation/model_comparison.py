@@ -78,23 +78,23 @@ def _rms(values: Floats) -> float:
 
 def of_unit(recipe: Recipe, result: CalibrationResult) -> tuple[LargerModel, ...]:
     """Quadratic and cubic terms on each axis for a calibrated unit; nothing for methods with positions to match."""
-    found, stops, kind = result.calibration, result.stops, method.of(recipe)
-    if found is None or stops is None or not kind.open_ended:
+    found, visits, kind = result.calibration, result.visits, method.of(recipe)
+    if found is None or visits is None or not kind.open_ended:
         return ()
     used = ~found.disturbed
-    corrected = found.correct(stops.mean)[used]
-    group = _groups(recipe, stops, corrected, used)
+    corrected = found.correct(visits.mean)[used]
+    group = _groups(recipe, visits, corrected, used)
     if kind.by_magnitude:
         size = np.asarray(np.linalg.norm(corrected, axis=1), float)
-        known = np.asarray(np.linalg.norm(stops.true[used], axis=1), float)
+        known = np.asarray(np.linalg.norm(visits.true[used], axis=1), float)
         wanted: Floats = known if recipe.pose_known else np.full(len(size), recipe.reference.strength())
         rows, _ = kind.design(corrected, recipe, np.zeros((len(corrected), 0)))
         along = corrected / size[:, None]
         more = {"quadratic": along * corrected**2, "cubic": along * corrected**3}
         return compare(rows, more, np.asarray(size - wanted), group)
-    true = stops.true[used]
+    true = visits.true[used]
     rows, _ = kind.design(true, recipe, np.zeros((len(true), 0)))
-    # Axis by axis: all stops of x, then of y, then of z.
+    # Axis by axis: all visits of x, then of y, then of z.
     wide = rows if len(rows) == 3 * len(true) else np.asarray(np.kron(np.eye(3), rows), float)
     more = {name: _columns_per_axis(true**power) for name, power in (("quadratic", 2), ("cubic", 3))}
     return compare(wide, more, found.residual[used].T.ravel(), np.tile(group, 3))
@@ -109,10 +109,10 @@ def _columns_per_axis(values: Floats) -> Floats:
     return out
 
 
-def _groups(recipe: Recipe, stops: ReducedVisits, corrected: Floats, used: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Stops that are left out together: those of one pose; of hand-held stops, those that look alike."""
+def _groups(recipe: Recipe, visits: ReducedVisits, corrected: Floats, used: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Visits that are left out together: those of one pose; of hand-held visits, those that look alike."""
     if not recipe.pose_known:
         return rest_segments.orientations(corrected)
-    keys = [k for k, keep in zip(zip(stops.position, stops.seating, strict=True), used, strict=True) if keep]
+    keys = [k for k, keep in zip(zip(visits.position, visits.seating, strict=True), used, strict=True) if keep]
     number = {key: i for i, key in enumerate(dict.fromkeys(keys))}
     return np.array([number[k] for k in keys], np.intp)

@@ -1,4 +1,4 @@
-"""Samples → stops → calibration → budget → verdict: the one path of the run, the command and the refit."""
+"""Samples → visits → calibration → budget → verdict: the one path of the run, the command and the refit."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ import numpy as np
 from station.domain.capture.rest_segments import orientations
 from station.domain.core.types import Calibration, Floats, Outcome, Reason, ReducedVisits, SampleTable, Verdict
 from station.domain.evaluation import quality
-from station.domain.evaluation.unit_visits import UnitVisits, reduce_table, reduce_visits
+from station.domain.evaluation.unit_dwells import UnitDwells, reduce_table, reduce_visits
 from station.domain.methods import method, rank, scatter, tilt, uncertainty
 from station.domain.methods.coefficients import matrix_of, offset_of
 from station.domain.methods.decision_rule import Decision, decisions, judge
@@ -30,8 +30,8 @@ MAGNITUDE_UNKNOWNS = {"offset-gain": 6, "matrix": 9}
 BATCH = 128
 
 
-#: Serial, stops, and what the samples came to where there are samples.
-UnitInput = tuple[str, ReducedVisits, UnitVisits | None]
+#: Serial, visits, and what the samples came to where there are samples.
+UnitInput = tuple[str, ReducedVisits, UnitDwells | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,10 +40,10 @@ class CalibrationResult:
 
     serial: str
     verdict: Verdict
-    stops: ReducedVisits | None = None
+    visits: ReducedVisits | None = None
     calibration: Calibration | None = None
     budget: Budget | None = None
-    visits: UnitVisits | None = None
+    dwells: UnitDwells | None = None
     decisions: tuple[Decision, ...] = ()
 
 
@@ -83,18 +83,18 @@ def calibrate_portions(
 def calibrate_reduced(
     recipe: Recipe, units: Mapping[str, ReducedVisits], rounding: Floats = NO_ROUNDING
 ) -> list[CalibrationResult]:
-    """The same from stops that are already reduced (those of the log), without the checks of raw samples."""
+    """The same from visits that are already reduced (those of the log), without the checks of raw samples."""
     design.check(recipe)
-    return _solve(recipe, [(serial, stops, None) for serial, stops in units.items()], rounding)
+    return _solve(recipe, [(serial, visits, None) for serial, visits in units.items()], rounding)
 
 
 def _solve(recipe: Recipe, units: Sequence[UnitInput], rounding: Floats) -> list[CalibrationResult]:
     """Units that went through the same visits are solved together; the order of the results is that of the units."""
     same_truth: dict[object, list[int]] = {}
-    for i, (_, stops, _) in enumerate(units):
-        # Of hand-held stops each unit has directions of its own.
-        truth = stops.true if recipe.pose_known else stops.mean
-        same_truth.setdefault((stops.position, stops.seating, truth.tobytes()), []).append(i)
+    for i, (_, visits, _) in enumerate(units):
+        # Of hand-held visits each unit has directions of its own.
+        truth = visits.true if recipe.pose_known else visits.mean
+        same_truth.setdefault((visits.position, visits.seating, truth.tobytes()), []).append(i)
     done: dict[int, CalibrationResult] = {}
     for members in same_truth.values():
         group = [units[i] for i in members]
@@ -128,23 +128,23 @@ def _results(
 def _result(
     recipe: Recipe, unit: UnitInput, found: Calibration, budget: Budget, broken: tuple[Message, ...]
 ) -> CalibrationResult:
-    serial, stops, measured = unit
+    serial, visits, measured = unit
     unsound: tuple[Reason, ...] = ()
     if measured is not None:
         found = replace(found, notes=(*found.notes, *quality.notes(recipe, measured)))
-        unsound = quality.reasons(recipe, measured, stops)
-    verdict = judge(recipe, found, budget, stops, (*_invalid_fit_reasons(found, broken), *unsound))
-    shown = decisions(recipe, found, budget, stops)
-    return CalibrationResult(serial, verdict, stops, found, budget, measured, shown)
+        unsound = quality.reasons(recipe, measured, visits)
+    verdict = judge(recipe, found, budget, visits, (*_invalid_fit_reasons(found, broken), *unsound))
+    shown = decisions(recipe, found, budget, visits)
+    return CalibrationResult(serial, verdict, visits, found, budget, measured, shown)
 
 
 def _calibration(
-    recipe: Recipe, stops: ReducedVisits, fitted: tuple[Fit, int], budget: Budget, tilts: tuple[Floats, Floats]
+    recipe: Recipe, visits: ReducedVisits, fitted: tuple[Fit, int], budget: Budget, tilts: tuple[Floats, Floats]
 ) -> Calibration:
     fit, u = fitted
     used = ~fit.disturbed[u]
     square = (fit.residual[u][used] ** 2).sum(axis=1)
-    # Of a hand-held stop only the magnitude can be off: one number, not three.
+    # Of a hand-held visit only the magnitude can be off: one number, not three.
     rms = np.sqrt(square.mean() / (3 if recipe.pose_known else 1))
     return Calibration(
         method=recipe.method,
@@ -152,37 +152,37 @@ def _calibration(
         offset=offset_of(fit.theta[u]),
         matrix=matrix_of(fit.theta[u]),
         covariance=budget.covering(),
-        positions=stops.position,
+        positions=visits.position,
         residual=fit.residual[u],
         tilt_deg=np.rad2deg(tilts[0]),
         tilt_std_deg=np.rad2deg(tilts[1]),
         disturbed=fit.disturbed[u],
         residual_rms=float(rms),
         notes=(
-            *_disturbed(stops, fit, u, recipe.unit),
+            *_disturbed(visits, fit, u, recipe.unit),
             *_scatter(budget, recipe.unit),
-            *_dwell(recipe, fit, stops, budget),
+            *_dwell(recipe, fit, visits, budget),
             *fit.notes[u],
         ),
     )
 
 
-def _dwell(recipe: Recipe, fit: Fit, stops: ReducedVisits, budget: Budget) -> Iterator[Message]:
+def _dwell(recipe: Recipe, fit: Fit, visits: ReducedVisits, budget: Budget) -> Iterator[Message]:
     """What is known less well than the recipe's dwell.until_std wants."""
     if recipe.dwell.until_std is None:
         return
     known = recipe.pose_known
-    strongest = np.linalg.norm(stops.true, axis=1).max() if known else recipe.reference.strength()
+    strongest = np.linalg.norm(visits.true, axis=1).max() if known else recipe.reference.strength()
     wanted = adaptive_dwell.target_std(recipe, fit.free, float(strongest))
     if note := adaptive_dwell.shortfall(recipe, wanted, budget.covering_std("noise")):
         yield note
 
 
-def _disturbed(stops: ReducedVisits, fit: Fit, u: int, unit: str) -> Iterator[Message]:
+def _disturbed(visits: ReducedVisits, fit: Fit, u: int, unit: str) -> Iterator[Message]:
     for v in np.flatnonzero(fit.disturbed[u]):
         off = float(np.abs(fit.residual[u, v]).max())
-        run, visit = int(stops.run[v]), int(stops.visit[v])
-        place = Message("visit-place", position=stops.position[v], run=run, visit=visit)
+        run, visit = int(visits.run[v]), int(visits.visit[v])
+        place = Message("visit-place", position=visits.position[v], run=run, visit=visit)
         yield Message("visit-disturbed", place=place, value=off, unit=unit)
 
 
@@ -201,33 +201,33 @@ def _invalid_fit_reasons(found: Calibration, notes: tuple[Message, ...]) -> Iter
         yield Reason(Message("fit-mirrors"), check="fit")
 
 
-def _undetermined_reason(recipe: Recipe, stops: ReducedVisits) -> Message | None:
-    """Why such stops cannot determine the coefficients; None when they can."""
-    if not recipe.pose_known and (few := _too_few_poses(recipe, stops)) is not None:
+def _undetermined_reason(recipe: Recipe, visits: ReducedVisits) -> Message | None:
+    """Why such visits cannot determine the coefficients; None when they can."""
+    if not recipe.pose_known and (few := _too_few_poses(recipe, visits)) is not None:
         return few
-    true = stops.true if recipe.pose_known else _directions(stops) * recipe.reference.strength()
-    nuisance = method.nuisance(recipe, stops.position, stops.seating, true)
+    true = visits.true if recipe.pose_known else _directions(visits) * recipe.reference.strength()
+    nuisance = method.nuisance(recipe, visits.position, visits.seating, true)
     rows, names = method.of(recipe).design(true, recipe, nuisance)
     lost = rank.undetermined(rows, names, rank.EXACT_TOLERANCE if recipe.pose_known else rank.NOISY_TOLERANCE)
     if not lost:
         return None
     undetermined = {"method": recipe.method, "coefficients": tuple(lost)}
-    if missing := tuple(p.name for p in recipe.positions if p.name not in stops.position):
+    if missing := tuple(p.name for p in recipe.positions if p.name not in visits.position):
         return Message("positions-not-visited", positions=missing, **undetermined)
     return Message("visits-too-similar", **undetermined)
 
 
-def _too_few_poses(recipe: Recipe, stops: ReducedVisits) -> Message | None:
+def _too_few_poses(recipe: Recipe, visits: ReducedVisits) -> Message | None:
     """A magnitude gives one equation a pose; the scatter of poses held again is none."""
-    turned = np.ptp(stops.mean, axis=0).max() > TURNED * recipe.reference.strength()
-    poses = int(orientations(_directions(stops) if turned else stops.mean).max(initial=-1)) + 1
+    turned = np.ptp(visits.mean, axis=0).max() > TURNED * recipe.reference.strength()
+    poses = int(orientations(_directions(visits) if turned else visits.mean).max(initial=-1)) + 1
     needed = MAGNITUDE_UNKNOWNS[recipe.model]
     return Message("too-few-poses", poses=poses, needed=needed, model=recipe.model) if poses < needed else None
 
 
-def _directions(stops: ReducedVisits) -> Floats:
-    """Directions (v, 3) that hand-held stops seem to have: from the middle of the extremes."""
-    apart = stops.mean - (stops.mean.max(axis=0) + stops.mean.min(axis=0)) / 2
+def _directions(visits: ReducedVisits) -> Floats:
+    """Directions (v, 3) that hand-held visits seem to have: from the middle of the extremes."""
+    apart = visits.mean - (visits.mean.max(axis=0) + visits.mean.min(axis=0)) / 2
     return np.asarray(apart / np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-300))
 
 

@@ -1,4 +1,4 @@
-"""Stops as the log keeps them beside the raw frames, so that a backtest need not decode a hundred thousand units."""
+"""Visits as the log keeps them beside the raw frames, so that a backtest need not decode a hundred thousand units."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -16,14 +16,14 @@ _TEXT = ("position", "seating")
 _WHOLE = {"run": np.int32, "visit": np.int32, "count": np.int64}
 
 
-def to_document(stops: ReducedVisits) -> dict[str, Any]:
-    """Every field of the stops by name, as lists; a float that is no number becomes null in the log."""
-    values = {f.name: getattr(stops, f.name) for f in fields(ReducedVisits)}
+def to_document(visits: ReducedVisits) -> dict[str, Any]:
+    """Every field of the visits by name, as lists; a float that is no number becomes null in the log."""
+    values = {f.name: getattr(visits, f.name) for f in fields(ReducedVisits)}
     return {name: list(v) if name in _TEXT else v.tolist() for name, v in values.items()}
 
 
 def from_document(document: Mapping[str, Any], recipe: Recipe, truths: Truths | None = None) -> ReducedVisits:
-    """The stops at the recipe's positions, with the truth as `recipe` has it; a gold reference's reading as kept.
+    """The visits at the recipe's positions, with the truth as `recipe` has it; a gold reference's reading as kept.
 
     truths: of this recipe, by positions and seatings, filled here: units of one fleet share them.
     Errors: LogError when the document lacks a field.

@@ -50,7 +50,7 @@ def error_covariance(found: CalibrationResult, recipe: Recipe, true: Floats, rea
     """Covariance (3, 3) of the error at a verify position, from the calibration and what is measured there.
 
     true (3) or NaN; reading (n, 3) of the verify dwell. The calibration's own covariance is carried to this stimulus;
-    noise and rounding of the dwell, the declared or found error of its pose, and scatter between stops come on top.
+    noise and rounding of the dwell, the declared or found error of its pose, and scatter between visits come on top.
     """
     calibration, budget = found.calibration, found.budget
     if calibration is None or budget is None or len(reading) < 2:

@@ -1,7 +1,7 @@
 """What each cause of the budget does to the coefficients: covariances (u, 12, 12), carried by the fit's derivative.
 
-An error δt of the truth acts as a reading that is off by matrix · δt. What stops share is one pattern over them all, so
-that it does not average out.
+An error δt of the truth acts as a reading that is off by matrix · δt. What visits share is one pattern over all, and
+does not average out.
 """
 
 from functools import lru_cache
@@ -16,7 +16,7 @@ from station.domain.recipe.recipe import Recipe
 
 #: The mean shortening by poses is known as well as their std: 1.96 of this share of it holds it with some room.
 SHORTENING = 0.6
-#: Equal codes of fewer stops of an axis are chance.
+#: Equal codes of fewer visits of an axis are chance.
 EQUAL_CODES = 3
 #: Half a step that is there or not: 1.96 of this share of the step hold it beside the rounding itself.
 HALF_STEP = 1 / 3
@@ -48,7 +48,7 @@ def _of_noise(jacobian: Floats, cov: Floats) -> Floats:
 
 
 def _of_uniform_noise(jacobian: Floats, cov: Floats) -> Floats:
-    """J (12, v, 3) with the same covariance (u, 3, 3) at every stop: Σ_kl cov_kl · J_k J_lᵀ, the nine products once.
+    """J (12, v, 3) with the same covariance (u, 3, 3) at every visit: Σ_kl cov_kl · J_k J_lᵀ, the nine products once.
 
     Calm fits have a regression for each axis, so that of the nine terms only one is not zero: the sum is exact in any
     order, and a unit's bits do not depend on its neighbours.
@@ -64,7 +64,7 @@ def _products(jacobian: bytes) -> Floats:
 
 
 def patterns(fit: Fit, of_truth: Floats) -> Floats:
-    """From patterns (k, v, 3) of errors of the truth, each common to all stops."""
+    """From patterns (k, v, 3) of errors of the truth, each common to all visits."""
     matrix = coefficients.matrix_of(fit.theta)
     u, _, v, _ = fit.jacobian.shape
     felt = (of_truth.reshape(-1, 3) @ matrix.transpose(0, 2, 1)).reshape(u, len(of_truth), 3 * v)
@@ -78,7 +78,7 @@ def of_readings(fit: Fit, felt: Floats) -> Floats:
 
 
 def by_pose(problem: FitProblem, effect: Floats) -> Floats:
-    """Sums of effects (u, 12, k, v) over the stops of each pose: (u, 12, k · poses)."""
+    """Sums of effects (u, 12, k, v) over the visits of each pose: (u, 12, k · poses)."""
     order = np.argsort(problem.pose, kind="stable")
     first = np.flatnonzero(np.r_[True, np.diff(problem.pose[order]) > 0])
     summed = np.add.reduceat(effect[..., order], first, axis=3)
@@ -86,7 +86,7 @@ def by_pose(problem: FitProblem, effect: Floats) -> Floats:
 
 
 def position(problem: FitProblem, fit: Fit, std_rad: Floats) -> Floats:
-    """Pose errors of std_rad (u) about each axis, one draw for all stops of a pose, to second order.
+    """Pose errors of std_rad (u) about each axis, one draw for all visits of a pose, to second order.
 
     A pose turned by φ shortens the truth by |φ|²/2 across it: δ² in the mean over poses, and as much from pose to pose.
     Where the method fits magnitudes it does not feel that.
@@ -110,7 +110,7 @@ def position(problem: FitProblem, fit: Fit, std_rad: Floats) -> Floats:
 def quantisation(problem: FitProblem, fit: Fit) -> Floats:
     """From rounding that no averaging takes away: independent where codes differ, one error where they are equal.
 
-    Equal codes of EQUAL_CODES and more stops may be of equal readings, whose rounding is one error, or of readings
+    Equal codes of EQUAL_CODES and more visits may be of equal readings, whose rounding is one error, or of readings
     anywhere in that step: for each coefficient the larger of the two counts.
     """
     apart = noise(fit, diagonal(problem.quantisation))
@@ -127,13 +127,13 @@ def quantisation(problem: FitProblem, fit: Fit) -> Floats:
 
 
 def _of_equal_codes(jacobian: Floats, mean: Floats, variance: Floats) -> Floats:
-    """Variances (12) from one axis: J (12, v), mean (v), rounding variance (v); stops of one code share an error."""
+    """Variances (12) from one axis: J (12, v), mean (v), rounding variance (v); visits of one code share an error."""
     step = np.sqrt(12 * variance.max())
     if step == 0:
         return np.zeros(12)
     code = np.unique(np.round(mean / step), return_inverse=True)[1]
     count = np.bincount(code)
-    # Of fewer stops each is a group of its own.
+    # Of fewer visits each is a group of its own.
     code = np.where(count[code] >= EQUAL_CODES, code, len(count) + np.arange(len(code)))
     group = (code[:, None] == np.unique(code)).astype(float)
     return np.asarray((((jacobian * np.sqrt(variance)) @ group) ** 2).sum(axis=1))
@@ -159,19 +159,19 @@ def method(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:
     return of_readings(fit, felt)
 
 
-def turn_on(recipe: Recipe, fit: Fit, stops: ReducedVisits) -> Floats:
+def turn_on(recipe: Recipe, fit: Fit, visits: ReducedVisits) -> Floats:
     """An offset that differs from run to run, on each axis by itself."""
     u, _, v, _ = fit.jacobian.shape
     std = recipe.device.turn_on_std or 0.0
     if std == 0:
         return np.zeros((u, 12, 12))
-    run = (np.unique(stops.run)[:, None] == stops.run).astype(float)
+    run = (np.unique(visits.run)[:, None] == visits.run).astype(float)
     felt = std * np.einsum("rv,ik->rivk", run, np.eye(3)).reshape(-1, 3 * v)
     return of_readings(fit, np.broadcast_to(felt, (u, *felt.shape)))
 
 
 def temperature(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:
-    """What the sheet's temperature coefficients make of differences between the stops, and of the thermometer."""
+    """What the sheet's temperature coefficients make of differences between the visits, and of the thermometer."""
     u, _, v, _ = fit.jacobian.shape
     device = recipe.device
     if not (device.offset_tempco or device.gain_tempco):

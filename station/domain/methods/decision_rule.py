@@ -32,11 +32,11 @@ class LimitedCoefficients:
 
 
 def judge(
-    recipe: Recipe, found: Calibration, budget: Budget, stops: ReducedVisits, quality: Sequence[Reason]
+    recipe: Recipe, found: Calibration, budget: Budget, visits: ReducedVisits, quality: Sequence[Reason]
 ) -> Verdict:
     """PASS when nothing speaks against it. quality: reasons why the data themselves are no evidence."""
     t = limited_coefficients(recipe.limits, found, budget)
-    reasons = (*quality, *_coefficients(recipe, t), *_gate_reasons(recipe, found, stops))
+    reasons = (*quality, *_coefficients(recipe, t), *_gate_reasons(recipe, found, visits))
     known = measured(recipe.limits, t, budget)
     outside = risk.beyond(known, t.limit)
     passed = not reasons
@@ -118,7 +118,7 @@ class Decision:
         return self.limit - self.guard - abs(self.value)
 
 
-def decisions(recipe: Recipe, found: Calibration, budget: Budget, stops: ReducedVisits) -> tuple[Decision, ...]:
+def decisions(recipe: Recipe, found: Calibration, budget: Budget, visits: ReducedVisits) -> tuple[Decision, ...]:
     """Every limit that was decided by value, uncertainty and the one rule."""
     t = limited_coefficients(recipe.limits, found, budget)
     known, wide = measured(recipe.limits, t, budget), coverage.factor(t.dof) * t.std
@@ -134,12 +134,12 @@ def decisions(recipe: Recipe, found: Calibration, budget: Budget, stops: Reduced
         )
         for c, i in enumerate(t.index)
     )
-    return (*each, *(_rig_decision(g) for g in _gates(recipe.limits, found, stops)))
+    return (*each, *(_rig_decision(g) for g in _gates(recipe.limits, found, visits)))
 
 
 @dataclass(frozen=True, slots=True)
 class _Gate:
-    """A limit on how well the stops agree, at its worst stop: the message's id and check, value, U, guard band."""
+    """A limit on how well the visits agree, at its worst visit: the message's id and check, value, U, guard band."""
 
     check: str
     position: str
@@ -182,10 +182,10 @@ def _as_unit(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _gate_reasons(recipe: Recipe, found: Calibration, stops: ReducedVisits) -> Iterator[Reason]:
-    """Limits on how well the stops agree, which speak of the rig and the readings as much as of the unit."""
+def _gate_reasons(recipe: Recipe, found: Calibration, visits: ReducedVisits) -> Iterator[Reason]:
+    """Limits on how well the visits agree, which speak of the rig and the readings as much as of the unit."""
     limits = recipe.limits
-    for gate in _gates(limits, found, stops):
+    for gate in _gates(limits, found, visits):
         if not abs(gate.value) <= gate.limit - gate.guard:
             shown: dict[str, Value] = {
                 "position": gate.position,
@@ -199,26 +199,26 @@ def _gate_reasons(recipe: Recipe, found: Calibration, stops: ReducedVisits) -> I
             )  # fmt: skip
     if found.disturbed.all():
         return
-    if limits.consistency is not None and (spread := consistency(stops, found.disturbed)) > limits.consistency:
+    if limits.consistency is not None and (spread := consistency(visits, found.disturbed)) > limits.consistency:
         message = Message("consistency-beyond-limit", value=spread, limit=limits.consistency, unit=recipe.unit)
         yield Reason(message, spread, limits.consistency, recipe.unit, "consistency")
     if limits.temperature_degC is not None:
-        yield from _temperature(limits.temperature_degC, stops)
+        yield from _temperature(limits.temperature_degC, visits)
 
 
-def _gates(limits: Limits, found: Calibration, stops: ReducedVisits) -> Iterator[_Gate]:
-    """Residual, tilt and noise at their worst stop, against their limits."""
+def _gates(limits: Limits, found: Calibration, visits: ReducedVisits) -> Iterator[_Gate]:
+    """Residual, tilt and noise at their worst visit, against their limits."""
     undisturbed = ~found.disturbed
     if not undisturbed.any():
         return
-    of_mean = np.sqrt(np.einsum("vii->vi", stops.cov))
+    of_mean = np.sqrt(np.einsum("vii->vi", visits.cov))
     residual = np.abs(found.residual)
     at = residual.argmax(axis=1)[:, None]
     nothing = np.zeros(len(undisturbed))
     for check, limit, size, std, unit in (
         ("residual", limits.residual, residual.max(axis=1), np.take_along_axis(of_mean, at, 1)[:, 0], found.unit),
         ("tilt", limits.tilt_deg, found.tilt_deg, found.tilt_std_deg, "deg"),
-        ("noise", limits.noise, stops.std.max(axis=1), nothing, found.unit),
+        ("noise", limits.noise, visits.std.max(axis=1), nothing, found.unit),
     ):
         if limit is not None:
             guard = guard_band(limits, std, np.full(len(std), coverage.MANY))
@@ -227,13 +227,13 @@ def _gates(limits: Limits, found: Calibration, stops: ReducedVisits) -> Iterator
             yield _Gate(check, found.positions[worst], *values, limit, unit)
 
 
-def _temperature(limits: tuple[float, float], stops: ReducedVisits) -> Iterator[Reason]:
+def _temperature(limits: tuple[float, float], visits: ReducedVisits) -> Iterator[Reason]:
     low, high = limits
-    known = np.isfinite(stops.temperature_degC)
-    outside = known & ((stops.temperature_degC < low) | (stops.temperature_degC > high))
+    known = np.isfinite(visits.temperature_degC)
+    outside = known & ((visits.temperature_degC < low) | (visits.temperature_degC > high))
     for v in np.flatnonzero(outside)[:1]:
-        T = float(stops.temperature_degC[v])
-        message = Message("temperature-outside", value=T, position=stops.position[v], low=low, high=high)
+        T = float(visits.temperature_degC[v])
+        message = Message("temperature-outside", value=T, position=visits.position[v], low=low, high=high)
         yield Reason(message, T, high if high < T else low, "degC", "temperature")
 
 
@@ -247,13 +247,13 @@ def refuse_unestimated(recipe: Recipe) -> None:
             raise RecipeError("limit-not-estimated", recipe=recipe.name, limit=kind, method=recipe.method)
 
 
-def consistency(stops: ReducedVisits, disturbed: NDArray[np.bool_]) -> float:
+def consistency(visits: ReducedVisits, disturbed: NDArray[np.bool_]) -> float:
     """Largest difference between readings of an axis across the stimulus, in the recipe's unit.
 
     In DT0105's table these are its three spare equations, x₂ − x₃, y₁ − y₃ and z₁ − z₂: zero but for cross-axis
     gains and pose errors. 0 where no axis is across the stimulus twice.
     """
-    size = np.linalg.norm(stops.true, axis=1, keepdims=True)
-    across = (np.abs(stops.true) < ACROSS * size) & ~disturbed[:, None]
-    spread = [np.ptp(stops.mean[across[:, i], i]) for i in range(3) if across[:, i].sum() > 1]
+    size = np.linalg.norm(visits.true, axis=1, keepdims=True)
+    across = (np.abs(visits.true) < ACROSS * size) & ~disturbed[:, None]
+    spread = [np.ptp(visits.mean[across[:, i], i]) for i in range(3) if across[:, i].sum() > 1]
     return float(max(spread, default=0.0))

@@ -24,13 +24,13 @@ Rows = NDArray[np.intp] | slice
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitProblem:
-    """Stops (v) of units (u) that went through the same visits.
+    """Visits (v) of units (u) that went through the same visits.
 
     mean, true (u, v, 3) readings and truths in the recipe's unit; cov (u, v, 3, 3), quantisation, dof (u, v, 3) and
-    temperature_degC (u, v): see Stops; magnitude (u, v) of the truth; pose (v) number of the pose: same position and
+    temperature_degC (u, v): see Visits; magnitude (u, v) of the truth; pose (v) number of the pose: same position and
     seating, same pose; pose_std_rad: expected error of a pose about each axis; scatter_pose, scatter_visit (u): further
-    variance of a reading, common to the stops of a pose or each stop's own; patterns (k, v, 3): stated errors of the
-    truth that all stops share, and of coefficients that the method takes for granted, one standard deviation each;
+    variance of a reading, common to the visits of a pose or each visit's own; patterns (k, v, 3): stated errors of the
+    truth that all visits share, and of coefficients that the method takes for granted, one standard deviation each;
     nuisance (v, q): see Sensor.nuisance; model: matrix | offset-gain; pose_known: whether `true` is known.
     """
 
@@ -51,11 +51,11 @@ class FitProblem:
     pose_known: bool
 
     def visits_of_pose(self) -> NDArray[np.intp]:
-        """How many stops share the pose of each stop (v)."""
+        """How many visits share the pose of each visit (v)."""
         return np.bincount(self.pose)[self.pose]
 
     def scatter(self) -> Floats:
-        """Variance (u, v) that weights are to know of beside noise, as `visits_of_pose` stops share a pose's."""
+        """Variance (u, v) that weights are to know of beside noise, as `visits_of_pose` visits share a pose's."""
         return self.scatter_visit[:, None] + self.scatter_pose[:, None] * self.visits_of_pose()
 
     def take(self, rows: Rows) -> "FitProblem":
@@ -78,8 +78,8 @@ class Fit:
     residual (u, v, 3) measured − modelled; tilt: angles and standard deviations (u, v) in rad where the method finds
     them (else `methods.tilt`); disturbed (u, v) bool; misfit (u, v, a): what the method made small, with the
     variances (u, v, a) that noise and declared pose errors give it; parameters: how many it fitted to that; explained
-    (k, v, a): orthonormal patterns of misfit that stated errors shared by all stops make; consistent (u): known to have
-    neither scatter nor a stop that does not fit; pose_std_rad, pose_dof (u): pose error about each axis as found and
+    (k, v, a): orthonormal patterns of misfit that errors shared by all visits make; consistent (u): known to have
+    neither scatter nor a visit that does not fit; pose_std_rad, pose_dof (u): pose error about each axis as found and
     its degrees of freedom, 0 where the method cannot tell; notes: messages a unit.
     """
 
@@ -144,7 +144,7 @@ def _with_rows(mine: Array, rows: NDArray[np.intp], theirs: Array) -> Array:
 
 class Method(Protocol):
     """A calibration method. open_ended: whether it takes any number of positions; by_magnitude: whether it fits the
-    magnitudes of the readings, one number a stop, and not the three readings themselves."""
+    magnitudes of the readings, one number a visit, and not the three readings themselves."""
 
     open_ended: ClassVar[bool]
     by_magnitude: ClassVar[bool]
@@ -159,14 +159,14 @@ class Method(Protocol):
         """Coefficients by what units have in common, right for the fit's consistent ones; None where for none."""
 
     def fit(self, problem: FitProblem) -> Fit:
-        """Coefficients of every unit, each by itself; stops that do not fit with the rest left out and marked."""
+        """Coefficients of every unit, each by itself; visits that do not fit with the rest left out and marked."""
 
 
-def same_at_all_visits(of_stops: Floats) -> NDArray[np.bool_]:
-    """Whether all stops of a unit have the same values: (u) of values (u, v, …)."""
-    flat = of_stops.reshape(len(of_stops), -1)
-    each = flat.shape[1] // of_stops.shape[1]
-    # Each with its neighbour: comparing all with the first would read in steps of one stop.
+def same_at_all_visits(of_visits: Floats) -> NDArray[np.bool_]:
+    """Whether all visits of a unit have the same values: (u) of values (u, v, …)."""
+    flat = of_visits.reshape(len(of_visits), -1)
+    each = flat.shape[1] // of_visits.shape[1]
+    # Each with its neighbour: comparing all with the first would read in steps of one visit.
     return np.asarray((flat[:, each:] == flat[:, :-each]).all(axis=1))
 
 
@@ -176,10 +176,10 @@ def of(recipe: Recipe) -> Method:
 
 
 def fit_problem(recipe: Recipe, units: Sequence[ReducedVisits]) -> FitProblem:
-    """The problem of units whose stops are the same, one by one, in position, seating and truth."""
+    """The problem of units whose visits are the same, one by one, in position, seating and truth."""
     first = units[0]
     keys = list(zip(first.position, first.seating, strict=True))
-    # Of hand-held stops nobody knows which were alike.
+    # Of hand-held visits nobody knows which were alike.
     known = recipe.pose_known
     number = {key: i for i, key in enumerate(dict.fromkeys(keys))}
     true = np.broadcast_to(first.true, (len(units), *first.true.shape))
@@ -202,30 +202,30 @@ def fit_problem(recipe: Recipe, units: Sequence[ReducedVisits]) -> FitProblem:
     )
 
 
-def _stated_patterns(recipe: Recipe, stops: ReducedVisits) -> Floats:
+def _stated_patterns(recipe: Recipe, visits: ReducedVisits) -> Floats:
     """Turns of nest, base and field as stated: residuals that they explain are no scatter."""
     r = recipe.reference
     degrees = {"nest": r.nest_std_deg or 0.0, "base": r.base_std_deg or 0.0, "field": r.field_std_deg or 0.0}
     if not recipe.pose_known or r.source == "gold":
-        return np.zeros((0, len(stops), 3))
-    found = references.direction_errors(recipe, stops.position, stops.seating, stops.true, degrees)
-    return np.concatenate([np.zeros((0, len(stops), 3)), *found.values()])
+        return np.zeros((0, len(visits), 3))
+    found = references.direction_errors(recipe, visits.position, visits.seating, visits.true, degrees)
+    return np.concatenate([np.zeros((0, len(visits), 3)), *found.values()])
 
 
-def _method_patterns(recipe: Recipe, stops: ReducedVisits) -> Floats:
+def _method_patterns(recipe: Recipe, visits: ReducedVisits) -> Floats:
     """Cross-axis gains and gains, one a pattern, as far as the recipe's model leaves them out."""
     fixed = recipe.method in ("one-point", "three-point") or recipe.model == "offset-gain"
     if not fixed or not recipe.pose_known or of(recipe).by_magnitude:
-        return np.zeros((0, len(stops), 3))
+        return np.zeros((0, len(visits), 3))
     std = assumptions.unestimated_std(recipe)[3:].reshape(3, 3)
     if recipe.method != "one-point":
         std = std * (1 - np.eye(3))
-    out = np.einsum("ij,vj,ik->ijvk", std, stops.true, np.eye(3)).reshape(9, len(stops), 3)
+    out = np.einsum("ij,vj,ik->ijvk", std, visits.true, np.eye(3)).reshape(9, len(visits), 3)
     return np.asarray(out[out.any(axis=(1, 2))])
 
 
 def nuisance(recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats) -> Floats:
-    """The sensor kind's nuisance regressors (v, q) where the stops tell them from the coefficients; q = 0 otherwise."""
+    """The sensor kind's nuisance regressors (v, q) where visits tell them from the coefficients; q = 0 otherwise."""
     if not recipe.pose_known:
         return np.zeros((len(position), 0))
     found = sensor.of(recipe).nuisance(recipe, position, seating)

@@ -1,4 +1,4 @@
-"""How much larger than noise explains the scatter of stops may be, given residuals: always an amount, never a pretest.
+"""How much larger than noise explains the scatter of visits may be, given residuals: always an amount, never a pretest.
 
 The variance σ² of a residual is n² (1 + τ²), n² its noise. χ² with ν degrees of freedom says how likely each τ is;
 before it is looked at, τ is 0 with probability NONE, otherwise of any size. The posterior of ln σ² is matched by a

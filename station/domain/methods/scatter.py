@@ -1,6 +1,6 @@
-"""What stops differ by beyond their noise: loose poses, slow drift, a bent response. Estimated, then weighted with.
+"""What visits differ by beyond their noise: loose poses, slow drift, a bent response. Estimated, then weighted with.
 
-Two levels, each a variance of its own: between poses (stops of one pose share it) and between stops of one pose. Each
+Two levels, each a variance of its own: between poses (visits of one pose share it) and between visits of one pose. Each
 is what makes χ² equal to its degrees of freedom (Paule & Mandel 1982, J. Res. NBS 87, 377), and is taken up only where
 chance would hardly make residuals that large; dwells that differ in length then no longer count by noise alone.
 """
@@ -18,7 +18,7 @@ from station.domain.methods.method import Fit, FitProblem, Method
 
 #: Residuals are larger than noise explains when chance would do it this rarely.
 LEVEL = 1e-3
-#: Stops looked at together: enough to be fast, few enough for a processor's cache.
+#: Visits looked at together: enough to be fast, few enough for a processor's cache.
 PORTION = 6144
 #: Rounds of estimating the scatter and fitting with it.
 ROUNDS = 4
@@ -30,7 +30,7 @@ CONVERGED = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LackOfFit:
-    """Squared misfits (u, n) of pose means and of stops about them, their variances (u, n), degrees of freedom (u)."""
+    """Squared misfits (u, n) of pose means and of visits about them, their variances (u, n), degrees of freedom (u)."""
 
     between: Floats
     of_between: Floats
@@ -69,18 +69,18 @@ def solve(method: Method, problem: FitProblem) -> Iterator[SolvedUnits]:
 
 def _with_scatter(method: Method, problem: FitProblem, fit: Fit) -> tuple[FitProblem, Fit]:
     """Estimates the scatter and fits with it in turn, until it stays."""
-    repeated, stop = int(problem.visits_of_pose().max()) > 1, np.zeros(len(problem.mean))
+    repeated, visit = int(problem.visits_of_pose().max()) > 1, np.zeros(len(problem.mean))
     for _ in range(ROUNDS):
         if repeated:
-            stop = estimate(replace(problem, scatter_visit=np.zeros(len(problem.mean))), fit, "within")
-        pose = estimate(replace(problem, scatter_visit=stop), fit, "between")
-        by = np.abs(pose - problem.scatter_pose) + np.abs(stop - problem.scatter_visit)
-        moved = by > 1e-3 * (pose + stop)
+            visit = estimate(replace(problem, scatter_visit=np.zeros(len(problem.mean))), fit, "within")
+        pose = estimate(replace(problem, scatter_visit=visit), fit, "between")
+        by = np.abs(pose - problem.scatter_pose) + np.abs(visit - problem.scatter_visit)
+        moved = by > 1e-3 * (pose + visit)
         if not moved.any():
             break
         # Those that stay keep what they have, so that their bits do not depend on how long their neighbours move.
-        pose, stop = np.where(moved, pose, problem.scatter_pose), np.where(moved, stop, problem.scatter_visit)
-        problem, rows = replace(problem, scatter_pose=pose, scatter_visit=stop), np.flatnonzero(moved)
+        pose, visit = np.where(moved, pose, problem.scatter_pose), np.where(moved, visit, problem.scatter_visit)
+        problem, rows = replace(problem, scatter_pose=pose, scatter_visit=visit), np.flatnonzero(moved)
         fit = fit.with_units(rows, method.fit(problem.take(rows)))
     return problem, fit
 
@@ -98,9 +98,9 @@ def estimate(problem: FitProblem, fit: Fit, level: Literal["between", "within"])
 
 
 def lack_of_fit(problem: FitProblem, fit: Fit) -> LackOfFit:
-    """Misfits of poses, whose variance is that of their mean plus the declared pose error, and of stops about them.
+    """Misfits of poses, whose variance is that of their mean plus the declared pose error, and of visits about them.
 
-    Scatter of stops already in the problem counts as noise; scatter of poses does not, for it is what is asked.
+    Scatter of visits already in the problem counts as noise; scatter of poses does not, for it is what is asked.
     """
     u, _, a = fit.misfit.shape
     keep = np.where(fit.disturbed, 0.0, 1.0)[..., None]
@@ -113,19 +113,19 @@ def lack_of_fit(problem: FitProblem, fit: Fit) -> LackOfFit:
     mean = ((keep * misfit / noise).transpose(0, 2, 1) @ group) * of_mean
     declared = (keep * fit.pose_variance).transpose(0, 2, 1) @ group / np.maximum(keep[..., 0] @ group, 1)[:, None]
     about = (misfit - (mean @ group.T).transpose(0, 2, 1)) * keep
-    poses, stops = observed[:, 0].sum(axis=1), keep.sum(axis=(1, 2))
+    poses, visits = observed[:, 0].sum(axis=1), keep.sum(axis=(1, 2))
     return LackOfFit(
         between=(mean**2).reshape(u, -1),
         of_between=(of_mean + declared).reshape(u, -1),
         dof_between=a * poses - float(fit.parameters) - len(fit.explained),
         within=(about**2).reshape(u, -1),
         of_within=noise.reshape(u, -1),
-        dof_within=a * (stops - poses).astype(float),
+        dof_within=a * (visits - poses).astype(float),
     )
 
 
 def _unexplained(fit: Fit) -> Floats:
-    """The misfit (u, v, a) without what stated errors shared by all stops make of it."""
+    """The misfit (u, v, a) without what stated errors shared by all visits make of it."""
     if not len(fit.explained):
         return fit.misfit
     basis = fit.explained.reshape(len(fit.explained), -1)

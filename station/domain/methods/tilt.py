@@ -15,7 +15,7 @@ def of(problem: FitProblem, fit: Fit) -> tuple[Floats, Floats]:
     """Angle between nominal and found direction, and its standard deviation about each axis, in rad, each (u, v).
 
     A method that finds tilts by itself has told them. A linear fit takes part of every tilt into its coefficients:
-    the share `leverage` of it is missing from the residual, and stands, as large as the residuals of all stops make
+    the share `leverage` of it is missing from the residual, and stands, as large as the residuals of all visits make
     likely, in the standard deviation.
     """
     if fit.tilt is not None:
@@ -37,7 +37,7 @@ def of(problem: FitProblem, fit: Fit) -> tuple[Floats, Floats]:
 
 
 def leverages(problem: FitProblem, fit: Fit) -> Floats:
-    """How much of its own reading each stop's fitted value takes over: (u, v, 3), between 0 and 1."""
+    """How much of its own reading each visit's fitted value takes over: (u, v, 3), between 0 and 1."""
     by_own = np.einsum("ukvi->uvik", fit.jacobian)
     u, v = problem.magnitude.shape
     by_matrix = by_own[..., 3:].reshape(u, v, 3, 3, 3)

@@ -12,7 +12,7 @@ from station.domain.noise import noise
 from station.domain.recipe import assumptions, references
 from station.domain.recipe.recipe import Recipe
 
-#: The budget line for what stops differ by beyond noise and declared pose errors (station.domain.methods.scatter).
+#: The budget line for what visits differ by beyond noise and declared pose errors (station.domain.methods.scatter).
 SCATTER = "scatter"
 #: Edition of the rules by which budgets are made; it stands in every record, because another edition gives other bits.
 RULES = 2
@@ -23,7 +23,7 @@ class Budget:
     """Covariances (12, 12) of one unit by cause, their sum, and the effective degrees of freedom (12) of its diagonal.
 
     part_dof: degrees of freedom (12) of the causes that are estimates; what is not there is taken as known. scatter:
-    standard deviation, in the recipe's unit, of what stops clearly differ by beyond noise and declared pose errors; 0
+    standard deviation, in the recipe's unit, of what visits clearly differ by beyond noise and declared pose errors; 0
     when those explain the residuals, although the budget then still holds what residuals leave possible.
     """
 
@@ -76,8 +76,8 @@ class Budget:
         ]
 
 
-def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, stops: ReducedVisits, rounding: Floats) -> list[Budget]:
-    """The budget of each unit. stops: of one of them; rounding (12): standard deviations of the coefficients' rounding
+def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits, rounding: Floats) -> list[Budget]:
+    """The budget of each unit. visits: of one of them; rounding (12): standard deviations of the coefficients' rounding
     in the device."""
     u = len(fit.theta)
     visit, pose = _scatter(problem, fit)
@@ -87,10 +87,10 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, stops: ReducedVisits,
         "quantisation": contributions.quantisation(problem, fit),
         "converter": contributions.converter(recipe, problem, fit),
         "position": contributions.position(problem, fit, pose_std),
-        **_truth(recipe, problem, fit, stops),
+        **_truth(recipe, problem, fit, visits),
         "method": contributions.method(recipe, problem, fit),
         "temperature": contributions.temperature(recipe, problem, fit),
-        "runs": contributions.turn_on(recipe, fit, stops),
+        "runs": contributions.turn_on(recipe, fit, visits),
         "reproducibility": contributions.reproducibility(recipe, fit),
         "rounding": np.broadcast_to(np.diag(np.where(fit.free, rounding, 0.0) ** 2), (u, 12, 12)),
         SCATTER: visit.covariance + pose.covariance,
@@ -121,17 +121,17 @@ class _Scatter:
 
 
 def _scatter(problem: FitProblem, fit: Fit) -> tuple[_Scatter, _Scatter]:
-    """Scatter of stops of one pose, and of poses: as clearly found, otherwise as far as residuals leave it possible."""
+    """Scatter of visits of one pose, and of poses: as clearly found, else as far as residuals leave it possible."""
     u, _, v, _ = fit.jacobian.shape
     found = scatter.lack_of_fit(replace(problem, scatter_visit=np.zeros(u)), fit)
-    stop, stop_dof = _estimate(problem.scatter_visit, found.within, found.of_within, found.dof_within)
-    found = scatter.lack_of_fit(replace(problem, scatter_visit=stop), fit)
+    visit, visit_dof = _estimate(problem.scatter_visit, found.within, found.of_within, found.dof_within)
+    found = scatter.lack_of_fit(replace(problem, scatter_visit=visit), fit)
     pose, pose_dof = _estimate(problem.scatter_pose, found.between, found.of_between, found.dof_between)
     own = fit.jacobian.reshape(u, 12, 3 * v)
     shape = np.sqrt(_pose_shape(problem, fit))
     shared = contributions.by_pose(problem, (fit.jacobian * shape[:, None]).transpose(0, 1, 3, 2))
     return (
-        _Scatter(stop[:, None, None] * (own @ own.transpose(0, 2, 1)), stop_dof),
+        _Scatter(visit[:, None, None] * (own @ own.transpose(0, 2, 1)), visit_dof),
         _Scatter(pose[:, None, None] * (shared @ shared.transpose(0, 2, 1)), pose_dof),
     )
 
@@ -182,20 +182,20 @@ def _plain_noise(problem: FitProblem) -> Floats:
     return np.asarray(of_noise / (root[..., :, None] * root[..., None, :]))
 
 
-def _truth(recipe: Recipe, problem: FitProblem, fit: Fit, stops: ReducedVisits) -> dict[str, Floats]:
-    """What the sensor kind says its stimulus may be wrong by; hand-held stops know no more than the magnitude."""
+def _truth(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits) -> dict[str, Floats]:
+    """What the sensor kind says its stimulus may be wrong by; hand-held visits know no more than the magnitude."""
     if not problem.pose_known:
         relative = assumptions.magnitude_relative_std(recipe)
         gain = np.where(coefficients.OFFSETS, 0.0, fit.theta) * relative
         return {"magnitude": gain[:, :, None] * gain[:, None, :]}
-    found = dict(references.truth_errors(recipe, stops.position, stops.seating, stops.true))
+    found = dict(references.truth_errors(recipe, visits.position, visits.seating, visits.true))
     if recipe.reference.source != "gold" or recipe.reference.nest_std_deg is not None:
         degrees = {
             "nest": assumptions.nest_deg(recipe),
             "base": assumptions.base_deg(recipe),
             "field": assumptions.field_deg(recipe),
         }
-        found |= references.direction_errors(recipe, stops.position, stops.seating, stops.true, degrees)
+        found |= references.direction_errors(recipe, visits.position, visits.seating, visits.true, degrees)
     return {name: contributions.patterns(fit, pattern) for name, pattern in found.items()}
 
 

@@ -100,7 +100,7 @@ def dwell_noise(reading: Floats, longest: int) -> DwellNoise:
 
 
 def join_units(units: Sequence[DwellNoise]) -> DwellNoise:
-    """The dwells of several units at one stop as one."""
+    """The dwells of several units at one visit as one."""
     if len(units) == 1:
         return units[0]
     return DwellNoise(*(np.concatenate([getattr(d, f.name) for d in units]) for f in fields(DwellNoise)))

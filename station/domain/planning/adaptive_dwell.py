@@ -1,7 +1,7 @@
 """Dwells that end as soon as every coefficient is known as well as the recipe's `dwell.until_std` wants.
 
-The recipe's own method says how each coefficient depends on each stop's mean; the noise as it has been so far says how
-long each stop that is left must then last for the least sum (`planning.allocation`). A weighted method weighs
+The recipe's own method says how each coefficient depends on each visit's mean; the noise as it has been so far says how
+long each visit that is left must then last for the least sum (`planning.allocation`). A weighted method weighs
 by the dwells, so its derivative and the dwells are improved in turn: the sum falls with each, and where it stays it
 is the least (both are convex together, Pukelsheim 2006, ch. 2).
 
@@ -29,7 +29,7 @@ from station.messages import Message
 
 #: Rounds of dwells and derivative from a cold start; a plan that goes on from its predecessor needs WARM.
 ROUNDS, WARM = 16, 2
-#: Dwells are planned for noise so many standard deviations of what is yet to be learnt above what it seems: a stop
+#: Dwells are planned for noise so many standard deviations of what is yet to be learnt above what it seems: a visit
 #: that was left too early costs the others more than one that was left too late.
 CAUTION = 0.3
 #: A dwell is looked at again when it has become so much longer, if not earlier by its own plan.
@@ -42,8 +42,8 @@ SHORTFALL_RATIO = 1.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AccuracyTarget:
-    """What the planned stops (v) of all runs are for. std (12): wanted, infinite where the method estimates nothing;
-    ideal: the stops as a perfect sensor sees them, one unit; shortest_s, longest_s: of a dwell; rate_hz."""
+    """What the planned visits (v) of all runs are for. std (12): wanted, infinite where the method estimates nothing;
+    ideal: the visits as a perfect sensor sees them, one unit; shortest_s, longest_s: of a dwell; rate_hz."""
 
     recipe: Recipe
     std: Floats
@@ -67,8 +67,8 @@ class AccuracyTarget:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DwellProgress:
-    """Where a run of fixtures (f) stands. curve: of their noise; done_s (f, v): dwells of stops already done, 0 where
-    still to come; observed: the stops that curve.variance_ratio is of; observed_s (f): how long they lasted."""
+    """Where a run of fixtures (f) stands. curve: of their noise; done_s (f, v): dwells of visits already done, 0 where
+    still to come; observed: the visits that curve.variance_ratio is of; observed_s (f): how long they lasted."""
 
     curve: NoiseCurve
     done_s: Floats
@@ -89,7 +89,7 @@ class DwellProgress:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DwellPlan:
-    """Dwells (f, v), s, of every stop, those already done included, and the standard deviations (f, 12) they give."""
+    """Dwells (f, v), s, of every visit, those already done included, and the standard deviations (f, 12) they give."""
 
     dwell_s: Floats
     std: Floats
@@ -105,8 +105,8 @@ def target_std(recipe: Recipe, free: NDArray[np.bool_], strongest: float) -> Flo
 def accuracy_target(recipe: Recipe) -> AccuracyTarget:
     """The aim of a recipe whose dwell is until_std."""
     dwell = recipe.dwell
-    stops = nominal_visits.nominal_visits(recipe, np.full(len(nominal_visits.names(recipe)[0]), dwell.longest_s))
-    problem = method.fit_problem(recipe, [stops])
+    visits = nominal_visits.nominal_visits(recipe, np.full(len(nominal_visits.names(recipe)[0]), dwell.longest_s))
+    problem = method.fit_problem(recipe, [visits])
     std = target_std(recipe, method.of(recipe).fit(problem).free, float(problem.magnitude.max()))
     return AccuracyTarget(recipe, std, problem, dwell.min_s, dwell.max_s, recipe.device.rate_hz)
 
@@ -145,7 +145,7 @@ def worst_curve(curves: Sequence[NoiseCurve], gold: NoiseCurve | None = None) ->
 
 
 def initial_dwells_s(aim: AccuracyTarget, density: float) -> Floats:
-    """Dwells (v) of every planned stop where white noise has so much variance · s in every axis."""
+    """Dwells (v) of every planned visit where white noise has so much variance · s in every axis."""
     white = np.full((1, 3, 1), density * aim.rate_hz)
     curve = NoiseCurve(np.ones(1), white, np.full((1, 3, 1), 1e9), np.ones((1, 0, 3)))
     guess = np.full((1, len(aim)), np.sqrt(aim.shortest_s * aim.longest_s))
@@ -154,12 +154,12 @@ def initial_dwells_s(aim: AccuracyTarget, density: float) -> Floats:
 
 
 def dwells_by_sheet_s(recipe: Recipe) -> Floats:
-    """Dwells (v) of every planned stop of all runs, s, by the noise that the data sheet promises."""
+    """Dwells (v) of every planned visit of all runs, s, by the noise that the data sheet promises."""
     return planned_dwells_s(recipe, expected_noise(recipe) ** 2 / recipe.device.rate_hz)
 
 
 def planned_dwells_s(recipe: Recipe, density: float) -> Floats:
-    """Dwells (v) of every planned stop of all runs, s, where white noise has so much variance · s."""
+    """Dwells (v) of every planned visit of all runs, s, where white noise has so much variance · s."""
     if recipe.dwell.time_s is not None:
         return np.full(len(nominal_visits.names(recipe)[0]), recipe.dwell.time_s)
     return initial_dwells_s(accuracy_target(recipe), density)
@@ -190,6 +190,6 @@ def shortfall(recipe: Recipe, std: Floats, noise_std: Floats) -> Message | None:
 
 
 def _variance_shares(aim: AccuracyTarget, so_far: DwellProgress, dwell_s: Floats) -> Floats:
-    """What each stop gives to each coefficient's variance (f, 12, v), over the wanted one, with dwells (f, v)."""
+    """What each visit gives to each coefficient's variance (f, 12, v), over the wanted one, with dwells (f, v)."""
     variance = so_far.variance(dwell_s, aim.rate_hz)
     return np.asarray(np.einsum("fcvk,fvk->fcv", aim.jacobian(variance) ** 2, variance) / aim.std[:, None] ** 2)

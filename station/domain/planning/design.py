@@ -27,16 +27,16 @@ def check(recipe: Recipe) -> None:
 
 
 def rows_of(recipe: Recipe) -> tuple[Floats, tuple[str, ...]]:
-    """The linearised design (r, k) of all planned stops of all runs, and what its columns determine."""
+    """The linearised design (r, k) of all planned visits of all runs, and what its columns determine."""
     position, seating, true = planned_truths(recipe)
     nuisance = method.nuisance(recipe, position, seating, true)
     return method.of(recipe).design(true, recipe, nuisance)
 
 
 def planned_truths(recipe: Recipe) -> tuple[tuple[str, ...], tuple[str, ...], Floats]:
-    """Position, seating and truth (v, 3) of every planned stop of all runs."""
-    stops = [s for run in range(len(recipe.runs)) for s in planned(recipe, run)]
-    return tuple(s.position for s in stops), tuple(s.seating for s in stops), np.array([s.true for s in stops])
+    """Position, seating and truth (v, 3) of every planned visit of all runs."""
+    visits = [s for run in range(len(recipe.runs)) for s in planned(recipe, run)]
+    return tuple(s.position for s in visits), tuple(s.seating for s in visits), np.array([s.true for s in visits])
 
 
 def _refusal(recipe: Recipe, rows: Floats, lost: Sequence[str]) -> Message:
@@ -75,7 +75,7 @@ def next_position(recipe: Recipe) -> str:
 
 
 def efficiency(recipe: Recipe) -> float:
-    """D-efficiency: (det XᵀX over that of the best design of as many stops)^(1/k); 1 is best."""
+    """D-efficiency: (det XᵀX over that of the best design of as many visits)^(1/k); 1 is best."""
     _, _, true = planned_truths(recipe)
     best = optimal.search(recipe, len(true))
     return float(min(np.exp(optimal.log_det(true, recipe) - optimal.log_det(best, recipe)), 1.0))

@@ -1,6 +1,6 @@
 """What a recipe will know of every coefficient, before anything moves: the calibration of an ideal unit.
 
-The forecast is no formula of its own. It is the recipe's method, budget and limits applied to the stops of a perfect
+The forecast is no formula of its own. It is the recipe's method, budget and limits applied to the visits of a perfect
 sensor with the data sheet's noise.
 """
 
@@ -37,7 +37,7 @@ class LimitForecast:
 @dataclass(frozen=True, slots=True, eq=False)
 class Forecast:
     """Budget of a perfect unit, and what each limit can decide; noise: of one sample, in the recipe's unit;
-    dwell_s (v): of every planned stop; missed: what falls short of the recipe's until_std, or None."""
+    dwell_s (v): of every planned visit; missed: what falls short of the recipe's until_std, or None."""
 
     budget: Budget
     decisions: tuple[LimitForecast, ...]
@@ -50,10 +50,10 @@ def forecast(recipe: Recipe, rounding: Floats) -> Forecast:
     """The forecast of a recipe that `design.check` accepts and that lists its positions."""
     noise = expected_noise(recipe)
     dwell_s = adaptive_dwell.dwells_by_sheet_s(recipe)
-    stops = nominal_visits.nominal_visits(recipe, dwell_s)
-    problem = method.fit_problem(recipe, [stops])
+    visits = nominal_visits.nominal_visits(recipe, dwell_s)
+    problem = method.fit_problem(recipe, [visits])
     fit = method.of(recipe).fit(problem)
-    budget = uncertainty.budgets(recipe, problem, fit, stops, rounding)[0]
+    budget = uncertainty.budgets(recipe, problem, fit, visits, rounding)[0]
     wanted = adaptive_dwell.target_std(recipe, fit.free, float(problem.magnitude.max()))
     missed = adaptive_dwell.shortfall(recipe, wanted, budget.covering_std("noise"))
     return Forecast(budget, _decisions(recipe, budget), noise, dwell_s, missed)

@@ -1,4 +1,4 @@
-"""The planned stops as a perfect sensor with the data sheet's noise and resolution would see them."""
+"""The planned visits as a perfect sensor with the data sheet's noise and resolution would see them."""
 
 import numpy as np
 
@@ -11,20 +11,20 @@ from station.domain.recipe.recipe import Recipe
 
 
 def names(recipe: Recipe) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Position and seating of every planned stop of all runs, hand-held ones included."""
+    """Position and seating of every planned visit of all runs, hand-held ones included."""
     named = [(name, run.seating) for i, run in enumerate(recipe.runs) for name in plan.names(recipe, i)]
     return tuple(name for name, _ in named), tuple(seating for _, seating in named)
 
 
 def truths(recipe: Recipe) -> Floats:
-    """True stimulus (v, 3) of every planned stop; hand-held stops are taken to be spread evenly."""
+    """True stimulus (v, 3) of every planned visit; hand-held visits are taken to be spread evenly."""
     if recipe.pose_known:
         return design.planned_truths(recipe)[2]
     return directions.spread(len(names(recipe)[0])) * recipe.reference.strength()
 
 
 def nominal_visits(recipe: Recipe, dwell_s: Floats) -> ReducedVisits:
-    """The stops of all runs, dwelt at for dwell_s (v)."""
+    """The visits of all runs, dwelt at for dwell_s (v)."""
     position, seating = names(recipe)
     true, noise = truths(recipe), expected_noise(recipe)
     v = len(position)

@@ -16,7 +16,7 @@ Path = NDArray[np.intp]
 
 #: Up to so many positions the search is exact.
 MAX_EXACT = 14
-#: The cost of a move that must not be, s: two stops at one pose tell pure error only when the fixture left it between.
+#: The cost of a move that must not be, s: two visits at one pose tell pure error only when the fixture left it between.
 FORBIDDEN_S = 1e6
 #: Kicks without a better path after which the search ends, and paths from which it starts.
 KICKS, STARTS = 40, 6
@@ -131,7 +131,7 @@ def _two_opt(cost: Floats, tour: Path) -> tuple[float, Path]:
 
 
 def _or_opt(cost: Floats, tour: Path, size: int) -> tuple[float, Path]:
-    """The best stretch of `size` stops to take elsewhere, either way round (Or-opt, Or 1976)."""
+    """The best stretch of `size` visits to take elsewhere, either way round (Or-opt, Or 1976)."""
     n = len(tour) - 2
     if n <= size:
         return 0.0, tour

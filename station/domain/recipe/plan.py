@@ -1,4 +1,4 @@
-"""The plan of stops: which position comes when, in which run, and where it came from."""
+"""The plan of visits: which position comes when, in which run, and where it came from."""
 
 import hashlib
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from station.domain.recipe.blocks import Run
 from station.domain.recipe.position import Position
 from station.domain.recipe.recipe import Recipe
 
-#: Stops of a run whose recipe lists no positions, because a person holds the part in any pose.
+#: Visits of a run whose recipe lists no positions, because a person holds the part in any pose.
 HAND_HELD_VISITS = 24
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedVisit:
-    """One planned stop. nest: nest → station rotation; seat: device → nest rotation; previous: name or None."""
+    """One planned visit. nest: nest → station rotation; seat: device → nest rotation; previous: name or None."""
 
     run: int
     visit: int
@@ -54,23 +54,23 @@ def ends(recipe: Recipe, run: int) -> tuple[Floats, Floats | None]:
 
 
 def names(recipe: Recipe, run: int) -> tuple[str, ...]:
-    """Names of the stops of one run in order; of a hand-held run without positions, so many numbered ones."""
+    """Names of the visits of one run in order; of a hand-held run without positions, so many numbered ones."""
     return tuple(p.name for p in order_of(recipe, run)) or tuple(f"hand-{i + 1}" for i in range(HAND_HELD_VISITS))
 
 
 def visit_index(recipe: Recipe, run: int, visit: int) -> int:
-    """Place of a stop of one run among the stops of all runs."""
+    """Place of a visit of one run among the visits of all runs."""
     return sum(len(names(recipe, before)) for before in range(run)) + visit
 
 
 def planned_visits(recipe: Recipe, run: int) -> tuple[PlannedVisit, ...]:
-    """The stops of one run in order. The first stop of a run has no previous position."""
+    """The visits of one run in order. The first visit of a run has no previous position."""
     seating = recipe.runs[run].seating
     return _visits_in_order(recipe, run, order_of(recipe, run), seating, 0)
 
 
 def verification_visits(recipe: Recipe, run: int, first_visit: int) -> tuple[PlannedVisit, ...]:
-    """The stops measured again after the write, in the seating of that run."""
+    """The visits measured again after the write, in the seating of that run."""
     return _visits_in_order(recipe, run, recipe.verify.positions, recipe.runs[run].seating, first_visit)
 
 

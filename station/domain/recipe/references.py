@@ -15,7 +15,7 @@ Truths = dict[tuple[tuple[str, ...], tuple[str, ...]], Floats]
 
 
 def true_vectors(recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
-    """Nominal stimulus (v, 3) in the device's frame for stops by name; NaN where the pose is unknown."""
+    """Nominal stimulus (v, 3) in the device's frame for visits by name; NaN where the pose is unknown."""
     if not recipe.pose_known:
         return np.full((len(position), 3), np.nan)
     known = {
@@ -55,7 +55,7 @@ def check_due(recipe: Recipe, today: str) -> None:
 def direction_errors(
     recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats, angles_deg: Mapping[str, float]
 ) -> dict[str, Floats]:
-    """Patterns (3, v, 3) of errors of the truth (v, 3) from turns that all stops share, by name of the budget line.
+    """Patterns (3, v, 3) of errors of the truth (v, 3) from turns that all visits share, by name of the budget line.
 
     angles_deg: one standard deviation about each axis: `nest` turns about the nest's axes, `base` and `field` about the
     station's. A turn ω of the nest moves the stimulus n in its frame by n × ω, one of the station that of the station.

@@ -28,7 +28,7 @@ class Phase(StrEnum):
     DONE = "done"
 
 
-#: The only ways on. CLOSE may follow everything: a fault, a stop, or no unit left to go on with.
+#: The only ways on. CLOSE may follow everything: a fault, a visit, or no unit left to go on with.
 PHASES = TransitionTable(
     "the run",
     {
@@ -73,10 +73,10 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class LoadStarted(Event):
-    """A fixture load starts: who sits where, how many stops, and how long it should take, s."""
+    """A fixture load starts: who sits where, how many visits, and how long it should take, s."""
 
     seats: tuple[NestAssignment, ...]
-    stops: int
+    visits: int
     estimate_s: float
 
 
@@ -117,7 +117,7 @@ class Notice(Event):
 
 @dataclass(frozen=True, slots=True)
 class VisitRejected(Event):
-    """A unit's stop was bad, with every reason; again: it is measured once more."""
+    """A unit's visit was bad, with every reason; again: it is measured once more."""
 
     serial: str
     position: str
@@ -136,7 +136,7 @@ class LiveReading(Event):
 
 @dataclass(frozen=True, slots=True)
 class VisitDone(Event):
-    """A stop is measured and kept. means: serial → mean reading in the recipe's unit."""
+    """A visit is measured and kept. means: serial → mean reading in the recipe's unit."""
 
     number: int
     total: int

@@ -43,13 +43,13 @@ class NestState:
 class RunState:
     """The whole fixture. began_s and estimate_s: when this load began (epoch) and how long it should take.
 
-    stops: every position of the load in its order, those of the verification last; at: number among them of the stop
+    visits: every position of the load in its order, those of the verification last; at: number among them of the visit
     where the fixture is or goes to, -1 before the first; done: how many are over.
     instruction: what a person who turns the fixture must do; confirm: what somebody must do and then confirm, and
     question: the mark that the confirmation bears. fault: what ended the load for everybody.
     """
 
-    stops: tuple[str, ...] = ()
+    visits: tuple[str, ...] = ()
     phase: str = "begin"
     position: str = ""
     following: str = ""
@@ -71,8 +71,8 @@ class RunState:
         """The state once `event` has happened at `now_s` (epoch)."""
         if isinstance(event, LoadStarted):
             nests = tuple(NestState(s.serial, s.nest, s.node) for s in event.seats)
-            fresh = RunState(self.stops, following=self._stop(0), messages=self.messages)
-            return replace(fresh, total=event.stops, began_s=now_s, estimate_s=event.estimate_s, nests=nests)
+            fresh = RunState(self.visits, following=self._stop(0), messages=self.messages)
+            return replace(fresh, total=event.visits, began_s=now_s, estimate_s=event.estimate_s, nests=nests)
         if isinstance(event, PhaseEntered):
             return replace(self, phase=str(event.phase), writing="")
         if isinstance(event, VisitStarted | VisitDone | LiveReading):
@@ -113,8 +113,8 @@ class RunState:
         return self
 
     def _stop(self, number: int) -> str:
-        """Name of the stop of that number (from 0), '' past the last."""
-        return self.stops[number] if number < len(self.stops) else ""
+        """Name of the visit of that number (from 0), '' past the last."""
+        return self.visits[number] if number < len(self.visits) else ""
 
     def _nest(self, serial: str, **changes: Any) -> "RunState":
         nests = tuple(replace(n, **changes) if n.serial == serial else n for n in self.nests)

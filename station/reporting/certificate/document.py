@@ -64,7 +64,7 @@ def build(
     if not fit or not verdict or fit.get("offset") is None:
         raise LogError("certificate-no-calibration", attempt=str(stored["attempt"]), serial=str(stored["serial"]))
     w = _Writer(words)
-    stops = ("cert_position", "cert_tilt", "cert_tilt_u", "cert_residual")
+    visits = ("cert_position", "cert_tilt", "cert_tilt_u", "cert_residual")
     sections = (
         w.table("certificate-issue", (), _issue(w, content)),
         w.section("cert_unit", (), _unit(w, stored)),
@@ -72,7 +72,7 @@ def build(
         w.table("certificate-coefficients", _COEFFICIENTS, _values(w, content)),
         w.table("certificate-decisions", _DECISIONS, _decisions(content)),
         w.table("certificate-budget", *_budget(content)),
-        w.section("cert_stops", stops, _positions(fit), f" {recipe.unit}"),
+        w.section("cert_stops", visits, _positions(fit), f" {recipe.unit}"),
         w.section("cert_verification", ("cert_position", "cert_error", "cert_limit"), _verification(stored)),
         w.table("certificate-adjustment", _ADJUSTMENT, _adjustment(content)),
         w.section("cert_reference", (), _reference(w, recipe)),

@@ -22,9 +22,9 @@ AXIS_LABELS = {
     "motor": "drive level of the motors",
     "position": "",
     "previous": "position before",
-    "order": "stop within the run",
+    "order": "visit within the run",
     "unit": "",
-    "stops": "stops, one after the other",
+    "stops": "visits, one after the other",
 }
 
 
@@ -100,7 +100,7 @@ def _explained(axis: PlotAxis, signature: Floats, rows: NDArray[np.bool_]) -> fl
     count = np.bincount(bins[there])
     free = int(there.sum()) - int(np.count_nonzero(count))
     if 2 * free < int(there.sum()):
-        # Hardly more stops than steps: anything would look ordered.
+        # Hardly more visits than steps: anything would look ordered.
         return -np.inf
     values = signature[there] - signature[there].mean(0)
     mean = np.stack([np.bincount(bins[there], column) for column in values.T], 1) / np.maximum(count, 1)[:, None]

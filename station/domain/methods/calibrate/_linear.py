@@ -48,9 +48,9 @@ def fit_shared(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit 
 
 
 def solve(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit:
-    """Fits `columns` of each axis, every unit by itself; stops that do not fit with the rest are left out and marked.
+    """Fits `columns` of each axis, every unit by itself; visits that do not fit with the rest are left out and marked.
 
-    weighted: weights are inverse variances of noise and declared pose error; otherwise all stops count alike.
+    weighted: weights are inverse variances of noise and declared pose error; otherwise all visits count alike.
     """
     noise, pose = variances(problem)
     if not weighted:
@@ -70,7 +70,7 @@ def solve(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit:
 
 
 def _explained(problem: FitProblem, columns: Columns) -> Floats:
-    """Residuals (k, v, 3) that stated errors shared by all stops make."""
+    """Residuals (k, v, 3) that stated errors shared by all visits make."""
     if not len(problem.patterns):
         return problem.patterns
     truth = np.ascontiguousarray(problem.true[0]).tobytes()
@@ -107,18 +107,18 @@ def _all_poses_differ(problem: FitProblem) -> bool:
     return int(problem.pose.max()) + 1 == len(problem.pose)
 
 
-def variances(problem: FitProblem, stops: slice = slice(None)) -> tuple[Floats, Floats]:
-    """Variances (u, v, 3) of some stops' means about the model: by noise, and by the declared error of their pose.
+def variances(problem: FitProblem, visits: slice = slice(None)) -> tuple[Floats, Floats]:
+    """Variances (u, v, 3) of some visits' means about the model: by noise, and by the declared error of their pose.
 
     A pose turned by δ about each axis moves the truth t by δ × t: variance δ²(|t|² − t_i²) on axis i.
     """
     # Readings without any noise still count alike.
     scale = np.maximum(problem.magnitude.max(axis=1), 1e-12)[:, None, None]
-    noise = np.maximum(np.einsum("uvii->uvi", problem.cov[:, stops]), (1e-9 * scale) ** 2)
+    noise = np.maximum(np.einsum("uvii->uvi", problem.cov[:, visits]), (1e-9 * scale) ** 2)
     if problem.pose_std_rad == 0:
         return noise, np.broadcast_to(0.0, noise.shape)
-    square = problem.true[:, stops] ** 2
-    across = problem.magnitude[:, stops, None] ** 2 - square
+    square = problem.true[:, visits] ** 2
+    across = problem.magnitude[:, visits, None] ** 2 - square
     # Along itself the truth is shortened by |φ|²/2, whose mean square is 2δ⁴.
     return noise, problem.pose_std_rad**2 * (np.maximum(across, 0.0) + 2 * problem.pose_std_rad**2 * square)
 

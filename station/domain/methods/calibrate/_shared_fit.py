@@ -1,7 +1,7 @@
-"""The short way through a linear fit: units with one truth whose stops all count alike share one solution.
+"""The short way through a linear fit: units with one truth whose visits all count alike share one solution.
 
 Which units are sound enough for it is asked of each unit by itself, so that a unit takes the same way alone as among
-many. The tests are those of the long way (a stop that does not fit, scatter), asked of the whole unit at once.
+many. The tests are those of the long way (a visit that does not fit, scatter), asked of the whole unit at once.
 """
 
 from dataclasses import dataclass, replace
@@ -41,7 +41,7 @@ def fit(
     explained: Floats,
     even: NDArray[np.bool_],
 ) -> Fit:
-    """The fit of all units as if their stops counted equally; `consistent`: which of the `even` ones (u) it holds for.
+    """The fit of all units as if their visits counted equally; `consistent`: which of the `even` ones (u) it holds for.
 
     variance: of a mean by noise and by the declared error of its pose, each (u, 1, 3); explained (k, v, 3): see
     explained_residuals.
@@ -77,9 +77,9 @@ def explained_residuals(patterns: bytes, truth: bytes, v: int, columns: Columns)
 
 
 @lru_cache(maxsize=64)
-def outlier_limit(stops: int) -> float:
-    """Drop in χ² beyond which one of so many stops does not fit with the others."""
-    return float(scipy.special.chdtri(3, _outliers.LEVEL / stops))
+def outlier_limit(visits: int) -> float:
+    """Drop in χ² beyond which one of so many visits does not fit with the others."""
+    return float(scipy.special.chdtri(3, _outliers.LEVEL / visits))
 
 
 @lru_cache(maxsize=64)

@@ -37,7 +37,7 @@ class NPoint:
         return rows, (*_linear.MATRIX_NAMES, *("g-sensitivity",) * nuisance.shape[1])
 
     def together(self, problem: FitProblem) -> Fit | None:
-        """By one solution for all units whose stops count alike."""
+        """By one solution for all units whose visits count alike."""
         return _linear.fit_shared(problem, _linear.COLUMNS_OF_MODEL[problem.model], weighted=True)
 
     def fit(self, problem: FitProblem) -> Fit:

@@ -46,7 +46,7 @@ class Norm:
                 )
 
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
-        """One row a stop, nine columns."""
+        """One row a visit, nine columns."""
         return _ellipsoid.design(true), NAMES
 
     def together(self, problem: FitProblem) -> Fit | None:
@@ -54,7 +54,7 @@ class Norm:
         return None
 
     def fit(self, problem: FitProblem) -> Fit:
-        """Ellipsoid, then alignment; stops that fit neither with the others are left out and marked."""
+        """Ellipsoid, then alignment; visits that fit neither with the others are left out and marked."""
         keep = np.ones(problem.mean.shape[:2])
         for _ in range(max(len(problem.pose) // 4, 1)):
             e = _ellipsoid.fit(problem, keep)
@@ -66,7 +66,7 @@ class Norm:
 
 
 def _unaligned(problem: FitProblem, e: Ellipsoid, keep: Floats) -> Fit:
-    """The matrix is K⁻¹; a stop's residual is its distance from the ellipsoid along the found direction."""
+    """The matrix is K⁻¹; a visit's residual is its distance from the ellipsoid along the found direction."""
     u, v = keep.shape
     theta, jacobian = _coefficients(e, np.tile(np.eye(3), (u, 1, 1)), np.zeros((u, 3, v, 3)))
     found, _ = _found_directions(problem, e)
@@ -172,7 +172,7 @@ def _tilt_noise(problem: FitProblem, d: Floats, moves: Floats, turned: Floats) -
 
 
 def _explained(problem: FitProblem, nominal: Floats) -> Floats:
-    """Orthonormal patterns (k, v, 3) of tilts that stated errors shared by all stops leave after the alignment."""
+    """Orthonormal patterns (k, v, 3) of tilts that stated errors shared by all visits leave after the alignment."""
     t, errors = nominal[0], problem.patterns / problem.magnitude[0][:, None]
     turned = np.cross(t[None], errors)
     across = np.eye(3) - t[:, :, None] * t[:, None, :]

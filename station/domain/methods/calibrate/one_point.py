@@ -21,13 +21,13 @@ class OnePoint:
         _poses.require_positions(recipe, 1, "one position")
 
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
-        """The offset is seen at every stop."""
+        """The offset is seen at every visit."""
         return np.ones((len(true), 1)), ("offset",)
 
     def together(self, problem: FitProblem) -> Fit | None:
-        """By one solution for all units that went through the same stops."""
+        """By one solution for all units that went through the same visits."""
         return _linear.fit_shared(problem.without_nuisance(), _linear.OFFSET_ONLY, weighted=False)
 
     def fit(self, problem: FitProblem) -> Fit:
-        """Mean of reading − truth over all stops."""
+        """Mean of reading − truth over all visits."""
         return _linear.solve(problem.without_nuisance(), _linear.OFFSET_ONLY, weighted=False)

@@ -35,9 +35,9 @@ class SixPoint:
         return np.column_stack([np.ones(len(true)), true]), _linear.MATRIX_NAMES
 
     def together(self, problem: FitProblem) -> Fit | None:
-        """By one solution for all units that went through the same stops."""
+        """By one solution for all units that went through the same visits."""
         return _linear.fit_shared(problem.without_nuisance(), _linear.MATRIX, weighted=False)
 
     def fit(self, problem: FitProblem) -> Fit:
-        """Twelve coefficients, all stops alike."""
+        """Twelve coefficients, all visits alike."""
         return _linear.solve(problem.without_nuisance(), _linear.MATRIX, weighted=False)

@@ -43,9 +43,9 @@ class ThreePoint:
         return rows.reshape(3 * v, 6), NAMES
 
     def together(self, problem: FitProblem) -> Fit | None:
-        """By one solution for all units that went through the same stops."""
+        """By one solution for all units that went through the same visits."""
         return _linear.fit_shared(problem.without_nuisance(), _linear.OFFSET_GAIN, weighted=False)
 
     def fit(self, problem: FitProblem) -> Fit:
-        """Offset and own gain of each axis, all stops alike."""
+        """Offset and own gain of each axis, all visits alike."""
         return _linear.solve(problem.without_nuisance(), _linear.OFFSET_GAIN, weighted=False)

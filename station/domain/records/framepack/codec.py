@@ -29,7 +29,7 @@ Residuals = list[list[NDArray[np.uint64]]]
 
 
 def pack(parts: Sequence[Frames]) -> bytes:
-    """Frames of any number of stops as bytes."""
+    """Frames of any number of visits as bytes."""
     split = [_messages(part) for part in parts]
     keys = sorted({key for messages, _ in split for key in messages})[:_MAX_MESSAGES]
     layouts = {key: _layout(key, parts, split) for key in keys}

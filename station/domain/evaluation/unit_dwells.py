@@ -1,4 +1,4 @@
-"""Samples of a table → one row a visit, with names → the stops of each unit."""
+"""Samples of a table → one row a visit, with names → the visits of each unit."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
@@ -20,7 +20,7 @@ PORTION = 200_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class UnitVisits:
+class UnitDwells:
     """The visits (v) of one unit, in order. begin_s, end_s (v): first and last sample; temperature_degC (v) or NaN;
     dwells: what the readings come to; gold: the same of the gold reference, or None; step (3): the resolution seen;
     quantisation (v, 3): the variance of a mean that rounding leaves (station.domain.noise.resolution).
@@ -43,7 +43,7 @@ class UnitVisits:
         return len(self.run)
 
 
-def reduce_table(table: SampleTable, recipe: Recipe, prior: NoisePrior | None = None) -> Iterator[UnitVisits]:
+def reduce_table(table: SampleTable, recipe: Recipe, prior: NoisePrior | None = None) -> Iterator[UnitDwells]:
     """The visits of each unit of a table, units in the order of their codes; prior: of their noise.
 
     Errors: SamplesError.
@@ -124,7 +124,7 @@ def _portions(unit: Array, count: Array) -> Iterator[slice]:
 
 def _of_portion(
     table: SampleTable, recipe: Recipe, edges: tuple[Array, Array], prior: NoisePrior | None
-) -> Iterator[UnitVisits]:
+) -> Iterator[UnitDwells]:
     begin, end = edges
     rows = slice(int(begin[0]), int(end[-1]))
     part = table[rows]
@@ -139,7 +139,7 @@ def _of_portion(
         own, at = slice(int(a), int(b)), begin[a:b]
         own_dwells = _rows(dwells, own)
         step = resolution.step_of(own_dwells, recipe.device.lsb)
-        yield UnitVisits(
+        yield UnitDwells(
             serial=part.unit.names[unit[a]],
             run=part.run[at],
             visit=part.visit[at],
@@ -170,10 +170,10 @@ def _rounding(dwells: DwellStatistics, step: Floats) -> Floats:
     return np.broadcast_to(resolution.rounding_variance(step, noise), dwells.mean.shape)
 
 
-def reduce_visits(found: UnitVisits, recipe: Recipe, truths: references.Truths) -> ReducedVisits:
-    """The stops of a unit that take part in the fit: those at positions only `verify` names are left out.
+def reduce_visits(found: UnitDwells, recipe: Recipe, truths: references.Truths) -> ReducedVisits:
+    """The visits of a unit that take part in the fit: those at positions only `verify` names are left out.
 
-    truths: of this recipe, filled here; units that go through the same stops share them.
+    truths: of this recipe, filled here; units that go through the same visits share them.
     """
     keep = _for_the_fit(found, recipe)
     d = found.dwells
@@ -207,7 +207,7 @@ def reduce_visits(found: UnitVisits, recipe: Recipe, truths: references.Truths) 
     )
 
 
-def _for_the_fit(found: UnitVisits, recipe: Recipe) -> NDArray[np.bool_]:
+def _for_the_fit(found: UnitDwells, recipe: Recipe) -> NDArray[np.bool_]:
     tumble = {p.name for p in recipe.positions}
     checked_only = {p.name for p in recipe.verify.positions} - tumble
     keep = np.array([name not in checked_only for name in found.position])
@@ -224,7 +224,7 @@ def _covariance(d: DwellStatistics, quantisation: Floats) -> Floats:
     return np.asarray(cov)
 
 
-def _of_gold(found: UnitVisits, keep: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def _of_gold(found: UnitDwells, keep: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     if found.gold is None:
         raise SamplesError("samples-without-gold")
     gold = found.gold
