@@ -60,18 +60,24 @@ def _apt_get(words: list[str], patience_s: float = 600.0) -> None:
 
 
 @pytest.fixture(scope="session")
-def open_browser(programs: tuple[str, str]) -> Iterator[Callable[..., Browser]]:
-    """Makes windows; all are closed at the end."""
-    opened: list[Browser] = []
+def driver_url(programs: tuple[str, str]) -> Iterator[str]:
+    """Where the one chromedriver listens."""
     with driver(programs[1]) as url:
+        yield url
 
-        def make(size: tuple[int, int] = (1280, 800), language: str = "en") -> Browser:
-            opened.append(Browser(url, programs[0], size, language))
-            return opened[-1]
 
-        yield make
-        for browser in opened:
-            browser.close()
+@pytest.fixture
+def open_browser(programs: tuple[str, str], driver_url: str) -> Iterator[Callable[..., Browser]]:
+    """Makes windows; all are closed with the test, since a page left open goes on drawing."""
+    opened: list[Browser] = []
+
+    def make(size: tuple[int, int] = (1280, 800), language: str = "en") -> Browser:
+        opened.append(Browser(driver_url, programs[0], size, language))
+        return opened[-1]
+
+    yield make
+    for browser in opened:
+        browser.close()
 
 
 @pytest.fixture
