@@ -7,11 +7,12 @@ from station.adapters.dbc import read_layouts
 from station.config.documents import canonical, load_document, validate
 from station.config.products import product_path
 from station.config.recipes import recipe_hash, recipe_path
-from station.domain.can.sensor_layout import resolve, used_signals
+from station.domain.can.sensor_layout import SensorLayout, resolve, used_signals
 from station.domain.methods import method
 from station.domain.product import map_check, product_record
 from station.domain.product.product import Product
 from station.domain.recipe.recipe import Recipe
+from station.domain.recognition import quantities
 from station.errors import ProductError, RecipeError
 from station.service.station import Job
 
@@ -40,10 +41,10 @@ def load_job(name: str | Path) -> tuple[Job, Source]:
     product = validate(load_document(where, ProductError), Product, ProductError)
     dbc = where.parent / product.frames.dbc
     layout = resolve(product.frames, read_layouts(dbc, used_signals(product.frames)))
+    layout = layout.scaled(_unit_factors(dbc, recipe, layout), recipe.unit)
     _check_fit(path, recipe, where, product)
     eds = None if product.eds is None else where.parent / product.eds
     _check_map(where, product, eds)
-    _check_units(dbc, recipe, [axis.unit for axis in layout.axes])
     job = Job(
         recipe=recipe,
         recipe_hash=recipe_hash(recipe),
@@ -73,7 +74,14 @@ def _check_map(where: Path, product: Product, eds: Path | None) -> None:
         raise ProductError("map-contradicts-eds", file=str(where), eds=eds.name, mismatches=wrong)
 
 
-def _check_units(dbc: Path, recipe: Recipe, units: list[str]) -> None:
-    for unit in units:
-        if unit not in ("", recipe.unit):
-            raise ProductError("dbc-other-unit", file=str(dbc), unit=unit, expected=recipe.unit)
+def _unit_factors(dbc: Path, recipe: Recipe, layout: SensorLayout) -> dict[str, float]:
+    """What each signal's physical value is multiplied by to be in the recipe's unit; no unit is taken for that one."""
+    factors: dict[str, float] = {}
+    for name in (name for names in layout.map.sample.axes for name in names):
+        given = layout.map.unit or layout.signal(name).unit
+        factor = 1.0 if given.strip() in ("", recipe.unit) else quantities.factor(given, recipe.unit)
+        if factor is None:
+            known = quantities.units(recipe.unit)
+            raise ProductError("dbc-other-unit", file=str(dbc), unit=given, known=known)
+        factors[name] = factor
+    return factors

@@ -91,7 +91,8 @@ def test_what_the_dbc_lacks_is_named(change: dict[str, Any], sentence: str) -> N
         ({"e2e": None, "sample": {**BARE["sample"]}}, "counter_values needs sample.counter"),  # type: ignore[dict-item]
         ({"counter_values": 16}, "profile P01 fixes counter_values at 15"),
         ({"node_of_dbc": 0}, "greater than or equal to 1"),
-        ({"sample": {"message": "A", "x": "X", "y": "Y"}}, "z"),
+        ({"e2e": None, "sample": {"message": "A", "x": "X", "z": "Z"}}, "z is named but y is not"),
+        ({"e2e": None, "sample": {"message": "A", "x": ["X", "X2"], "y": "Y", "z": "Z"}}, "have 2, 1, 1 signals"),
         ({"unknown": 1}, "Extra inputs"),
     ],
 )

@@ -10,7 +10,7 @@ from station.ports.bus import ErrorCounters
 
 _RTM_NEWLINK, _RTM_GETLINK, _NLMSG_ERROR, _NLM_F_REQUEST = 16, 18, 2, 1
 _IFLA_LINKINFO, _IFLA_INFO_KIND, _IFLA_INFO_DATA, _IFLA_CAN_STATE, _IFLA_CAN_BERR_COUNTER = 18, 1, 2, 4, 8
-_IFLA_TXQLEN, _IFLA_CAN_BITTIMING = 13, 1
+_IFLA_MTU, _IFLA_TXQLEN, _IFLA_CAN_BITTIMING = 4, 13, 1
 _IFF_UP = 1
 #: enum can_state of <linux/can/netlink.h>.
 STATES = ("active", "warning", "passive", "bus-off", "stopped", "sleeping")
@@ -19,7 +19,7 @@ STATES = ("active", "warning", "passive", "bus-off", "stopped", "sleeping")
 @dataclass(frozen=True, slots=True)
 class Link:
     """A network interface: whether it is set up, its kind (can, vcan, …), and what only a controller has: its state,
-    error counters and bit rate; frames that its transmit queue holds."""
+    error counters and bit rate; frames that its transmit queue holds; mtu: 16, or 72 where it takes FD frames."""
 
     up: bool
     kind: str
@@ -27,6 +27,7 @@ class Link:
     counters: ErrorCounters | None = None
     bitrate: int | None = None
     queue: int | None = None
+    mtu: int | None = None
 
 
 def query_link(name: str) -> Link:
@@ -62,6 +63,7 @@ def parse_link(answer: bytes) -> Link:
         # struct can_bittiming begins with the bit rate; a controller that was never set up says 0.
         bitrate=(struct.unpack("=I", timing[:4])[0] or None) if timing else None,
         queue=struct.unpack("=I", queue)[0] if queue else None,
+        mtu=struct.unpack("=I", mtu)[0] if (mtu := about.get(_IFLA_MTU)) else None,
     )
 
 

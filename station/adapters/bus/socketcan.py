@@ -27,7 +27,10 @@ MOST_BATCHES: Final = 32
 #: Kinds of links that exist in the kernel only.
 _VIRTUAL: Final = ("vcan", "vxcan")
 _CAN_RAW_ERR_FILTER, _ALL_ERRORS = 2, 0x1FFF_FFFF
-_FRAME = struct.Struct("=IB3x8s")
+_FRAME, _FD_FRAME = struct.Struct("=IB3x8s"), struct.Struct("=IBB2x64s")
+_CAN_RAW_FD_FRAMES, _FD_MTU, _BIT_RATE_SWITCH = 5, 72, 1
+#: Lengths that an FD frame can have beyond 8 bytes (ISO 11898-1).
+_FD_LENGTHS: Final = (12, 16, 20, 24, 32, 48, 64)
 
 
 def state_of(name: str) -> tuple[str, ErrorCounters | None]:
@@ -105,7 +108,8 @@ class SocketCan:
         self._channels.clear()
 
     def _open(self, can_ids: tuple[int, ...], *, errors: bool, buffer_bytes: int) -> "_Channel":
-        channel = _Channel(self._name, _bound(self._name, can_ids, errors=errors, buffer_bytes=buffer_bytes))
+        sock = _bound(self._name, can_ids, errors=errors, buffer_bytes=buffer_bytes)
+        channel = _Channel(self._name, sock, fd=_takes_fd(self._name, sock))
         self._channels.append(channel)
         return channel
 
@@ -113,19 +117,21 @@ class SocketCan:
 class _Channel:
     """One raw socket. The same socket works again after the link was down and came up."""
 
-    def __init__(self, name: str, sock: socket.socket) -> None:
+    def __init__(self, name: str, sock: socket.socket, *, fd: bool = False) -> None:
         self._name = name
         self._sock = sock
-        self._receiver = Receiver(sock)
+        self._receiver = Receiver(sock, fd=fd)
         self._readable = select.poll()
         self._readable.register(sock, select.POLLIN)
 
     def send(self, can_id: int, data: bytes) -> None:
         """Sends one frame; while the queue is full, tries again for up to SEND_DEADLINE_S."""
-        self._check_open()
         if len(data) > 8:
             raise ValueError(f"a classic frame holds 8 bytes, not {len(data)}")
-        frame = _FRAME.pack(can_id, len(data), data)
+        self._send(_FRAME.pack(can_id, len(data), data))
+
+    def _send(self, frame: bytes) -> None:
+        self._check_open()
         deadline_s = time.monotonic() + SEND_DEADLINE_S
         while True:
             try:
@@ -140,7 +146,11 @@ class _Channel:
     def send_many(self, frames: Frames) -> None:
         """Sends the frames one after the other, now; their times are not kept."""
         for can_id, length, data in zip(frames.can_id.tolist(), frames.length.tolist(), frames.data, strict=True):
-            self.send(can_id, data[:length].tobytes())
+            if length <= 8:
+                self.send(can_id, data[:length].tobytes())
+            else:
+                whole = next(n for n in _FD_LENGTHS if n >= length)
+                self._send(_FD_FRAME.pack(can_id, whole, _BIT_RATE_SWITCH, data[:length].tobytes()))
 
     def receive(self, timeout_s: float) -> Frames:
         """All frames waiting, in order, with the kernel's time; waits up to `timeout_s` for the first."""
@@ -187,6 +197,17 @@ def _bound(name: str, can_ids: tuple[int, ...], *, errors: bool, buffer_bytes: i
         known = tuple(n for _, n in socket.if_nameindex() if "can" in n)
         raise ConfigError("interface-not-opened", bus=name, why=system_reason(error), known=known) from None
     return sock
+
+
+def _takes_fd(name: str, sock: socket.socket) -> bool:
+    """Whether the link carries FD frames; if so, the socket receives and sends them from now on."""
+    try:
+        if _netlink.query_link(name).mtu != _FD_MTU:
+            return False
+        sock.setsockopt(socket.SOL_CAN_RAW, _CAN_RAW_FD_FRAMES, 1)
+    except OSError:
+        return False
+    return True
 
 
 def _filters(can_ids: tuple[int, ...]) -> bytes:

@@ -2,15 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.can import e2e
-from station.domain.can.sensor_layout import SensorLayout
+from station.domain.can.sample_join import PartFrames, join, key_of_sync
+from station.domain.can.sample_parts import parts_of
+from station.domain.can.sensor_layout import SYNC, SensorLayout
 from station.domain.can.sequence_counter import CounterErrors, count_errors, counter_steps
 from station.domain.can.signals import FrameLayout, SignalLayout, adjacent_words, physical, raw
-from station.domain.core.types import REMOTE, Array, Floats, Frames
+from station.domain.core.types import REMOTE, Array, Floats, Frames, widened
 from station.messages import Message
 
 
@@ -19,7 +22,8 @@ class FrameErrors:
     """What was wrong with the sample frames of one node.
 
     frames: how many came; wrong_length, remote: not decodable; crc_errors: wrong CRC (or data-id nibble);
-    not_finite: float signals that are no number; the counter's tale, worked out over frames with a right CRC.
+    not_finite: float signals that are no number; incomplete: readings of which a message is missing; readings_each:
+    readings in one frame; the counter's tale, worked out over frames with a right CRC.
     """
 
     frames: int = 0
@@ -27,12 +31,14 @@ class FrameErrors:
     remote: int = 0
     crc_errors: int = 0
     not_finite: int = 0
+    incomplete: int = 0
+    readings_each: int = 1
     counter: CounterErrors = field(default_factory=CounterErrors)
 
     @property
     def clean(self) -> bool:
         """Every frame came once, whole, in turn."""
-        return self == FrameErrors(frames=self.frames)
+        return self == FrameErrors(frames=self.frames, readings_each=self.readings_each)
 
     def messages(self) -> tuple[Message, ...]:
         """Each kind of error that occurred, with how often."""
@@ -42,6 +48,7 @@ class FrameErrors:
             (self.remote, Message("frames-remote", count=self.remote)),
             (self.crc_errors, Message("frames-wrong-crc", count=self.crc_errors)),
             (self.not_finite, Message("readings-not-finite", count=self.not_finite)),
+            (self.incomplete, Message("readings-incomplete", count=self.incomplete)),
             (c.lost, Message("frames-lost", count=c.lost, gaps=c.gaps)),
             (c.repeats, Message("frames-repeated", count=c.repeats, longest=c.longest_repeat)),
             (c.late, Message("frames-late", count=c.late)),
@@ -83,7 +90,9 @@ class DecodedFrames:
     """Frames of one node, each decoded by itself; what its neighbours say about it is `check_sequence`'s.
 
     time_ns, counter, status, crc_ok (n), xyz (n, 3), finite (n): as in `Samples`; wrong_length_ns, remote_ns: when
-    frames came that cannot be decoded; temperature_time_ns, temperature_degC (t).
+    frames came that cannot be decoded; temperature_time_ns, temperature_degC (t). Where a reading is more than one
+    plain message, parts has the frames of each of its parts, the leading one first, sync_ns when SYNC came, and xyz is
+    what the leading frames hold.
     """
 
     time_ns: NDArray[np.int64]
@@ -96,6 +105,8 @@ class DecodedFrames:
     remote_ns: NDArray[np.int64]
     temperature_time_ns: NDArray[np.int64]
     temperature_degC: Floats
+    parts: tuple[PartFrames, ...] = ()
+    sync_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @staticmethod
     def join(parts: "Sequence[DecodedFrames]") -> "DecodedFrames":
@@ -105,14 +116,18 @@ class DecodedFrames:
         columns: dict[str, list[Array]] = {
             f.name: [getattr(part, f.name) for part in parts]
             for f in fields(DecodedFrames)
-            if getattr(parts[0], f.name) is not None
+            if f.name != "parts" and getattr(parts[0], f.name) is not None
         }
-        return replace(parts[0], **{name: np.concatenate(column) for name, column in columns.items()})
+        joined: dict[str, Any] = {name: np.concatenate(column) for name, column in columns.items()}
+        joined["parts"] = tuple(PartFrames.join(same) for same in zip(*(part.parts for part in parts), strict=True))
+        return replace(parts[0], **joined)
 
     def between(self, from_ns: int, to_ns: int) -> "DecodedFrames":
         """The readings in [from_ns, to_ns), and what was wrong among them; temperatures stay as they are."""
         rows = _inside(self.time_ns, from_ns, to_ns)
-        cut: dict[str, Array] = {
+        cut: dict[str, Any] = {
+            "parts": tuple(part[_inside(part.time_ns, from_ns, to_ns)] for part in self.parts),
+            "sync_ns": self.sync_ns[_inside(self.sync_ns, from_ns, to_ns)],
             "wrong_length_ns": self.wrong_length_ns[_inside(self.wrong_length_ns, from_ns, to_ns)],
             "remote_ns": self.remote_ns[_inside(self.remote_ns, from_ns, to_ns)],
         }
@@ -127,22 +142,45 @@ _ROWS = ("time_ns", "xyz", "counter", "status", "crc_ok", "finite")
 
 def decode_samples(frames: Frames, layout: SensorLayout, node: int) -> Samples:
     """Everything that `node` said about itself in `frames`; frames of others are left out."""
-    return check_sequence(decode_frames(frames, layout, node), layout.counter_values)
+    return check_sequence(decode_frames(frames, layout, node), layout)
 
 
 def decode_frames(frames: Frames, layout: SensorLayout, node: int) -> DecodedFrames:
     """The frames of `node` among `frames`, each decoded by itself."""
+    if not layout.is_plain:
+        return _decode_parts(frames, layout, node)
     whole, wrong_length_ns, remote_ns = _well_formed(frames, layout.sample, layout.id_of(layout.sample, node))
-    xyz = _physical(whole.data, layout.axes)
-    counter = None if layout.counter is None else raw(whole.data, layout.counter)
+    return _decoded(
+        frames,
+        whole,
+        _physical(whole.data, layout.axes),
+        layout,
+        node,
+        wrong_length_ns=wrong_length_ns,
+        remote_ns=remote_ns,
+    )
+
+
+def _decoded(
+    frames: Frames,
+    lead: Frames,
+    xyz: Floats,
+    layout: SensorLayout,
+    node: int,
+    *,
+    wrong_length_ns: NDArray[np.int64],
+    remote_ns: NDArray[np.int64],
+) -> DecodedFrames:
+    """What the leading frames of the readings hold beside their values xyz (n, 3) or (n, k, 3)."""
+    counter = None if layout.counter is None else raw(lead.data, layout.counter)
     roles = layout.map.sample
     temperature_time_ns, temperature_degC = decode_temperatures(frames, layout, node)
     return DecodedFrames(
-        time_ns=whole.time_ns,
+        time_ns=lead.time_ns,
         xyz=xyz,
         counter=counter,
-        status=None if roles.status is None else raw(whole.data, layout.sample.signal(roles.status)),
-        crc_ok=_crc_ok(whole.data, counter, layout, node),
+        status=None if roles.status is None else raw(lead.data, layout.sample.signal(roles.status)),
+        crc_ok=_crc_ok(lead.data, counter, layout, node),
         finite=_finite(xyz, layout),
         wrong_length_ns=wrong_length_ns,
         remote_ns=remote_ns,
@@ -151,28 +189,104 @@ def decode_frames(frames: Frames, layout: SensorLayout, node: int) -> DecodedFra
     )
 
 
-def check_sequence(decoded: DecodedFrames, counter_values: int) -> Samples:
+def _decode_parts(frames: Frames, layout: SensorLayout, node: int) -> DecodedFrames:
+    """Readings whose axes come in several messages, by turns in one, or several to a frame."""
+    parts, wrong, remote = parts_of(layout), [], []
+    messages: dict[str, Frames] = {}
+    for message in layout.messages:
+        whole, wrong_length_ns, remote_ns = _well_formed(frames, message, layout.id_of(message, node))
+        messages[message.name] = whole
+        wrong.append(wrong_length_ns)
+        remote.append(remote_ns)
+    found, lead = [], messages[layout.sample.name]
+    for number, part in enumerate(parts):
+        whole = messages[part.message.name]
+        if (present := part.present(whole.data)) is not None:
+            whole = whole[present]
+        if not number:
+            lead = whole
+        found.append(PartFrames(whole.time_ns, part.readings(whole.data, layout.samples_a_frame), part.key(whole.data)))
+    decoded = _decoded(
+        frames,
+        lead,
+        found[0].readings,
+        layout,
+        node,
+        wrong_length_ns=np.sort(np.concatenate(wrong)),
+        remote_ns=np.sort(np.concatenate(remote)),
+    )
+    sync = frames.time_ns[frames.can_id == np.uint32(SYNC)] if layout.joined_by == "sync" else decoded.sync_ns
+    return replace(decoded, parts=tuple(found), sync_ns=sync)
+
+
+def check_sequence(decoded: DecodedFrames, layout: SensorLayout) -> Samples:
     """The frames as a sequence: which of them say something new, and what is wrong with it."""
-    usable, counted = _check_counter(decoded.time_ns, decoded.counter, decoded.crc_ok, counter_values)
+    counter = decoded.counter if layout.counts_readings else None
+    usable, counted = _check_counter(decoded.time_ns, counter, decoded.crc_ok, layout.frame_counter_values)
     wrong_length, remote = len(decoded.wrong_length_ns), len(decoded.remote_ns)
-    return Samples(
+    errors = FrameErrors(
+        frames=len(decoded.time_ns) + wrong_length + remote,
+        wrong_length=wrong_length,
+        remote=remote,
+        crc_errors=int(np.count_nonzero(~decoded.crc_ok)),
+        not_finite=int(np.count_nonzero(~decoded.finite)),
+        readings_each=layout.samples_a_frame,
+        counter=counted,
+    )
+    samples = Samples(
         time_ns=decoded.time_ns,
         xyz=decoded.xyz,
-        counter=decoded.counter,
+        counter=counter,
         status=decoded.status,
         crc_ok=decoded.crc_ok,
         usable=usable & decoded.finite,
         temperature_time_ns=decoded.temperature_time_ns,
         temperature_degC=decoded.temperature_degC,
-        frame_errors=FrameErrors(
-            frames=len(decoded.time_ns) + wrong_length + remote,
-            wrong_length=wrong_length,
-            remote=remote,
-            crc_errors=int(np.count_nonzero(~decoded.crc_ok)),
-            not_finite=int(np.count_nonzero(~decoded.finite)),
-            counter=counted,
-        ),
+        frame_errors=errors,
     )
+    return _put_together(samples, decoded, layout) if decoded.parts else samples
+
+
+def _put_together(samples: Samples, decoded: DecodedFrames, layout: SensorLayout) -> Samples:
+    """The readings of several messages as one each, and those of one frame as several."""
+    parts, by = decoded.parts, layout.joined_by
+    if by != "counter":
+        keys = [None if by == "time" else key_of_sync(p.time_ns, decoded.sync_ns) for p in parts]
+        parts = tuple(replace(part, key=key) for part, key in zip(parts, keys, strict=True))
+    join_rule = layout.map.join
+    within_ns = None if join_rule is None or join_rule.within_s is None else join_rule.within_s * 1e9
+    values = layout.frame_counter_values if by == "counter" else 2
+    joined = join(parts[0], parts[1:], within_ns, values)
+    rows, each = joined.rows, layout.samples_a_frame
+    time_ns = samples.time_ns[rows]
+    period_ns = _sample_period_ns(time_ns, layout)
+    back = (np.arange(each) - (each - 1)) * period_ns
+    finite = np.isfinite(joined.readings).all(axis=2).ravel()
+    return replace(
+        samples,
+        time_ns=(time_ns[:, None] + np.rint(back).astype(np.int64)).ravel(),
+        xyz=joined.readings.reshape(-1, 3),
+        counter=_counted_each(samples.counter, rows, each),
+        status=None if samples.status is None else np.repeat(samples.status[rows], each),
+        crc_ok=np.repeat(samples.crc_ok[rows], each),
+        usable=np.repeat(samples.usable[rows], each) & finite,
+        frame_errors=replace(samples.frame_errors, incomplete=joined.gaps, not_finite=int(np.count_nonzero(~finite))),
+    )
+
+
+def _sample_period_ns(time_ns: NDArray[np.int64], layout: SensorLayout) -> float:
+    """Time between the readings of one frame, ns."""
+    if layout.map.sample_period_s is not None:
+        return layout.map.sample_period_s * 1e9
+    return float(np.median(np.diff(time_ns))) / layout.samples_a_frame if len(time_ns) > 1 else 0.0
+
+
+def _counted_each(counter: Array | None, rows: NDArray[np.intp], each: int) -> Array | None:
+    """The frames' counter as a count of readings."""
+    if counter is None:
+        return None
+    own = counter[rows].astype(np.uint64)[:, None] * np.uint64(each) + np.arange(each, dtype=np.uint64)
+    return np.asarray(own.ravel())
 
 
 def _inside(time_ns: NDArray[np.int64], from_ns: int, to_ns: int) -> NDArray[np.bool_]:
@@ -197,13 +311,14 @@ def _well_formed(
     none = frames.time_ns[:0]
     wrong_length_ns = none if mine == good else frames.time_ns[named & ~right]
     remote_ns = none if mine == len(frames) else frames.time_ns[frames.can_id == np.uint32(can_id | REMOTE)]
-    return (frames if good == len(frames) else frames[right]), wrong_length_ns, remote_ns
+    whole = frames if good == len(frames) else frames[right]
+    return widened(whole, layout.length), wrong_length_ns, remote_ns
 
 
 def _finite(xyz: Floats, layout: SensorLayout) -> NDArray[np.bool_]:
     """Which readings are numbers; integers always are."""
     if any(axis.is_float for axis in layout.axes):
-        return np.asarray(np.isfinite(xyz).all(axis=1))
+        return np.asarray(np.isfinite(xyz).reshape(len(xyz), -1).all(axis=1))
     return np.ones(len(xyz), bool)
 
 

@@ -1,34 +1,52 @@
 """Values → payloads and frames: the inverse of decoding, for the simulation and the simulated device."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.can import e2e
+from station.domain.can.sample_parts import SamplePart, parts_of
 from station.domain.can.sensor_layout import SensorLayout
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import Array, Floats, Frames
 
 
 def payloads(layout: FrameLayout, values: Mapping[str, Array]) -> NDArray[np.uint8]:
-    """Payloads (n, 8) of one message from physical values (n) by signal name; signals not given are 0.
+    """Payloads (n, 8), of FD frames (n, 64), of one message from physical values (n) by signal name; others are 0.
 
     A value between two steps goes to the nearer, one out of range to the last that the bits can hold, as in a
-    converter. Messages of up to 8 bytes.
+    converter.
     """
     arrays = np.broadcast_arrays(*values.values()) if values else []
-    little = np.zeros(arrays[0].shape if arrays else 0, np.uint64)
+    signals = [layout.signal(name) for name in values]
+    words = [_bits(to_raw(array, signal), signal) for array, signal in zip(arrays, signals, strict=True)]
+    count = len(arrays[0]) if arrays else 0
+    return _classic(signals, words, count) if layout.length <= 8 else _wide(signals, words, count)
+
+
+def _classic(signals: Sequence[SignalLayout], words: Sequence[Array], count: int) -> NDArray[np.uint8]:
+    little = np.zeros(count, np.uint64)
     big = little.copy()
-    for name, physical in zip(values, arrays, strict=True):
-        signal = layout.signal(name)
-        word = _bits(to_raw(physical, signal), signal)
+    for signal, word in zip(signals, words, strict=True):
         if signal.big_endian:
             big |= word << np.uint64(64 - signal.length - signal.first_bit)
         else:
             little |= word << np.uint64(signal.first_bit)
     data = little.astype("<u8").view(np.uint8) | big.astype(">u8").view(np.uint8)
     return data.reshape(-1, 8)
+
+
+def _wide(signals: Sequence[SignalLayout], words: Sequence[Array], count: int) -> NDArray[np.uint8]:
+    """Bit by bit: the simulation sends few such frames."""
+    bits = np.zeros((count, 512), np.uint8)
+    for signal, word in zip(signals, words, strict=True):
+        order = range(signal.length - 1, -1, -1) if signal.big_endian else range(signal.length)
+        for place, bit in enumerate(order, signal.first_bit):
+            # Of a little-endian signal the bits of a byte count from its low end, of a big-endian one from its high.
+            at = place if signal.big_endian else 8 * (place // 8) + 7 - place % 8
+            bits[:, at] = word >> np.uint64(bit) & np.uint64(1)
+    return np.packbits(bits, axis=1)
 
 
 def to_raw(physical: Array, signal: SignalLayout) -> Array:
@@ -52,16 +70,45 @@ def sample_frames(
     first_count: int = 0,
     status: Array | int = 0,
 ) -> Frames:
-    """Sample frames (n) of a node from readings (n, 3): quantised, counted from `first_count`, protected."""
-    roles = layout.map.sample
-    values: dict[str, Array] = dict(zip((roles.x, roles.y, roles.z), np.asarray(xyz, float).T, strict=True))
-    counter = ((first_count + np.arange(len(time_ns))) % layout.counter_values).astype(np.uint64)
-    if roles.counter is not None:
-        values[roles.counter] = counter
-    if roles.status is not None:
-        values[roles.status] = np.broadcast_to(np.asarray(status), counter.shape)
-    data = protect(payloads(layout.sample, values), counter, layout, node)
-    return _frames(layout.sample, layout.id_of(layout.sample, node), time_ns, data)
+    """Sample frames of a node from readings (n, 3) at time_ns (n): quantised, counted from `first_count`, protected.
+
+    Where a frame holds several readings, a rest that fills none is not sent; where a reading needs several frames, they
+    come at one instant, one behind the other.
+    """
+    each = layout.samples_a_frame
+    count = len(time_ns) // each
+    times = time_ns[each - 1 : count * each : each]
+    readings = np.asarray(xyz, float)[: count * each].reshape(count, each, 3)
+    counted = ((first_count // each + np.arange(count)) % layout.frame_counter_values).astype(np.uint64)
+    flags = np.broadcast_to(np.asarray(status), len(time_ns))[each - 1 : count * each : each]
+    sent = [_part_frames(layout, node, part, times, readings, counted, flags) for part in parts_of(layout)]
+    if len(sent) == 1:
+        return sent[0]
+    frames = Frames.join(sent)
+    return frames[np.argsort(frames.time_ns, kind="stable")]
+
+
+def _part_frames(
+    layout: SensorLayout,
+    node: int,
+    part: SamplePart,
+    time_ns: NDArray[np.int64],
+    readings: Floats,
+    counter: NDArray[np.uint64],
+    status: Array,
+) -> Frames:
+    """Frames (n) of one part of the readings (n, k, 3)."""
+    roles, lead = layout.map.sample, part.message.name == layout.sample.name
+    values: dict[str, Array] = {signal.name: readings[:, place, axis] for place, axis, signal in part.cells}
+    values |= {signal.name: np.full(len(time_ns), shown[0]) for signal, shown in part.selectors}
+    if part.counter is not None:
+        values[part.counter.name] = counter
+    if lead and roles.status is not None:
+        values[roles.status] = status
+    data = payloads(part.message, values)
+    if lead:
+        data = protect(data, counter, layout, node)
+    return _frames(part.message, layout.id_of(part.message, node), time_ns, data)
 
 
 def temperature_frames(layout: SensorLayout, node: int, time_ns: NDArray[np.int64], temperature_degC: Floats) -> Frames:

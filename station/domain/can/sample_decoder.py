@@ -21,12 +21,12 @@ class SampleDecoder:
 
     def newest(self) -> Samples:
         """What the last `add` brought."""
-        return check_sequence(self._parts[-1], self._layout.counter_values)
+        return check_sequence(self._parts[-1], self._layout)
 
     def samples(self, from_ns: int = ALWAYS_NS, to_ns: int = NEVER_NS) -> Samples:
         """The readings in [from_ns, to_ns), checked as a sequence of their own, and every temperature so far."""
         window = DecodedFrames.join(self._parts).between(from_ns, to_ns)
-        return check_sequence(window, self._layout.counter_values)
+        return check_sequence(window, self._layout)
 
     def recent(self, from_ns: int) -> Samples:
         """The readings from `from_ns` on, without looking at parts that are older."""
@@ -34,7 +34,7 @@ class SampleDecoder:
         while first > 0 and not _is_older(self._parts[first - 1], from_ns):
             first -= 1
         window = DecodedFrames.join(self._parts[first:]).between(from_ns, NEVER_NS)
-        return check_sequence(window, self._layout.counter_values)
+        return check_sequence(window, self._layout)
 
     def forget(self, before_ns: int) -> None:
         """Lets go of parts that are older as a whole."""

@@ -1,29 +1,74 @@
 """Which message and signals of a DBC play which role: the block `frames:` of a product file."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import EXTENDED
-from station.domain.recipe.fields import Name, StrictModel
+from station.domain.recipe.fields import Name, Positive, StrictModel
 from station.errors import InvalidValue, ProductError
 
 Node = Annotated[int, Field(ge=1, le=127)]
+#: Identifier of SYNC (CiA 301, 7.2.5).
+SYNC = 0x080
+
+
+AxisSignals = Name | Annotated[tuple[Name, ...], Field(min_length=1, max_length=64)]
 
 
 class SampleRoles(StrictModel):
-    """The message that carries one reading, and the names of its signals."""
+    """The message that carries one reading, and the names of its signals.
+
+    An axis whose signal stands in another message is named `MESSAGE.SIGNAL`; the signals of several readings in one
+    frame are a list, oldest first. z may be left out by a sensor of two axes, y too by one of one.
+    """
 
     message: Name
-    x: Name
-    y: Name
-    z: Name
+    x: AxisSignals
+    y: AxisSignals | None = None
+    z: AxisSignals | None = None
     counter: Name | None = None
     status: Name | None = None
     crc: Name | None = None
+
+    @model_validator(mode="after")
+    def _check_axes(self) -> Self:
+        if self.z is not None and self.y is None:
+            raise InvalidValue("axis-y-missing")
+        if len({len(names) for names in self.axes}) > 1:
+            raise InvalidValue("readings-of-axes-differ", counts=tuple(len(names) for names in self.axes))
+        return self
+
+    @property
+    def axes(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the signals of each axis, one for each reading of a frame."""
+        given = [names for names in (self.x, self.y, self.z) if names is not None]
+        return tuple((names,) if isinstance(names, str) else names for names in given)
+
+    def place(self, name: str) -> tuple[str, str]:
+        """(message, signal) that a name means."""
+        message, dot, signal = name.rpartition(".")
+        return (message, signal) if dot else (self.message, name)
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Names of the other signals of the message: counter, status, CRC."""
+        return tuple(name for name in (self.counter, self.status, self.crc) if name is not None)
+
+
+class JoinRule(StrictModel):
+    """How the messages of one reading are put together. by: equal counters, the same SYNC, or nearness in time.
+
+    within_s: how far apart in time they may be; left out: half a period, of the counter half a turn. counters: the
+    counting signal of a message where its name is not that of sample.counter.
+    """
+
+    by: Literal["counter", "sync", "time"]
+    within_s: Positive | None = None
+    counters: dict[Name, Name] = Field(default_factory=dict)
 
 
 class TemperatureRole(StrictModel):
@@ -64,7 +109,10 @@ class FrameMap(StrictModel):
     """The roles of a DBC's signals. The DBC describes the device with node id `node_of_dbc`.
 
     The frames of node n have the DBC's identifiers − node_of_dbc + n. counter_values: how many values the counter
-    takes before it starts again at 0; left out: the profile's number, or all that its bits can hold.
+    takes before it starts again at 0; left out: the profile's number, or all that its bits can hold. join: how a
+    reading that comes in several messages is put together. sample_period_s: between the readings of one frame, where
+    there are several; left out: the frames' period by their number. unit: of the readings, where the DBC says none or
+    another.
     """
 
     dbc: Name
@@ -73,6 +121,9 @@ class FrameMap(StrictModel):
     node_of_dbc: Node = 1
     counter_values: Annotated[int, Field(ge=2, le=1 << 32)] | None = None
     e2e: EndToEnd | None = None
+    join: JoinRule | None = None
+    sample_period_s: Positive | None = None
+    unit: str | None = None
 
     @model_validator(mode="after")
     def _hangs_together(self) -> Self:
@@ -87,17 +138,42 @@ class FrameMap(StrictModel):
 
 @dataclass(frozen=True, slots=True)
 class SensorLayout:
-    """A frame map whose names have been found in its DBC: what decoding and encoding need."""
+    """A frame map whose names have been found in its DBC: what decoding and encoding need.
+
+    sample: the message that gives a reading its time; others: the further messages of a reading.
+    """
 
     map: FrameMap
     sample: FrameLayout
     temperature: FrameLayout | None
+    others: tuple[FrameLayout, ...] = ()
 
     @property
-    def axes(self) -> tuple[SignalLayout, SignalLayout, SignalLayout]:
-        """The signals x, y, z."""
-        roles = self.map.sample
-        return self.sample.signal(roles.x), self.sample.signal(roles.y), self.sample.signal(roles.z)
+    def axes(self) -> tuple[SignalLayout, ...]:
+        """The signals of the axes that there are; of several readings in a frame those of the first."""
+        return tuple(self.signal(names[0]) for names in self.map.sample.axes)
+
+    @property
+    def samples_a_frame(self) -> int:
+        """Readings in one frame."""
+        return len(self.map.sample.axes[0])
+
+    @property
+    def is_plain(self) -> bool:
+        """One message that is always there is one reading of three axes."""
+        axes = self.axes
+        return (
+            not self.others and self.samples_a_frame == 1 and len(axes) == 3 and all(a.selector is None for a in axes)
+        )
+
+    def signal(self, name: str) -> SignalLayout:
+        """The signal that a name of the frame map means. Errors: ProductError."""
+        message, signal = self.map.sample.place(name)
+        return self.message(message).signal(signal)
+
+    def message(self, name: str) -> FrameLayout:
+        """The message of that name among those of a reading."""
+        return next(m for m in (self.sample, *self.others) if m.name == name)
 
     @property
     def counter(self) -> SignalLayout | None:
@@ -106,22 +182,59 @@ class SensorLayout:
         return None if name is None else self.sample.signal(name)
 
     @property
-    def counter_values(self) -> int:
-        """Modulus of the counter; 1 when there is none."""
+    def frame_counter_values(self) -> int:
+        """Modulus of the counter of the frames; 1 when there is none."""
         if self.counter is None:
             return 1
         profile = self.map.e2e.counter_values if self.map.e2e else None
         return self.map.counter_values or profile or 1 << self.counter.length
 
     @property
+    def counter_values(self) -> int:
+        """Modulus of the count of readings; 1 when there is none."""
+        return self.frame_counter_values * self.samples_a_frame if self.counts_readings else 1
+
+    @property
     def crc_byte(self) -> int:
         """Which byte of the sample's payload is the CRC."""
         return self.sample.signal(self.map.sample.crc or "").first_bit // 8
 
+    @property
+    def joined_by(self) -> str:
+        """What puts the messages of a reading together: counter, sync or time."""
+        if self.map.join is not None:
+            return self.map.join.by
+        counted = self.counter is not None and all(self.counter_of(m) is not None for m in self.others)
+        return "counter" if counted and not self.takes_turns else "time"
+
+    @property
+    def takes_turns(self) -> bool:
+        """Whether the frames of one message carry the axes by turns."""
+        signals = [(m, m.signal(s)) for m, s in map(self._placed, self.map.sample.axes)]
+        ways = {(m.name, s.selector, s.selected_by) for m, s in signals}
+        return len({name for name, _, _ in ways}) < len(ways)
+
+    @property
+    def counts_readings(self) -> bool:
+        """Whether there is a counter that goes on by one from one leading frame to the next."""
+        return self.counter is not None and (not self.takes_turns or self.joined_by == "counter")
+
+    def _placed(self, names: tuple[str, ...]) -> tuple[FrameLayout, str]:
+        message, signal = self.map.sample.place(names[0])
+        return self.message(message), signal
+
+    def counter_of(self, message: FrameLayout) -> SignalLayout | None:
+        """The counting signal of one of the messages; None where it has none."""
+        join = self.map.join
+        name = (join.counters if join is not None else {}).get(message.name, self.map.sample.counter)
+        return next((s for s in message.signals if s.name == name), None)
+
     def ids(self, node: int) -> tuple[int, ...]:
-        """Identifiers of a node's sample and temperature frames, for a channel's filter."""
-        layouts = [self.sample] if self.temperature is None else [self.sample, self.temperature]
-        return tuple(self.id_of(layout, node) for layout in layouts)
+        """Identifiers of a node's sample and temperature frames, and of SYNC where it is needed, for a channel's
+        filter."""
+        layouts = [self.sample, *self.others, *([] if self.temperature is None else [self.temperature])]
+        sync = (SYNC,) if self.joined_by == "sync" else ()
+        return tuple(dict.fromkeys((*(self.id_of(layout, node) for layout in layouts), *sync)))
 
     def id_of(self, layout: FrameLayout, node: int) -> int:
         """Identifier of a message when a node sends it; ProductError when it does not fit its format."""
@@ -132,32 +245,72 @@ class SensorLayout:
             )
         return can_id
 
+    def scaled(self, factors: Mapping[str, float], unit: str) -> "SensorLayout":
+        """The same with every axis in `unit`; factors: by name of the frame map, of its own unit to that one."""
+        changed = {self.map.sample.place(name): factor for name, factor in factors.items() if factor != 1.0}
+        frames = [_scaled(m, {s: f for (of, s), f in changed.items() if of == m.name}, unit) for m in self.messages]
+        return replace(self, sample=frames[0], others=tuple(frames[1:]))
+
+    @property
+    def messages(self) -> tuple[FrameLayout, ...]:
+        """The messages of a reading, that which gives it its time first."""
+        return self.sample, *self.others
+
+
+def _scaled(message: FrameLayout, factors: Mapping[str, float], unit: str) -> FrameLayout:
+    if not factors:
+        return message
+
+    def times(value: float | None, factor: float) -> float | None:
+        return None if value is None else value * factor
+
+    def one(signal: SignalLayout) -> SignalLayout:
+        factor = factors.get(signal.name)
+        if factor is None:
+            return signal
+        scaled = replace(signal, scale=signal.scale * factor, offset=signal.offset * factor, unit=unit)
+        return replace(scaled, minimum=times(signal.minimum, factor), maximum=times(signal.maximum, factor))
+
+    return replace(message, signals=tuple(one(s) for s in message.signals))
+
 
 def used_signals(roles: FrameMap) -> dict[str, frozenset[str]]:
     """The signals of a DBC that a product uses, by message."""
-    sample = frozenset(v for k, v in roles.sample if k != "message" and v is not None)
-    used = {roles.sample.message: sample}
+    used: dict[str, frozenset[str]] = {roles.sample.message: frozenset(roles.sample.controls)}
+    places = [roles.sample.place(name) for names in roles.sample.axes for name in names]
     if roles.temperature is not None:
-        message = roles.temperature.message
-        used[message] = used.get(message, frozenset()) | {roles.temperature.signal}
+        places.append((roles.temperature.message, roles.temperature.signal))
+    places += (roles.join.counters if roles.join is not None else {}).items()
+    for message, signal in places:
+        used[message] = used.get(message, frozenset()) | {signal}
     return used
 
 
 def resolve(roles: FrameMap, layouts: Mapping[str, FrameLayout]) -> SensorLayout:
     """Finds a frame map's names among the messages of its DBC; ProductError names what is missing or cannot be."""
     sample = _message(roles.dbc, layouts, roles.sample.message)
+    places = [roles.sample.place(name) for names in roles.sample.axes for name in names]
+    others = tuple(
+        _message(roles.dbc, layouts, name)
+        for name in dict.fromkeys(message for message, _ in places)
+        if name != sample.name
+    )
     temperature = None
+    layout = SensorLayout(roles, sample, None, others)
     try:
-        for name in (v for k, v in roles.sample if k != "message" and v is not None):
+        for name in roles.sample.controls:
             sample.signal(name)
+        for message, signal in places:
+            layout.message(message).signal(signal)
         if roles.temperature is not None:
             temperature = _message(roles.dbc, layouts, roles.temperature.message)
             temperature.signal(roles.temperature.signal)
     except ProductError as error:
         raise ProductError("frame-map-names", dbc=roles.dbc, reason=error.message) from None
-    layout = SensorLayout(roles, sample, temperature)
+    layout = replace(layout, temperature=temperature)
     _check_counter(layout)
     _check_crc(layout)
+    _check_join(layout)
     return layout
 
 
@@ -173,9 +326,9 @@ def _check_counter(layout: SensorLayout) -> None:
         return
     if counter.is_float or counter.signed or counter.selector is not None:
         raise ProductError("counter-not-unsigned", dbc=layout.map.dbc, counter=counter.name)
-    if layout.counter_values > 1 << counter.length:
+    if layout.frame_counter_values > 1 << counter.length:
         where = {"dbc": layout.map.dbc, "counter": counter.name}
-        raise ProductError("counter-too-short", bits=counter.length, values=layout.counter_values, **where)
+        raise ProductError("counter-too-short", bits=counter.length, values=layout.frame_counter_values, **where)
 
 
 def _check_crc(layout: SensorLayout) -> None:
@@ -184,3 +337,12 @@ def _check_crc(layout: SensorLayout) -> None:
     crc = layout.sample.signal(layout.map.sample.crc or "")
     if crc.length != 8 or crc.first_bit % 8:
         raise ProductError("crc-not-byte", dbc=layout.map.dbc, crc=crc.name, profile=layout.map.e2e.profile)
+
+
+def _check_join(layout: SensorLayout) -> None:
+    join = layout.map.join
+    if join is None or join.by != "counter":
+        return
+    for message in layout.messages:
+        if layout.counter_of(message) is None:
+            raise ProductError("join-without-counter", dbc=layout.map.dbc, message=message.name)

@@ -89,7 +89,7 @@ def _transport(d: Visit, recipe: Recipe) -> Iterator[Reason]:
 def _excess_frames(d: Visit, wanted: float) -> float:
     """Frames beyond those that the rate promises, a device's own repeats left out: somebody else sends them."""
     errors = d.samples.frame_errors
-    return errors.frames - errors.counter.repeats - wanted
+    return (errors.frames - errors.counter.repeats) * errors.readings_each - wanted
 
 
 def _rate_hz(d: Visit) -> float | None:
@@ -104,7 +104,7 @@ def _axes(d: Visit, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iterat
     noise, unit = expected_noise(recipe), recipe.unit
     std = xyz.std(axis=0, ddof=1)
     limit = recipe.limits.noise
-    for i, (axis, signal) in enumerate(zip("xyz", layout.axes, strict=True)):
+    for i, (axis, signal) in enumerate(zip("xyz", layout.axes, strict=False)):
         low, high = xyz[:, i].min(), xyz[:, i].max()
         ends = [v * signal.scale + signal.offset for v in signal.raw_limits()]
         top = min(recipe.device.full_scale or np.inf, max(ends))

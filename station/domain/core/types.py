@@ -56,6 +56,13 @@ class Frames:
         )
 
 
+def widened(frames: Frames, length: int) -> Frames:
+    """The same frames with payloads of at least `length` bytes, as FD frames have them."""
+    if frames.data.shape[1] >= length:
+        return frames
+    return Frames(frames.time_ns, frames.can_id, frames.length, _widened(frames.data, 64))
+
+
 def _widened(data: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
     return np.pad(data, ((0, 0), (0, width - data.shape[1])))
 

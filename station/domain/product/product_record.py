@@ -14,6 +14,7 @@ def dump(product: Product, layout: SensorLayout) -> str:
     document = {
         "product": product.model_dump(mode="json", by_alias=True),
         "sample": asdict(layout.sample),
+        "others": [asdict(message) for message in layout.others],
         "temperature": None if layout.temperature is None else asdict(layout.temperature),
     }
     return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
@@ -24,10 +25,9 @@ def load(text: str) -> tuple[Product, SensorLayout]:
     document = json.loads(text)
     product = Product.model_validate(document["product"])
     temperature = document["temperature"]
-    layout = SensorLayout(
-        product.frames, _frame(document["sample"]), None if temperature is None else _frame(temperature)
-    )
-    return product, layout
+    others = tuple(_frame(message) for message in document.get("others", ()))  # records before 0.3 have none
+    sample, slow = _frame(document["sample"]), None if temperature is None else _frame(temperature)
+    return product, SensorLayout(product.frames, sample, slow, others)
 
 
 def _frame(document: dict[str, Any]) -> FrameLayout:

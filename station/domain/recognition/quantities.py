@@ -80,6 +80,34 @@ def canonical(text: str, quantity: Quantity) -> str | None:
     return found if found == "LSB" or found in quantity.factors else None
 
 
+def units(unit: str) -> tuple[str, ...]:
+    """Units that can be brought to a recipe's `unit`."""
+    return tuple(_FACTORS.get(unit, {unit: 1.0}))
+
+
+def factor(text: str, unit: str) -> float | None:
+    """What a value in the unit that a DBC or a person wrote is multiplied by to be in the recipe's `unit`; None where
+    it is of no such quantity."""
+    if unit in QUANTITIES:
+        known = canonical(text, QUANTITIES[unit])
+        return None if known is None else QUANTITIES[unit].factors.get(known)
+    return _FACTORS.get(unit, {}).get(_ANGLES.get(text.strip().lower(), ""))
+
+
+#: Angles of inclination; a recording is never recognised by them.
+_ANGLES = {
+    "deg": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "rad": "rad", "mrad": "mrad",
+    "mdeg": "mdeg", "cdeg": "cdeg", "arcmin": "arcmin", "'": "arcmin", "arcsec": "arcsec",
+}  # fmt: skip
+_FACTORS: Mapping[str, Mapping[str, float]] = {
+    **{unit: quantity.factors for unit, quantity in QUANTITIES.items()},
+    "deg": {
+        "deg": 1.0, "rad": 180 / np.pi, "mrad": 0.18 / np.pi, "mdeg": 1e-3, "cdeg": 1e-2, "arcmin": 1 / 60,
+        "arcsec": 1 / 3600,
+    },
+}  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class UnitScale:
     """reading = (raw − zero) · factor. unit: what the raw numbers are; inferred: by their size, not by a name;
