@@ -11,6 +11,7 @@ from station.domain.can.sensor_layout import SensorLayout, resolve, used_signals
 from station.domain.methods import method
 from station.domain.product import map_check, product_record
 from station.domain.product.product import Product
+from station.domain.recipe import sensor
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import quantities
 from station.errors import ProductError, RecipeError
@@ -61,6 +62,10 @@ def _check_fit(path: Path, recipe: Recipe, where: Path, product: Product) -> Non
         raise RecipeError(
             "recipe-product-sensor", file=str(path), sensor=recipe.sensor, product=str(where), other=product.sensor
         )
+
+    named, allowed = len(product.frames.sample.axes), getattr(sensor.of(recipe), "axes", (3,))
+    if named not in allowed:
+        raise ProductError("axes-of-sensor", file=str(where), sensor=product.sensor, named=named, allowed=allowed)
 
 
 def _check_map(where: Path, product: Product, eds: Path | None) -> None:

@@ -1,8 +1,8 @@
 """A product file `dbc/<name>.yaml` (schema `station.product/1`): its frames, its identity and its device map."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from station import plugins
 from station.domain.can.sensor_layout import FrameMap
@@ -10,7 +10,7 @@ from station.domain.core.patterns import groups_of
 from station.domain.product.device_map import DeviceMap, SerialObject
 from station.domain.recipe import sensor as sensor_kind
 from station.domain.recipe.fields import Name, StrictModel, one_of
-from station.errors import InvalidValue, UsageError
+from station.errors import UsageError
 from station.messages import Message
 
 Word = Annotated[int, Field(ge=0, le=0xFFFF_FFFF)]
@@ -36,15 +36,6 @@ class Product(StrictModel):
     frames: FrameMap
     identity: ProductIdentity
     map: DeviceMap
-
-    @model_validator(mode="after")
-    def _check_axes(self) -> Self:
-        """A sensor of three axes names three signals."""
-        kind: Any = plugins.load(sensor_kind.PACKAGE, self.sensor)
-        named, allowed = len(self.frames.sample.axes), getattr(kind, "axes", (3,))
-        if named not in allowed:
-            raise InvalidValue("axes-of-sensor", sensor=self.sensor, named=named, allowed=allowed)
-        return self
 
     def mismatches(
         self, *, device_type: int, vendor: int, product: int, revision: int, name: str
