@@ -35,17 +35,17 @@ class AuditRequest:
         return self.query != Query() or not self.verify or self.recompute
 
 
-def run_audit(log: "LogReader", ask: AuditRequest, *, as_json: bool) -> int:
+def run_audit(log: "LogReader", request: AuditRequest, *, as_json: bool) -> int:
     """Prints the answer; the exit code. Errors: LogError, UsageError."""
-    if (ask.key or ask.known) and not ask.verify:
+    if (request.key or request.known) and not request.verify:
         raise UsageError("audit-needs-verify")
     document: dict[str, Any] = {"schema": "station.audit/1", "log": log.location, "head": asdict(log.head())}
-    if ask.verify:
-        document["verify"] = _verify(log, ask)
-    if ask.lists:
-        document |= _attempts(log, ask)
-    if ask.recompute:
-        document["recompute"] = _recompute(log, ask)
+    if request.verify:
+        document["verify"] = _verify(log, request)
+    if request.lists:
+        document |= _attempts(log, request)
+    if request.recompute:
+        document["recompute"] = _recompute(log, request)
     if as_json:
         _output.print_json(document)
     else:
@@ -55,12 +55,12 @@ def run_audit(log: "LogReader", ask: AuditRequest, *, as_json: bool) -> int:
     return 0 if whole and same else WRONG_DATA_EXIT_CODE
 
 
-def _verify(log: "LogReader", ask: AuditRequest) -> dict[str, Any]:
+def _verify(log: "LogReader", request: AuditRequest) -> dict[str, Any]:
     from station.config.settings import load_settings
     from station.wiring.logs import trust_of
 
-    here = ask.config is not None or Path("config.yaml").is_file()
-    trust = trust_of(ask.known, ask.key, Path(log.location), load_settings(ask.config) if here else None)
+    here = request.config is not None or Path("config.yaml").is_file()
+    trust = trust_of(request.known, request.key, Path(log.location), load_settings(request.config) if here else None)
     head = log.head()
     with _output.progress() as bar:
         task = bar.add_task("checking the chain", total=max(head.number, 1))
@@ -72,12 +72,12 @@ def _verify(log: "LogReader", ask: AuditRequest) -> dict[str, Any]:
     return {**whole, "anchors": anchors, "acknowledged": log.acknowledgements()}
 
 
-def _attempts(log: "LogReader", ask: AuditRequest) -> dict[str, Any]:
-    serial = ask.query.serial
+def _attempts(log: "LogReader", request: AuditRequest) -> dict[str, Any]:
+    serial = request.query.serial
     if serial is None:
-        found = [_row(asdict(a)) for a in log.attempts(ask.query, ask.limit)]
+        found = [_row(asdict(a)) for a in log.attempts(request.query, request.limit)]
         return {"count": len(found), "attempts": found}
-    life = log.life(ask.query, ask.limit)
+    life = log.life(request.query, request.limit)
     if not life:
         raise LogError("log-no-such-attempt-of", log=log.location, serial=serial)
     return {"serial": serial, "count": len(life), "attempts": life}
@@ -91,10 +91,10 @@ def _row(attempt: dict[str, Any]) -> dict[str, Any]:
     return {**attempt, "started": utc(attempt["started_ns"]), "ended": None if ended is None else utc(ended)}
 
 
-def _recompute(log: "LogReader", ask: AuditRequest) -> list[dict[str, Any]]:
+def _recompute(log: "LogReader", request: AuditRequest) -> list[dict[str, Any]]:
     from station.service.recompute import recompute
 
-    found = log.attempts(ask.query, ask.limit)
+    found = log.attempts(request.query, request.limit)
     with _output.progress() as bar:
         task = bar.add_task("computing again", total=len(found))
         done = []

@@ -30,23 +30,23 @@ class BacktestRequest:
     processes: int | None
 
 
-def run_backtest(log: LogReader, ask: BacktestRequest, *, as_json: bool) -> int:
+def run_backtest(log: LogReader, request: BacktestRequest, *, as_json: bool) -> int:
     """Prints what would change. Errors: LogError, RecipeError."""
-    attempts = log.attempts(ask.query)
+    attempts = log.attempts(request.query)
     if not attempts:
-        raise LogError("backtest-no-attempts", log=log.location, recipe=str(ask.query.recipe_name))
-    from_frames = ask.from_frames or _windows_differ(log, attempts, ask.recipe)
+        raise LogError("backtest-no-attempts", log=log.location, recipe=str(request.query.recipe_name))
+    from_frames = request.from_frames or _windows_differ(log, attempts, request.recipe)
     with _output.progress() as bar:
         task = bar.add_task("computing again", total=len(attempts))
         compared = run(
             partial(open_log, Path(log.location)),
             attempts,
-            ask.recipe,
+            request.recipe,
             from_frames=from_frames,
-            processes=ask.processes,
+            processes=request.processes,
             progress=lambda done: bar.advance(task, done),
         )
-    document = _document(log, ask, attempts, compared, "frames" if from_frames else "stops")
+    document = _document(log, request, attempts, compared, "frames" if from_frames else "stops")
     if as_json:
         _output.print_json(document)
     else:
@@ -62,22 +62,22 @@ def _windows_differ(log: LogReader, attempts: Sequence[Attempt], changed: Recipe
 
 
 def _document(
-    log: LogReader, ask: BacktestRequest, attempts: Sequence[Attempt], compared: BacktestResult, computed_from: str
+    log: LogReader, request: BacktestRequest, attempts: Sequence[Attempt], compared: BacktestResult, computed_from: str
 ) -> dict[str, Any]:
     done = compared.verdicts.total()
     return {
         "schema": "station.backtest/1",
         "log": log.location,
         "head": asdict(log.head()),
-        "recipe": {"name": ask.recipe.name, "version": ask.recipe.version, "hash": recipe_hash(ask.recipe)},
-        "of": ask.query.recipe_name,
+        "recipe": {"name": request.recipe.name, "version": request.recipe.version, "hash": recipe_hash(request.recipe)},
+        "of": request.query.recipe_name,
         "computed_from": computed_from,
         "attempts": len(attempts),
         "compared": done,
         "without_calibration": len(attempts) - done,
         "verdicts": [{"before": b, "after": a, "count": n} for (b, a), n in sorted(compared.verdicts.items())],
         "changed": [asdict(change) for change in compared.changes],
-        "coefficients": backtest.summary(compared, ask.recipe),
+        "coefficients": backtest.summary(compared, request.recipe),
     }
 
 

@@ -48,24 +48,24 @@ class MsaRequest:
     measures_missing: bool
 
 
-def run_study(order: RunOrder, ask: MsaRequest, *, as_json: bool) -> int:
+def run_study(order: RunOrder, request: MsaRequest, *, as_json: bool) -> int:
     """Does the study, keeps it and tells it; the exit code. Errors: UsageError, LogError, those of a run."""
-    if ask.study not in ("type1", "grr"):
-        raise UsageError("msa-unknown-study", study=ask.study[:20])
-    if ask.value not in VALUE_NAMES:
-        raise UsageError("unknown-value", value=ask.value[:40], values=VALUE_NAMES)
-    readings = _readings_of_table(ask) if ask.samples is not None else _readings_of_log(order, ask)
-    figures = _type1(ask, order, readings) if ask.study == "type1" else _grr(ask, order, readings)
+    if request.study not in ("type1", "grr"):
+        raise UsageError("msa-unknown-study", study=request.study[:20])
+    if request.value not in VALUE_NAMES:
+        raise UsageError("unknown-value", value=request.value[:40], values=VALUE_NAMES)
+    readings = _readings_of_table(request) if request.samples is not None else _readings_of_log(order, request)
+    figures = _type1(request, order, readings) if request.study == "type1" else _grr(request, order, readings)
     document = {
         "schema": SCHEMA,
-        "study": ask.study,
-        "value": ask.value,
+        "study": request.study,
+        "value": request.value,
         "at": datetime.now(UTC).isoformat(timespec="seconds"),
-        "from": str(ask.samples or _database(order)),
+        "from": str(request.samples or _database(order)),
         "readings": readings.tolist(),
         **figures,
     }
-    study_path = _store_study(document, ask.samples or _database(order))
+    study_path = _store_study(document, request.samples or _database(order))
     if as_json:
         _output.print_json(document)
     else:
@@ -74,25 +74,25 @@ def run_study(order: RunOrder, ask: MsaRequest, *, as_json: bool) -> int:
     return 0
 
 
-def _type1(ask: MsaRequest, order: RunOrder, readings: Floats) -> dict[str, Any]:
-    if ask.reference is None:
+def _type1(request: MsaRequest, order: RunOrder, readings: Floats) -> dict[str, Any]:
+    if request.reference is None:
         raise UsageError("msa-without-reference")
     found = msa.type1(
         readings,
-        ask.reference,
-        _tolerance(ask, order),
-        k_percent=ask.k_percent,
-        spread=ask.spread,
-        resolution=ask.resolution,
+        request.reference,
+        _tolerance(request, order),
+        k_percent=request.k_percent,
+        spread=request.spread,
+        resolution=request.resolution,
     )
     capable = found.cg is not None and min(found.cg, found.cgk) >= 1.33
-    settings = {"reference": ask.reference, "tolerance": _tolerance(ask, order)}
-    settings |= {"k_percent": ask.k_percent, "spread": ask.spread}
+    settings = {"reference": request.reference, "tolerance": _tolerance(request, order)}
+    settings |= {"k_percent": request.k_percent, "spread": request.spread}
     return {"settings": settings, "type1": asdict(found), "judgement": "capable" if capable else "not capable"}
 
 
-def _grr(ask: MsaRequest, order: RunOrder, readings: Floats) -> dict[str, Any]:
-    tolerance = _tolerance(ask, order) if ask.tolerance is not None or ask.samples is None else None
+def _grr(request: MsaRequest, order: RunOrder, readings: Floats) -> dict[str, Any]:
+    tolerance = _tolerance(request, order) if request.tolerance is not None or request.samples is None else None
     found: dict[str, Any] = {"anova": asdict(a := msa.anova(readings, tolerance))}
     try:
         found["xbar_r"] = asdict(msa.xbar_r(readings, tolerance))
@@ -101,77 +101,79 @@ def _grr(ask: MsaRequest, order: RunOrder, readings: Floats) -> dict[str, Any]:
     return {"settings": {"tolerance": tolerance}, **found, "judgement": a.judgement}
 
 
-def _tolerance(ask: MsaRequest, order: RunOrder) -> float:
+def _tolerance(request: MsaRequest, order: RunOrder) -> float:
     """The full width T: as said, or between the recipe's limits of this value."""
-    if ask.tolerance is not None:
-        return ask.tolerance
+    if request.tolerance is not None:
+        return request.tolerance
     job, _ = load_job(order.recipe or load_settings(order.config).recipe)
-    lower, upper = limits_of(ask.value, job.recipe.limits)
+    lower, upper = limits_of(request.value, job.recipe.limits)
     if lower is None or upper is None:
-        raise UsageError("msa-without-tolerance", value=ask.value)
+        raise UsageError("msa-without-tolerance", value=request.value)
     return upper - lower
 
 
-def _readings_of_table(ask: MsaRequest) -> Floats:
+def _readings_of_table(request: MsaRequest) -> Floats:
     """Readings of a CSV: (n), or (parts, appraisers, trials)."""
-    assert ask.samples is not None
+    assert request.samples is not None
     try:
-        with ask.samples.open(newline="", encoding="utf-8") as file:
+        with request.samples.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
         values = [float(row["value"]) for row in rows]
-        if ask.study == "type1":
+        if request.study == "type1":
             return np.array(values)
         cells: dict[StudyCell, list[float]] = {}
         for row, value in zip(rows, values, strict=True):
             cells.setdefault((row["part"], row["appraiser"]), []).append(value)
     except OSError as exc:
-        raise UsageError("option-not-read", option="--samples", path=str(ask.samples), why=system_reason(exc)) from exc
-    except (KeyError, ValueError, TypeError) as exc:
-        columns = "value" if ask.study == "type1" else "part,appraiser,trial,value"
         raise UsageError(
-            "msa-samples-columns", path=str(ask.samples), columns=columns, why=" ".join(str(exc).split())
+            "option-not-read", option="--samples", path=str(request.samples), why=system_reason(exc)
         ) from exc
-    return crossed_readings(cells, min(map(len, cells.values()), default=0), str(ask.samples))
+    except (KeyError, ValueError, TypeError) as exc:
+        columns = "value" if request.study == "type1" else "part,appraiser,trial,value"
+        raise UsageError(
+            "msa-samples-columns", path=str(request.samples), columns=columns, why=" ".join(str(exc).split())
+        ) from exc
+    return crossed_readings(cells, min(map(len, cells.values()), default=0), str(request.samples))
 
 
-def _readings_of_log(order: RunOrder, ask: MsaRequest) -> Floats:
+def _readings_of_log(order: RunOrder, request: MsaRequest) -> Floats:
     """Readings of the log, the missing ones made first where that is asked for."""
-    serials = ask.serials or (
-        (SIMULATED_PARTS[:1] if ask.study == "type1" else SIMULATED_PARTS) if order.simulate else ()
+    serials = request.serials or (
+        (SIMULATED_PARTS[:1] if request.study == "type1" else SIMULATED_PARTS) if order.simulate else ()
     )
     if not serials:
         raise UsageError("msa-without-serials")
     nests = [n.name for n in load_settings(order.config).nests]
-    if ask.study == "type1":
+    if request.study == "type1":
         if len(serials) != 1:
             raise UsageError("msa-type1-serials", count=len(serials))
-        wanted = {(serials[0], nests[0]): ask.repeats}
+        wanted = {(serials[0], nests[0]): request.repeats}
     else:
-        if ask.nests > len(nests) or ask.nests > len(serials):
-            raise UsageError("msa-too-few-parts", nests=ask.nests)
-        wanted = {(s, n): ask.trials for s in serials for n in nests[: ask.nests]}
-    if ask.measures_missing:
-        measure_missing(order, wanted, _reading_counts(order, ask, serials))
-    return _complete_readings(order, ask, wanted)
+        if request.nests > len(nests) or request.nests > len(serials):
+            raise UsageError("msa-too-few-parts", nests=request.nests)
+        wanted = {(s, n): request.trials for s in serials for n in nests[: request.nests]}
+    if request.measures_missing:
+        measure_missing(order, wanted, _reading_counts(order, request, serials))
+    return _complete_readings(order, request, wanted)
 
 
-def _complete_readings(order: RunOrder, ask: MsaRequest, wanted: Mapping[StudyCell, int]) -> Floats:
-    cells = _readings_by_cell(order, ask, sorted({serial for serial, _ in wanted}))
+def _complete_readings(order: RunOrder, request: MsaRequest, wanted: Mapping[StudyCell, int]) -> Floats:
+    cells = _readings_by_cell(order, request, sorted({serial for serial, _ in wanted}))
     for cell, count in wanted.items():
         there = len(cells.get(cell, ()))
         if there < count:
             raise UsageError("msa-too-few-readings", serial=cell[0], nest=cell[1], readings=there, count=count)
-    if ask.study == "type1":
+    if request.study == "type1":
         ((cell, count),) = wanted.items()
         return np.array(cells[cell][-count:])
-    return crossed_readings({cell: cells[cell] for cell in wanted}, ask.trials, "the log")
+    return crossed_readings({cell: cells[cell] for cell in wanted}, request.trials, "the log")
 
 
-def _reading_counts(order: RunOrder, ask: MsaRequest, serials: Sequence[str]) -> dict[StudyCell, int]:
-    return {cell: len(values) for cell, values in _readings_by_cell(order, ask, serials).items()}
+def _reading_counts(order: RunOrder, request: MsaRequest, serials: Sequence[str]) -> dict[StudyCell, int]:
+    return {cell: len(values) for cell, values in _readings_by_cell(order, request, serials).items()}
 
 
-def _readings_by_cell(order: RunOrder, ask: MsaRequest, serials: Sequence[str]) -> dict[StudyCell, list[float]]:
+def _readings_by_cell(order: RunOrder, request: MsaRequest, serials: Sequence[str]) -> dict[StudyCell, list[float]]:
     """(serial, nest) → readings in the log, oldest first."""
     database = _database(order)
     if not database.exists():
@@ -180,8 +182,8 @@ def _readings_by_cell(order: RunOrder, ask: MsaRequest, serials: Sequence[str]) 
     with open_log(database) as log:
         made = [m for serial in serials for m in attempt_values(log, Query(serial=serial), 10_000)]
     for m in made:
-        if ask.value in m.values and m.outcome in ("PASS", "FAIL"):
-            cells.setdefault((m.serial, m.nest.partition("/")[2]), []).append(m.values[ask.value])
+        if request.value in m.values and m.outcome in ("PASS", "FAIL"):
+            cells.setdefault((m.serial, m.nest.partition("/")[2]), []).append(m.values[request.value])
     return cells
 
 

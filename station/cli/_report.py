@@ -28,12 +28,12 @@ class ReportRequest:
     out: Path | None
 
 
-def run_report(log: "LogReader", ask: ReportRequest, *, as_json: bool) -> int:
+def run_report(log: "LogReader", request: ReportRequest, *, as_json: bool) -> int:
     """Writes and prints the report. Errors: LogError, UsageError."""
-    line = gather_statistics(log, ask.query, ask.most)
-    drawn = charts.draw(line, ask.value, ask.size, words_of("en"))
-    if ask.out is not None:
-        _write(ask.out, _page(log, drawn, len(line.attempts)))
+    line = gather_statistics(log, request.query, request.most)
+    drawn = charts.draw(line, request.value, request.size, words_of("en"))
+    if request.out is not None:
+        _write(request.out, _page(log, drawn, len(line.attempts)))
     if as_json:
         _output.print_json(charts.document(line, drawn))
         return 0
@@ -42,8 +42,8 @@ def run_report(log: "LogReader", ask: ReportRequest, *, as_json: bool) -> int:
         _print_table(table)
     if drawn.problem:
         _output.print_remark(drawn.problem)
-    if ask.out is not None:
-        _output.print_line(f"\nreport: {ask.out}")
+    if request.out is not None:
+        _output.print_line(f"\nreport: {request.out}")
     return 0
 
 

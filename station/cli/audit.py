@@ -65,5 +65,5 @@ def command(
     )
     with open_named_log(db, config) as log:
         known = parse_head(head)
-        ask = _audit.AuditRequest(query, limit, verify, recompute, key=key, known=known, config=config)
-        return _audit.run_audit(log, ask, as_json=json)
+        request = _audit.AuditRequest(query, limit, verify, recompute, key=key, known=known, config=config)
+        return _audit.run_audit(log, request, as_json=json)

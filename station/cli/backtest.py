@@ -44,5 +44,5 @@ def command(
         until_ns=parse_time_ns(until, "--until"),
     )
     with open_named_log(db, config) as log:
-        ask = _backtest.BacktestRequest(changed, query, from_frames=from_frames, processes=processes)
-        return _backtest.run_backtest(log, ask, as_json=json)
+        request = _backtest.BacktestRequest(changed, query, from_frames=from_frames, processes=processes)
+        return _backtest.run_backtest(log, request, as_json=json)

@@ -46,7 +46,7 @@ def command(
     from station.wiring.run_order import RunOrder
 
     order = RunOrder(recipe=recipe, config=config, database=db, simulate=simulate, seed=seed)
-    ask = MsaRequest(
+    request = MsaRequest(
         study=study,
         value=value,
         serials=tuple(serial or ()),
@@ -61,4 +61,4 @@ def command(
         samples=samples,
         measures_missing=run or simulate,
     )
-    return run_study(order, ask, as_json=json)
+    return run_study(order, request, as_json=json)
