@@ -129,7 +129,7 @@ _SAME = {"", "u", "k", "U (95 %)", "Software"}
 def test_a_name_in_chinese_stands_on_a_german_certificate(folder: Path) -> None:
     with SqliteLogReader(folder / "station.db") as log:
         made = certificate_of(log, log.attempts(Query(serial="SN0001"))[0], language.words("de"))
-    section = document.CertificateTable("Gerät", ("", ""), (("Bediener", "王 <b>小</b>\x07"),))
+    section = document.CertificateTable("Prüfling", ("", ""), (("Bediener", "王 <b>小</b>\x07"),))
     plain, named = pdf(replace(made, sections=())), pdf(replace(made, sections=(section,)))
     assert len(named) > len(plain)
 
