@@ -24,10 +24,10 @@ TWICE = """
 import sys, time, json
 from pathlib import Path
 from station.cli import _diagnose
-wanted = _diagnose.Wanted(Path(sys.argv[2]), None, None, None, None)
+wanted = _diagnose.DiagnoseOutputs(Path(sys.argv[2]), None, None, None, None)
 for _ in range(2):
     wall, cpu = time.perf_counter(), time.process_time()
-    _diagnose.diagnose_to(Path(sys.argv[1]), None, None, "tilt-24", None, wanted, 1)
+    _diagnose.run_diagnose(Path(sys.argv[1]), None, None, "tilt-24", None, wanted, 1)
     last = time.perf_counter() - wall, time.process_time() - cpu
 print(json.dumps(last))
 """

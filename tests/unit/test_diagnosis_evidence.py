@@ -13,6 +13,7 @@ from station.diagnosis.linear.projection import (
     ResidualSpace,
     residual_space,
 )
+from station.diagnosis.linear.run_filter import RunFilter
 from station.diagnosis.search.cause_search import is_unknown
 from station.diagnosis.search.null_simulation import copy_orders
 from station.domain.core.types import Floats
@@ -22,7 +23,7 @@ U, M = 3, 20
 
 def a_covariance(units: int) -> FloorCovariance:
     """White rows."""
-    return FloorCovariance(np.eye(M)[None], np.zeros((units, 1), np.intp), np.ones((units, M), bool), 0.0)
+    return FloorCovariance(RunFilter.of_white_rows(units, M), np.ones((units, M), bool), 0.0)
 
 
 def a_known(rng: np.random.Generator, shared: int) -> NuisanceColumns:

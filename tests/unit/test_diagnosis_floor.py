@@ -41,9 +41,7 @@ def offsets(grid: VisitGrid) -> NuisanceColumns:
 
 def drawn(grid: VisitGrid, made: floors.FloorStructure, variances: np.ndarray, rng: np.random.Generator) -> DataColumns:
     """Readings with exactly this floor."""
-    root = np.linalg.inv(made.covariance(variances).inverse)
-    white = rng.standard_normal((UNITS, RUNS, STOPS * K, 1))
-    return DataColumns(root[made.member] @ white)
+    return DataColumns(made.covariance(variances).runs.coloured(rng.standard_normal((UNITS, RUNS, STOPS * K, 1))))
 
 
 @pytest.mark.parametrize("variances", [(4.0, 0.0, 0.0), (1.0, 4.0, 0.0), (1.0, 0.0, 0.5), (1.0, 2.0, 0.3)])

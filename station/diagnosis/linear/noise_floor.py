@@ -6,7 +6,6 @@ of those causes' own signatures. The estimate is Newton's on the average informa
 Biometrics 51 (1995) 1440, eq. 5), inside bounds.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,12 +20,11 @@ from station.diagnosis.linear.projection import (
     ResidualSpace,
     residual_space,
 )
+from station.diagnosis.linear.run_filter import RunFilter, block_visits, split_blocks
 from station.domain.core.types import Floats
 
 #: Nats of log-likelihood below which a floor is not worth improving.
 CONVERGED_NATS = 2e-5
-#: Rows of a run up to which its parts are worth writing out.
-MAX_DENSE_ROWS = 150
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,56 +43,113 @@ class NoiseFloor:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorStructure:
-    """parts (classes, 3, m, m): D, T and K of each kind of run; pad (classes, m): 1 where there is no stop;
-    member (U, R): the kind of each unit's run. What the parts are made of, so that no product of whole matrices is
-    needed: white (classes, m) the diagonal of D; turn (classes, V, k, 3) with T = turn·turnᵀ stop by stop; walk
-    (classes, V, k, 3) and step (classes, V) with K = Σ_j step_j w_j w_jᵀ, w_j being walk from stop j on."""
+    """What D, T and K of each kind of run are made of, in B blocks of visits: white (classes, B, s) the diagonal of D;
+    turn (classes, B, v, k, 3) with T = turn·turnᵀ visit by visit; walk (classes, B, v, k, 3), step and taken
+    (classes, B, v) with K = Σ_j step_j w_j w_jᵀ, w_j being walk from visit j on, and taken the steps since the block
+    began; inside (classes, B, s, s) the part of K that a block's own steps make. pad (classes, m): 1 where there is
+    no visit; member (U, R): the kind of each unit's run."""
 
-    parts: Floats
-    pad: Floats
-    member: NDArray[np.intp]
     white: Floats
     turn: Floats
     walk: Floats
     step: Floats
+    taken: Floats
+    inside: Floats
+    pad: Floats
+    member: NDArray[np.intp]
+
+    @property
+    def shown(self) -> NDArray[np.bool_]:
+        """Which of the three variances (3) anything here depends on."""
+        return np.array([self.white.any(), self.turn.any(), self.inside.any()])
+
+    def visit_variance(self, variances: Floats) -> Floats:
+        """Variance (classes, m) of each number of a visit, the walk apart."""
+        turned = np.sum(self.turn**2, axis=-1).reshape(self.white.shape)
+        both = variances[0] * self.white + variances[1] * turned
+        return np.asarray(both.reshape(len(both), -1)[:, : self.pad.shape[1]])
 
     def covariance(self, variances: Floats) -> FloorCovariance:
         """The floor with the variances (3)."""
-        V = np.einsum("i,cijk->cjk", variances, self.parts)
-        V = V + np.eye(V.shape[1]) * self.pad[:, None, :]
-        L = np.linalg.cholesky(V)
-        logdet = 2 * np.log(np.einsum("cii->ci", L)).sum(1)
+        white, turn, walk = (float(x) for x in variances)
+        C, B, s = self.white.shape
+        v, k = self.turn.shape[2:4]
+        V = walk * self.inside
+        at = np.arange(s)
+        V[..., at, at] += white * self.white + (self.white == 0)
+        by_visit, i = V.reshape(C, B, v, k, v, k), np.arange(v)
+        by_visit[:, :, i, :, i, :] += np.moveaxis(turn * self.turn @ self.turn.swapaxes(-1, -2), 2, 0)
+        W = self.walk.reshape(C, B, s, 3)
+        since = walk * np.repeat(self.taken, k, axis=2)[..., None] * W
+        inverse, seen, gain, logdet = np.empty_like(V), np.empty_like(W), np.empty((C, B, 3, s)), np.zeros(C)
+        P = np.zeros((C, 3, 3))
+        for b in range(B):
+            F = V[:, b] + W[:, b] @ P @ W[:, b].swapaxes(-1, -2)
+            L = np.asarray(np.linalg.cholesky(F), float)
+            inverse[:, b] = _triangular_inverse(L)
+            seen[:, b] = inverse[:, b] @ W[:, b]
+            gain[:, b] = (P @ W[:, b].swapaxes(-1, -2) + since[:, b].swapaxes(-1, -2)) @ inverse[:, b].swapaxes(-1, -2)
+            P = P + walk * self.taken[:, b, -1, None, None] * np.eye(3) - gain[:, b] @ gain[:, b].swapaxes(-1, -2)
+            logdet += 2 * np.log(np.einsum("cii->ci", L)).sum(1)
         live = self.pad[self.member].reshape(len(self.member), -1) == 0
-        return FloorCovariance(_triangular_inverse(L), self.member, live, float(logdet[self.member].sum()))
+        runs = RunFilter(inverse, seen, gain, self.member, self.pad.shape[1])
+        return FloorCovariance(runs, live, float(logdet[self.member].sum()))
 
-    def traces(self, inverse: Floats) -> Floats:
-        """Trace (classes, 3) of each part as whitened rows see it."""
-        by_stop = inverse.reshape(*inverse.shape[:2], *self.walk.shape[1:3])
-        white = np.einsum("cab,cab,cb->c", inverse, inverse, self.white, optimize=True)
-        turned = np.matmul(by_stop.transpose(0, 2, 1, 3), self.turn)
-        # Sums over the stops from each on.
-        walked = np.matmul(by_stop.transpose(0, 2, 1, 3), self.walk)[:, ::-1].cumsum(1)[:, ::-1]
-        squares = [np.einsum("cvai,cvai->cv", x, x) for x in (turned, walked)]
-        return np.stack([white, squares[0].sum(1), (squares[1] * self.step).sum(1)], axis=1)
+    def traces(self, runs: RunFilter) -> Floats:
+        """Trace (classes, 3) of V⁻¹ times each part. The information N on the walk after a block runs backwards (de
+        Jong, Biometrika 76 (1989) 275): N = seenᵀ·seen + (I − gain·seen)ᵀ·N⁺·(I − gain·seen)."""
+        C, B, s = self.white.shape
+        v, k = self.turn.shape[2:4]
+        found, N = np.zeros((C, 3)), np.zeros((C, 3, 3))
+        for b in range(B)[::-1]:
+            inverse, seen, gain = runs.inverse[:, b], runs.seen[:, b], runs.gain[:, b]
+            # N = X·Xᵀ: what later blocks see of this block's white rows.
+            later = gain.swapaxes(-1, -2) @ _root(N)
+            both = np.concatenate([inverse, later.swapaxes(-1, -2) @ inverse], axis=1)
+            found[:, 0] += np.einsum("cab,cab,cb->c", both, both, self.white[:, b], optimize=True)
+            by_visit = both.reshape(C, -1, v, k).swapaxes(1, 2)
+            found[:, 1] += np.sum((by_visit @ self.turn[:, b]) ** 2, axis=(1, 2, 3))
+            # What a step from each visit on does to the block, and what it leaves to those after.
+            block = (by_visit[:, :, :s] @ self.walk[:, b])[:, ::-1].cumsum(1)[:, ::-1]
+            after = np.eye(3) - gain[:, None] @ block
+            squares = np.sum(block**2, axis=(2, 3)) + np.einsum("cvij,cik,cvkj->cv", after, N, after, optimize=True)
+            found[:, 2] += np.sum(squares * self.step[:, b], axis=1)
+            left = np.eye(3) - gain @ seen
+            N = seen.swapaxes(-1, -2) @ seen + left.swapaxes(-1, -2) @ N @ left
+        return found
 
-    def relative(self, inverse: Floats) -> Floats | None:
-        """The parts as whitened rows see them (classes, 3, m, m), where runs are so short that these are cheaper made
-        once than their factors multiplied each time; else None."""
-        if inverse.shape[-1] > MAX_DENSE_ROWS:
-            return None
-        return np.asarray(inverse[:, None] @ self.parts @ inverse[:, None].transpose(0, 1, 3, 2))
+    def times(self, rows: Floats) -> Floats:
+        """D, T and K times rows (U, R, m, c) of readings' weights: (U, R, m, 3, c)."""
+        C, B, v, k = self.walk.shape[:4]
+        U, R, m, c = rows.shape
+        by_visit = split_blocks(rows, B * v, k, axis=2)
+        white, turn, walk = (x.reshape(C, B * v, k, -1)[self.member] for x in (self.white, self.turn, self.walk))
+        step = self.step.reshape(C, B * v)[self.member]
+        # From each visit on, then up to each visit.
+        onward = (walk.swapaxes(-1, -2) @ by_visit)[:, :, ::-1].cumsum(2)[:, :, ::-1]
+        walked = walk @ (step[..., None, None] * onward).cumsum(2)
+        parts = np.stack([white * by_visit, turn @ (turn.swapaxes(-1, -2) @ by_visit), walked], axis=-2)
+        return np.asarray(parts.reshape(U, R, B * v * k, 3, c)[:, :, :m])
 
-    def act(self, i: int, inverse: Floats, relative: Floats | None, rows: Floats) -> Floats:
-        """A part as whitened rows see it, times rows (U, R, m, c) of them."""
-        if relative is not None:
-            return np.asarray(relative[self.member, i] @ rows)
-        back = inverse.transpose(0, 2, 1)[self.member] @ rows
-        return np.asarray(inverse[self.member] @ (self.parts[:, i][self.member] @ back))
+    def walked(self, rows: Floats, units: slice) -> Floats:
+        """rowᵀ·K·row (c) of the columns of rows (U, R, m, c) of some units."""
+        C, B, v, k = self.walk.shape[:4]
+        by_visit = split_blocks(rows, B * v, k, axis=2)
+        member = self.member[units]
+        onward = (self.walk.reshape(C, B * v, k, 3)[member].swapaxes(-1, -2) @ by_visit)[:, :, ::-1].cumsum(2)
+        step = self.step.reshape(C, B * v)[member][:, :, ::-1]
+        return np.asarray(np.einsum("urv,urvic->c", step, onward**2, optimize=True))
 
 
 def _triangular_inverse(L: Floats) -> Floats:
     """Inverse (classes, m, m) of lower triangular matrices."""
     return np.stack([scipy.linalg.lapack.dtrtri(one, lower=1)[0] for one in L])
+
+
+def _root(N: Floats) -> Floats:
+    """X (classes, 3, 3) with X·Xᵀ = N, which is never negative."""
+    values, vectors = np.linalg.eigh(N)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
 
 
 def floor_structure(grid: VisitGrid, weight: Floats, turn: Floats, steps: Floats, project: Floats) -> FloorStructure:
@@ -109,19 +164,19 @@ def floor_structure(grid: VisitGrid, weight: Floats, turn: Floats, steps: Floats
     )
     kinds, member = np.unique(np.round(grid.spread(rows), 7).reshape(U * R, -1), axis=0, return_inverse=True)
     kinds = kinds.reshape(len(kinds), V, k, 8)
-    turned, walk, white, so_far = kinds[..., :3], kinds[..., 3:6], kinds[..., 6], kinds[..., 0, 7]
-    parts = np.zeros((len(kinds), 3, V * k, V * k))
-    at = np.arange(V * k).reshape(V, k)
-    parts[:, 0, at, at] = white
-    parts[:, 1, at[:, :, None], at[:, None, :]] = turned @ turned.transpose(0, 1, 3, 2)
-    so_far = np.maximum.accumulate(so_far, axis=1)
-    walked = np.minimum(so_far[:, :, None], so_far[:, None, :])
-    parts[:, 2] = (walked[:, :, None, :, None] * np.einsum("cvia,cwja->cviwj", walk, walk, optimize=True)).reshape(
-        -1, V * k, V * k
-    )
-    pad = (parts[:, 0].diagonal(axis1=1, axis2=2) == 0).astype(float)
+    so_far = np.maximum.accumulate(kinds[..., 0, 7], axis=1)
     step = np.diff(so_far, axis=1, prepend=0.0)
-    return FloorStructure(parts, pad, member.reshape(U, R), white.reshape(-1, V * k), turned, walk, step)
+    pad = (kinds[..., 6] == 0).astype(float).reshape(len(kinds), -1)
+    blocks, size = block_visits(V, k)
+    turned, walk, white, step = (
+        split_blocks(x, blocks, size, axis=1) for x in (kinds[..., :3], kinds[..., 3:6], kinds[..., 6], step)
+    )
+    taken = step.cumsum(2)
+    both = np.minimum(taken[..., :, None], taken[..., None, :])[..., :, None, :, None]
+    inside = both * np.einsum("cbvia,cbwja->cbviwj", walk, walk, optimize=True)
+    s = size * k
+    inside, white = inside.reshape(*inside.shape[:2], s, s), white.reshape(*white.shape[:2], s)
+    return FloorStructure(white, turned, walk, step, taken, inside, pad, member.reshape(U, R))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,7 +204,7 @@ def fit(
 ) -> FittedFloor:
     """The floor of `count` readings. upper (3): bounds of the variances, 0 for a part left out; least: the lower bound
     of the white one."""
-    upper = np.where(np.abs(parts.parts).max(axis=(0, 2, 3)) > 0, upper, 0.0)
+    upper = np.where(parts.shown, upper, 0.0)
     free = upper > 0
     lower = np.array([least, 0.0, 0.0])
     var = np.clip(_initial_variances(parts, known, readings, count) if start is None else start.variances, lower, upper)
@@ -177,30 +232,21 @@ def _initial_variances(parts: FloorStructure, known: NuisanceColumns, readings: 
 
 def _newton(parts: FloorStructure, now: ResidualSpace) -> tuple[Floats, Floats]:
     """Slope (3) and average information (3, 3) of the restricted log-likelihood by the variances."""
-    inverse, member = now.covariance.inverse, now.covariance.member
-    U, R = member.shape
-    m = inverse.shape[-1]
-    relative = parts.relative(inverse)
-
-    def act(i: int, rows: Floats) -> Floats:
-        wide = rows[:, : R * m].reshape(U, R, m, -1)
-        out = parts.act(i, inverse, relative, wide).reshape(U, R * m, -1)
-        return np.asarray(np.pad(out, ((0, 0), (0, rows.shape[1] - R * m), (0, 0))))
-
+    runs = now.covariance.runs
     residual = now.residual[..., None]
-    moved = np.stack([act(i, residual)[..., 0] for i in range(3)], axis=-1)
+    rows = np.concatenate([residual, now.basis, now.shared_basis], axis=2)
+    U, R = runs.member.shape
+    stops = rows[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
+    acted = parts.times(runs.transposed(stops))
+    white = runs.whiten(acted.reshape(*stops.shape[:3], -1)).reshape(U, R * runs.rows, 3, -1)
+    moved = np.pad(white[..., 0], ((0, 0), (0, rows.shape[1] - white.shape[1]), (0, 0)))
     free = now.free(moved)
     to_shared = now.shared_basis.reshape(residual.size, -1).T @ free.reshape(-1, 3)
     information = 0.5 * (moved.reshape(-1, 3).T @ free.reshape(-1, 3) - to_shared.T @ to_shared)
-    whole = parts.traces(inverse)[member].sum((0, 1))
-    trace = [float(whole[i]) - _known_trace(now, act, i) for i in range(3)]
-    return -0.5 * (np.array(trace) - np.einsum("umi,um->i", moved, residual[..., 0])), information
-
-
-def _known_trace(now: ResidualSpace, act: Callable[[int, Floats], Floats], i: int) -> float:
-    """The part of a trace that the known columns take up."""
-    own = float(np.sum(now.basis * act(i, now.basis)))
-    return own + float(np.sum(now.shared_basis * act(i, now.shared_basis)))
+    # What the known columns take up.
+    known = np.einsum("umc,umic->i", rows[:, : white.shape[1], 1:], white[..., 1:], optimize=True)
+    trace = parts.traces(runs)[runs.member].sum((0, 1)) - known
+    return -0.5 * (trace - np.einsum("umi,um->i", moved, residual[..., 0])), information
 
 
 def _step(slope: Floats, information: Floats, held: NDArray[np.bool_]) -> Floats:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.linear.run_filter import RunFilter
 from station.domain.core.types import Array, Floats
 
 
@@ -79,11 +80,9 @@ class NuisanceColumns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorCovariance:
-    """Inverse Cholesky factors (classes, m, m) of the floor, the class of each unit's run (U, R), which rows are
-    measured (U, R·m), log-determinant."""
+    """The floor of all runs: what whitens them, which rows are measured (U, R·m), log-determinant."""
 
-    inverse: Floats
-    member: NDArray[np.intp]
+    runs: RunFilter
     live: NDArray[np.bool_]
     logdet: float
 
@@ -92,7 +91,7 @@ class FloorCovariance:
         keep, `more` how many rows of zeros come after."""
         U, R, m, c = rows.stop.shape
         white = np.zeros((U, R * m + dwell + more, c))
-        np.matmul(self.inverse[self.member[units]], rows.stop, out=white[:, : R * m].reshape(U, R, m, c))
+        self.runs.of_units(units).whiten(rows.stop, out=white[:, : R * m].reshape(U, R, m, c))
         if dwell and rows.dwell is not None:
             white[:, R * m : R * m + dwell] = rows.dwell
         return white

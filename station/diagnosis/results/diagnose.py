@@ -158,8 +158,7 @@ def residual_rms(problem: ScoringProblem) -> float:
 
 def floor_rms(problem: ScoringProblem, floor: FittedFloor) -> float:
     """Rms of a visit's mean that the noise floor alone makes, the walk apart."""
-    parts = problem.structure.parts
-    diagonal = np.einsum("i,cijj->cj", floor.floor.variances * np.array([1.0, 1.0, 0.0]), parts)
+    diagonal = problem.structure.visit_variance(floor.floor.variances)
     live = problem.structure.pad == 0
     return float(np.sqrt(diagonal[live].mean())) if live.any() else 0.0
 

@@ -213,12 +213,10 @@ class _HeldOutTest:
 
     def floor_rms(self, floor: NoiseFloor) -> float:
         """Rms of what the floor alone would leave."""
-        parts, member = self.side.structure.parts, self.side.structure.member
-        m = parts.shape[-1]
-        diagonal = np.einsum("i,cijj->cj", floor.variances * np.array([1.0, 1.0, 0.0]), parts)[member]
+        diagonal = self.side.structure.visit_variance(floor.variances)[self.side.structure.member]
         live = self.count[..., 0] > 0
         if self.readings.dwell is None:
-            return float(np.sqrt(diagonal[live].mean())) if m else 0.0
+            return float(np.sqrt(diagonal[live].mean()))
         inside = 3 * np.count_nonzero(self.readings.dwell) / 3
         total = float(np.sum(diagonal * self.count[..., 0])) + inside * self.side.view.sigma**2
         return float(np.sqrt(total / self.count.sum()))

@@ -6,12 +6,14 @@ sum of c copies is then known to √(c / SETS) of its spread.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from station.diagnosis.candidates.projected_bank import ProjectedBank
 from station.diagnosis.linear.evidence import DataSets
 from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.linear.run_filter import RunFilter
 from station.diagnosis.search.scoring import Scores, ScoringProblem
 from station.diagnosis.search.walk_marginal import WalkMarginal, replicate_units
 from station.domain.core.types import Array, Floats
@@ -49,15 +51,15 @@ def copy_orders(sets: int, copies: int, rng: np.random.Generator) -> Array:
 
 def _noise(
     problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, rng: np.random.Generator
-) -> Iterator[tuple[Array, Array]]:
-    """White noise (n, U, ·) of the widest space, and the Cholesky factors of the floor that it is of."""
+) -> Iterator[tuple[Array, RunFilter]]:
+    """White noise (n, U, ·) of the widest space, and the floor that it is of."""
     mean, spread = fitted.floor.variances, fitted.covariance
     root = np.linalg.cholesky(spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
     spaces = [s.space for stage in now.stages for s in stage.seen]
     live = max(spaces, key=lambda space: space.live.shape[1]).live
     for _ in range(NULL_FLOORS):
         variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
-        true = np.linalg.inv(problem.structure.covariance(variances).inverse).astype(np.float32)
+        true = problem.structure.covariance(variances).runs.single_precision()
         yield rng.standard_normal((NULL_SETS // NULL_FLOORS, *live.shape), dtype=np.float32) * live, true
 
 
@@ -66,13 +68,13 @@ class _SinglePrecisionBank:
 
     def __init__(self, seen: ProjectedBank) -> None:
         self.space = seen.space
-        self.inverse, self.basis = seen.space.covariance.inverse.astype(np.float32), seen.space.basis.astype(np.float32)
+        self.runs, self.basis = seen.space.covariance.runs.single_precision(), seen.space.basis.astype(np.float32)
         self.spectra = [f.spectrum.single_precision() for f in seen.found]
         axes = [f.axes for f in seen.found if f.axes is not None]
         self.axes = np.concatenate(axes, axis=2) if axes else np.zeros((*seen.space.data.shape, 0), np.float32)
         self.ends = np.cumsum([x.shape[2] for x in axes])[:-1]
 
-    def scores(self, noise: Array, true: Array, orders: Array | None) -> tuple[Floats, Floats]:
+    def scores(self, noise: Array, true: RunFilter, orders: Array | None) -> tuple[Floats, Floats]:
         """Log evidence (n, candidates) and log-likelihood (n) without any, of noise that is whitened as the space
         does; orders (copies, n) of the sets."""
         data = self._whitened(noise, true)
@@ -85,15 +87,15 @@ class _SinglePrecisionBank:
             found.append(s.judged(_sum_over_copies(s.terms(u, sets), orders), total))
         return np.stack(found, axis=1) if found else np.zeros((len(noise), 0)), total.fits
 
-    def _whitened(self, noise: Array, true: Array) -> Array:
-        """White noise (n, U, ·) of a true floor, whose Cholesky factors are given, as the space whitens it."""
-        member, space = self.space.covariance.member, self.space
-        mixed = (self.inverse @ true)[member]
-        (U, R), m, n = member.shape, mixed.shape[-1], len(noise)
-        stops = noise[:, :, : R * m].reshape(n, U, R, m).transpose(1, 2, 0, 3) @ mixed.transpose(0, 1, 3, 2)
+    def _whitened(self, noise: Array, true: RunFilter) -> Array:
+        """White noise (n, U, ·) of a true floor as the space whitens it."""
+        member, m, space, n = self.runs.member, self.runs.rows, self.space, len(noise)
+        U, R = member.shape
+        white = noise[:, :, : R * m].reshape(n, U, R, m).transpose(1, 2, 3, 0)
+        stops = self.runs.whiten(replace(true, member=member).coloured(np.ascontiguousarray(white)))
         inside = noise[:, :, R * m : R * m + space.dwell]
         priors = noise[:, :, noise.shape[2] - (space.live.shape[1] - R * m - space.dwell) :]
-        rows = np.concatenate([stops.transpose(2, 0, 1, 3).reshape(n, U, R * m), inside, priors], axis=2)
+        rows = np.concatenate([stops.transpose(3, 0, 1, 2).reshape(n, U, R * m), inside, priors], axis=2)
         taken = (rows.transpose(1, 0, 2) @ self.basis) @ self.basis.transpose(0, 2, 1)
         return np.asarray(rows - taken.transpose(1, 0, 2))
 

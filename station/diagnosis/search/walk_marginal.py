@@ -134,12 +134,10 @@ def _slow_candidates(problem: ScoringProblem, seen: ProjectedBank, most: float) 
     """Places of the slow candidates in a bank, as its first units show them."""
     covariance = seen.space.covariance
     for units, columns in white_columns(seen.bank, problem.view.layout, seen.space, PROBE_UNITS):
-        U, R = covariance.member[units].shape
-        m = covariance.inverse.shape[-1]
-        stops = columns[:, : R * m].reshape(U, R, m, -1)
-        back = covariance.inverse.transpose(0, 2, 1)[covariance.member[units]] @ stops
-        walked = problem.structure.parts[:, 2][covariance.member[units]] @ back
-        added = most**2 * np.einsum("urmk,urmk->k", back, walked)
+        runs = covariance.runs.of_units(units)
+        U, R = runs.member.shape
+        stops = columns[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
+        added = most**2 * problem.structure.walked(runs.transposed(stops), units)
         length = np.maximum(np.einsum("umk,umk->k", columns, columns), 1e-300)
         share = [float(added[at].sum() / length[at].sum()) for at in seen.bank.place]
         names = [c.name for c in seen.bank.candidates]

@@ -1,0 +1,107 @@
+"""Runs of visits whitened block by block, at a cost that is linear in the visits.
+
+Readings of a run are y_b = W_b·a + e_b in block b: a what the random walk has come to before the block, e the walk
+within it and all noise. Kalman's filter makes innovations of them (Durbin and Koopman, Time Series Analysis by State
+Space Methods, 2012, ch. 4), which are the rows of L⁻¹·y, L being the Cholesky factor of the whole run's covariance.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.core.types import Array
+
+#: Rows of a block at most: so many that matrices are worth it, so few that their cubes are not felt.
+MAX_BLOCK_ROWS = 96
+
+
+def block_visits(visits: int, k: int) -> tuple[int, int]:
+    """Number of blocks, and visits in each, of runs of so many visits of k numbers."""
+    blocks = max(1, -(-visits * k // (MAX_BLOCK_ROWS // k * k)))
+    return blocks, -(-visits // blocks)
+
+
+def split_blocks(values: Array, blocks: int, size: int, axis: int) -> Array:
+    """Values with one axis split into blocks of a size, filled up with zeros."""
+    missing = blocks * size - values.shape[axis]
+    if missing:
+        values = np.pad(values, [(0, missing if i == axis else 0) for i in range(values.ndim)])
+    return np.asarray(values.reshape(*values.shape[:axis], blocks, size, *values.shape[axis + 1 :]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunFilter:
+    """inverse (classes, B, s, s) of each block's Cholesky factor; seen (classes, B, s, 3) the walk before it as its
+    white rows see it; gain (classes, B, 3, s) the walk after it from its white rows; member (U, R): the class of each
+    unit's run; rows of a run."""
+
+    inverse: Array
+    seen: Array
+    gain: Array
+    member: NDArray[np.intp]
+    rows: int
+
+    @staticmethod
+    def of_white_rows(units: int, rows: int) -> "RunFilter":
+        """The filter of one run a unit that is white already."""
+        eye, nothing = np.eye(rows)[None, None], np.zeros((1, 1, rows, 3))
+        return RunFilter(eye, nothing, nothing.swapaxes(-1, -2), np.zeros((units, 1), np.intp), rows)
+
+    def single_precision(self) -> "RunFilter":
+        """The same in single precision."""
+        inverse, seen, gain = (x.astype(np.float32) for x in (self.inverse, self.seen, self.gain))
+        return replace(self, inverse=inverse, seen=seen, gain=gain)
+
+    def of_units(self, units: slice) -> "RunFilter":
+        """The filter of some units."""
+        return replace(self, member=self.member[units])
+
+    def whiten(self, rows: Array, out: Array | None = None) -> Array:
+        """L⁻¹ times rows (U, R, m, c)."""
+        if self.inverse.shape[1] == 1:
+            return np.asarray(np.matmul(self.inverse[self.member, 0], rows, out=out))
+        seen, gain = self.seen[self.member], self.gain[self.member]
+        white = self.inverse[self.member] @ self._split(rows)
+        walk: Array = np.zeros((*white.shape[:2], 3, white.shape[-1]), white.dtype)
+        for b in range(1, white.shape[2]):
+            walk = walk + gain[:, :, b - 1] @ white[:, :, b - 1]
+            white[:, :, b] -= seen[:, :, b] @ walk
+        return self._joined(white, out)
+
+    def transposed(self, rows: Array) -> Array:
+        """L⁻ᵀ times rows (U, R, m, c)."""
+        back = self._split(rows)
+        if back.shape[2] > 1:
+            seen, gain = (x[self.member].swapaxes(-1, -2) for x in (self.seen, self.gain))
+            back = back.copy()
+            walk: Array = np.zeros((*back.shape[:2], 3, back.shape[-1]), back.dtype)
+            for b in range(back.shape[2])[::-1]:
+                back[:, :, b] += gain[:, :, b] @ walk
+                walk = walk - seen[:, :, b] @ back[:, :, b]
+        return self._joined(self.inverse.swapaxes(-1, -2)[self.member] @ back)
+
+    def coloured(self, white: Array) -> Array:
+        """L times white rows (U, R, m, c)."""
+        root = np.linalg.inv(self.inverse)[self.member]
+        seen, gain = self.seen[self.member], self.gain[self.member]
+        split = self._split(white)
+        rows = split.copy()
+        walk: Array = np.zeros((*rows.shape[:2], 3, rows.shape[-1]), rows.dtype)
+        for b in range(1, rows.shape[2]):
+            walk = walk + gain[:, :, b - 1] @ split[:, :, b - 1]
+            rows[:, :, b] += seen[:, :, b] @ walk
+        return self._joined(root @ rows)
+
+    def _split(self, rows: Array) -> Array:
+        blocks, size = self.inverse.shape[1:3]
+        return split_blocks(rows, blocks, size, axis=2)
+
+    def _joined(self, blocks: Array, out: Array | None = None) -> Array:
+        """Blocks (U, R, B, s, c) as rows (U, R, m, c)."""
+        U, R, B, s, c = blocks.shape
+        rows = blocks.reshape(U, R, B * s, c)[:, :, : self.rows]
+        if out is None:
+            return rows
+        out[...] = rows
+        return out
