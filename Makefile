@@ -5,6 +5,8 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 SEED   ?= 1
 SCALE  ?= 1
+# Two more than cores: some tests wait for a browser, a guest kernel or real time.
+PROCESSES ?= $(shell echo $$(($$(nproc) + 2)))
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
 
@@ -32,7 +34,7 @@ run: $(VENV)/.run  ## four simulated units through the recipe on a virtual bus
 	$(BIN)/station run --simulate --units 4
 
 test: $(VENV)/.dev  ## every test, the vcan ones included, on all cores
-	$(BIN)/python -m pytest -n auto --no-loadscope-reorder
+	$(BIN)/python -m pytest -n $(PROCESSES) --no-loadscope-reorder
 
 check: $(VENV)/.dev  ## import contracts, types, lint: the same on a desk and in CI
 	$(BIN)/lint-imports

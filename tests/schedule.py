@@ -1,18 +1,23 @@
 """How xdist deals the tests out: file by file, so that what a file prepares is prepared once.
 
-All tests that share one thing of the machine (the guest kernel with its vcan, the browser) go to one process.
+All tests that share one thing of the machine (the guest kernel with its vcan) go to one process. Tests of the page wait
+for a browser most of their time: each goes wherever there is room.
 """
 
 from xdist.scheduler import LoadScopeScheduling
 
 #: Folders whose tests share something that is started once.
-TOGETHER = ("tests/vcan", "tests/browser")
+TOGETHER = ("tests/vcan",)
+#: Folders whose tests share nothing, and last long.
+APART = ("tests/browser",)
 #: What lasts longest begins first, so that no process sits at the end with one long file alone.
-FIRST = (*TOGETHER, "tests/system/test_torture.py", "tests/integration", "tests/system", "tests/blind")
+FIRST = (*TOGETHER, *APART, "tests/system/test_torture.py", "tests/integration", "tests/system", "tests/blind")
 
 
 def piece_of_work(nodeid: str) -> str:
-    """The file, or the one of TOGETHER, to which a test belongs."""
+    """The file, or the one of TOGETHER, to which a test belongs; one of APART is a piece by itself."""
+    if nodeid.startswith(tuple(f"{folder}/" for folder in APART)):
+        return nodeid
     path = nodeid.split("::", 1)[0]
     return next((folder for folder in TOGETHER if path.startswith(f"{folder}/")), path)
 
