@@ -79,6 +79,11 @@ class Candidate:
         return AMPLITUDE_LIMIT_FACTOR * max(abs(p.low), abs(p.high)) * self.scale
 
     @property
+    def scans_visits(self) -> bool:
+        """Whether it hits single visits, and stands still in each."""
+        return self.pattern == "scan" and self.of == "visit" and self.dwell is None
+
+    @property
     def axes(self) -> int:
         """Coefficients a group."""
         return int(self.stop.shape[-1])
@@ -286,21 +291,23 @@ class BankColumns(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bank:
-    """Candidates and their columns. Levels that group alike within a unit share their columns.
+    """Candidates and their columns. Levels that group alike within a unit share their columns; a scan of single visits
+    has none, as it needs none (`visit_scan.py`).
 
-    moving: whether the candidates change within a stop; groups of each within a unit; place of each among the columns.
+    moving: whether the candidates change within a stop; codes (v) of each one's groups, and how many groups, within a
+    unit; place of each among the columns.
     """
 
     moving: bool
     candidates: tuple[Candidate, ...]
+    codes: tuple[NDArray[np.int32], ...]
     groups: tuple[int, ...]
     place: tuple[slice, ...]
     made: tuple[BankColumns, ...]
 
     def only(self, chosen: Sequence[int]) -> "Bank":
         """The same with some of the candidates."""
-        codes = {made.at.start: made.code for made in self.made}
-        picked = [(self.candidates[i], codes[self.place[i].start], self.groups[i]) for i in chosen]
+        picked = [(self.candidates[i], self.codes[i], self.groups[i]) for i in chosen]
         return _assemble_bank(picked, moving=self.moving)
 
     def rows(self, layout: RowLayout, units: slice) -> DataColumns:
@@ -340,14 +347,20 @@ def _assemble_bank(items: Sequence[tuple[Candidate, NDArray[np.int32], int]], *,
     end = 0
     place = []
     for c, code, groups in items:
+        if c.scans_visits:
+            place.append(slice(0, 0))
+            continue
         key = (id(c.stop), code.tobytes())
         if key not in made:
             start, end = end, end + groups * c.axes
             made[key] = BankColumns(c, code, slice(start, end))
         place.append(made[key].at)
-    return Bank(
-        moving, tuple(c for c, _, _ in items), tuple(g for _, _, g in items), tuple(place), tuple(made.values())
+    found, codes, groups_of = (
+        tuple(c for c, _, _ in items),
+        tuple(x for _, x, _ in items),
+        tuple(g for _, _, g in items),
     )
+    return Bank(moving, found, codes, groups_of, tuple(place), tuple(made.values()))
 
 
 def form_values(effect: Effect) -> dict[str, float]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import AMPLITUDE_LIMIT_FACTOR, Bank
+from station.diagnosis.candidates.visit_scan import NormalProducts, VisitColumns, VisitSpace, visit_columns
 from station.diagnosis.linear.evidence import (
     GROUP_AXES,
     DataSets,
@@ -33,13 +34,13 @@ CANDIDATES_AT_ONCE = 8
 
 class CandidateFit(NamedTuple):
     """What a space shows of one candidate: u (1, …) of the readings, L (ρ) of the readings, of a scan that of each
-    group (U, G, ρ), the log evidence; and ZE (U, M, K) in single precision, where asked for."""
+    group (U, G, ρ), the log evidence; and ZE (U, M, K) in single precision, or a scan's visits, where asked for."""
 
     spectrum: EigenSpectrum
     components: Floats
     likelihood: Floats
     evidence: float
-    axes: Array | None
+    axes: Array | VisitColumns | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,19 +68,11 @@ class ProjectedBank:
         return ProjectedBank(self.bank.only(chosen), self.space, tuple(self.found[i] for i in chosen), self.readings)
 
 
-class NormalProducts(NamedTuple):
-    """Of some units' columns Z of a kind: normal ZᵀZ (b, …, K, K), cross ZᵀC (b, …, K, c), readings Zᵀr (b, …, K)."""
-
-    normal: Floats
-    cross: Floats
-    readings: Floats
-
-
 def white_columns(
     bank: Bank, layout: RowLayout, space: ResidualSpace, count: int = UNITS_AT_ONCE
 ) -> Iterator[tuple[slice, Floats]]:
     """So many units after others, and the white columns (U, M, C) of the whole bank for them."""
-    if bank.candidates:
+    if bank.made:
         for units in layout.grid.parts(count):
             yield units, space.project(bank.rows(layout, units), units)
 
@@ -88,20 +81,40 @@ def project_bank(
     bank: Bank, layout: RowLayout, spaces: Sequence[ResidualSpace], *, axes: bool = False
 ) -> tuple[ProjectedBank, ...]:
     """The bank in each of some spaces; with the axes, which the drawing of null data needs, or without."""
-    kinds = _shape_groups(bank)
+    kinds, scans = _shape_groups(bank), [i for i, c in enumerate(bank.candidates) if c.scans_visits]
     parts: list[list[list[NormalProducts]]] = [[] for _ in spaces]
     kept: list[list[Array]] = [[] for _ in spaces]
     for units in layout.grid.parts(UNITS_AT_ONCE) if bank.candidates else ():
-        rows = bank.rows(layout, units)
+        rows = bank.rows(layout, units) if bank.made else None
+        single = [visit_columns(bank, i, layout, units) for i in scans]
         for i, space in enumerate(spaces):
-            columns = space.project(rows, units)
-            parts[i].append(_products(columns, space, units, kinds))
-            if axes:
-                kept[i].append(columns.astype(np.float32))
-    return tuple(
-        _merge_parts(bank, kinds, space, parts[i], np.concatenate(kept[i]) if kept[i] else None)
-        for i, space in enumerate(spaces)
-    )
+            found = []
+            if rows is not None:
+                columns = space.project(rows, units)
+                found = _products(columns, space, units, kinds)
+                if axes:
+                    kept[i].append(columns.astype(np.float32))
+            if single:
+                visits = VisitSpace.of(space, layout.grid.k, units)
+                found += [visits.products(one) for one in single]
+            parts[i].append(found)
+    kinds += [ShapeGroup((i,), "scan", bank.groups[i], np.zeros((1, 0), np.intp)) for i in scans]
+    drawn = [AxesSource(np.concatenate(k) if k else None, layout) if axes else None for k in kept]
+    return tuple(_merge_parts(bank, kinds, *each) for each in zip(spaces, parts, drawn, strict=True))
+
+
+class AxesSource(NamedTuple):
+    """What axes are made from: white columns (U, M, C) in single precision, if the bank has any, and the layout."""
+
+    columns: Array | None
+    layout: RowLayout
+
+    def axes(self, bank: Bank, i: int, E: Floats) -> "Array | VisitColumns":
+        """Those of a candidate along its eigenvectors."""
+        if bank.candidates[i].scans_visits:
+            return visit_columns(bank, i, self.layout, slice(None)).turned(E)
+        assert self.columns is not None
+        return _turned(self.columns[..., bank.place[i]], E)
 
 
 class ShapeGroup(NamedTuple):
@@ -117,6 +130,8 @@ def _shape_groups(bank: Bank) -> list[ShapeGroup]:
     """The candidates sorted by shape, few enough at a time for a processor's cache."""
     alike: dict[tuple[Pattern, int, int], list[int]] = {}
     for i, (c, groups, at) in enumerate(zip(bank.candidates, bank.groups, bank.place, strict=True)):
+        if c.scans_visits:
+            continue
         alike.setdefault((c.pattern, groups if c.pattern == "scan" else 1, at.stop - at.start), []).append(i)
     kinds = []
     for (pattern, groups, width), which in alike.items():
@@ -149,22 +164,20 @@ def _merge_parts(
     kinds: Sequence[ShapeGroup],
     space: ResidualSpace,
     parts: Sequence[list[NormalProducts]],
-    kept: Array | None,
+    drawn: AxesSource | None,
 ) -> ProjectedBank:
     """What all parts together show."""
     sets = DataSets.of(space, space.data[None])
     found: dict[int, CandidateFit] = {}
     for k, kind in enumerate(kinds):
-        most = np.array([bank.candidates[i].most for i in kind.which])
-        columns = None if kept is None else [kept[..., bank.place[i]] for i in kind.which]
         found.update(
-            zip(kind.which, _candidate_fits(kind, [part[k] for part in parts], most, columns, sets), strict=True)
+            zip(kind.which, _candidate_fits(kind, bank, [part[k] for part in parts], drawn, sets), strict=True)
         )
     return ProjectedBank(bank, space, tuple(found[i] for i in range(len(bank.candidates))), sets)
 
 
 def _candidate_fits(
-    kind: ShapeGroup, parts: Sequence[NormalProducts], most: Floats, columns: Sequence[Array] | None, sets: DataSets
+    kind: ShapeGroup, bank: Bank, parts: Sequence[NormalProducts], drawn: AxesSource | None, sets: DataSets
 ) -> Iterator[CandidateFit]:
     """What all parts together show of each candidate of a kind."""
     space, shared, scan = sets.space, kind.pattern == "shared", kind.pattern == "scan"
@@ -178,12 +191,13 @@ def _candidate_fits(
     seen = visible_directions(m, GROUP_AXES[kind.pattern])
     E = E * seen[..., None, :]
     turn = E.swapaxes(-1, -2)
+    most = np.array([bank.candidates[i].most for i in kind.which])
     can = spectrum(space, np.where(seen, m, 0.0), turn @ cross, kind.pattern, most)
     u = can.components((turn @ readings[..., None])[..., 0][:, None], sets)
     likelihood = can.likelihoods(u, sets) if scan else can.likelihood(can.terms(u, sets), sets)
     evidence = log_mean_exp(can.spread(likelihood) if scan else likelihood)[:, 0]
-    for i in range(len(m)):
-        axes = None if columns is None else _turned(columns[i], E[i])
+    for i, which in enumerate(kind.which):
+        axes = None if drawn is None else drawn.axes(bank, which, E[i])
         one = can.of(i) if axes is not None else can.without_cross().of(i)
         yield CandidateFit(one, u[i], likelihood[i, 0], float(evidence[i]), axes)
 

@@ -96,27 +96,18 @@ class FloorStructure:
         return FloorCovariance(runs, live, float(logdet[self.member].sum()))
 
     def traces(self, runs: RunFilter) -> Floats:
-        """Trace (classes, 3) of V⁻¹ times each part. The information N on the walk after a block runs backwards (de
-        Jong, Biometrika 76 (1989) 275): N = seenᵀ·seen + (I − gain·seen)ᵀ·N⁺·(I − gain·seen)."""
+        """Trace (classes, 3) of V⁻¹ times each part."""
         C, B, s = self.white.shape
         v, k = self.turn.shape[2:4]
-        found, N = np.zeros((C, 3)), np.zeros((C, 3, 3))
-        for b in range(B)[::-1]:
-            inverse, seen, gain = runs.inverse[:, b], runs.seen[:, b], runs.gain[:, b]
-            # N = X·Xᵀ: what later blocks see of this block's white rows.
-            later = gain.swapaxes(-1, -2) @ _root(N)
-            both = np.concatenate([inverse, later.swapaxes(-1, -2) @ inverse], axis=1)
-            found[:, 0] += np.einsum("cab,cab,cb->c", both, both, self.white[:, b], optimize=True)
-            by_visit = both.reshape(C, -1, v, k).swapaxes(1, 2)
-            found[:, 1] += np.sum((by_visit @ self.turn[:, b]) ** 2, axis=(1, 2, 3))
-            # What a step from each visit on does to the block, and what it leaves to those after.
-            block = (by_visit[:, :, :s] @ self.walk[:, b])[:, ::-1].cumsum(1)[:, ::-1]
-            after = np.eye(3) - gain[:, None] @ block
-            squares = np.sum(block**2, axis=(2, 3)) + np.einsum("cvij,cik,cvkj->cv", after, N, after, optimize=True)
-            found[:, 2] += np.sum(squares * self.step[:, b], axis=1)
-            left = np.eye(3) - gain @ seen
-            N = seen.swapaxes(-1, -2) @ seen + left.swapaxes(-1, -2) @ N @ left
-        return found
+        roots, later = runs.precision_roots(), runs.later_information()
+        white = np.einsum("cbij,cbij,cbj->c", roots, roots, self.white, optimize=True)
+        by_visit = roots.reshape(C, B, -1, v, k).swapaxes(2, 3)
+        turned = np.sum((by_visit @ self.turn) ** 2, axis=(1, 2, 3, 4))
+        # What a step from each visit on does to its block, and what it leaves to those after.
+        block = (by_visit[:, :, :, :s] @ self.walk)[:, :, ::-1].cumsum(2)[:, :, ::-1]
+        after = np.eye(3) - runs.gain[:, :, None] @ block
+        squares = np.sum(block**2, axis=(3, 4)) + np.sum(after * (later[:, :, None] @ after), axis=(3, 4))
+        return np.stack([white, turned, np.sum(squares * self.step, axis=(1, 2))], axis=1)
 
     def times(self, rows: Floats) -> Floats:
         """D, T and K times rows (U, R, m, c) of readings' weights: (U, R, m, 3, c)."""
@@ -144,12 +135,6 @@ class FloorStructure:
 def _triangular_inverse(L: Floats) -> Floats:
     """Inverse (classes, m, m) of lower triangular matrices."""
     return np.stack([scipy.linalg.lapack.dtrtri(one, lower=1)[0] for one in L])
-
-
-def _root(N: Floats) -> Floats:
-    """X (classes, 3, 3) with X·Xᵀ = N, which is never negative."""
-    values, vectors = np.linalg.eigh(N)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
 
 
 def floor_structure(grid: VisitGrid, weight: Floats, turn: Floats, steps: Floats, project: Floats) -> FloorStructure:

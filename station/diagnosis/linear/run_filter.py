@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain.core.types import Array
+from station.domain.core.types import Array, Floats
 
 #: Rows of a block at most: so many that matrices are worth it, so few that their cubes are not felt.
 MAX_BLOCK_ROWS = 96
@@ -92,6 +92,30 @@ class RunFilter:
             walk = walk + gain[:, :, b - 1] @ split[:, :, b - 1]
             rows[:, :, b] += seen[:, :, b] @ walk
         return self._joined(root @ rows)
+
+    def later_information(self) -> Floats:
+        """N (classes, B, 3, 3): the information of all later blocks on the walk after each (de Jong, Biometrika 76
+        (1989) 275): N = seenᵀ·seen + (I − gain·seen)ᵀ·N⁺·(I − gain·seen) for the block before."""
+        found = np.zeros((*self.inverse.shape[:2], 3, 3))
+        left = np.eye(3) - self.gain @ self.seen
+        for b in range(found.shape[1] - 1)[::-1]:
+            seen, after = self.seen[:, b + 1], left[:, b + 1]
+            found[:, b] = seen.swapaxes(-1, -2) @ seen + after.swapaxes(-1, -2) @ found[:, b + 1] @ after
+        return found
+
+    def precision_roots(self) -> Floats:
+        """X (classes, B, s + 3, s) of each block, XᵀX being its block on the diagonal of V⁻¹."""
+        values, vectors = np.linalg.eigh(self.later_information())
+        roots = (vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]).swapaxes(-1, -2)
+        return np.concatenate([self.inverse, roots @ self.gain @ self.inverse], axis=2)
+
+    def precision_blocks(self, k: int) -> Floats:
+        """Blocks (classes, V, k, k) on the diagonal of V⁻¹, k rows a visit."""
+        roots = self.precision_roots()
+        C, B, rows, s = roots.shape
+        by_visit = roots.reshape(C, B, rows, s // k, k).swapaxes(2, 3)
+        blocks = by_visit.swapaxes(-1, -2) @ by_visit
+        return np.asarray(blocks.reshape(C, -1, k, k)[:, : self.rows // k])
 
     def _split(self, rows: Array) -> Array:
         blocks, size = self.inverse.shape[1:3]

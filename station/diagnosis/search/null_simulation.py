@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from station.diagnosis.candidates.projected_bank import ProjectedBank
+from station.diagnosis.candidates.visit_scan import VisitColumns, passed_back
 from station.diagnosis.linear.evidence import DataSets
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.linear.run_filter import RunFilter
@@ -31,7 +32,7 @@ def scores(problem: ScoringProblem, fitted: FittedFloor, like: WalkMarginal, see
     copies = -(-units // MAX_DRAWN_UNITS)
     chosen = np.sort(rng.permutation(units)[: units // copies])
     now = replicate_units(problem, like, chosen, copies)
-    seen = [[_SinglePrecisionBank(s) for s in stage.seen] for stage in now.stages]
+    seen = [[SinglePrecisionBank(s) for s in stage.seen] for stage in now.stages]
     for noise, true in _noise(problem, fitted, now, rng):
         orders = copy_orders(len(noise), copies, rng) if copies > 1 else None
         told = [[light.scores(noise, true, orders) for light in stage] for stage in seen]
@@ -63,16 +64,17 @@ def _noise(
         yield rng.standard_normal((NULL_SETS // NULL_FLOORS, *live.shape), dtype=np.float32) * live, true
 
 
-class _SinglePrecisionBank:
+class SinglePrecisionBank:
     """A bank as a space sees it, in single precision, which is enough for chance."""
 
     def __init__(self, seen: ProjectedBank) -> None:
         self.space = seen.space
         self.runs, self.basis = seen.space.covariance.runs.single_precision(), seen.space.basis.astype(np.float32)
         self.spectra = [f.spectrum.single_precision() for f in seen.found]
-        axes = [f.axes for f in seen.found if f.axes is not None]
-        self.axes = np.concatenate(axes, axis=2) if axes else np.zeros((*seen.space.data.shape, 0), np.float32)
-        self.ends = np.cumsum([x.shape[2] for x in axes])[:-1]
+        self.axes = [f.axes for f in seen.found if f.axes is not None]
+        dense = [x for x in self.axes if not isinstance(x, VisitColumns)]
+        self.dense = np.concatenate(dense, axis=2) if dense else np.zeros((*seen.space.data.shape, 0), np.float32)
+        self.ends = np.cumsum([x.shape[2] for x in dense])[:-1]
 
     def scores(self, noise: Array, true: RunFilter, orders: Array | None) -> tuple[Floats, Floats]:
         """Log evidence (n, candidates) and log-likelihood (n) without any, of noise that is whitened as the space
@@ -80,12 +82,23 @@ class _SinglePrecisionBank:
         data = self._whitened(noise, true)
         sets = DataSets.of(self.space, data)
         total = sets.sum_over_copies(orders)
-        products = np.split((data.transpose(1, 0, 2) @ self.axes).transpose(1, 0, 2), self.ends, axis=2)
         found = []
-        for s, product in zip(self.spectra, products if self.spectra else [], strict=True):
+        for s, product in zip(self.spectra, self._products(data.transpose(1, 0, 2)), strict=True):
             u = s.components(product.sum(1) if s.pattern == "shared" else product, sets)
             found.append(s.judged(_sum_over_copies(s.terms(u, sets), orders), total))
         return np.stack(found, axis=1) if found else np.zeros((len(noise), 0)), total.fits
+
+    def _products(self, data: Array) -> Iterator[Array]:
+        """The products (n, U, K) of data (U, n, M) with the axes of each candidate."""
+        dense = iter(np.split((data @ self.dense).transpose(1, 0, 2), self.ends, axis=2))
+        scans = [x for x in self.axes if isinstance(x, VisitColumns)]
+        back = passed_back(self.runs, data.swapaxes(1, 2), scans[0].columns.shape[2]) if scans else None
+        for axes in self.axes:
+            if isinstance(axes, VisitColumns) and back is not None:
+                product = axes.products(back)
+                yield np.moveaxis(product.reshape(len(product), -1, product.shape[-1]), -1, 0)
+            else:
+                yield next(dense)
 
     def _whitened(self, noise: Array, true: RunFilter) -> Array:
         """White noise (n, U, ·) of a true floor as the space whitens it."""

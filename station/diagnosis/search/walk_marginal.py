@@ -139,7 +139,7 @@ def _slow_candidates(problem: ScoringProblem, seen: ProjectedBank, most: float) 
         stops = columns[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
         added = most**2 * problem.structure.walked(runs.transposed(stops), units)
         length = np.maximum(np.einsum("umk,umk->k", columns, columns), 1e-300)
-        share = [float(added[at].sum() / length[at].sum()) for at in seen.bank.place]
+        share = [float(added[at].sum()) / max(float(length[at].sum()), 1e-300) for at in seen.bank.place]
         names = [c.name for c in seen.bank.candidates]
         return [
             j

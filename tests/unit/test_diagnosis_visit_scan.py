@@ -1,0 +1,67 @@
+"""A scan of single visits without its columns says what the columns say."""
+
+import numpy as np
+import pytest
+
+from station.diagnosis.candidates import projected_bank
+from station.diagnosis.candidates.bank import Bank, Candidate, build_bank
+from station.diagnosis.linear import noise_floor as floors
+from station.diagnosis.linear.grid import RowLayout, VisitGrid
+from station.diagnosis.linear.projection import DataColumns, NuisanceColumns, ResidualSpace, residual_space
+from station.diagnosis.search import null_simulation
+
+UNITS, RUNS, VISITS = 3, 2, 40
+
+
+def scene(k: int, rng: np.random.Generator) -> tuple[RowLayout, ResidualSpace, Bank]:
+    """Three units of two runs, the last one short, under a floor with a walk, each with offsets of its own and one
+    column shared; and a scan of any reading of a visit."""
+    n = UNITS * RUNS * VISITS - 7
+    unit, run, visit = (x[:n] for x in np.unravel_index(np.arange(UNITS * RUNS * VISITS), (UNITS, RUNS, VISITS)))
+    slot = np.full((UNITS, RUNS, VISITS), -1)
+    slot[unit, run, visit] = np.arange(n)
+    grid = VisitGrid(slot, k)
+    keep = np.round(rng.standard_normal((n, k, 3)), 3)
+    layout = RowLayout(grid, keep, 1.0, unit)
+    weight = rng.choice([0.5, 1.0, 2.0], n)
+    turn, steps = np.round(rng.standard_normal((n, k, 3)), 3), (visit + 1).astype(float)
+    structure = floors.floor_structure(grid, weight, turn, steps, keep)
+    floor = structure.covariance(np.array([1.0, 0.5, 0.2]))
+    columns, data = (grid.spread(rng.standard_normal((n, k, c))) for c in (3, 1))
+    own, shared = DataColumns(columns[..., :2]), DataColumns(columns[..., 2:])
+    known = NuisanceColumns(own, np.zeros((UNITS, 2)), np.zeros((UNITS, 2)), shared, np.zeros(1), np.zeros(1))
+    space = residual_space(floor, known, DataColumns(data), grid.data)
+    stop = np.round(rng.standard_normal((n, 3, 2)), 3)
+    names = tuple(f"visit:{i}" for i in range(n))
+    scan = Candidate("disturbed-visit", None, "visit", "scan", np.arange(n, dtype=np.int32), names, stop)
+    return layout, space, build_bank([scan], layout, moving=False)
+
+
+@pytest.mark.parametrize("k", [1, 3])
+def test_a_scan_finds_what_its_columns_find(k: int, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
+    layout, space, bank = scene(k, rng)
+    (short,) = projected_bank.project_bank(bank, layout, [space])
+    monkeypatch.setattr(Candidate, "scans_visits", False)
+    layout_bank = build_bank(list(bank.candidates), layout, moving=False)
+    (whole,) = projected_bank.project_bank(layout_bank, layout, [space])
+    assert np.allclose(short.evidence, whole.evidence, rtol=1e-9)
+    a, b = short.found[0], whole.found[0]
+    assert np.allclose(a.spectrum.m, b.spectrum.m, rtol=1e-8, atol=1e-10)
+    assert np.allclose(np.abs(a.components), np.abs(b.components), rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("k", [1, 3])
+def test_new_data_meet_a_scan_as_they_meet_its_columns(
+    k: int, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout, space, bank = scene(k, rng)
+    white = rng.standard_normal((5, *space.data.shape)) * space.live
+    results = []
+    for plain in (False, True):
+        if plain:
+            monkeypatch.setattr(Candidate, "scans_visits", False)
+            bank = build_bank(list(bank.candidates), layout, moving=False)
+        (seen,) = projected_bank.project_bank(bank, layout, [space], axes=True)
+        light = null_simulation.SinglePrecisionBank(seen)
+        results.append(light.scores(white.astype(np.float32), space.covariance.runs.single_precision(), None))
+    assert np.allclose(results[0][0], results[1][0], rtol=1e-3, atol=1e-3)
