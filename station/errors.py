@@ -20,6 +20,7 @@ StationError
 │   ├── ForeignMaster              somebody else commands the unit's device meanwhile
 │   ├── DeviceChanged              the device is no longer what was verified
 │   ├── PositionerFault            stuck, late, at the wrong place
+│   ├── PlcFault                   a PLC that is silent, stale or speaks another protocol
 │   ├── StoreFault                 the record cannot be written
 │   └── ReferenceOverdue           a gold reference or golden unit past its due date
 └── Aborted               exit 4   the operator: outcome ABORTED
@@ -144,6 +145,10 @@ class DeviceChanged(StationFault):
 
 class PositionerFault(StationFault):
     """The positioner is stuck, late or at the wrong place."""
+
+
+class PlcFault(StationFault):
+    """A PLC is silent, its heartbeat stands, or it speaks another protocol."""
 
 
 class StoreFault(StationFault):

@@ -13,6 +13,10 @@ class Positioner(Protocol):
     def by_hand(self) -> bool:
         """True when a person turns the fixture: the run then waits for the right face in the frames."""
 
+    @property
+    def turns_nothing(self) -> bool:
+        """True when it is simulated: units on a wire are refused then."""
+
     def move(self, stop: PlannedVisit, timeout_s: float) -> None:
         """Brings the fixture to a stop and returns when it is there (by hand: asks for it and returns at once)."""
 

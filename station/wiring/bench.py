@@ -112,7 +112,7 @@ def open_bench(order: RunOrder) -> Bench:
             kind = bus_kind(settings.bus)
             if kind.without_units:
                 raise UsageError("bus-without-units", interface=settings.bus.interface)
-            refuse_numbers_for_real_units(settings)
+            refuse_numbers_for_real_units(settings, turned_by)
             if kind.interface_of_kernel:
                 opened.callback(claim_bus(settings.bus, settings.station).release)
             bus = open_bus(settings.bus, document, clock)

@@ -23,10 +23,9 @@ def positioner(settings: Settings, document: Document, clock: Clock) -> Position
     return built
 
 
-def refuse_numbers_for_real_units(settings: Settings) -> None:
+def refuse_numbers_for_real_units(settings: Settings, built: Positioner) -> None:
     """Errors: UsageError where a positioner that turns nothing is to turn units on a wire."""
-    made: Any = plugins.load(POSITIONERS, settings.positioner.kind)
-    if made.turns_nothing and bus_kind(settings.bus).on_a_wire(settings.bus.channel):
+    if built.turns_nothing and bus_kind(settings.bus).on_a_wire(settings.bus.channel):
         raise UsageError("positioner-moves-nothing", bus=settings.bus.channel)
 
 

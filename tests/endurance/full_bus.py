@@ -216,7 +216,7 @@ def measure(seconds: float, buffer: int, *, idle: bool) -> dict[str, Any]:
     bus = UdpBus(ports[1], ports[2], ports[0], buffer)
     wiring: Any = bench
     wiring.open_bus = lambda *_args, **_options: bus
-    wiring.refuse_numbers_for_real_units = lambda _settings: None  # behind this bus stands nobody
+    wiring.refuse_numbers_for_real_units = lambda _settings, _built: None  # behind this bus stands nobody
     outcomes: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as name, ExitStack() as opened:
         folder = Path(name)

@@ -24,6 +24,7 @@ class Person:
     perhaps to other positions first. Behind it is the simulated positioner, which the simulated devices stand on."""
 
     by_hand = True
+    turns_nothing = False
 
     def __init__(
         self, rig: SimulatedPositioner, clock: object, recipe: Recipe, wrong: dict[str, str], delay_s: float

@@ -12,7 +12,7 @@ from station.adapters.clock import SystemClock
 from station.config.settings import load_config
 from station.errors import ConfigError, UsageError
 from station.wiring.buses import BUSES, bus_kind, open_bus
-from station.wiring.positioners import refuse_numbers_for_real_units
+from station.wiring.positioners import positioner, refuse_numbers_for_real_units
 
 FILE = '''
 """A gateway that carries CAN over something else."""
@@ -94,6 +94,7 @@ def test_a_wrong_option_is_named_with_its_line(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("gateway")
 def test_a_positioner_in_numbers_is_refused_on_it(tmp_path: Path) -> None:
-    settings, _ = load_config(config(tmp_path, "1"))
+    settings, document = load_config(config(tmp_path, "1"))
+    built = positioner(settings, document, SystemClock())
     with pytest.raises(UsageError, match=r"192\.0\.2\.7 carries real units"):
-        refuse_numbers_for_real_units(settings)
+        refuse_numbers_for_real_units(settings, built)

@@ -1,0 +1,6 @@
+"""Modbus TCP: one client, and what the positioner and the cell share of a PLC."""
+
+from station.adapters.modbus.client import ModbusRegisters
+from station.adapters.modbus.link import PlcLink
+
+__all__ = ["ModbusRegisters", "PlcLink"]

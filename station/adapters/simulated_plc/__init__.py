@@ -1,0 +1,8 @@
+"""A simulated PLC with its cell: the program that docs/line.md asks of a real one, and what can go wrong with it."""
+
+from station.adapters.simulated_plc.faults import KINDS, PlcFaultSpec, parse_fault
+from station.adapters.simulated_plc.loads import CellLoads, Handed
+from station.adapters.simulated_plc.memory import MemoryRegisters
+from station.adapters.simulated_plc.program import Motion, SimulatedPlc
+
+__all__ = ["KINDS", "CellLoads", "Handed", "MemoryRegisters", "Motion", "PlcFaultSpec", "SimulatedPlc", "parse_fault"]
