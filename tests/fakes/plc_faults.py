@@ -12,7 +12,7 @@ from station.domain.cell import plc_view
 from station.domain.cell.register_map import RegisterMap
 from station.domain.core import rotation
 from station.domain.recipe.plan import PlannedVisit
-from station.domain.recipe.recipe import UP
+from station.domain.recipe.position import UP
 from station.errors import PositionerFault
 
 #: After a fault the fixture may run on for so long: the PLC's watch of the station, s.

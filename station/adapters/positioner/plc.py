@@ -16,9 +16,9 @@ from station.domain.cell.plc_view import MoveState, PlcView
 from station.domain.cell.register_map import RegisterMap
 from station.domain.core import rotation
 from station.domain.core.types import Floats
+from station.domain.recipe.fields import NotNegative, Positive, StrictModel
 from station.domain.recipe.moves import turn_s
 from station.domain.recipe.plan import PlannedVisit
-from station.domain.recipe.recipe import NotNegative, Positive, StrictModel
 from station.errors import ConfigError, PlcFault, PositionerFault
 from station.messages import Message
 from station.ports.clock import Clock

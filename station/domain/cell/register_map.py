@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from station.domain.recipe.recipe import Name, StrictModel
+from station.domain.recipe.fields import Name, StrictModel
 from station.errors import InvalidValue
 
 #: Version of the protocol that this station speaks.
