@@ -2,5 +2,6 @@
 
 from station.adapters.modbus.client import ModbusRegisters
 from station.adapters.modbus.link import PlcLink
+from station.adapters.modbus.maps import load_map
 
-__all__ = ["ModbusRegisters", "PlcLink"]
+__all__ = ["ModbusRegisters", "PlcLink", "load_map"]

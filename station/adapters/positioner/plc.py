@@ -7,19 +7,16 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from station.adapters.modbus import ModbusRegisters, PlcLink
+from station.adapters.modbus import ModbusRegisters, PlcLink, load_map
 from station.adapters.simulated_plc import MemoryRegisters, SimulatedPlc
-from station.config.documents import load_document, validate
-from station.config.search_path import find_file
 from station.domain.cell import plc_view
 from station.domain.cell.plc_view import MoveState, PlcView
-from station.domain.cell.register_map import RegisterMap
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.domain.recipe.fields import NotNegative, Positive, StrictModel
 from station.domain.recipe.moves import turn_s
 from station.domain.recipe.plan import PlannedVisit
-from station.errors import ConfigError, PlcFault, PositionerFault
+from station.errors import PlcFault, PositionerFault
 from station.messages import Message
 from station.ports.clock import Clock
 
@@ -72,7 +69,7 @@ class PlcPositioner:
     @cached_property
     def _link(self) -> PlcLink:
         given = self._settings
-        plc = _load_map(given.map)
+        plc = load_map(given.map)
         if not given.host:
             simulated = SimulatedPlc(plc, given.speed_deg_s, given.acceleration_deg_s2)
             return PlcLink(MemoryRegisters(simulated, self._clock), plc, self._clock)
@@ -186,9 +183,3 @@ class PlcPositioner:
             self._link.write(stop=self._number)
         except PlcFault:
             self._link.close()
-
-
-def _load_map(name: str) -> RegisterMap:
-    """The register map of that path, or of that name in `cells/`. Errors: ConfigError with line, key and remedy."""
-    file = name if name.endswith(".yaml") else f"{name}.yaml"
-    return validate(load_document(find_file(file, "cells", None, ConfigError), ConfigError), RegisterMap, ConfigError)
