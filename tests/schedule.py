@@ -7,7 +7,7 @@ for a browser most of their time: each goes wherever there is room.
 from xdist.scheduler import LoadScopeScheduling
 
 #: Folders whose tests share something that is started once.
-TOGETHER = ("tests/vcan",)
+TOGETHER = ("tests/vcan", "tests/plant")
 #: Folders whose tests share nothing, and last long.
 APART = ("tests/browser",)
 #: What lasts longest begins first, so that no process sits at the end with one long file alone.

@@ -19,7 +19,7 @@ def serve_witness(key: Path, heads: Path, stations: Sequence[str], host: str, po
     from station.web.witness import create_witness_app
     from station.wiring.logs import open_witness
 
-    with open_witness(heads, key, _named_keys(stations)) as witness, _listening(host, port) as listener:
+    with open_witness(heads, key, _named_keys(stations)) as witness, listening(host, port) as listener:
         at = f"http://{host}:{listener.getsockname()[1]}"
         _output.print_line(render(Message("witness-serving", url=at, heads=str(heads))))
         options = uvicorn.Config(
@@ -39,7 +39,7 @@ def _named_keys(stations: Sequence[str]) -> dict[str, Path]:
     return found
 
 
-def _listening(host: str, port: int) -> socket.socket:
+def listening(host: str, port: int) -> socket.socket:
     try:
         return socket.create_server((host, port))
     except OSError as error:

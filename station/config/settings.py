@@ -80,6 +80,24 @@ class WitnessSettings(StrictModel):
     timeout_s: Positive = 2.0
 
 
+class ReceiverSettings(StrictModel):
+    """A plant that gets the log's records: its address, and the token or the certificate by which it knows the station.
+
+    token_file: holds the token; certificate, key: the station's own, PEM; authority: who signed the plant's, PEM.
+    portion_bytes: of one portion; bytes_per_s: on average, left out: as fast as it goes.
+    """
+
+    name: Name = "plant"
+    url: Annotated[str, Field(max_length=2000, pattern=r"^https?://[^\x00-\x20\x7f]+$")]
+    token_file: PathText = ""
+    certificate: PathText = ""
+    key: PathText = ""
+    authority: PathText = ""
+    timeout_s: Positive = 30.0
+    portion_bytes: Annotated[int, Field(ge=4096, le=8_388_608)] = 1_048_576
+    bytes_per_s: Positive | None = None
+
+
 class PartySettings(StrictModel):
     """Name and address of a laboratory or a customer, for certificates; country: ISO 3166-1, two letters."""
 
@@ -119,6 +137,7 @@ class Settings(StrictModel):
     trusted_key: PathText = ""
     anchors: Annotated[tuple[AnchorSettings, ...], Field(max_length=8)] = ()
     witness: WitnessSettings | None = None
+    receivers: Annotated[tuple[ReceiverSettings, ...], Field(max_length=8)] = ()
     arrival_tolerance_deg: Positive = 2.0
     timeouts: Timeouts = Timeouts()
     golden: GoldenSettings | None = None
@@ -134,6 +153,13 @@ class Settings(StrictModel):
     def _witness_wants_a_key(self) -> Self:
         if self.witness and not self.signing_key:
             raise ValueError("witness: a witness takes signed heads only; name the station's key as signing_key")
+        return self
+
+    @model_validator(mode="after")
+    def _receivers_differ(self) -> Self:
+        names = [receiver.name for receiver in self.receivers]
+        if len(set(names)) < len(names):
+            raise ValueError("receivers: two have the same name; give each its own `name`")
         return self
 
     @model_validator(mode="after")

@@ -17,6 +17,8 @@ class Companion(StrEnum):
     OWNER = ".lock"  # lock of the run that writes the log
     ERRORS = ".run.err"  # standard error of the run that the page started
     JOURNAL = ".panel.jsonl"  # station.panel-journal/1, by the page: who did what
+    SHIPPING = ".shipping.json"  # station.shipping/1, by whoever ships: how far the plants have the log
+    SHIPPER = ".ship.lock"  # lock of the process that ships
     DIAGNOSES = ".diagnoses"  # folder of the page's diagnoses
 
 

@@ -16,19 +16,41 @@ from station.adapters.witness.client import WitnessClient
 from station.adapters.witness.head_file import TreeHeadFile
 from station.config.settings import Settings
 from station.domain.records.head import SealedHead
+from station.errors import LogError, StoreFault
 from station.messages import Message
 from station.ports.log_reader import LogReader, Trust
 from station.service.witness import Witness
 
 
-def open_log(path: Path) -> LogReader:
-    """The log, to be read. Errors: LogError."""
-    return SqliteLogReader(path)
+def open_log(path: Path | str) -> LogReader:
+    """The log, to be read: a file, or the records of a plant at an address of PostgreSQL. Errors: LogError."""
+    if address := plant_address(path):
+        return _open_plant_log(address)
+    return SqliteLogReader(Path(path))
 
 
 def find_log(path: Path) -> LogReader | None:
     """The log, to be read; None where nothing was ever run. Errors: LogError."""
-    return SqliteLogReader(path) if path.exists() else None
+    return open_log(path) if plant_address(path) or path.exists() else None
+
+
+def plant_address(path: Path | str) -> str:
+    """The address of PostgreSQL that stands in the place of a file; "" for a file.
+
+    A path takes the two slashes after the colon for one, and a socket's folder in the query as it is.
+    """
+    scheme, _, rest = str(path).partition(":/")
+    return f"postgresql://{rest.lstrip('/')}" if scheme in ("postgresql", "postgres") else ""
+
+
+def _open_plant_log(address: str) -> LogReader:
+    try:
+        from station.adapters.postgres.reader import PostgresLogReader
+    except StoreFault as error:
+        raise LogError(error.message) from error
+    from station.adapters.objects.store import open_objects
+
+    return PostgresLogReader(address, open_objects)
 
 
 def trust_of(known: Mapping[int, bytes], key: Path | None, log: Path, settings: Settings | None) -> Trust:

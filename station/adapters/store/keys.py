@@ -12,15 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from station.domain.records import key_schedule
 from station.domain.records.head import AnchorFinding
 from station.domain.records.key_schedule import KeyChange, KeySchedule, Revocation
 from station.errors import ConfigError, UsageError
 from station.messages import Message
 
-#: The kind of event by which a log names the key that signs it from there on.
-KEY_EVENT = "signing-key"
-#: The kind of event by which a key is no longer trusted beyond a record.
-REVOKED_EVENT = "key-revoked"
+KEY_EVENT, REVOKED_EVENT = key_schedule.KEY_EVENT, key_schedule.REVOKED_EVENT
 
 
 @dataclass(frozen=True, slots=True)

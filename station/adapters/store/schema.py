@@ -16,27 +16,12 @@ from typing import TYPE_CHECKING
 from sqlite_utils.migrations import Migrations
 
 from station.domain.records.chain import SCHEMA, genesis
+from station.domain.records.tables import COLUMNS
 
 if TYPE_CHECKING:
     from sqlite_utils import Database
 
-#: Sealed columns of each evidence table, in the order in which they are sealed.
-COLUMNS: dict[str, tuple[str, ...]] = {
-    "document": ("sha256", "kind", "text"),
-    "attempt": (
-        *("id", "serial", "station", "nest", "node", "lot", "recipe_name", "recipe_version", "recipe_hash"),
-        *("recipe", "product", "config_hash", "software", "operator", "started_ns"),
-    ),
-    "event": ("attempt", "at_ns", "kind", "detail"),
-    "visit": (
-        *("attempt", "run", "visit", "position", "seating", "kind", "arrived_ns", "left_ns"),
-        *("frame_count", "frames_sha256", "statistics"),
-    ),
-    "write": ("attempt", "at_ns", "object", "sub", "name", "stage", "value", "old", "written", "read_back"),
-    "result": ("attempt", "at_ns", "name", "document"),
-    "finish": ("attempt", "outcome", "ended_ns"),
-    "archive": ("attempt", "visits", "data"),
-}
+__all__ = ["COLUMNS", "SPAN", "foreign_objects", "guard", "migrations"]
 
 _SEALS = "seq INTEGER PRIMARY KEY, previous BLOB NOT NULL, hash BLOB NOT NULL, signature BLOB"
 _OF = "attempt INTEGER NOT NULL REFERENCES attempt(seq)"

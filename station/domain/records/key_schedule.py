@@ -7,6 +7,11 @@ from dataclasses import dataclass
 from station.domain.records.chain import IntegrityFinding
 from station.messages import Message
 
+#: The kind of event by which a log names the key that signs it from there on.
+KEY_EVENT = "signing-key"
+#: The kind of event by which a key is no longer trusted beyond a record.
+REVOKED_EVENT = "key-revoked"
+
 #: A check of (public key, signature, statement).
 Verify = Callable[[bytes, bytes, bytes], bool]
 

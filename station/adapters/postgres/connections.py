@@ -1,0 +1,80 @@
+"""Connections to PostgreSQL: made when first needed, kept while they are well, and its complaints as sentences."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from threading import Lock
+
+from station.errors import StationError, StoreFault
+from station.messages import Message
+
+try:
+    import psycopg
+except ImportError as missing:
+    raise StoreFault("plant-not-installed") from missing
+
+#: The unit of `connect_timeout` is a second.
+_CONNECT_TIMEOUT_S = 5
+
+
+@contextmanager
+def translate_errors(kind: type[StationError], location: str, id_: str = "plant-database") -> Iterator[None]:
+    """Turns what PostgreSQL reports into `kind`."""
+    try:
+        yield
+    except psycopg.Error as error:
+        why = " ".join(str(error.diag.message_primary or error).split()) or type(error).__name__
+        raise kind(Message(id_, location=location, why=why)) from error
+
+
+def connect(address: str, *, read_only: bool = False) -> "psycopg.Connection":
+    """One connection; every statement is its own transaction unless a block says otherwise."""
+    options = "-c default_transaction_read_only=on" if read_only else ""
+    return psycopg.connect(
+        address,
+        autocommit=True,
+        connect_timeout=_CONNECT_TIMEOUT_S,
+        application_name="station",
+        options=options,
+    )
+
+
+class Connections:
+    """Connections of one process. location: as sentences name the database, without a password."""
+
+    def __init__(self, address: str) -> None:
+        self._address, self._idle = address, list[psycopg.Connection]()
+        self._turn = Lock()
+        self.location = without_password(address)
+
+    @contextmanager
+    def one(self) -> "Iterator[psycopg.Connection]":
+        """A connection for this block alone. One that broke is not used again. Errors: StoreFault."""
+        with translate_errors(StoreFault, self.location):
+            with self._turn:
+                connection = self._idle.pop() if self._idle else None
+            if connection is None or connection.closed:
+                connection = connect(self._address)
+            try:
+                yield connection
+            except BaseException:
+                with suppress(psycopg.Error):
+                    connection.close()
+                raise
+            with self._turn:
+                self._idle.append(connection)
+
+    def close(self) -> None:
+        """Closes what idles; twice is harmless."""
+        with self._turn:
+            while self._idle:
+                self._idle.pop().close()
+
+
+def without_password(address: str) -> str:
+    """The address as it may stand in a sentence."""
+    try:
+        parts = psycopg.conninfo.conninfo_to_dict(address)
+    except psycopg.Error:
+        return "postgresql"
+    where = f"{parts.get('host', 'localhost')}/{parts.get('dbname', '')}"
+    return f"postgresql://{where}"

@@ -1,0 +1,176 @@
+"""What a page, an auditor and a report ask of a plant: the questions of the log, in PostgreSQL's words."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import psycopg
+from psycopg.rows import dict_row
+
+from station.adapters.postgres import search
+from station.domain.records.stored_attempt import utc
+from station.errors import UsageError
+from station.ports.log_reader import (
+    YIELD_CELL,
+    YIELD_SEPARATOR,
+    Attempt,
+    LogChange,
+    Query,
+    RecentFigures,
+    ReducedAttempt,
+    Yield,
+)
+
+_VISITS = """SELECT seq AS record, run, visit, "position", seating, kind, arrived_ns, left_ns, frame_count,
+    frames_sha256, statistics FROM visit WHERE attempt = %s ORDER BY seq"""
+_WRITES = """SELECT seq AS record, at_ns, object, sub, name, stage, value, old, written, read_back FROM write
+    WHERE attempt = %s ORDER BY seq"""
+_RESULTS = "SELECT seq AS record, at_ns, name, document FROM result WHERE attempt = %s ORDER BY seq"
+_EVENTS = "SELECT seq AS record, at_ns, kind, detail FROM event WHERE attempt = %s ORDER BY seq"
+_SEAL = "SELECT seq, hash FROM finish WHERE attempt = %s"
+
+
+def life_of(db: psycopg.Connection, attempt: Attempt) -> dict[str, Any]:
+    """One attempt: identity, visits, results, object writes, events, and the seal of its end (station.audit/1)."""
+    sealed = db.execute(_SEAL, [attempt.number]).fetchone()
+    columns = {k: v for k, v in asdict(attempt).items() if k != "number"}
+    return {
+        **columns,
+        "record": attempt.number,
+        "started": utc(attempt.started_ns),
+        "ended": None if attempt.ended_ns is None else utc(attempt.ended_ns),
+        "seal": {"number": sealed[0], "hash": bytes(sealed[1]).hex()} if sealed else None,
+        "visits": [{**r, "statistics": json.loads(r["statistics"])} for r in _rows(db, _VISITS, attempt)],
+        "results": [{**r, "document": json.loads(r["document"])} for r in _rows(db, _RESULTS, attempt)],
+        "writes": [_write(r) for r in _rows(db, _WRITES, attempt)],
+        "events": [{**r, "detail": json.loads(r["detail"])} for r in _rows(db, _EVENTS, attempt)],
+    }
+
+
+def _rows(db: psycopg.Connection, query: str, attempt: Attempt) -> list[dict[str, Any]]:
+    with db.cursor(row_factory=dict_row) as cursor:
+        return cursor.execute(query.encode(), [attempt.number]).fetchall()
+
+
+def _write(row: dict[str, Any]) -> dict[str, Any]:
+    held = {key: None if row[key] is None else bytes(row[key]).hex() for key in ("old", "written", "read_back")}
+    place = f"{row.pop('object'):04X}:{row.pop('sub'):02X}"
+    return {**row, "object": place, **held}
+
+
+#: Table → SQL for its time and what it is about, in a word.
+_TIME_AND_DETAIL = {
+    "attempt": ("t.started_ns", "t.serial"),
+    "event": ("t.at_ns", "t.kind"),
+    "visit": ("t.left_ns", "t.kind || ' ' || t.position"),
+    "write": ("t.at_ns", "t.stage || ' ' || t.name"),
+    "result": ("t.at_ns", "t.name"),
+    "finish": ("t.ended_ns", "t.outcome"),
+}
+
+
+def _part(table: str) -> str:
+    time, detail = _TIME_AND_DETAIL[table]
+    of = "t.seq" if table == "attempt" else "t.attempt"
+    return f"""(SELECT t.seq, '{table}', coalesce(a.id, ''), {time}, {detail} FROM {table} t
+        LEFT JOIN attempt a ON a.seq = {of} WHERE t.seq > %(after)s ORDER BY t.seq LIMIT %(limit)s)"""
+
+
+_CHANGES = " UNION ALL ".join(map(_part, _TIME_AND_DETAIL)) + " ORDER BY 1 LIMIT %(limit)s"
+
+
+def changes(db: psycopg.Connection, after: int, limit: int) -> list[LogChange]:
+    """See LogReader.changes."""
+    return [LogChange(*row) for row in db.execute(_CHANGES.encode(), {"after": after, "limit": limit})]
+
+
+_DAY_NS = 86_400 * 10**9
+_CHANGED_DAYS = f"""
+    SELECT a.started_ns / {_DAY_NS} FROM finish f JOIN attempt a ON a.seq = f.attempt WHERE f.seq > %(after)s
+    UNION SELECT p.started_ns / {_DAY_NS} FROM attempt a JOIN attempt p
+        ON p.serial = a.serial AND p.recipe_name = a.recipe_name AND p.seq < a.seq WHERE a.seq > %(after)s"""
+
+
+def changed_days(db: psycopg.Connection, after: int) -> frozenset[int]:
+    """See LogReader.changed_days."""
+    return frozenset(int(day) for (day,) in db.execute(_CHANGED_DAYS.encode(), {"after": after}))
+
+
+#: What a yield may be grouped by, as SQL.
+GROUPS = {
+    "all": "''",
+    "station": "a.station",
+    "nest": "a.station || '/' || a.nest",
+    "recipe": "a.recipe_name || '/' || a.recipe_version",
+    "lot": "a.lot",
+    "operator": "a.operator",
+    "day": "to_char(to_timestamp(a.started_ns / 1000000000) AT TIME ZONE 'UTC', 'YYYY-MM-DD')",
+}
+GROUPS["cell"] = f" || '{YIELD_SEPARATOR}' || ".join(GROUPS[name] for name in YIELD_CELL)
+
+_OTHER = "SELECT 1 FROM attempt b WHERE b.serial = a.serial AND b.recipe_name = a.recipe_name AND b.seq"
+
+
+def yields(db: psycopg.Connection, query: Query, by: str) -> list[Yield]:
+    """See LogReader.yields. Errors: UsageError."""
+    if by not in GROUPS:
+        raise UsageError("yield-unknown-group", group=by, groups=tuple(GROUPS))
+    condition, parameters = search.where(query)
+    outcomes = ", ".join(
+        f"count(*) FILTER (WHERE outcome = '{o}')" for o in ("PASS", "FAIL", "ERROR", "ABORTED", "INTERRUPTED")
+    )
+    rows = db.execute(
+        f"""WITH picked AS (SELECT {GROUPS[by]} COLLATE "C" AS g, f.outcome, f.ended_ns - a.started_ns AS took,
+                NOT EXISTS ({_OTHER} < a.seq) AS first, NOT EXISTS ({_OTHER} > a.seq) AS last
+            FROM attempt a JOIN finish f ON f.attempt = a.seq WHERE {condition})
+        SELECT g, count(*), {outcomes}, count(*) FILTER (WHERE first),
+            count(*) FILTER (WHERE first AND outcome = 'PASS'), count(*) FILTER (WHERE last),
+            count(*) FILTER (WHERE last AND outcome = 'PASS'), (avg(took) / 1e9)::double precision
+        FROM picked GROUP BY g ORDER BY g""".encode(),
+        parameters,
+    )
+    return [Yield(*row) for row in rows]
+
+
+_OUTCOMES = "SELECT outcome, count(*) FROM finish GROUP BY outcome"
+_CYCLE = """SELECT (avg(f.ended_ns - a.started_ns) / 1e9)::double precision, (max(f.ended_ns) / 1e9)::double precision
+    FROM (SELECT attempt, ended_ns FROM finish WHERE outcome = 'PASS' ORDER BY seq DESC LIMIT %s) f
+    JOIN attempt a ON a.seq = f.attempt"""
+_STREAM = """SELECT sum((s ->> 'kernel_drops')::bigint), sum((s ->> 'lost')::bigint),
+    sum((s ->> 'crc_errors')::bigint), count(*) FILTER (WHERE kind = 'rejected'), count(*),
+    count(*) FILTER (WHERE json_typeof(s -> 'bus_errors') = 'array' AND json_array_length(s -> 'bus_errors') > 0)
+    FROM (SELECT kind, statistics::json AS s FROM visit ORDER BY seq DESC LIMIT %s) v"""
+
+
+def recent(db: psycopg.Connection, units: int, visits: int) -> RecentFigures:
+    """See LogReader.recent."""
+    cycle, stream = db.execute(_CYCLE, [units]).fetchone(), db.execute(_STREAM, [visits]).fetchone()
+    assert cycle is not None
+    assert stream is not None
+    drops, lost, crc, rejected, number, bus = (int(value or 0) for value in stream)
+    return RecentFigures(
+        outcomes={str(outcome): int(n) for outcome, n in db.execute(_OUTCOMES)},
+        cycle_s=cycle[0],
+        last_pass_s=cycle[1],
+        visits=number,
+        kernel_drops=drops,
+        lost=lost,
+        crc_errors=crc,
+        bus_error_visits=bus,
+        rejected=rejected,
+    )
+
+
+_REDUCED = """SELECT a.seq, a.id, a.serial, a.product, s.document, c.document::json
+    FROM attempt a JOIN finish f ON f.attempt = a.seq
+    JOIN result s ON s.attempt = a.seq AND s.name = 'stops'
+    JOIN result c ON c.attempt = a.seq AND c.name = 'calibration' AND c.seq > s.seq
+    WHERE a.seq = ANY(%s) ORDER BY a.seq"""
+
+
+def reduced(db: psycopg.Connection, numbers: Sequence[int]) -> Iterator[ReducedAttempt]:
+    """See LogReader.reduced."""
+    for number, attempt, serial, product, stops, fit in db.execute(_REDUCED, [list(numbers)]):
+        before = json.dumps([fit.get(name) for name in ("outcome", "offset", "matrix", "checks")])
+        yield ReducedAttempt(number, attempt, serial, product, stops, before)

@@ -1,0 +1,68 @@
+"""The face of shipping."""
+
+import time
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from threading import Event
+
+from station.cli import _output
+from station.config.settings import Settings, load_settings
+from station.errors import ConfigError
+from station.messages import Message, render
+from station.service.shipping import SCHEMA, ShippingState, ShippingStatus
+from station.wiring.shipping import Shipping, read_statuses
+
+_EXIT_CODES = {ShippingState.AWAY: 3, ShippingState.PARKED: 1}
+#: What --once waits for at most beyond any single time-out, s.
+_ONCE_S = 7 * 24 * 3600.0
+
+
+def ship(db: Path | None, config: Path | None, *, once: bool, as_json: bool) -> int:
+    """Ships until it is stopped; once: until each plant has everything or cannot take it. Errors: ConfigError."""
+    settings, database = _station(db, config)
+    if not settings.receivers:
+        raise ConfigError("shipping-no-receivers")
+    shipping = Shipping(database, settings)
+    shipping.start()
+    try:
+        if once:
+            shipping.wait_until_settled(time.monotonic() + _ONCE_S)
+        else:
+            for receiver in settings.receivers:
+                _output.print_remark(render(Message("shipping-to", path=str(database), url=receiver.url)))
+            Event().wait()
+    finally:
+        shipping.stop()
+    return _show(shipping.statuses(), as_json=as_json)
+
+
+def show_status(db: Path | None, config: Path | None, *, as_json: bool) -> int:
+    """How far each plant has the log, as whoever ships said last."""
+    return _show(read_statuses(_station(db, config)[1]), as_json=as_json)
+
+
+def _station(db: Path | None, config: Path | None) -> tuple[Settings, Path]:
+    settings = load_settings(config)
+    return settings, db or Path(settings.database)
+
+
+def _show(statuses: Sequence[ShippingStatus], *, as_json: bool) -> int:
+    if as_json:
+        _output.print_json({"schema": SCHEMA, "receivers": [s.document() for s in statuses]})
+    for s in () if as_json else statuses:
+        _output.print_message(sentence_of(s))
+    return max((_EXIT_CODES.get(s.state, 0) for s in statuses), default=0)
+
+
+def sentence_of(status: ShippingStatus) -> Message:
+    """One line about one plant."""
+    since = datetime.fromtimestamp(status.since_ns / 1e9, UTC).astimezone()
+    return Message(
+        f"shipping-state-{status.state}",
+        receiver=status.receiver,
+        number=status.number,
+        behind=max(status.newest - status.number, 0),
+        since=f"{since:%Y-%m-%d %H:%M:%S}",
+        reason=status.message or "",
+    )

@@ -1,0 +1,167 @@
+"""Records of a station's log as they arrive elsewhere: number, seal, signature and form of each, before it counts."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from station.domain.records.chain import Value, genesis, link
+from station.domain.records.key_schedule import KEY_EVENT, REVOKED_EVENT, rotation_statement
+from station.domain.records.tables import COLUMNS, row_of
+from station.domain.records.wire import WireRecord, parse
+from station.messages import Message
+
+#: A check of (public key, signature, statement).
+Verify = Callable[[bytes, bytes, bytes], bool]
+
+
+class RefusalReason(StrEnum):
+    """Why a record is not taken."""
+
+    OTHER_LOG = "other-log"  # the station's name comes with a second log
+    OTHER_STATION = "other-station"  # the log is another station's, or says so
+    FORK = "fork"  # the log had another record of this number before
+    OLDER = "older"  # the log ends before what it had already shown
+    GAP = "gap"
+    TAMPERED = "tampered"  # breaks its seal, or does not follow the one before
+    UNSIGNED = "unsigned"
+    FORGED = "forged"  # not signed by the log's key
+    REVOKED = "revoked"
+    NEWER_SCHEMA = "newer-schema"
+    UNKNOWN_ATTEMPT = "unknown-attempt"
+    UNSTORABLE = "unstorable"
+
+
+@dataclass(frozen=True, slots=True)
+class RecordRefusal:
+    """The first record that is not taken, and why. The message names station and number, and the way out."""
+
+    reason: RefusalReason
+    number: int
+    message: Message
+
+
+def refuse(reason: RefusalReason, station: str, number: int) -> RecordRefusal:
+    """The refusal with its sentence."""
+    return RecordRefusal(reason, number, Message(f"plant-{reason}", station=station, number=number))
+
+
+@dataclass(frozen=True, slots=True)
+class Tip:
+    """How far a log has come. key: who signs, 32 bytes; revoked: last trusted record by key, hex; names: what its
+    attempts may call the station."""
+
+    log_id: str
+    station: str
+    key: bytes
+    number: int = 0
+    seal: bytes = b""
+    signature: bytes = b""
+    revoked: Mapping[str, int] = field(default_factory=dict)
+    names: frozenset[str] = frozenset()
+
+    @staticmethod
+    def start(log_id: str, station: str, key: bytes, names: frozenset[str] = frozenset()) -> "Tip":
+        """Of a log that nothing is known of yet."""
+        return Tip(log_id, station, key, seal=genesis(log_id), names=names)
+
+
+@dataclass(frozen=True, slots=True)
+class ArrivedRecord:
+    """A record that counts. values: in the order of its table's columns; its references are numbers of its log."""
+
+    number: int
+    table: str
+    hash: bytes
+    signature: bytes
+    values: tuple[Value, ...]
+
+
+@dataclass(slots=True)
+class Arrival:
+    """Takes records in the order of their numbers, until one is refused.
+
+    Every record is signed but those before the log's first signature, which vouches for all before it: they are taken
+    with it or not at all.
+    """
+
+    tip: Tip
+    verify: Verify
+    taken: list[ArrivedRecord] = field(default_factory=list)
+    refusal: RecordRefusal | None = None
+    _waiting: list[ArrivedRecord] = field(default_factory=list)
+
+    def take(self, records: Sequence[WireRecord]) -> None:
+        """The next records; `taken`, `tip` and `refusal` say what became of them."""
+        settled = self.tip
+        for record in records:
+            reason = self._next(record)
+            if reason is not None:
+                number = self.tip.number + 1 if reason is RefusalReason.GAP else record.number
+                self.refusal = refuse(reason, self.tip.station, number)
+                break
+            if not self._waiting:
+                settled = self.tip
+        if self._waiting and self.refusal is None:
+            self.refusal = refuse(RefusalReason.UNSIGNED, self.tip.station, self._waiting[0].number)
+        self.tip = settled
+
+    def _next(self, record: WireRecord) -> RefusalReason | None:
+        tip = self.tip
+        if record.number != tip.number + 1:
+            return RefusalReason.GAP
+        if link(tip.seal, record.body) != record.hash:
+            return RefusalReason.TAMPERED
+        try:
+            table, values = parse(record.body)
+        except ValueError:
+            table, values = "", {}
+        if reason := self._signature(record, table, values):
+            return reason
+        row = row_of(table, values)
+        if row is None:
+            return RefusalReason.NEWER_SCHEMA
+        if table == "attempt" and values["station"] not in (self.tip.names or {tip.station}):
+            return RefusalReason.OTHER_STATION
+        self.tip = replace(self.tip, number=record.number, seal=record.hash, signature=record.signature)
+        self._waiting.append(ArrivedRecord(record.number, table, record.hash, record.signature, row))
+        if record.signature:
+            self.taken += self._waiting
+            self._waiting.clear()
+        return None
+
+    def _signature(self, record: WireRecord, table: str, values: Mapping[str, Value]) -> RefusalReason | None:
+        if not record.signature:
+            return RefusalReason.UNSIGNED if self.tip.signature else None
+        if table == "event" and "attempt" not in values and values.get("kind") in (KEY_EVENT, REVOKED_EVENT):
+            self._change_key(str(values["kind"]), str(values.get("detail", "")))
+        if not self.verify(self.tip.key, record.signature, record.hash):
+            return RefusalReason.FORGED
+        if record.number > self.tip.revoked.get(self.tip.key.hex(), record.number):
+            return RefusalReason.REVOKED
+        return None
+
+    def _change_key(self, kind: str, detail: str) -> None:
+        """The key that the log names from here on, where the old one signed it over; a key that ends.
+
+        What is not in order leaves the old key, by which the record is then forged.
+        """
+        try:
+            stored = json.loads(detail)
+            key, by_old = bytes.fromhex(stored["public_key"]), bytes.fromhex(stored.get("by_old", ""))
+            beyond = int(stored.get("beyond", 0))
+        except (ValueError, KeyError, TypeError, AttributeError):
+            return
+        old = self.tip.key
+        if kind == REVOKED_EVENT:
+            self.tip = replace(self.tip, revoked={**self.tip.revoked, key.hex(): beyond})
+        elif key != old and by_old and self.verify(old, by_old, rotation_statement(self.tip.log_id, old, key)):
+            self.tip = replace(self.tip, key=key)
+
+
+#: Columns that hold the number of another record of the log, and of which table.
+REFERENCES = {
+    table: tuple((i, "attempt") for i, name in enumerate(names) if name == "attempt")
+    + tuple((i, "document") for i, name in enumerate(names) if name in ("recipe", "product"))
+    for table, names in COLUMNS.items()
+}

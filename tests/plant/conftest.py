@@ -1,0 +1,38 @@
+"""One PostgreSQL for all of these tests, from a wheel; each test has a database of its own."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.fakes import logs
+from tests.fakes.plant import FakePlant, FakeStation, Server
+
+
+@pytest.fixture(scope="session")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    one = Server(tmp_path_factory.mktemp("postgres"))
+    one.start()
+    yield one
+    one.stop()
+
+
+@pytest.fixture
+def plant(server: Server, tmp_path: Path) -> Iterator[FakePlant]:
+    made = FakePlant(server.database(), tmp_path / "objects")
+    yield made
+    made.connections.close()
+
+
+@pytest.fixture
+def new_station(tmp_path: Path) -> Callable[..., FakeStation]:
+    """A station with so many finished units in its log."""
+
+    def make(name: str = "bench-1", units: int = 2) -> FakeStation:
+        station = FakeStation(name, tmp_path)
+        with station.store() as store:
+            for number in range(units):
+                logs.unit(store, f"SN{number:04d}", station=name)
+        return station
+
+    return make
