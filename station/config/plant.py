@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 from station.config.documents import load_document, validate
 from station.config.settings import PathText
-from station.domain.recipe.recipe import Name, Positive, StrictModel
+from station.domain.recipe.fields import Name, Positive, StrictModel
 from station.errors import ConfigError
 
 TokenHash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
