@@ -187,3 +187,27 @@ def test_a_tone_that_follows_the_motors_is_found_with_frequency_and_amplitude() 
     assert ("phase", None) in numbers
     steady = replace(made, reading=made.reading + 1e-3 * np.sin(angle)[:, None] * (made.values["motor"] == 0)[:, None])
     assert "motor-tone" not in found(steady)
+
+
+@pytest.mark.parametrize(("visits", "verdict"), [(2, "incomplete"), (24, "named")])
+def test_a_fault_is_named_only_where_visits_held_out_confirm_it(visits: int, verdict: str) -> None:
+    made = table()
+    fast = made.unit.code == 1
+    values = {key: x for key, x in made.values.items() if key != "counter"}
+    made = replace(made, time_s=np.where(fast, 1.01 * made.time_s, made.time_s), values=values)
+    found = look(RECIPE, made[~fast | (made.visit < visits)])
+    (fault,) = found.faults
+    assert (fault.effect, found.verdict) == ("clock-error", verdict)
+    assert found.depends_on == (("unit",) if fault.gain is None else ())
+
+
+def test_a_fault_of_frames_gains_a_frame_and_one_of_means_in_all() -> None:
+    swapped = replace(table(), reading=table().reading[:, [1, 0, 2]])
+    gain = found(swapped)["axis-permutation"].gain
+    assert gain is not None
+    assert (gain.per, gain.log_score) == (None, gain.total)
+    made = table()
+    gain = found(made[np.arange(len(made)) % 9 != 4])["lost-frames"].gain
+    assert gain is not None
+    assert gain.per == "frame"
+    assert gain.log_score < gain.total

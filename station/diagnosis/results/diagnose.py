@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from station import plugins
 from station.diagnosis.data import input_checks
 from station.diagnosis.data.faults import GrossFault, Inspection, inspect
 from station.diagnosis.data.reduce import reduce_samples
@@ -98,7 +99,7 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
         last=last,
         floor=floor,
         causes=causes,
-        depends_on=_remainder(searched, causes),
+        depends_on=_remainder(searched, news, causes),
         not_testable=_not_testable(inspected, searched),
     )
 
@@ -129,12 +130,28 @@ def _causes(
     return paying or tuple(cause for cause in out if cause.gain.log_score > EXPLAINS_NATS)
 
 
-def _remainder(searched: SearchResult, causes: tuple[Cause, ...]) -> tuple[str, ...]:
+def _remainder(searched: SearchResult, faults: tuple[GrossFault, ...], causes: tuple[Cause, ...]) -> tuple[str, ...]:
     """On what depends that which no accepted cause explains: a kernel that is left, or the kernels that follow an alarm
-    whose cause gains nothing that held-out data confirm."""
+    whose cause gains nothing that held-out data confirm, or what such a cause itself acts by."""
+    unconfirmed = [f.effect for f in faults if f.gain is None]
     if searched.words or not searched.findings or any(cause.gain.accepted for cause in causes):
-        return searched.words
-    return searched.findings[0].covariates
+        return tuple(dict.fromkeys((*searched.words, *map(_acts_by, unconfirmed))))
+    unconfirmed += [cause.finding.name for cause in causes]
+    return searched.findings[0].covariates or tuple(dict.fromkeys(map(_acts_by, unconfirmed)))
+
+
+def _acts_by(effect_id: str) -> str:
+    """The word of `unknown.depends_on` for what a cause acts by."""
+    return _WORDS.get(plugins.load_all("station.model.effects")[effect_id].drawn_over, "input")  # type: ignore[attr-defined]
+
+
+#: Words for what causes are drawn over; the others are drawn over the input or what is read of it.
+_WORDS = {
+    "dwell": "dwell-phase", "spectrum": "dwell-phase", "order": "order", "step": "order", "run": "order",
+    "temperature": "temperature", "temperature-input": "temperature", "temperature-rate": "temperature",
+    "time": "time", "since-clamp": "time", "since-power": "time", "position": "position", "visits": "position",
+    "unit": "unit", "group": "group",
+}  # fmt: skip
 
 
 def _still_exceeds_allowance(finding: CauseFinding, searched: SearchResult, floor: FittedFloor) -> bool:

@@ -20,10 +20,10 @@ SCHEMA = "station.diagnosis/1"
 def document(
     d: Diagnosis, next_run: Mapping[str, Any] | None = None, line: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """The document; numbers finite, in the recipe's unit. line: see `line_impact.document`."""
+    """The document; numbers finite or null, in the recipe's unit. line: see `line_impact.document`."""
     visits = d.search_result.first.view.scene.visits
     floor = d.floor.floor
-    return {
+    made = {
         "schema": SCHEMA,
         "data": {
             "units": len(d.table.unit.names),
@@ -61,6 +61,16 @@ def document(
         "line": line,
         "next_run": next_run,
     }
+    return {key: _finite(value) for key, value in made.items()}
+
+
+def _finite(value: Any) -> Any:
+    """The value with null for every number that JSON has no word for."""
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: _finite(x) for key, x in value.items()}
+    return [_finite(x) for x in value] if isinstance(value, (list, tuple)) else value
 
 
 def within_visit_rms(d: Diagnosis) -> float:

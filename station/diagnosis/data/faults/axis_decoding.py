@@ -159,7 +159,7 @@ def _held_out_gain(scene: Scene, mean: Floats, found: dict[int, AxisDecoding]) -
         return None
     every = np.concatenate(score)
     before, after = np.sqrt(squares / (len(every) * (3 if scene.recipe.pose_known else 1)))
-    return block_gain(every, np.ones(len(every)), "visit", rms=(float(before), float(after)))
+    return block_gain(every, np.ones(len(every)), None, rms=(float(before), float(after)))
 
 
 def _gaussian_scores(y: Floats, predicted: Floats, fitted: Array, judged: Array) -> tuple[Floats, float]:

@@ -38,11 +38,11 @@ ROUNDS = 3
 @dataclass(frozen=True, slots=True, eq=False)
 class ClockRates:
     """Of each unit (U) the relative error of its rate and the standard deviation, NaN where nothing tells; error,
-    weight (u, s): of each of its stops on its own, weight 0 where a stop tells nothing."""
+    weight, frames (u, s): of each of its stops on its own, weight 0 where a stop tells nothing."""
 
     error: Floats
     std: Floats
-    stops: tuple[tuple[Floats, Floats], ...]
+    stops: tuple[tuple[Floats, Floats, Floats], ...]
 
 
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
@@ -72,12 +72,13 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     return [GrossFault("clock-error", "unit", numbers, sentence, nats, gain=gain)]
 
 
-def _held_out_gain(units: list[tuple[Floats, Floats]], tolerance: float) -> BlockGain | None:
+def _held_out_gain(units: list[tuple[Floats, Floats, Floats]], tolerance: float) -> BlockGain | None:
     """What the rate of one half of a unit's stops gains at the other half, beside the nearest rate within the
     tolerance; Gaussian, with the scatter of the stops fitted."""
     scores, counts = [], []
-    for every, weights in units:
-        error, weight = every[weights > 0], weights[weights > 0]
+    for every, weights, number in units:
+        live = weights > 0
+        error, weight, frames = every[live], weights[live], number[live]
         half = halves_of(len(error))
         for part in (0, 1):
             fitted, judged = half != part, half == part
@@ -88,8 +89,8 @@ def _held_out_gain(units: list[tuple[Floats, Floats]], tolerance: float) -> Bloc
             scale = weight[judged] / max(variance, STAMP_STD_S**2)
             nearest = float(np.clip(rate, -tolerance, tolerance))
             scores.append(0.5 * scale * ((error[judged] - nearest) ** 2 - (error[judged] - rate) ** 2))
-            counts.append(np.ones(int(judged.sum())))
-    return block_gain(np.concatenate(scores), np.concatenate(counts), "visit") if scores else None
+            counts.append(frames[judged])
+    return block_gain(np.concatenate(scores), np.concatenate(counts), "frame") if scores else None
 
 
 def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> ClockRates:
@@ -102,7 +103,7 @@ def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> ClockRa
     has = "counter" in table.values
     counted = unwrapped(table.values["counter"], stop, bits) if has else None
     error, std = np.full((2, len(table.unit.names)), np.nan)
-    stops = [(np.zeros(0), np.zeros(0))] * len(error)
+    stops = [(np.zeros(0), np.zeros(0), np.zeros(0))] * len(error)
     for u, of in enumerate(rows_of_units(table.unit)):
         rows = np.arange(of.start, of.stop)
         if len(rows) < 3:
@@ -164,9 +165,11 @@ def _running_minimum(values: Floats, group: Array) -> Floats:
     return np.asarray(np.minimum.accumulate(values - step) + step)
 
 
-def _slope(time_s: Floats, device_s: Floats, group: Array, stop: Array) -> tuple[float, float, tuple[Floats, Floats]]:
+def _slope(
+    time_s: Floats, device_s: Floats, group: Array, stop: Array
+) -> tuple[float, float, tuple[Floats, Floats, Floats]]:
     """Relative error of the device's time against the host's, with one offset for each group, and its deviation by the
-    scatter of the stops; and error and weight (s) of each stop on its own."""
+    scatter of the stops; and error, weight and frames (s) of each stop on its own."""
     _, code = np.unique(group, return_inverse=True)
     count = np.bincount(code)
     t = time_s - (np.bincount(code, time_s) / count)[code]
@@ -174,7 +177,7 @@ def _slope(time_s: Floats, device_s: Floats, group: Array, stop: Array) -> tuple
     spread = float(t @ t)
     free = len(t) - len(count) - 1
     if spread <= 0 or free < 1:
-        return float("nan"), float("nan"), (np.zeros(0), np.zeros(0))
+        return float("nan"), float("nan"), (np.zeros(0), np.zeros(0), np.zeros(0))
     slope = float(t @ y) / spread
     residual = y - slope * t
     std = float(np.sqrt(np.sum(residual**2) / free / spread))
@@ -182,7 +185,7 @@ def _slope(time_s: Floats, device_s: Floats, group: Array, stop: Array) -> tuple
     own = np.where(weight > 0, np.bincount(stop, t * y) / np.where(weight > 0, weight, 1.0), 0.0)
     spare = max(len(pulls) - (len(count) if len(count) < len(pulls) else 0) - 1, 1)
     std = max(std, float(np.sqrt(np.sum(pulls**2) * len(pulls) / spare)) / spread)
-    return slope, std + 1e-9, (own, np.asarray(weight, float))
+    return slope, std + 1e-9, (own, np.asarray(weight, float), np.bincount(stop).astype(float))
 
 
 def _numbers_across_visits(

@@ -68,7 +68,7 @@ def find(scene: Scene, reading: Floats, t: Floats) -> GoldCourse | None:
     if nats - costs[best] < MIN_NATS:
         return None
     share, at_s = shapes[best]
-    gain = _held_out_gain(y, _about_means(share[:, None] * along, place))
+    gain = held_out_gain(y, _about_means(share[:, None] * along, place))
     return GoldCourse(offset, std, share, at_s, span, nats - costs[best], gain)
 
 
@@ -114,8 +114,8 @@ def _fit(y: Floats, X: Floats, free: int) -> tuple[float, Floats, Floats]:
     return 0.5 * free * float(np.log(before / after)), found, np.sqrt(variance * np.diag(inverse))
 
 
-def _held_out_gain(y: Floats, X: Floats) -> BlockGain | None:
-    """What one half of the visits tells of the other."""
+def held_out_gain(y: Floats, X: Floats) -> BlockGain | None:
+    """What one half of the visits tells of the other: of y (v) by the columns X (v, k)."""
     half = halves_of(len(y))
     score = np.zeros(len(y))
     squares = np.zeros(2)
@@ -128,4 +128,4 @@ def _held_out_gain(y: Floats, X: Floats) -> BlockGain | None:
         score[judged] = each[1] - each[0]
         squares += [float(np.sum(x[judged] ** 2)) for x in (y, residual)]
     before, after = np.sqrt(squares / len(y))
-    return block_gain(score, np.ones(len(y)), "visit", rms=(float(before), float(after)))
+    return block_gain(score, np.ones(len(y)), None, rms=(float(before), float(after)))

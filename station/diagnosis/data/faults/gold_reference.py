@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.data.faults import gold_course
-from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault
+from station.diagnosis.data.faults.gross_fault import BlockGain, FaultParameter, GrossFault
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.effect import stimulus_strength
@@ -34,12 +34,20 @@ QUIET_FROM = 0.4
 @dataclass(frozen=True, slots=True, eq=False)
 class GoldLengths:
     """Of each position (p): how much longer the gold's reading is than it should be; the nominal direction (p, 3) in
-    the nest's frame and length; covariance (p, p)."""
+    the nest's frame and length; covariance (p, p). every, place (v): excess of each visit, and its position."""
 
     excess: Floats
     direction: Floats
     length: Floats
     covariance: Floats
+    every: Floats
+    place: NDArray[np.intp]
+
+    def held_out_gain(self, columns: Floats, others: Floats) -> BlockGain | None:
+        """What columns (p, k) say, beside others (p, l) that are known, of visits that they were not fitted to."""
+        both = np.concatenate([columns, others], axis=1)
+        known = others @ self.fit(both)[0][columns.shape[1] :]
+        return gold_course.held_out_gain(self.every - known[self.place], columns[self.place])
 
     def fit(self, columns: Floats) -> tuple[Floats, Floats, float]:
         """Coefficients of columns (p, k), their covariance, and by how much χ² falls."""
@@ -75,12 +83,13 @@ def faults(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.in
     like = tuple(name for name in causes if name not in chosen and falls[first] - falls[name] < GOLD_SEPARATION**2)
     found, covariance, fall = lengths.fit(np.concatenate([columns[name] for name in chosen], axis=1))
     std = np.sqrt(np.diag(covariance))
-    return [
-        _fault(
-            name, found[at], std[at], 0.5 * (fall if len(chosen) == 1 else both - falls[chosen[1 - i]]), recipe, like
-        )
-        for i, (name, at) in enumerate(_coefficient_slices(chosen, columns))
-    ]
+    made = []
+    for i, (name, at) in enumerate(_coefficient_slices(chosen, columns)):
+        nats = 0.5 * (fall if len(chosen) == 1 else both - falls[chosen[1 - i]])
+        others = [np.zeros((len(lengths.length), 0)), *(columns[n] for n in chosen if n != name)]
+        gain = lengths.held_out_gain(columns[name], np.concatenate(others, axis=1))
+        made.append(replace(_fault(name, found[at], std[at], nats, recipe, like), gain=gain))
+    return made
 
 
 def course(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.intp]) -> gold_course.GoldCourse | None:
@@ -169,7 +178,8 @@ def _lengths(recipe: Recipe, scene: Scene, still: tuple[Floats, Floats]) -> Gold
     gains = directions**2 * lengths[:, None]
     covariance = np.diag(noise / count[used]) + offset_std**2 * directions @ directions.T
     covariance += gain_std**2 * gains @ gains.T + _gravity_std(recipe) ** 2 * np.outer(lengths, lengths)
-    return GoldLengths(mean(excess)[used], directions, lengths, covariance)
+    place = (np.cumsum(used) - 1)[code]
+    return GoldLengths(mean(excess)[used], directions, lengths, covariance, excess, place)
 
 
 def _gravity_std(recipe: Recipe) -> float:

@@ -15,11 +15,11 @@ ACCEPTED_SIGMA, MIN_BLOCKS = 2.0, 2
 
 @dataclass(frozen=True, slots=True)
 class BlockGain:
-    """What a fault gains on data that it was not fitted to: nats per `per`, with the standard error over the blocks
-    held out (`held_out_by`); total: nats of all of them; rms before and after in the recipe's unit where the fault
-    moves means, else None."""
+    """What a fault gains on data that it was not fitted to: nats per `per`, or of all where the fault moves means, with
+    the standard error over the blocks held out (`held_out_by`); total: nats of all of them; rms before and after in the
+    recipe's unit where the fault moves means, else None."""
 
-    per: Literal["sample", "frame", "visit"]
+    per: Literal["sample", "frame"] | None
     held_out_by: str
     log_score: float
     std_error: float
@@ -37,12 +37,13 @@ class BlockGain:
 def block_gain(
     scores: Floats,
     counts: Floats,
-    per: Literal["sample", "frame", "visit"],
+    per: Literal["sample", "frame"] | None,
     held_out_by: str = "visit",
     rms: tuple[float, float] | None = None,
 ) -> BlockGain | None:
     """From each block's difference of logarithmic scores (b), summed over its `counts` (b) samples or frames: the
-    ratio of both sums, its standard error by the spread of the blocks. None where too few blocks were held out."""
+    ratio of both sums, or the sum alone, its standard error by the spread of the blocks. None where too few blocks were
+    held out."""
     live = counts > 0
     scores, counts = np.asarray(scores, float)[live], np.asarray(counts, float)[live]
     if len(scores) < MIN_BLOCKS:
@@ -50,7 +51,8 @@ def block_gain(
     mean = float(scores.sum() / counts.sum())
     spread = float(np.sqrt(np.sum((scores - mean * counts) ** 2) * len(scores) / (len(scores) - 1)))
     before, after = (None, None) if rms is None else rms
-    return BlockGain(per, held_out_by, mean, spread / float(counts.sum()), float(scores.sum()), before, after)
+    total, whole = float(scores.sum()), 1.0 if per is None else float(counts.sum())
+    return BlockGain(per, held_out_by, total / whole, spread / whole, total, before, after)
 
 
 def halves_of(blocks: int) -> NDArray[np.intp]:
