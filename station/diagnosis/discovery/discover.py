@@ -1,0 +1,221 @@
+"""The search for a formula: terms one after another, each the best of the whole grammar on what the others leave.
+
+A term is taken up when its score (evidence less its price) is beyond what the best of all terms reaches by chance. What
+cannot be told from it is kept beside it. In the end the diagnosis' own alarm goes over what is left: while anything
+still alarms, the formula is a part of the truth, not the whole.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.diagnosis.discovery import chance
+from station.diagnosis.discovery.library import libraries
+from station.diagnosis.discovery.scan import Choice, Scan, scan_of, scanned_units
+from station.diagnosis.discovery.term_fit import TermFit, accepted, fit_term, refine, with_levels
+from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
+from station.diagnosis.linear.projection import ResidualSpace
+from station.diagnosis.search.alarm import NullDistribution, statistic
+from station.diagnosis.search.cause_search import build_banks
+from station.diagnosis.search.problem import refined
+from station.diagnosis.search.scoring import ScoringProblem, score_bank
+from station.diagnosis.search.walk_marginal import marginalise_walks
+from station.model.formula.grammar import INPUTS, MODULATORS, columns_of
+from station.model.formula.term import Term
+
+#: Terms of a formula at most.
+MAX_TERMS = 3
+#: Families whose constants are refined, and how far behind the best of the scan they may be, nats.
+MOST_REFINED, REFINED_NATS = 20, 9.0
+#: Formulas so near to the best, nats, are given as one set.
+SET_NATS = 3.0
+#: Units that the scan goes over at most; what it finds is judged by all.
+MOST_SCANNED_UNITS = 12
+#: What is shared by the groups of these levels is tried for the inputs that a rig's groups may have.
+GROUP_LEVELS = ("nest", "station", "lot", "operator", "position", "run", "power-on")
+
+ThresholdOf = Callable[[ScoringProblem, FittedFloor, Sequence[Scan]], float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundTerm:
+    """A term of the formula, and those that cannot be told from it, the simplest first."""
+
+    name: str
+    fit: TermFit
+    score: float
+    equivalent: tuple[TermFit, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Discovery:
+    """terms: of the formula, none where nothing expressible fits; problem: with them accepted last; threshold: the
+    score by chance; quiet: whether nothing alarms any more; first: index of the first term among the accepted."""
+
+    terms: tuple[FoundTerm, ...]
+    problem: ScoringProblem
+    threshold: float
+    quiet: bool
+    first: int
+
+
+def discover(
+    problem: ScoringProblem, null: NullDistribution, hidden: Sequence[str], seed: int, threshold_of: ThresholdOf | None = None
+) -> Discovery:
+    """The formula for what a problem leaves. null: of the diagnosis' alarm; hidden: causes that these data cannot show.
+
+    threshold_of: the score by chance, where somebody has it already.
+    """
+    search = _FormulaSearch(problem, seed, threshold_of)
+    found: list[FoundTerm] = []
+    first = len(problem.accepted)
+    while len(found) < MAX_TERMS and (best := search.best(problem, f"formula-{len(found) + 1}")) is not None:
+        problem = _with_term(problem, best)
+        found.append(best)
+        if len(found) > 1:
+            problem, found = search.fitted_back(problem, found, first)
+    quiet = bool(found) and _is_quiet(problem, null, hidden)
+    return Discovery(tuple(found), problem, search.threshold, quiet, first)
+
+
+class _FormulaSearch:
+    """The state of a search: the score by chance, drawn once."""
+
+    def __init__(self, problem: ScoringProblem, seed: int, threshold_of: ThresholdOf | None) -> None:
+        self._seed = seed
+        self._threshold_of = threshold_of or self._drawn
+        self._levels = _levels_of(problem)
+        self._threshold: float | None = None
+
+    @property
+    def threshold(self) -> float:
+        """The score by chance."""
+        return np.inf if self._threshold is None else self._threshold
+
+    def _drawn(self, problem: ScoringProblem, fitted: FittedFloor, scans: Sequence[Scan]) -> float:
+        return chance.threshold(problem, fitted, scans, self._seed)
+
+    def best(self, problem: ScoringProblem, name: str) -> FoundTerm | None:
+        """The best term on what a problem leaves; None where chance does as well."""
+        fitted, units = problem.fit(), scanned_units(problem, MOST_SCANNED_UNITS)
+        scans = [scan_of(x, problem.view, units, fitted.floor) for x in libraries(problem.view)]
+        if self._threshold is None:
+            self._threshold = self._threshold_of(problem, fitted, scans)
+        return self._ranked(problem, fitted.floor, [c.term for c in _best_choices(scans)], name)
+
+    def _ranked(self, problem: ScoringProblem, floor: NoiseFloor, terms: Sequence[Term], name: str) -> FoundTerm | None:
+        """The best of some terms with their constants refined, judged under the floor that fits best with it."""
+        spaces = _Spaces(problem, floor)
+        fits = [refine(t, problem.view, spaces.of(t)) for t in terms]
+        fits += [fit_term(t, problem.view, spaces.of(t)) for t in _group_terms(problem)]
+        fits = sorted(fits, key=lambda f: -f.score)[:MOST_REFINED]
+        if not fits or fits[0].score < self.threshold - SET_NATS:
+            return None
+        leader = fits[0]
+        with_it = problem.beside((*problem.accepted, accepted(leader, problem.view, name))).fit(floor).floor
+        fairer = _Spaces(problem, with_it)
+        top = [f for f in fits if f.score > leader.score - REFINED_NATS]
+        again = [
+            with_levels(refine(f.term, problem.view, fairer.of(f.term)), problem.view, fairer.of(f.term), self._levels)
+            for f in top
+        ]
+        again.sort(key=lambda f: -f.score)
+        best = again[0]
+        score = best.score + fairer.of(best.term).profile - spaces.of(best.term).profile
+        if score < self.threshold:
+            return None
+        near = _distinct([f for f in again if f.score > best.score - SET_NATS], best)
+        return FoundTerm(name, best, score, near)
+
+    def fitted_back(
+        self, problem: ScoringProblem, found: list[FoundTerm], first: int
+    ) -> tuple[ScoringProblem, list[FoundTerm]]:
+        """The terms found before the last one, each looked for again beside all others."""
+        for i in range(len(found) - 1):
+            bare = problem.without(first + i)
+            better = self.best(bare, found[i].name)
+            if better is None:
+                continue
+            items = list(bare.accepted)
+            items.insert(first + i, accepted(better.fit, bare.view, better.name))
+            problem, found[i] = refined(bare.beside(items), rounds=2), better
+        return problem, found
+
+
+class _Spaces:
+    """A problem's spaces under one floor, each made when it is needed."""
+
+    def __init__(self, problem: ScoringProblem, floor: NoiseFloor) -> None:
+        self._problem, self._floor = problem, floor
+        self._made: dict[bool, ResidualSpace] = {}
+
+    def of(self, term: Term) -> ResidualSpace:
+        """The space that a term is judged in."""
+        moving = "since_arrival_s" in term.needs
+        if moving not in self._made:
+            self._made[moving] = self._problem.space(self._floor, moving=moving)
+        return self._made[moving]
+
+
+def _best_choices(scans: Sequence[Scan]) -> list[Choice]:
+    """The best choice of each family and way of its axes, as far as they are near the best of all."""
+    best: dict[tuple[str, str, int], tuple[float, Choice]] = {}
+    for scan in scans:
+        for batch, values in scan.scores(scan.space.residual[..., None]):
+            for at in np.argsort(-values[:, 0])[: 4 * MOST_REFINED]:
+                choice, value = batch.choices[at], float(values[at, 0])
+                key = (*choice.term.family, 0)
+                if key not in best or value > best[key][0]:
+                    best[key] = (value, choice)
+    ranked = sorted(best.values(), key=lambda pair: -pair[0])
+    top = ranked[0][0] if ranked else 0.0
+    return [c for value, c in ranked if value > top - REFINED_NATS][:MOST_REFINED]
+
+
+def _levels_of(problem: ScoringProblem) -> tuple[str, ...]:
+    """Levels at which a coefficient of its own may stand, that differ in these data; no two group alike."""
+    return tuple(_distinct_levels(problem, ("unit", "common", "nest", "station", "lot", "operator")))
+
+
+def _distinct_levels(problem: ScoringProblem, levels: Sequence[str]) -> Iterator[str]:
+    seen: set[bytes] = set()
+    for of in levels:
+        key = problem.view.scene.group(of)[0].tobytes()
+        if key not in seen:
+            seen.add(key)
+            yield of
+
+
+def _group_terms(problem: ScoringProblem) -> Iterator[Term]:
+    """Terms that the rig's groups may have: an offset or a gain of each, and turns of its parts."""
+    levels = [of for of in _distinct_levels(problem, ("common", "unit", *GROUP_LEVELS)) if of in GROUP_LEVELS]
+    wanted = [("one", of) for of in levels] + [("own", of) for of in levels if of != "position"]
+    if problem.view.grid.k == 3:
+        wanted += [("turn-station", "common"), *(("turn-nest", of) for of in ("common", "nest", "position"))]
+        wanted += [("turn-device", of) for of in ("unit", "common")]
+    for name, of in wanted:
+        axes = tuple(c.label for c in columns_of(INPUTS[name], MODULATORS["constant"]))
+        yield Term(name, "constant", axes, of)
+
+
+def _with_term(problem: ScoringProblem, found: FoundTerm) -> ScoringProblem:
+    """The problem with a term accepted and everything known at its best."""
+    item = accepted(found.fit, problem.view, found.name)
+    return refined(problem.beside((*problem.accepted, item)), rounds=2)
+
+
+def _distinct(near: Sequence[TermFit], best: TermFit) -> tuple[TermFit, ...]:
+    """The best of each family but the leader's own, the simplest first."""
+    found: dict[tuple[str, str], TermFit] = {}
+    for f in near:
+        if f.term.family != best.term.family:
+            found.setdefault(f.term.family, f)
+    return tuple(sorted(found.values(), key=lambda f: (f.term.size, -f.score)))
+
+
+def _is_quiet(problem: ScoringProblem, null: NullDistribution, hidden: Sequence[str]) -> bool:
+    """Whether the diagnosis' own alarm finds nothing in what is left."""
+    fitted = problem.fit()
+    now = marginalise_walks(problem, score_bank(problem, build_banks(problem.view, hidden), fitted.floor))
+    return statistic(null, now.evidence()) <= null.threshold

@@ -1,0 +1,227 @@
+"""All terms of a library judged at once: one product of matrices with what the causes of the library left.
+
+The columns are whitened and freed of what is known, as the floor sees them. A choice is a term with some of its axes
+and one set of coefficients for all units, or one a unit; of a choice the share of the sum of squares that it takes up
+is all that its evidence needs.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.discovery.evidence import log_evidence
+from station.diagnosis.discovery.library import Library, Product
+from station.diagnosis.discovery.price import price
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.linear.projection import DataColumns, ResidualSpace
+from station.diagnosis.search.scoring import ScoringProblem, ScoringSetting
+from station.domain.core.types import Array, Floats
+from station.model.formula.term import Term
+
+#: Columns that are laid out at once.
+COLUMNS_AT_ONCE = 1500
+#: A direction that keeps less than this share of its length is lost in what is known.
+VISIBLE_SHARE = 1e-6
+#: Coefficients of one unit beyond which a term is not tried unit by unit.
+MOST_PER_UNIT = 6
+
+
+class Choice(NamedTuple):
+    """One product with some of its columns, shared by all or own to each unit."""
+
+    product: Product
+    columns: tuple[int, ...]
+    of: str
+
+    @property
+    def term(self) -> Term:
+        """The term that it is."""
+        return self.product.term(self.columns, self.of)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChoiceBatch:
+    """Choices of as many columns each: turn (U or 1, F, K, K) to orthonormal directions; rank (F) of them; prices."""
+
+    choices: tuple[Choice, ...]
+    index: NDArray[np.intp]
+    turn: Floats
+    rank: NDArray[np.intp]
+    prices: Floats
+
+    def taken(self, products: Array) -> Array:
+        """The sum of squares (F, n) that each takes up of data whose products with all columns are (U, C, n)."""
+        if len(self.turn) == 1:
+            products = products.sum(0, keepdims=True)
+        turn = self.turn.astype(products.dtype, copy=False)
+        if self.index.shape[1] == 1:
+            along = products[:, self.index[:, 0]] * turn[:, :, 0]
+            return np.asarray(np.einsum("ufn,ufn->fn", along, along))
+        along = turn @ products[:, self.index]
+        return np.asarray(np.einsum("ufkn,ufkn->fn", along, along))
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """A library in a space: white columns (U, C, M) free of the own known ones, and every choice of them."""
+
+    space: ResidualSpace
+    columns: Floats
+    batches: tuple[ChoiceBatch, ...]
+
+    @cached_property
+    def single(self) -> Array:
+        """The columns in single precision, which is enough for chance."""
+        return self.columns.astype(np.float32)
+
+    def scores(self, data: Array) -> Iterator[tuple[ChoiceBatch, Floats]]:
+        """Log evidence less price (F, n) of each batch for residuals (U, M, n)."""
+        columns = self.single if data.dtype == np.float32 else self.columns
+        products, rest = columns @ data, np.einsum("umn,umn->n", data, data)
+        for batch in self.batches:
+            share = batch.taken(products) / rest
+            value = np.empty(share.shape)
+            for rank in np.unique(batch.rank):
+                at = batch.rank == rank
+                value[at] = log_evidence(share[at], int(rank), self.space.dof) if rank else -np.inf
+            yield batch, value - batch.prices[:, None]
+
+
+class ScannedUnits(NamedTuple):
+    """The units that a scan goes over: their setting, and which stops (v) are theirs."""
+
+    setting: ScoringSetting
+    stops: Array
+
+
+def scanned_units(problem: ScoringProblem, most: int) -> ScannedUnits:
+    """All units of a problem, or the first so many of a fleet."""
+    units = problem.view.grid.units
+    if units <= most:
+        return ScannedUnits(problem.setting, np.ones(len(problem.view.reduced.mean), bool))
+    return ScannedUnits(*problem.setting.of_units(np.arange(most)))
+
+
+def scan_of(library: Library, view: ResidualView, units: ScannedUnits, floor: NoiseFloor) -> Scan:
+    """The library as some units see it under a floor."""
+    parts, lengths = [], []
+    space = units.setting.space(floor, moving=library.moving)
+    for some in _portions(library):
+        white, length = _white_columns(library, some, view, units, space)
+        parts.append(white)
+        lengths.append(length)
+    columns = np.ascontiguousarray(np.concatenate(parts, axis=2).swapaxes(1, 2))
+    batches = tuple(_batches(library, columns, np.concatenate(lengths, axis=1), space))
+    return Scan(space, columns, batches)
+
+
+def _portions(library: Library) -> Iterator[list[Product]]:
+    some: list[Product] = []
+    for p in library.products:
+        some.append(p)
+        if sum(len(x.columns) for x in some) >= COLUMNS_AT_ONCE:
+            yield some
+            some = []
+    if some:
+        yield some
+
+
+def _white_columns(
+    library: Library, some: Sequence[Product], view: ResidualView, units: ScannedUnits, space: ResidualSpace
+) -> tuple[Floats, Floats]:
+    """White columns (U, M, c) of some products, and their squared lengths (U, c) before anything known is taken off."""
+    values, axes = library.values(some)
+    rows = _placed(view, values, axes, units, moving=library.moving)
+    U, R, m, _ = rows.stop.shape
+    white = space.covariance.whiten(rows, space.dwell, space.basis.shape[1] - R * m - space.dwell)
+    length = np.einsum("umc,umc->uc", white, white)
+    white -= space.basis @ (space.basis.transpose(0, 2, 1) @ white)
+    return white, length
+
+
+def _placed(
+    view: ResidualView, values: Floats, axes: Sequence[int], units: ScannedUnits, *, moving: bool
+) -> DataColumns:
+    """Values (n, c), each on its axis, as rows of the units."""
+    layout, stops = units.setting.layout, units.stops
+    if not moving:
+        stop = np.zeros((int(stops.sum()), 3, len(axes)))
+        stop[:, axes, np.arange(len(axes))] = values[stops]
+        return layout.rows(stop, None)
+    parts = []
+    for column, axis in zip(values.T, axes, strict=True):
+        fine = np.zeros((len(values), 3))
+        fine[:, axis] = column
+        parts.append(view.reduced.reduce_fine(fine))
+    means, contrasts = (np.stack([p[i][stops] for p in parts], axis=-1) for i in (0, 1))
+    return layout.rows(means, contrasts)
+
+
+def _batches(library: Library, columns: Floats, length: Floats, space: ResidualSpace) -> Iterator[ChoiceBatch]:
+    by_width: dict[tuple[int, str], list[Choice]] = {}
+    levels = ("unit", "common") if len(columns) > 1 else ("unit",)
+    for p in library.products:
+        for chosen in _subsets(p):
+            for of in levels:
+                if of == "common" or len(chosen) <= MOST_PER_UNIT:
+                    by_width.setdefault((len(chosen), of), []).append(Choice(p, chosen, of))
+    for (_, of), choices in by_width.items():
+        yield _batch(choices, columns, length, space, of)
+
+
+def _subsets(p: Product) -> Iterator[tuple[int, ...]]:
+    """Every axis together, and each alone with all its phases."""
+    yield tuple(range(len(p.columns)))
+    alone: dict[tuple[int, int], list[int]] = {}
+    for at, c in enumerate(p.columns):
+        alone.setdefault((c.i, c.j), []).append(at)
+    if len(alone) > 1:
+        yield from (tuple(at) for at in alone.values())
+
+
+def _batch(choices: list[Choice], columns: Floats, length: Floats, space: ResidualSpace, of: str) -> ChoiceBatch:
+    index = np.array([[c.product.first + at for at in c.columns] for c in choices])
+    normal = _normal(columns, index)
+    scale = length[:, index].mean(axis=2)
+    if of == "common":
+        normal, scale = normal.sum(0, keepdims=True), scale.sum(0, keepdims=True)
+        if space.shared_basis.shape[2]:
+            cross = np.einsum("ucm,ums->cs", columns, space.shared_basis)[index]
+            normal = normal - cross @ cross.swapaxes(-1, -2)
+    m, E = (normal[..., 0], np.ones_like(normal)) if normal.shape[-1] == 1 else np.linalg.eigh(normal)
+    seen = m > VISIBLE_SHARE * np.maximum(scale, 1e-300)[..., None]
+    turn = (E * np.where(seen, 1 / np.sqrt(np.where(seen, m, 1.0)), 0.0)[..., None, :]).swapaxes(-1, -2)
+    rank = np.count_nonzero(seen, axis=(0, 2))
+    rank = np.where(rank > space.dof // 4, 0, rank)
+    return ChoiceBatch(tuple(choices), index, turn, rank, _prices(choices))
+
+
+def _normal(columns: Floats, index: NDArray[np.intp]) -> Floats:
+    """Normal matrices (U, F, K, K) of the choices' columns."""
+    if index.shape[1] == 1:
+        squares = np.einsum("ucm,ucm->uc", columns, columns)
+        return np.asarray(squares[:, index][..., None])
+    parts = []
+    for some in np.array_split(index, max(1, len(index) // 400)):
+        rows = columns[:, some]
+        parts.append(rows @ rows.swapaxes(-1, -2))
+    return np.concatenate(parts, axis=1)
+
+
+def _prices(choices: Sequence[Choice]) -> Floats:
+    """The price of each; of one product only the number of its axes makes a difference."""
+    known: dict[tuple[str, str, int, str], float] = {}
+    for c in choices:
+        key = _price_key(c)
+        if key not in known:
+            known[key] = price(c.term)
+    return np.array([known[_price_key(c)] for c in choices])
+
+
+def _price_key(c: Choice) -> tuple[str, str, int, str]:
+    return c.product.input.factor.name, c.product.modulator.factor.name, len(c.columns), c.of

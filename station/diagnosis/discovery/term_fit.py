@@ -1,0 +1,211 @@
+"""One term judged exactly in a space, and its constants at their best."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
+from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidate
+from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.discovery.evidence import log_evidence
+from station.diagnosis.discovery.price import price
+from station.diagnosis.discovery.scan import VISIBLE_SHARE
+from station.diagnosis.linear.evidence import Pattern
+from station.diagnosis.linear.projection import ResidualSpace
+from station.domain.core.types import Floats
+from station.model.formula.grammar import CONSTANTS
+from station.model.formula.term import Term
+from station.model.formula.term_effect import effect_of
+from station.model.forward import sensor_signal
+
+#: The name of a term that has none yet.
+UNNAMED = "hypothesis"
+#: The prior of an accepted term's coefficients beside their size.
+WIDE = 3.0
+#: Golden section's share, its steps, and the rounds where a term has two constants.
+GOLDEN, STEPS, ROUNDS = 0.5 * (5**0.5 - 1), 9, 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TermFit:
+    """A term in a space: share of the sum of squares that it takes up, coefficients (K) in all, their rms, log
+    evidence; signal (U, M) is what it leaves in the white rows at its best."""
+
+    term: Term
+    share: float
+    coefficients: int
+    rms: float
+    evidence: float
+    signal: Floats
+
+    @property
+    def score(self) -> float:
+        """Evidence less the price of the formula, nats."""
+        return self.evidence - price(self.term)
+
+    @property
+    def d(self) -> float:
+        """Length of its signal."""
+        return float(np.sqrt(max(float(np.sum(self.signal**2)) - self.coefficients, 0.0)))
+
+
+def candidate_of(term: Term, view: ResidualView, rms: float = 0.0, name: str = UNNAMED) -> Candidate:
+    """A term as a candidate of the diagnosis, with its columns in a view."""
+    effect = effect_of(term, name, rms)
+    code, names = view.scene.group(term.of)
+    pattern: Pattern = "own" if term.of in PER_UNIT_LEVELS else "shared"
+    stop, dwell = view.signature(effect, term.of) if _by_simulation(term) else (_still_columns(term, view), None)
+    return Candidate(name, effect, term.of, pattern, code, names, stop, dwell)
+
+
+def _by_simulation(term: Term) -> bool:
+    return term.is_turn or "since_arrival_s" in term.needs
+
+
+def _still_columns(term: Term, view: ResidualView) -> Floats:
+    """Columns (v, 3, K) of a term that stands still during a visit."""
+    signal = sensor_signal(view.scene, view.active)
+    stop = np.zeros((len(view.reduced.mean), 3, len(term.columns)))
+    for at, column in enumerate(term.columns):
+        stop[:, column.i, at] = term.column(column, signal)
+    return stop
+
+
+def fit_term(term: Term, view: ResidualView, space: ResidualSpace) -> TermFit:
+    """A term in a space."""
+    candidate = candidate_of(term, view)
+    rows = candidate.rows(view.layout)
+    U, R, m, _ = rows.stop.shape
+    white = space.covariance.whiten(rows, space.dwell, space.basis.shape[1] - R * m - space.dwell)
+    length = np.einsum("umk,umk->uk", white, white)
+    white -= space.basis @ (space.basis.transpose(0, 2, 1) @ white)
+    own = candidate.pattern == "own"
+    basis, rank = _orthonormal(white if own else white.reshape(1, U * white.shape[1], -1), length, own=own)
+    found = basis.reshape(white.shape[0], white.shape[1], -1) if not own else basis
+    before, after, signal = _remaining(found, space, own=own)
+    share = max(0.0, 1 - after / before) if before > 0 else 0.0
+    evidence = float(log_evidence(np.array(share), rank, space.dof)) if 0 < rank <= space.dof // 3 else -np.inf
+    return TermFit(term, share, rank, _rms(white, signal, own=own), evidence, signal)
+
+
+def _orthonormal(columns: Floats, length: Floats, *, own: bool) -> tuple[Floats, int]:
+    """Orthonormal bases (U or 1, ·, K) of columns, zeros for what is lost, and their rank in all."""
+    normal = columns.swapaxes(1, 2) @ columns
+    scale = length if own else length.sum(0, keepdims=True)
+    unit = 1 / np.sqrt(np.maximum(scale, 1e-300))
+    m, E = np.linalg.eigh(normal * unit[:, :, None] * unit[:, None, :])
+    seen = m > VISIBLE_SHARE
+    turn = unit[:, :, None] * E * np.where(seen, 1 / np.sqrt(np.where(seen, m, 1.0)), 0.0)[:, None, :]
+    return columns @ turn, int(np.count_nonzero(seen))
+
+
+def _remaining(basis: Floats, space: ResidualSpace, *, own: bool) -> tuple[float, float, Floats]:
+    """Sums of squares before and after, and what the basis takes up (U, M), shared known columns at their best."""
+    before, shared = space.rest, space.shared_basis
+    if not own:
+        flat = basis.reshape(space.data.size, -1)
+        known = shared.reshape(space.data.size, -1)
+        flat = flat - known @ (known.T @ flat)
+        flat = flat @ np.linalg.pinv(np.linalg.cholesky(flat.T @ flat + 1e-12 * np.eye(flat.shape[1])).T)
+        taken = (flat @ (flat.T @ space.residual.ravel())).reshape(space.data.shape)
+        return before, before - float(np.sum(taken**2)), taken
+    left = space.data - _onto(basis, space.data)
+    if not shared.shape[2]:
+        return before, float(np.sum(left**2)), space.data - left
+    known = shared - basis @ (basis.swapaxes(1, 2) @ shared)
+    flat = known.reshape(space.data.size, -1)
+    found = np.linalg.lstsq(flat, left.ravel(), rcond=None)[0]
+    rest = left.ravel() - flat @ found
+    return before, float(rest @ rest), space.residual - rest.reshape(space.data.shape)
+
+
+def _onto(basis: Floats, data: Floats) -> Floats:
+    return np.asarray((basis @ (basis.swapaxes(1, 2) @ data[..., None]))[..., 0])
+
+
+def _rms(white: Floats, signal: Floats, *, own: bool) -> float:
+    """Rms of the coefficients that make a signal."""
+    pairs = zip(white, signal, strict=True) if own else [(white.reshape(signal.size, -1), signal.ravel())]
+    found = [np.linalg.lstsq(z, s, rcond=1e-9)[0] for z, s in pairs]
+    return float(np.sqrt(np.mean(np.square(found))))
+
+
+def refine(term: Term, view: ResidualView, space: ResidualSpace) -> TermFit:
+    """The term with its constants at their best, one after the other."""
+    best = fit_term(term, view, space)
+    fields = term.fields
+    for _ in range(ROUNDS if len(fields) > 1 else 1):
+        for field in fields:
+            best = _refine_one(best, field, view, space)
+    return best
+
+
+def _refine_one(best: TermFit, field: str, view: ResidualView, space: ResidualSpace) -> TermFit:
+    """One constant by golden section between the neighbours of its best value on a coarse grid."""
+    scale = Scale.of(field, dict(best.term.constants)[field], view)
+    tried: dict[float, TermFit] = {scale.start: best}
+
+    def at(x: float) -> float:
+        if x not in tried:
+            tried[x] = fit_term(best.term.with_constants(**{field: scale.value(x)}), view, space)
+        return tried[x].evidence
+
+    for x in scale.around:
+        at(x)
+    points = sorted(tried)
+    top = points.index(max(points, key=at))
+    low, high = points[max(top - 1, 0)], points[min(top + 1, len(points) - 1)]
+    for _ in range(STEPS):
+        one, two = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        low, high = (low, two) if at(one) > at(two) else (one, high)
+    return max(tried.values(), key=lambda f: f.evidence)
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Where a constant is looked for: on a scale on which a step means as much everywhere."""
+
+    start: float
+    around: tuple[float, ...]
+    value: Callable[[float], float]
+
+    @staticmethod
+    def of(field: str, now: float, view: ResidualView) -> "Scale":
+        """The scale of a constant about its present value."""
+        kind = CONSTANTS[field]
+
+        def within(x: float) -> float:
+            return float(min(max(x, kind.low), kind.high))
+
+        if field == "time_constant_s":
+            middle = float(np.log(now))
+            return Scale(middle, (middle - 0.7, middle + 0.7), lambda x: within(float(np.exp(x))))
+        if field in ("about_degC", "kink_degC"):
+            T = view.scene.require("temperature_degC")
+            centre, width = float(T.mean()), max(float(np.ptp(T)), 0.1)
+            around = (-2.5, -1.2, -0.6, 0.0, 0.6, 1.2, 2.5) if field == "about_degC" else (-0.45, -0.2, 0.0, 0.2, 0.45)
+            return Scale(
+                float(np.arcsinh((now - centre) / width)), around, lambda x: within(centre + width * float(np.sinh(x)))
+            )
+        longest = max(float(view.scene.time_s.max()), 1e-3)
+        if field == "cycles_hz":
+            step = 0.35 / longest
+            return Scale(now, (now - step, now + step), within)
+        if field == "start_s":
+            step = longest / 18
+            return Scale(now, (now - step, now + step), within)
+        step = 0.2 * abs(now) or 0.1
+        return Scale(now, tuple(now + s * step for s in (-3, -2, -1, 1, 2)), within)
+
+
+def accepted(fit: TermFit, view: ResidualView, name: str) -> AcceptedCause:
+    """The term in the model, its prior wide beside its size, so that hardly anything is shrunk."""
+    candidate = candidate_of(fit.term, view, fit.rms, name)
+    return accept_candidate(candidate, np.ones(len(candidate.names), bool), WIDE * max(fit.rms, 1e-300))
+
+
+def with_levels(fit: TermFit, view: ResidualView, space: ResidualSpace, levels: tuple[str, ...]) -> TermFit:
+    """The fit at the level of sharing that pays most."""
+    tried = [fit_term(replace(fit.term, of=of), view, space) for of in levels if of != fit.term.of]
+    return max((fit, *tried), key=lambda f: f.score)

@@ -1,0 +1,204 @@
+"""What a cause that nobody has written down may look like: what the axis feels × how it is modulated × who shares it.
+
+An input says which axes it speaks of: i is the axis of the reading; j and k are the others, i → j → k → i where no
+other axis is named. A column of a term is one coefficient: "z" on z; "z:x" on z, of x; ":sin" the sine of a wave.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal, NamedTuple
+
+from station.model.formula.dimension import DEGREE, HERTZ, READING, SECOND, Dimension
+from station.model.formula.expression import Call, Constant, Expression, Number, Power, Product, Sum, Variable
+
+Layout = Literal["own", "pair", "any"]
+XYZ = ("x", "y", "z")
+
+
+class ConstantKind(NamedTuple):
+    """A free constant: name and unit as `Parameter` has them, its dimension, and the range that makes sense."""
+
+    name: str
+    unit: str
+    dimension: Dimension
+    typical: float
+    low: float
+    high: float
+
+
+#: Free constants by the field that holds them.
+CONSTANTS: Mapping[str, ConstantKind] = {
+    "about_degC": ConstantKind("about", "degC", DEGREE, 25.0, -300.0, 400.0),
+    "kink_degC": ConstantKind("kink", "degC", DEGREE, 25.0, -300.0, 400.0),
+    "time_constant_s": ConstantKind("time_constant", "s", SECOND, 20.0, 1e-3, 1e6),
+    "start_s": ConstantKind("start", "s", SECOND, 20.0, 0.0, 1e7),
+    "cycles_hz": ConstantKind("cycles", "Hz", HERTZ, 0.05, 1e-7, 1e4),
+    "bend_u": ConstantKind("bend", "u", READING, 0.5, -1e6, 1e6),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Factor:
+    """An input or a modulator. forms: the tree of each phase, "" where it has but one; frame: of a turn, which is no
+    tree; needs: covariates as `Effect.needs` has them."""
+
+    name: str
+    forms: tuple[tuple[str, Expression], ...]
+    layout: Layout = "own"
+    needs: tuple[str, ...] = ()
+    frame: str = ""
+
+    @property
+    def tree(self) -> Expression:
+        """The tree of the first phase."""
+        return self.forms[0][1]
+
+
+def _constant(field: str) -> Constant:
+    return Constant(field, CONSTANTS[field].dimension)
+
+
+def _over(top: Expression, below: Expression) -> Expression:
+    return Product((top, Power(below, Fraction(-1))))
+
+
+def _less(one: Expression, other: Expression) -> Expression:
+    return Sum((one, Product((Number(Fraction(-1)), other))))
+
+
+ONE = Number(Fraction(1))
+A, B, C = (Variable("a", place) for place in "ijk")
+STEP, STEP_J, PREVIOUS = Variable("step", "i"), Variable("step", "j"), Variable("previous", "i")
+BEND = _constant("bend_u")
+
+
+def _squared(tree: Expression) -> Expression:
+    return Power(tree, Fraction(2))
+
+
+def _cubed(tree: Expression) -> Expression:
+    return Power(tree, Fraction(3))
+
+
+def _plain(name: str, tree: Expression, layout: Layout = "own", needs: tuple[str, ...] = ()) -> Factor:
+    return Factor(name, (("", tree),), layout, needs)
+
+
+def _harmonic(m: int) -> Factor:
+    angle = Product((Number(Fraction(m)), Variable("angle", "j")))
+    return Factor(f"harmonic-{m}", (("cos", Call("cos", angle)), ("sin", Call("sin", angle))), "any")
+
+
+#: What the axis feels.
+INPUTS: Mapping[str, Factor] = {
+    f.name: f
+    for f in (
+        _plain("one", ONE),
+        _plain("own", A),
+        _plain("other", B, "pair"),
+        _plain("own-squared", _squared(A)),
+        _plain("own-other", Product((A, B)), "pair"),
+        _plain("other-squared", _squared(B), "pair"),
+        _plain("others", Product((B, C))),
+        _plain("own-cubed", _cubed(A)),
+        _plain("own-squared-other", Product((_squared(A), B)), "pair"),
+        _plain("own-other-squared", Product((A, _squared(B))), "pair"),
+        _plain("all-three", Product((A, B, C))),
+        _plain("other-cubed", _cubed(B), "pair"),
+        _plain("other-squared-third", Product((_squared(B), C)), "pair"),
+        _plain("own-size", Call("abs", A)),
+        _plain("other-size", Call("abs", B), "pair"),
+        _plain("own-signed-square", Product((A, Call("abs", A)))),
+        _plain("step", STEP),
+        _plain("step-size", Call("abs", STEP)),
+        _plain("step-other", STEP_J, "pair"),
+        _plain("step-squared", _squared(STEP)),
+        _plain("previous", PREVIOUS),
+        _plain("previous-squared", _squared(PREVIOUS)),
+        _harmonic(1),
+        _harmonic(2),
+        _harmonic(3),
+        _harmonic(4),
+        _plain("own-kink", Call("positive", _less(A, BEND))),
+        _plain(
+            "own-dead-band", Product((Call("sign", A), Call("positive", _less(Call("abs", A), BEND))))
+        ),
+        _plain("own-saturation", Product((BEND, Call("tanh", _over(A, BEND))))),
+        Factor("turn-device", (("", ONE),), "own", (), "device"),
+        Factor("turn-nest", (("", ONE),), "own", (), "nest"),
+        Factor("turn-station", (("", ONE),), "own", (), "station"),
+    )
+}  # fmt: skip
+
+
+def _decay(clock: str) -> Expression:
+    minus = Product((Number(Fraction(-1)), _over(Variable(clock), _constant("time_constant_s"))))
+    return Call("exp", minus)
+
+
+def _creep(clock: str) -> Expression:
+    return Call("log1p", _over(Variable(clock), _constant("time_constant_s")))
+
+
+WARMER = _less(Variable("T"), _constant("about_degC"))
+WAVE = Product((Number(Fraction(2)), Number(Fraction(355, 113)), _constant("cycles_hz"), Variable("t")))
+POWERED, CLAMPED, ARRIVED = ("since_power_s",), ("since_clamp_s",), ("since_arrival_s",)
+
+#: How it is modulated.
+MODULATORS: Mapping[str, Factor] = {
+    f.name: f
+    for f in (
+        _plain("constant", ONE),
+        _plain("temperature", WARMER, needs=("temperature_degC",)),
+        _plain("temperature-squared", _squared(WARMER), needs=("temperature_degC",)),
+        _plain("temperature-cubed", _cubed(WARMER), needs=("temperature_degC",)),
+        _plain(
+            "temperature-kink",
+            Call("positive", _less(Variable("T"), _constant("kink_degC"))),
+            needs=("temperature_degC",),
+        ),
+        _plain("temperature-rate", Variable("T_rate"), needs=("temperature_rate",)),
+        _plain("time", Variable("t")),
+        _plain("time-squared", _squared(Variable("t"))),
+        _plain("root-time", Power(Variable("t"), Fraction(1, 2))),
+        _plain("decay", _decay("t")),
+        _plain("after", Call("sign", Call("positive", _less(Variable("t"), _constant("start_s"))))),
+        _plain("decay-since-power", _decay("t_power"), needs=POWERED),
+        _plain("creep-since-power", _creep("t_power"), needs=POWERED),
+        _plain("decay-since-clamp", _decay("t_clamp"), needs=CLAMPED),
+        _plain("creep-since-clamp", _creep("t_clamp"), needs=CLAMPED),
+        _plain("decay-since-arrival", _decay("t_arrival"), needs=ARRIVED),
+        _plain("motor", Variable("motor"), needs=("motor",)),
+        _plain("motor-squared", _squared(Variable("motor")), needs=("motor",)),
+        Factor("wave", (("cos", Call("cos", WAVE)), ("sin", Call("sin", WAVE)))),
+    )
+}
+
+#: Who may share a coefficient.
+SHARED_BY = ("unit", "common", "nest", "station", "lot", "operator", "position", "run", "power-on")
+
+
+class Column(NamedTuple):
+    """One coefficient of a term: its label, the axis of the reading, the axis of j, the phases of input and
+    modulator."""
+
+    label: str
+    i: int
+    j: int
+    phase: str
+    wave: str
+
+
+def columns_of(input_: Factor, modulator: Factor) -> tuple[Column, ...]:
+    """Every coefficient that a product may have."""
+    found = []
+    for i in range(3):
+        axes = {"own": ((i + 1) % 3,), "pair": tuple(j for j in range(3) if j != i), "any": (0, 1, 2)}[input_.layout]
+        for j in axes:
+            place = XYZ[i] if input_.layout == "own" else f"{XYZ[i]}:{XYZ[j]}"
+            for phase, _ in input_.forms:
+                for wave, _ in modulator.forms:
+                    label = ":".join(part for part in (place, phase, wave) if part)
+                    found.append(Column(label, i, j, phase, wave))
+    return tuple(found)
