@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from station.cli import _output
+from station.cli import _hypotheses_text, _output
 from station.config.models import load_model
 from station.config.recipes import load_recipe
 from station.diagnosis.data import family, preflight
@@ -282,7 +282,7 @@ def _print_diagnosis(findings: Mapping[str, Any]) -> None:
             _output.print_line(f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}")
         if len(cause["parameters"]) > 12:
             _output.print_line(f"    and {len(cause['parameters']) - 12} more; --json has all")
-    for sentence in _line_sentences(findings):
+    for sentence in (*_hypotheses_text.lines(findings), *_line_sentences(findings)):
         _output.print_line(sentence)
     if findings["next_run"]:
         run = findings["next_run"]

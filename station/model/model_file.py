@@ -6,16 +6,19 @@ spread between units, and the causes found, with parameters as in docs/formats.m
 
 from collections import defaultdict
 from dataclasses import fields, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from station import plugins
 from station.domain.core.types import Floats
 from station.domain.recipe.fields import Finite, NotNegative, StrictModel
-from station.errors import InputError
+from station.errors import InputError, InvalidValue
 from station.model.effect import Effect, EffectStage
+from station.model.formula.grammar import CONSTANTS
+from station.model.formula.model_term import ModelTerm
+from station.model.formula.term_effect import effect_of
 from station.model.forward import ActiveEffect
 from station.model.scene import Scene
 
@@ -49,14 +52,24 @@ class ModelParameter(StrictModel):
 
 
 class ModelEffect(StrictModel):
-    """A cause with its parameters; shape: parameters of its form by field, such as time_constant_s."""
+    """A cause with its parameters; shape: parameters of its form by field, such as time_constant_s; term: of one that
+    the library does not know, a formula, `effect` then being its name."""
 
     effect: str
     parameters: tuple[ModelParameter, ...] = ()
     shape: dict[str, Finite] = Field(default_factory=dict)
+    term: ModelTerm | None = None
+
+    @model_validator(mode="after")
+    def _fits_its_term(self) -> Self:
+        if self.term is not None:
+            _check_parameters(self.term, self.parameters)
+        return self
 
     def build(self) -> Effect:
         """The cause, its form as found. InputError names what it does not know."""
+        if self.term is not None:
+            return effect_of(self.term.term(), self.effect, _rms(self.parameters), self.term.source)
         kind: type[Effect] = plugins.load(EFFECTS, self.effect)
         shape = dict(self.shape)
         for form in kind.forms:
@@ -106,6 +119,28 @@ class Model(StrictModel):
     def document(self) -> dict[str, Any]:
         """As it is written to a file; what is not said is left out."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+
+def _check_parameters(term: ModelTerm, parameters: tuple[ModelParameter, ...]) -> None:
+    """Errors: InvalidValue where a coefficient of a formula is none, or in another unit than follows from its tree."""
+    names = ("angle" if term.term().is_turn else "coefficient", *(CONSTANTS[f].name for f in term.constants))
+    for p in parameters:
+        if p.name not in names:
+            raise InvalidValue("formula-parameter", name=p.name[:40], names=names)
+        if p.name != names[0]:
+            continue
+        if isinstance(p.value, str) or not np.isfinite(p.value):
+            raise InvalidValue("formula-value", value=str(p.value)[:40])
+        if p.axis is not None and p.axis not in term.axes:
+            raise InvalidValue("formula-axes", axes=(p.axis[:40],), names=term.axes)
+        if p.unit and p.unit != term.unit:
+            raise InvalidValue("formula-unit", unit=p.unit[:40], needed=term.unit)
+
+
+def _rms(parameters: tuple[ModelParameter, ...]) -> float:
+    """Rms of the coefficients."""
+    sizes = [float(p.value) for p in parameters if p.name in ("coefficient", "angle") and not isinstance(p.value, str)]
+    return float(np.sqrt(np.mean(np.square(sizes)))) if sizes else 0.0
 
 
 def neutral_coefficients(effect: Effect) -> Floats:

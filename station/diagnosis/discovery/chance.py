@@ -1,7 +1,7 @@
 """How far the best of all terms gets by chance: the null distribution of the maximum over the whole grammar.
 
-Null data are drawn from the floor, its own uncertainty included, as the alarm of the diagnosis draws them, and judged by
-every term of the scan; the threshold is the quantile of the largest score, its tail taken as exponential.
+Null data are drawn from the floor, its own uncertainty included, as the alarm of the diagnosis draws them, and judged
+by every term of the scan; the threshold is the quantile of the largest score, its tail taken as exponential.
 """
 
 from collections.abc import Iterator, Sequence

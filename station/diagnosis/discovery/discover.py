@@ -61,7 +61,11 @@ class Discovery:
 
 
 def discover(
-    problem: ScoringProblem, null: NullDistribution, hidden: Sequence[str], seed: int, threshold_of: ThresholdOf | None = None
+    problem: ScoringProblem,
+    null: NullDistribution,
+    hidden: Sequence[str],
+    seed: int,
+    threshold_of: ThresholdOf | None = None,
 ) -> Discovery:
     """The formula for what a problem leaves. null: of the diagnosis' alarm; hidden: causes that these data cannot show.
 

@@ -23,8 +23,10 @@ SPECIAL_MODULATORS = frozenset({"wave", "after", "temperature-kink", "temperatur
 #: Modulators that change within a visit, and the inputs tried with them.
 MOVING_MODULATORS, MOVING_INPUTS = frozenset({"decay-since-arrival"}), ("one", "own", "step")
 #: Inputs of so many columns or constants that they are tried with these modulators only.
-BENDS = frozenset({"own-kink", "own-dead-band", "own-saturation", "harmonic-1", "harmonic-2", "harmonic-3", "harmonic-4"})
-PLAIN_MODULATORS = frozenset({"constant", "temperature", "time", "decay", "decay-since-power", "motor", "temperature-rate"})
+BENDS = frozenset({"own-kink", "own-dead-band", "own-saturation", *(f"harmonic-{m}" for m in range(1, 5))})
+PLAIN_MODULATORS = frozenset(
+    {"constant", "temperature", "time", "decay", "decay-since-power", "motor", "temperature-rate"}
+)
 #: Times of a jump, frequencies and steps of a time constant that are scanned.
 JUMPS, MOST_WAVES, DECAYS = 16, 60, 7
 #: A range of temperature below this, degC, shows nothing; below that, no bend.

@@ -137,7 +137,7 @@ def _white_columns(
     """White columns (U, M, c) of some products, and their squared lengths (U, c) before anything known is taken off."""
     values, axes = library.values(some)
     rows = _placed(view, values, axes, units, moving=library.moving)
-    U, R, m, _ = rows.stop.shape
+    _, R, m, _ = rows.stop.shape
     white = space.covariance.whiten(rows, space.dwell, space.basis.shape[1] - R * m - space.dwell)
     length = np.einsum("umc,umc->uc", white, white)
     white -= space.basis @ (space.basis.transpose(0, 2, 1) @ white)

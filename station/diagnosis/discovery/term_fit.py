@@ -14,6 +14,7 @@ from station.diagnosis.discovery.scan import VISIBLE_SHARE
 from station.diagnosis.linear.evidence import Pattern
 from station.diagnosis.linear.projection import ResidualSpace
 from station.domain.core.types import Floats
+from station.model.effect import Effect
 from station.model.formula.grammar import CONSTANTS
 from station.model.formula.term import Term
 from station.model.formula.term_effect import effect_of
@@ -53,9 +54,22 @@ class TermFit:
 def candidate_of(term: Term, view: ResidualView, rms: float = 0.0, name: str = UNNAMED) -> Candidate:
     """A term as a candidate of the diagnosis, with its columns in a view."""
     effect = effect_of(term, name, rms)
+    stop, dwell = view.signature(effect, term.of) if _by_simulation(term) else (_still_columns(term, view), None)
+    return _candidate(term, effect, view, stop, dwell, name)
+
+
+def _probe(term: Term, view: ResidualView) -> Candidate:
+    """The same for its columns alone, without an effect where none is needed to make them."""
+    if _by_simulation(term):
+        return candidate_of(term, view)
+    return _candidate(term, None, view, _still_columns(term, view), None, UNNAMED)
+
+
+def _candidate(
+    term: Term, effect: Effect | None, view: ResidualView, stop: Floats, dwell: Floats | None, name: str
+) -> Candidate:
     code, names = view.scene.group(term.of)
     pattern: Pattern = "own" if term.of in PER_UNIT_LEVELS else "shared"
-    stop, dwell = view.signature(effect, term.of) if _by_simulation(term) else (_still_columns(term, view), None)
     return Candidate(name, effect, term.of, pattern, code, names, stop, dwell)
 
 
@@ -74,7 +88,7 @@ def _still_columns(term: Term, view: ResidualView) -> Floats:
 
 def fit_term(term: Term, view: ResidualView, space: ResidualSpace) -> TermFit:
     """A term in a space."""
-    candidate = candidate_of(term, view)
+    candidate = _probe(term, view)
     rows = candidate.rows(view.layout)
     U, R, m, _ = rows.stop.shape
     white = space.covariance.whiten(rows, space.dwell, space.basis.shape[1] - R * m - space.dwell)
@@ -209,3 +223,27 @@ def with_levels(fit: TermFit, view: ResidualView, space: ResidualSpace, levels: 
     """The fit at the level of sharing that pays most."""
     tried = [fit_term(replace(fit.term, of=of), view, space) for of in levels if of != fit.term.of]
     return max((fit, *tried), key=lambda f: f.score)
+
+
+def constant_stds(fit: TermFit, view: ResidualView, space: ResidualSpace) -> dict[str, float]:
+    """Standard deviation of each constant, by how the evidence falls off about it."""
+    return {field: _std_of(fit, field, value, view, space) for field, value in fit.term.constants}
+
+
+def _std_of(fit: TermFit, field: str, value: float, view: ResidualView, space: ResidualSpace) -> float:
+    """The step by which the evidence falls by a half nat, both sides averaged; found by doubling."""
+    best = fit_term(fit.term, view, space).evidence
+    step = 1e-3 * max(abs(value), 1e-3)
+    drop = 0.0
+    for _ in range(24):
+        sides = [_evidence_at(fit.term, field, value + sign * step, view, space) for sign in (-1, 1)]
+        drop = best - float(np.mean(sides))
+        if drop >= 0.25:
+            break
+        step *= 2
+    return step / float(np.sqrt(2 * drop)) if drop > 0 else step
+
+
+def _evidence_at(term: Term, field: str, value: float, view: ResidualView, space: ResidualSpace) -> float:
+    kind = CONSTANTS[field]
+    return fit_term(term.with_constants(**{field: float(np.clip(value, kind.low, kind.high))}), view, space).evidence

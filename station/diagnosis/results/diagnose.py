@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 
+if TYPE_CHECKING:
+    from station.diagnosis.results.hypotheses import Hypotheses
+
 DiagnosisVerdict = Literal["none", "named", "incomplete", "unknown"]
 
 
@@ -44,7 +47,8 @@ class Diagnosis:
     """Everything that was found, with all that a report can draw.
 
     faults: gross ones; searched: the search for the rest; last: the problem with every cause in the simulation at
-    its best; floor: the noise floor there; depends_on: words of what no cause explains; not_testable: effect ids.
+    its best; floor: the noise floor there; depends_on: words of what no cause explains; not_testable: effect ids;
+    hypotheses: formulas proposed for what no cause explains, None where nothing is unknown.
     """
 
     recipe: Recipe
@@ -56,6 +60,7 @@ class Diagnosis:
     causes: tuple[Cause, ...]
     depends_on: tuple[str, ...]
     not_testable: tuple[str, ...]
+    hypotheses: "Hypotheses | None" = None
 
     @property
     def faults(self) -> tuple[GrossFault, ...]:
@@ -91,7 +96,7 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     last, sized = estimate_causes(searched.last)
     floor = last.fit()
     causes = _causes(searched, last, floor, sized[len(problem.accepted) :])
-    return Diagnosis(
+    found = Diagnosis(
         recipe=recipe,
         table=table,
         inspection=replace(inspected, faults=news),
@@ -102,6 +107,16 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
         depends_on=_remainder(searched, news, causes),
         not_testable=_not_testable(inspected, searched),
     )
+    return _with_hypotheses(found) if found.depends_on else found
+
+
+def _with_hypotheses(d: Diagnosis) -> Diagnosis:
+    """The diagnosis with formulas for what no cause explains."""
+    # A search over thousands of formulas is loaded only where something is unknown.
+    from station.diagnosis.results.hypotheses import propose_formula
+
+    paying = [c.estimate.item for c in d.causes if c.estimate is not None and c.gain.accepted]
+    return replace(d, hypotheses=propose_formula(d.search_result, d.last, paying, d.table))
 
 
 def _not_testable(inspected: Inspection, searched: SearchResult) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """A diagnosis as the document `station.diagnosis/1` (docs/formats.md)."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,10 +9,8 @@ from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.data.faults import GrossFault
 from station.diagnosis.data.faults.gross_fault import BlockGain
 from station.diagnosis.results.diagnose import Cause, Diagnosis, calibration_shift, floor_rms, residual_rms
-from station.diagnosis.results.estimate import Estimate
-from station.diagnosis.results.gain import HeldOutGain
+from station.diagnosis.results.parameter_rows import estimate_rows, gain_document
 from station.diagnosis.results.remaining_residual import remaining_rms
-from station.model.effect import Effect, unit_in
 
 SCHEMA = "station.diagnosis/1"
 
@@ -51,7 +49,7 @@ def document(
             "threshold": d.search_result.threshold,
         },
         "causes": [*(_fault(f) for f in d.faults), *(_cause(c, d) for c in d.causes)],
-        "unknown": {"depends_on": list(d.depends_on)},
+        "unknown": {"depends_on": list(d.depends_on), **_hypotheses(d)},
         "not_testable": list(d.not_testable),
         "considered": _ranking_rows(d),
         "calibration_shift": {
@@ -71,6 +69,15 @@ def _finite(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _finite(x) for key, x in value.items()}
     return [_finite(x) for x in value] if isinstance(value, (list, tuple)) else value
+
+
+def _hypotheses(d: Diagnosis) -> dict[str, Any]:
+    """What was proposed for the unknown, where there is one."""
+    if d.hypotheses is None:
+        return {}
+    from station.diagnosis.results.hypothesis_document import hypothesis_rows
+
+    return {"hypotheses": hypothesis_rows(d.hypotheses, d.recipe.unit)}
 
 
 def within_visit_rms(d: Diagnosis) -> float:
@@ -109,65 +116,13 @@ def _cause(c: Cause, d: Diagnosis) -> dict[str, Any]:
         "indistinguishable_from": list(f.indistinguishable_from),
         "level": "visit" if f.accepted is None else f.accepted.candidate.of,
         "parameters": parameter_rows(c, d),
-        "gain": _gain(c.gain),
+        "gain": gain_document(c.gain),
     }
 
 
 def parameter_rows(c: Cause, d: Diagnosis) -> list[dict[str, Any]]:
     """The numbers of a cause as docs/formats.md names them."""
-    return _floor_parameters(c.finding.name, d) if c.estimate is None else _parameters(c.estimate, d.recipe.unit)
-
-
-def _gain(g: HeldOutGain) -> dict[str, Any]:
-    return {
-        "held_out_by": g.held_out_by,
-        "rms_before": g.rms_before,
-        "rms_after": g.rms_after,
-        "explained": g.explained,
-        "log_score": g.log_score,
-        "std_error": g.std_error,
-        "accepted": g.accepted,
-    }
-
-
-def _parameters(e: Estimate, unit: str) -> list[dict[str, Any]]:
-    """Coefficients of the groups that act, then the parameters of the form."""
-    candidate, effect = e.item.candidate, e.item.candidate.effect
-    if effect is None:
-        axes: tuple[str | None, ...] = ("x", "y", "z") if candidate.axes == 3 else (None,)
-        return [
-            {"name": "excess", "axis": axis, "of": candidate.names[g], "value": float(e.value[g, i]),
-             "std": float(e.std[g, i]), "unit": unit}
-            for g in np.flatnonzero(e.item.hit)
-            for i, axis in enumerate(axes)
-        ]  # fmt: skip
-    rows: list[dict[str, Any]] = [
-        {
-            "name": column.name, "axis": column.axis or None, "of": candidate.names[g],
-            "value": float(e.value[g, i]), "std": float(e.std[g, i]), "unit": unit_in(column.unit, unit),
-        }
-        for g in range(len(candidate.names)) if e.item.hit[g]
-        for i, column in enumerate(effect.columns)
-    ]  # fmt: skip
-    estimated = {t.field: t for t in e.form}
-    for effect, of in _forms_with_groups(e):
-        for form in effect.form_parameters:
-            std = estimated[form.field].std if form.field in estimated else e.form_std(form.field)
-            value = float(getattr(effect, form.field))
-            rows.append(
-                {"name": form.name, "axis": None, "of": of, "value": value, "std": std, "unit": form.unit_in(unit)}
-            )
-    return rows
-
-
-def _forms_with_groups(e: Estimate) -> Iterator[tuple[Effect, str]]:
-    """The shapes of a cause, and whose they are: everybody's, or each group's own."""
-    candidate = e.item.candidate
-    if not candidate.own:
-        yield from ((effect, "common") for effect in candidate.shapes)
-    for effect, name, hit in zip(candidate.own, candidate.names, e.item.hit, strict=False):
-        if hit:
-            yield effect, name
+    return _floor_parameters(c.finding.name, d) if c.estimate is None else estimate_rows(c.estimate, d.recipe.unit)
 
 
 def _floor_parameters(name: str, d: Diagnosis) -> list[dict[str, Any]]:

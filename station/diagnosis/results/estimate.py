@@ -40,7 +40,7 @@ def estimate_causes(problem: ScoringProblem) -> tuple[ScoringProblem, tuple[Esti
     if any(forms):
         problem = refined(problem.beside(items), rounds=3)
         fitted = problem.fit()
-    found = _coefficients(problem, problem.accepted, fitted)
+    found = coefficients_beside(problem, problem.accepted, fitted)
     return problem, tuple(
         Estimate(
             item, value, np.hypot(std, _std_from_form(problem, i, form, fitted)), form, visit_interval_s(problem.view)
@@ -60,7 +60,7 @@ def _tuned(problem: ScoringProblem, i: int, fitted: FittedFloor) -> tuple[Accept
     return replace(item, candidate=candidate), form
 
 
-def _coefficients(
+def coefficients_beside(
     problem: ScoringProblem, items: Sequence[AcceptedCause], fitted: FittedFloor
 ) -> list[tuple[Floats, Floats]]:
     """Coefficients and their standard deviations (groups, axes) of accepted causes."""
@@ -84,6 +84,6 @@ def _std_from_form(problem: ScoringProblem, i: int, form: Sequence[FormEstimate]
             )
             other = replace(item, candidate=moved, coefficient=np.zeros(item.coefficient.shape))
             items = [*problem.accepted[:i], other, *problem.accepted[i + 1 :]]
-            ends.append(_coefficients(bare, items, fitted)[i][0])
+            ends.append(coefficients_beside(bare, items, fitted)[i][0])
         total = np.hypot(total, (ends[1] - ends[0]) / 2)
     return total

@@ -12,12 +12,21 @@ from station.model.model_file import Model, ModelEffect, ModelParameter
 def extend_model(model: Model, d: Diagnosis) -> Model:
     """The model with every fault and every accepted cause, parameters with standard deviations.
 
-    A cause whose gain on held-out data is within chance (2 SE) stays out.
+    A cause whose gain on held-out data is within chance (2 SE) stays out, as does a formula.
     """
     named = {effect.effect for effect in model.effects}
     faults = [_fault_effect(f) for f in d.faults if f.effect not in named]
     found = (effect for c in d.causes if c.gain.accepted for effect in _cause_effects(c, d))
-    return model.model_copy(update={"effects": (*model.effects, *faults, *found)})
+    return model.model_copy(update={"effects": (*model.effects, *faults, *found, *_formula_effects(model, d))})
+
+
+def _formula_effects(model: Model, d: Diagnosis) -> Iterator[ModelEffect]:
+    """The terms of a formula that was proposed, numbered on from those of the model."""
+    if d.hypotheses is None:
+        return
+    from station.diagnosis.results.hypothesis_document import model_effects
+
+    yield from model_effects(d.hypotheses, d.recipe.unit, [effect.effect for effect in model.effects])
 
 
 def _fault_effect(f: GrossFault) -> ModelEffect:

@@ -6,7 +6,7 @@ unit then keeps only its own calibration), samples where one visit alone is hit.
 standard error that of the sum of the paired differences of the visits.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -47,12 +47,19 @@ class HeldOutGain:
 
 def held_out_gain(problem: ScoringProblem, i: int, floor: NoiseFloor) -> HeldOutGain:
     """The gain of an accepted cause beside all others."""
-    item = problem.accepted[i]
-    bare = problem.without(i)
-    moving = item.candidate.dwell is not None or bare.known.moving
-    fresh = replace(item, coefficient=np.zeros(item.coefficient.shape))
-    sides = (bare, bare.beside([*bare.accepted, fresh]))
-    by = _held_out_by(problem, item)
+    return gain_together(problem, (i,), floor)
+
+
+def gain_together(problem: ScoringProblem, which: Sequence[int], floor: NoiseFloor) -> HeldOutGain:
+    """The gain of some accepted causes together beside all others; held out as the first of them asks for."""
+    items = [problem.accepted[i] for i in which]
+    bare = problem
+    for i in sorted(which, reverse=True):
+        bare = bare.without(i)
+    moving = any(item.candidate.dwell is not None for item in items) or bare.known.moving
+    fresh = [replace(item, coefficient=np.zeros(item.coefficient.shape)) for item in items]
+    sides = (bare, bare.beside([*bare.accepted, *fresh]))
+    by = _held_out_by(problem, items[0])
     tests = [_HeldOutTest(side, floor, moving=moving) for side in sides]
     score = np.zeros(problem.view.grid.slot.shape)
     squares, rows, shift = np.zeros(2), 0.0, 0.0

@@ -106,6 +106,7 @@ class SearchResult:
     stage: ScoredBank
     undetectable: tuple[str, ...]
     rest: Mapping[str, float]
+    null: NullDistribution | None = None
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -169,7 +170,15 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult
     findings = search.judged_again(look.problem, tuple(f for f, _ in found))
     statistics = (search.first.statistic, *(after.statistic for f, after in found if not f.words))
     return SearchResult(
-        problem, look.problem, findings, statistics, look.threshold, look.now, search.undetectable, look.evidence
+        problem,
+        look.problem,
+        findings,
+        statistics,
+        look.threshold,
+        look.now,
+        search.undetectable,
+        look.evidence,
+        search.null,
     )
 
 
@@ -198,6 +207,11 @@ class _Search:
         self._null: NullDistribution | None = None
         self.undetectable: tuple[str, ...] = ()
         self.first = self.look(problem)
+
+    @property
+    def null(self) -> NullDistribution | None:
+        """What scores look like when nothing is wrong."""
+        return self._null
 
     def look(self, problem: ScoringProblem) -> _Look:
         """The whole bank beside everything accepted."""

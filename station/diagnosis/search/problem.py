@@ -93,7 +93,7 @@ def with_model(problem: ScoringProblem, model: Model) -> ScoringProblem:
 def _accepted_from_model(view: ResidualView, told: ModelEffect) -> Iterator[AcceptedCause]:
     """A cause of a model file, once for each level it speaks of; gross faults and the floor are known otherwise."""
     effect = told.build()
-    if effect.id not in smooth_causes():
+    if told.term is None and effect.id not in smooth_causes():
         return
     for found in told.acting(view.scene, None):
         code, names = view.scene.group(found.of)

@@ -21,9 +21,7 @@ class Dimension:
 
     def times(self, other: "Dimension") -> "Dimension":
         """That of a product."""
-        return Dimension(
-            self.reading + other.reading, self.time + other.time, self.temperature + other.temperature
-        )
+        return Dimension(self.reading + other.reading, self.time + other.time, self.temperature + other.temperature)
 
     def power(self, exponent: Fraction) -> "Dimension":
         """That of a power."""

@@ -1,13 +1,13 @@
 """Formulas as trees whose every node has a unit: what does not fit cannot be built.
 
-    Expression
-    ├── Number      a pure number
-    ├── Variable    what the axis feels, a temperature, a clock; `place` says whose axis: i, j or k
-    ├── Constant    a free number of the formula, with its unit: a time constant, a bend
-    ├── Sum         of one unit
-    ├── Product
-    ├── Power       of a fixed exponent
-    └── Call        a function; of a pure number where it asks for one
+Expression
+├── Number      a pure number
+├── Variable    what the axis feels, a temperature, a clock; `place` says whose axis: i, j or k
+├── Constant    a free number of the formula, with its unit: a time constant, a bend
+├── Sum         of one unit
+├── Product
+├── Power       of a fixed exponent
+└── Call        a function; of a pure number where it asks for one
 """
 
 from collections.abc import Mapping
@@ -154,28 +154,33 @@ Expression = Number | Variable | Constant | Sum | Product | Power | Call
 def evaluate(tree: Expression, values: Mapping[tuple[str, str], Array], constants: Mapping[str, float]) -> Floats:
     """The value (n) of a tree. values: of each variable by name and place; constants: by field."""
     match tree:
-        case Number(value):
-            return np.asarray(float(value))
-        case Variable(name, place):
-            return np.asarray(values[name, place])
-        case Constant(field):
-            return np.asarray(constants[field])
+        case Number() | Variable() | Constant():
+            return _leaf(tree, values, constants)
         case Sum(terms):
             return np.asarray(reduce(np.add, (evaluate(t, values, constants) for t in terms)))
         case Product(factors):
             return np.asarray(reduce(np.multiply, (evaluate(f, values, constants) for f in factors)))
         case Power(base, exponent):
-            inner = evaluate(base, values, constants)
-            return np.asarray(np.sqrt(np.maximum(inner, 0.0)) if exponent == Fraction(1, 2) else inner ** float(exponent))
+            return _raised(evaluate(base, values, constants), exponent)
         case Call(function, argument):
             return _called(function, evaluate(argument, values, constants))
     assert_never(tree)
 
 
+def _leaf(
+    tree: Number | Variable | Constant, values: Mapping[tuple[str, str], Array], constants: Mapping[str, float]
+) -> Floats:
+    if isinstance(tree, Number):
+        return np.asarray(float(tree.value))
+    return np.asarray(constants[tree.field] if isinstance(tree, Constant) else values[tree.name, tree.place])
+
+
+def _raised(x: Floats, exponent: Fraction) -> Floats:
+    return np.asarray(np.sqrt(np.maximum(x, 0.0)) if exponent == Fraction(1, 2) else x ** float(exponent))
+
+
 def _called(function: str, x: Floats) -> Floats:
-    if function == "positive":
-        return np.asarray(np.maximum(x, 0.0))
-    return np.asarray(getattr(np, function)(x))
+    return np.asarray(np.maximum(x, 0.0) if function == "positive" else getattr(np, function)(x))
 
 
 def variables(tree: Expression) -> frozenset[str]:

@@ -7,6 +7,7 @@ other axis is named. A column of a term is one coefficient: "z" on z; "z:x" on z
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from typing import Literal, NamedTuple
 
 from station.model.formula.dimension import DEGREE, HERTZ, READING, SECOND, Dimension
@@ -192,6 +193,12 @@ class Column(NamedTuple):
 
 def columns_of(input_: Factor, modulator: Factor) -> tuple[Column, ...]:
     """Every coefficient that a product may have."""
+    return _columns_of(input_.name, modulator.name)
+
+
+@cache
+def _columns_of(input_name: str, modulator_name: str) -> tuple[Column, ...]:
+    input_, modulator = INPUTS[input_name], MODULATORS[modulator_name]
     found = []
     for i in range(3):
         axes = {"own": ((i + 1) % 3,), "pair": tuple(j for j in range(3) if j != i), "any": (0, 1, 2)}[input_.layout]

@@ -162,7 +162,7 @@ def _covariate(scene: Scene, column: str) -> Array:
 
 def previous_felt(signal: Signal) -> Floats:
     """What was felt at rest at the visit before (n, 3); at a run's first visit, what is felt there."""
-    return np.asarray(signal.step + signal.at_stop[signal.scene.visit])
+    return np.asarray(signal.step + signal.at_visit[signal.scene.visit])
 
 
 def turn_angle(true: Floats, axis: int) -> Floats:

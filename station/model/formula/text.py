@@ -1,13 +1,13 @@
 """A formula for people: as plain text, and as MathML."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from fractions import Fraction
 from html import escape
-from typing import assert_never
 
-from station.model.formula.expression import Call, Constant, Expression, Number, Power, Product, Sum, Variable
+from station.model.formula.expression import Constant, Expression, Number, Variable
 from station.model.formula.grammar import INPUTS, XYZ, Column
 from station.model.formula.term import Term, axis_places
+from station.model.formula.writer import HALF, PI, Writer, split_product, without_minus
 
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 #: Signs of variables and constants.
@@ -17,145 +17,141 @@ SIGNS = {
     "about_degC": "T₀", "kink_degC": "T₁", "time_constant_s": "τ", "start_s": "t₀", "cycles_hz": "f", "bend_u": "b",
 }  # fmt: skip
 TURNED = {"device": "the device in its package", "nest": "the part in its nest", "station": "the rig on its base"}
-_PI = Fraction(355, 113)
+#: Lines of a formula that are written out; one of more axes is written for any axis.
+MOST_LINES = 3
+ANY_AXIS = {"i": "i", "j": "j", "k": "k"}
 
 
-def formula_text(term: Term, coefficient: str = "c") -> str:
+def formula_text(term: Term) -> str:
     """Such as "reading_z += c · a_z² · (T − T₀)"."""
     if term.is_turn:
-        about = ", ".join(term.axes)
-        return f"{TURNED[INPUTS[term.input].frame]} is turned about {about} by an angle of each {term.of}"
-    if term.is_whole or len(term.axes) > 3:
-        return f"reading_i += {_line(term, term.columns[0], f'{coefficient}_i', generic=True)}"
+        return (
+            f"{TURNED[INPUTS[term.input].frame]} is turned about {', '.join(term.axes)} by an angle of each {term.of}"
+        )
+    if is_generic(term):
+        return f"reading_i += {_line(term, term.columns[0], 'c_i', ANY_AXIS)}"
+    alone = len(term.axes) == 1
     return "; ".join(
-        f"reading_{XYZ[c.i]} += {_line(term, c, coefficient if len(term.axes) == 1 else f'{coefficient}_{c.label}')}"
+        f"reading_{XYZ[c.i]} += {_line(term, c, 'c' if alone else f'c_{c.label}', named_places(c))}"
         for c in term.columns
     )
 
 
-def _line(term: Term, column: Column, coefficient: str, *, generic: bool = False) -> str:
-    places = dict(zip("ijk", "ijk", strict=True)) if generic else {
-        p: XYZ[axis] for p, axis in axis_places(column.i, column.j).items()
-    }  # fmt: skip
-    parts = [tree_text(tree, places) for tree in term.tree(column) if tree != Number(Fraction(1))]
+def is_generic(term: Term) -> bool:
+    """Whether a formula is written for any axis."""
+    return term.is_whole or len(term.axes) > MOST_LINES
+
+
+def named_places(column: Column) -> dict[str, str]:
+    """The name of the axis at each place of a column."""
+    return {place: XYZ[axis] for place, axis in axis_places(column.i, column.j).items()}
+
+
+def _line(term: Term, column: Column, coefficient: str, places: Mapping[str, str]) -> str:
+    writer = TextWriter(places)
+    parts = [writer.write(tree) for tree in term.tree(column) if tree != Number(Fraction(1))]
     return " · ".join([coefficient, *parts])
 
 
-def tree_text(tree: Expression, places: Mapping[str, str]) -> str:
-    """A tree in a line."""
-    match tree:
-        case Number(value):
-            return "π" if value == _PI else str(value).replace("-", "−")
-        case Variable(name, place):
-            return SIGNS[name] + (f"_{places[place]}" if place else "")
-        case Constant(field):
-            return SIGNS[field]
-        case Sum(terms):
-            return f"({_joined([tree_text(t, places) for t in terms])})"
-        case Product(factors):
-            return _product(factors, places)
-        case Power(base, exponent):
-            inner = tree_text(base, places)
-            if exponent == Fraction(1, 2):
-                return f"√{inner}"
-            return f"{inner}{str(exponent).translate(_RAISED)}"
-        case Call("abs", argument):
-            return f"|{tree_text(argument, places)}|"
-        case Call("positive", argument):
-            return f"max(0, {tree_text(argument, places).removeprefix('(').removesuffix(')')})"
-        case Call(function, argument):
-            inner = tree_text(argument, places)
-            return f"{function}({inner.removeprefix('(').removesuffix(')') if inner.startswith('(') else inner})"
-    assert_never(tree)
+class TextWriter(Writer):
+    """Plain text; places: the name of the axis at i, j and k."""
 
+    def __init__(self, places: Mapping[str, str]) -> None:
+        self._places = places
 
-def _joined(parts: Sequence[str]) -> str:
-    text = parts[0]
-    for part in parts[1:]:
-        text += f" − {part[1:]}" if part.startswith("−") else f" + {part}"
-    return text
+    def leaf(self, tree: Number | Variable | Constant) -> str:
+        if isinstance(tree, Number):
+            return "π" if tree.value == PI else str(tree.value).replace("-", "−")
+        if isinstance(tree, Constant):
+            return SIGNS[tree.field]
+        return SIGNS[tree.name] + (f"_{self._places[tree.place]}" if tree.place else "")
 
+    def sum(self, terms: tuple[Expression, ...]) -> str:
+        return f"({self.bare_sum(terms)})"
 
-def _product(factors: Sequence[Expression], places: Mapping[str, str]) -> str:
-    sign, above, below = "", [], []
-    for f in factors:
-        if f == Number(Fraction(-1)):
-            sign = "−"
-        elif isinstance(f, Power) and f.exponent == -1:
-            below.append(tree_text(f.base, places))
-        else:
-            above.append(tree_text(f, places))
-    text = "·".join(above) or "1"
-    return sign + text + "".join(f"/{b}" for b in below)
+    def bare_sum(self, terms: tuple[Expression, ...]) -> str:
+        """A sum without brackets."""
+        text = ""
+        for n, term in enumerate(terms):
+            minus, plain = without_minus(term)
+            sign = (" − " if minus else " + ") if n else ("−" if minus else "")
+            text += sign + self.write(plain)
+        return text
+
+    def product(self, factors: tuple[Expression, ...]) -> str:
+        minus, above, below = split_product(factors)
+        text = "·".join(self.write(f) for f in above) or "1"
+        return ("−" if minus else "") + text + "".join(f"/{self.write(b)}" for b in below)
+
+    def power(self, base: Expression, exponent: Fraction) -> str:
+        return f"√{self.write(base)}" if exponent == HALF else f"{self.write(base)}{str(exponent).translate(_RAISED)}"
+
+    def call(self, function: str, argument: Expression) -> str:
+        inner = self.write(argument)
+        if inner.startswith("(") and inner.endswith(")"):
+            inner = inner[1:-1]
+        return {"abs": f"|{inner}|", "positive": f"max(0, {inner})"}.get(function, f"{function}({inner})")
 
 
 def formula_mathml(term: Term) -> str:
-    """The same as presentation MathML; text of a turn, which is no product."""
+    """The same as presentation MathML; a turn, which is no product, as text."""
     if term.is_turn:
         return f"<mtext>{escape(formula_text(term))}</mtext>"
-    generic = term.is_whole or len(term.axes) > 3
-    rows = []
-    for column in term.columns[: 1 if generic else None]:
-        places = dict(zip("ijk", "ijk", strict=True)) if generic else {
-            p: XYZ[axis] for p, axis in axis_places(column.i, column.j).items()
-        }  # fmt: skip
-        trees = [t for t in term.tree(column) if t != Number(Fraction(1))]
-        i = places["i"]
-        right = "<mo>⋅</mo>".join([_sub("c", i if generic else column.label), *(tree_mathml(t, places) for t in trees)])
-        rows.append(f"<mrow>{_sub('Δ reading', i)}<mo>=</mo>{right}</mrow>")
-    return "<mtable>" + "".join(f"<mtr><mtd>{row}</mtd></mtr>" for row in rows) + "</mtable>"
+    generic = is_generic(term)
+    rows = ""
+    for column in term.columns[: 1 if generic else MOST_LINES]:
+        places = ANY_AXIS if generic else named_places(column)
+        writer = MathWriter(places)
+        trees = [writer.write(t) for t in term.tree(column) if t != Number(Fraction(1))]
+        right = "<mo>⋅</mo>".join([_sub("c", "i" if generic else column.label), *trees])
+        rows += f"<mtr><mtd>{_sub('Δ reading', places['i'])}<mo>=</mo>{right}</mtd></mtr>"
+    return f"<mtable>{rows}</mtable>"
 
 
 def _sub(sign: str, below: str) -> str:
     return f"<msub><mi>{escape(sign)}</mi><mi>{escape(below)}</mi></msub>"
 
 
-def tree_mathml(tree: Expression, places: Mapping[str, str]) -> str:
-    """A tree as presentation MathML."""
-    match tree:
-        case Number(value):
-            return f"<mn>{'π' if value == _PI else value}</mn>"
-        case Variable(name, place):
-            sign = SIGNS[name]
-            return _sub(sign, places[place]) if place else f"<mi>{escape(sign)}</mi>"
-        case Constant(field):
-            return f"<mi>{escape(SIGNS[field])}</mi>"
-        case Sum(terms):
-            return f"<mrow><mo>(</mo>{_sum_mathml(terms, places)}<mo>)</mo></mrow>"
-        case Product(factors):
-            return _product_mathml(factors, places)
-        case Power(base, exponent):
-            inner = tree_mathml(base, places)
-            if exponent == Fraction(1, 2):
-                return f"<msqrt>{inner}</msqrt>"
-            return f"<msup>{inner}<mn>{exponent}</mn></msup>"
-        case Call("abs", argument):
-            return f"<mrow><mo>|</mo>{tree_mathml(argument, places)}<mo>|</mo></mrow>"
-        case Call("exp", argument):
-            return f"<msup><mi>e</mi>{tree_mathml(argument, places)}</msup>"
-        case Call(function, argument):
-            name = {"positive": "max(0, ·)"}.get(function, function)
-            return f"<mrow><mi>{name}</mi><mo>(</mo>{tree_mathml(argument, places)}<mo>)</mo></mrow>"
-    assert_never(tree)
+class MathWriter(Writer):
+    """Presentation MathML."""
 
+    def __init__(self, places: Mapping[str, str]) -> None:
+        self._places = places
 
-def _sum_mathml(terms: Sequence[Expression], places: Mapping[str, str]) -> str:
-    out = ""
-    for n, t in enumerate(terms):
-        minus = isinstance(t, Product) and t.factors[0] == Number(Fraction(-1))
-        inner = Product(t.factors[1:]) if minus and isinstance(t, Product) else t
-        out += ("<mo>−</mo>" if minus else "<mo>+</mo>" if n else "") + tree_mathml(inner, places)
-    return out
+    def leaf(self, tree: Number | Variable | Constant) -> str:
+        if isinstance(tree, Number):
+            return f"<mn>{'π' if tree.value == PI else tree.value}</mn>"
+        if isinstance(tree, Constant):
+            return f"<mi>{escape(SIGNS[tree.field])}</mi>"
+        return _sub(SIGNS[tree.name], self._places[tree.place]) if tree.place else f"<mi>{SIGNS[tree.name]}</mi>"
 
+    def sum(self, terms: tuple[Expression, ...]) -> str:
+        inner = ""
+        for n, term in enumerate(terms):
+            minus, plain = without_minus(term)
+            inner += ("<mo>−</mo>" if minus else "<mo>+</mo>" if n else "") + self.write(plain)
+        return f"<mrow><mo>(</mo>{inner}<mo>)</mo></mrow>"
 
-def _product_mathml(factors: Sequence[Expression], places: Mapping[str, str]) -> str:
-    sign = "<mo>−</mo>" if Number(Fraction(-1)) in factors else ""
-    below = [f.base for f in factors if isinstance(f, Power) and f.exponent == -1]
-    above = [
-        f for f in factors if f != Number(Fraction(-1)) and not (isinstance(f, Power) and f.exponent == -1)
-    ]
-    top = "<mo>⋅</mo>".join(tree_mathml(f, places) for f in above) or "<mn>1</mn>"
-    if below:
-        under = "<mo>⋅</mo>".join(tree_mathml(f, places) for f in below)
+    def product(self, factors: tuple[Expression, ...]) -> str:
+        minus, above, below = split_product(factors)
+        sign, dot = "<mo>−</mo>" if minus else "", "<mo>⋅</mo>"
+        top = dot.join(self.write(f) for f in above) or "<mn>1</mn>"
+        if not below:
+            return f"<mrow>{sign}{top}</mrow>"
+        under = dot.join(self.write(b) for b in below)
         return f"<mrow>{sign}<mfrac><mrow>{top}</mrow><mrow>{under}</mrow></mfrac></mrow>"
-    return f"<mrow>{sign}{top}</mrow>"
+
+    def power(self, base: Expression, exponent: Fraction) -> str:
+        inner = self.write(base)
+        return f"<msqrt>{inner}</msqrt>" if exponent == HALF else f"<msup>{inner}<mn>{exponent}</mn></msup>"
+
+    def call(self, function: str, argument: Expression) -> str:
+        inner = self.write(argument)
+        if function == "exp":
+            return f"<msup><mi>e</mi>{inner}</msup>"
+        if function == "abs":
+            return f"<mrow><mo>|</mo>{inner}<mo>|</mo></mrow>"
+        opened = (
+            "<mi>max</mi><mo>(</mo><mn>0</mn><mo>,</mo>" if function == "positive" else f"<mi>{function}</mi><mo>(</mo>"
+        )
+        return f"<mrow>{opened}{inner}<mo>)</mo></mrow>"

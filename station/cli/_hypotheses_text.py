@@ -1,0 +1,35 @@
+"""What `station diagnose` prints of a formula proposed for what no cause explains."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from station.messages import Message, render
+
+#: Coefficients printed of one formula; the document has all.
+MOST_ROWS = 12
+
+
+def lines(findings: Mapping[str, Any]) -> Iterator[str]:
+    """The lines; none where nothing was unknown."""
+    found = findings["unknown"].get("hypotheses")
+    if found is None:
+        return
+    if not found:
+        yield "  " + render(Message("formula-none"))
+    unit = findings["baseline"]["unit"]
+    for h in found:
+        yield "  " + render(Message("formula-proposed" if h["complete"] else "formula-partly", formula=h["formula"]))
+        rows = h["parameters"]
+        for p in rows[:MOST_ROWS]:
+            value = f"{p['value']:.4g} ± {p['std'] or 0:.2g} {p['unit']}"
+            yield f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}"
+        if len(rows) > MOST_ROWS:
+            yield "    " + render(Message("formula-more", count=len(rows) - MOST_ROWS))
+        gain = h["gain"]
+        before, after = f"{gain['rms_before']:.3g}", f"{gain['rms_after']:.3g}"
+        score, std = f"{gain['log_score']:.3g}", f"{gain['std_error']:.2g}"
+        yield "    " + render(
+            Message("formula-gain", before=before, after=after, unit=unit, score=score, std=std, by=gain["held_out_by"])
+        )
+        for other in h["equivalent"]:
+            yield "    " + render(Message("formula-equivalent", formula=other))

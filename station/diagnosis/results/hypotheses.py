@@ -1,0 +1,130 @@
+"""Formulas for what no cause of the library explains: sized, and accepted only where they gain on held-out data."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.diagnosis.candidates.nuisance import AcceptedCause
+from station.diagnosis.candidates.shape import FormEstimate
+from station.diagnosis.discovery.discover import Discovery, FoundTerm, ThresholdOf, discover
+from station.diagnosis.discovery.term_fit import candidate_of, constant_stds
+from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.results.estimate import Estimate, coefficients_beside
+from station.diagnosis.results.gain import HeldOutGain, gain_together, held_out_gain
+from station.diagnosis.search.cause_search import SearchResult
+from station.diagnosis.search.problem import refined
+from station.diagnosis.search.scoring import ScoringProblem
+from station.domain.core.types import Floats, SampleTable
+
+#: Seed of the null distribution over the grammar.
+SEED = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HypothesisTerm:
+    """A term with its size and its own gain beside the others."""
+
+    found: FoundTerm
+    estimate: Estimate
+    gain: HeldOutGain
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypotheses:
+    """terms: of the formula, none where nothing expressible fits; gain: of all together; complete: nothing alarms any
+    more once they are known; problem: with them accepted; threshold: the score that chance reaches; data: hash."""
+
+    terms: tuple[HypothesisTerm, ...]
+    gain: HeldOutGain | None
+    complete: bool
+    problem: ScoringProblem
+    floor: FittedFloor
+    threshold: float
+    data: str
+
+
+def propose_formula(
+    searched: SearchResult,
+    last: ScoringProblem,
+    paying: Sequence[AcceptedCause],
+    table: SampleTable,
+    threshold_of: ThresholdOf | None = None,
+) -> Hypotheses:
+    """The formula for what a diagnosis leaves unexplained. last: the problem with every cause found; paying: those that
+    gain on held-out data."""
+    assert searched.null is not None
+    problem = _explained(last, len(searched.first.accepted), paying)
+    found = discover(problem, searched.null, searched.undetectable, SEED, threshold_of)
+    return _accepted(found, data_hash(table))
+
+
+def data_hash(table: SampleTable) -> str:
+    """SHA-256 of times and readings, its first 16 digits."""
+    digest = hashlib.sha256(np.ascontiguousarray(table.time_s, float).tobytes())
+    digest.update(np.ascontiguousarray(table.reading, float).tobytes())
+    return digest.hexdigest()[:16]
+
+
+def _explained(problem: ScoringProblem, first: int, paying: Sequence[AcceptedCause]) -> ScoringProblem:
+    """The problem with the causes of the model (the first so many) and those that pay, and no other."""
+    kept = {id(item) for item in paying}
+    gone = [i for i, item in enumerate(problem.accepted) if i >= first and id(item) not in kept]
+    for i in reversed(gone):
+        problem = problem.without(i)
+    return refined(problem, rounds=2) if gone else problem
+
+
+def _accepted(found: Discovery, data: str) -> Hypotheses:
+    """What held-out data confirm of a discovery."""
+    problem, terms = found.problem, list(found.terms)
+    floor = problem.fit()
+    gains = [held_out_gain(problem, found.first + i, floor.floor) for i in range(len(terms))]
+    while terms and not all(g.accepted for g in gains):
+        # One after another, the least first: beside it, another may gain nothing.
+        worst = min(range(len(terms)), key=lambda i: gains[i].log_score / max(gains[i].std_error, 1e-300))
+        problem = refined(problem.without(found.first + worst), rounds=2)
+        del terms[worst]
+        floor = problem.fit()
+        gains = [held_out_gain(problem, found.first + i, floor.floor) for i in range(len(terms))]
+    whole = gain_together(problem, range(found.first, found.first + len(terms)), floor.floor) if terms else None
+    sized = _estimates(problem, found.first, terms, floor)
+    complete = found.quiet and len(terms) == len(found.terms)
+    rows = tuple(HypothesisTerm(t, e, g) for t, e, g in zip(terms, sized, gains, strict=True))
+    return Hypotheses(rows, whole, complete, problem, floor, found.threshold, data)
+
+
+def _estimates(problem: ScoringProblem, first: int, terms: Sequence[FoundTerm], floor: FittedFloor) -> list[Estimate]:
+    """Coefficients and constants with standard deviations."""
+    sizes = coefficients_beside(problem, problem.accepted, floor)
+    out = []
+    for i, term in enumerate(terms, first):
+        bare = problem.without(i)
+        space = bare.space(floor.floor, moving="since_arrival_s" in term.fit.term.needs)
+        stds = constant_stds(term.fit, bare.view, space)
+        forms = tuple(FormEstimate(field, value, stds[field]) for field, value in term.fit.term.constants)
+        value, std = sizes[i]
+        for form in forms:
+            std = np.hypot(std, _moved_by(bare, problem, i, term, form, floor))
+        out.append(Estimate(problem.accepted[i], value, std, forms))
+    return out
+
+
+def _moved_by(
+    bare: ScoringProblem, problem: ScoringProblem, i: int, term: FoundTerm, form: FormEstimate, floor: FittedFloor
+) -> Floats:
+    """By how much the coefficients move when a constant does by its standard deviation."""
+    ends = []
+    for sign in (-1, 1):
+        moved = candidate_of(
+            term.fit.term.with_constants(**{form.field: form.value + sign * form.std}),
+            bare.view,
+            term.fit.rms,
+            term.name,
+        )
+        item = problem.accepted[i]
+        other = replace(item, candidate=moved, coefficient=np.zeros(item.coefficient.shape))
+        items = [*bare.accepted[:i], other, *bare.accepted[i:]]
+        ends.append(coefficients_beside(bare, items, floor)[i][0])
+    return np.asarray((ends[1] - ends[0]) / 2)

@@ -1,0 +1,68 @@
+"""A law that nobody wrote down is found again in its form, nothing is found in nothing, and the model carries it."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.discovery import chance
+from station.diagnosis.results.diagnose import Diagnosis
+from station.diagnosis.results.diagnosis_document import document
+from station.diagnosis.results.extend import extend_model
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.model.model_file import Model
+from tests.blind.bench import WHITE, Scaled, World, hide
+from tests.blind.look import look
+from tests.blind.recipes import recipe
+
+
+def law(w: World, rng: Scaled) -> tuple[Any, Any]:
+    """z gains c · a_z² · (T − 25 °C)."""
+    added = np.zeros_like(w.a)
+    added[:, 2] = w.a[:, 2] ** 2 * (w.T - 25) * rng.amplitude(1e-4, (1,))[0]
+    return w.a, added
+
+
+@pytest.fixture(scope="module")
+def found() -> Diagnosis:
+    table, _ = hide(recipe(), law, 7, d=32.0)  # type: ignore[arg-type]
+    return look(recipe(), table)
+
+
+def test_the_formula_of_a_law_outside_the_library_is_found(found: Diagnosis) -> None:
+    hypotheses = document(found)["unknown"]["hypotheses"]
+    assert found.verdict in ("unknown", "incomplete")
+    formula = hypotheses[0]
+    assert formula["formula"] == "reading_z += c · a_z² · (T − T₀)"
+    assert formula["complete"] and formula["gain"]["accepted"]
+    c, about = formula["parameters"]
+    assert (c["unit"], c["axis"], c["of"], about["unit"]) == ("1/(g·degC)", "z", "common", "degC")
+    assert abs(about["value"] - 25) < 4 * about["std"]
+
+
+def test_the_model_carries_it_and_a_second_diagnosis_is_silent(found: Diagnosis) -> None:
+    model = Model.model_validate(extend_model(Model(), found).document())
+    assert [e.effect for e in model.effects] == ["formula-1"]
+    assert model.effects[0].term is not None
+    assert look(recipe(), found.table, model).verdict == "none"
+
+
+def test_nothing_is_found_in_nothing_and_the_score_by_chance_is_that_of_the_whole_grammar() -> None:
+    table, _ = hide(recipe(), None, 8, floor=WHITE)
+    assert look(recipe(), table).hypotheses is None
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    from station.diagnosis.discovery.discover import discover
+
+    scores: Sequence[float] = []
+
+    def threshold_of(*args: Any) -> float:
+        nonlocal scores
+        scores = chance.largest_scores(*args, 3).tolist()
+        return chance.tail_quantile(np.asarray(scores))
+
+    null: Any = None
+    out = discover(problem, null, (), 3, threshold_of)
+    assert not out.terms
+    assert 0.001 < float(np.mean(np.array(scores) > out.threshold)) < 0.03
