@@ -8,6 +8,7 @@ import pytest
 
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery import chance
+from station.diagnosis.discovery.discover import discover
 from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
@@ -53,13 +54,11 @@ def test_nothing_is_found_in_nothing_and_the_score_by_chance_is_that_of_the_whol
     table, _ = hide(recipe(), None, 8, floor=WHITE)
     assert look(recipe(), table).hypotheses is None
     problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
-    from station.diagnosis.discovery.discover import discover
-
     scores: Sequence[float] = []
 
-    def threshold_of(*args: Any) -> float:
+    def threshold_of(problem: Any, fitted: Any, scans: Any) -> float:
         nonlocal scores
-        scores = chance.largest_scores(*args, 3).tolist()
+        scores = chance.largest_scores(problem, fitted, scans, 3).tolist()
         return chance.tail_quantile(np.asarray(scores))
 
     null: Any = None

@@ -5,6 +5,7 @@ by every term of the scan; the threshold is the quantile of the largest score, i
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -52,18 +53,18 @@ def null_residuals(
     """Residuals (U, M, n) by chance alone, some sets after others."""
     mean = fitted.floor.variances
     root = np.linalg.cholesky(fitted.covariance + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
-    member = space.covariance.member
-    (U, R), m = member.shape, space.covariance.inverse.shape[-1]
+    runs = space.covariance.runs.single_precision()
+    (U, R), m = runs.member.shape, runs.rows
     n, M = NULL_SETS // NULL_FLOORS, space.live.shape[1]
     flat = space.shared_basis.reshape(U * M, -1).astype(np.float32)
     basis = space.basis.astype(np.float32)
     for _ in range(NULL_FLOORS):
         variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
-        true = np.linalg.inv(problem.structure.covariance(variances).inverse)
-        mixed = (space.covariance.inverse @ true)[member].astype(np.float32)
+        true = replace(problem.structure.covariance(variances).runs.single_precision(), member=runs.member)
         noise = rng.standard_normal((U, M, n), dtype=np.float32) * space.live[..., None]
-        stops = mixed @ noise[:, : R * m].reshape(U, R, m, n)
-        rows = np.concatenate([stops.reshape(U, R * m, n), noise[:, R * m :]], axis=1)
+        white = np.ascontiguousarray(noise[:, : R * m].reshape(U, R, m, n))
+        stops = runs.whiten(true.coloured(white)).reshape(U, R * m, n)
+        rows = np.concatenate([stops, noise[:, R * m :]], axis=1)
         rows -= basis @ (basis.swapaxes(1, 2) @ rows)
         if flat.shape[1]:
             rows -= (flat @ (flat.T @ rows.reshape(U * M, n))).reshape(U, M, n)

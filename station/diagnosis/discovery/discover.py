@@ -30,6 +30,8 @@ MAX_TERMS = 3
 MOST_REFINED, REFINED_NATS = 20, 9.0
 #: Formulas so near to the best, nats, are given as one set.
 SET_NATS = 3.0
+#: What a term of the rig's groups, which are not on the grid, must be ahead of chance, nats.
+GROUP_NATS = 1.5
 #: Units that the scan goes over at most; what it finds is judged by all.
 MOST_SCANNED_UNITS = 12
 #: What is shared by the groups of these levels is tried for the inputs that a rig's groups may have.
@@ -106,10 +108,17 @@ class _FormulaSearch:
         scans = [scan_of(x, problem.view, units, fitted.floor) for x in libraries(problem.view)]
         if self._threshold is None:
             self._threshold = self._threshold_of(problem, fitted, scans)
-        return self._ranked(problem, fitted.floor, [c.term for c in _best_choices(scans)], name)
+        top, choices = _best_choices(scans)
+        # Chance was drawn for the grid, whose best is therefore what must beat it; refined, it is better still.
+        if top < self.threshold - GROUP_NATS:
+            return None
+        return self._ranked(problem, fitted.floor, [c.term for c in choices], name, top)
 
-    def _ranked(self, problem: ScoringProblem, floor: NoiseFloor, terms: Sequence[Term], name: str) -> FoundTerm | None:
-        """The best of some terms with their constants refined, judged under the floor that fits best with it."""
+    def _ranked(
+        self, problem: ScoringProblem, floor: NoiseFloor, terms: Sequence[Term], name: str, top: float
+    ) -> FoundTerm | None:
+        """The best of some terms with their constants refined, judged under the floor that fits best with it. top: the
+        best of the grid."""
         spaces = _Spaces(problem, floor)
         fits = [refine(t, problem.view, spaces.of(t)) for t in terms]
         fits += [fit_term(t, problem.view, spaces.of(t)) for t in _group_terms(problem)]
@@ -119,15 +128,15 @@ class _FormulaSearch:
         leader = fits[0]
         with_it = problem.beside((*problem.accepted, accepted(leader, problem.view, name))).fit(floor).floor
         fairer = _Spaces(problem, with_it)
-        top = [f for f in fits if f.score > leader.score - REFINED_NATS]
+        close = [f for f in fits if f.score > leader.score - REFINED_NATS]
         again = [
             with_levels(refine(f.term, problem.view, fairer.of(f.term)), problem.view, fairer.of(f.term), self._levels)
-            for f in top
+            for f in close
         ]
         again.sort(key=lambda f: -f.score)
         best = again[0]
         score = best.score + fairer.of(best.term).profile - spaces.of(best.term).profile
-        if score < self.threshold:
+        if score < self.threshold or (top < self.threshold and score < self.threshold + GROUP_NATS):
             return None
         near = _distinct([f for f in again if f.score > best.score - SET_NATS], best)
         return FoundTerm(name, best, score, near)
@@ -162,19 +171,19 @@ class _Spaces:
         return self._made[moving]
 
 
-def _best_choices(scans: Sequence[Scan]) -> list[Choice]:
-    """The best choice of each family and way of its axes, as far as they are near the best of all."""
-    best: dict[tuple[str, str, int], tuple[float, Choice]] = {}
+def _best_choices(scans: Sequence[Scan]) -> tuple[float, list[Choice]]:
+    """The best score of all, and the best choice of each family, as far as they are near it."""
+    best: dict[tuple[str, str], tuple[float, Choice]] = {}
     for scan in scans:
         for batch, values in scan.scores(scan.space.residual[..., None]):
             for at in np.argsort(-values[:, 0])[: 4 * MOST_REFINED]:
                 choice, value = batch.choices[at], float(values[at, 0])
-                key = (*choice.term.family, 0)
+                key = choice.product.input.factor.name, choice.product.modulator.factor.name
                 if key not in best or value > best[key][0]:
                     best[key] = (value, choice)
     ranked = sorted(best.values(), key=lambda pair: -pair[0])
-    top = ranked[0][0] if ranked else 0.0
-    return [c for value, c in ranked if value > top - REFINED_NATS][:MOST_REFINED]
+    top = ranked[0][0] if ranked else -np.inf
+    return top, [c for value, c in ranked if value > top - REFINED_NATS][:MOST_REFINED]
 
 
 def _levels_of(problem: ScoringProblem) -> tuple[str, ...]:
