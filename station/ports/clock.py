@@ -1,6 +1,6 @@
 """Time as a port: the simulated rig runs a three-minute recipe in milliseconds and no test sleeps."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
 class Clock(Protocol):
@@ -29,6 +29,7 @@ class Actor(Protocol):
         """
 
 
+@runtime_checkable
 class EventClock(Clock, Protocol):
     """Time of a simulated rig: it stands still until somebody waits, then jumps from event to event."""
 

@@ -1,0 +1,1 @@
+"""The station's side of drives with the profile CiA 402."""
