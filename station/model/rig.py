@@ -69,6 +69,11 @@ class Rig:
         self._moves_done.append(FixtureMove(visit, departs_s, arrives_s, level))
         self._scenes.clear()
 
+    def arrive(self, now_s: float) -> None:
+        """The last move has ended now: who began it did not know when."""
+        self._moves_done[-1] = replace(self._moves_done[-1], arrives_s=now_s)
+        self._scenes.clear()
+
     def sense(self, nest: str, time_s: Floats) -> Floats:
         """Readings (n, 3) of the unit in a nest at instants (n), in order; nothing before the last move but one.
 

@@ -48,6 +48,19 @@ def verification_visits(recipe: Recipe) -> tuple[PlannedVisit, ...]:
     return plan.verification_visits(recipe, last, len(tumble_visits(recipe, last)))
 
 
+def check_reach(recipe: Recipe, positioner: Positioner) -> None:
+    """Whether every position of the recipe can be reached, and from the one before, before anything moves.
+
+    Errors: PositionerFault of the first that cannot.
+    """
+    if positioner.by_hand:
+        return
+    visits = [visit for run in range(len(recipe.runs)) for visit in tumble_visits(recipe, run)]
+    for origin, visit in pairwise([None, *visits, *verification_visits(recipe)]):
+        if visit is not None:
+            positioner.estimate_s(origin, visit)
+
+
 def estimate_s(recipe: Recipe, positioner: Positioner) -> float:
     """Expected time of a load from its first move to parking, s; SDO traffic is not in it."""
     runs = [tumble_visits(recipe, run) for run in range(len(recipe.runs))]

@@ -9,7 +9,7 @@ from station.domain.capture.rest_detection import face
 from station.domain.capture.visit import CapturedVisit, Visit
 from station.domain.capture.visit_check import check, statistics
 from station.domain.core import rotation
-from station.domain.core.types import Reason
+from station.domain.core.types import Floats, Reason
 from station.domain.product.emergency_codes import emergency
 from station.domain.recipe import plan
 from station.domain.recipe.plan import PlannedVisit
@@ -75,9 +75,17 @@ class VisitMeasurement:
         where = self._station.positioner.where()
         if where is None:
             return
-        off = float(np.degrees(np.linalg.norm(rotation.to_vector(where @ planned.nest.T))))
+        off = self._off_deg(where, planned)
         if off > settings.arrival_tolerance_deg:
             raise PositionerFault("positioner-off", angle_deg=off, position=planned.position)
+
+    def _off_deg(self, where: Floats, planned: PlannedVisit) -> float:
+        """How far from the plan it stands; gravity does not feel a turn about the vertical."""
+        if self._job.recipe.reference.source == "gravity":
+            R = rotation.shortest(planned.nest[2], where[2])
+        else:
+            R = where @ planned.nest.T
+        return float(np.degrees(np.linalg.norm(rotation.to_vector(R))))
 
     def _check(self, unit: Unit, planned: PlannedVisit, collector: VisitCollector) -> tuple[Visit, Reasons]:
         visit = collector.visit(unit, planned, self._emergencies(unit))

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol
@@ -16,7 +17,7 @@ from station.adapters.canopen.foreign_traffic import ForeignTrafficWatch
 from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import SystemClock
 from station.adapters.malloc_tuning import retain_freed_memory
-from station.config.documents import content_hash
+from station.config.documents import Document, content_hash
 from station.config.settings import Settings, load_config
 from station.config.validation_messages import mistakes
 from station.domain.core.types import NestAssignment
@@ -27,6 +28,7 @@ from station.ports.bus import Bus
 from station.ports.clock import Clock
 from station.ports.device import Device
 from station.ports.positioner import Positioner
+from station.service.itinerary import check_reach
 from station.service.learnt_model import with_model
 from station.service.recovery import close_unfinished
 from station.service.station import Job, Station
@@ -34,7 +36,7 @@ from station.wiring.bus_owner import claim_bus
 from station.wiring.buses import bus_kind, bus_options, open_bus
 from station.wiring.jobs import Source, load_job
 from station.wiring.logs import open_store
-from station.wiring.positioners import positioner, refuse_numbers_for_real_units
+from station.wiring.positioners import connected_positioner, refuse_numbers_for_real_units
 from station.wiring.run_order import RunOrder
 from station.wiring.simulated import SimulatedFixture
 
@@ -108,15 +110,15 @@ def open_bench(order: RunOrder) -> Bench:
         else:
             fixture = _ByHand()
             clock = SystemClock()
-            turned_by = positioner(settings, document, clock)
             kind = bus_kind(settings.bus)
             if kind.without_units:
                 raise UsageError("bus-without-units", interface=settings.bus.interface)
+            units_bus = cache(lambda: _units_bus(settings, document, clock, opened))
+            turned_by = connected_positioner(settings, document, clock, units_bus, opened)
             refuse_numbers_for_real_units(settings, turned_by)
-            if kind.interface_of_kernel:
-                opened.callback(claim_bus(settings.bus, settings.station).release)
-            bus = open_bus(settings.bus, document, clock)
+            bus = units_bus()
         opened.callback(bus.close)
+        check_reach(job.recipe, turned_by)
         database = order.database or Path(settings.database)
         store = open_store(database, settings, clock.epoch_ns)
         opened.callback(store.close)
@@ -126,6 +128,13 @@ def open_bench(order: RunOrder) -> Bench:
         notices = (*learnt, *(render(m) for m in close_unfinished(station)))
         return Bench(station, job, source, fixture, database, order.simulate, notices, opened.pop_all())
     raise AssertionError("unreachable: ExitStack swallows nothing")
+
+
+def _units_bus(settings: Settings, document: Document, clock: Clock, opened: ExitStack) -> Bus:
+    """The units' bus, owned by this station. Errors: ConfigError, BusFault."""
+    if bus_kind(settings.bus).interface_of_kernel:
+        opened.callback(claim_bus(settings.bus, settings.station).release)
+    return open_bus(settings.bus, document, clock)
 
 
 def _overridden(settings: Settings, order: RunOrder) -> Settings:

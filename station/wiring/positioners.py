@@ -1,26 +1,74 @@
 """The positioner that config.yaml names, with its own options checked."""
 
+from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any
 
 from station import plugins
 from station.adapters.clock import VirtualClock
 from station.config.documents import Document
-from station.config.settings import Settings
-from station.errors import UsageError
+from station.config.rigs import load_rig
+from station.config.settings import BusSettings, Settings
+from station.domain.rig.rig_map import RigMap
+from station.errors import ConfigError, UsageError
+from station.ports.bus import Bus
 from station.ports.clock import Clock
 from station.ports.positioner import Positioner
-from station.wiring.buses import bus_kind
+from station.wiring.bus_owner import claim_bus
+from station.wiring.buses import bus_kind, open_bus
 from station.wiring.options import options_of
 
 POSITIONERS = "station.adapters.positioner"
+#: Words for `positioner.channel`: drives inside this process; drives on the units' bus. Any other is a channel.
+SIMULATED, UNITS = "simulated", "units"
 
 
 def positioner(settings: Settings, document: Document, clock: Clock) -> Positioner:
     """Builds it. Errors: UsageError for an unknown kind, ConfigError for its options."""
     made: Any = plugins.load(POSITIONERS, settings.positioner.kind)
-    options = options_of("positioner", settings.positioner.options, document, made.Settings)
+    options = positioner_options(settings, document)
     built: Positioner = made(options, clock)
     return built
+
+
+def positioner_options(settings: Settings, document: Document) -> Any:
+    """Its own options, checked. Errors: UsageError, ConfigError."""
+    made: Any = plugins.load(POSITIONERS, settings.positioner.kind)
+    return options_of("positioner", settings.positioner.options, document, made.Settings)
+
+
+def connected_positioner(
+    settings: Settings, document: Document, clock: Clock, units_bus: Callable[[], Bus], opened: ExitStack
+) -> Positioner:
+    """The same with its drives on a bus: that of the units, or one of its own, which is closed with `opened`.
+
+    Errors: UsageError, ConfigError; BusFault where another station has that bus.
+    """
+    made: Any = plugins.load(POSITIONERS, settings.positioner.kind)
+    if not getattr(made, "on_a_bus", False):
+        return positioner(settings, document, clock)
+    options = positioner_options(settings, document)
+    if options.channel == SIMULATED:
+        raise UsageError("rig-without-bus")
+    if options.channel == UNITS:
+        bus = units_bus()
+        refuse_nodes_of_units(settings, load_rig(options.map))
+    else:
+        own = BusSettings(interface=options.interface, channel=options.channel)
+        if bus_kind(own).interface_of_kernel:
+            opened.callback(claim_bus(own, settings.station).release)
+        bus = open_bus(own, document, clock)
+        opened.callback(bus.close)
+    built: Positioner = made(options, clock, bus)
+    return built
+
+
+def refuse_nodes_of_units(settings: Settings, rig: RigMap) -> None:
+    """Errors: ConfigError where a drive or the station itself has the node id of a nest, on one bus."""
+    taken = {axis.node: axis.name for axis in rig.axes} | {rig.station_node: "station_node"}
+    for nest in settings.nests:
+        if nest.node in taken:
+            raise ConfigError("rig-node-of-nest", node=nest.node, nest=nest.name, of=taken[nest.node], rig=rig.name)
 
 
 def refuse_numbers_for_real_units(settings: Settings, built: Positioner) -> None:

@@ -24,7 +24,9 @@ from station.model.effect import Effect
 from station.model.rig import Rig
 from station.model.simulate import SimulationJob, parse_effect
 from station.ports.bus import Endpoint
+from station.ports.positioner import Positioner
 from station.service.station import Job
+from station.wiring.driven_fixture import DrivenFixture
 from station.wiring.jobs import Source
 from station.wiring.options import options_of
 from station.wiring.run_order import RunOrder
@@ -48,11 +50,15 @@ class SimulatedFixture:
         # The record's dates are today's; nothing that is computed depends on them.
         self.clock = VirtualClock(SystemClock().epoch_ns())
         self.bus = SimulatedBus(self.clock)
-        self.positioner = SimulatedPositioner(self._positioner_settings(document), self.clock, self._go)
+        self.positioner: Positioner
+        if settings.positioner.kind == "cia402":
+            self.positioner = driven = DrivenFixture(settings, document, self.clock, self.bus, self._go, self._arrived)
+            plate = driven.plate
+        else:
+            numbers = SimulatedPositioner(self._positioner_settings(document), self.clock, self._go)
+            self.positioner, plate = numbers, numbers.plate
         effects = tuple(_effect(text, job) for text in order.effects)
-        self._rig = Rig(
-            SimulationJob(job.recipe, (), order.seed, effects, load_model(order.model)), self.positioner.plate
-        )
+        self._rig = Rig(SimulationJob(job.recipe, (), order.seed, effects, load_model(order.model)), plate)
         for text in order.faults:
             if text.startswith(BUS_PREFIX):
                 self.bus.break_wire(text.removeprefix(BUS_PREFIX))
@@ -130,6 +136,9 @@ class SimulatedFixture:
             return SimulatedPositioner.Settings(error_deg=ERROR_DEG, seed=self._order.seed)
         own = self._settings.positioner.options
         return options_of("positioner", own, document, SimulatedPositioner.Settings)
+
+    def _arrived(self, now_s: float) -> None:
+        self._rig.arrive(now_s)
 
     def _go(self, stop: PlannedVisit, departs_s: float, arrives_s: float) -> None:
         self._rig.go(stop, departs_s, arrives_s)

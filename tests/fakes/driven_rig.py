@@ -15,7 +15,7 @@ from station.config.rigs import load_rig
 from station.domain.core import rotation
 from station.domain.core.types import Floats, Frames
 from station.domain.recipe.plan import PlannedVisit
-from station.domain.recipe.recipe import UP
+from station.domain.recipe.position import UP
 from station.domain.rig.rig_map import RigMap
 from station.errors import Aborted, StationError
 from station.ports.bus import Bus, Channel, ErrorCounters

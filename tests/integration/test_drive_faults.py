@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from station.adapters.simulated_device.drive.drive_fault import KINDS
-from tests.fakes.driven_rig import DrivenRig
+from tests.fakes.driven_rig import DrivenRig, visit
 
 HOMING = "two-axis-homing"
 #: kind → the message of the move that meets it (None: the move succeeds all the same).
@@ -75,7 +75,7 @@ def test_a_fault_has_its_outcome_and_moves_nothing(kind: str) -> None:
         fault = rig.move(up)
         if fault is not None:
             break
-        arrived = rig.positioner.rig.goals(_nest(up))
+        arrived = rig.positioner.rig.goals(visit(up).nest)
         off_deg = min(float(np.abs(rig.truth_deg() - goal).max()) for goal in np.array(arrived))
         assert off_deg <= rig.map.axes[0].window_deg, "arrived, but it is not there"
         rig.clock.sleep(0.5)
@@ -89,9 +89,3 @@ def test_a_fault_has_its_outcome_and_moves_nothing(kind: str) -> None:
     assert rig.stands()
     assert rig.witness.excess_deg <= DRIVES_ASTRAY.get(plain, 0.5)
     assert rig.witness.unasked_s <= (0.05 if plain in DRIVES_ASTRAY else 0.0)
-
-
-def _nest(up: str) -> np.ndarray:  # type: ignore[type-arg]
-    from tests.fakes.driven_rig import visit
-
-    return visit(up).nest

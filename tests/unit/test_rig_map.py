@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from station.config.rigs import load_rig
 from station.config.search_path import shipped_folder
 from station.domain.core import rotation
-from station.domain.recipe.recipe import UP
+from station.domain.recipe.position import UP
 from station.domain.rig import kinematics, paths
 from station.domain.rig.paths import Space, Zone
 from station.errors import ConfigError
@@ -112,7 +112,7 @@ def test_ways_keep_out_of_zones_however_the_axes_run(seed: int) -> None:
     for start, goal in rng.uniform(-180, 180, (8, 2, 2)).tolist():
         if space.zone_at(tuple(start)) or space.zone_at(tuple(goal)):
             continue
-        way = paths.shortest(space, tuple(start), [tuple(goal)])
+        way = paths.safe_way(space, tuple(start), [tuple(goal)])
         if way is None:
             continue
         found += 1
@@ -127,5 +127,8 @@ def test_ways_keep_out_of_zones_however_the_axes_run(seed: int) -> None:
 
 def test_a_zone_across_the_whole_travel_leaves_no_way() -> None:
     space = Space(((-180.0, 180.0),), (Zone("wall", ((10.0, 20.0),)),), (90.0,), (180.0,))
-    assert paths.shortest(space, (0.0,), [(90.0,)]) is None
-    assert paths.shortest(space, (0.0,), [(90.0,), (-90.0,)]) == (pytest.approx(1.5), ((-90.0,),))
+    assert paths.safe_way(space, (0.0,), [(90.0,)]) is None
+    way = paths.safe_way(space, (0.0,), [(90.0,), (-90.0,)])
+    assert way is not None
+    assert way[0] == pytest.approx(1.5)
+    assert way[1] == ((-90.0,),)

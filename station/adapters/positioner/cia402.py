@@ -11,10 +11,10 @@ from station.adapters.positioner._cia402.watch import MotionWatch, stop_all
 from station.adapters.positioner._twin import twin_bus
 from station.config.rigs import load_rig
 from station.domain.core.types import Floats
+from station.domain.recipe.fields import StrictModel
 from station.domain.recipe.plan import PlannedVisit
-from station.domain.recipe.recipe import StrictModel
 from station.domain.rig import drive_profile as profile
-from station.domain.rig.paths import shortest
+from station.domain.rig.paths import safe_way
 from station.domain.rig.rig_map import Homing, RigMap
 from station.errors import Aborted, BusFault, PositionerFault, StationError
 from station.messages import Message
@@ -89,7 +89,7 @@ class Cia402Positioner:
     def estimate_s(self, origin: PlannedVisit | None, stop: PlannedVisit) -> float:
         """Time of the quickest safe way, and of the handshakes. Errors: PositionerFault where there is none."""
         starts = [self.rig.park_deg] if origin is None else self._goals(origin)
-        way = min((w for s in starts if (w := shortest(self.rig.space, s, self._goals(stop)))), default=None)
+        way = min((w for s in starts if (w := safe_way(self.rig.space, s, self._goals(stop)))), default=None)
         if way is None:
             raise PositionerFault("rig-no-safe-way", place=Message("place-position", position=stop.position))
         window_s = max(axis.window_s for axis in self.rig.axes)
@@ -143,7 +143,7 @@ class Cia402Positioner:
             self._prepare()
             here = self._angles()
             self._check_start(here)
-            way = shortest(self.rig.space, self._inside(here), goals)
+            way = safe_way(self.rig.space, self._inside(here), goals)
             if way is None:
                 raise PositionerFault("rig-no-safe-way", place=place)
             for point in way[1]:

@@ -67,7 +67,7 @@ _STATES = (
 ENERGISED = frozenset({DriveState.SWITCHED_ON, DriveState.ENABLED, DriveState.QUICK_STOPPED, DriveState.FAULT_REACTION})
 
 
-def state_of(statusword: int) -> DriveState:
+def drive_state(statusword: int) -> DriveState:
     """The state that a statusword shows."""
     return next((state for mask, value, state in _STATES if statusword & mask == value), DriveState.UNKNOWN)
 

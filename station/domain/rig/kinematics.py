@@ -14,7 +14,7 @@ import numpy as np
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 
-UP = np.array([0.0, 0.0, 1.0])
+VERTICAL = np.array([0.0, 0.0, 1.0])
 #: Directions that lie closer than this (sine) turn about themselves.
 _SINGULAR = 1e-9
 #: A pose that differs by less counts as reached in full, degrees.
@@ -42,12 +42,12 @@ def poses(axes: Sequence[Floats], nest: Floats, tolerance_deg: float) -> list[Po
 
     Angles lie within ±180°. Empty where these axes cannot bring that direction up.
     """
-    up = nest.T @ UP
+    up = nest.T @ VERTICAL
     found = _one_axis(axes[0], nest) if len(axes) == 1 else _two_axes(axes[0], axes[1], up, nest)
     reached = []
     for angles in found:
         R = attitude(axes, angles)
-        off = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(R.T @ UP, up)), (R.T @ UP) @ up)))
+        off = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(R.T @ VERTICAL, up)), (R.T @ VERTICAL) @ up)))
         if off <= tolerance_deg:
             reached.append(Pose(angles, float(np.degrees(np.linalg.norm(rotation.to_vector(R @ nest.T))))))
     return sorted(reached, key=lambda pose: pose.yaw_deg)
@@ -64,12 +64,12 @@ def within(pose: Pose, limits_deg: Sequence[tuple[float, float]]) -> list[Pose]:
 
 def _one_axis(axis: Floats, nest: Floats) -> list[tuple[float, ...]]:
     """The angle that comes closest to the attitude, and the one that brings the direction up."""
-    return [(_closest(axis, nest),), (_angle(axis, nest.T @ UP, UP),)]
+    return [(_closest(axis, nest),), (_angle(axis, nest.T @ VERTICAL, VERTICAL),)]
 
 
 def _two_axes(outer: Floats, inner: Floats, up: Floats, nest: Floats) -> list[tuple[float, ...]]:
     """Both solutions; where one axis is parallel to what it would have to turn, its angle follows the attitude."""
-    cosine, p, q = float(outer @ inner), float(outer @ UP), float(inner @ up)
+    cosine, p, q = float(outer @ inner), float(outer @ VERTICAL), float(inner @ up)
     square = 1.0 - cosine * cosine
     if square < _SINGULAR:
         return []
@@ -82,13 +82,13 @@ def _two_axes(outer: Floats, inner: Floats, up: Floats, nest: Floats) -> list[tu
         w = alpha * outer + beta * inner + sign * gamma * normal
         w = w / np.linalg.norm(w)
         if np.linalg.norm(np.cross(inner, up)) < _SINGULAR:
-            a = _angle(outer, w, UP)
+            a = _angle(outer, w, VERTICAL)
             found.append((a, _closest(inner, rotation.about(outer, a).T @ nest)))
-        elif np.linalg.norm(np.cross(outer, UP)) < _SINGULAR:
+        elif np.linalg.norm(np.cross(outer, VERTICAL)) < _SINGULAR:
             b = _angle(inner, up, w)
             found.append((_closest(outer, nest @ rotation.about(inner, b).T), b))
         else:
-            found.append((_angle(outer, w, UP), _angle(inner, up, w)))
+            found.append((_angle(outer, w, VERTICAL), _angle(inner, up, w)))
     return found
 
 

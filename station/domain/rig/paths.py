@@ -61,7 +61,7 @@ class Space:
         return max(times)
 
 
-def shortest(space: Space, start: Angles, goals: Sequence[Angles]) -> tuple[float, tuple[Angles, ...]] | None:
+def safe_way(space: Space, start: Angles, goals: Sequence[Angles]) -> tuple[float, tuple[Angles, ...]] | None:
     """Time, s, and points after `start` of the quickest safe way to any of the goals; None where there is none."""
     best: dict[Angles, float] = {start: 0.0}
     queue: list[tuple[float, Angles, tuple[Angles, ...]]] = [(0.0, start, ())]

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from station.domain.core.types import Floats
-from station.domain.recipe.recipe import Finite, Name, NotNegative, Positive, StrictModel, Vector
+from station.domain.recipe.fields import Finite, Name, NotNegative, Positive, StrictModel, Vector
 from station.domain.rig import kinematics
 from station.domain.rig.paths import Space, Zone
 from station.errors import InvalidValue
@@ -20,7 +20,7 @@ PARALLEL_DEG = 10.0
 _INT32 = 2**31 - 1
 
 
-class Identity(StrictModel):
+class DriveType(StrictModel):
     """What the drives must answer at 0x1000 (lower 16 bits) and 0x1018; revision 0: any."""
 
     device_profile: Annotated[int, Field(ge=0, le=0xFFFF)] = 402
@@ -118,7 +118,7 @@ class Axis(StrictModel):
 
     def angle_deg(self, counts: float) -> float:
         """Angle of encoder counts."""
-        return (counts - self.zero_counts) / self.counts_per_deg
+        return float((counts - self.zero_counts) / self.counts_per_deg)
 
     def rate(self, deg: float) -> int:
         """Counts of a speed, an acceleration or a window, at least 1."""
@@ -141,7 +141,7 @@ class RigMap(StrictModel):
 
     schema_: Annotated[Literal["station.rig/1"], Field(alias="schema")] = "station.rig/1"
     name: Name
-    drive: Identity
+    drive: DriveType
     axes: Annotated[tuple[Axis, ...], Field(min_length=1, max_length=2)]
     forbidden: Annotated[tuple[ForbiddenZone, ...], Field(max_length=32)] = ()
     clearance_deg: NotNegative = 1.0

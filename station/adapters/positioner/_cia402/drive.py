@@ -5,7 +5,7 @@ import math
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.domain.product.emergency_codes import emergency
 from station.domain.rig import drive_profile as profile
-from station.domain.rig.drive_profile import DriveState, object_of, state_of
+from station.domain.rig.drive_profile import DriveState, drive_state, object_of
 from station.domain.rig.rig_map import Axis
 from station.errors import DeviceRefused, DeviceSilent, PositionerFault
 from station.messages import Message
@@ -32,7 +32,7 @@ class Drive:
     @property
     def state(self) -> DriveState:
         """The state that it shows."""
-        return state_of(self._word)
+        return drive_state(self._word)
 
     @property
     def angle_deg(self) -> float:
@@ -91,13 +91,13 @@ class Drive:
     def reason(self) -> Message:
         """Why it does not do what it should, as far as it says: safe torque off, its error code, its state."""
         if self.torque_is_off():
-            return Message("drive-torque-cut", axis=self.name)
+            return Message("drive-torque-cut")
         if code := self.read(profile.ERROR_CODE):
             return self.error(code, 0)
         word = self.fresh_word()
         if not word & profile.VOLTAGE:
             return Message("drive-without-supply", axis=self.name)
-        return Message("drive-state", axis=self.name, state=str(state_of(word)), word=word)
+        return Message("drive-state", axis=self.name, state=str(drive_state(word)), word=word)
 
     def error(self, code: int, register: int) -> Message:
         """An error that it has reported."""

@@ -5,7 +5,7 @@ from station.adapters.positioner._cia402.link import DriveLink
 from station.adapters.positioner._cia402.setup import wait_state
 from station.adapters.positioner._cia402.watch import MotionWatch
 from station.domain.rig import drive_profile as profile
-from station.domain.rig.drive_profile import DriveState, next_command, state_of
+from station.domain.rig.drive_profile import DriveState, drive_state, next_command
 from station.domain.rig.rig_map import Homing
 from station.errors import PositionerFault
 
@@ -19,7 +19,7 @@ def enable(link: DriveLink, drive: Drive, mode: int = profile.PROFILE_POSITION) 
     The mode is seen to be shown before anything may start: bit 4 means another thing in each mode. Errors:
     PositionerFault, with the power stage off.
     """
-    state = state_of(drive.fresh_word())
+    state = drive_state(drive.fresh_word())
     if state is DriveState.ENABLED and drive.read(profile.MODE_DISPLAY) == mode:
         return
     if state is not DriveState.DISABLED:

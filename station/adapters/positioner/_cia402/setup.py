@@ -3,7 +3,7 @@
 from station.adapters.positioner._cia402.drive import LIFE_GUARD, Drive
 from station.adapters.positioner._cia402.link import DriveLink, command_id, status_id
 from station.domain.rig import drive_profile as profile
-from station.domain.rig.drive_profile import ENERGISED, DriveState, object_of, state_of
+from station.domain.rig.drive_profile import ENERGISED, DriveState, drive_state, object_of
 from station.domain.rig.rig_map import Axis, Homing, RigMap
 from station.errors import PositionerFault
 
@@ -39,7 +39,7 @@ def check_free(link: DriveLink, drive: Drive) -> None:
     torque off.
     """
     word = drive.fresh_word()
-    state = state_of(word)
+    state = drive_state(word)
     own = link.watched(drive) >> 16 & 0x7F == link.watch_word(0) >> 16
     if state in ENERGISED and not own:
         raise PositionerFault("drive-enabled-elsewhere", axis=drive.name, node=drive.axis.node, state=str(state))
@@ -108,7 +108,7 @@ def settings_of(axis: Axis) -> list[tuple[int, int, int]]:
 def wait_state(link: DriveLink, drive: Drive, wanted: DriveState, timeout_s: float = 1.0) -> None:
     """Reads the statusword until it shows the state. Errors: PositionerFault with what the drive says instead."""
     deadline_s, pause_s = link.clock.monotonic_s() + timeout_s, 0.001
-    while (state := state_of(drive.fresh_word())) is not wanted:
+    while (state := drive_state(drive.fresh_word())) is not wanted:
         if state in (DriveState.FAULT, DriveState.FAULT_REACTION) or link.clock.monotonic_s() > deadline_s:
             raise PositionerFault("drive-stays", axis=drive.name, wanted=str(wanted), reason=drive.reason())
         link.wait(lambda: False, pause_s)

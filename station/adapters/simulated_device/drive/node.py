@@ -18,7 +18,7 @@ from station.adapters.simulated_device.stream import Timer
 from station.domain.core.types import ERROR, EXTENDED, REMOTE, Floats
 from station.domain.rig import drive_profile as profile
 from station.domain.rig.drive_profile import DriveState
-from station.domain.rig.rig_map import Axis, Homing, Identity, RigMap
+from station.domain.rig.rig_map import Axis, DriveType, Homing, RigMap
 from station.ports.bus import Endpoint
 from station.ports.clock import Clock
 
@@ -51,7 +51,7 @@ class SimulatedDrive:
         channel: Endpoint,
         clock: Clock,
         node: int,
-        identity: Identity,
+        identity: DriveType,
         mechanics: Sequence[Mechanics],
         *,
         faults: Sequence[DriveFault] = (),
