@@ -14,7 +14,7 @@ from station.diagnosis.linear.projection import (
     residual_space,
 )
 from station.diagnosis.linear.run_filter import RunFilter
-from station.diagnosis.search.cause_search import is_unknown
+from station.diagnosis.search.finding import is_unknown
 from station.diagnosis.search.null_simulation import copy_orders
 from station.domain.core.types import Floats
 

@@ -128,13 +128,13 @@ class ShapeGroup(NamedTuple):
 
 def _shape_groups(bank: Bank) -> list[ShapeGroup]:
     """The candidates sorted by shape, few enough at a time for a processor's cache."""
-    alike: dict[tuple[Pattern, int, int], list[int]] = {}
+    by_shape: dict[tuple[Pattern, int, int], list[int]] = {}
     for i, (c, groups, at) in enumerate(zip(bank.candidates, bank.groups, bank.place, strict=True)):
         if c.scans_visits:
             continue
-        alike.setdefault((c.pattern, groups if c.pattern == "scan" else 1, at.stop - at.start), []).append(i)
+        by_shape.setdefault((c.pattern, groups if c.pattern == "scan" else 1, at.stop - at.start), []).append(i)
     kinds = []
-    for (pattern, groups, width), which in alike.items():
+    for (pattern, groups, width), which in by_shape.items():
         for some in (which[i : i + CANDIDATES_AT_ONCE] for i in range(0, len(which), CANDIDATES_AT_ONCE)):
             columns = np.array([bank.place[i].start for i in some])[:, None] + np.arange(width)
             kinds.append(ShapeGroup(tuple(some), pattern, groups, columns))
@@ -188,11 +188,11 @@ def _candidate_fits(
     if kind.pattern != "own" and cross.shape[-1]:
         normal = normal - cross @ cross.swapaxes(-1, -2)
     m, E = np.linalg.eigh(normal)
-    seen = visible_directions(m, GROUP_AXES[kind.pattern])
-    E = E * seen[..., None, :]
+    visible = visible_directions(m, GROUP_AXES[kind.pattern])
+    E = E * visible[..., None, :]
     turn = E.swapaxes(-1, -2)
     most = np.array([bank.candidates[i].most for i in kind.which])
-    can = spectrum(space, np.where(seen, m, 0.0), turn @ cross, kind.pattern, most)
+    can = spectrum(space, np.where(visible, m, 0.0), turn @ cross, kind.pattern, most)
     u = can.components((turn @ readings[..., None])[..., 0][:, None], sets)
     likelihood = can.likelihoods(u, sets) if scan else can.likelihood(can.terms(u, sets), sets)
     evidence = log_mean_exp(can.spread(likelihood) if scan else likelihood)[:, 0]
@@ -211,10 +211,10 @@ def _turned(columns: Array, E: Floats) -> Array:
     return split.transpose(0, 2, 1, 3).reshape(U, M, K)
 
 
-def visible_candidates(seen: ProjectedBank, swollen: float) -> tuple[bool, ...]:
+def visible_candidates(projected: ProjectedBank, swollen: float) -> tuple[bool, ...]:
     """Of each candidate, whether the largest amplitude met in practice would leave more than noise (d > 1).
 
     swollen: how many times the noise is larger than the samples' own, perhaps by what is yet to be found.
     """
-    pairs = zip(seen.bank.candidates, seen.spectra, strict=True)
+    pairs = zip(projected.bank.candidates, projected.spectra, strict=True)
     return tuple(swollen * c.most / AMPLITUDE_LIMIT_FACTOR * float(np.sqrt(s.m.sum())) > 1.0 for c, s in pairs)

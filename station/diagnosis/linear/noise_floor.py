@@ -81,18 +81,18 @@ class FloorStructure:
         by_visit[:, :, i, :, i, :] += np.moveaxis(turn * self.turn @ self.turn.swapaxes(-1, -2), 2, 0)
         W = self.walk.reshape(C, B, s, 3)
         since = walk * np.repeat(self.taken, k, axis=2)[..., None] * W
-        inverse, seen, gain, logdet = np.empty_like(V), np.empty_like(W), np.empty((C, B, 3, s)), np.zeros(C)
+        inverse, observed, gain, logdet = np.empty_like(V), np.empty_like(W), np.empty((C, B, 3, s)), np.zeros(C)
         P = np.zeros((C, 3, 3))
         for b in range(B):
             F = V[:, b] + W[:, b] @ P @ W[:, b].swapaxes(-1, -2)
             L = np.asarray(np.linalg.cholesky(F), float)
             inverse[:, b] = _triangular_inverse(L)
-            seen[:, b] = inverse[:, b] @ W[:, b]
+            observed[:, b] = inverse[:, b] @ W[:, b]
             gain[:, b] = (P @ W[:, b].swapaxes(-1, -2) + since[:, b].swapaxes(-1, -2)) @ inverse[:, b].swapaxes(-1, -2)
             P = P + walk * self.taken[:, b, -1, None, None] * np.eye(3) - gain[:, b] @ gain[:, b].swapaxes(-1, -2)
             logdet += 2 * np.log(np.einsum("cii->ci", L)).sum(1)
         live = self.pad[self.member].reshape(len(self.member), -1) == 0
-        runs = RunFilter(inverse, seen, gain, self.member, self.pad.shape[1])
+        runs = RunFilter(inverse, observed, gain, self.member, self.pad.shape[1])
         return FloorCovariance(runs, live, float(logdet[self.member].sum()))
 
     def traces(self, runs: RunFilter) -> Floats:

@@ -32,12 +32,12 @@ def split_blocks(values: Array, blocks: int, size: int, axis: int) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunFilter:
-    """inverse (classes, B, s, s) of each block's Cholesky factor; seen (classes, B, s, 3) the walk before it as its
+    """inverse (classes, B, s, s) of each block's Cholesky factor; observed (classes, B, s, 3) the walk before it as its
     white rows see it; gain (classes, B, 3, s) the walk after it from its white rows; member (U, R): the class of each
     unit's run; rows of a run."""
 
     inverse: Array
-    seen: Array
+    observed: Array
     gain: Array
     member: NDArray[np.intp]
     rows: int
@@ -50,8 +50,8 @@ class RunFilter:
 
     def single_precision(self) -> "RunFilter":
         """The same in single precision."""
-        inverse, seen, gain = (x.astype(np.float32) for x in (self.inverse, self.seen, self.gain))
-        return replace(self, inverse=inverse, seen=seen, gain=gain)
+        inverse, observed, gain = (x.astype(np.float32) for x in (self.inverse, self.observed, self.gain))
+        return replace(self, inverse=inverse, observed=observed, gain=gain)
 
     def of_units(self, units: slice) -> "RunFilter":
         """The filter of some units."""
@@ -61,46 +61,46 @@ class RunFilter:
         """L⁻¹ times rows (U, R, m, c)."""
         if self.inverse.shape[1] == 1:
             return np.asarray(np.matmul(self.inverse[self.member, 0], rows, out=out))
-        seen, gain = self.seen[self.member], self.gain[self.member]
+        observed, gain = self.observed[self.member], self.gain[self.member]
         white = self.inverse[self.member] @ self._split(rows)
         walk: Array = np.zeros((*white.shape[:2], 3, white.shape[-1]), white.dtype)
         for b in range(1, white.shape[2]):
             walk = walk + gain[:, :, b - 1] @ white[:, :, b - 1]
-            white[:, :, b] -= seen[:, :, b] @ walk
+            white[:, :, b] -= observed[:, :, b] @ walk
         return self._joined(white, out)
 
     def transposed(self, rows: Array) -> Array:
         """L⁻ᵀ times rows (U, R, m, c)."""
         back = self._split(rows)
         if back.shape[2] > 1:
-            seen, gain = (x[self.member].swapaxes(-1, -2) for x in (self.seen, self.gain))
+            observed, gain = (x[self.member].swapaxes(-1, -2) for x in (self.observed, self.gain))
             back = back.copy()
             walk: Array = np.zeros((*back.shape[:2], 3, back.shape[-1]), back.dtype)
             for b in range(back.shape[2])[::-1]:
                 back[:, :, b] += gain[:, :, b] @ walk
-                walk = walk - seen[:, :, b] @ back[:, :, b]
+                walk = walk - observed[:, :, b] @ back[:, :, b]
         return self._joined(self.inverse.swapaxes(-1, -2)[self.member] @ back)
 
     def coloured(self, white: Array) -> Array:
         """L times white rows (U, R, m, c)."""
         root = np.linalg.inv(self.inverse)[self.member]
-        seen, gain = self.seen[self.member], self.gain[self.member]
+        observed, gain = self.observed[self.member], self.gain[self.member]
         split = self._split(white)
         rows = split.copy()
         walk: Array = np.zeros((*rows.shape[:2], 3, rows.shape[-1]), rows.dtype)
         for b in range(1, rows.shape[2]):
             walk = walk + gain[:, :, b - 1] @ split[:, :, b - 1]
-            rows[:, :, b] += seen[:, :, b] @ walk
+            rows[:, :, b] += observed[:, :, b] @ walk
         return self._joined(root @ rows)
 
     def later_information(self) -> Floats:
         """N (classes, B, 3, 3): the information of all later blocks on the walk after each (de Jong, Biometrika 76
-        (1989) 275): N = seenᵀ·seen + (I − gain·seen)ᵀ·N⁺·(I − gain·seen) for the block before."""
+        (1989) 275): N = seenᵀ·observed + (I − gain·observed)ᵀ·N⁺·(I − gain·observed) for the block before."""
         found = np.zeros((*self.inverse.shape[:2], 3, 3))
-        left = np.eye(3) - self.gain @ self.seen
+        left = np.eye(3) - self.gain @ self.observed
         for b in range(found.shape[1] - 1)[::-1]:
-            seen, after = self.seen[:, b + 1], left[:, b + 1]
-            found[:, b] = seen.swapaxes(-1, -2) @ seen + after.swapaxes(-1, -2) @ found[:, b + 1] @ after
+            observed, after = self.observed[:, b + 1], left[:, b + 1]
+            found[:, b] = observed.swapaxes(-1, -2) @ observed + after.swapaxes(-1, -2) @ found[:, b + 1] @ after
         return found
 
     def precision_roots(self) -> Floats:

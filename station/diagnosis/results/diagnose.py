@@ -16,11 +16,11 @@ from station.diagnosis.results.estimate import Estimate, estimate_causes
 from station.diagnosis.results.gain import HeldOutGain, held_out_gain
 from station.diagnosis.search.alarm import EXPLAINS_NATS, FAMILY_WISE_LEVEL
 from station.diagnosis.search.cause_search import (
-    CauseFinding,
     NullFactory,
     SearchResult,
     search_causes,
 )
+from station.diagnosis.search.finding import CauseFinding
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, with_model
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats, SampleTable

@@ -116,13 +116,13 @@ def cache_key(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, s
     grid, floor = problem.view.grid, fitted.floor
     recipe = problem.view.scene.recipe
     relative = [round(2 * float(np.log2(max(x / floor.noise, 1e-3)))) for x in (floor.turn, floor.walk)]
-    shown = [(s.bank.moving, s.space.dof, _candidate_kinds(s)) for s in now.best.seen]
+    shown = [(s.bank.moving, s.space.dof, _candidate_kinds(s)) for s in now.best.projected]
     return repr(
         (NULL_CACHE_VERSION, recipe.name, recipe.version, grid.slot.shape, grid.data, grid.k, relative, shown, seed)
     )
 
 
-def _candidate_kinds(seen: ProjectedBank) -> list[tuple[str, str, str, int]]:
+def _candidate_kinds(projected: ProjectedBank) -> list[tuple[str, str, str, int]]:
     """Name, level, pattern and number of coefficients of every candidate."""
-    pairs = zip(seen.bank.candidates, seen.spectra, strict=True)
+    pairs = zip(projected.bank.candidates, projected.spectra, strict=True)
     return [(c.name, c.of, c.pattern, s.m.size) for c, s in pairs]

@@ -58,8 +58,8 @@ def signature_axes(candidate: Candidate, view: ResidualView, space: ResidualSpac
         cross = np.einsum("umk,umc->kc", columns, space.shared_basis)
         normal = normal.sum(0, keepdims=True) - cross @ cross.T
     m, E = np.linalg.eigh(normal)
-    seen = visible_directions(m)
-    return SignatureAxes(columns @ (E * seen[:, None, :]), np.where(seen, m, 0.0), place.own)
+    visible = visible_directions(m)
+    return SignatureAxes(columns @ (E * visible[:, None, :]), np.where(visible, m, 0.0), place.own)
 
 
 def estimate_signal(candidate: Candidate, view: ResidualView, space: ResidualSpace, hit: Floats) -> EstimatedSignal:

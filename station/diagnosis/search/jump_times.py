@@ -36,8 +36,8 @@ def fit_jump_times(
     hit = np.zeros(len(one.names), bool)
     for _ in range(MAX_PASSES):
         known = replace(rough, candidate=_combined(scanned, chosen, problem), hit=hit)
-        beside = problem.beside((*problem.accepted, known) if hit.any() else problem.accepted)
-        odds = _odds(scanned, beside, beside.fit(floor).floor)
+        with_jumps = problem.beside((*problem.accepted, known) if hit.any() else problem.accepted)
+        odds = _odds(scanned, with_jumps, with_jumps.fit(floor).floor)
         # Any of so many times, in any of so many runs.
         fresh = ~hit & (odds.max(0) > np.log(odds.size))
         if not fresh.any():
@@ -62,11 +62,11 @@ def _max_of_unit(values: Floats, unit: NDArray[np.intp]) -> Floats:
 def _odds(scanned: Sequence[Candidate], problem: ScoringProblem, floor: NoiseFloor) -> Floats:
     """Log odds (candidates, runs) that a run has jumped at each time."""
     view = problem.view
-    seen = project_bank(
+    projected = project_bank(
         build_bank(scanned, view.layout, moving=False), view.layout, [problem.space(floor, moving=False)]
     )[0]
     where = scanned[0].where(view.layout)
-    return np.stack([log_mean_exp(found.likelihood)[where] for found in seen.found])
+    return np.stack([log_mean_exp(found.likelihood)[where] for found in projected.found])
 
 
 def _refined(

@@ -32,14 +32,14 @@ def scores(problem: ScoringProblem, fitted: FittedFloor, like: WalkMarginal, see
     copies = -(-units // MAX_DRAWN_UNITS)
     chosen = np.sort(rng.permutation(units)[: units // copies])
     now = replicate_units(problem, like, chosen, copies)
-    seen = [[SinglePrecisionBank(s) for s in stage.seen] for stage in now.stages]
+    banks = [[SinglePrecisionBank(s) for s in stage.projected] for stage in now.stages]
     for noise, true in _noise(problem, fitted, now, rng):
         orders = copy_orders(len(noise), copies, rng) if copies > 1 else None
-        told = [[light.scores(noise, true, orders) for light in stage] for stage in seen]
+        scored = [[light.scores(noise, true, orders) for light in stage] for stage in banks]
         yield now.scores(
             [
                 Scores(np.concatenate([e for e, _ in stage], axis=1), np.stack([f for _, f in stage], axis=1))
-                for stage in told
+                for stage in scored
             ]
         )
 
@@ -56,7 +56,7 @@ def _noise(
     """White noise (n, U, ·) of the widest space, and the floor that it is of."""
     mean, spread = fitted.floor.variances, fitted.covariance
     root = np.linalg.cholesky(spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
-    spaces = [s.space for stage in now.stages for s in stage.seen]
+    spaces = [s.space for stage in now.stages for s in stage.projected]
     live = max(spaces, key=lambda space: space.live.shape[1]).live
     for _ in range(NULL_FLOORS):
         variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
@@ -67,13 +67,16 @@ def _noise(
 class SinglePrecisionBank:
     """A bank as a space sees it, in single precision, which is enough for chance."""
 
-    def __init__(self, seen: ProjectedBank) -> None:
-        self.space = seen.space
-        self.runs, self.basis = seen.space.covariance.runs.single_precision(), seen.space.basis.astype(np.float32)
-        self.spectra = [f.spectrum.single_precision() for f in seen.found]
-        self.axes = [f.axes for f in seen.found if f.axes is not None]
+    def __init__(self, projected: ProjectedBank) -> None:
+        self.space = projected.space
+        self.runs, self.basis = (
+            projected.space.covariance.runs.single_precision(),
+            projected.space.basis.astype(np.float32),
+        )
+        self.spectra = [f.spectrum.single_precision() for f in projected.found]
+        self.axes = [f.axes for f in projected.found if f.axes is not None]
         dense = [x for x in self.axes if not isinstance(x, VisitColumns)]
-        self.dense = np.concatenate(dense, axis=2) if dense else np.zeros((*seen.space.data.shape, 0), np.float32)
+        self.dense = np.concatenate(dense, axis=2) if dense else np.zeros((*projected.space.data.shape, 0), np.float32)
         self.ends = np.cumsum([x.shape[2] for x in dense])[:-1]
 
     def scores(self, noise: Array, true: RunFilter, orders: Array | None) -> tuple[Floats, Floats]:

@@ -42,11 +42,11 @@ class FloorAllowance:
     def of(recipe: Recipe, model: Model) -> "FloorAllowance":
         """The usual allowance in the recipe's unit, or what a model has found the floor to hold, if that is more."""
         turn, walk = 1e-4, 1e-5 * stimulus_strength(recipe)
-        for told in model.effects:
-            sizes = [float(p.value) for p in told.parameters if p.of == "common" and not isinstance(p.value, str)]
-            if told.effect == Repeatability.id:
+        for modelled in model.effects:
+            sizes = [float(p.value) for p in modelled.parameters if p.of == "common" and not isinstance(p.value, str)]
+            if modelled.effect == Repeatability.id:
                 turn = max([turn, *(1.5 * x for x in sizes)])
-            elif told.effect == BiasWalk.id:
+            elif modelled.effect == BiasWalk.id:
                 walk = max([walk, *(1.5 * x for x in sizes)])
         return FloorAllowance(turn, walk)
 
@@ -83,23 +83,23 @@ def visit_interval_s(view: ResidualView) -> float:
 
 def with_model(problem: ScoringProblem, model: Model) -> ScoringProblem:
     """The problem with the causes of a model at work, each coefficient known as well as the model says."""
-    items = [item for told in model.effects for item in _accepted_from_model(problem.view, told)]
+    items = [item for modelled in model.effects for item in _accepted_from_model(problem.view, modelled)]
     if not items:
         return problem
     view = with_active_causes(problem.view, tuple(items))
     return refined(problem_in_view(problem, view, tuple(items)))
 
 
-def _accepted_from_model(view: ResidualView, told: ModelEffect) -> Iterator[AcceptedCause]:
+def _accepted_from_model(view: ResidualView, modelled: ModelEffect) -> Iterator[AcceptedCause]:
     """A cause of a model file, once for each level it speaks of; gross faults and the floor are known otherwise."""
-    effect = told.build()
-    if told.term is None and effect.id not in smooth_causes():
+    effect = modelled.build()
+    if modelled.term is None and effect.id not in smooth_causes():
         return
-    for found in told.acting(view.scene, None):
+    for found in modelled.acting(view.scene, None):
         code, names = view.scene.group(found.of)
         std = np.zeros(found.coefficients.shape)
-        for p in told.parameters:
-            if (at := told.place(effect, p)) is not None and p.of in names:
+        for p in modelled.parameters:
+            if (at := modelled.place(effect, p)) is not None and p.of in names:
                 std[names.index(p.of), at] = p.std or 0.0
         hit = np.any(found.coefficients != 0.0, axis=1) | np.any(std > 0, axis=1)
         if hit.any():

@@ -4,13 +4,14 @@ The floor that fits best when nothing new acts has swallowed a part of whatever 
 judged under the floor that fits best with that cause: a profile of the likelihood over the floor.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
 
 from station.diagnosis.candidates.bank import Bank, Candidate
+from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
 from station.diagnosis.search.alarm import EXPLAINS_NATS
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, evidence_by_cause, score_bank
@@ -34,6 +35,17 @@ class RankedCause:
     evidence: float
     best: Candidate | None
     at: ScoredBank
+
+
+def causes_of(ranks: Mapping[str, RankedCause]) -> list[RankedCause]:
+    """The causes, without the kernels."""
+    return [r for name, r in ranks.items() if name not in KERNEL_NAMES]
+
+
+def leaders(ranks: Mapping[str, RankedCause]) -> tuple[RankedCause | None, RankedCause | None]:
+    """The best cause and the best kernel."""
+    causes, kernels = causes_of(ranks), [r for name, r in ranks.items() if name in KERNEL_NAMES]
+    return max(causes, key=lambda r: r.evidence, default=None), max(kernels, key=lambda r: r.evidence, default=None)
 
 
 def rank_causes(
@@ -102,7 +114,9 @@ def with_free_variance(problem: ScoringProblem, name: str) -> ScoringProblem:
 def _floor_causes(problem: ScoringProblem, first: ScoredBank) -> dict[str, RankedCause]:
     """The causes that are variances of the floor, let free beyond what is allowed."""
     found = variance_gains(problem, problem.fit(first.floor))
-    return {n: RankedCause(n, gain - OCCAM_NATS, None, ScoredBank(at, first.seen)) for n, (gain, at) in found.items()}
+    return {
+        n: RankedCause(n, gain - OCCAM_NATS, None, ScoredBank(at, first.projected)) for n, (gain, at) in found.items()
+    }
 
 
 def variance_gains(problem: ScoringProblem, bounded: FittedFloor) -> dict[str, tuple[float, NoiseFloor]]:

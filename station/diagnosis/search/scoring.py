@@ -114,43 +114,43 @@ class ScoredBank:
     """Candidates under one floor: still ones see the stops' means, moving ones the contrasts too."""
 
     floor: NoiseFloor
-    seen: tuple[ProjectedBank, ...]
+    projected: tuple[ProjectedBank, ...]
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
         """All of them, in the order of the evidence."""
-        return tuple(c for s in self.seen for c in s.bank.candidates)
+        return tuple(c for s in self.projected for c in s.bank.candidates)
 
     @property
     def space_index(self) -> NDArray[np.intp]:
         """Which space each candidate is seen in."""
-        return np.repeat(np.arange(len(self.seen)), [len(s.found) for s in self.seen])
+        return np.repeat(np.arange(len(self.projected)), [len(s.found) for s in self.projected])
 
     def only(self, places: Sequence[int]) -> "ScoredBank":
         """The same with the candidates at some places."""
         chosen = np.zeros(len(self.candidates), bool)
         chosen[list(places)] = True
-        ends = np.cumsum([len(s.found) for s in self.seen])[:-1]
+        ends = np.cumsum([len(s.found) for s in self.projected])[:-1]
         return ScoredBank(
-            self.floor, tuple(s.only(list(c)) for s, c in zip(self.seen, np.split(chosen, ends), strict=True))
+            self.floor, tuple(s.only(list(c)) for s, c in zip(self.projected, np.split(chosen, ends), strict=True))
         )
 
     def readings(self) -> Scores:
         """The readings' scores."""
-        evidence = np.concatenate([s.evidence for s in self.seen])
-        return Scores(evidence[None], np.stack([s.readings.fits for s in self.seen], axis=1))
+        evidence = np.concatenate([s.evidence for s in self.projected])
+        return Scores(evidence[None], np.stack([s.readings.fits for s in self.projected], axis=1))
 
     def accept(self, candidate: Candidate, view: ResidualView, hit: NDArray[np.bool_] | None = None) -> AcceptedCause:
         """The candidate with its likeliest amplitude, and the groups that it likely hits, where they are not told."""
-        seen, found = self._of(candidate)
+        projected, found = self._of(candidate)
         hit = self.hit(candidate, view) if hit is None else hit
         likelihood, taken = found.likelihood, found.spectrum.logdet
         if found.spectrum.pattern == "scan":
             unit, place = candidate.where(view.layout)
             likelihood, taken = (x[unit[hit], place[hit]].sum(0) for x in (likelihood, taken))
-        i, dof = int(likelihood.argmax()), seen.space.dof
+        i, dof = int(likelihood.argmax()), projected.space.dof
         # The scale of the floor that goes with the amplitude: L = −½ n·log(scale · n / rest) − ½ log|1 + ρ m|.
-        rest = float(seen.readings.rest[0])
+        rest = float(projected.readings.rest[0])
         scale = rest / dof * float(np.exp(-2 * (likelihood[i] + 0.5 * taken[i]) / dof))
         spread = float(np.sqrt(found.spectrum.ratios[i] / found.spectrum.mean * scale))
         return accept_candidate(candidate.plain or candidate, hit, min(spread, candidate.most))
@@ -166,7 +166,7 @@ class ScoredBank:
     def _of(self, candidate: Candidate) -> tuple[ProjectedBank, CandidateFit]:
         """What was found of a candidate, and where."""
         return next(
-            (s, f) for s in self.seen for c, f in zip(s.bank.candidates, s.found, strict=True) if c is candidate
+            (s, f) for s in self.projected for c, f in zip(s.bank.candidates, s.found, strict=True) if c is candidate
         )
 
 
@@ -186,11 +186,11 @@ def score_under_floors(
     setting: ScoringSetting, banks: Sequence[Bank], floors: Sequence[NoiseFloor], *, copies: int = 1, axes: bool = False
 ) -> tuple[ScoredBank, ...]:
     """The bank under each of some floors; its columns are laid out once."""
-    seen = []
+    projected = []
     for bank in banks:
         spaces = [setting.space(at, moving=bank.moving).times(copies) for at in floors]
-        seen.append(project_bank(bank, setting.layout, spaces, axes=axes))
-    return tuple(ScoredBank(at, each) for at, each in zip(floors, zip(*seen, strict=True), strict=True))
+        projected.append(project_bank(bank, setting.layout, spaces, axes=axes))
+    return tuple(ScoredBank(at, each) for at, each in zip(floors, zip(*projected, strict=True), strict=True))
 
 
 def evidence_by_cause(candidates: Sequence[Candidate], evidence: Floats) -> dict[str, Floats]:

@@ -98,8 +98,8 @@ def marginalise_walks(problem: ScoringProblem, best: ScoredBank) -> WalkMarginal
     most = float(np.sqrt(problem.upper[2]))
     if not 0.0 < most < np.inf:
         return WalkMarginal(best, (), ())
-    chosen = [_slow_candidates(problem, s, most) for s in best.seen]
-    start = np.cumsum([0, *(len(s.found) for s in best.seen)])
+    chosen = [_slow_candidates(problem, s, most) for s in best.projected]
+    start = np.cumsum([0, *(len(s.found) for s in best.projected)])
     slow = tuple(int(a + i) for a, c in zip(start[:-1], chosen, strict=True) for i in c)
     return _score_slow_candidates(partial(score_under_floors, problem.setting), best, slow, most)
 
@@ -108,7 +108,7 @@ def replicate_units(problem: ScoringProblem, like: WalkMarginal, chosen: Array, 
     """A panel of the chosen units alone, as if there were so many times as many of them, with the axes."""
     setting, stops = problem.setting.of_units(chosen)
     items = [c.select_visits(stops) for c in like.candidates]
-    banks = [build_bank(items, setting.layout, moving=s.bank.moving) for s in like.best.seen]
+    banks = [build_bank(items, setting.layout, moving=s.bank.moving) for s in like.best.projected]
 
     at = partial(score_under_floors, setting, copies=copies, axes=True)
     (best,) = at(banks, [like.best.floor])
@@ -126,21 +126,21 @@ def _score_slow_candidates(
         return WalkMarginal(best, (), ())
     same = best.only(slow)
     floors = [replace(best.floor, walk=part * most) for part in WALK_FRACTIONS]
-    found = iter(at([s.bank for s in same.seen], [f for f in floors if f != best.floor]))
+    found = iter(at([s.bank for s in same.projected], [f for f in floors if f != best.floor]))
     return WalkMarginal(best, tuple(same if f == best.floor else next(found) for f in floors), slow)
 
 
-def _slow_candidates(problem: ScoringProblem, seen: ProjectedBank, most: float) -> list[int]:
+def _slow_candidates(problem: ScoringProblem, projected: ProjectedBank, most: float) -> list[int]:
     """Places of the slow candidates in a bank, as its first units show them."""
-    covariance = seen.space.covariance
-    for units, columns in white_columns(seen.bank, problem.view.layout, seen.space, PROBE_UNITS):
+    covariance = projected.space.covariance
+    for units, columns in white_columns(projected.bank, problem.view.layout, projected.space, PROBE_UNITS):
         runs = covariance.runs.of_units(units)
         U, R = runs.member.shape
         stops = columns[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
         added = most**2 * problem.structure.walked(runs.transposed(stops), units)
         length = np.maximum(np.einsum("umk,umk->k", columns, columns), 1e-300)
-        share = [float(added[at].sum()) / max(float(length[at].sum()), 1e-300) for at in seen.bank.place]
-        names = [c.name for c in seen.bank.candidates]
+        share = [float(added[at].sum()) / max(float(length[at].sum()), 1e-300) for at in projected.bank.place]
+        names = [c.name for c in projected.bank.candidates]
         return [
             j
             for j, (s, name) in enumerate(zip(share, names, strict=True))

@@ -19,7 +19,7 @@ def detectable_length(k: float) -> float:
 def smallest_detectable(now: ScoredBank) -> dict[str, float]:
     """Rms coefficient of each cause that would be seen, in its own unit; of its easiest shape and level."""
     found: dict[str, float] = {}
-    for scored in now.seen:
+    for scored in now.projected:
         for candidate, spectrum in zip(scored.bank.candidates, scored.spectra, strict=True):
             if candidate.effect is not None:
                 rms = _of(spectrum)

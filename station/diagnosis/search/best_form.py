@@ -1,0 +1,62 @@
+"""The form of each promising cause at its best: its time constant, its frequency, its time of a jump."""
+
+from station.diagnosis.candidates.bank import Candidate, build_bank
+from station.diagnosis.candidates.kernels import KERNEL_NAMES
+from station.diagnosis.candidates.shape import (
+    evidence_of,
+    has_jump,
+    may_ring,
+    refine_jump_time,
+    tunable_parameters,
+    tune_form,
+    with_ringing,
+)
+from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.linear.projection import ResidualSpace
+from station.diagnosis.search.alarm import UNKNOWN_NATS
+from station.diagnosis.search.rank import RankedCause
+from station.diagnosis.search.scoring import ScoringProblem, score_bank
+
+#: Rounds in which one parameter of a form is tuned after the other.
+MAX_ROUNDS = 6
+#: Share of the leading evidence from which a cause is worth tuning.
+PROMISING_SHARE = 0.25
+
+
+def tune_forms(problem: ScoringProblem, ranks: dict[str, RankedCause]) -> dict[str, RankedCause]:
+    """The same with the form of each promising cause at its best."""
+    top = max((r.evidence for r in ranks.values()), default=0.0)
+    leads = any(r.evidence == top for name, r in ranks.items() if name in KERNEL_NAMES)
+    for name, r in ranks.items():
+        if r.best is None or r.best.effect is None:
+            continue
+        # Without its waves a cause that rings explains next to nothing.
+        if r.evidence < PROMISING_SHARE * top and not (leads and may_ring(r.best.effect)):
+            continue
+        space = problem.space(r.at.floor, moving=r.best.dwell is not None)
+        best = _with_best_form(r.best, problem.view, space)
+        if leads and may_ring(r.best.effect):
+            ringing = _with_best_form(with_ringing(r.best, problem.view, space), problem.view, space)
+            quiet, loud = (evidence_of(c, problem.view, space) for c in (best, ringing))
+            # A frequency is one more thing to choose: it must pay for itself.
+            best = ringing if loud > quiet + UNKNOWN_NATS else best
+        if best is not r.best:
+            gain = evidence_of(best, problem.view, space) - evidence_of(r.best, problem.view, space)
+            bank = build_bank([best], problem.view.layout, moving=best.dwell is not None)
+            ranks[name] = RankedCause(name, r.evidence + max(gain, 0.0), best, score_bank(problem, [bank], r.at.floor))
+    return ranks
+
+
+def _with_best_form(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> Candidate:
+    """The candidate with its form at its best."""
+    best = refine_jump_time(candidate, view, space) if has_jump(candidate.effect) else candidate
+    if not tunable_parameters(best.effect):
+        return best
+    found, before = tune_form(best, view, space)[0], evidence_of(best, view, space)
+    # One parameter of a form is tuned after the other: where there are two, it takes some rounds.
+    for _ in range(MAX_ROUNDS if len(tunable_parameters(best.effect)) > 1 else 0):
+        now = evidence_of(found, view, space)
+        if now - before < UNKNOWN_NATS:
+            break
+        found, before = tune_form(found, view, space)[0], now
+    return found

@@ -1,0 +1,140 @@
+"""What a search finds: a cause with its probability and its rivals, or a kernel that no cause explains."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.diagnosis.candidates.bank import Candidate, build_bank
+from station.diagnosis.candidates.kernels import KERNEL_NAMES, covariates_of
+from station.diagnosis.candidates.nuisance import AcceptedCause
+from station.diagnosis.candidates.shape import has_jump
+from station.diagnosis.linear.evidence import log_mean_exp
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.search.alarm import EXPLAINS_NATS, UNKNOWN_NATS
+from station.diagnosis.search.distinguishability import SEPARATION_95, estimate_signal, separations
+from station.diagnosis.search.jump_times import fit_jump_times
+from station.diagnosis.search.rank import RankedCause, causes_of, leaders
+from station.diagnosis.search.scoring import ScoringProblem, score_bank
+
+#: A kernel must beat every cause by this share, too: no form, and no mean of a block, is more exact. What it leaves out
+#: is found in the next round.
+KERNEL_MARGIN = 0.04
+#: A kernel is named beside the leading one where it explains all but this share of what that explains.
+NEAR_SHARE = 0.08
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CauseFinding:
+    """One cause found, or one kernel that no cause explains.
+
+    ranks: log evidence of every cause at that point; chosen: what was accepted; probability of it together with
+    `indistinguishable_from`; d: its strength; floor: with it; words: what an unknown depends
+    on.
+    """
+
+    name: str
+    accepted: AcceptedCause | None
+    floor: NoiseFloor
+    evidence: Mapping[str, float]
+    probability: Mapping[str, float]
+    indistinguishable_from: tuple[str, ...]
+    d: float
+    statistic: float
+    words: tuple[str, ...] = ()
+
+    @property
+    def covariates(self) -> tuple[str, ...]:
+        """On what the kernels depend that explain most where it was found."""
+        return self.words or depends_on({n: e for n, e in self.evidence.items() if n in KERNEL_NAMES})
+
+
+def depends_on(kernels: Mapping[str, float]) -> tuple[str, ...]:
+    """The covariates of the kernels that explain most, by their evidence; the likeliest first."""
+    top = max(kernels.values(), default=0.0)
+    near = [name for name, e in kernels.items() if e >= top - max(UNKNOWN_NATS, NEAR_SHARE * top)]
+    near.sort(key=lambda name: -kernels[name])
+    return tuple(dict.fromkeys(word for name in near for word in covariates_of(name)))
+
+
+def is_unknown(kernel: float, cause: float) -> bool:
+    """Whether a kernel, by its evidence, is ahead of every cause, or of causes that explain nothing."""
+    return kernel > cause + max(UNKNOWN_NATS, KERNEL_MARGIN * cause) or cause < EXPLAINS_NATS < kernel
+
+
+def unknown_finding(ranks: Mapping[str, RankedCause], surprise: float) -> CauseFinding:
+    """The leading kernel, which no cause explains."""
+    evidence = {name: r.evidence for name, r in ranks.items()}
+    kernel = leaders(ranks)[1]
+    assert kernel is not None
+    words = depends_on({name: e for name, e in evidence.items() if name in KERNEL_NAMES})
+    return CauseFinding(kernel.name, None, kernel.at.floor, evidence, {}, (), 0.0, surprise, words)
+
+
+def cause_finding(
+    problem: ScoringProblem, ranks: Mapping[str, RankedCause], cause: RankedCause, surprise: float
+) -> CauseFinding:
+    """A cause with those it cannot be told from. Its probability is that against everything a kernel can follow too:
+    what nobody has described yet is as much less likely beforehand as it must be ahead to be called unknown."""
+    evidence = {name: r.evidence for name, r in ranks.items()}
+    causes = causes_of(ranks)
+    likely = _credible(_posterior({r.name: r.evidence for r in causes}))
+    probability = _posterior({n: e - UNKNOWN_NATS * (n in KERNEL_NAMES) for n, e in evidence.items()})
+    accepted, floor = _accept(problem, cause)
+    near_by, d = _indistinguishable(problem, causes, accepted, floor)
+    members = [n for n in dict.fromkeys((*likely, *near_by)) if n != cause.name]
+    return CauseFinding(cause.name, accepted, floor, evidence, probability, tuple(members), d, surprise)
+
+
+def _accept(problem: ScoringProblem, cause: RankedCause) -> tuple[AcceptedCause | None, NoiseFloor]:
+    """The cause with its amplitude under the floor that fits best with it, and that floor."""
+    if cause.best is None:
+        return None, cause.at.floor
+    best, at, hit = cause.best, cause.at, None
+    if has_jump(best.effect) and best.pattern == "scan":
+        best, hit = fit_jump_times(problem, at.accept(best, problem.view), at.floor)
+        at = score_bank(problem, [build_bank([best], problem.view.layout, moving=False)], at.floor)
+    floor = problem.beside((*problem.accepted, at.accept(best, problem.view, hit))).fit(at.floor).floor
+    own = score_bank(problem, [build_bank([best], problem.view.layout, moving=best.dwell is not None)], floor)
+    return own.accept(best, problem.view, hit), floor
+
+
+def _posterior(evidence: Mapping[str, float]) -> dict[str, float]:
+    values = np.array(list(evidence.values()))
+    shares = np.exp(values - (log_mean_exp(values) + np.log(len(values))))
+    return dict(zip(evidence, (float(s) for s in shares), strict=True))
+
+
+def _credible(probability: Mapping[str, float], level: float = 0.95) -> list[str]:
+    """The likeliest causes that together hold `level` of the probability."""
+    chosen: list[str] = []
+    for name in sorted(probability, key=lambda n: -probability[n]):
+        if sum(probability[n] for n in chosen) >= level:
+            break
+        chosen.append(name)
+    return chosen
+
+
+def _is_free_in_each_run(candidate: Candidate) -> bool:
+    usual = candidate.effect.of[0] if candidate.effect is not None else ""
+    return usual == "run" and candidate.pattern == "own"
+
+
+def _indistinguishable(
+    problem: ScoringProblem, causes: Sequence[RankedCause], accepted: AcceptedCause | None, floor: NoiseFloor
+) -> tuple[list[str], float]:
+    """Causes closer than 3.3 to the accepted one, and its strength d."""
+    if accepted is None:
+        return [], 0.0
+    # An offset of each run's own imitates any slow cause; that parsimony forbids it, no column shows.
+    others = [
+        (r.best, r.at)
+        for r in causes
+        if r.best is not None and r.name != accepted.candidate.name and not _is_free_in_each_run(r.best)
+    ]
+    moving = any(c.dwell is not None for c in (accepted.candidate, *(c for c, _ in others)))
+    space = problem.space(floor, moving=moving)
+    found = estimate_signal(accepted.candidate, problem.view, space, accepted.hit.astype(float))
+    hits = [(c, at.hit(c, problem.view, alone=True).astype(float)) for c, at in others]
+    apart = separations(found, hits, problem.view, space)
+    return sorted((n for n, x in apart.items() if x < SEPARATION_95), key=lambda n: apart[n]), found.d
