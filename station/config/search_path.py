@@ -6,6 +6,11 @@ from pathlib import Path
 import station
 from station.errors import InputError
 
+#: Folder → the schema that its files do not have; so much of a file is read for it.
+_OTHERS = {"dbc": b"schema: station.recipe/", "recipes": b"schema: station.product/"}
+_HEAD_BYTES = 4096
+#: The gallery of published devices, in the folder of the products.
+EXAMPLES = "examples"
 _PACKAGE = Path(station.__file__).parent
 
 
@@ -18,16 +23,27 @@ def shipped_folder() -> Path:
 def find_file(name: str, folder: str, near: Path | None, error: type[InputError]) -> Path:
     """The file `name`: a path as given, else in `folder` around the file `near`, here, or as shipped.
 
-    Errors: `error` naming the folders that were searched.
+    A file that says by its schema that it is another kind of document is passed over: a recipe and a product may have
+    one name. Errors: `error` naming the folders that were searched.
     """
     given = Path(name)
-    if given.is_absolute() or given.exists():
+    if given.is_absolute() or (given.exists() and not _is_other(given, folder)):
         return given
     folders = list(dict.fromkeys(_folders(folder, near)))
     for place in folders:
-        if (place / name).is_file():
+        if (place / name).is_file() and not _is_other(place / name, folder):
             return place / name
     raise error("no-such-file-in-folders", file=name, folders=[str(p) for p in (Path(), *folders)])
+
+
+def _is_other(path: Path, folder: str) -> bool:
+    """Whether a file is the other kind of document than that of the folder."""
+    other = _OTHERS.get(folder)
+    try:
+        with path.open("rb") as file:
+            return other is not None and other in file.read(_HEAD_BYTES)
+    except OSError:
+        return False
 
 
 def _folders(folder: str, near: Path | None) -> Iterable[Path]:
@@ -35,5 +51,7 @@ def _folders(folder: str, near: Path | None) -> Iterable[Path]:
         yield near.parent
         yield near.parent / folder
         yield near.parent.parent / folder
-    yield Path(folder)
-    yield shipped_folder() / folder
+        yield near.parent / folder / EXAMPLES
+    for place in (Path(folder), shipped_folder() / folder):
+        yield place
+        yield place / EXAMPLES

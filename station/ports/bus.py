@@ -14,6 +14,13 @@ class ErrorCounters:
     receiving: int
 
 
+class Repeated(Protocol):
+    """A frame that is sent again and again until it is closed."""
+
+    def close(self) -> None:
+        """Sends it no more; closing twice is harmless."""
+
+
 class Channel(Protocol):
     """One opened socket with its own filters. Every call returns within its time-out; nothing runs behind it.
 
@@ -57,6 +64,9 @@ class Bus(Protocol):
 
     def service(self, can_ids: tuple[int, ...]) -> Channel:
         """A channel for SDO, NMT, EMCY and heartbeat; an empty tuple receives everything but error frames."""
+
+    def repeat(self, can_id: int, data: bytes, period_s: float) -> Repeated:
+        """Sends a frame every period_s from now on, whatever else this process does. Errors: BusFault."""
 
     def state(self) -> str:
         """Controller state: active, warning, passive, bus-off, down, or unknown where nobody can tell."""

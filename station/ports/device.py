@@ -1,5 +1,6 @@
 """One device on the bus: object access as calls with a time-out and a result, and its life cycle."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -35,8 +36,8 @@ class Device(Protocol):
     def node(self) -> int:
         """Node id, 1–127."""
 
-    def identify(self) -> Identity:
-        """Reads the identity objects; a missing optional string reads as ''."""
+    def identify(self, asked: Collection[tuple[int, int]] = ((0x1000, 0),)) -> Identity:
+        """Reads the identity objects; one that is not among the `asked` and is refused reads as 0 or ''."""
 
     def upload(self, index: int, sub: int, timeout_s: float | None = None) -> bytes:
         """Raw value of an object (expedited or segmented; block where the device offers it)."""

@@ -7,7 +7,7 @@ from station.messages import Message
 from station.ports.bus import Bus
 
 #: States of the bus that explain a device's silence, each with its remedy.
-_STATE_REMEDIES = {"down": "bus-is-down", "bus-off": "bus-is-off", "passive": "bus-is-passive"}
+STATE_REMEDIES = {"down": "bus-is-down", "bus-off": "bus-is-off", "passive": "bus-is-passive"}
 
 
 def refuse_bus_off(frames: Frames, bus: Bus) -> Frames:
@@ -19,7 +19,7 @@ def refuse_bus_off(frames: Frames, bus: Bus) -> Frames:
 
 def with_bus_state(fault: StationError, bus: Bus) -> StationError:
     """A device's silence with the state of the bus, where that tells why."""
-    if isinstance(fault, DeviceSilent) and (state := bus.state()) in _STATE_REMEDIES:
-        remedy = Message(_STATE_REMEDIES[state], bus=bus.name)
+    if isinstance(fault, DeviceSilent) and (state := bus.state()) in STATE_REMEDIES:
+        remedy = Message(STATE_REMEDIES[state], bus=bus.name)
         return DeviceSilent("silence-of-bus", fault=fault.message, bus=remedy)
     return fault

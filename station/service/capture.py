@@ -18,6 +18,7 @@ from station.messages import Message
 from station.service import dwell_control
 from station.service.bus_errors import refuse_bus_off
 from station.service.dwell_control import GOLD_KEY, Readings
+from station.service.silence import SILENT_S
 from station.service.station import Job, Station
 from station.service.stop_request import StopRequest
 from station.service.unit import Unit
@@ -41,11 +42,19 @@ class Capture:
     def __init__(self, station: Station, job: Job, stop: StopRequest, units: Sequence[Unit]) -> None:
         self._station, self._job, self._stop = station, job, stop
         self._errors: list[Frames] = []
+        self._heard_ids: set[int] = set()
         self._channel = station.bus.stream(tuple({i for u in units for i in job.ids(u.seat.node)}))
         self._noise = expected_noise(job.recipe)
         earlier = partial(station.store.dwells, job.recipe_hash, MAX_UNITS)
         self.pace = dwell_control.control_for(job.recipe, earlier)
         self._lsb = max(abs(axis.scale) for axis in job.layout.axes)
+
+    def sends(self, unit: Unit) -> bool:
+        """Whether the unit has sent readings since the stream was opened; what came is passed over."""
+        frames = self._receive()
+        self._heard_ids |= set(np.unique(frames.can_id).tolist())
+        self._pass_over(frames)
+        return self._job.layout.id_of(self._job.layout.sample, unit.seat.node) in self._heard_ids
 
     def close(self) -> None:
         """Closes the stream."""
@@ -94,10 +103,13 @@ class Capture:
 
     def wait_for_face(
         self, units: Sequence[Unit], planned: PlannedVisit, instruction: Message
-    ) -> Generator[Event, None, None]:
-        """Until the wanted face is up and still in every nest; reports once what else was brought up."""
+    ) -> Generator[Event, None, list[Unit]]:
+        """Until the wanted face is up and still in every nest; reports once what else was brought up.
+
+        Returns the units that send nothing: nobody needs to turn the fixture for them."""
         clock, face_s = self._station.clock, self._station.settings.timeouts.face_s
-        deadline_s = clock.monotonic_s() + face_s
+        deadline_s, silent_s = clock.monotonic_s() + face_s, clock.monotonic_s() + SILENT_S
+        heard: set[str] = set()
         reported: set[Message] = set()
         decoders, turned = [SampleDecoder(self._job.layout, unit.seat.node) for unit in units], False
         while clock.monotonic_s() < deadline_s:
@@ -107,14 +119,20 @@ class Capture:
             for decoder in decoders:
                 decoder.add(newest)
                 decoder.forget(from_ns)
-            windows = [self._rest_window(decoder.recent(from_ns), HOLD_BY_HAND_S) for decoder in decoders]
+            recent = [decoder.recent(from_ns) for decoder in decoders]
+            heard |= {u.seat.serial for u, r in zip(units, recent, strict=True) if r.frame_errors.frames}
+            if clock.monotonic_s() >= silent_s:
+                if silent := [unit for unit in units if unit.seat.serial not in heard]:
+                    return silent
+                heard, silent_s = set(), clock.monotonic_s() + SILENT_S
+            windows = [self._rest_window(samples, HOLD_BY_HAND_S) for samples in recent]
             if not all(at_rest(w, self._noise, self._lsb) for w in windows):
                 turned = turned or all(len(w) for w in windows)
                 continue
             faces = [self._wrong_face(u, w, planned) for u, w in zip(units, windows, strict=True)]
             wrong = [message for message in faces if message is not None]
             if not wrong:
-                return
+                return []
             if turned:
                 for message in (m for m in wrong if m not in reported):
                     yield Notice(Message("wrong-face-up", found=message, instruction=instruction))

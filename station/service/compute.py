@@ -107,7 +107,7 @@ def _verified(visit: Visit, true: Floats, strength: float, unit: Unit, job: Job)
     output, fit = visit.readings, unit.fit
     if fit is None or fit.calibration is None:
         return verification.VerifiedPosition(visit.position, np.asarray(output.mean(axis=0)), true, strength)
-    if job.product.map.output is None:
+    if job.product.map.switch is None and job.product.map.sends != "compensated":
         output = fit.calibration.correct(output)
     cov = verification.error_covariance(fit, job.recipe, true, output)
     return verification.VerifiedPosition(visit.position, np.asarray(output.mean(axis=0)), true, strength, cov)

@@ -10,28 +10,39 @@ from station.errors import DeviceRefused, ReadBackDiffers, StationError, WrongPr
 from station.messages import Message
 from station.ports.device import Identity
 from station.ports.store import Store
+from station.service import process_data
 from station.service.station import Job
-from station.service.unit import Address, Unit
+from station.service.unit import Address, RunSetting, Unit
+
+#: NMT state found → command that brings the device back to it; where none is known it is that after power-on.
+_LEAVE_AS = {"operational": "start", "stopped": "stop"}
 
 
 def identify(unit: Unit, job: Job, store: Store) -> None:
     """Reads who the device is and records it. Errors: WrongProduct; WrongUnit when the label is another unit's."""
-    identity = unit.device.identify()
-    place = job.product.map.serial
-    raw = unit.device.upload(*place.address)
-    unit.identity, unit.old = identity, {place.address: raw}
+    identity, serial = _read_identity(unit, job)
     document = {name: getattr(identity, name) for name in identity.__slots__}
-    store.result(unit.attempt, "identity", {**document, "kept_serial": decode_serial(place, raw)})
+    source = "label" if serial is None else "device"
+    store.result(unit.attempt, "identity", {**document, "kept_serial": serial, "serial_from": source})
     _check(unit, job, identity)
     unit.enter(UnitState.IDENTIFIED)
 
 
 def identify_for_recovery(unit: Unit, job: Job) -> None:
     """The same for a unit whose attempt is over: nothing is recorded but what recovery itself adds."""
-    identity = unit.device.identify()
-    place = job.product.map.serial
-    unit.identity, unit.old = identity, {place.address: unit.device.upload(*place.address)}
+    identity, _ = _read_identity(unit, job)
     _check(unit, job, identity)
+
+
+def _read_identity(unit: Unit, job: Job) -> tuple[Identity, int | str | None]:
+    """The identity, and the serial that the device keeps; None where the label alone says it."""
+    unit.identity = unit.device.identify(job.product.identity.asked)
+    place = job.product.map.serial_object
+    if place is None:
+        return unit.identity, None
+    raw = unit.device.upload(*place.address)
+    unit.old = {place.address: raw}
+    return unit.identity, decode_serial(place, raw)
 
 
 def _check(unit: Unit, job: Job, identity: Identity) -> None:
@@ -44,7 +55,9 @@ def _check(unit: Unit, job: Job, identity: Identity) -> None:
     )
     if wrong:
         raise WrongProduct("wrong-product", unit=unit.label, product=job.product.name, mismatches=wrong)
-    place = job.product.map.serial
+    place = job.product.map.serial_object
+    if place is None:
+        return
     found, wanted = decode_serial(place, unit.old[place.address]), stored_serial(place, unit.seat.serial)
     if found != wanted:
         raise WrongUnit("wrong-unit", unit=unit.label, read=found, expected=wanted)
@@ -55,22 +68,41 @@ def read_old_values(unit: Unit, job: Job, store: Store) -> None:
     device_map = job.product.map
     old = {at: unit.device.upload(*at) for at in _changed(device_map)}
     unit.old = {**unit.old, **old}
-    unit.settings_old = {s.address: unit.device.upload(*s.address) for s in device_map.settings}
-    store.result(unit.attempt, "old-calibration", {"objects": objects_to_text({**unit.old, **unit.settings_old})})
+    settings = [_setting(s, unit.device.upload(*s.address)) for s in device_map.settings]
+    unit.settings = tuple(settings)
+    found = {**unit.old, **{s.address: s.found for s in settings}}
+    store.result(unit.attempt, "old-calibration", {"objects": objects_to_text(found)})
 
 
-def make_ready(unit: Unit, job: Job) -> None:
-    """Settings for calibrating, NMT operational, raw output; each switch is read back."""
+def make_ready(unit: Unit, job: Job, store: Store) -> None:
+    """Settings for calibrating, PDOs that send, NMT operational, raw output; each switch is read back."""
     unit.boot_ups = unit.device.boot_ups()
     unit.heartbeat_s = _heartbeat_s(unit)
     unit.device.emergencies()  # those of power-on are known
+    if not unit.found_state:
+        unit.found_state = unit.device.state()
+    process_data.read(unit, job, store)
     unit.enter(UnitState.PREPARED)
-    for setting in job.product.map.settings:
-        if setting.calibrating is not None:
-            set_checked(unit, setting.address, _raw(setting, setting.calibrating), setting.name)
+    set_for_run(unit, job, raw=True)
+
+
+def set_for_run(unit: Unit, job: Job, *, raw: bool) -> None:
+    """Brings settings and output to what the readings need: for the tumble raw, for the verification compensated."""
+    unit.switched = True
+    for setting in unit.settings:
+        if setting.wanted is None or not (raw or setting.lasts):
+            continue
+        try:
+            set_checked(unit, setting.address, setting.wanted, setting.name)
+        except DeviceRefused:
+            if not setting.may_refuse:
+                raise
     unit.device.nmt("start")
-    switch = writeback.output(job.product.map, raw=True)
-    if switch is not None:
+    switch = writeback.output(job.product.map, raw=raw)
+    if switch is None:
+        return
+    # After the reset the switch may be raw again: a product may keep it in working memory only.
+    if raw or unit.device.upload(*switch.address) != switch.raw:
         set_checked(unit, switch.address, switch.raw, switch.name)
 
 
@@ -84,23 +116,31 @@ def _heartbeat_s(unit: Unit) -> float:
 
 def set_compensated(unit: Unit, job: Job) -> None:
     """Compensated output, and the settings as the device came with them."""
-    for at, raw in unit.settings_old.items():
-        set_checked(unit, at, raw, "setting")
+    _settings_as_found(unit)
     switch = writeback.output(job.product.map, raw=False)
     if switch is not None:
         set_checked(unit, switch.address, switch.raw, switch.name)
 
 
+def _settings_as_found(unit: Unit) -> None:
+    for setting in reversed(unit.settings):
+        if setting.wanted is None:
+            continue
+        if not setting.may_refuse or unit.device.upload(*setting.address) != setting.found:
+            set_checked(unit, setting.address, setting.found, setting.name)
+
+
 def restore_as_found(unit: Unit, job: Job) -> Message | None:
-    """Puts output and settings back as they were found, as far as the device still answers; None or what failed."""
+    """Puts output, settings and NMT state back as they were found, as far as the device still answers; None or what
+    failed."""
     try:
-        if unit.state in SWITCHED:
-            for at, raw in unit.settings_old.items():
-                set_checked(unit, at, raw, "setting")
-            output = job.product.map.output
-            if output is not None and output.address in unit.old:
+        if unit.switched:
+            _settings_as_found(unit)
+            output = job.product.map.switch
+            if output is not None and output.address in unit.old and unit.state in SWITCHED:
                 set_checked(unit, output.address, unit.old[output.address], "output switch")
-        unit.device.nmt("pre-operational")
+        if unit.found_state:
+            unit.device.nmt(_LEAVE_AS.get(unit.found_state, "pre-operational"))
     except StationError as exc:
         return exc.message
     return None
@@ -117,15 +157,19 @@ def _changed(device_map: DeviceMap) -> Iterator[Address]:
     """Addresses that a calibration changes, in the order of the map."""
     for _, number in device_map.coefficients():
         yield number.address
-    for part in (device_map.valid, device_map.temperature, device_map.record, device_map.output):
+    for part in (device_map.valid, device_map.temperature, device_map.record, device_map.switch):
         if part is not None:
             yield part.address
     if device_map.configuration is not None:
         yield from ((device_map.configuration.index, sub) for sub in (1, 2))
 
 
-def _raw(setting: DeviceSetting, value: float) -> bytes:
-    return number_format.parse(setting.type).encode(setting.sign * value / setting.scale)
+def _setting(setting: DeviceSetting, found: bytes) -> RunSetting:
+    wanted = None
+    if setting.calibrating is not None:
+        encoder = number_format.parse(setting.type)
+        wanted = encoder.encode(setting.sign * setting.calibrating / setting.scale)
+    return RunSetting(setting.address, setting.name, found, wanted, setting.lasts)
 
 
 def objects_to_text(raws: Mapping[Address, bytes]) -> dict[str, str]:

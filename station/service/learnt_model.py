@@ -18,7 +18,9 @@ def with_model(job: Job, path: Path | None) -> tuple[Job, tuple[str, ...]]:
     """
     if path is None:
         return job, ()
-    found = compensate(job.recipe, load_model(path), gains_only=job.product.map.matrix.order == "diagonal")
+    matrix = job.product.map.matrix
+    gains_only = matrix is None or matrix.order == "diagonal"
+    found = compensate(job.recipe, load_model(path), gains_only=gains_only)
     notices = [f"{path}: {reason}" for reason in found.uncompensated]
     if found.causes:
         notices.insert(0, render(Message("model-causes-compensated", file=str(path), causes=found.causes)))

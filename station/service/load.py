@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
+from station.domain.can.sensor_layout import SYNC
 from station.domain.capture import thermometer
 from station.domain.core.types import NestAssignment, Outcome
 from station.domain.evaluation import calibration_document, reduced_visits_document
@@ -36,10 +37,11 @@ from station.errors import (
     WrongUnit,
 )
 from station.messages import Message
-from station.service import compute, record
+from station.ports.bus import Repeated
+from station.service import compute, process_data, record
 from station.service.bus_errors import with_bus_state
 from station.service.capture import Capture
-from station.service.identify import identify, make_ready, read_old_values, restore_as_found
+from station.service.identify import identify, make_ready, read_old_values, restore_as_found, set_for_run
 from station.service.itinerary import estimate_s, tumble_visits, verification_visits
 from station.service.measure import RejectedUnits, VisitMeasurement
 from station.service.recovery import check_suspect_unit
@@ -63,6 +65,7 @@ class Load:
         self._capture: Capture | None = None
         self._parked = True
         self._fault: StationError | None = None
+        self._sync: Repeated | None = None
 
     def run(self, seats: Sequence[NestAssignment]) -> Iterator[Event]:
         """Everything from the first record to the parked fixture."""
@@ -106,6 +109,7 @@ class Load:
             try:
                 self._park()
             finally:
+                self._stop_sync()
                 if self._capture is not None:
                     self._capture.close()
 
@@ -140,6 +144,7 @@ class Load:
                 yield from self._end(unit, with_bus_state(attribute_silence(unit, fault), self._station.bus))
 
     def _identify(self) -> Iterator[Event]:
+        self._capture = Capture(self._station, self._job, self._stop, self._alive)
         yield from self._each(self._identify_one)
         self._stop.check()
 
@@ -150,13 +155,17 @@ class Load:
         if finding := check_suspect_unit(unit, self._station):
             yield Notice(finding, unit.seat.serial)
         read_old_values(unit, self._job, store)
-        make_ready(unit, self._job)
+        if self._capture is not None and self._capture.sends(unit):
+            unit.found_state = "operational"  # before anybody started it
+        make_ready(unit, self._job, store)
         if unit.identity is not None:
             yield Identified(unit.seat, unit.identity.name, unit.identity.software, unit.identity.serial)
 
     def _measure(self) -> Iterator[Event]:
         self._start_gold()
-        self._capture = Capture(self._station, self._job, self._stop, self._alive)
+        self._start_sync()
+        if self._capture is None:
+            return
         measure = VisitMeasurement(self._station, self._job, self._stop, self._capture)
         recipe = self._job.recipe
         done, total, seating = 0, sum(len(tumble_visits(recipe, run)) for run in range(len(recipe.runs))), "home"
@@ -188,6 +197,17 @@ class Load:
             name = gold.serial if gold is not None else ""
             raise StationFault("gold-not-started", serial=name, fault=fault.message) from fault
 
+    def _start_sync(self) -> None:
+        """SYNC for the units whose PDOs follow it, at the pace that gives the recipe's rate; others take no harm."""
+        every = max((unit.sync_every for unit in self._alive), default=0)
+        if every and self._sync is None:
+            self._sync = self._station.bus.repeat(SYNC, b"", 1 / (self._job.recipe.device.rate_hz * every))
+
+    def _stop_sync(self) -> None:
+        sync, self._sync = self._sync, None
+        if sync is not None:
+            sync.close()
+
     def _seated(self, run: int, seating: str, *, powered: bool) -> None:
         """The clocks that creep and warm-up run on, for the record: since when a unit is clamped, and has power."""
         for unit in self._alive:
@@ -205,7 +225,7 @@ class Load:
         self._seated(number, seating, powered=False)
         for unit in self._alive:  # turned units may have been unplugged for it
             if unit.device.boot_ups() != unit.boot_ups:
-                make_ready(unit, self._job)
+                make_ready(unit, self._job, self._station.store)
 
     def _conditions(self, number: int) -> Iterator[Event]:
         """What a run asks of its surroundings and no port can do: a person does it and says so, and time is given."""
@@ -248,6 +268,10 @@ class Load:
             unit.reasons.extend(fit.verdict.reasons)
             yield from self._end(unit, None, fit.verdict.outcome)
             return
+        if not self._job.product.map.writes:  # measured and certified: the device keeps no calibration
+            process_data.check_unchanged(unit, self._job)
+            yield from self._end(unit, None, Outcome.PASS)
+            return
         self._writers[unit.attempt] = writer = WriteBack(unit, self._station, self._job)
         writer.plan(fit.calibration)
 
@@ -265,7 +289,7 @@ class Load:
 
     def _verify(self) -> Iterator[Event]:
         visits = verification_visits(self._job.recipe)
-        yield from self._each(lambda unit: _without_events(lambda: unit.device.nmt("start")))
+        yield from self._each(lambda unit: _without_events(lambda: set_for_run(unit, self._job, raw=False)))
         for number, planned in enumerate(visits, 1):
             if not self._alive or self._capture is None:
                 return

@@ -1,6 +1,7 @@
 """One visit of the whole fixture: move, settle, dwell, check, keep. Every nest at once."""
 
 from collections.abc import Generator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from station.domain.capture.visit import CapturedVisit, Visit
 from station.domain.capture.visit_check import check, statistics
 from station.domain.core import rotation
 from station.domain.core.types import Floats, Reason
-from station.domain.product.emergency_codes import emergency
+from station.domain.product.emergency_codes import concerns_unit, emergency
 from station.domain.recipe import plan
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.records.framepack.plain import PlainFrames
@@ -18,6 +19,7 @@ from station.domain.run.progress import Event, VisitDone, VisitRejected, VisitSt
 from station.errors import PositionerFault
 from station.messages import Message, render
 from station.ports.store import VisitRecord
+from station.service import silence
 from station.service.capture import Capture
 from station.service.station import Job, Station
 from station.service.stop_request import StopRequest
@@ -50,11 +52,16 @@ class VisitMeasurement:
         number = plan.visit_index(self._job.recipe, planned.run, planned.visit) if kind == "tumble" else None
         means: dict[str, tuple[float, ...]] = {}
         bad: dict[str, Reasons] = {}
+        gone: dict[str, Reasons] = {}
         waiting = list(units)
         for repeats_remaining in range(self._job.recipe.visit_repeats, -1, -1):
             self._capture.drain()
             if instruction:
-                yield from self._capture.wait_for_face(waiting, planned, instruction)
+                silent = yield from self._capture.wait_for_face(waiting, planned, instruction)
+                gone |= {unit.seat.serial: self._silence(unit, planned) for unit in silent}
+                waiting = [unit for unit in waiting if unit not in silent]
+            if not waiting:
+                break
             collector = yield from self._capture.take(waiting, number)
             found = {unit.seat.serial: self._check(unit, planned, collector) for unit in waiting}
             self._record(waiting, planned, collector, found, kind)
@@ -66,7 +73,14 @@ class VisitMeasurement:
             if not waiting:
                 break
         yield VisitDone(*place, planned.position, means)
-        return bad
+        return {**bad, **gone}
+
+    def _silence(self, unit: Unit, planned: PlannedVisit) -> Reasons:
+        """Why the fixture need not be turned for a unit: it sends nothing."""
+        self._emergencies(unit)
+        message = silence.explain(unit, self._station, self._job, planned.position)
+        reason = Reason(message, 0, self._job.recipe.device.rate_hz * silence.SILENT_S, "1", check="silent")
+        return (*self._check_alive(unit, planned), reason)
 
     def _move(self, planned: PlannedVisit) -> None:
         settings = self._station.settings
@@ -91,7 +105,14 @@ class VisitMeasurement:
         visit = collector.visit(unit, planned, self._emergencies(unit))
         unit.temperature_degC = visit.temperature_degC
         gold, alive = self._gold_silent(visit), self._check_alive(unit, planned)
-        return visit, (*gold, *alive, *check(visit, planned.true, self._job.recipe, self._job.layout))
+        found = check(visit, planned.true, self._job.recipe, self._job.layout)
+        return visit, (*gold, *alive, *(self._explained(unit, planned, reason) for reason in found))
+
+    def _explained(self, unit: Unit, planned: PlannedVisit, reason: Reason) -> Reason:
+        """A silence with what explains it."""
+        if reason.check != "silent":
+            return reason
+        return replace(reason, message=silence.explain(unit, self._station, self._job, planned.position))
 
     def _gold_silent(self, visit: Visit) -> Reasons:
         """Why no unit's dwell counts: the gold reference does not say what the truth was."""
@@ -123,7 +144,8 @@ class VisitMeasurement:
             detail = {"code": e.code, "register": e.register, "detail": e.detail, "time_ns": e.time_ns}
             self._station.store.event(unit.attempt, "emergency", detail)
             # Code 0 says that all errors are gone (CiA 301, 7.2.7.1).
-            unit.emergency = emergency(e.code, e.register) if e.code else None
+            if not e.code or concerns_unit(e.code, e.register):
+                unit.emergency = emergency(e.code, e.register) if e.code else None
         return (unit.emergency,) if unit.emergency else ()
 
     def _record(

@@ -75,7 +75,8 @@ def recover(unit: Unit, suspect: SuspectAttempt, station: Station, job: Job, *, 
     put_back(unit, writeback.unlock(device_map), flag_last(device_map, objects), objects)
     save = writeback.save(device_map)
     try:
-        unit.device.download(*save.address, save.raw, save.timeout_s)
+        if save is not None:
+            unit.device.download(*save.address, save.raw, save.timeout_s)
     except DeviceRefused as exc:
         station.store.event(suspect.attempt, "recovery-failed", message_entry(exc.message))
         raise

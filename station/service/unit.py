@@ -10,6 +10,7 @@ from station.domain.core.types import Floats, NestAssignment, Outcome, Reason
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.product.product import decode_serial
 from station.domain.product.sdo_codes import address
+from station.domain.product.sending_pdo import SendingPdo
 from station.domain.run.progress import UnitResult
 from station.domain.run.unit_state import HOLDS_NEW, UNIT_STATES, UnitState
 from station.errors import ForeignMaster, StationError, UnitFault, WrongUnit
@@ -24,9 +25,24 @@ Address = tuple[int, int]
 MAX_LATE_HEARTBEATS = 3
 
 
+@dataclass(frozen=True, slots=True)
+class RunSetting:
+    """An object that is set for the run: as it was found, as it must be (None: recorded only), whether the verification
+    needs it too, and whether a device that refuses it may go on."""
+
+    address: Address
+    name: str
+    found: bytes
+    wanted: bytes | None
+    lasts: bool = True
+    may_refuse: bool = False
+
+
 @dataclass(slots=True, eq=False)
 class Unit:
-    """Working state of one attempt. old, settings_old: raw values of the objects as the device came.
+    """Working state of one attempt. old: raw values of the objects as the device came; settings: what is set for the
+    run, in that order; switched: whether any of it, or the output, may not be as it was found; found_state: NMT state
+    before the station changed it, '' while it has not; sync_every: SYNCs to a reading, 0: it needs none.
 
     noise in the recipe's unit; heartbeat_s: 0 for none; emergency: an error that the device has reported and not
     taken back; last_mean (3): of the last good visit.
@@ -40,7 +56,11 @@ class Unit:
     boot_ups: int = 0
     identity: Identity | None = None
     old: Mapping[Address, bytes] = field(default_factory=dict)
-    settings_old: Mapping[Address, bytes] = field(default_factory=dict)
+    settings: tuple[RunSetting, ...] = ()
+    switched: bool = False
+    found_state: str = ""
+    sync_every: int = 0
+    pdos: tuple[SendingPdo, ...] = ()
     heartbeat_s: float = 0.0
     emergency: Message | None = None
     last_mean: Floats | None = None
@@ -114,8 +134,11 @@ def reason_of(error: StationError) -> Reason:
 
 
 def check_same_unit(unit: Unit, job: Job) -> None:
-    """Reads the serial again; WrongUnit when another unit sits there now than at the start."""
-    place = job.product.map.serial
+    """Reads the serial again; WrongUnit when another unit sits there now than at the start. Nothing where the device
+    keeps none."""
+    place = job.product.map.serial_object
+    if place is None:
+        return
     now = decode_serial(place, unit.device.upload(*place.address))
     before = decode_serial(place, unit.old[place.address])
     if now != before:

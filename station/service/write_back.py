@@ -21,6 +21,7 @@ from station.errors import (
 )
 from station.messages import Message
 from station.ports.store import WriteRecord
+from station.service import process_data
 from station.service.identify import objects_to_text, set_compensated
 from station.service.record import message_entry
 from station.service.station import Job, Station
@@ -45,7 +46,7 @@ class WriteBack:
         """Every write, worked out in full. Errors: UnitFault when a coefficient does not fit its object."""
         self._writes = writeback.sequence(
             self._map,
-            calibration,
+            writeback.composed(self._map, calibration, self._unit.old),
             record=self._unit.attempt,
             temperature_degC=self._unit.temperature_degC,
             epoch_ns=self._station.clock.epoch_ns(),
@@ -57,6 +58,7 @@ class WriteBack:
         check_not_rebooted(unit, Message("while-measured"))
         check_no_foreign_master(unit, self._station.foreign)
         check_same_unit(unit, self._job)
+        process_data.check_unchanged(unit, self._job)
         # The whole plan stands in the log before the first write: a crash in between is then recognised.
         self._station.store.result(unit.attempt, "write-plan", {"objects": objects_to_text(self._wanted())})
         done = False
@@ -77,6 +79,8 @@ class WriteBack:
     def save(self) -> None:
         """Stores in the device's flash: once, with its own time-out. An answer that does not come decides nothing."""
         unit, command = self._unit, writeback.save(self._map)
+        if command is None:
+            return
         try:
             check_not_rebooted(unit, Message("between-write-and-save"))
         except UnitFault:
@@ -103,7 +107,7 @@ class WriteBack:
         unit = self._unit
         unit.device.nmt("reset-node")
         unit.device.wait_boot_up(self._station.settings.timeouts.boot_s)
-        unit.boot_ups = unit.device.boot_ups()
+        unit.boot_ups, unit.switched = unit.device.boot_ups(), False
         unit.enter(UnitState.RESTARTED)
 
     def read_again(self) -> None:

@@ -69,7 +69,10 @@ def _check_fit(path: Path, recipe: Recipe, where: Path, product: Product) -> Non
 
 
 def _check_map(where: Path, product: Product, eds: Path | None) -> None:
-    """Refuses a device map that contradicts the EDS: the device would refuse it half-way through a write."""
+    """Refuses a device map that leaves open what the readings are, or that contradicts the EDS: the device would refuse
+    it half-way through a write."""
+    if product.map.writes and product.map.output is None:
+        raise ProductError("map-without-output", file=str(where))
     if eds is None:
         return
     from station.adapters.canopen.eds import load

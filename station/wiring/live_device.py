@@ -18,7 +18,7 @@ from station.adapters.simulated_device.stream import SimulatedSensor
 from station.config.products import load_product, product_path
 from station.domain.can.sensor_layout import SensorLayout, resolve, used_signals
 from station.domain.core.types import Floats
-from station.domain.product.product import stored_serial
+from station.domain.product.product import serial_of
 from station.domain.recipe.position import UP
 from station.errors import ProductError, UsageError
 from station.ports.bus import Endpoint
@@ -129,7 +129,7 @@ class LiveDevices:
             eds.load(self._eds, node, frozenset()),
             self._map,
             SimulatedSensor(self._layout, sense, lambda _: self.world.temperature_degC, wanted.rate_hz),
-            serial=stored_serial(self._map.serial, serial),
+            serial=serial_of(self._map, serial),
             memory=None if wanted.memory is None else NonVolatileMemory.of_serial(wanted.memory, serial),
             timing=Timing(turnaround_s=0.0, flash_s=wanted.flash_s, block_s=wanted.block_s),
             faults=[device_fault.parse(text) for text in wanted.faults],

@@ -17,7 +17,7 @@ from station.config.documents import Document
 from station.config.models import load_model
 from station.config.settings import Settings
 from station.domain.core.types import Frames, NestAssignment
-from station.domain.product.product import stored_serial
+from station.domain.product.product import serial_of
 from station.domain.recipe.plan import PlannedVisit
 from station.errors import ProductError
 from station.model.effect import Effect
@@ -93,7 +93,7 @@ class SimulatedFixture:
         )
         memory = NonVolatileMemory() if folder is None else NonVolatileMemory.of_serial(folder, seat.serial)
         faults = [f for serial, f in self._faults if serial in ("", seat.serial)]
-        serial = stored_serial(self._job.product.map.serial, seat.serial)
+        serial = serial_of(self._job.product.map, seat.serial)
         return self._build_device(seat.nest, seat.node, sensor, serial, memory, faults)
 
     def _gold(self, nest: str, node: int) -> "tuple[SimulatedDevice, _DisturbedEndpoint]":

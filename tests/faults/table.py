@@ -62,6 +62,137 @@ _WHO = _rows(
     ),
 )
 
+_OPTIONAL = _rows(
+    "What a device need not have",
+    ("hardware version refused by another abort code", "device refuse:index=0x1009,code=0x08000000", PASS, "", NEW),
+    ("software version refused", "device refuse:index=0x100A,code=0x06010000", PASS, "", NEW),
+    ("heartbeat time refused", "device refuse:index=0x1017,code=0x06020000", PASS, "", NEW),
+    ("PDO parameters refused", "device refuse:index=0x1800,sub=1,code=0x06020000", PASS, "", NEW),
+    ("PDO mapping refused", "device refuse:index=0x1A00,code=0x06010000", PASS, "", NEW),
+    (
+        "a question never answered",
+        "device silent:index=0x1009",
+        ERROR,
+        "Read of 0x1009:00 from node 17",
+    ),
+    (
+        "the name of the product refused",
+        "device refuse:index=0x1008,code=0x06020000",
+        FAIL,
+        "read 0x1008:00",
+    ),
+    ("its product code refused", "device refuse:index=0x1018,sub=2,code=0x06090011", FAIL, "0x1018:02"),
+    ("its serial refused", "device refuse:index=0x1018,sub=4,code=0x06090011", FAIL, "0x1018:04"),
+)
+
+_SENDING = _rows(
+    "How it sends",
+    ("its event timer is 0: set for the run", "device holds:index=0x1800,sub=5,value=0", PASS, "", NEW),
+    ("it waits for SYNC", "device holds:index=0x1800,sub=2,value=1", PASS, "", NEW),
+    ("it waits for every second SYNC", "device holds:index=0x1800,sub=2,value=2", PASS, "", NEW),
+    ("it waits for SYNC after an event", "device holds:index=0x1800,sub=2,value=0", PASS, "", NEW),
+    ("it sends by event, transmission type 255", "device holds:index=0x1800,sub=2,value=255", PASS, "", NEW),
+    ("its PDO is switched off", "device holds:index=0x1800,sub=1,value=0x80000191", PASS, "", NEW),
+    (
+        "its PDO is off and cannot be switched on",
+        "device holds:index=0x1800,sub=1,value=0x80000191 and refuse:index=0x1800,sub=1,access=write,code=0x06010002",
+        FAIL,
+        "0x1800:01",
+    ),
+    (
+        "its event timer is 0 and cannot be set",
+        "device holds:index=0x1800,sub=5,value=0 and refuse:index=0x1800,sub=5,access=write,code=0x06010002",
+        ERROR,
+        "No readings at 'z-up': event timer 0x1800:05 of its PDO 1 is 0 or missing",
+    ),
+    (
+        "it sends under another identifier",
+        "device holds:index=0x1800,sub=1,value=0x1A5 and stream-stops",
+        ERROR,
+        "none of its PDOs sends 0x191 but 0x1A5",
+    ),
+    ("it cannot be started", "device not-operational", ERROR, "it is pre-operational although it was started"),
+    (
+        "it cannot be started, and says why",
+        "device not-operational and emergency:code=0x5000,after_s=2",
+        ERROR,
+        "emergency 0x5000",
+    ),
+    ("it cannot be started after the reset", "device not-operational:after_s=20", ERROR, "it is pre-operational", NEW),
+    ("it falls back in the tumble", "device falls-back:after_s=6", ERROR, "it is pre-operational although"),
+    ("it falls back in the verification", "device falls-back:after_s=21", ERROR, "it is pre-operational although", NEW),
+    ("it maps other objects before the write", "device remap:after_s=15", ERROR, "its PDO 1 maps other objects than"),
+    ("it maps other objects in the tumble", "device remap:after_s=6", ERROR, "its PDO 1 maps other objects than"),
+    ("its output switch is not saved: set again", "device forgets:index=0x2106", PASS, "", NEW),
+    ("a coefficient is not saved", "device forgets:index=0x2101,sub=4", FAIL, "a mixture of old and new values", MIXED),
+    ("no coefficient is saved", "device forgets:index=0x2101 and forgets:index=0x2102", FAIL, "a mixture", MIXED),
+)
+
+_TRAFFIC = _rows(
+    "Emergencies about the traffic",
+    ("a PDO of another node's length", "device emergency:code=0x8210,register=0,after_s=6", PASS, "", NEW),
+    ("a PDO too long", "device emergency:code=0x8220,register=0x11,after_s=6", PASS, "", NEW),
+    ("another node's PDO is late", "device emergency:code=0x8250,register=0,after_s=6", PASS, "", NEW),
+    (
+        "it lost frames of others",
+        "device emergency:code=0x8110,register=0x11,after_s=6",
+        PASS,
+        "",
+        NEW,
+    ),
+    ("its controller was passive", "device emergency:code=0x8120,register=0x10,after_s=6", PASS, "", NEW),
+    ("another node's heartbeat is missing", "device emergency:code=0x8130,register=0x11,after_s=6", PASS, "", NEW),
+    ("it came back from bus-off", "device emergency:code=0x8140,register=0x11,after_s=6", PASS, "", NEW),
+    ("an error that is gone again", "device emergency:code=0x0000,register=0,after_s=6", PASS, "", NEW),
+    (
+        "traffic and an own error",
+        "device emergency:code=0x8210,register=0x81,after_s=6",
+        FAIL,
+        "emergency 0x8210",
+    ),
+    ("traffic during verification", "device emergency:code=0x8220,register=0,after_s=23", PASS, "", NEW),
+    ("hardware, error register 0", "device emergency:code=0x5000,register=0,after_s=6", FAIL, "emergency 0x5000"),
+)
+
+_STRANGE = _rows(
+    "Answers that nobody asked for",
+    ("an early answer while it is identified", "device early:at=3,times=1", PASS, "", NEW),
+    ("an early answer while old values are read", "device early:at=20,times=1", PASS, "", NEW),
+    (
+        "an early confirmation of the next coefficient",
+        "device early:index=0x2101,sub=4,access=write,times=1",
+        PASS,
+        "",
+        NEW,
+    ),
+    ("early answers to each coefficient", "device early:index=0x2101,access=write", PASS, "", NEW),
+    ("early answers without end", "device early", ERROR, "two devices share this node id"),
+    ("one answer under another node id", "device other-id:at=12,times=1", ERROR, "timed out after 1 s"),
+    ("every answer under another node id", "device other-id", ERROR, "Read of 0x1000:00 from node 17 timed out"),
+    (
+        "the same from the middle of the write on",
+        "device other-id:index=0x2101,sub=4,access=write",
+        ERROR,
+        "Write to 0x2101:04",
+    ),
+    ("save confirmed under another node id", "device other-id:index=0x1010", PASS, "", NEW),
+    (
+        "the unlock answered for another",
+        "device wrong-object:index=0x2104,value=0x2101",
+        ERROR,
+        "Write to 0x2104",
+    ),
+    ("the save answered for another object", "device wrong-object:index=0x1010,value=0x1011", PASS, "", NEW),
+    ("toggle bit wrong while the record is written", "device wrong-toggle:index=0x2100", ERROR, "0x2100"),
+    ("each coefficient confirmed twice", "device twice:index=0x2101,access=write", PASS, "", NEW),
+    (
+        "a coefficient reads as its neighbour does",
+        "device wrong-object:index=0x2101,sub=4,value=0x2102,access=read,at=2",
+        ERROR,
+        "Read of 0x2101:04",
+    ),
+)
+
 _ANSWERS = _rows(
     "Answers on the bus",
     ("every answer 0.5 s late", "device late:seconds=0.5", PASS, "", NEW),
@@ -345,7 +476,11 @@ _REFUSED = tuple(
 
 ROWS: tuple[Row, ...] = (
     *_WHO,
+    *_OPTIONAL,
+    *_SENDING,
+    *_TRAFFIC,
     *_ANSWERS,
+    *_STRANGE,
     *_STREAM,
     *_RESETS,
     *_WRITES,

@@ -50,6 +50,7 @@ def write(rig: DeviceRig) -> dict[tuple[int, int], bytes]:
 
 def save(rig: DeviceRig) -> None:
     command = writeback.save(rig.product.map)
+    assert command is not None
     rig.station.download(*command.address, command.raw, command.timeout_s)
 
 

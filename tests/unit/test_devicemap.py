@@ -229,9 +229,11 @@ def test_commands_carry_their_signatures_and_time_outs() -> None:
     given_map = device_map(
         save={"index": 0x1010, "sub": 3, "timeout_s": 7}, output={"index": 0x2106, "raw": 1, "compensated": 0}
     )
-    assert writeback.save(given_map).raw == (0x65766173).to_bytes(4, "little")
-    assert writeback.save(given_map).address == (0x1010, 3)
-    assert given_map.timeouts() == {(0x1010, 3): 7.0, (0x1011, 1): 5.0}
+    save = writeback.save(given_map)
+    assert save is not None
+    assert (save.raw, save.address) == ((0x65766173).to_bytes(4, "little"), (0x1010, 3))
+    assert given_map.timeouts() == {(0x1010, 3): 7.0}
+    assert writeback.save(device_map(save=None)) is None
     raw, compensated = writeback.output(given_map, raw=True), writeback.output(given_map, raw=False)
     assert raw is not None and raw.raw == b"\1"
     assert compensated is not None and compensated.raw == b"\0"

@@ -8,6 +8,7 @@ from station.adapters.bus._logs import read_blocks
 from station.domain.core.types import Frames
 from station.domain.recipe.fields import StrictModel
 from station.errors import BusFault, LogError
+from station.ports.bus import Repeated
 from station.ports.clock import Clock
 
 
@@ -53,6 +54,11 @@ class ReplayBus:
     def service(self, can_ids: tuple[int, ...]) -> "_Channel":
         """The log's frames with these ids (none: all), without error frames."""
         return self._open(can_ids, errors=False)
+
+    def repeat(self, can_id: int, data: bytes, period_s: float) -> Repeated:
+        """A recording cannot be changed: BusFault."""
+        del period_s
+        raise BusFault("recording-takes-no-frames", bus=self.name, can_id=can_id, size=len(data))
 
     def state(self) -> str:
         """Unknown: a log does not keep the controller's state; its error frames tell."""

@@ -75,6 +75,10 @@ class SimulatedBus:
         """One more fault, as `KIND` or `KIND:after_s=6,seconds=2`. Errors: UsageError."""
         self._wire.add(parse(fault))
 
+    def repeat(self, can_id: int, data: bytes, period_s: float) -> "_Repeated":
+        """Sends a frame every period_s of simulated time."""
+        return _Repeated(self._clock, self.service((0x7FF,)), can_id, data, period_s)
+
     def state(self) -> str:
         """Active, unless something is wrong with the wire."""
         return self._wire.state(self._clock.monotonic_s())
@@ -93,6 +97,33 @@ class SimulatedBus:
         channel = _Channel(self._clock, self._channel_name, self._name, self._channels, can_ids, wire, errors=errors)
         self._channels.append(channel)
         return channel
+
+
+class _Repeated:
+    """An actor that sends one frame at each multiple of its period; it sends before any device acts."""
+
+    def __init__(self, clock: EventClock, channel: "_Channel", can_id: int, data: bytes, period_s: float) -> None:
+        self._clock, self._channel, self._can_id, self._data = clock, channel, can_id, data
+        self._period_s, self._next_s = period_s, clock.monotonic_s() + period_s
+        self._open = True
+        clock.attach(self)
+
+    def next_due_s(self) -> float:
+        """The next instant."""
+        return self._next_s
+
+    def act(self, now_s: float) -> None:
+        """Sends when it is time; what fails is missing, as on a wire."""
+        while self._next_s <= now_s:
+            self._next_s += self._period_s
+            self._channel.send_now(self._can_id, self._data)
+
+    def close(self) -> None:
+        """Leaves the bus."""
+        if self._open:
+            self._open = False
+            self._clock.detach(self)
+            self._channel.close()
 
 
 class _Channel:
@@ -128,6 +159,12 @@ class _Channel:
         if self._wire is None or self._transmits_now(self._wire, can_id, data):
             # Seconds since the clock's start: small enough for a float to hold them to the nanosecond.
             self._bus.send(to_message(can_id, data, self._clock.monotonic_s()))
+
+    def send_now(self, can_id: int, data: bytes) -> None:
+        """Sends one frame, if the wire is whole; no time passes."""
+        now_s = self._clock.monotonic_s()
+        if self._wire is None or not (self._wire.fails(now_s) or self._wire.holds(now_s)):
+            self._bus.send(to_message(can_id, data, now_s))
 
     def send_many(self, frames: Frames) -> None:
         """Sends a block; the frames keep their time_ns, which may not lie in the future."""

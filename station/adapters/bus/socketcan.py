@@ -28,6 +28,9 @@ MOST_BATCHES: Final = 32
 _VIRTUAL: Final = ("vcan", "vxcan")
 _CAN_RAW_ERR_FILTER, _ALL_ERRORS = 2, 0x1FFF_FFFF
 _FRAME, _FD_FRAME = struct.Struct("=IB3x8s"), struct.Struct("=IBB2x64s")
+#: struct bcm_msg_head of <linux/can/bcm.h>, and what sets up a cyclic frame.
+_BCM_HEAD = struct.Struct("@IIIllllII0q")
+_TX_SETUP, _SETTIMER, _STARTTIMER = 1, 1, 2
 _CAN_RAW_FD_FRAMES, _FD_MTU, _BIT_RATE_SWITCH = 5, 72, 1
 #: Lengths that an FD frame can have beyond 8 bytes (ISO 11898-1).
 _FD_LENGTHS: Final = (12, 16, 20, 24, 32, 48, 64)
@@ -93,6 +96,10 @@ class SocketCan:
         """A channel that receives these ids (none: all) and no error frames."""
         return self._open(can_ids, errors=False, buffer_bytes=SERVICE_BUFFER_BYTES)
 
+    def repeat(self, can_id: int, data: bytes, period_s: float) -> "_Repeated":
+        """Lets the kernel's broadcast manager send a frame every period_s: no thread of ours keeps that time."""
+        return _Repeated(self._name, can_id, data, period_s)
+
     def state(self) -> str:
         """The controller's state as the kernel knows it; a vcan has none that could be anything but active."""
         return state_of(self._name)[0]
@@ -112,6 +119,24 @@ class SocketCan:
         channel = _Channel(self._name, sock, fd=_takes_fd(self._name, sock))
         self._channels.append(channel)
         return channel
+
+
+class _Repeated:
+    """A job of the kernel's broadcast manager (CAN_BCM), which ends with its socket."""
+
+    def __init__(self, name: str, can_id: int, data: bytes, period_s: float) -> None:
+        seconds, rest = divmod(round(period_s * 1e6), 1_000_000)
+        head = _BCM_HEAD.pack(_TX_SETUP, _SETTIMER | _STARTTIMER, 0, 0, 0, seconds, rest, can_id, 1)
+        try:
+            self._sock = socket.socket(socket.AF_CAN, socket.SOCK_DGRAM, socket.CAN_BCM)
+            self._sock.connect((name,))
+            self._sock.send(head + _FRAME.pack(can_id, len(data), data))
+        except OSError as error:
+            raise BusFault(_errors.socket_error(name, error.errno or 0)) from None
+
+    def close(self) -> None:
+        """Ends it; twice is harmless."""
+        self._sock.close()
 
 
 class _Channel:

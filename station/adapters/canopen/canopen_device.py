@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from canopen.nmt import NMT_COMMANDS, NMT_STATES
 
@@ -19,7 +19,6 @@ _COMMANDS = {
     "reset-communication": NMT_COMMANDS["RESET COMMUNICATION"],
 }
 _BOOT_UP = 0x00
-_NO_SUCH = (0x06020000, 0x06090011)
 _LONGEST_NAME = 80
 #: The latest ones are kept when nobody takes them.
 _MOST_EMERGENCIES = 1000
@@ -52,17 +51,33 @@ class CanopenDevice:
         """Node id."""
         return self._node
 
-    def identify(self) -> Identity:
-        """Reads the identity objects; what is optional and missing reads as 0 or ''."""
+    def identify(self, asked: Collection[tuple[int, int]] = ((0x1000, 0),)) -> Identity:
+        """Reads the identity objects; one that is not among the `asked` and is refused reads as 0 or ''."""
+
+        def read(index: int, sub: int) -> bytes:
+            try:
+                return self.upload(index, sub)
+            except DeviceRefused:
+                if (index, sub) in asked:
+                    raise
+                return b""
+
+        def number(index: int, sub: int) -> int:
+            return int.from_bytes(read(index, sub), "little")
+
+        def text(index: int) -> str:
+            found = read(index, 0).decode("latin-1").partition("\0")[0]
+            return "".join(c for c in found if c.isprintable())[:_LONGEST_NAME]
+
         return Identity(
-            device_type=int.from_bytes(self.upload(0x1000, 0), "little"),
-            vendor=int.from_bytes(self.upload(0x1018, 1), "little"),
-            product=self._number(0x1018, 2),
-            revision=self._number(0x1018, 3),
-            serial=self._number(0x1018, 4),
-            name=self._text(0x1008),
-            hardware=self._text(0x1009),
-            software=self._text(0x100A),
+            device_type=number(0x1000, 0),
+            vendor=number(0x1018, 1),
+            product=number(0x1018, 2),
+            revision=number(0x1018, 3),
+            serial=number(0x1018, 4),
+            name=text(0x1008),
+            hardware=text(0x1009),
+            software=text(0x100A),
         )
 
     def upload(self, index: int, sub: int, timeout_s: float | None = None) -> bytes:
@@ -122,18 +137,3 @@ class CanopenDevice:
         code = int.from_bytes(data[:2], "little")
         register = data[2] if len(data) > 2 else 0
         self._emergencies.append(Emergency(round(time_s * 1e9), code, register, bytes(data[3:])))
-
-    def _number(self, index: int, sub: int) -> int:
-        return int.from_bytes(self._optional(index, sub), "little")
-
-    def _text(self, index: int) -> str:
-        text = self._optional(index, 0).decode("latin-1").partition("\0")[0]
-        return "".join(c for c in text if c.isprintable())[:_LONGEST_NAME]
-
-    def _optional(self, index: int, sub: int) -> bytes:
-        try:
-            return self.upload(index, sub)
-        except DeviceRefused as refusal:
-            if refusal.code in _NO_SUCH:
-                return b""
-            raise

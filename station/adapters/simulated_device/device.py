@@ -28,7 +28,7 @@ _NMT, _SYNC, _EMCY, _SDO_ANSWER, _SDO_REQUEST, _HEARTBEAT = 0x000, 0x080, 0x080,
 _NMT_STATES = {0x01: OPERATIONAL, 0x02: STOPPED, 0x80: PRE_OPERATIONAL}
 _RESET_NODE, _RESET_COMMUNICATION = 0x81, 0x82
 _HEARTBEAT_TIME = 0x1017
-_GENERIC_ERROR = 0x01
+_FIRST_MAPPING = 0x1A00
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +77,12 @@ class SimulatedDevice:
         self._agenda, self._external_events = Agenda(), Agenda()
         self._sdo_faults = SdoFaults(faults)
         self._stream_faults = StreamFaults(faults, sensor.layout, self.node, self._born_s)
-        fixed: dict[Address, Value] = {device_map.serial.address: serial}
-        if sensor.rate_hz:
+        place = device_map.serial_object
+        fixed: dict[Address, Value] = {} if place is None else {place.address: serial}
+        entry = dictionary.entries.get((READINGS_TPDO, 5))
+        if sensor.rate_hz and not (entry is not None and entry.default == 0):
             fixed[READINGS_TPDO, 5] = round(1000 / sensor.rate_hz)
+        fixed |= {(f.index or 0, f.sub or 0): f.value for f in faults if f.kind == "holds"}
         self.objects = SimulatedObjects(
             dictionary,
             device_map,
@@ -134,10 +137,10 @@ class SimulatedDevice:
         self._pdo.settled_s = self._now_s + self._timing.warm_up_s
         self.reset()
 
-    def send_answers(self, answers: tuple[bytes, ...]) -> None:
-        """Sends SDO answers."""
+    def send_answers(self, answers: tuple[bytes, ...], off: int = 0) -> None:
+        """Sends SDO answers; off: by how much the node id in them is wrong."""
         for answer in answers:
-            self._channel.send(_SDO_ANSWER + self.node, answer)
+            self._channel.send(_SDO_ANSWER + self.node + off, answer)
 
     def _run(self, now_s: float) -> None:
         self._external_events.run(now_s)
@@ -175,13 +178,27 @@ class SimulatedDevice:
     def _obey(self, command: int) -> None:
         if command in (_RESET_NODE, _RESET_COMMUNICATION):
             self.reset(communication_only=command == _RESET_COMMUNICATION)
-        elif command in _NMT_STATES:
+        elif command in _NMT_STATES and not self._ignores(command):
             before, self.state = self.state, _NMT_STATES[command]
             if self.state != OPERATIONAL:
                 self._pdo.stop()
             elif before != OPERATIONAL:
                 self._pdo.start(self._now_s)
                 self._plan_emergency()
+
+    def _ignores(self, command: int) -> bool:
+        started = _NMT_STATES[command] == OPERATIONAL
+        return started and self._stream_faults.active("not-operational", self._now_s) is not None
+
+    def _fall_back(self) -> None:
+        if self.state == OPERATIONAL:
+            self._obey(0x80)
+
+    def _remap(self) -> None:
+        """Two objects of the first PDO change places."""
+        first, second = (self.objects.number(_FIRST_MAPPING, sub, 0) for sub in (3, 4))
+        self.objects.replace((_FIRST_MAPPING, 3), second)
+        self.objects.replace((_FIRST_MAPPING, 4), first)
 
     def _serve(self, data: bytes) -> None:
         heartbeat_ms, settings = self.objects.number(_HEARTBEAT_TIME, 0, 0), self._pdo.settings()
@@ -195,18 +212,23 @@ class SimulatedDevice:
         for fault in faults:
             due_s = self._born_s + fault.after_s
             if fault.kind == "emergency" and not fault.seconds:
-                self._external_events.at(due_s, partial(self._emergency, fault.code))
+                self._external_events.at(due_s, partial(self._emergency, fault))
+            elif fault.kind == "falls-back":
+                self._external_events.at(due_s, self._fall_back)
+            elif fault.kind == "remap":
+                self._external_events.at(due_s, self._remap)
             elif fault.kind == "spontaneous-reset":
                 self._external_events.at(due_s, self.reset)
 
     def _plan_emergency(self) -> None:
         fault = self._stream_faults.active("emergency", self._now_s)
         if fault and fault.seconds:
-            self._agenda.at(self._now_s + fault.seconds, partial(self._emergency, fault.code))
+            self._agenda.at(self._now_s + fault.seconds, partial(self._emergency, fault))
 
-    def _emergency(self, code: int) -> None:
+    def _emergency(self, fault: InjectedFault) -> None:
         if self.state in (PRE_OPERATIONAL, OPERATIONAL):
-            self._channel.send(_EMCY + self.node, code.to_bytes(4, "little")[:2] + bytes([_GENERIC_ERROR]) + bytes(5))
+            code = fault.code.to_bytes(4, "little")[:2]
+            self._channel.send(_EMCY + self.node, code + bytes([fault.register & 0xFF]) + bytes(5))
 
     def _spoilt_value(self, index: int, sub: int) -> Value | None:
         fault = self._sdo_faults.fires("reads", SdoRequest(index, sub, "read", starts=True, segment=False))

@@ -19,6 +19,13 @@ KINDS: Mapping[str, str] = MappingProxyType(
         "lost-segment": "loses one segment of a block",
         "bad-block-crc": "sends a wrong CRC at the end of a block upload",
         "twice": "answers every request twice, as two devices with one node id do",
+        "early": "sends, behind its answer, one to a request for the next sub-index that nobody has made yet",
+        "other-id": "answers under the node id after its own",
+        "holds": "an object holds `value` from power-on until it is written",
+        "forgets": "an object is not among those that it saves",
+        "remap": "its first PDO maps two objects in each other's place from `after_s` on",
+        "not-operational": "stays pre-operational when it is started",
+        "falls-back": "goes pre-operational by itself at `after_s`",
         "reads": "an object reads as `value`, whatever it holds",
         "reboot": "resets itself when SDO request `at` comes, before answering it",
         "power-cut": "loses power when SDO request `at` comes; power is back after `seconds` (0: never)",
@@ -28,7 +35,8 @@ KINDS: Mapping[str, str] = MappingProxyType(
         "other-unit": "becomes another unit when SDO request `at` comes: the serial reads `value`",
         "no-boot-up": "does not send its boot-up message",
         "heartbeat-stops": "sends no heartbeat from `after_s` on",
-        "emergency": "sends EMCY `code` at `after_s`, or, while operational, `seconds` after the last start",
+        "emergency": "sends EMCY `code`, with the error register `register`, at `after_s`, or, while operational,"
+        " `seconds` after the last start",
         "spontaneous-reset": "resets itself at `after_s`",
         "counter-stuck": "the frame counter stands still",
         "crc-errors": "a `fraction` of the frames has a wrong CRC",
@@ -50,7 +58,7 @@ class InjectedFault:
 
     at, times: from which such request on, and how often (0: for ever, or once where that is the nature of the
     fault, as of a reboot); index, sub, access: only for this object, sub-index or direction; code, value,
-    fraction, seconds, after_s: see KINDS.
+    fraction, seconds, after_s, register: see KINDS.
     """
 
     kind: str
@@ -64,6 +72,7 @@ class InjectedFault:
     fraction: float = 0.01
     seconds: float = 0.0
     after_s: float = 0.0
+    register: int = 1
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

@@ -17,6 +17,12 @@ def object_key(index: int, sub: int) -> str:
     return f"{index:04X}:{sub:02X}"
 
 
+def address_of(key: str) -> tuple[int, int]:
+    """The address in such a key."""
+    index, sub = key.split(":")
+    return int(index, 16), int(sub, 16)
+
+
 class NonVolatileMemory:
     """Saved objects. path: a JSON file {"objects": {…}}, exactly as last saved; None: lives as long as this value."""
 

@@ -145,8 +145,8 @@ class SimulatedObjects:
         entry = self._entry(index, sub)
         if entry.size is not None:
             data = data[: entry.size]
-        if (index, sub) in (self.map.save.address, self.map.restore.address):
-            self._take_signature(index, sub, data)
+        if (command := self._command_at(index, sub)) is not None:
+            self._take_signature(command, data)
             return
         if self.map.unlock is not None and (index, sub) == self.map.unlock.address:
             self._take_key(data)
@@ -164,11 +164,16 @@ class SimulatedObjects:
         record = self.map.record
         return record.length if record and record.address == (entry.index, entry.sub) else _LONGEST[entry.type_name]
 
-    def _take_signature(self, index: int, sub: int, data: bytes) -> None:
-        save = (index, sub) == self.map.save.address
-        if data != (writeback.SAVE if save else writeback.LOAD):
+    def _command_at(self, index: int, sub: int) -> str | None:
+        if self.map.save is not None and (index, sub) == self.map.save.address:
+            return "save"
+        restore = (0x1011, 1) if self.map.restore is None else self.map.restore.address
+        return "restore" if (index, sub) == restore else None
+
+    def _take_signature(self, command: str, data: bytes) -> None:
+        if data != (writeback.SAVE if command == "save" else writeback.LOAD):
             raise SdoAbort(sdo.ABORT_STORE_APPLICATION)
-        self.command = "save" if save else "restore"
+        self.command = command
 
     def _take_key(self, data: bytes) -> None:
         unlock = self.map.unlock
@@ -188,9 +193,9 @@ class SimulatedObjects:
             _check_pdo(entry, int(value))
 
     def _compensates(self) -> bool:
-        if self.map.output is None:
-            return True
-        on = self.value(*self.map.output.address) == self.map.output.compensated
+        if (switch := self.map.switch) is None:
+            return self.map.writes and self.map.sends != "raw"
+        on = self.value(*switch.address) == switch.compensated
         flag = self.map.valid
         return on and (flag is None or self.value(*flag.address) == flag.valid)
 

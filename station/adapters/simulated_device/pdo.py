@@ -50,7 +50,9 @@ class ProcessData:
 
     def next_due_s(self) -> float:
         """When something leaves next."""
-        return min(self._block_end_s(), self._slow_timer.next_s, self._babble.next_s)
+        return min(
+            self._block_end_s(self._timer.next_s), self._slow_timer.next_s, self._block_end_s(self._babble.next_s)
+        )
 
     def settings(self) -> tuple[int, ...]:
         """The objects that the timers depend on: when they change, the timers start anew."""
@@ -127,8 +129,7 @@ class ProcessData:
         origin_ns = self._clock.epoch_ns() - round(self._clock.monotonic_s() * 1e9)
         return np.asarray(np.rint(times_s * 1e9).astype(np.int64) + origin_ns)
 
-    def _block_end_s(self) -> float:
-        next_s = self._timer.next_s
+    def _block_end_s(self, next_s: float) -> float:
         if self._block_s <= 0 or math.isinf(next_s):
             return next_s
         return max(next_s, math.ceil(next_s / self._block_s) * self._block_s)

@@ -44,8 +44,8 @@ class Agenda:
 class DeviceControl(Protocol):
     """What the server's faults and commands can do to the device."""
 
-    def send_answers(self, answers: tuple[bytes, ...]) -> None:
-        """Sends SDO answers now."""
+    def send_answers(self, answers: tuple[bytes, ...], off: int = 0) -> None:
+        """Sends SDO answers now; off: by how much the node id in them is wrong."""
 
     def reset(self) -> None:
         """Starts again, as after NMT reset node."""
@@ -107,11 +107,17 @@ class SdoService:
             if command is not None:
                 self._flash(command, about, answers, due_s)
             elif answers:
-                self._agenda.at(due_s, lambda: self._device_control.send_answers(answers))
+                self._agenda.at(due_s, self._sender(answers, about))
+
+    def _sender(self, answers: tuple[bytes, ...], about: SdoRequest) -> Callable[[], None]:
+        """Sends the answers, under the node id that a fault may make another one."""
+        off = int(self._faults.fires("other-id", about) is not None)
+        return lambda: self._device_control.send_answers(answers, off)
 
     def _unheard(self, about: SdoRequest) -> bool:
         if unit := self._faults.fires("other-unit", about):
-            self._objects.replace(self._objects.map.serial.address, unit.value)
+            place = self._objects.map.serial_object
+            self._objects.replace((0x1018, 4) if place is None else place.address, unit.value)
         lost = about.segment and self._faults.fires("lost-segment", about) is not None
         return lost or self._faults.fires("deaf", about) is not None
 
@@ -136,7 +142,7 @@ class SdoService:
 
     def _finish(self, command: str, answers: tuple[bytes, ...], now_s: float) -> None:
         if command == "save":
-            self._objects.memory.store(self._objects.snapshot())
+            self._objects.memory.store(self._faults.remembered(self._objects.snapshot(), self._objects.saved()))
         elif command == "restore":
             self._objects.restore_at_reset()
         self._device_control.send_answers(answers)

@@ -6,6 +6,7 @@ from canopen.sdo import constants as sdo
 
 from station.adapters.canopen.sdo_transfer import COMMAND_MASK
 from station.adapters.simulated_device.device_fault import InjectedFault
+from station.adapters.simulated_device.nonvolatile import SavedObjects, address_of
 from station.adapters.simulated_device.sdo_server import SdoRequest
 
 #: These happen once unless `times` says otherwise.
@@ -40,11 +41,21 @@ class SdoFaults:
             answers = tuple(answer for answer in answers if not self.fires("lost-segment", about))
         else:
             answers = tuple(self._spoilt(answer, about) for answer in answers)
+        if len(answers) == 1 and self.fires("early", about):
+            answers = (answers[0], _next_answer(answers[0]))
         if self.fires("stale", about):
             answers = previous + answers
         if self.fires("twice", about):
             answers = answers + answers
         return () if self.fires("silent", about) else answers
+
+    def remembered(self, wanted: SavedObjects, before: SavedObjects) -> SavedObjects:
+        """What a save keeps of the objects: those that a fault forgets stay as they were."""
+        forgotten = [f for f in self._faults if f.kind == "forgets"]
+        return {
+            key: before.get(key, value) if any(f.meets(*address_of(key), "write") for f in forgotten) else value
+            for key, value in wanted.items()
+        }
 
     def _spoilt(self, answer: bytes, about: SdoRequest) -> bytes:
         kind = answer[0] & COMMAND_MASK
@@ -57,3 +68,8 @@ class SdoFaults:
         if not about.starts and ends_block and self.fires("bad-block-crc", about):
             return bytes([answer[0], answer[1] ^ 0xFF]) + answer[2:]
         return answer
+
+
+def _next_answer(answer: bytes) -> bytes:
+    """The same answer as it would be to a request for the next sub-index."""
+    return answer[:3] + bytes([(answer[3] + 1) & 0xFF]) + answer[4:]

@@ -62,12 +62,10 @@ class StreamFaults:
         self, time_ns: NDArray[np.int64], readings: Floats, count: int, status: Array, times_s: Floats
     ) -> Frames:
         """Frames of the readings, counted from `count` on unless the counter is stuck."""
-        if self.active("counter-stuck", float(times_s[-1])) is None:
-            return encode.sample_frames(self._layout, self._node, time_ns, readings, first_count=count, status=status)
-        single = [slice(i, i + 1) for i in range(len(time_ns))]
-        return Frames.join(
-            [encode.sample_frames(self._layout, self._node, time_ns[i], readings[i], status=status[i]) for i in single]
-        )
+        stuck = self.active("counter-stuck", float(times_s[-1])) is not None
+        first, step = (0, 0) if stuck else (count, 1)
+        layout, node = self._layout, self._node
+        return encode.sample_frames(layout, node, time_ns, readings, first_count=first, count_step=step, status=status)
 
     def spoil_frames(self, frames: Frames, times_s: Floats) -> Frames:
         """Frames with wrong CRCs, lost, repeated, or out of order."""

@@ -68,9 +68,11 @@ def sample_frames(
     xyz: Floats,
     *,
     first_count: int = 0,
+    count_step: int = 1,
     status: Array | int = 0,
 ) -> Frames:
     """Sample frames of a node from readings (n, 3) at time_ns (n): quantised, counted from `first_count`, protected.
+    count_step: 0 where the counter is stuck.
 
     Where a frame holds several readings, a rest that fills none is not sent; where a reading needs several frames, they
     come at one instant, one behind the other.
@@ -79,7 +81,7 @@ def sample_frames(
     count = len(time_ns) // each
     times = time_ns[each - 1 : count * each : each]
     readings = np.asarray(xyz, float)[: count * each].reshape(count, each, 3)
-    counted = ((first_count // each + np.arange(count)) % layout.frame_counter_values).astype(np.uint64)
+    counted = ((first_count // each + count_step * np.arange(count)) % layout.frame_counter_values).astype(np.uint64)
     flags = np.broadcast_to(np.asarray(status), len(time_ns))[each - 1 : count * each : each]
     sent = [_part_frames(layout, node, part, times, readings, counted, flags) for part in parts_of(layout)]
     if len(sent) == 1:

@@ -190,10 +190,33 @@ class SerialObject(DeviceObject):
 
 
 class DeviceSetting(NumberObject):
-    """A setting (filter, event timer) that is recorded, set to `calibrating` for the run, and restored after it."""
+    """A setting (filter, event timer) that is recorded, set to `calibrating` for the run, and restored after it.
+
+    in_verification: whether the verification needs it too; left out: communication objects (0x1000 to 0x1FFF) do.
+    """
 
     name: str
     calibrating: float | None = None
+    in_verification: bool | None = None
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it is set again for the verification."""
+        return self.index < 0x2000 if self.in_verification is None else self.in_verification
+
+
+class PdoSetup(StrictModel):
+    """How a TPDO must send for the run; what is left out stays as it is. What was found comes back afterwards.
+
+    number: from 1; can_id: identifier; transmission: 0 to 240 by SYNC, 254 and 255 by event; event_timer_ms; mapping:
+    objects as CiA 301 writes them (0x71300116: 0x7130:01, 22 bits).
+    """
+
+    number: Annotated[int, Field(ge=1, le=512)]
+    can_id: Annotated[int, Field(ge=1, le=0x1FFF_FFFF)] | None = None
+    transmission: Annotated[int, Field(ge=0, le=255)] | None = None
+    event_timer_ms: Annotated[int, Field(ge=0, le=65535)] | None = None
+    mapping: Annotated[tuple[Annotated[int, Field(ge=0, le=0xFFFF_FFFF)], ...], Field(max_length=64)] | None = None
 
 
 class DeviceMap(StrictModel):
@@ -201,22 +224,28 @@ class DeviceMap(StrictModel):
 
     forward: measured = A·true + b, keeps A and b; inverse: true = M·(measured − b), keeps M = A⁻¹ and b;
     inverse-add: true = M·measured + c, keeps M and c = −M·b.
+
+    Without matrix and offset nothing is written: the device is measured and certified. output `none`: it has no switch,
+    and `sends` says whether its readings are raw or compensated by what it keeps. serial `label`: the device keeps
+    none, so that the label alone says which unit it is.
     """
 
     stores: Literal["forward", "inverse", "inverse-add"] = "forward"
-    matrix: MatrixBlock
-    offset: OffsetBlock
-    output: OutputSwitch | None = None
+    matrix: MatrixBlock | None = None
+    offset: OffsetBlock | None = None
+    output: OutputSwitch | Literal["none"] | None = None
+    sends: Literal["raw", "compensated"] | None = None
     unlock: UnlockObject | None = None
     valid: ValidFlag | None = None
     checksum: ChecksumObject | None = None
     temperature: NumberObject | None = None
     record: TextObject | None = None
-    save: StoreCommand = StoreCommand(index=0x1010)
-    restore: StoreCommand = StoreCommand(index=0x1011)
+    save: StoreCommand | None = StoreCommand(index=0x1010)
+    restore: StoreCommand | None = None
     configuration: DeviceObject | None = None
-    serial: SerialObject = SerialObject()
+    serial: SerialObject | Literal["label"] = SerialObject()
     settings: tuple[DeviceSetting, ...] = ()
+    pdo: tuple[PdoSetup, ...] = ()
     order: tuple[WriteStep, ...] = (
         "unlock",
         "invalidate",
@@ -231,8 +260,12 @@ class DeviceMap(StrictModel):
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
         for needed in ("matrix", "offset"):
-            if needed not in self.order:
+            if getattr(self, needed) is not None and needed not in self.order:
                 raise InvalidValue("order-incomplete", step=needed)
+        if self.output == "none" and self.sends is None:
+            raise InvalidValue("output-without-sends")
+        if self.sends is not None and self.output != "none":
+            raise InvalidValue("sends-without-output-none")
         if len(set(self.order)) != len(self.order):
             raise InvalidValue("order-step-twice")
         owner: dict[tuple[int, int], str] = {}
@@ -243,12 +276,27 @@ class DeviceMap(StrictModel):
             owner[number.address] = name
         return self
 
+    @property
+    def writes(self) -> bool:
+        """Whether the device keeps a calibration."""
+        return self.matrix is not None or self.offset is not None
+
+    @property
+    def switch(self) -> OutputSwitch | None:
+        """The output switch, where there is one."""
+        return self.output if isinstance(self.output, OutputSwitch) else None
+
+    @property
+    def serial_object(self) -> SerialObject | None:
+        """The object that holds the serial; None where the label alone says it."""
+        return self.serial if isinstance(self.serial, SerialObject) else None
+
     def coefficients(self) -> Iterator[tuple[str, NumberObject]]:
         """(name, number) of every coefficient in the order of writing: matrix.xy, offset.z."""
         for step in self.order:
             if step in ("matrix", "offset"):
-                block: MatrixBlock | OffsetBlock = getattr(self, step)
-                for cell, number in block.cells():
+                block: MatrixBlock | OffsetBlock | None = getattr(self, step)
+                for cell, number in () if block is None else block.cells():
                     yield f"{step}.{cell}", number
 
     def nominal(self, name: str) -> float:
@@ -261,8 +309,8 @@ class DeviceMap(StrictModel):
 
     def timeouts(self) -> dict[tuple[int, int], float]:
         """Objects that may take another time than the usual one: (index, sub) → seconds."""
-        parts = (self.output, self.unlock, self.valid, self.checksum, self.temperature, self.record)
-        objects = [*parts, self.save, self.restore, self.configuration, self.serial, *self.settings]
+        parts = (self.switch, self.unlock, self.valid, self.checksum, self.temperature, self.record)
+        objects = [*parts, self.save, self.restore, self.configuration, self.serial_object, *self.settings]
         objects += [number for _, number in self.coefficients()]
         return {o.address: o.timeout_s for o in objects if o is not None and o.timeout_s is not None}
 

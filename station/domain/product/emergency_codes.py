@@ -36,3 +36,15 @@ def emergency(code: int, register: int) -> Message:
     first = code >> 8
     id_ = _CLASSES.get(first) or _CLASSES.get(first & 0xF0) or "emergency-unknown"
     return Message("emergency", code=code, register=register, meaning=Message(id_))
+
+
+#: Bits of the error register (CiA 301, 7.5.2.2) that an error on the bus sets: generic and communication.
+_OF_BUS = 0x01 | 0x10
+#: Classes of codes about the traffic: what others send or fail to send, and what the bus does to frames.
+_TRAFFIC = range(0x80, 0x83)
+
+
+def concerns_unit(code: int, register: int) -> bool:
+    """Whether an emergency says something of the unit's readings: one about the traffic, with no other bit in the error
+    register than those of traffic, says something of the bus."""
+    return code >> 8 not in _TRAFFIC or bool(register & ~_OF_BUS)

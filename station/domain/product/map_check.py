@@ -42,13 +42,16 @@ def _parts(device_map: DeviceMap) -> Iterator[tuple[str, DeviceObject, bool]]:
     """(name, object, whether it is written)."""
     for name, number in device_map.coefficients():
         yield name, number, True
-    for name in ("output", "unlock", "valid", "temperature", "record", "save", "restore"):
+    for name in ("switch", "unlock", "valid", "temperature", "record", "save", "restore"):
         part: DeviceObject | None = getattr(device_map, name)
+        if name == "save" and not device_map.writes:
+            continue
         if part is not None:
-            yield name, part, True
+            yield "output" if name == "switch" else name, part, True
     for setting in device_map.settings:
         yield setting.name, setting, setting.calibrating is not None
-    yield "serial", device_map.serial, False
+    if device_map.serial_object is not None:
+        yield "serial", device_map.serial_object, False
     if device_map.checksum is not None:
         yield "checksum", device_map.checksum, False
 

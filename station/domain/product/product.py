@@ -17,13 +17,28 @@ Word = Annotated[int, Field(ge=0, le=0xFFFF_FFFF)]
 
 
 class ProductIdentity(StrictModel):
-    """What the identity objects must read. device_type: 0x1000; vendor, product, revision: 0x1018:1–3; name: 0x1008."""
+    """What the identity objects must read; what is left out is not asked.
 
-    vendor: Word
-    product: Word
+    device_type: 0x1000; vendor, product, revision: 0x1018:1–3; name: 0x1008.
+    """
+
+    vendor: Word | None = None
+    product: Word | None = None
     device_type: Word | None = None
     revision_at_least: Word | None = None
     name: str | None = None
+
+    @property
+    def asked(self) -> frozenset[tuple[int, int]]:
+        """Objects without which nothing can be said."""
+        places = {
+            (0x1000, 0): self.device_type,
+            (0x1018, 1): self.vendor,
+            (0x1018, 2): self.product,
+            (0x1018, 3): self.revision_at_least,
+            (0x1008, 0): self.name,
+        }
+        return frozenset(at for at, wanted in places.items() if wanted is not None)
 
 
 class Product(StrictModel):
@@ -34,8 +49,8 @@ class Product(StrictModel):
     sensor: Annotated[str, one_of(lambda: plugins.names(sensor_kind.PACKAGE))]
     eds: Name | None = None
     frames: FrameMap
-    identity: ProductIdentity
-    map: DeviceMap
+    identity: ProductIdentity = ProductIdentity()
+    map: DeviceMap = DeviceMap()
 
     def mismatches(
         self, *, device_type: int, vendor: int, product: int, revision: int, name: str
@@ -53,6 +68,12 @@ class Product(StrictModel):
         if wanted.name is not None and name != wanted.name:
             found.append(Message("name-differs", read=name, expected=wanted.name))
         return tuple(found)
+
+
+def serial_of(device_map: DeviceMap, printed: str) -> int | str:
+    """What a device with this printed serial keeps; the printed one where it keeps none."""
+    place = device_map.serial_object
+    return printed if place is None else stored_serial(place, printed)
 
 
 def stored_serial(serial: SerialObject, printed: str) -> int | str:

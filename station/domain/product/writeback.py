@@ -2,7 +2,7 @@
 
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Literal
 
@@ -50,7 +50,9 @@ def encode(device_map: DeviceMap, calibration: Calibration) -> tuple[ObjectWrite
     when the device keeps gains only and the calibration has cross-axis terms.
     """
     stored = _device_values(device_map, calibration.offset, calibration.matrix)
-    if device_map.matrix.order == "diagonal":
+    if device_map.matrix is None:
+        _refuse_gains(calibration)
+    elif device_map.matrix.order == "diagonal":
         _refuse_cross_axis(calibration)
     return tuple(
         _write(name, number, stored[name], device_map.nominal(name)) for name, number in device_map.coefficients()
@@ -71,6 +73,17 @@ def decode(device_map: DeviceMap, raws: RawValues) -> tuple[Floats, Floats]:
         else:
             matrix[AXES.index(cell[0]), AXES.index(cell[1])] = value
     return _forward(device_map, offset, matrix)
+
+
+def composed(device_map: DeviceMap, calibration: Calibration, old: RawValues) -> Calibration:
+    """The calibration of the sensor itself, where the readings were already compensated by what the device kept.
+
+    raw = A₀·reading + b₀ and reading = A·true + b, so raw = A₀·A·true + (A₀·b + b₀); uncertainties stay those of A, b.
+    """
+    if device_map.sends != "compensated":
+        return calibration
+    b, A = decode(device_map, old)
+    return replace(calibration, offset=A @ calibration.offset + b, matrix=A @ calibration.matrix)
 
 
 def rounding_std(device_map: DeviceMap, offset: Floats | None = None, matrix: Floats | None = None) -> Floats:
@@ -141,15 +154,16 @@ def validity(device_map: DeviceMap, *, valid: bool) -> ObjectWrite | None:
 
 def output(device_map: DeviceMap, *, raw: bool) -> ObjectWrite | None:
     """The write that switches to raw or compensated output; None where the product has no such switch."""
-    switch = device_map.output
+    switch = device_map.switch
     if switch is None:
         return None
     return _control("raw output" if raw else "compensated output", switch, switch.raw if raw else switch.compensated)
 
 
-def save(device_map: DeviceMap) -> ObjectWrite:
-    """The write of the signature `save`; it is a command, so it is never repeated and never read back."""
-    return _command("save", device_map.save, SAVE)
+def save(device_map: DeviceMap) -> ObjectWrite | None:
+    """The write of the signature `save`; it is a command, so it is never repeated and never read back. None where the
+    device keeps at once what is written."""
+    return None if device_map.save is None else _command("save", device_map.save, SAVE)
 
 
 def expected_checksum(device_map: DeviceMap, raws: RawValues) -> bytes | None:
@@ -157,7 +171,10 @@ def expected_checksum(device_map: DeviceMap, raws: RawValues) -> bytes | None:
     if device_map.checksum is None:
         return None
     data = b"".join(
-        raws[number.address] for step in device_map.checksum.over for _, number in getattr(device_map, step).cells()
+        raws[number.address]
+        for step in device_map.checksum.over
+        if (block := getattr(device_map, step)) is not None
+        for _, number in block.cells()
     )
     return zlib.crc32(data).to_bytes(4, "little")
 
@@ -238,6 +255,11 @@ def _value(name: str, number: NumberObject, nominal: float, raws: RawValues) -> 
 def _refuse_cross_axis(calibration: Calibration) -> None:
     if np.any(calibration.matrix[~np.eye(3, dtype=bool)]):
         raise ProductError("product-without-cross-axis")
+
+
+def _refuse_gains(calibration: Calibration) -> None:
+    if np.any(calibration.matrix != np.eye(3)):
+        raise ProductError("product-without-gain")
 
 
 def _control(name: str, number: NumberObject, value: float, *, read_back: bool = True) -> ObjectWrite:

@@ -83,6 +83,7 @@ def test_identify_write_save_reset_read_back(vcan: Interface, node_device: Devic
     written = write(device)
     assert device.upload(0x2105, 0) == writeback.expected_checksum(product.map, written)
     save = writeback.save(product.map)
+    assert save is not None
     device.download(*save.address, save.raw, SETTLE_S)
     device.nmt("reset-node")
     device.wait_boot_up(SETTLE_S)
