@@ -31,7 +31,7 @@ MOST_PDOS = 8
 def read(unit: Unit, job: Job, store: Store) -> None:
     """Finds the TPDOs of the readings and what the run needs of them: `unit.settings` and `unit.sync_every` say it."""
     own = [s for s in unit.settings if not _is_pdo(s)]
-    setups = {setup.number - 1: setup for setup in job.product.map.pdo}
+    setups = {setup.number - 1: _of_node(setup, unit, job) for setup in job.product.map.pdo}
     found = tuple(_found(unit, job.layout, setups))
     for pdo in found:
         document = {"number": pdo.number + 1, "cob_id": pdo.cob_id, "transmission": pdo.transmission}
@@ -41,6 +41,13 @@ def read(unit: Unit, job: Job, store: Store) -> None:
     unit.settings = (*own, *changes)
     unit.pdos = found
     unit.sync_every = max((_sync_every(pdo, setups.get(pdo.number)) for pdo in found), default=0)
+
+
+def _of_node(setup: PdoSetup, unit: Unit, job: Job) -> PdoSetup:
+    """The setup for the unit's node: the map gives identifiers as the DBC does."""
+    if setup.can_id is None:
+        return setup
+    return setup.model_copy(update={"can_id": setup.can_id - job.product.frames.node_of_dbc + unit.seat.node})
 
 
 def check_unchanged(unit: Unit, job: Job) -> None:

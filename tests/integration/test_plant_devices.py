@@ -148,3 +148,15 @@ def test_a_recipe_and_a_product_of_one_name_do_not_meet(tmp_path: Path) -> None:
     assert job.product.name == "plant"
     with pytest.raises(RecipeError):
         load_job(tmp_path / "dbc" / "plant.yaml")
+
+
+def test_a_pdo_is_set_up_as_the_map_says_and_put_back(tmp_path: Path) -> None:
+    """Two seats: each gets the identifier of its own node; y and x change places, and the DBC with them."""
+    mapping = [0x21130108, 0x21130208, 0x21130310, 0x21130410, 0x21130510]
+    setup = {"number": 1, "can_id": 0x181, "transmission": 255, "event_timer_ms": 10, "mapping": mapping[::-1]}
+    recipe = plant.recipe(tmp_path, device_map={"pdo": [setup]}, eds=plant.pdo(event_timer_ms=0) | plant.mappable())
+    ran = fixture_run.run(tmp_path, units=2, recipe=recipe)
+    assert {str(r.outcome) for r in ran.results.values()} == {"PASS"}
+    held = ran.memory(SERIAL)
+    assert [held[f"1A00:{sub:02X}"] for sub in range(1, 6)] == mapping
+    assert (held["1800:01"], held["1800:02"], held["1800:05"]) == (0x191, 254, 0)
