@@ -88,7 +88,7 @@ def containment(log: SqliteLogReader, units: int) -> None:
     middle = bulk_log.FIRST_NS + units // 2 * bulk_log.STEP_NS
     nest_b = Query(recipe_name="six-point", nest="B", since_ns=middle)
     week, month = (replace(nest_b, until_ns=middle + days * DAY_NS) for days in (7, 30))
-    asked: dict[str, Callable[[], int]] = {
+    requested: dict[str, Callable[[], int]] = {
         "recipe, nest, a week": lambda: len(log.attempts(week)),
         "recipe, nest, a month": lambda: len(log.attempts(month)),
         "recipe and nest, all time, counted": lambda: log.count(Query(recipe_name="six-point", nest="B")),
@@ -105,17 +105,20 @@ def containment(log: SqliteLogReader, units: int) -> None:
         ),
     }
     slowest = 0.0
-    for name, ask in asked.items():
+    for name, options_of in requested.items():
         took = []
         for _ in range(3):
             begun = time.perf_counter()
-            found = ask()
+            found = options_of()
             took.append(time.perf_counter() - begun)
         worst = max(took)
         slowest = max(slowest, worst)
         verdict = "reached" if worst < 1 else "NOT reached"
         print(f"row 9: containment, {name}: {worst:.3f} s at worst of 3, {found} found; goal < 1 s: {verdict}")
-    what, figure = f"containment in that log, slowest of {len(asked)} questions", f"{slowest:.2f} s (worst of 3 each)"
+    what, figure = (
+        f"containment in that log, slowest of {len(requested)} questions",
+        f"{slowest:.2f} s (worst of 3 each)",
+    )
     figures.keep(9, what, figure, f"sqlite {sqlite3.sqlite_version}", "< 1 s", slowest < 1)
 
 

@@ -26,7 +26,7 @@ from station.service.backtest import run
 from station.service.recompute import recompute
 
 GOAL_S = 120
-KEPT = {"attempt", "finish"}
+STORED = {"attempt", "finish"}
 RESULTS = {"stops", "calibration"}
 
 
@@ -44,7 +44,7 @@ def main() -> None:
         one, path = one_run(Path(folder), name), Path(folder) / "fleet.db"
         peer_s = single(one)
         whole = bulk_log.template(one, "SN0001")
-        rows = tuple((t, v) for t, v in whole.rows if t in KEPT or (t == "result" and v[2] in RESULTS))
+        rows = tuple((t, v) for t, v in whole.rows if t in STORED or (t == "result" and v[2] in RESULTS))
         bulk_log.build(path, bulk_log.Template(rows, whole.documents), options.units, 1)
         visits = sum(table == "visit" for table, _ in whole.rows)
         size = path.stat().st_size / 1e9
@@ -69,11 +69,11 @@ def main() -> None:
 
 def once_round(folder: Path) -> str:
     """tilt-24 for the simulated product, each of its 24 positions once."""
-    said = yaml.safe_load((shipped_folder() / "recipes" / "tilt-24.yaml").read_text(encoding="utf-8"))
+    printed = yaml.safe_load((shipped_folder() / "recipes" / "tilt-24.yaml").read_text(encoding="utf-8"))
     sheet = yaml.safe_load((shipped_folder() / "recipes" / "six-point.yaml").read_text(encoding="utf-8"))
-    said |= {"product": sheet["product"], "device": sheet["device"], "runs": [{"seating": "home"}], "limits": {}}
+    printed |= {"product": sheet["product"], "device": sheet["device"], "runs": [{"seating": "home"}], "limits": {}}
     path = folder / "tilt-24-once.yaml"
-    path.write_text(yaml.safe_dump(said), encoding="utf-8")
+    path.write_text(yaml.safe_dump(printed), encoding="utf-8")
     return str(path)
 
 

@@ -116,10 +116,10 @@ def _unit(rows: Sequence[Row], unit: int, documents: Sequence[int], *, full: boo
 
 
 def _attempt(values: tuple[Any, ...], unit: int, started: int, documents: Sequence[int]) -> tuple[Any, ...]:
-    said = dict(zip(COLUMNS["attempt"], values, strict=True))
-    said |= {"id": ids.uuid7(started), "serial": f"SN{unit:08d}", "nest": NESTS[unit % 4], "lot": f"L{unit // 5000}"}
-    said |= {"station": f"bench-{unit % 8}", "started_ns": started, "recipe": documents[0], "product": documents[1]}
-    return tuple(said[name] for name in COLUMNS["attempt"])
+    printed = dict(zip(COLUMNS["attempt"], values, strict=True))
+    printed |= {"id": ids.uuid7(started), "serial": f"SN{unit:08d}", "nest": NESTS[unit % 4], "lot": f"L{unit // 5000}"}
+    printed |= {"station": f"bench-{unit % 8}", "started_ns": started, "recipe": documents[0], "product": documents[1]}
+    return tuple(printed[name] for name in COLUMNS["attempt"])
 
 
 def _moved(table: str, values: tuple[Any, ...], unit: int) -> tuple[Any, ...]:

@@ -60,7 +60,7 @@ def main() -> None:
             print(f"  ({time.perf_counter() - begun:.0f} s)\n")
 
 
-def told(what: str, figure: float, goal: str, met: bool) -> None:
+def shown(what: str, figure: float, goal: str, met: bool) -> None:
     """One row."""
     print(f"  {what:<58} {figure:>9.4g}   goal {goal:<10} {'met' if met else 'MISSED'}")
 
@@ -92,7 +92,7 @@ def bound(draws: int) -> None:
         own = np.diagonal(np.linalg.inv(T.T @ T)) * NOISE**2 / READINGS
         crb = np.r_[np.full(3, own[0]), np.tile(own[1:], 3)]
         ratio = ((theta - UNIT) ** 2).mean(axis=0) / crb
-        told(f"{method}, mean over the 12 coefficients", ratio.mean(), "<= 1.03", ratio.mean() <= 1.03)
+        shown(f"{method}, mean over the 12 coefficients", ratio.mean(), "<= 1.03", ratio.mean() <= 1.03)
         print(f"    each: {ratio.min():.3f} to {ratio.max():.3f}; chance alone spreads one by ± {slack:.3f}")
         peers(method, means, ups, crb, draws)
     norm_bound(draws, rng)
@@ -152,7 +152,7 @@ def norm_bound(draws: int, rng: np.random.Generator) -> None:
         J = jacobian_of_upper(ups, matrix)
         crb = np.diagonal(np.linalg.inv(J.T @ J)) * NOISE**2 / READINGS
         ratio = (error**2).mean(axis=0) / crb
-        told(f"norm on {name} positions, mean over its 9", ratio.mean(), "<= 1.06", ratio.mean() <= 1.06)
+        shown(f"norm on {name} positions, mean over its 9", ratio.mean(), "<= 1.06", ratio.mean() <= 1.06)
         print(f"    each: {ratio.min():.3f} to {ratio.max():.3f}")
 
 
@@ -173,10 +173,10 @@ def jacobian_of_upper(ups: Floats, matrix: Floats) -> Floats:
     full = np.zeros((3, 3))
     full[_ellipsoid.ROWS, _ellipsoid.COLUMNS] = U
     Q = np.linalg.solve(full, matrix)
-    seen = ups @ Q.T
-    normal = np.linalg.solve(full.T, seen.T).T
+    observed = ups @ Q.T
+    normal = np.linalg.solve(full.T, observed.T).T
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.concatenate([normal, normal[:, _ellipsoid.ROWS] * seen[:, _ellipsoid.COLUMNS]], axis=1)
+    return np.concatenate([normal, normal[:, _ellipsoid.ROWS] * observed[:, _ellipsoid.COLUMNS]], axis=1)
 
 
 def coverage(draws: int) -> None:
@@ -194,7 +194,7 @@ def coverage(draws: int) -> None:
             inside += int((np.abs(found - theta) < 1.96 * std).sum())
             total += found.size
         share = inside / total
-        told(f"noise of first order, φ = {phi:g}", share, "0.94–0.96", 0.94 <= share <= 0.96)
+        shown(f"noise of first order, φ = {phi:g}", share, "0.94–0.96", 0.94 <= share <= 0.96)
 
 
 def fixture(draws: int) -> None:
@@ -217,7 +217,7 @@ def fixture(draws: int) -> None:
         )[..., 0]
         rms = 1e3 * float(np.sqrt(((np.linalg.norm(corrected, axis=2) - 1) ** 2).mean()))
         if method == "norm":
-            told("norm, 12 positions", rms, "<= 0.2", rms <= 0.2)
+            shown("norm, 12 positions", rms, "<= 0.2", rms <= 0.2)
         else:
             print(f"    {method} on {len(ups)} positions: {rms:.3g}")
 
@@ -238,7 +238,7 @@ def accept(units: int) -> None:
             table = tumble.table(recipe, mean, 0.02, 12, rng)
             passed += sum(r.verdict.outcome is Outcome.PASS for r in pipeline.calibrate(recipe, table, tumble.TODAY))
         rate, spread = passed / units, np.sqrt(stated / units)
-        told(
+        shown(
             f"rule {rule}, stated {stated:g}, spread ± {spread:.2g}",
             rate,
             f"<= {stated:g}",
@@ -254,7 +254,7 @@ def site_gravity() -> None:
         for latitude, altitude, ppm in GRAVITY_PPM.values()
     ]
     worst = float(np.abs(off).max())
-    told("largest difference, ppm", worst, "<= 20", worst <= 20)
+    shown("largest difference, ppm", worst, "<= 20", worst <= 20)
 
 
 if __name__ == "__main__":

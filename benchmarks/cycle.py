@@ -129,10 +129,10 @@ def recipe(folder: Path, rate_hz: int, positions: int) -> Path:
         for n in ("tilt-24", "six-point")
     )
     same = {k: six[k] for k in ("product", "settle", "limits", "verify")}
-    said = {**tilt, **same, "device": {**six["device"], "rate_hz": rate_hz}, "runs": [{"seating": "home"}]}
-    said["positions"] = tilt["positions"][:positions]
+    printed = {**tilt, **same, "device": {**six["device"], "rate_hz": rate_hz}, "runs": [{"seating": "home"}]}
+    printed["positions"] = tilt["positions"][:positions]
     path = folder / "cycle.yaml"
-    path.write_text(yaml.safe_dump(said), encoding="utf-8")
+    path.write_text(yaml.safe_dump(printed), encoding="utf-8")
     return path
 
 
@@ -143,7 +143,7 @@ def one_run(ledger: Ledger, rate_hz: int, positions: int) -> tuple[float, dict[s
     from station.domain.run.progress import LoadDone, LoadStarted
     from station.service.load import Load
 
-    seen: list[float] = []
+    observed: list[float] = []
     clocks: list[VirtualClock] = []
     made, run = VirtualClock.__init__, Load.run
 
@@ -151,20 +151,20 @@ def one_run(ledger: Ledger, rate_hz: int, positions: int) -> tuple[float, dict[s
         made(self, *args)
         clocks.append(self)
 
-    def told(self: Load, seats: Any) -> Iterator[Any]:
+    def shown(self: Load, seats: Any) -> Iterator[Any]:
         for event in run(self, seats):
             if isinstance(event, LoadStarted):
                 ledger.begin()
             if isinstance(event, LoadStarted | LoadDone):
-                seen.append(clocks[-1].monotonic_s())
+                observed.append(clocks[-1].monotonic_s())
                 ledger.settle()
-                kept.update({k: list(v) for k, v in ledger.spent.items()})
+                stored.update({k: list(v) for k, v in ledger.spent.items()})
             yield event
 
-    kept: dict[str, list[float]] = {}
+    stored: dict[str, list[float]] = {}
     clock_class: Any = VirtualClock
     load_class: Any = Load
-    clock_class.__init__, load_class.run = watched, told
+    clock_class.__init__, load_class.run = watched, shown
     try:
         with tempfile.TemporaryDirectory() as folder, Path(os.devnull).open("w") as nowhere:
             path, log = recipe(Path(folder), rate_hz, positions), Path(folder) / "station.db"
@@ -173,7 +173,7 @@ def one_run(ledger: Ledger, rate_hz: int, positions: int) -> tuple[float, dict[s
                 main(command)
     finally:
         VirtualClock.__init__, Load.run = made, run  # type: ignore[method-assign]
-    return seen[-1] - seen[0], kept
+    return observed[-1] - observed[0], stored
 
 
 def main() -> None:
@@ -199,8 +199,8 @@ def main() -> None:
     ]
     wall, used = (statistics.median(s) for s in shares)
     spread = f"{min(shares[0]):.2%} to {max(shares[0]):.2%} in {len(found)} runs"
-    told = f"software time {wall:.2%} of the cycle ({spread}), processor alone {used:.2%}"
-    print(f"row 6: {told}; goal <= {GOAL:.0%}: {'reached' if wall <= GOAL else 'NOT reached'}")
+    shown = f"software time {wall:.2%} of the cycle ({spread}), processor alone {used:.2%}"
+    print(f"row 6: {shown}; goal <= {GOAL:.0%}: {'reached' if wall <= GOAL else 'NOT reached'}")
     what = f"software in a cycle, four nests, {given.positions} positions, {given.rate} Hz"
     figures.keep(
         6, what, f"{wall:.2%} ({spread}); processor {used:.2%}", f"cycle of {cycle_s:.0f} s", "<= 1 %", wall <= GOAL

@@ -47,22 +47,24 @@ def main() -> int:
     parser.add_argument("--sets", type=int, default=1, help="multiplies the data sets")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", type=Path)
-    asked = parser.parse_args()
-    chosen = asked.rows.split(",")
+    requested = parser.parse_args()
+    chosen = requested.rows.split(",")
     if not set(chosen) <= set(ROWS):
         parser.error(f"--rows knows {', '.join(ROWS)}")
-    told: dict[str, list[Figure]] = {}
+    shown: dict[str, list[Figure]] = {}
     for name in chosen:
         begun = time.process_time()
-        print(f"{name}, seed {asked.seed}, sets {asked.sets}", flush=True)
-        told[name] = ROWS[name](asked.seed, asked.sets)
-        for figure in told[name]:
+        print(f"{name}, seed {requested.seed}, sets {requested.sets}", flush=True)
+        shown[name] = ROWS[name](requested.seed, requested.sets)
+        for figure in shown[name]:
             print(figure.line())
         print(f"  ({time.process_time() - begun:.0f} s of processor)\n", flush=True)
-        if asked.json:
-            figures = {name: [f.document() for f in row] for name, row in told.items()}
-            asked.json.write_text(json.dumps({"seed": asked.seed, "sets": asked.sets, "rows": figures}, indent=1))
-    return int(any(f.met is False for row in told.values() for f in row))
+        if requested.json:
+            figures = {name: [f.document() for f in row] for name, row in shown.items()}
+            requested.json.write_text(
+                json.dumps({"seed": requested.seed, "sets": requested.sets, "rows": figures}, indent=1)
+            )
+    return int(any(f.met is False for row in shown.values() for f in row))
 
 
 if __name__ == "__main__":

@@ -150,11 +150,11 @@ def main() -> None:
     for name in options.case or CASES:
         case = (CASES | OTHERS)[name]
         began = time.process_time()
-        told(name, case, options.units // (5 if case.rate_hz > 500 else 1), options)
+        shown(name, case, options.units // (5 if case.rate_hz > 500 else 1), options)
         print(f"  {time.process_time() - began:.0f} s of processor time\n", flush=True)
 
 
-def told(name: str, case: Case, units: int, options: argparse.Namespace) -> None:
+def shown(name: str, case: Case, units: int, options: argparse.Namespace) -> None:
     """One case."""
     recipe = tumble.recipe(
         case.method,
@@ -221,7 +221,7 @@ def known(aim: AccuracyTarget, case: Case, options: argparse.Namespace) -> Noise
     rng = np.random.default_rng(options.seed + 1000)
     before = replace(case, shapes=case.earlier or case.shapes)
     line = Line(aim, units_of(before, (options.earlier, 1), rng), rng, None)
-    return line.told_of_kind(line.run()[1])
+    return line.shown_of_kind(line.run()[1])
 
 
 def bounds(aim: AccuracyTarget, units: Units) -> Floats:
@@ -247,7 +247,7 @@ class Line:
         self.theta = tumble.units(rng, self.density.size)
         self.true = nominal_visits.truths(aim.recipe)
         self.longest = max(round(aim.longest_s * aim.rate_hz), 2)
-        self.told: dict[tuple[int, int, int], DwellNoise] = {}
+        self.shown: dict[tuple[int, int, int], DwellNoise] = {}
 
     def run(self) -> tuple[Floats, list[Stop]]:
         """Dwells (f, v), s, and each stop's noise (f, nests, n, 3) with how many (f) of its readings count."""
@@ -275,8 +275,10 @@ class Line:
             for reach in np.unique(reaches[going]).tolist():
                 rows = going[reaches[going] == reach]
                 curves = self.curves(rows, reach, (noise, now), readings)
-                seen_s = done_s[rows].sum(axis=1) + lasted_s[rows]
-                so_far = DwellProgress(adaptive_dwell.worst_curve(curves), done_s[rows], np.arange(stop + 1), seen_s)
+                observed_s = done_s[rows].sum(axis=1) + lasted_s[rows]
+                so_far = DwellProgress(
+                    adaptive_dwell.worst_curve(curves), done_s[rows], np.arange(stop + 1), observed_s
+                )
                 plan_s[rows] = adaptive_dwell.plan_dwells(self.aim, so_far, plan_s[rows]).dwell_s
             again_s = adaptive_dwell.next_check_s(plan_s[going, stop], lasted_s[going])
             # A reading is whole; the run's clock is not that coarse.
@@ -291,13 +293,13 @@ class Line:
         found = []
         for nest in range(self.density.shape[1]):
             for stop, done in enumerate(readings):
-                if (nest, stop, reach) not in self.told:
-                    self.told[nest, stop, reach] = dwelt_of(done, nest, np.arange(len(self.density)), reach)
-            earlier = [some(self.told[nest, stop, reach], rows) for stop in range(len(readings))]
+                if (nest, stop, reach) not in self.shown:
+                    self.shown[nest, stop, reach] = dwelt_of(done, nest, np.arange(len(self.density)), reach)
+            earlier = [some(self.shown[nest, stop, reach], rows) for stop in range(len(readings))]
             found.append(noise_curve([*earlier, dwelt_of(present, nest, rows, reach)], reach, self.prior))
         return found
 
-    def told_of_kind(self, readings: list[Stop]) -> NoisePrior | None:
+    def shown_of_kind(self, readings: list[Stop]) -> NoisePrior | None:
         """What the first nests tell of the next units, as the log keeps it."""
         longest = adaptive_dwell.prior_length(self.aim.recipe)
         units = likelihoods([dwelt_of(done, 0, np.arange(len(self.density)), longest) for done in readings], longest)
@@ -325,8 +327,8 @@ class Line:
         for unit, found in enumerate(pipeline.calibrate(recipe, table, tumble.TODAY, prior=self.prior)):
             assert found.budget is not None
             off = np.abs(tumble.coefficients(found) - self.theta[unit])
-            told = found.budget.std("noise") / np.where(np.isfinite(self.aim.std), self.aim.std, np.inf)
-            yield off <= 1.96 * found.budget.std(), float(told.max())
+            shown = found.budget.std("noise") / np.where(np.isfinite(self.aim.std), self.aim.std, np.inf)
+            yield off <= 1.96 * found.budget.std(), float(shown.max())
 
     def table(self, readings: list[Stop]) -> SampleTable:
         """All readings in the order of unit, stop and time."""

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 #: Names the file to which figures are added, one JSON object a line.
-KEPT_IN = "STATION_BENCH_FIGURES"
+STORED_IN = "STATION_BENCH_FIGURES"
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +25,12 @@ class Figure:
 
 def keep(row: int, what: str, figure: str, peer: str, goal: str, reached: bool) -> None:
     """Keeps one line of the table, where somebody collects them."""
-    if path := os.environ.get(KEPT_IN):
+    if path := os.environ.get(STORED_IN):
         with Path(path).open("a", encoding="utf-8") as file:
             file.write(json.dumps(asdict(Figure(row, what, figure, peer, goal, bool(reached)))) + "\n")
 
 
-def kept(path: Path) -> list[Figure]:
+def stored(path: Path) -> list[Figure]:
     """Every line that was kept, in the order of keeping."""
     if not path.exists():
         return []

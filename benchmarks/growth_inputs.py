@@ -41,9 +41,9 @@ def stops(folder: Path, size: int) -> None:
 
 def config(folder: Path, size: int) -> None:
     """A fixture with so many nests."""
-    said = yaml.safe_load((shipped_folder() / "config.yaml").read_text(encoding="utf-8"))
-    said["nests"] = [{"name": f"N{i}", "node": i + 1} for i in range(size)]
-    (folder / f"nests-{size}.yaml").write_text(yaml.safe_dump(said), encoding="utf-8")
+    printed = yaml.safe_load((shipped_folder() / "config.yaml").read_text(encoding="utf-8"))
+    printed["nests"] = [{"name": f"N{i}", "node": i + 1} for i in range(size)]
+    (folder / f"nests-{size}.yaml").write_text(yaml.safe_dump(printed), encoding="utf-8")
 
 
 def frames(folder: Path, size: int) -> None:
@@ -92,8 +92,8 @@ def _table(path: Path, count: int, ups: Floats, each: int, runs: int = 1) -> Non
 
     names = {f"p{i:02d}": up for i, up in enumerate(ups)}
     recipe = tumble.recipe("n-point", ups=names, runs=[{"seating": "home"}] * runs)
-    said = recipe.model_dump(mode="json", by_alias=True, exclude_unset=True)
-    path.with_suffix(".yaml").write_text(yaml.safe_dump(said), encoding="utf-8")
+    printed = recipe.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    path.with_suffix(".yaml").write_text(yaml.safe_dump(printed), encoding="utf-8")
     rng = np.random.default_rng(1)
     readings = tumble.readings(tumble.units(rng, count), tumble.truths(recipe))
     parts = (

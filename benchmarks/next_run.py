@@ -53,12 +53,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--sets", type=int, default=2, help="data sets of each cause and strength")
-    asked = parser.parse_args()
+    requested = parser.parse_args()
     begun = time.process_time()
-    rows = figures(measure(asked.seed, asked.sets))
+    rows = figures(measure(requested.seed, requested.sets))
     for row in rows:
         print(row.line())
-    print(f"seed {asked.seed}, {time.process_time() - begun:.0f} s of processor")
+    print(f"seed {requested.seed}, {time.process_time() - begun:.0f} s of processor")
     return int(any(row.met is False for row in rows))
 
 

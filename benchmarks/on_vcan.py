@@ -21,12 +21,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         way = ways.find(work, (HERE.parent, Path(sys.prefix), Path(sys.base_prefix), cache.folder()))
-        said = work / "said.txt"
+        printed = work / "said.txt"
         command = shlex.join([sys.executable, str(HERE / script), *arguments])
-        job = Job(way, work, HERE.parent, ["sh", "-c", f"{command} > {shlex.quote(str(said))} 2>&1"], {})
+        job = Job(way, work, HERE.parent, ["sh", "-c", f"{command} > {shlex.quote(str(printed))} 2>&1"], {})
         for _ in job.reports():  # a benchmark reports nothing; this waits for its end
             continue
-        print(said.read_text() if said.is_file() else job.last_words())
+        print(printed.read_text() if printed.is_file() else job.last_words())
 
 
 if __name__ == "__main__":

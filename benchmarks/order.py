@@ -35,7 +35,7 @@ def main() -> None:
     worst = max(ratio for ratio, _, _ in small)
     print(f"6 to 16 positions: search over the optimum {spread([r for r, _, _ in small], digits=5)}, goal {GOAL}")
     print(f"  exact {spread([e for _, e, _ in small], ' ms')}, search {spread([s for _, _, s in small], ' ms')}")
-    rows = [large(name, asked) for name, asked in recipes()]
+    rows = [large(name, requested) for name, requested in recipes()]
     over, listed = [row[0] for row in rows], spread([row[1] for row in rows])
     print(f"larger sets: worst over the best known {max(over):.4f}, goal {GOAL}; listed order over it {listed}")
     worst = max(worst, *over)
@@ -51,10 +51,10 @@ def exact_ones(sets: int) -> Iterator[tuple[float, float, float]]:
     for i in range(sets):
         n = (6, 8, 10, 12, 13, 14, 16)[i % 7]
         ups = directions.SOLIDS[n] if i < 7 and n in directions.SOLIDS else rng.standard_normal((n, 3))
-        asked = moves_of(recipe(ups))
-        best, exact_ms = timed(ordering.exact, asked)
-        found, search_ms = timed(ordering.search, asked)
-        yield asked.of(found) / asked.of(best), exact_ms, search_ms
+        requested = moves_of(recipe(ups))
+        best, exact_ms = timed(ordering.exact, requested)
+        found, search_ms = timed(ordering.search, requested)
+        yield requested.of(found) / requested.of(best), exact_ms, search_ms
 
 
 def recipes() -> Iterator[tuple[str, Recipe]]:
@@ -70,17 +70,17 @@ def recipes() -> Iterator[tuple[str, Recipe]]:
 
 def large(name: str, recipe: Recipe) -> tuple[float, float]:
     """Prints and returns: found over the best known, listed over the best known."""
-    asked = moves_of(recipe)
-    found, ms = timed(ordering.fastest, asked)
-    long = [ordering.search(asked, kicks=5 * ordering.KICKS, seed=seed) for seed in range(2, 12)]
-    best = min(asked.of(path) for path in (found, *long))
-    listed = asked.of(np.arange(len(asked.start)))
-    bound = one_tree(asked)
+    requested = moves_of(recipe)
+    found, ms = timed(ordering.fastest, requested)
+    long = [ordering.search(requested, kicks=5 * ordering.KICKS, seed=seed) for seed in range(2, 12)]
+    best = min(requested.of(path) for path in (found, *long))
+    listed = requested.of(np.arange(len(requested.start)))
+    bound = one_tree(requested)
     print(
-        f"{name}: listed {listed:.2f} s, found {asked.of(found):.2f} s in {ms:.0f} ms, "
-        f"over the best known {asked.of(found) / best:.4f}, over the lower bound {asked.of(found) / bound:.4f}"
+        f"{name}: listed {listed:.2f} s, found {requested.of(found):.2f} s in {ms:.0f} ms, "
+        f"over the best known {requested.of(found) / best:.4f}, over the lower bound {requested.of(found) / bound:.4f}"
     )
-    return asked.of(found) / best, listed / best
+    return requested.of(found) / best, listed / best
 
 
 def recipe(ups: Floats) -> Recipe:
@@ -88,32 +88,36 @@ def recipe(ups: Floats) -> Recipe:
     return tumble.recipe("n-point", ups={f"p{i:02d}": up for i, up in enumerate(ups)})
 
 
-def moves_of(asked: Recipe) -> MoveTimes:
+def moves_of(requested: Recipe) -> MoveTimes:
     """The moves of a recipe's first run, from the parking place and back."""
     return moves.allowed_moves(
-        moves.bench_move_times(asked.positions, *plan.ends(asked, 0)), asked.positions, asked.runs[0]
+        moves.bench_move_times(requested.positions, *plan.ends(requested, 0)), requested.positions, requested.runs[0]
     )
 
 
-def timed(work: Callable[[MoveTimes], Path], asked: MoveTimes) -> tuple[Path, float]:
+def timed(work: Callable[[MoveTimes], Path], requested: MoveTimes) -> tuple[Path, float]:
     """A path and the milliseconds of processor time it took, median of three."""
     took = []
     for _ in range(3):
         began = time.process_time()
-        path = work(asked)
+        path = work(requested)
         took.append(1e3 * (time.process_time() - began))
     return path, statistics.median(took)
 
 
-def one_tree(asked: MoveTimes, rounds: int = 2000) -> float:
+def one_tree(requested: MoveTimes, rounds: int = 2000) -> float:
     """Lower bound: the closed tour through the parking place, every node's degree priced towards 2.
 
     Moves must take as long both ways.
     """
-    assert np.allclose(asked.start, asked.end)
-    n = len(asked.start) + 1
+    assert np.allclose(requested.start, requested.end)
+    n = len(requested.start) + 1
     cost = np.full((n, n), np.inf)
-    cost[1:, 1:], cost[0, 1:], cost[1:, 0] = np.minimum(asked.between, asked.between.T), asked.start, asked.start
+    cost[1:, 1:], cost[0, 1:], cost[1:, 0] = (
+        np.minimum(requested.between, requested.between.T),
+        requested.start,
+        requested.start,
+    )
     np.fill_diagonal(cost, np.inf)
     price, best, step = np.zeros(n), -np.inf, 0.1
     for _ in range(rounds):

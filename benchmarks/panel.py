@@ -127,7 +127,7 @@ def updates(client: httpx.Client, database: Path, count: int) -> None:
             show(live, number)
             sizes.append(arrived(lines, number))
             took.append(time.perf_counter() - begun)
-    told("event to client", took)
+    shown("event to client", took)
     print(f"an update: median {statistics.median(sizes):.0f} bytes, largest {max(sizes)} "
           "(OpenHTF 1.6: 2,400,000 with 10,000 log lines)")  # fmt: skip
 
@@ -137,10 +137,10 @@ def frames(client: httpx.Client, database: Path, count: int) -> None:
     live = database.with_name(database.name + ".live.json")
     with painted.screen(str(client.base_url), "emil", PASSWORD) as browser:
         took = painted.painted(browser, lambda number: show(live, number), range(10_000, 10_000 + count))
-    told("event to painted frame in Chromium", took)
+    shown("event to painted frame in Chromium", took)
 
 
-def told(what: str, took: list[float]) -> None:
+def shown(what: str, took: list[float]) -> None:
     """One line of figures."""
     quantiles = statistics.quantiles(took, n=20)
     print(f"{what}: median {statistics.median(took) * 1e3:.0f} ms, 95 % {quantiles[-1] * 1e3:.0f} ms of {len(took)} "
@@ -152,9 +152,9 @@ def show(live: Path, number: int) -> None:
     nests = [{"serial": f"SN{i:04d}", "nest": n, "node": i, "vector": [number / 1e3, 0, 1], "outcome": ""}
              for i, n in enumerate("ABCD")]  # fmt: skip
     state = {"nests": nests, "done": number, "total": 10**6, "messages": [], "over": True, "fault": ""}
-    beside = live.with_suffix(".tmp")
-    beside.write_text(json.dumps({"pid": 1, "unit": "g", "recipe": "r/1", "poses": [], "state": state}))
-    beside.replace(live)
+    extra = live.with_suffix(".tmp")
+    extra.write_text(json.dumps({"pid": 1, "unit": "g", "recipe": "r/1", "poses": [], "state": state}))
+    extra.replace(live)
 
 
 def arrived(lines: Iterator[str], number: int) -> int:

@@ -24,16 +24,16 @@ from tests.integration import test_real_recordings as recordings
 
 def main() -> None:
     """Prints both."""
-    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
+    extra = Path(__file__).resolve().parents[2] / "shared" / "data"
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=Path(os.environ.get("STATION_REFERENCE_DATA", beside)))
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("STATION_REFERENCE_DATA", extra)))
     folder = parser.parse_args().data
     xsens(folder)
     diagnosis(folder)
     imucal(folder)
 
 
-def told(what: str, figure: float, goal: str, met: bool) -> None:
+def shown(what: str, figure: float, goal: str, met: bool) -> None:
     """One row."""
     print(f"  {what:<58} {figure:>9.4g}   goal {goal:<10} {'met' if met else 'MISSED'}")
 
@@ -49,17 +49,17 @@ def xsens(folder: Path) -> None:
     assert result.calibration is not None and result.visits is not None
     quadratic, cubic = model_comparison.of_unit(recipe, result)
     print("Xsens MTi, 512 s by hand, norm fit, mg")
-    told("still segments found", len(found), "39", len(found) == 39)
+    shown("still segments found", len(found), "39", len(found) == 39)
     rms = 1e3 * result.calibration.residual_rms
-    told("residual in sample", rms, "<= 0.105", rms <= 0.105)
-    told(
+    shown("residual in sample", rms, "<= 0.105", rms <= 0.105)
+    shown(
         "residual leaving one orientation out",
         1e3 * quadratic.rms_left_out,
         "<= 0.18",
         quadratic.rms_left_out <= 0.18e-3,
     )
     for one in (quadratic, cubic):
-        told(f"{one.terms} terms: p of the F test", one.p, "rejected", not one.pays)
+        shown(f"{one.terms} terms: p of the F test", one.p, "rejected", not one.pays)
         before, after = 1e3 * one.rms_left_out, 1e3 * one.larger_rms_left_out
         print(f"    leaving one orientation out they make {before:.3f} into {after:.3f}")
     white = 1e3 * (result.visits.std / np.sqrt(result.visits.count[:, None])).mean()
@@ -79,11 +79,11 @@ def diagnosis(folder: Path) -> None:
     print(f"Xsens MTi diagnosed, gain and offset alone: {found['verdict']} {', '.join(names)}; mg")
     before, right = 1e3 * found["baseline"]["residual_rms"], names == ["cross-axis"]
     print(f"    residual before {before:.3g}; cross-axis and only it: {'met' if right else 'MISSED'}")
-    told("residual with what was found", left, "0.10", left <= 0.105)
-    told("held out", held_out, "<= 0.18", held_out <= 0.18)
+    shown("residual with what was found", left, "0.10", left <= 0.105)
+    shown("held out", held_out, "<= 0.18", held_out <= 0.18)
     bends = {c["effect"]: c["log_evidence"] for c in control["considered"]}
     worst = max(bends["quadratic"], bends["cubic"])
-    told("whole matrix: evidence of quadratic or cubic, nats", worst, "refused", not control["causes"])
+    shown("whole matrix: evidence of quadratic or cubic, nats", worst, "refused", not control["causes"])
 
 
 def imucal(folder: Path) -> None:
@@ -97,8 +97,8 @@ def imucal(folder: Path) -> None:
     theirs[:3] *= np.sqrt(3)
     print(f"six faces of a real sensor, imucal {version('imucal')}; offsets in mg, gains and cross-axis in 1e-3")
     worst = float(np.abs(off / np.hypot(std, theirs)).max())
-    told("largest difference over its standard uncertainty", worst, "< 1.96", worst < 1.96)
-    told("our offset uncertainty over that of imucal's formula", std[0] / theirs[0], "< 1", std[0] < theirs[0])
+    shown("largest difference over its standard uncertainty", worst, "< 1.96", worst < 1.96)
+    shown("our offset uncertainty over that of imucal's formula", std[0] / theirs[0], "< 1", std[0] < theirs[0])
     rest = 1e3 * np.abs(off[3:]).max()
     print(f"    offsets differ by {np.round(1e3 * off[:3], 2)}, stated {1e3 * std[0]:.2f}; the rest by < {rest:.1g}")
 

@@ -41,7 +41,7 @@ ROLES = {
 #: A full classic bus at 1 Mbit/s: 8-byte frames without a stuff bit, 111 bits each.
 FULL_BUS_PER_S = 9009
 #: How often a dwell looks for frames.
-LOOK_S = 0.2
+POLL_S = 0.2
 BUSES = 16
 
 
@@ -130,9 +130,9 @@ def row_2(layout: SensorLayout, seconds: float) -> None:
         "2  sixteen full buses, decoded and stored", f"{factor:.2f} × real time on one core", factor >= 1 and not lost
     )
     what = f"sixteen full buses decoded and stored on one core, over {wires.medium().split(' (')[0]}"
-    lost_told = f"{lost} of {total} lost"
+    lost_reported = f"{lost} of {total} lost"
     good = factor >= 1 and not lost
-    figures.keep(2, what, f"{factor:.2f} × real time, {lost_told}; 1 run", "real time", ">= 1.0 ×, no loss", good)
+    figures.keep(2, what, f"{factor:.2f} × real time, {lost_reported}; 1 run", "real time", ">= 1.0 ×, no loss", good)
     print(f"   goal ≥ 1.0 and no loss; {total} frames, {lost} lost or wrong, {dropped} dropped by the kernel")
     print(f"   {used_s / total * 1e6:.2f} µs of CPU a frame, with CRC, counter, hash chain, commits and packing; 1 run")
 
@@ -172,7 +172,7 @@ def _floor(wire: wires.Wire) -> Callable[[int], int]:
             more = receiver.fill()
             got += more
             if not more:
-                time.sleep(LOOK_S)
+                time.sleep(POLL_S)
         return got
 
     return receive
@@ -188,7 +188,7 @@ def _station(wire: wires.Wire, layout: SensorLayout) -> Callable[[int], int]:
             parts.append(receiver.take())
             got += len(parts[-1])
             if not len(parts[-1]):
-                time.sleep(LOOK_S)
+                time.sleep(POLL_S)
         return int(np.count_nonzero(decode_samples(Frames.join(parts), layout, 1).usable))
 
     return receive

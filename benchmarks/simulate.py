@@ -35,7 +35,7 @@ def timed(work: Callable[[], object], runs: int) -> list[float]:
     return seconds[1:]
 
 
-def told(what: str, seconds: list[float], limit_s: float, goal: str) -> None:
+def shown(what: str, seconds: list[float], limit_s: float, goal: str) -> None:
     """One line: median, spread, ratio to the limit, goal."""
     low, middle, high = min(seconds), statistics.median(seconds), max(seconds)
     ratio = f"{middle / limit_s:.1f} × the noise alone"
@@ -46,10 +46,10 @@ def told(what: str, seconds: list[float], limit_s: float, goal: str) -> None:
 
 def main() -> None:
     """Prints the figures."""
-    ask = argparse.ArgumentParser(description=__doc__)
-    ask.add_argument("--runs", type=int, default=7)
-    ask.add_argument("--units", type=int, default=200)
-    options = ask.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=7)
+    parser.add_argument("--units", type=int, default=200)
+    options = parser.parse_args()
     recipe = load_recipe("tilt-24")
     four = tuple(f"SN{i:04d}" for i in range(4))
     everything = tuple(parse_effect(name, recipe) for name in plugins.names("station.model.effects"))
@@ -59,7 +59,7 @@ def main() -> None:
     for what, effects in (("no cause", ()), (f"all {len(everything)} causes", everything)):
         job = SimulationJob(recipe, four, 1, effects)
         seconds = timed(partial(simulate, job), options.runs)
-        told(f"{samples} samples, {what}", seconds, limit_s, f"goal ≤ {GOAL_S * 1e3:.0f} ms")
+        shown(f"{samples} samples, {what}", seconds, limit_s, f"goal ≤ {GOAL_S * 1e3:.0f} ms")
     fleet = SimulationJob(recipe, tuple(f"SN{i:04d}" for i in range(options.units)), 1)
     begun = time.perf_counter()
     rows = sum(len(part.table) for part in simulate_in_parts(fleet))

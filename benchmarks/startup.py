@@ -43,13 +43,13 @@ def lasts(command: list[str]) -> tuple[float, float, list[str]]:
     """Wall and processor time, s, of a command; it may print when it was ready and what it should not have loaded."""
     with tempfile.TemporaryDirectory() as folder:
         before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.time()
-        said = subprocess.run(
+        printed = subprocess.run(
             command, cwd=folder, env=SURROUNDINGS, check=True, capture_output=True, text=True
         ).stdout.split()
         end, after = time.time(), resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    timed = bool(said) and said[0].replace(".", "").isdigit()
-    return (float(said[0]) if timed else end) - begin, used, said[1:] if timed else []
+    timed = bool(printed) and printed[0].replace(".", "").isdigit()
+    return (float(printed[0]) if timed else end) - begin, used, printed[1:] if timed else []
 
 
 def main() -> None:
@@ -87,8 +87,8 @@ def _tell(what: str, found: list[tuple[float, float]], goal_s: float) -> None:
 def _profile() -> None:
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-X", "importtime", "-c", FIRST_FRAMES]
-        told = subprocess.run(command, cwd=folder, env=SURROUNDINGS, check=True, capture_output=True, text=True).stderr
-    rows = [line.removeprefix("import time:").split("|") for line in told.splitlines()[1:] if line.count("|") == 2]
+        shown = subprocess.run(command, cwd=folder, env=SURROUNDINGS, check=True, capture_output=True, text=True).stderr
+    rows = [line.removeprefix("import time:").split("|") for line in shown.splitlines()[1:] if line.count("|") == 2]
     for own, whole, name in sorted(rows, key=lambda row: -int(row[1]))[:40]:
         print(f"{int(whole) / 1000:8.1f} ms, itself {int(own) / 1000:7.1f} ms  {name.strip()}")
 

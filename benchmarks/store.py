@@ -92,7 +92,7 @@ def row_7(layout: SensorLayout, rate_hz: int, stops: int, folder: str | None) ->
     rng = np.random.default_rng(1)
     frames = [stop(layout, rng, rate_hz, 1_767_225_600_000_000_000, whole_us=False) for _ in range(NESTS)]
     statistics = [_statistics(rng) for _ in frames]
-    ahead_s, laid = _laid(frames)
+    ahead_s, placed = _placed(frames)
     ours, bare = list[float](), list[float]()
     used = (list[float](), list[float]())
     with tempfile.TemporaryDirectory(dir=folder) as place, SqliteStore(Path(place) / "station.db") as store:
@@ -104,8 +104,8 @@ def row_7(layout: SensorLayout, rate_hz: int, stops: int, folder: str | None) ->
         same = [(plain_json.document(s), raw.to_bytes(f)) for s, f in zip(statistics, frames, strict=True)]
         for number in range(stops):
             records = [
-                VisitRecord(0, number, "z-up", "home", "tumble", 1, 2, f, s, kept)
-                for f, s, kept in zip(frames, statistics, laid, strict=True)
+                VisitRecord(0, number, "z-up", "home", "tumble", 1, 2, f, s, stored)
+                for f, s, stored in zip(frames, statistics, placed, strict=True)
             ]
             for turn in (0, 1) if number % 2 else (1, 0):
                 begun, busy = time.perf_counter(), time.process_time()
@@ -131,20 +131,20 @@ def row_7(layout: SensorLayout, rate_hz: int, stops: int, folder: str | None) ->
     figures.keep(7, f"{what}; {ahead}", f"{ratio:.2f} × ({how})", against, "<= 1.3 ×", bool(ratio <= 1.3))
 
 
-def _laid(frames: Sequence[Frames]) -> tuple[float, list[raw.PlainFrames]]:
+def _placed(frames: Sequence[Frames]) -> tuple[float, list[raw.PlainFrames]]:
     """Median processor time, s, of laying out and hashing the frames of all nests look by look; what they come to."""
     used: list[float] = []
-    laid: list[raw.PlainFrames] = []
+    placed: list[raw.PlainFrames] = []
     for _ in range(20):
-        begun, laid = time.process_time(), []
+        begun, placed = time.process_time(), []
         for one in frames:
             laying = raw.PlainFramesBuilder()
             cuts = np.searchsorted(one.time_ns, one.time_ns[0] + np.array(LOOKS_S[:-1]) * 1e9)
             for first, last in pairwise((0, *cuts.tolist(), len(one))):
                 laying.add(one[first:last])
-            laid.append(laying.done())
+            placed.append(laying.done())
         used.append(time.process_time() - begun)
-    return float(np.median(used)), laid
+    return float(np.median(used)), placed
 
 
 def _bare(peer: sqlite3.Connection, rows: Sequence[tuple[str, bytes]]) -> None:

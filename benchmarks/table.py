@@ -73,11 +73,11 @@ def main() -> None:
     for bench in wanted:
         lines += ran(bench, given.folder, quick=given.quick)
     head = f"Python {platform.python_version()}, {os.cpu_count()} processors, Linux {platform.release()}"
-    asked = "make bench" if not given.quick else "make bench QUICK=1"
+    requested = "make bench" if not given.quick else "make bench QUICK=1"
     load = f"load {load_before:.1f} at the beginning and {os.getloadavg()[0]:.1f} at the end"
     lines.sort(key=lambda line: int(line[0].split(",")[0]))
-    told = f"`{asked}` in {(time.monotonic() - began_s) / 60:.0f} min: {head}, {load}."
-    text = "\n".join([told, "", *table(lines)])
+    shown = f"`{requested}` in {(time.monotonic() - began_s) / 60:.0f} min: {head}, {load}."
+    text = "\n".join([shown, "", *table(lines)])
     print(text)
     if given.write:
         put(given.write, text)
@@ -93,10 +93,10 @@ def ran(bench: Bench, folder: Path, *, quick: bool) -> list[list[str]]:
     if bench.folder:
         words = (*words, "--folder", str(folder))
     with tempfile.TemporaryDirectory() as place:
-        kept = Path(place) / "figures"
+        stored = Path(place) / "figures"
         surroundings = {
             **os.environ,
-            figures.KEPT_IN: str(kept),
+            figures.STORED_IN: str(stored),
             "PYTHONPATH": str(HERE.parent),
             "OPENBLAS_NUM_THREADS": "1",
         }
@@ -106,20 +106,20 @@ def ran(bench: Bench, folder: Path, *, quick: bool) -> list[list[str]]:
                 command, env=surroundings, capture_output=True, text=True, check=False, timeout=bench.limit_s
             )
         except subprocess.TimeoutExpired:
-            return [*_lines(kept, name), _missing(bench, name, f"not done after {bench.limit_s:.0f} s")]
+            return [*_lines(stored, name), _missing(bench, name, f"not done after {bench.limit_s:.0f} s")]
         print(done.stdout, file=sys.stderr, flush=True)
-        found = _lines(kept, name)
+        found = _lines(stored, name)
         if not found:
             why = (done.stderr.strip() or done.stdout.strip() or "nothing said").splitlines()[-1]
             return [_missing(bench, name, f"does not run here: {why[:160]}")]
         return found
 
 
-def _lines(kept: Path, name: str) -> list[list[str]]:
+def _lines(stored: Path, name: str) -> list[list[str]]:
     verdict = {True: "reached", False: "**missed**"}
     return [
         [str(f.row), f.what, f.figure, f.peer, f.goal, verdict[f.reached], f"`{name.split(maxsplit=1)[0]}`"]
-        for f in figures.kept(kept)
+        for f in figures.stored(stored)
     ]
 
 
@@ -136,10 +136,10 @@ def table(lines: Sequence[Sequence[str]]) -> list[str]:
 
 def put(path: Path, text: str) -> None:
     """Replaces what stands between the marks."""
-    said = path.read_text(encoding="utf-8")
-    if BEGIN not in said or END not in said:
+    printed = path.read_text(encoding="utf-8")
+    if BEGIN not in printed or END not in printed:
         raise SystemExit(f"{path} has no lines {BEGIN} and {END} to put the table between")
-    before, rest = said.split(BEGIN, 1)
+    before, rest = printed.split(BEGIN, 1)
     path.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END, 1)[1]}", encoding="utf-8")
 
 

@@ -49,7 +49,7 @@ def main() -> None:
     own, near = pair("benchnear", ANSWER, REQUEST)
     devices_end, far = pair("benchfar", REQUEST, ANSWER)
     fork = multiprocessing.get_context("fork")
-    told, tells = fork.Pipe(duplex=False)
+    shown, tells = fork.Pipe(duplex=False)
     devices = LiveDevices(Population("accelerometer", "", (NODE,), ("SN0042",)), _Channel("far", devices_end))
     processes = [
         fork.Process(target=devices.live, args=(lambda: True,)),
@@ -58,7 +58,7 @@ def main() -> None:
     for process in processes:
         process.start()
     try:
-        report(own, options.runs, told)
+        report(own, options.runs, shown)
     finally:
         for process in processes:
             process.kill()
@@ -88,7 +88,7 @@ def hearing(interface: str, can_id: int) -> socket.socket:
     return sock
 
 
-def report(own: socket.socket, runs: int, told: Connection) -> None:
+def report(own: socket.socket, runs: int, shown: Connection) -> None:
     """Measures station and bare client by turns."""
     channel = _Channel("near", own)
     station = CanopenDevice(ServiceNetwork(channel, SystemClock()), NODE, answer_s=10.0)
@@ -96,13 +96,13 @@ def report(own: socket.socket, runs: int, told: Connection) -> None:
     contestants = {"station": lambda: write_back(station), "bare": lambda: bare_write_back(own)}
     ratios: dict[str, list[float]] = {name: [] for name in contestants}
     parts: list[tuple[float, float, float, float]] = []
-    so_far(told)
+    so_far(shown)
     for _ in range(runs):
         for name, job in contestants.items():
             began_cpu_ns = wires.cpu_ns()
             took_s = timed(job)
             own_s = (wires.cpu_ns() - began_cpu_ns) / 1e9
-            wire_s, turnaround_s = so_far(told)
+            wire_s, turnaround_s = so_far(shown)
             ratios[name].append(took_s / (wire_s + turnaround_s))
             if name == "station":
                 parts.append((took_s, wire_s, turnaround_s, own_s))
@@ -152,11 +152,11 @@ def timed(job: Callable[[], None]) -> float:
     return time.perf_counter() - began_s
 
 
-def so_far(told: Connection) -> tuple[float, float]:
+def so_far(shown: Connection) -> tuple[float, float]:
     """(wire time, turnaround) of all frames since the last call, s."""
     wire_s = turnaround_s = 0.0
-    while told.poll(0.2):
-        wire, turnaround = told.recv()
+    while shown.poll(0.2):
+        wire, turnaround = shown.recv()
         wire_s, turnaround_s = wire_s + wire, turnaround_s + turnaround
     return wire_s, turnaround_s
 

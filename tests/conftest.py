@@ -60,8 +60,8 @@ def rng() -> np.random.Generator:
 @pytest.fixture(scope="session")
 def reference_data() -> pathlib.Path:
     """Folder of the real recordings; read in place, never copied."""
-    beside = pathlib.Path(__file__).resolve().parents[2] / "shared" / "data"
-    folder = pathlib.Path(os.environ.get("STATION_REFERENCE_DATA", beside))
+    extra = pathlib.Path(__file__).resolve().parents[2] / "shared" / "data"
+    folder = pathlib.Path(os.environ.get("STATION_REFERENCE_DATA", extra))
     if not folder.is_dir():
         pytest.fail(f"real recordings not found at {folder}; set STATION_REFERENCE_DATA to their folder")
     return folder

@@ -14,7 +14,7 @@ from diagnosis_rows.figures import Figure, Judge, at_most
 
 from tests.blind.bench import hide
 from tests.blind.hidden import KNOWN
-from tests.blind.look import look
+from tests.blind.inspection import diagnosis_of
 from tests.blind.recipes import recipe
 
 UNITS = (4, 16, 64)
@@ -44,7 +44,7 @@ def cost(_seed: int, sets: int) -> list[Figure]:
         cold = [_run(diagnose, f"{folder}/{n}") for n in range(TIMES)]
         warm = [_run(diagnose, f"{folder}/0") for _ in range(TIMES)]
         twice = [sys.executable, "-c", TWICE, str(samples), str(out)]
-        again = [json.loads(_said(twice, f"{folder}/0").splitlines()[-1]) for _ in range(TIMES)]
+        again = [json.loads(_printed(twice, f"{folder}/0").splitlines()[-1]) for _ in range(TIMES)]
     figures = _pair("28,800 samples, command, cold cache", cold, None)
     figures += _pair("28,800 samples, command, warm cache", warm, lambda s: at_most(s, 3.0))
     figures += _pair("  of it besides imports", [(a, b) for a, b in again], lambda s: at_most(s, 0.5))
@@ -63,13 +63,13 @@ def _pair(what: str, times: list[tuple[float, float]], judge: Judge | None) -> l
 def _run(command: list[str], cache: str) -> tuple[float, float]:
     """Wall and processor time of a command, s."""
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    _said(command, cache)
+    _printed(command, cache)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return time.perf_counter() - begun, used
 
 
-def _said(command: list[str], cache: str) -> str:
+def _printed(command: list[str], cache: str) -> str:
     """What a command prints; exit code 1 is a finding."""
     done = subprocess.run(
         command, capture_output=True, text=True, check=False, env={**os.environ, "XDG_CACHE_HOME": cache}
@@ -85,9 +85,9 @@ def grows(sets: int) -> Figure:
     most = UNITS if sets < 4 else (*UNITS, 256)
     for units in most:
         table, _ = hide(recipe(), KNOWN["quadratic"], 1, units=units)
-        look(recipe(), table)
+        diagnosis_of(recipe(), table)
         begun = time.process_time()
-        look(recipe(), table)
+        diagnosis_of(recipe(), table)
         spent.append(time.process_time() - begun)
         print(f"    {units} units, {len(table)} samples: {spent[-1]:.2f} s of processor", flush=True)
     slope = [float(np.log(b / a) / np.log(n / m)) for a, b, m, n in zip(spent, spent[1:], most, most[1:], strict=False)]

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 from diagnosis_rows import oracle
 from diagnosis_rows.figures import Array, Figure, at_most, bootstrapped, share
-from diagnosis_rows.trials import Ask, First, first_look
+from diagnosis_rows.trials import First, Request, first_diagnosis
 from scipy.stats import norm
 
 from tests.blind.hidden import KNOWN
@@ -20,15 +20,15 @@ def false_alarms(seed: int, sets: int) -> list[Figure]:
     """Row 1."""
     found = []
     for i, (floor, most) in enumerate(FALSE_ALARMS.items()):
-        asks = [Ask("", floor, seed * 10**6 + 10**5 * i + n) for n in range(100 * sets)]
-        fired = [_told(a, first_look(a)) for a in asks]
+        asks = [Request("", floor, seed * 10**6 + 10**5 * i + n) for n in range(100 * sets)]
+        fired = [_shown(a, first_diagnosis(a)) for a in asks]
         found.append(share(f"false alarms at 1 %, floor {floor}", fired, partial(at_most, goal=most)))
     return found
 
 
-def _told(ask: Ask, first: First) -> bool:
+def _shown(request: Request, first: First) -> bool:
     if first.alarms:
-        print(f"    {ask}: {first.statistic:.2f} > {first.threshold:.2f}", flush=True)
+        print(f"    {request}: {first.statistic:.2f} > {first.threshold:.2f}", flush=True)
     return first.alarms
 
 
@@ -40,8 +40,8 @@ def power(seed: int, sets: int) -> list[Figure]:
     for i, name in enumerate(causes):
         for j, step in enumerate(STEPS):
             for n in range(sets):
-                ask = Ask(name, "white", seed * 10**6 + 300_000 + 1000 * i + 100 * j + n, d=step * needed[i])
-                first = first_look(ask)
+                request = Request(name, "white", seed * 10**6 + 300_000 + 1000 * i + 100 * j + n, d=step * needed[i])
+                first = first_diagnosis(request)
                 rows.append((i, step * needed[i], first.statistic, first.threshold))
     data = np.array(rows)
     ratio = thresholds(data, len(causes)) / needed

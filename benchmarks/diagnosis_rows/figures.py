@@ -25,10 +25,10 @@ class Figure:
 
     def line(self) -> str:
         """The figure for a person."""
-        told = "" if self.met is None else "met" if self.met else "MISSED"
+        shown = "" if self.met is None else "met" if self.met else "MISSED"
         goal = f"goal {self.goal}" if self.goal else ""
         spread = f"({self.low:.3g}–{self.high:.3g}, {self.runs} runs)"
-        return f"  {self.what:<62} {self.value:>7.3g} {spread:<26} {goal:<12} {told:<6} {self.note}".rstrip()
+        return f"  {self.what:<62} {self.value:>7.3g} {spread:<26} {goal:<12} {shown:<6} {self.note}".rstrip()
 
     def document(self) -> dict[str, Any]:
         """As plain numbers; what is not finite as null."""

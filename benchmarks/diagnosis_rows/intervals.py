@@ -10,7 +10,7 @@ from diagnosis_rows.figures import Z95, Array, Figure, between, bootstrapped
 from station.diagnosis.results.estimate import Estimate
 from tests.blind.bench import World, hide
 from tests.blind.hidden import KNOWN
-from tests.blind.look import look
+from tests.blind.inspection import diagnosis_of
 from tests.blind.recipes import recipe
 
 STRENGTH = 16.0
@@ -25,7 +25,7 @@ CAUSES: dict[str, str] = {
 
 
 @dataclass
-class Kept:
+class Stored:
     """Random numbers that remember what was drawn last: coefficients, and the logarithm of a time constant."""
 
     of: Any
@@ -46,26 +46,26 @@ class Kept:
 def inside(name: str, seed: int) -> list[bool]:
     """Of each coefficient, and of the time constant, whether its interval holds the truth; empty where another cause
     or another level was named."""
-    kept: list[Kept] = []
+    stored: list[Stored] = []
 
     def hidden(w: World, rng: Any) -> tuple[Array, Array]:
-        kept[:] = [Kept(rng)]
-        return KNOWN[name](w, kept[0])  # type: ignore[arg-type]
+        stored[:] = [Stored(rng)]
+        return KNOWN[name](w, stored[0])  # type: ignore[arg-type]
 
     table, _ = hide(recipe(), hidden, seed, d=STRENGTH)
-    for cause in look(recipe(), table).causes:
-        estimate, true = cause.estimate, kept[0].coefficients
+    for cause in diagnosis_of(recipe(), table).causes:
+        estimate, true = cause.estimate, stored[0].coefficients
         if cause.finding.name == name and estimate is not None and estimate.value.shape == true.shape:
             held = np.abs(estimate.value - true) < Z95 * estimate.std
-            return [bool(x) for x in held.ravel()] + _form(estimate, CAUSES[name], kept[0].log_constant)
+            return [bool(x) for x in held.ravel()] + _form(estimate, CAUSES[name], stored[0].log_constant)
     return []
 
 
 def _form(estimate: Estimate, field: str, log_constant: float) -> list[bool]:
-    told = next((t for t in estimate.form if t.field == field), None)
-    if told is None:
+    shown = next((t for t in estimate.form if t.field == field), None)
+    if shown is None:
         return []
-    return [bool(abs(np.log(told.value) - log_constant) < Z95 * told.std / told.value)]
+    return [bool(abs(np.log(shown.value) - log_constant) < Z95 * shown.std / shown.value)]
 
 
 def coverage(seed: int, sets: int) -> list[Figure]:

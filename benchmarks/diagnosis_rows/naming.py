@@ -8,7 +8,7 @@ import numpy as np
 from diagnosis_rows import oracle, peers
 from diagnosis_rows.figures import Figure, Judge, at_least, at_most, bootstrapped, share
 from diagnosis_rows.same_noise import gain_of_the_true_form
-from diagnosis_rows.trials import Ask, Trial, named_ids, tell_misses, trial, tried
+from diagnosis_rows.trials import Request, Trial, named_ids, tell_misses, trial, tried
 
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.results.diagnose import Diagnosis
@@ -43,12 +43,12 @@ def survey(seed: int, sets: int, d: float) -> tuple[Surveyed, ...]:
     found = []
     for i, name in enumerate(named_ids()):
         for n in range(sets):
-            ask = Ask(name, "white", seed * 10**6 + 400_000 + 1000 * round(d) + 40 * n + i, d=d)
-            made, diagnosis = tried(ask)
+            request = Request(name, "white", seed * 10**6 + 400_000 + 1000 * round(d) + 40 * n + i, d=d)
+            made, diagnosis = tried(request)
             found.append(
                 Surveyed(
                     made, peers.named(diagnosis), peers.omnibus(diagnosis), gained(made, diagnosis),
-                    oracle.form(name).gain(made.strength), gain_of_the_true_form(ask, made.size),
+                    oracle.form(name).gain(made.strength), gain_of_the_true_form(request, made.size),
                 )
             )  # fmt: skip
     return tuple(found)
@@ -57,8 +57,8 @@ def survey(seed: int, sets: int, d: float) -> tuple[Surveyed, ...]:
 def gained(made: Trial, found: Diagnosis) -> float:
     """How much nearer to the noise-free truth the simulation comes by what was found: twice the nats that it gains
     in expectation on the samples of the same campaign measured afresh."""
-    ask, of = made.ask, recipe(made.ask.runs)
-    quiet, _ = hide(of, ask.hidden, ask.seed, units=ask.units, floor=Floor(density=1e-12), size=made.size)
+    request, of = made.request, recipe(made.request.runs)
+    quiet, _ = hide(of, request.hidden, request.seed, units=request.units, floor=Floor(density=1e-12), size=made.size)
     scene = scene_of_table(of, quiet)
     sigma = WHITE.density * np.sqrt(of.device.rate_hz / 2)
 
@@ -73,10 +73,10 @@ def naming(seed: int, sets: int) -> list[Figure]:
     figures = []
     for d, goal in NAMING.items():
         all_of = survey(seed, sets, d)
-        seen = [s for s in all_of if s.trial.alarmed]
+        observed = [s for s in all_of if s.trial.alarmed]
         figures += _of([s.trial for s in all_of], f"d = {d:g}", partial(at_least, goal=goal))
         for peer in all_of[0].peers:
-            right = [s.peers[peer] == s.trial.ask.right for s in seen]
+            right = [s.peers[peer] == s.trial.request.right for s in observed]
             figures.append(share(f"  {peer} names first", right))
         figures.append(share("  omnibus χ² fires", [s.omnibus for s in all_of]))
     return figures
@@ -84,11 +84,11 @@ def naming(seed: int, sets: int) -> list[Figure]:
 
 def _of(trials: list[Trial], where: str, judge: Judge) -> list[Figure]:
     """Detection and naming of trials."""
-    seen = [t for t in trials if t.alarmed]
+    observed = [t for t in trials if t.alarmed]
     tell_misses(trials, [t.leads for t in trials])
     return [
-        share(f"{where}: named, given detection", [t.among for t in seen], judge, "leads or in its set"),
-        share("  leads alone or with its set", [t.leads for t in seen]),
+        share(f"{where}: named, given detection", [t.among for t in observed], judge, "leads or in its set"),
+        share("  leads alone or with its set", [t.leads for t in observed]),
         share("  detected", [t.alarmed for t in trials]),
     ]
 
@@ -98,7 +98,7 @@ def sizes(seed: int, sets: int) -> list[Figure]:
     figures = []
     for j, (size, goal) in enumerate(SIZES.items()):
         asks = [
-            Ask(name, "full", seed * 10**6 + 500_000 + 10_000 * j + 40 * n + i, size=size)
+            Request(name, "full", seed * 10**6 + 500_000 + 10_000 * j + 40 * n + i, size=size)
             for i, name in enumerate(named_ids())
             for n in range(sets)
         ]
@@ -110,11 +110,11 @@ def gain(seed: int, sets: int) -> list[Figure]:
     """Row 7."""
     figures = []
     for d, goal in GAIN.items():
-        seen = [s for s in survey(seed, sets, d) if s.trial.alarmed]
-        for s in seen:
+        observed = [s for s in survey(seed, sets, d) if s.trial.alarmed]
+        for s in observed:
             if s.gain < 0.85 * s.true_gain:
                 print(f"    {s.gain:.0f} of {s.true_gain:.0f}: {s.trial.miss()}")
-        own, other = ([s for s in seen if (s.trial.ask.name in WRONG_FORM) == wrong] for wrong in (False, True))
+        own, other = ([s for s in observed if (s.trial.request.name in WRONG_FORM) == wrong] for wrong in (False, True))
         what = f"gain on fresh data ÷ that of the true model, d = {d:g}"
         figures.append(_ratio(what, own, partial(at_least, goal=goal)))
         figures.append(_ratio("  ÷ that of the true model on the same noise", own, same_noise=True))
@@ -130,12 +130,14 @@ def _ratio(what: str, of: list[Surveyed], judge: Judge | None = None, *, same_no
 
 def set_size(seed: int, sets: int) -> list[Figure]:
     """Row 10."""
-    seen = [s.trial for s in survey(seed, sets, 8.0) if s.trial.alarmed]
-    size, told = (np.array([len(x) for x in of], float) for of in ([t.likely for t in seen], [t.first for t in seen]))
+    observed = [s.trial for s in survey(seed, sets, 8.0) if s.trial.alarmed]
+    size, shown = (
+        np.array([len(x) for x in of], float) for of in ([t.likely for t in observed], [t.first for t in observed])
+    )
     return [
         bootstrapped("causes in the 95 % set at d = 8", lambda at: float(size[at].mean()), len(size), _at_most_22),
-        share("  it holds the right one", [t.ask.right in t.likely for t in seen], lambda p: at_least(p, 0.95)),
-        bootstrapped("  causes reported as not separable", lambda at: float(told[at].mean()), len(told)),
+        share("  it holds the right one", [t.request.right in t.likely for t in observed], lambda p: at_least(p, 0.95)),
+        bootstrapped("  causes reported as not separable", lambda at: float(shown[at].mean()), len(shown)),
     ]
 
 

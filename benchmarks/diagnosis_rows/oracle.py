@@ -94,10 +94,10 @@ class Form:
         for j in range(self.places):
             m, E = self.block(j)
             q = d**2 / max(m.sum(), 1e-300) * m
-            seen = m > 1e-9 * m.max()
+            observed = m > 1e-9 * m.max()
             u = products[:, j * self.size : (j + 1) * self.size] @ E
-            z2 = u[:, seen] ** 2 / m[seen]
-            each.append(0.5 * (q / (1 + q))[seen] @ z2.T - 0.5 * np.log1p(q).sum())
+            z2 = u[:, observed] ** 2 / m[observed]
+            each.append(0.5 * (q / (1 + q))[observed] @ z2.T - 0.5 * np.log1p(q).sum())
         top = np.max(each, axis=0)
         return top + np.log(np.mean(np.exp(np.array(each) - top), axis=0))
 

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 from diagnosis_rows.figures import Array, Figure, at_least, share
-from diagnosis_rows.trials import Ask, Trial, told
+from diagnosis_rows.trials import Request, Trial, shown
 
 from tests.blind.bench import WHITE, Hidden, Scaled, World, hide, strength
 from tests.blind.hidden import KNOWN
-from tests.blind.look import look
+from tests.blind.inspection import diagnosis_of
 from tests.blind.recipes import recipe
 
 EACH = 12.0
@@ -21,9 +21,9 @@ def at_strength(hidden: Hidden, d: float) -> Hidden:
     """The same, at strength d in a white floor."""
 
     def scaled(w: World, rng: Any) -> tuple[Array, Array]:
-        size, kept = 1.0, rng.bit_generator.state
+        size, stored = 1.0, rng.bit_generator.state
         for _ in range(4):
-            rng.bit_generator.state = kept
+            rng.bit_generator.state = stored
             sized = Scaled(rng.bit_generator)
             sized.size = size
             felt, added = hidden(w, sized)
@@ -58,10 +58,10 @@ def two(seed: int, sets: int) -> list[Figure]:
     """Row 8."""
     trials: list[tuple[tuple[str, str], Trial]] = []
     for n, pair in enumerate(drawn(seed, 16 * sets)):
-        ask = Ask(" and ".join(pair), "white", seed * 10**6 + 700_000 + n, d=EACH)
+        request = Request(" and ".join(pair), "white", seed * 10**6 + 700_000 + n, d=EACH)
         one, other = (at_strength(KNOWN[name], EACH) for name in pair)
-        table, truth = hide(recipe(), both(one, other), ask.seed)
-        trials.append((pair, told(ask, look(recipe(), table), truth)))
+        table, truth = hide(recipe(), both(one, other), request.seed)
+        trials.append((pair, shown(request, diagnosis_of(recipe(), table), truth)))
     for pair, t in trials:
         if not _exact(pair, t):
             print(f"    {t.miss()}", flush=True)

@@ -158,8 +158,8 @@ def _each_group(candidate: Candidate, readings: Readings) -> Iterator[Array]:
 def _basis(columns: Array) -> Array:
     """Orthonormal columns for the same span, by the normal matrix: they are few beside the rows."""
     m, E = np.linalg.eigh(columns.T @ columns)
-    kept = m > max(RANK * m.max(initial=0.0), 1e-12)
-    return columns @ (E[:, kept] / np.sqrt(m[kept]))
+    stored = m > max(RANK * m.max(initial=0.0), 1e-12)
+    return columns @ (E[:, stored] / np.sqrt(m[stored]))
 
 
 def _stlsq(fits: list[Fit], readings: Readings) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from diagnosis_rows.oracle import columns, freed
-from diagnosis_rows.trials import Ask
+from diagnosis_rows.trials import Request
 
 from tests.blind.bench import WHITE, Floor, hide, world
 from tests.blind.recipes import recipe
@@ -13,22 +13,24 @@ from tests.blind.recipes import recipe
 Array = Any
 
 
-def gain_of_the_true_form(ask: Ask, size: float) -> float:
+def gain_of_the_true_form(request: Request, size: float) -> float:
     """How much nearer to the noise-free samples it comes: twice the nats that it gains in expectation on the same
     campaign measured afresh. size: what was hidden, as a multiple of its usual size."""
-    assert ask.hidden is not None
-    of = recipe(ask.runs)
-    rng = np.random.default_rng([ask.seed, 77])
-    w = world(of, ask.units, rng)
-    Z = columns(w, ask.hidden, rng.bit_generator.state)
+    assert request.hidden is not None
+    of = recipe(request.runs)
+    rng = np.random.default_rng([request.seed, 77])
+    w = world(of, request.units, rng)
+    Z = columns(w, request.hidden, rng.bit_generator.state)
     sigma = WHITE.density * np.sqrt(of.device.rate_hz / 2)
-    noisy, quiet = (hide(of, ask.hidden, ask.seed, units=ask.units, floor=f, size=size)[0] for f in (WHITE, QUIET))
+    noisy, quiet = (
+        hide(of, request.hidden, request.seed, units=request.units, floor=f, size=size)[0] for f in (WHITE, QUIET)
+    )
     noise = freed(w, ((noisy.reading - quiet.reading) / sigma)[..., None]).ravel()
     signal = freed(w, (quiet.reading / sigma)[..., None]).ravel()
     m, E = np.linalg.eigh(Z.T @ Z)
-    seen = m > 1e-9 * m.max()
-    axes = Z @ E[:, seen] / np.sqrt(m[seen])
-    q = signal @ signal / m[seen].sum() * m[seen]
+    observed = m > 1e-9 * m.max()
+    axes = Z @ E[:, observed] / np.sqrt(m[observed])
+    q = signal @ signal / m[observed].sum() * m[observed]
     along, by_chance = axes.T @ signal, axes.T @ noise
     left = np.sum((q / (1 + q) * (along + by_chance) - along) ** 2) + signal @ signal - along @ along
     return float(signal @ signal - left)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from diagnosis_rows.figures import Array, Figure, at_least, at_most, share
-from diagnosis_rows.trials import Ask, Trial, told
+from diagnosis_rows.trials import Request, Trial, shown
 
 from station.config.recipes import load_recipe
 from station.diagnosis.planning.next_run import next_run
@@ -14,7 +14,7 @@ from station.diagnosis.results.diagnose import Diagnosis
 from station.domain.recipe.recipe import Recipe
 from tests.blind.bench import Hidden, World, hide
 from tests.blind.hidden import KNOWN, adds
-from tests.blind.look import look
+from tests.blind.inspection import diagnosis_of
 from tests.blind.recipes import RATE_HZ, recipe
 
 
@@ -41,7 +41,7 @@ def _remapped(w: World, _rng: Any) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Tie:
-    """What is hidden, where; the causes that then look exactly alike, none where it looks like a calibration."""
+    """What is hidden, where; the causes that then look exactly alike; none where it resembles a calibration."""
 
     what: str
     hidden: Hidden
@@ -80,9 +80,9 @@ def degenerate(seed: int, sets: int) -> list[Figure]:
     right, wrong = [], []
     for i, tie in enumerate(EXACT):
         for n in range(2 * sets):
-            ask = Ask(tie.what, "white", seed * 10**6 + 900_000 + 100 * i + n, d=tie.d)
-            table, truth = hide(tie.recipe(), tie.hidden, ask.seed, units=tie.units, d=tie.d)
-            t = told(ask, look(tie.recipe(), table), truth)
+            request = Request(tie.what, "white", seed * 10**6 + 900_000 + 100 * i + n, d=tie.d)
+            table, truth = hide(tie.recipe(), tie.hidden, request.seed, units=tie.units, d=tie.d)
+            t = shown(request, diagnosis_of(tie.recipe(), table), truth)
             if tie.members and not t.alarmed:
                 continue
             right.append(_as_it_is(tie, t))
@@ -166,7 +166,7 @@ def parted(name: str, seed: int, d: float = 12.0) -> Parted | None:
         return KNOWN[name](w, Taped(rng, [*tape], again=True))  # type: ignore[arg-type]
 
     table, _ = hide(recipe(1), first, seed, d=d)
-    found = look(recipe(1), table)
+    found = diagnosis_of(recipe(1), table)
     before = _set_of(name, found)
     if len(before) < 2:
         return None
@@ -175,11 +175,11 @@ def parted(name: str, seed: int, d: float = 12.0) -> Parted | None:
         print(f"    {name} seed {seed}: {'/'.join(before)}: no run proposed", flush=True)
         return Parted(name, before, proposed=False)
     table, _ = hide(proposal.recipe, again, seed + 500)
-    after = _set_of(name, look(proposal.recipe, table))
+    after = _set_of(name, diagnosis_of(proposal.recipe, table))
     made = Parted(name, before, proposed=True, after=after, promised=proposal.certainty)
     if not made.resolved:
-        told = f"{proposal.change}, {proposal.certainty:.2f}"
-        print(f"    {name} seed {seed}: {'/'.join(before)} → {told} → {'/'.join(made.after)}", flush=True)
+        shown = f"{proposal.change}, {proposal.certainty:.2f}"
+        print(f"    {name} seed {seed}: {'/'.join(before)} → {shown} → {'/'.join(made.after)}", flush=True)
     return made
 
 
@@ -190,8 +190,8 @@ def _set_of(name: str, found: Diagnosis) -> tuple[str, ...]:
 
 def resolved(seed: int, sets: int) -> list[Figure]:
     """Row 11."""
-    asked = [(name, 1000 * i + n) for i, name in enumerate(TIED_ONCE) for n in range(2 * sets)]
-    tried = [parted(name, seed * 10**6 + 950_000 + n) for name, n in asked]
+    requested = [(name, 1000 * i + n) for i, name in enumerate(TIED_ONCE) for n in range(2 * sets)]
+    tried = [parted(name, seed * 10**6 + 950_000 + n) for name, n in requested]
     tied = [t for t in tried if t is not None]
     return [
         share("next run names the right one of those tied, d = 12", [t.resolved for t in tied], _ninety),

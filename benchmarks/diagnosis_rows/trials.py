@@ -14,7 +14,7 @@ from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 from tests.blind.bench import FULL, HEAVY, WHITE, Floor, Hidden, hide
 from tests.blind.hidden import KNOWN, WRONG_FORM
-from tests.blind.look import look, null_of
+from tests.blind.inspection import diagnosis_of, null_of
 from tests.blind.outside import OUTSIDE
 from tests.blind.recipes import recipe as tilts
 
@@ -22,7 +22,7 @@ FLOORS: dict[str, Floor] = {"white": WHITE, "full": FULL, "t5": HEAVY}
 
 
 @dataclass(frozen=True)
-class Ask:
+class Request:
     """What is hidden, by its name in the blind tests ("" for nothing), in which floor, how strongly: at strength d,
     or at `size` times its usual one."""
 
@@ -59,7 +59,7 @@ class Trial:
     the first cause; strength and size: of what was hidden; probability of the first set.
     """
 
-    ask: Ask
+    request: Request
     alarmed: bool
     verdict: str
     sets: tuple[tuple[str, ...], ...]
@@ -77,27 +77,35 @@ class Trial:
     @property
     def leads(self) -> bool:
         """Whether the right cause is named first."""
-        return self.first[:1] == (self.ask.right,)
+        return self.first[:1] == (self.request.right,)
 
     @property
     def among(self) -> bool:
         """Whether the right cause is named first, or is one that the first cannot be told from."""
-        return self.ask.right in self.first
+        return self.request.right in self.first
 
     def miss(self) -> str:
         """What was said instead, for a person."""
-        told = "; ".join("/".join(s) for s in self.sets)
-        return f"{self.ask}: {self.verdict} [{told}] {' '.join(self.words)}".rstrip()
+        shown = "; ".join("/".join(s) for s in self.sets)
+        return f"{self.request}: {self.verdict} [{shown}] {' '.join(self.words)}".rstrip()
 
 
-def table_of(ask: Ask) -> tuple[Recipe, SampleTable, Mapping[str, float]]:
+def table_of(request: Request) -> tuple[Recipe, SampleTable, Mapping[str, float]]:
     """Recipe, samples, and what is true of them."""
-    recipe = tilts(ask.runs)
-    table, truth = hide(recipe, ask.hidden, ask.seed, units=ask.units, floor=FLOORS[ask.floor], d=ask.d, size=ask.size)
+    recipe = tilts(request.runs)
+    table, truth = hide(
+        recipe,
+        request.hidden,
+        request.seed,
+        units=request.units,
+        floor=FLOORS[request.floor],
+        d=request.d,
+        size=request.size,
+    )
     return recipe, table, truth
 
 
-def told(ask: Ask, found: Diagnosis, truth: Mapping[str, float]) -> Trial:
+def shown(request: Request, found: Diagnosis, truth: Mapping[str, float]) -> Trial:
     """A diagnosis as a trial."""
     searched = found.search_result
     sets = [(f.effect, *f.indistinguishable_from) for f in found.faults]
@@ -109,7 +117,7 @@ def told(ask: Ask, found: Diagnosis, truth: Mapping[str, float]) -> Trial:
     members = () if first is None else (first.name, *first.indistinguishable_from)
     sure = 0.0 if first is None else sum(first.probability.get(name, 0.0) for name in members)
     return Trial(
-        ask, alarmed, found.verdict, tuple(sets), found.depends_on, likely, truth["d"], truth.get("size", 0.0), sure
+        request, alarmed, found.verdict, tuple(sets), found.depends_on, likely, truth["d"], truth.get("size", 0.0), sure
     )
 
 
@@ -121,21 +129,21 @@ def credible(probability: Mapping[str, float], level: float = 0.95) -> tuple[str
 
 
 @cache
-def trial(ask: Ask) -> Trial:
+def trial(request: Request) -> Trial:
     """Hides and diagnoses."""
-    return tried(ask)[0]
+    return tried(request)[0]
 
 
-def tried(ask: Ask) -> tuple[Trial, Diagnosis]:
+def tried(request: Request) -> tuple[Trial, Diagnosis]:
     """The same, with the whole diagnosis."""
-    recipe, table, truth = table_of(ask)
-    found = look(recipe, table)
-    return told(ask, found, truth), found
+    recipe, table, truth = table_of(request)
+    found = diagnosis_of(recipe, table)
+    return shown(request, found, truth), found
 
 
 @dataclass(frozen=True)
 class First:
-    """What the first look says: the alarm's statistic, −log₁₀ p, its threshold, and whether a gross fault was seen."""
+    """What the first alarm says: its statistic, −log₁₀ p, its threshold, and whether a gross fault was found."""
 
     statistic: float
     threshold: float
@@ -147,8 +155,8 @@ class First:
         return self.fault or self.statistic > self.threshold
 
 
-def first_look(ask: Ask) -> First:
-    """The first look at the samples; the search that would follow an alarm is left out."""
+def first_diagnosis(request: Request) -> First:
+    """The first alarm over the samples; the search that would follow an alarm is left out."""
     threshold = [np.inf]
 
     def never(problem: Any, fitted: Any, now: Any) -> NullDistribution:
@@ -156,7 +164,7 @@ def first_look(ask: Ask) -> First:
         threshold[0] = null.threshold
         return replace(null, threshold=np.inf)
 
-    recipe, table, _ = table_of(ask)
+    recipe, table, _ = table_of(request)
     found = diagnose(recipe, table, Model(), never)
     return First(found.search_result.statistics[0], threshold[0], bool(found.faults))
 

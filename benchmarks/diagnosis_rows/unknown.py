@@ -4,7 +4,7 @@ from functools import partial
 
 from diagnosis_rows.figures import Figure, at_least, at_most, share
 from diagnosis_rows.naming import NAMING, survey
-from diagnosis_rows.trials import Ask, Trial, tell_misses, trial
+from diagnosis_rows.trials import Request, Trial, tell_misses, trial
 
 from tests.blind.outside import OUTSIDE
 
@@ -19,7 +19,7 @@ def unknown(seed: int, sets: int) -> list[Figure]:
     figures = []
     for d, goal in RECALL.items():
         asks = [
-            Ask(name, "white", seed * 10**6 + 600_000 + 1000 * round(d) + 10 * n + i, d=d)
+            Request(name, "white", seed * 10**6 + 600_000 + 1000 * round(d) + 10 * n + i, d=d)
             for i, name in enumerate(sorted(OUTSIDE))
             for n in range(sets)
         ]
@@ -54,4 +54,4 @@ def _open(t: Trial) -> bool:
 
 
 def _right(t: Trial) -> bool:
-    return _open(t) and bool(set(t.words) & OUTSIDE[t.ask.name][0])
+    return _open(t) and bool(set(t.words) & OUTSIDE[t.request.name][0])

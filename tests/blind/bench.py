@@ -178,11 +178,11 @@ def world(recipe: Recipe, units: int, rng: np.random.Generator, nests: int = 2) 
     stop = np.cumsum(np.diff(got["visit"] + 1000 * got["run"] + 100000 * got["unit"], prepend=0) != 0)
     got["stop"] = stop - stop[0]
     up = np.tile([0.0, 0.0, recipe.reference.strength()], (len(stop), 1))
-    kept = World(recipe, nest_q=nest_q, seat_q=seat_q, up=up, names=names, seats=seats, **got)
-    by_time = np.lexsort((kept.t, kept.run, kept.unit))
-    moved = {k: getattr(kept, k)[by_time] for k in (*got, "nest_q", "seat_q", "up")}
+    stored = World(recipe, nest_q=nest_q, seat_q=seat_q, up=up, names=names, seats=seats, **got)
+    by_time = np.lexsort((stored.t, stored.run, stored.unit))
+    moved = {k: getattr(stored, k)[by_time] for k in (*got, "nest_q", "seat_q", "up")}
     stops = np.cumsum(np.diff(moved["stop"], prepend=-9) != 0) - 1
-    return replace(kept, **{**moved, "stop": stops})
+    return replace(stored, **{**moved, "stop": stops})
 
 
 def _sway(rng: np.random.Generator) -> Callable[[Array], tuple[Array, Array]]:
@@ -279,12 +279,12 @@ def hide(
     w = world_of(recipe, units, rng)
     if hidden is None:
         return table(w, readings(w, w.a, np.zeros_like(w.a), floor, rng), rng, without), {"d": 0.0}
-    kept = rng.bit_generator.state
+    stored = rng.bit_generator.state
     felt, added = _scaled(w, hidden, rng, size)
     if d is not None:
         for _ in range(3):
             size *= d / max(strength(w, felt, added, floor.density), 1e-12)
-            rng.bit_generator.state = kept
+            rng.bit_generator.state = stored
             felt, added = _scaled(w, hidden, rng, size)
     truth = {"size": size, "d": strength(w, felt, added, floor.density)}
     return table(w, readings(w, felt, added, floor, rng), rng, without), truth

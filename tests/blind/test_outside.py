@@ -12,7 +12,7 @@ from station.domain.core.types import Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
 from tests.blind.bench import WHITE, hide
 from tests.blind.hidden import KNOWN, per_unit
-from tests.blind.look import look
+from tests.blind.inspection import diagnosis_of
 from tests.blind.outside import OUTSIDE
 from tests.blind.recipes import recipe
 
@@ -33,7 +33,7 @@ def one_pose(up: str) -> Recipe:
 def test_an_axis_that_feels_no_stimulus_keeps_its_gain_and_shows_its_temperature(up: str) -> None:
     true = 3e-4 * np.random.default_rng(SEED).standard_normal((4, 3))
     table, _ = hide(one_pose(up), lambda w, rng: (w.a, true[w.unit] * (w.T - 20.0)[:, None]), 100 + SEED)
-    found = look(one_pose(up), table)
+    found = diagnosis_of(one_pose(up), table)
     assert [c.finding.name for c in found.causes] == ["offset-temperature"]
     estimate = found.causes[0].estimate
     assert estimate is not None
@@ -55,7 +55,7 @@ def test_two_causes_at_once_are_found_where_no_pose_is_known() -> None:
     unknown = whole.reference.model_copy(update={"pose": "unknown"})
     free = whole.model_copy(update={"reference": unknown, "positions": ()})
     bare = replace(table, labels={}, values={})
-    found = look(free, bare)
+    found = diagnosis_of(free, bare)
     names = [{c.finding.name, *c.finding.indistinguishable_from} for c in found.causes]
     assert len(names) == 2
     assert any("cross-axis" in n for n in names)
@@ -67,7 +67,7 @@ def test_two_causes_at_once_are_found_where_no_pose_is_known() -> None:
 def test_what_is_a_product_or_a_bend_of_covariates_is_never_named_alone(name: str) -> None:
     words, hidden = OUTSIDE[name]
     table, _ = hide(recipe(), hidden, 300 + SEED, floor=WHITE, d=24.0)
-    found = look(recipe(), table)
+    found = diagnosis_of(recipe(), table)
     assert found.verdict in ("unknown", "incomplete")
     assert words & set(found.depends_on)
 
@@ -75,7 +75,7 @@ def test_what_is_a_product_or_a_bend_of_covariates_is_never_named_alone(name: st
 def test_a_name_stands_only_where_held_out_data_confirm_it() -> None:
     for seed in range(3):
         table, _ = hide(recipe(), KNOWN["step"], 400 + 10 * SEED + seed, d=7.0)
-        found = look(recipe(), table)
+        found = diagnosis_of(recipe(), table)
         if found.verdict == "named":
             assert any(c.gain.accepted for c in found.causes)
         elif found.verdict != "none":
@@ -83,7 +83,7 @@ def test_a_name_stands_only_where_held_out_data_confirm_it() -> None:
 
 
 def test_a_cause_beside_others_is_told_from_what_it_cannot_be() -> None:
-    """Before the larger one is known, what it leaves blurs the look at the smaller."""
+    """Before the larger one is known, what it leaves blurs the smaller."""
     small = per_unit(1.5e-4, lambda w, rng: w.a**2)
 
     def both(w, rng):  # type: ignore[no-untyped-def]
@@ -91,9 +91,9 @@ def test_a_cause_beside_others_is_told_from_what_it_cannot_be() -> None:
         return felt, small(w, rng)[1]
 
     table, _ = hide(recipe(), both, 500 + SEED)
-    told = document(look(recipe(), table))["causes"]
-    assert {c["effect"] for c in told} <= {"nest-tilt", "quadratic", "asymmetry"}
-    assert next(c for c in told if c["effect"] == "nest-tilt")["indistinguishable_from"] == []
+    shown = document(diagnosis_of(recipe(), table))["causes"]
+    assert {c["effect"] for c in shown} <= {"nest-tilt", "quadratic", "asymmetry"}
+    assert next(c for c in shown if c["effect"] == "nest-tilt")["indistinguishable_from"] == []
 
 
 def a_loop(cut_s: float) -> tuple[Recipe, SampleTable]:
@@ -119,11 +119,11 @@ def a_loop(cut_s: float) -> tuple[Recipe, SampleTable]:
 
 
 def test_a_loop_of_temperature_is_a_cubic_and_its_rate_however_it_is_cut() -> None:
-    told = [document(look(*a_loop(cut_s))) for cut_s in (10.0, 60.0)]
-    assert [c["effect"] for c in told[0]["causes"]] == ["offset-temperature", "temperature-rate"]
-    assert told[0]["verdict"] == told[1]["verdict"] == "named"
-    assert told[0]["causes"] == told[1]["causes"]
-    sizes = {(p["name"], p["axis"]): p for p in told[0]["causes"][0]["parameters"]}
+    shown = [document(diagnosis_of(*a_loop(cut_s))) for cut_s in (10.0, 60.0)]
+    assert [c["effect"] for c in shown[0]["causes"]] == ["offset-temperature", "temperature-rate"]
+    assert shown[0]["verdict"] == shown[1]["verdict"] == "named"
+    assert shown[0]["causes"] == shown[1]["causes"]
+    sizes = {(p["name"], p["axis"]): p for p in shown[0]["causes"][0]["parameters"]}
     cube = sizes["coefficient3", "z"]
     assert cube["value"] == pytest.approx(-14e-3 / 46**3, rel=0.02)
 
@@ -170,7 +170,7 @@ def test_a_visit_that_is_wrong_by_anything_is_disturbed_and_spoils_no_other(pose
         unknown = whole.reference.model_copy(update={"pose": "unknown"})
         whole = whole.model_copy(update={"reference": unknown, "positions": ()})
         table = replace(table, labels={}, values={})
-    told = document(look(whole, table))
-    assert told["verdict"] == "named"
-    assert [c["effect"] for c in told["causes"]] == ["disturbed-visit"]
-    assert {p["of"] for p in told["causes"][0]["parameters"]} == {"visit:SN0001/0/7"}
+    shown = document(diagnosis_of(whole, table))
+    assert shown["verdict"] == "named"
+    assert [c["effect"] for c in shown["causes"]] == ["disturbed-visit"]
+    assert {p["of"] for p in shown["causes"][0]["parameters"]} == {"visit:SN0001/0/7"}

@@ -75,8 +75,8 @@ def test_a_shift(serve: Serve, log_in: LogIn, pictures: Path) -> None:
     assert ended == sorted([*passed, *aborted, ("SN0002", "FAIL")])
     lines = list(Journal(Path(f"{site.database}.panel.jsonl")).lines())
     assert {line["person"] for line in lines} == {"olga"}
-    deeds = [line["deed"] for line in lines]
-    assert deeds == ["log-in", *["scan"] * 4, "start", "stop", "resume", "start"]
+    actions = [line["deed"] for line in lines]
+    assert actions == ["log-in", *["scan"] * 4, "start", "stop", "resume", "start"]
 
 
 def test_the_keyboard_alone_does_it(serve: Serve, log_in: LogIn) -> None:
@@ -193,17 +193,17 @@ def test_a_thousand_updates_leave_nothing_behind(serve: Serve, log_in: LogIn, tm
         ]
         sentences = [f"sentence {number - i}" for i in range(20)]
         state = {"nests": changed, "done": number, "total": 1000, "messages": sentences, "over": True, "fault": ""}
-        beside = live.with_suffix(".tmp")
-        beside.write_text(json.dumps({**document, "state": state}))
-        beside.replace(live)
+        extra = live.with_suffix(".tmp")
+        extra.write_text(json.dumps({**document, "state": state}))
+        extra.replace(live)
 
     page = log_in(site)
-    seen = "document.querySelector('#count').textContent.startsWith('{} /')"
+    observed = "document.querySelector('#count').textContent.startsWith('{} /')"
 
     def rounds(first: int, last: int) -> dict[str, int]:
         for number in range(first, last):
             show(number)
-            page.wait(seen.format(number), 5)
+            page.wait(observed.format(number), 5)
         return page.memory()
 
     before = rounds(1, 60)

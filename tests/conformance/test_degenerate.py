@@ -8,7 +8,7 @@ from station.diagnosis.results.diagnose import Diagnosis
 from station.domain.recipe.recipe import Recipe
 from station.model.effects.axis_permutation import matrix_of
 from station.model.simulate import SimulationJob, parse_effects, simulate
-from tests.blind.look import look
+from tests.blind.inspection import diagnosis_of
 from tests.blind.recipes import RATE_HZ, recipe
 
 UNITS = ("A", "B", "C", "D")
@@ -20,9 +20,9 @@ def six() -> Recipe:
     return whole.model_copy(update={"device": whole.device.model_copy(update={"rate_hz": RATE_HZ, "lsb": 0.0})})
 
 
-def found(kind: Recipe, units: int, *asked: str, seed: int = 21) -> Diagnosis:
+def found(kind: Recipe, units: int, *requested: str, seed: int = 21) -> Diagnosis:
     """The diagnosis of a simulated campaign."""
-    return look(kind, simulate(SimulationJob(kind, UNITS[:units], seed, parse_effects(asked, kind))).table)
+    return diagnosis_of(kind, simulate(SimulationJob(kind, UNITS[:units], seed, parse_effects(requested, kind))).table)
 
 
 def first(d: Diagnosis) -> set[str]:
@@ -33,7 +33,7 @@ def first(d: Diagnosis) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "units", "asked", "members"),
+    ("kind", "units", "requested", "members"),
     [
         (recipe(1), 4, "nest-tilt", {"nest-tilt", "package-rotation"}),
         (recipe(1), 1, "package-rotation", {"nest-tilt", "package-rotation"}),
@@ -47,13 +47,13 @@ def first(d: Diagnosis) -> set[str]:
     ],
 )
 def test_causes_that_look_exactly_alike_are_given_together(
-    kind: Recipe, units: int, asked: str, members: set[str]
+    kind: Recipe, units: int, requested: str, members: set[str]
 ) -> None:
-    assert members <= first(found(kind, units, asked))
+    assert members <= first(found(kind, units, requested))
 
 
 @pytest.mark.parametrize(
-    ("kind", "asked"),
+    ("kind", "requested"),
     [
         (recipe(3), "local-gravity"),
         (six(), "cubic=0.001"),
@@ -61,10 +61,10 @@ def test_causes_that_look_exactly_alike_are_given_together(
         (six().model_copy(update={"runs": six().runs[:1]}), "group-offset"),
     ],
 )
-def test_what_looks_like_a_calibration_is_not_testable_and_nothing_is_named(kind: Recipe, asked: str) -> None:
-    d = found(kind, 2, asked)
+def test_what_looks_like_a_calibration_is_not_testable_and_nothing_is_named(kind: Recipe, requested: str) -> None:
+    d = found(kind, 2, requested)
     assert (d.verdict, d.causes, d.faults) == ("none", (), ())
-    assert asked.partition("=")[0] in d.not_testable
+    assert requested.partition("=")[0] in d.not_testable
 
 
 @pytest.mark.parametrize("mapping", ["-y,x,z", "y,z,x"])

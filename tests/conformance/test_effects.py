@@ -231,9 +231,9 @@ def test_signature_predicts_the_effect(name: str, scene: Scene, base: BaseRespon
     effect = kind(name).example()
     groups = len(scene.group(effect.of[0])[1])
     parts = signature(scene, base, effect)
-    alike = np.tile(0.01 * effect.size * np.arange(1, len(effect.axes) + 1), (groups, 1))
+    equal = np.tile(0.01 * effect.size * np.arange(1, len(effect.axes) + 1), (groups, 1))
     each = acting(effect, scene, 0.01).coefficients
-    for c in (alike, each) if type(effect).gather is Effect.gather else (alike,):
+    for c in (equal, each) if type(effect).gather is Effect.gather else (equal,):
         change = forward(scene, base, {name: ActiveEffect(effect, c, effect.of[0])}) - forward(scene, base)
         rows = c[scene.group(effect.of[0])[0]][scene.visit]
         predicted = sum(part * rows[:, [k]] for k, part in enumerate(parts))
@@ -290,11 +290,11 @@ def test_coefficients_belong_to_their_groups(name: str, recipe: Recipe) -> None:
 def test_told_in_the_contracts_form(name: str, recipe: Recipe, scene: Scene) -> None:
     effect = parse_effect(name, recipe)
     on = acting(effect, scene)
-    told = effect.parameter_rows(scene.group(on.of)[1], on.coefficients, recipe.unit)
-    assert told
-    for row in told:
+    shown = effect.parameter_rows(scene.group(on.of)[1], on.coefficients, recipe.unit)
+    assert shown
+    for row in shown:
         assert set(row) == {"name", "axis", "of", "value", "unit"}
         assert row["axis"] is None or row["axis"] in effect.axes
         assert isinstance(row["value"], float | str)
         assert row["unit"] in {p.unit.replace("u", recipe.unit) for p in (effect.parameter, *effect.forms)}
-    assert {str(r["name"]) for r in told} <= {effect.parameter.name, *(p.name for p in effect.forms)}
+    assert {str(r["name"]) for r in shown} <= {effect.parameter.name, *(p.name for p in effect.forms)}

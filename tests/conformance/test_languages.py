@@ -51,16 +51,16 @@ def checks() -> set[str]:
 def test_every_language_says_everything() -> None:
     texts = labels.all_texts()
     assert {"en", "de", "zh"} <= set(texts)
-    for code, said in texts.items():
-        assert set(said) == set(texts["en"]), code
-        assert all(said.values()), code
+    for code, printed in texts.items():
+        assert set(printed) == set(texts["en"]), code
+        assert all(printed.values()), code
 
 
 def test_every_reason_has_a_name_in_every_language() -> None:
     wanted = checks()
     assert {"noise", "stuck", "verify", "device-silent", "offset", "residual", "aborted"} <= wanted
-    for code, said in labels.all_texts().items():
-        assert sorted(c for c in wanted if not said.get(f"check_{c}")) == [], code
+    for code, printed in labels.all_texts().items():
+        assert sorted(c for c in wanted if not printed.get(f"check_{c}")) == [], code
 
 
 def literal_sentences() -> Iterator[str]:
@@ -119,7 +119,7 @@ def test_every_deed_in_the_journal_has_a_name() -> None:
     calls = [n for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Call)]
     added = [n for n in calls if isinstance(n.func, ast.Attribute) and ast.unparse(n.func).endswith("journal.add")]
     constants = [n.args[1].value for n in added if isinstance(n.args[1], ast.Constant)]
-    deeds = {value for value in constants if isinstance(value, str)}
-    assert {"log-in", "scan", "again", "confirm", "certificate"} <= deeds
-    for code, said in labels.all_texts().items():
-        assert sorted(d for d in deeds if f"deed_{d}" not in said) == [], code
+    actions = {value for value in constants if isinstance(value, str)}
+    assert {"log-in", "scan", "again", "confirm", "certificate"} <= actions
+    for code, printed in labels.all_texts().items():
+        assert sorted(d for d in actions if f"deed_{d}" not in printed) == [], code

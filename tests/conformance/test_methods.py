@@ -21,7 +21,7 @@ from tests.fakes.tumble import TODAY, coefficients
 METHODS = plugins.names(method.PACKAGE)
 SENSORS = tuple(tumble.TRUTHS)
 #: Truth of a method that keeps some coefficients nominal: a unit that has them nominal.
-KEPT = {"one-point": np.eye(3), "three-point": None}
+STORED = {"one-point": np.eye(3), "three-point": None}
 
 
 def size(sensor: str) -> float:

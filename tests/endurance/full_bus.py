@@ -162,19 +162,19 @@ def live(ports: tuple[int, int, int], orders: Connection) -> None:
 
 
 @contextmanager
-def beside(database: Path, folder: Path) -> Iterator[Counter[str]]:
+def extra(database: Path, folder: Path) -> Iterator[Counter[str]]:
     """A calibrating thread, a panel and somebody who loads its pages; how often each did it."""
     done: Counter[str] = Counter()
     over = threading.Event()
     with pages.panel(database, folder) as (client, _):
 
-        def look() -> None:
+        def diagnosis_of() -> None:
             while not over.is_set():
                 for at in ("/", "/audit", "/charts", "/metrics"):
                     client.get(at, headers={"accept": "text/html"})
                     done["pages"] += 1
 
-        threads = [threading.Thread(target=look), threading.Thread(target=calibrate, args=(over, done))]
+        threads = [threading.Thread(target=diagnosis_of), threading.Thread(target=calibrate, args=(over, done))]
         for thread in threads:
             thread.start()
         try:
@@ -221,7 +221,7 @@ def measure(seconds: float, buffer: int, *, idle: bool) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name, ExitStack() as opened:
         folder = Path(name)
         station = opened.enter_context(open_bench(order(folder)))
-        done = Counter[str]() if idle else opened.enter_context(beside(folder / "station.db", folder))
+        done = Counter[str]() if idle else opened.enter_context(extra(folder / "station.db", folder))
         until_s = time.monotonic() + seconds
         while time.monotonic() < until_s:
             outcomes.update(one_load(station, there.send))
@@ -246,40 +246,41 @@ def one_load(station: Bench, turn: Callable[[str], None]) -> list[str]:
 
 def visits(database: Path) -> dict[str, Any]:
     """What the log says of every visit: frames received, lost by the counter, dropped by the kernel, why rejected."""
-    kept: Counter[str] = Counter()
+    stored: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
     with SqliteLogReader(database) as log:
         for attempt in log.attempts(Query()):
             for visit in log.attempt(attempt)["visits"]:
-                told, whole = visit["statistics"], visit["kind"] != "rejected"
-                kept["kept" if whole else "rejected"] += 1
-                kept["frames"] += told["frames"]
-                kept["lost_in_kept" if whole else "lost_in_rejected"] += told["lost"] + told["kernel_drops"]
-                reasons.update(told["reasons"])
-    return {**{k: kept[k] for k in ("kept", "rejected", "frames", "lost_in_kept", "lost_in_rejected")},
+                shown, whole = visit["statistics"], visit["kind"] != "rejected"
+                stored["kept" if whole else "rejected"] += 1
+                stored["frames"] += shown["frames"]
+                stored["lost_in_kept" if whole else "lost_in_rejected"] += shown["lost"] + shown["kernel_drops"]
+                reasons.update(shown["reasons"])
+    return {**{k: stored[k] for k in ("kept", "rejected", "frames", "lost_in_kept", "lost_in_rejected")},
             "reasons": dict(reasons.most_common(6))}  # fmt: skip
 
 
 def main() -> int:
     """Prints the figures; 1 when a kept visit lost a frame."""
-    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument("--seconds", type=float, default=60.0)
-    ask.add_argument("--buffer", type=int, default=STREAM_BUFFER_BYTES)
-    ask.add_argument("--idle", action="store_true")
-    ask.add_argument("--json", action="store_true")
-    given = ask.parse_args()
-    told = measure(given.seconds, given.buffer, idle=given.idle)
-    alone = not given.idle and not all(told["beside"].get(what) for what in ("pages", "calibrations"))
-    bad = told["lost_in_kept"] > 0 or alone
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--buffer", type=int, default=STREAM_BUFFER_BYTES)
+    parser.add_argument("--idle", action="store_true")
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
+    shown = measure(given.seconds, given.buffer, idle=given.idle)
+    alone = not given.idle and not all(shown["beside"].get(what) for what in ("pages", "calibrations"))
+    bad = shown["lost_in_kept"] > 0 or alone
     if given.json:
-        print(json.dumps(told))
+        print(json.dumps(shown))
         return int(bad)
     print(f"{wires.machine()}; over {wires.medium()}")
     print(
-        f"frames lost at {told['rate_per_s']} frames/s: {told['lost_in_kept']} of {told['frames']} in {told['kept']} "
-        f"kept visits (goal 0); {told['rejected']} visits rejected, with {told['lost_in_rejected']} frames lost"
+        f"frames lost at {shown['rate_per_s']} frames/s: {shown['lost_in_kept']} of {shown['frames']} in "
+        f"{shown['kept']} kept visits (goal 0); {shown['rejected']} visits rejected, "
+        f"with {shown['lost_in_rejected']} frames lost"
     )
-    print(f"  outcomes {told['outcomes']}; beside it {told['beside']}; why rejected {told['reasons']}")
+    print(f"  outcomes {shown['outcomes']}; beside it {shown['beside']}; why rejected {shown['reasons']}")
     return int(bad)
 
 

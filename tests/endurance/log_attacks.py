@@ -311,8 +311,8 @@ def main() -> int:
     options = parser.parse_args()
     began_s = time.monotonic()
     rows = attack(options.trials, options.seed)
-    for kind, (count, seen, stopped) in rows.items():
-        print(f"{kind:45s} {count:5d} tried {seen:5d} found {stopped:5d} refused")
+    for kind, (count, observed, stopped) in rows.items():
+        print(f"{kind:45s} {count:5d} tried {observed:5d} found {stopped:5d} refused")
     total = [sum(row[i] for row in rows.values()) for i in range(3)]
     print(f"{'all, goal: all found, all refused':45s} {total[0]:5d} tried {total[1]:5d} found {total[2]:5d} refused")
     print(f"seed {options.seed}, {time.monotonic() - began_s:.0f} s")

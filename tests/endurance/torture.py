@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
-Told = Mapping[str, Any]
+Report = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class Part:
     name: str
     file: str
     options: Callable[[float], Sequence[object]]
-    rows: Callable[[Told], Sequence[tuple[str, str, str, str]]]
+    rows: Callable[[Report], Sequence[tuple[str, str, str, str]]]
 
 
 def most(count: int, scale: float, least: int) -> int:
@@ -36,79 +36,88 @@ def most(count: int, scale: float, least: int) -> int:
     return max(round(count * scale), least)
 
 
-def kills(told: Told) -> Sequence[tuple[str, str, str, str]]:
+def kills(shown: Report) -> Sequence[tuple[str, str, str, str]]:
     """SIGKILL."""
-    deaths = told["deaths"]
-    wrong = f"{told['lost']} / {told['contradicting']} / {told['unrecognised']}"
-    said = f"{deaths.get('points', 0)} points + {deaths.get('instants', 0)} instants"
+    deaths = shown["deaths"]
+    wrong = f"{shown['lost']} / {shown['contradicting']} / {shown['unrecognised']}"
+    printed = f"{deaths.get('points', 0)} points + {deaths.get('instants', 0)} instants"
     what = "SIGKILL: records lost / logs contradicting the device / half-written devices not recognised"
-    reached = f"{told['planned'] - told['not_reached']} of {told['planned']}"
-    return (what, said, wrong, "0 / 0 / 0"), ("… chosen points at which the run really died", said, reached, "all")
-
-
-def faults(told: Told) -> Sequence[tuple[str, str, str, str]]:
-    """The fault table."""
-    return (("fault table: right outcome and sentence", f"{told['rows']} rows", f"{told['right']} right", "all, ≥ 60"),)
-
-
-def stops(told: Told) -> Sequence[tuple[str, str, str, str]]:
-    """A nervous finger."""
-    what = "Stop pressed 1 to 20 times: parked, put back, finished"
-    return ((what, f"{told['instants']} instants", str(told["right"]), "all"),)
-
-
-def intruders(told: Told) -> Sequence[tuple[str, str, str, str]]:
-    """Somebody else at the bench."""
-    what = "foreign writes, resets, swaps: found before PASS"
-    return ((what, f"{told['instants']} instants", str(told["found"]), "all"),)
-
-
-def edits(told: Told) -> Sequence[tuple[str, str, str, str]]:
-    """Edits of the log."""
-    found = told["edits"] - told["missed"]
-    return (("random edits of the log found by --verify", str(told["edits"]), f"{found} found", "all"),)
-
-
-def inputs(told: Told) -> Sequence[tuple[str, str, str, str]]:
-    """Mutated inputs."""
-    return (("hostile inputs: traceback, hang over 5 s, over 1 GiB", str(told["inputs"]), str(told["faulty"]), "0"),)
-
-
-def fuzzed(told: Told) -> Sequence[tuple[str, str, str, str]]:
-    """Coverage-guided inputs."""
-    return (("the same, guided by coverage (atheris)", str(told["inputs"]), str(told["faulty"]), "0"),)
-
-
-def power(told: Told) -> Sequence[tuple[str, str, str, str]]:
-    """Power cuts."""
-    tried = sum(told["tried"].values())
-    what = "power cut at an fsync: logs that lost a record, broke or did not open"
-    return ((what, f"{told['fsyncs']} fsyncs, {tried} logs", str(told["faulty"]), "0"),)
-
-
-def lasting(told: Told) -> Sequence[tuple[str, str, str, str]]:
-    """Many units."""
-    grown = f"{100 * told['memory_growth']:+.1f} % / {told['threads_growth']:+d} / {told['files_growth']:+d}"
-    count = f"{told['units']} units, {told['passed']} passed"
-    return (
-        (f"memory after the first {told['after']} / threads / descriptors", count, grown, "< 5 % / 0 / 0"),
-        ("… write-ahead log at most", count, f"{told['wal_mib']:.1f} MiB", "< 64 MiB"),
+    reached = f"{shown['planned'] - shown['not_reached']} of {shown['planned']}"
+    return (what, printed, wrong, "0 / 0 / 0"), (
+        "… chosen points at which the run really died",
+        printed,
+        reached,
+        "all",
     )
 
 
-def full_bus(told: Told) -> Sequence[tuple[str, str, str, str]]:
-    """A full bus."""
-    count = f"{told['frames']} frames, {told['kept']} visits kept, {told['rejected']} rejected"
-    return (("frames lost at a full 1 Mbit/s in visits that were kept", count, str(told["lost_in_kept"]), "0"),)
-
-
-def page(told: Told) -> Sequence[tuple[str, str, str, str]]:
-    """The page under attack."""
-    what = f"{told['idle']} idle and {told['slow']} slow clients, {told['guesses']} guesses: Stop unanswered / p99, s"
-    refused = f"{told['refused']} of {told['log_ins']}"
+def faults(shown: Report) -> Sequence[tuple[str, str, str, str]]:
+    """The fault table."""
     return (
-        (what, str(told["stops"]), f"{told['stops_unanswered']} / {told['stop_p99_s']:.2f}", "0 / 0.5"),
-        ("right passwords refused meanwhile; opened by a guess", "", f"{refused}; {told['opened_by_guess']}", "0; 0"),
+        ("fault table: right outcome and sentence", f"{shown['rows']} rows", f"{shown['right']} right", "all, ≥ 60"),
+    )
+
+
+def stops(shown: Report) -> Sequence[tuple[str, str, str, str]]:
+    """A nervous finger."""
+    what = "Stop pressed 1 to 20 times: parked, put back, finished"
+    return ((what, f"{shown['instants']} instants", str(shown["right"]), "all"),)
+
+
+def intruders(shown: Report) -> Sequence[tuple[str, str, str, str]]:
+    """Somebody else at the bench."""
+    what = "foreign writes, resets, swaps: found before PASS"
+    return ((what, f"{shown['instants']} instants", str(shown["found"]), "all"),)
+
+
+def edits(shown: Report) -> Sequence[tuple[str, str, str, str]]:
+    """Edits of the log."""
+    found = shown["edits"] - shown["missed"]
+    return (("random edits of the log found by --verify", str(shown["edits"]), f"{found} found", "all"),)
+
+
+def inputs(shown: Report) -> Sequence[tuple[str, str, str, str]]:
+    """Mutated inputs."""
+    return (("hostile inputs: traceback, hang over 5 s, over 1 GiB", str(shown["inputs"]), str(shown["faulty"]), "0"),)
+
+
+def fuzzed(shown: Report) -> Sequence[tuple[str, str, str, str]]:
+    """Coverage-guided inputs."""
+    return (("the same, guided by coverage (atheris)", str(shown["inputs"]), str(shown["faulty"]), "0"),)
+
+
+def power(shown: Report) -> Sequence[tuple[str, str, str, str]]:
+    """Power cuts."""
+    tried = sum(shown["tried"].values())
+    what = "power cut at an fsync: logs that lost a record, broke or did not open"
+    return ((what, f"{shown['fsyncs']} fsyncs, {tried} logs", str(shown["faulty"]), "0"),)
+
+
+def lasting(shown: Report) -> Sequence[tuple[str, str, str, str]]:
+    """Many units."""
+    grown = f"{100 * shown['memory_growth']:+.1f} % / {shown['threads_growth']:+d} / {shown['files_growth']:+d}"
+    count = f"{shown['units']} units, {shown['passed']} passed"
+    return (
+        (f"memory after the first {shown['after']} / threads / descriptors", count, grown, "< 5 % / 0 / 0"),
+        ("… write-ahead log at most", count, f"{shown['wal_mib']:.1f} MiB", "< 64 MiB"),
+    )
+
+
+def full_bus(shown: Report) -> Sequence[tuple[str, str, str, str]]:
+    """A full bus."""
+    count = f"{shown['frames']} frames, {shown['kept']} visits kept, {shown['rejected']} rejected"
+    return (("frames lost at a full 1 Mbit/s in visits that were kept", count, str(shown["lost_in_kept"]), "0"),)
+
+
+def page(shown: Report) -> Sequence[tuple[str, str, str, str]]:
+    """The page under attack."""
+    what = (
+        f"{shown['idle']} idle and {shown['slow']} slow clients, {shown['guesses']} guesses: Stop unanswered / p99, s"
+    )
+    refused = f"{shown['refused']} of {shown['log_ins']}"
+    return (
+        (what, str(shown["stops"]), f"{shown['stops_unanswered']} / {shown['stop_p99_s']:.2f}", "0 / 0.5"),
+        ("right passwords refused meanwhile; opened by a guess", "", f"{refused}; {shown['opened_by_guess']}", "0; 0"),
     )
 
 
@@ -136,14 +145,14 @@ class Done:
     """A part that has been run. told: its own JSON, None when it broke off."""
 
     code: int
-    told: Told | None
+    shown: Report | None
     took_s: float
     seed: int
     scale: float
 
     def rows(self, part: Part) -> list[tuple[str, ...]]:
         """Its lines of the table."""
-        found = [(part.name, "", "broke off", "")] if self.told is None else part.rows(self.told)
+        found = [(part.name, "", "broke off", "")] if self.shown is None else part.rows(self.shown)
         end = (str(self.seed), f"{self.took_s:.0f} s", "met" if self.code == 0 else "MISSED")
         return [(*row, *end) for row in found]
 
@@ -156,12 +165,12 @@ def run(part: Part, scale: float, seed: int) -> Done:
     print(f"{part.name}: {' '.join(command[1:])}", file=sys.stderr, flush=True)
     done = subprocess.run(command, cwd=HERE.parent, stdout=subprocess.PIPE, text=True, check=False)
     try:
-        told = json.loads(done.stdout)
+        shown = json.loads(done.stdout)
     except ValueError:
-        told = None
-    for line in (told or {}).get("said", [])[:20]:
+        shown = None
+    for line in (shown or {}).get("said", [])[:20]:
         print(f"  {line}", file=sys.stderr)
-    return Done(done.returncode, told, round(time.monotonic() - begun_s, 1), seed, scale)
+    return Done(done.returncode, shown, round(time.monotonic() - begun_s, 1), seed, scale)
 
 
 def table(done: Mapping[str, Done]) -> str:
@@ -175,18 +184,18 @@ def table(done: Mapping[str, Done]) -> str:
 
 def main() -> int:
     """Runs every part, or those asked for; Ctrl-C ends the present one, and what is done is shown."""
-    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument("--seed", type=int, default=1)
-    ask.add_argument("--scale", type=float, default=1.0)
-    ask.add_argument("--only", default=",".join(part.name for part in PARTS))
-    ask.add_argument("--json", type=Path)
-    given = ask.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--scale", type=float, default=1.0)
+    parser.add_argument("--only", default=",".join(part.name for part in PARTS))
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
     wanted = given.only.split(",")
     if unknown := set(wanted) - {part.name for part in PARTS}:
-        ask.error(f"there is no part {', '.join(sorted(unknown))}; the parts are {', '.join(p.name for p in PARTS)}")
+        parser.error(f"there is no part {', '.join(sorted(unknown))}; the parts are {', '.join(p.name for p in PARTS)}")
     done: dict[str, Done] = {}
     if given.json and given.json.exists():
-        done = {name: Done(**kept) for name, kept in json.loads(given.json.read_text()).items()}
+        done = {name: Done(**stored) for name, stored in json.loads(given.json.read_text()).items()}
     try:
         for part in (p for p in PARTS if p.name in wanted):
             done[part.name] = run(part, given.scale, given.seed)

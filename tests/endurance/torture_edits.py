@@ -52,9 +52,9 @@ def make(path: Path, signer: Signer | None = None, attempts: int = 4) -> None:
 
 def begin(serial: str) -> AttemptStart:
     """What the station would say of a unit."""
-    told = {"recipe_hash": "ab" * 32, "recipe_json": '{"name": "six-point"}', "config_hash": "cd" * 32}
+    shown = {"recipe_hash": "ab" * 32, "recipe_json": '{"name": "six-point"}', "config_hash": "cd" * 32}
     return AttemptStart(
-        serial, "bench-1", "A", 1, "six-point", 1, software="0.1.0", operator="op", started_ns=1, **told
+        serial, "bench-1", "A", 1, "six-point", 1, software="0.1.0", operator="op", started_ns=1, **shown
     )
 
 
@@ -135,8 +135,8 @@ def insert(db: sqlite3.Connection, rng: Rng) -> str:
     (last,) = db.execute(f"SELECT max(seq) FROM (SELECT seq FROM attempt UNION SELECT seq FROM {table})").fetchone()
     wanted = int(rng.choice([last + 1, last + 2, -number, 10**7]))
     columns = ", ".join(("previous", "hash", "signature", *COLUMNS[table]))
-    taken = {n for t in COLUMNS for (n,) in db.execute(f"SELECT seq FROM {t} WHERE seq = ?", (wanted,))}
-    target = 10**8 if taken & {n for (n,) in db.execute(f"SELECT seq FROM {table}")} else wanted
+    accepted = {n for t in COLUMNS for (n,) in db.execute(f"SELECT seq FROM {t} WHERE seq = ?", (wanted,))}
+    target = 10**8 if accepted & {n for (n,) in db.execute(f"SELECT seq FROM {table}")} else wanted
     db.execute(f"INSERT INTO {table} (seq, {columns}) SELECT ?, {columns} FROM {table} WHERE seq = ?", (target, number))
     return f"insert {table}"
 
@@ -192,7 +192,7 @@ def frames(db: sqlite3.Connection, rng: Rng) -> str:
 
 def notes(db: sqlite3.Connection, rng: Rng) -> str:
     """What the log says about itself."""
-    deeds = (
+    actions = (
         "UPDATE head SET number = number - 1",
         "UPDATE head SET hash = x'00'",
         "DELETE FROM head",
@@ -202,7 +202,7 @@ def notes(db: sqlite3.Connection, rng: Rng) -> str:
         "DELETE FROM meta WHERE key = 'log_id'",
         "INSERT INTO meta VALUES ('more', 'x')",
     )
-    deed = deeds[int(rng.integers(len(deeds)))]
+    deed = actions[int(rng.integers(len(actions)))]
     db.execute(deed)
     return "notes"
 
@@ -254,32 +254,32 @@ def both_kinds(edits: int, seed: int) -> list[tuple[str, int, list[str], Counter
     """(kind of log, edits, what was missed, edits by kind): four fifths on a plain log, the rest on a signed one."""
     key = Ed25519PrivateKey.generate()
     signer = Signer(key.sign, key.public_key().public_bytes_raw())
-    told = []
+    shown = []
     for kind, used, share in (("plain", None, edits - edits // 5), ("signed", signer, edits // 5)):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "station.db"
             make(path, used)
             made, missed = torture(path, share, seed)
-        told.append((kind, share, missed, made))
-    return told
+        shown.append((kind, share, missed, made))
+    return shown
 
 
 def main() -> int:
     """Prints the count; 1 when an edit was missed."""
-    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument("--edits", type=int, default=10_000)
-    ask.add_argument("--seed", type=int, default=1)
-    ask.add_argument("--json", action="store_true")
-    given = ask.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--edits", type=int, default=10_000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
     begun_s = time.perf_counter()
-    told = both_kinds(given.edits, given.seed)
-    missed = [f"{kind} log: {line}" for kind, _, lines, _ in told for line in lines]
+    shown = both_kinds(given.edits, given.seed)
+    missed = [f"{kind} log: {line}" for kind, _, lines, _ in shown for line in lines]
     if given.json:
         print(json.dumps({"edits": given.edits, "missed": len(missed), "seed": given.seed, "said": missed}))
         return int(bool(missed))
     found = given.edits - len(missed)
     print(f"random edits of the log found by --verify: {found} of {given.edits}   goal: all   seed {given.seed}")
-    for kind, share, lines, made in told:
+    for kind, share, lines, made in shown:
         kinds = ", ".join(f"{k} {v}" for k, v in sorted(made.items()))
         print(f"  {kind} log: {share - len(lines)} of {share}; {kinds}")
     print(f"  {time.perf_counter() - begun_s:.0f} s")

@@ -21,10 +21,10 @@ TESTS = "tests/integration/test_faults.py"
 
 def main() -> int:
     """Prints the count; 1 when a row came out otherwise."""
-    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument("--every", type=int, default=1)
-    ask.add_argument("--json", action="store_true")
-    given = ask.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
     chosen = ROWS[:: given.every]
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.xml"

@@ -40,9 +40,9 @@ def child(name: str, runs: int, seed: int, folder: Path) -> None:
     (corpus / "good").write_bytes(target.good)
 
     def one(data: bytes) -> None:
-        told = torture_input.attempt(target, data, folder)
-        if told not in ("taken", "refused"):
-            raise AssertionError(told)
+        shown = torture_input.attempt(target, data, folder)
+        if shown not in ("taken", "refused"):
+            raise AssertionError(shown)
 
     longest = max(_LONGER * len(target.good), _AT_LEAST)
     limits = (
@@ -77,27 +77,27 @@ def fuzz(name: str, runs: int, seed: int) -> dict[str, Any]:
         broken = [p.read_bytes() for p in Path(folder).glob("*-*") if p.name.startswith(("crash", "timeout", "oom"))]
     numbers = [int(n) for n in re.findall(r"^#(\d+)\s", done.stderr, re.MULTILINE)]
     covered = [int(n) for n in re.findall(r"cov: (\d+)", done.stderr)]
-    said = re.findall(r"AssertionError: (.*)", done.stderr)[:1] or done.stderr.splitlines()[-3:]
+    printed = re.findall(r"AssertionError: (.*)", done.stderr)[:1] or done.stderr.splitlines()[-3:]
     return {
         "target": name,
         "inputs": max(numbers, default=0),
         "first_covered": covered[0] if covered else 0,
         "covered": covered[-1] if covered else 0,
-        "faulty": [] if done.returncode == 0 else [f"{name}: {said} input {(broken or [b''])[0][:200]!r}"],
+        "faulty": [] if done.returncode == 0 else [f"{name}: {printed} input {(broken or [b''])[0][:200]!r}"],
         "lasted_s": round(time.monotonic() - begun_s, 1),
     }
 
 
 def main() -> int:
     """Prints the counts; 1 when an input was faulty."""
-    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument("--runs", type=int, default=5000)
-    ask.add_argument("--seed", type=int, default=1)
-    ask.add_argument("--targets", default="")
-    ask.add_argument("--json", action="store_true")
-    ask.add_argument("--child", default="", help=argparse.SUPPRESS)
-    ask.add_argument("--folder", type=Path, default=Path(), help=argparse.SUPPRESS)
-    given = ask.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=5000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--targets", default="")
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--child", default="", help=argparse.SUPPRESS)
+    parser.add_argument("--folder", type=Path, default=Path(), help=argparse.SUPPRESS)
+    given = parser.parse_args()
     if find_spec("atheris") is None:
         sys.exit("atheris is not installed here: python -m pip install --group fuzz")
     if given.child:

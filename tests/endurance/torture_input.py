@@ -234,15 +234,15 @@ def attempt(target: Target, data: bytes, folder: Path) -> str:
         with redirect_stdout(heard), redirect_stderr(heard):
             target.read(path)
     except StationError as refused:
-        told = "refused" if "\n" not in refused.sentence and refused.sentence else f"sentence {refused.sentence!r}"
+        shown = "refused" if "\n" not in refused.sentence and refused.sentence else f"sentence {refused.sentence!r}"
     except Exception as crash:  # noqa: BLE001 - any other type is what this looks for
-        told = f"{type(crash).__name__}: {crash}"[:200]
+        shown = f"{type(crash).__name__}: {crash}"[:200]
     else:
-        told = "taken"
+        shown = "taken"
     lasted_s = time.process_time() - begun_s
     if heard.getvalue():
         return f"a library printed {heard.getvalue()[:200]!r}"
-    return told if lasted_s < MOST_S else f"took {lasted_s:.1f} s"
+    return shown if lasted_s < MOST_S else f"took {lasted_s:.1f} s"
 
 
 def torture(inputs: int, seed: int, folder: Path) -> tuple[Counter[str], dict[str, bytes]]:
@@ -252,20 +252,20 @@ def torture(inputs: int, seed: int, folder: Path) -> tuple[Counter[str], dict[st
     counts: Counter[str] = Counter()
     faulty: dict[str, bytes] = {}
     for name, target in reading.items():
-        told = attempt(target, target.good, folder)
-        if told != "taken":
-            faulty[f"{name}, untouched: {told}"] = target.good
+        shown = attempt(target, target.good, folder)
+        if shown != "taken":
+            faulty[f"{name}, untouched: {shown}"] = target.good
     names = list(reading)
     for number in range(inputs):
         name = names[number % len(names)]
         if number // len(names) % SELDOM.get(name, 1):
             name = names[0]
         data = mutate(reading[name].good, rng)
-        told = attempt(reading[name], data, folder)
-        if told in ("taken", "refused"):
-            counts[f"{name} {told}"] += 1
+        shown = attempt(reading[name], data, folder)
+        if shown in ("taken", "refused"):
+            counts[f"{name} {shown}"] += 1
         else:
-            faulty.setdefault(f"{name}: {told}", data)
+            faulty.setdefault(f"{name}: {shown}", data)
             counts[f"{name} FAULTY"] += 1
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     if peak > MOST_BYTES:
@@ -275,23 +275,23 @@ def torture(inputs: int, seed: int, folder: Path) -> tuple[Counter[str], dict[st
 
 def main() -> int:
     """Prints the counts; 1 when an input was faulty."""
-    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument("--inputs", type=int, default=100_000)
-    ask.add_argument("--seed", type=int, default=1)
-    ask.add_argument("--json", action="store_true")
-    given = ask.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--inputs", type=int, default=100_000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
     begun_s = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         counts, faulty = torture(given.inputs, given.seed, Path(folder))
     bad = sum(n for what, n in counts.items() if what.endswith("FAULTY"))
-    told = [f"{what}   input {data[:60]!r}" for what, data in list(faulty.items())[:40]]
+    shown = [f"{what}   input {data[:60]!r}" for what, data in list(faulty.items())[:40]]
     if given.json:
-        print(json.dumps({"inputs": given.inputs, "faulty": bad, "seed": given.seed, "said": told}))
+        print(json.dumps({"inputs": given.inputs, "faulty": bad, "seed": given.seed, "said": shown}))
         return int(bool(faulty))
     what = "hostile inputs with a traceback, over 5 s or over 1 GiB"
     print(f"{what}: {bad} of {given.inputs}   goal: 0   seed {given.seed}")
     print(f"  {time.perf_counter() - begun_s:.0f} s; " + ", ".join(f"{k} {v}" for k, v in sorted(counts.items())))
-    for line in told:
+    for line in shown:
         print(f"  {line}")
     return int(bool(faulty))
 

@@ -17,23 +17,23 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
 from station.domain.core.types import Outcome
-from tests.fakes.intruder import DEEDS, SERIAL, Intruder
+from tests.fakes.intruder import ACTIONS, SERIAL, Intruder
 
 
 def main() -> int:
     """Prints the count; 1 when a disturbed unit passed."""
-    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument("--instants", type=int, default=1000)
-    ask.add_argument("--seed", type=int, default=1)
-    ask.add_argument("--json", action="store_true")
-    given = ask.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--instants", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
     rng = np.random.default_rng(given.seed)
     calls = _calls()
     passed: list[str] = []
     for number in range(given.instants):
-        at, deed = int(rng.integers(0, calls)), list(DEEDS)[number % len(DEEDS)]
+        at, deed = int(rng.integers(0, calls)), list(ACTIONS)[number % len(ACTIONS)]
         with tempfile.TemporaryDirectory() as folder:
-            results = Intruder(DEEDS[deed], at).run(Path(folder)).results
+            results = Intruder(ACTIONS[deed], at).run(Path(folder)).results
         if SERIAL in results and results[SERIAL].outcome is Outcome.PASS:
             passed.append(f"{number}: {deed} before call {at} of {calls}")
     found = given.instants - len(passed)

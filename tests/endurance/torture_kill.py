@@ -59,7 +59,7 @@ CALLS: Sequence[tuple[type, tuple[str, ...]]] = (
     (NonVolatileMemory, ("store",)),
 )
 #: Store call → where `life` tells what it kept.
-_KEPT = {"visit": "visits", "write": "writes", "result": "results"}
+_STORED = {"visit": "visits", "write": "writes", "result": "results"}
 #: Random instants that fell after the run's end are drawn again, so many times at most.
 _DRAWS = 4
 
@@ -110,7 +110,7 @@ class Death:
             if name == "store":
                 self.tell(f"saving {self.points}")
             returned = call(*args, **kwargs)
-            if name == "begin" or name in _KEPT:
+            if name == "begin" or name in _STORED:
                 for _ in args[2:] if name == "write" else args[:1]:  # every stage of a write is a record of its own
                     self.tell(name)
             self.pass_by()
@@ -170,11 +170,11 @@ def die(folder: Path, trial: Trial) -> tuple[list[str], bool]:
         if trial.after_s:
             time.sleep(trial.after_s)
             os.kill(child, signal.SIGKILL)
-        told = b"".join(iter(lambda: os.read(pipe, 65536), b""))
+        report = b"".join(iter(lambda: os.read(pipe, 65536), b""))
         _, status = os.waitpid(child, 0)
     if os.WIFEXITED(status) and os.WEXITSTATUS(status):
         raise RuntimeError(f"{trial} broke off by itself with status {os.WEXITSTATUS(status)}")
-    return told.decode().splitlines(), os.WIFSIGNALED(status)
+    return report.decode().splitlines(), os.WIFSIGNALED(status)
 
 
 def come_again(folder: Path, number: int) -> None:
@@ -216,12 +216,12 @@ def raw(value: float | int | str, size: int) -> str:
 
 def judge(folder: Path, trial: Trial, base: Path) -> tuple[list[str], str] | None:
     """Everything that is wrong after this trial, as `kind: what`, and what the flash holds; None: it did not die."""
-    seen, died = die(folder, trial)
+    observed, died = die(folder, trial)
     if not died:
         return None
     before = lives(folder)
     attempt = before[1] if len(before) > 1 else None
-    wrong = [f"lost: {what}" for what in lost(seen, attempt)]
+    wrong = [f"lost: {what}" for what in lost(observed, attempt)]
     if attempt is None:
         return wrong, "old"
     planned = (result(attempt, "write-plan") or {}).get("objects", {})
@@ -232,16 +232,16 @@ def judge(folder: Path, trial: Trial, base: Path) -> tuple[list[str], str] | Non
     return wrong, truth
 
 
-def lost(seen: Sequence[str], attempt: dict[str, Any] | None) -> Iterator[str]:
+def lost(observed: Sequence[str], attempt: dict[str, Any] | None) -> Iterator[str]:
     """What had returned before the death and is not in the log."""
-    counts = Counter(seen)
+    counts = Counter(observed)
     if counts["begin"] and attempt is None:
         yield "the attempt"
     elif attempt is not None:
-        for call, kept in _KEPT.items():
-            if counts[call] > len(attempt[kept]):
-                yield f"{counts[call] - len(attempt[kept])} of the {counts[call]} {kept}"
-        shown = [line.removeprefix("shown ") for line in seen if line.startswith("shown ")]
+        for call, stored in _STORED.items():
+            if counts[call] > len(attempt[stored]):
+                yield f"{counts[call] - len(attempt[stored])} of the {counts[call]} {stored}"
+        shown = [line.removeprefix("shown ") for line in observed if line.startswith("shown ")]
         if shown and attempt["outcome"] != shown[0]:
             yield f"{shown[0]} was shown, the log says {attempt['outcome']}"
 
@@ -262,10 +262,10 @@ def unrecognised(found: Sequence[dict[str, Any]], truth: str) -> Iterator[str]:
     interrupted, again = found[1], found[2]
     if interrupted["outcome"] is None:
         yield "the attempt is still open"
-    told = [e["detail"]["state"] for e in interrupted["events"] if e["kind"] == "device-state"]
-    if told and told[-1] != truth:
-        yield f"the next start took {truth} values for {told[-1]}"
-    if truth == "mixed" and (again["outcome"] != Outcome.FAIL or not told):
+    report = [e["detail"]["state"] for e in interrupted["events"] if e["kind"] == "device-state"]
+    if report and report[-1] != truth:
+        yield f"the next start took {truth} values for {report[-1]}"
+    if truth == "mixed" and (again["outcome"] != Outcome.FAIL or not report):
         yield f"a mixture was taken on with outcome {again['outcome']}"
 
 
@@ -293,7 +293,7 @@ class Count:
         self.survived: list[str] = []
         self.wrong: Counter[str] = Counter()
         self.held: Counter[str] = Counter()
-        self.said: list[str] = []
+        self.printed: list[str] = []
 
     def add(self, trial: Trial) -> None:
         """Tries it in a folder of its own."""
@@ -305,7 +305,7 @@ class Count:
             return
         found, truth = judged
         self.wrong.update(line.split(":")[0] for line in found)
-        self.said += [f"{trial}: {line}" for line in found]
+        self.printed += [f"{trial}: {line}" for line in found]
         self.held[truth] += 1
         self.deaths["points" if trial.point else "instants"] += 1
 
@@ -340,7 +340,7 @@ def torture(wanted: int, instants: int, seed: int) -> dict[str, Any]:
         "flash_held": dict(count.held),
         "seed": seed - 1,
         "lasted_s": round(time.monotonic() - begun_s, 1),
-        "said": count.said,
+        "said": count.printed,
     }
 
 
@@ -348,36 +348,36 @@ def measured(folder: Path, base: Path, trial: Trial) -> Whole:
     """How many points the run has, and how long it takes."""
     copy = Path(shutil.copytree(base, folder / "whole"))
     begun_s = time.monotonic()
-    told, _ = die(copy, trial)
+    report, _ = die(copy, trial)
     lasts_s = time.monotonic() - begun_s
     shutil.rmtree(copy)
-    said = dict(line.rsplit(" ", 1) for line in reversed(told) if line.startswith(("points ", "saving ")))
-    return Whole(int(said["points"]), int(said["saving"]), lasts_s)
+    printed = dict(line.rsplit(" ", 1) for line in reversed(report) if line.startswith(("points ", "saving ")))
+    return Whole(int(printed["points"]), int(printed["saving"]), lasts_s)
 
 
 def main() -> int:
     """Prints the counts; 1 when one of them is not as it must be."""
-    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument("--points", type=int, default=0)
-    ask.add_argument("--instants", type=int, default=1000)
-    ask.add_argument("--seed", type=int, default=1)
-    ask.add_argument("--json", action="store_true")
-    given = ask.parse_args()
-    told = torture(given.points, given.instants, given.seed)
-    good = not (told["lost"] or told["contradicting"] or told["unrecognised"] or told["not_reached"])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--points", type=int, default=0)
+    parser.add_argument("--instants", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
+    report = torture(given.points, given.instants, given.seed)
+    good = not (report["lost"] or report["contradicting"] or report["unrecognised"] or report["not_reached"])
     if given.json:
-        print(json.dumps(told))
+        print(json.dumps(report))
         return int(not good)
-    deaths = told["deaths"]
-    wrong = f"{told['lost']} / {told['contradicting']} / {told['unrecognised']}"
+    deaths = report["deaths"]
+    wrong = f"{report['lost']} / {report['contradicting']} / {report['unrecognised']}"
     print(
-        f"SIGKILL at {deaths.get('points', 0)} of {told['points']} points + {told['torn_points']} of a torn save, and "
+        f"SIGKILL at {deaths.get('points', 0)} of {report['points']} points + {report['torn_points']} of a torn save, "
         f"at {deaths.get('instants', 0)} random instants: records lost / logs contradicting the device / half-written "
-        f"devices not recognised = {wrong}   goal: 0 / 0 / 0   seed {told['seed']}"
+        f"devices not recognised = {wrong}   goal: 0 / 0 / 0   seed {report['seed']}"
     )
-    print(f"  {told['lasted_s']:.0f} s; the flash held {told['flash_held']} values")
-    print(f"  points not reached: {told['not_reached']} of {told['planned']}   goal: 0")
-    for line in told["said"][:20]:
+    print(f"  {report['lasted_s']:.0f} s; the flash held {report['flash_held']} values")
+    print(f"  points not reached: {report['not_reached']} of {report['planned']}   goal: 0")
+    for line in report["said"][:20]:
         print(f"  {line}")
     return int(not good)
 

@@ -110,24 +110,26 @@ def lasting(units: int, after: int, seed: int) -> dict[str, Any]:
 
 def main() -> int:
     """Prints the figures; 1 when one of them is not as it must be."""
-    ask = argparse.ArgumentParser()
-    ask.add_argument("--units", type=int, default=10_000)
-    ask.add_argument("--after", type=int, default=500)
-    ask.add_argument("--seed", type=int, default=1)
-    ask.add_argument("--json", action="store_true")
-    given = ask.parse_args()
-    told = lasting(given.units, given.after, given.seed)
-    grown = told["memory_growth"] >= GOAL or told["threads_growth"] > 0 or told["files_growth"] > 0
-    bad = grown or told["wal_mib"] >= WAL_MIB or told["passed"] < told["units"]
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--units", type=int, default=10_000)
+    parser.add_argument("--after", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
+    shown = lasting(given.units, given.after, given.seed)
+    grown = shown["memory_growth"] >= GOAL or shown["threads_growth"] > 0 or shown["files_growth"] > 0
+    bad = grown or shown["wal_mib"] >= WAL_MIB or shown["passed"] < shown["units"]
     if given.json:
-        print(json.dumps(told))
+        print(json.dumps(shown))
         return int(bad)
     print(
-        f"{told['units']} units in virtual time, {told['passed']} passed: memory after the first {told['after']} "
-        f"{100 * told['memory_growth']:+.1f} % (goal < {100 * GOAL:g} %), threads {told['threads_growth']:+d} and open "
-        f"files {told['files_growth']:+d} (goal 0), WAL at most {told['wal_mib']:.1f} MiB (goal < {WAL_MIB})"
+        f"{shown['units']} units in virtual time, {shown['passed']} passed: memory after the first {shown['after']} "
+        f"{100 * shown['memory_growth']:+.1f} % (goal < {100 * GOAL:g} %), threads {shown['threads_growth']:+d}, open "
+        f"files {shown['files_growth']:+d} (goal 0), WAL at most {shown['wal_mib']:.1f} MiB (goal < {WAL_MIB})"
     )
-    print(f"  {told['memory_mib']:.0f} MiB resident; {told['lasted_s']:.0f} s, {told['cpu_s']:.0f} s of them computing")
+    print(
+        f"  {shown['memory_mib']:.0f} MiB resident; {shown['lasted_s']:.0f} s, {shown['cpu_s']:.0f} s of them computing"
+    )
     return int(bad)
 
 

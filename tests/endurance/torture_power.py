@@ -48,12 +48,12 @@ def work(folder: Path, out: Path, *, careless: bool) -> None:
     def telling(name: str) -> None:
         call = getattr(SqliteStore, name)
 
-        def told(store: SqliteStore, *args: Any, **kwargs: Any) -> Any:
+        def shown(store: SqliteStore, *args: Any, **kwargs: Any) -> Any:
             returned = call(store, *args, **kwargs)
             print(len(list(out.glob("*.synced"))), store.head().number, flush=True)
             return returned
 
-        setattr(SqliteStore, name, told)
+        setattr(SqliteStore, name, shown)
 
     def carelessly(store: SqliteStore) -> None:
         check(store)
@@ -139,7 +139,7 @@ def torture(every: int, seed: int, *, careless: bool) -> dict[str, Any]:
     begun_s = time.monotonic()
     rng = np.random.default_rng(seed)
     tried: Counter[str] = Counter()
-    said = []
+    printed = []
     with tempfile.TemporaryDirectory() as name:
         folder, out = (Path(name) / part for part in ("run", "copies"))
         folder.mkdir()
@@ -154,43 +154,43 @@ def torture(every: int, seed: int, *, careless: bool) -> dict[str, Any]:
                 restored = Path(name) / "restored"
                 restored.mkdir()
                 if wrong := fault(files, least, restored):
-                    said.append(f"power cut at fsync {number}, {way}: {wrong}")
+                    printed.append(f"power cut at fsync {number}, {way}: {wrong}")
                 shutil.rmtree(restored)
                 tried[way] += 1
     return {
         "fsyncs": len(every_state),
         "tried": dict(tried),
-        "faulty": len(said),
+        "faulty": len(printed),
         "seed": seed,
         "lasted_s": round(time.monotonic() - begun_s, 1),
-        "said": said,
+        "said": printed,
     }
 
 
 def main() -> int:
     """Prints the counts; 1 when a log was faulty."""
-    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument("--every", type=int, default=1)
-    ask.add_argument("--seed", type=int, default=1)
-    ask.add_argument("--careless", action="store_true")
-    ask.add_argument("--json", action="store_true")
-    ask.add_argument("--work", type=Path, help=argparse.SUPPRESS)
-    ask.add_argument("--out", type=Path, help=argparse.SUPPRESS)
-    given = ask.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--careless", action="store_true")
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--work", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
+    given = parser.parse_args()
     if given.work:
         work(given.work, given.out, careless=given.careless)
         return 0
-    told = torture(given.every, given.seed, careless=given.careless)
+    shown = torture(given.every, given.seed, careless=given.careless)
     if given.json:
-        print(json.dumps(told))
-        return int(told["faulty"] > 0)
-    cuts = sum(told["tried"].values())
-    print(f"power cuts at {told['fsyncs']} fsyncs, {cuts} restored logs that lost a record, broke or did not open: "
-          f"{told['faulty']}   goal: 0   seed {told['seed']}")  # fmt: skip
-    print(f"  {told['lasted_s']:.0f} s; {told['tried']}")
-    for line in told["said"][:20]:
+        print(json.dumps(shown))
+        return int(shown["faulty"] > 0)
+    cuts = sum(shown["tried"].values())
+    print(f"power cuts at {shown['fsyncs']} fsyncs, {cuts} restored logs that lost a record, broke or did not open: "
+          f"{shown['faulty']}   goal: 0   seed {shown['seed']}")  # fmt: skip
+    print(f"  {shown['lasted_s']:.0f} s; {shown['tried']}")
+    for line in shown["said"][:20]:
         print(f"  {line}")
-    return int(told["faulty"] > 0)
+    return int(shown["faulty"] > 0)
 
 
 if __name__ == "__main__":

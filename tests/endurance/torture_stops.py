@@ -24,11 +24,11 @@ from tests.fakes.stop_presses import faults_of, run_and_press
 
 def main() -> int:
     """Prints the count; 1 when a stop left something as it must not be."""
-    ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument("--instants", type=int, default=500)
-    ask.add_argument("--seed", type=int, default=1)
-    ask.add_argument("--json", action="store_true")
-    given = ask.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--instants", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
     rng = np.random.default_rng(given.seed)
     calls = _calls()
     wrong: list[str] = []

@@ -71,7 +71,7 @@ class DeviceRig:
         )
         self.clock.attach(self.device)
 
-    def ask(self, request: str) -> list[str]:
+    def query(self, request: str) -> list[str]:
         """Sends one SDO request as hex; the answers that come within 50 ms, as hex."""
         self.raw.receive(0.0)
         self.raw.send(0x600 + self.node, bytes.fromhex(request))

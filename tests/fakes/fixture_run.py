@@ -47,7 +47,7 @@ class Ran:
         """The last attempt of a serial."""
         return self.lives(serial)[-1]
 
-    def kept(self, serial: str, name: str) -> Any:
+    def stored(self, serial: str, name: str) -> Any:
         """The newest result of that name of the last attempt."""
         return result(self.life(serial), name)
 

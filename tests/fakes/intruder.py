@@ -48,7 +48,7 @@ def swap(bench: Bench, seat: NestAssignment) -> None:
     bench.fixture.place([NestAssignment(OTHER, seat.nest, seat.node)])
 
 
-DEEDS: dict[str, Deed] = {
+ACTIONS: dict[str, Deed] = {
     "writes a coefficient": write(0x2101, 5, b"\x00\x00\xc0\x3f"),
     "writes the valid flag": write(0x2107, 0, b"\x00"),
     "resets the device": nmt(129),

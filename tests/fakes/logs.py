@@ -55,8 +55,8 @@ def visit(number: int, rng: np.random.Generator, kind: str = "tumble") -> VisitR
 def unit(store: SqliteStore, serial: str = "SN1", outcome: str = "PASS", **changes: object) -> str:
     """A whole attempt: two stops, a written object, results, an end; its id."""
     rng = np.random.default_rng(7)
-    told = begin(serial, **changes)
-    attempt = store.begin(told)
+    shown = begin(serial, **changes)
+    attempt = store.begin(shown)
     store.result(attempt, "identity", {"serial": 1, "software": "1.0.0"})
     for number in range(2):
         store.visit([attempt], [visit(number, rng)])
@@ -65,7 +65,7 @@ def unit(store: SqliteStore, serial: str = "SN1", outcome: str = "PASS", **chang
     store.write(attempt, write)
     store.write(attempt, replace(write, read_back=write.written, stage="verified"))
     store.result(attempt, "verdict", {"outcome": outcome, "reasons": []})
-    store.finish(attempt, outcome, told.started_ns + 28_000_000_000)
+    store.finish(attempt, outcome, shown.started_ns + 28_000_000_000)
     store.tidy()
     return attempt
 

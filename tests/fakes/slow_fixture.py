@@ -14,31 +14,31 @@ from station.cli import app
 MOVE_S, PARK_S = 0.4, 0.7
 
 
-def slow(deed: str, done: str, lasts_s: float, call: Callable[..., None], deeds: Path) -> Callable[..., None]:
+def slow(deed: str, done: str, lasts_s: float, call: Callable[..., None], actions: Path) -> Callable[..., None]:
     """The call, taking so long and told in the file."""
 
     def slowly(*args: object) -> None:
-        _say(deeds, deed)
+        _say(actions, deed)
         until_s = time.monotonic() + lasts_s
         while time.monotonic() < until_s:  # as a drive that is polled: a signal does not shorten it
             time.sleep(0.02)
         call(*args)
-        _say(deeds, done)
+        _say(actions, done)
 
     return slowly
 
 
-def _say(deeds: Path, line: str) -> None:
-    with deeds.open("a") as file:
+def _say(actions: Path, line: str) -> None:
+    with actions.open("a") as file:
         file.write(line + "\n")
 
 
 def main() -> None:
     """See the top of the file."""
     folder = Path(sys.argv[1])
-    deeds = folder / "deeds"
-    SimulatedPositioner.move = slow("moving", "moved", MOVE_S, SimulatedPositioner.move, deeds)  # type: ignore[method-assign]
-    SimulatedPositioner.park = slow("parking", "parked", PARK_S, SimulatedPositioner.park, deeds)  # type: ignore[method-assign]
+    actions = folder / "deeds"
+    SimulatedPositioner.move = slow("moving", "moved", MOVE_S, SimulatedPositioner.move, actions)  # type: ignore[method-assign]
+    SimulatedPositioner.park = slow("parking", "parked", PARK_S, SimulatedPositioner.park, actions)  # type: ignore[method-assign]
     log, devices = str(folder / "station.db"), str(folder / "devices")
     app.main(["run", "--simulate", "--serial", "SN0001", "--db", log, "--device-state", devices])
 

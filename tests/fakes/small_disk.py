@@ -25,19 +25,19 @@ def one_run(folder: Path, kib: int) -> dict[str, Any]:
     disk.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={kib}k", "tmpfs", str(disk)], check=True)
     log = disk / "station.db"
-    told: dict[str, Any] = {"kib": kib, "shown": None, "sentences": []}
+    shown: dict[str, Any] = {"kib": kib, "shown": None, "sentences": []}
     try:
         ran = fixture_run.run(folder, database=log, device_state=devices)
     except StationError as refused:
-        told["sentences"] = [refused.sentence]
+        shown["sentences"] = [refused.sentence]
     else:
         result = ran.results.get(SERIAL)
-        told["shown"] = None if result is None else str(result.outcome)
+        shown["shown"] = None if result is None else str(result.outcome)
         reasons = [] if result is None else [r.sentence for r in result.reasons]
-        told["sentences"] = [*reasons, *([ran.fault.sentence] if ran.fault else [])]
+        shown["sentences"] = [*reasons, *([ran.fault.sentence] if ran.fault else [])]
     subprocess.run(["mount", "-o", "remount,size=64m", str(disk)], check=True)
-    told["saved"] = (devices / f"{SERIAL}.json").exists()
-    return {**told, **_log(log), "goes_on": _next(folder, log, devices)}
+    shown["saved"] = (devices / f"{SERIAL}.json").exists()
+    return {**shown, **_log(log), "goes_on": _next(folder, log, devices)}
 
 
 def _log(path: Path) -> dict[str, Any]:

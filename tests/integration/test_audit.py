@@ -35,13 +35,13 @@ def station(*args: object) -> int:
     return int(ended.value.code or 0)
 
 
-def asked(capsys: Out, *args: object) -> Any:
+def requested(capsys: Out, *args: object) -> Any:
     station(*args, "--json")
     return json.loads(capsys.readouterr().out)
 
 
 def test_a_units_whole_life_with_every_attempt(db: Path, capsys: Out) -> None:
-    life = asked(capsys, "audit", "SN0003", "--db", db)
+    life = requested(capsys, "audit", "SN0003", "--db", db)
     assert (life["schema"], life["serial"], life["count"]) == ("station.audit/1", "SN0003", 2)
     failed, passed = life["attempts"]
     assert (failed["outcome"], passed["outcome"]) == ("FAIL", "PASS")
@@ -57,9 +57,9 @@ def test_a_units_whole_life_with_every_attempt(db: Path, capsys: Out) -> None:
 
 def test_a_life_is_readable_too(db: Path, capsys: Out) -> None:
     assert station("audit", "SN0003", "--db", db) == 0
-    said = capsys.readouterr().out
+    sentences = capsys.readouterr().out
     for part in ("1. SN0003: FAIL", "2. SN0003: PASS", "beyond 1e-06", "2101:01", "verify-tilt", "sealed", "head of"):
-        assert part in said
+        assert part in sentences
 
 
 def test_calibrations_come_out_again_bit_for_bit(db: Path, capsys: Out) -> None:
@@ -79,15 +79,15 @@ def test_one_changed_bit_of_a_stored_coefficient_is_told(db: Path, tmp_path: Pat
         document["matrix"][1][2] = float(np.nextafter(document["matrix"][1][2], 1))
         edited.execute("UPDATE result SET document = ? WHERE seq = ?", (json.dumps(document), number))
     assert station("audit", "SN0001", "--recompute", "--verify", "--db", copy) == 2
-    said = capsys.readouterr().out
-    assert f"edited: result record {number} was edited" in said
-    assert "1 of" in said
-    assert "come out differently: matrix[1][2]" in said
+    sentences = capsys.readouterr().out
+    assert f"edited: result record {number} was edited" in sentences
+    assert "1 of" in sentences
+    assert "come out differently: matrix[1][2]" in sentences
 
 
 def test_containment_is_one_question(db: Path, capsys: Out) -> None:
     def serials(*options: str) -> list[str]:
-        return [a["serial"] for a in asked(capsys, "audit", "--db", db, *options)["attempts"]]
+        return [a["serial"] for a in requested(capsys, "audit", "--db", db, *options)["attempts"]]
 
     assert serials("--outcome", "fail") == ["SN0003"]
     assert serials("--recipe", "six-point", "--nest", "B") == ["SN0002"]
@@ -98,23 +98,23 @@ def test_containment_is_one_question(db: Path, capsys: Out) -> None:
 
 
 def test_the_chain_is_whole_and_answers_to_its_printed_head(db: Path, capsys: Out) -> None:
-    told = asked(capsys, "audit", "--verify", "--db", db)
-    number = told["head"]["number"]
-    assert told["verify"] == {
+    report = requested(capsys, "audit", "--verify", "--db", db)
+    number = report["head"]["number"]
+    assert report["verify"] == {
         "records": number,
         "whole": True,
         "findings": [],
         "anchors": [{"place": f"head file {db}.head", "number": number, "state": "agrees"}],
         "acknowledged": [],
     }
-    printed = f"{told['head']['number']}:{told['head']['hash']}"
+    printed = f"{report['head']['number']}:{report['head']['hash']}"
     assert station("audit", "--verify", "--db", db, "--head", printed) == 0
-    assert station("audit", "--verify", "--db", db, "--head", f"{told['head']['number'] + 5}:{'0' * 64}") == 2
+    assert station("audit", "--verify", "--db", db, "--head", f"{report['head']['number'] + 5}:{'0' * 64}") == 2
     assert "its end was cut off" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
-    ("args", "said"),
+    ("args", "sentences"),
     [
         (["SN9999"], "holds no such attempt of serial 'SN9999'"),
         (["--since", "yesterday"], "--since 'yesterday' is not a time; write 2026-11-21"),
@@ -125,17 +125,17 @@ def test_the_chain_is_whole_and_answers_to_its_printed_head(db: Path, capsys: Ou
         (["--verify", "--key", "none.pem"], "The public key none.pem is not PEM"),
     ],
 )
-def test_wrong_questions_end_in_one_sentence(db: Path, args: list[str], said: str, capsys: Out) -> None:
+def test_wrong_questions_end_in_one_sentence(db: Path, args: list[str], sentences: str, capsys: Out) -> None:
     assert station("audit", *args, "--db", db) == 2
     shown = capsys.readouterr()
-    assert said in shown.err
+    assert sentences in shown.err
     assert shown.err.count("\n") == 1
 
 
 def test_samples_results_and_frames_go_out_with_the_head_they_came_from(db: Path, tmp_path: Path, capsys: Out) -> None:
     table, rows, log = tmp_path / "s.parquet", tmp_path / "r.csv", tmp_path / "SN0001.log"
-    told = asked(capsys, "export", "--db", db, "--samples", table, "--results", rows)
-    head = f"{told['files'][0]['head']['number']}:{told['files'][0]['head']['hash']}"
+    report = requested(capsys, "export", "--db", db, "--samples", table, "--results", rows)
+    head = f"{report['files'][0]['head']['number']}:{report['files'][0]['head']['hash']}"
     metadata = parquet.read_metadata(table).metadata
     assert (metadata[b"schema"], metadata[b"head"]) == (b"station.samples/1", head.encode())
     read = parquet.read_table(table).to_pydict()
@@ -155,8 +155,8 @@ def test_samples_results_and_frames_go_out_with_the_head_they_came_from(db: Path
     ]
     assert station("export", "--db", db, "--serial", "SN0001", "--frames", log) == 0
     assert head in capsys.readouterr().out
-    beside = json.loads((tmp_path / "SN0001.log.export.json").read_text())
-    assert (f"{beside['head']['number']}:{beside['head']['hash']}", len(beside["attempts"])) == (head, 1)
+    extra = json.loads((tmp_path / "SN0001.log.export.json").read_text())
+    assert (f"{extra['head']['number']}:{extra['head']['hash']}", len(extra["attempts"])) == (head, 1)
 
 
 def unit(document: Any, serial: str) -> dict[str, Any]:
@@ -166,29 +166,29 @@ def unit(document: Any, serial: str) -> dict[str, Any]:
 @pytest.mark.parametrize("ending", ["log", "blf"])
 def test_an_exported_log_replays_to_the_same_coefficients(db: Path, tmp_path: Path, ending: str, capsys: Out) -> None:
     log = tmp_path / f"both.{ending}"
-    asked(capsys, "export", "--db", db, "--serial", "SN0001", "--serial", "SN0002", "--frames", log)
-    replayed = asked(capsys, "replay", log)
+    requested(capsys, "export", "--db", db, "--serial", "SN0001", "--serial", "SN0002", "--frames", log)
+    replayed = requested(capsys, "replay", log)
     for serial in ("SN0001", "SN0002"):
-        (life,) = asked(capsys, "audit", serial, "--db", db)["attempts"]
-        kept = next(r["document"] for r in life["results"] if r["name"] == "calibration")
-        told = unit(replayed, serial)
-        assert (told["offset"], told["matrix"]) == (kept["offset"], kept["matrix"])
+        (life,) = requested(capsys, "audit", serial, "--db", db)["attempts"]
+        stored = next(r["document"] for r in life["results"] if r["name"] == "calibration")
+        report = unit(replayed, serial)
+        assert (report["offset"], report["matrix"]) == (stored["offset"], stored["matrix"])
 
 
 def test_an_exported_table_calibrates_to_the_same_coefficients(db: Path, tmp_path: Path, capsys: Out) -> None:
     table, out = tmp_path / "s.csv", tmp_path / "c.json"
-    asked(capsys, "export", "--db", db, "--serial", "SN0002", "--samples", table)
+    requested(capsys, "export", "--db", db, "--serial", "SN0002", "--samples", table)
     station("calibrate", "--samples", table, "--recipe", "six-point", "--json", out)
     capsys.readouterr()
-    (life,) = asked(capsys, "audit", "SN0002", "--db", db)["attempts"]
-    kept = next(r["document"] for r in life["results"] if r["name"] == "calibration")
-    told = unit(json.loads(out.read_text()), "SN0002")
-    assert np.allclose(told["offset"], kept["offset"], rtol=0, atol=1e-12)
-    assert np.allclose(told["matrix"], kept["matrix"], rtol=0, atol=1e-12)
+    (life,) = requested(capsys, "audit", "SN0002", "--db", db)["attempts"]
+    stored = next(r["document"] for r in life["results"] if r["name"] == "calibration")
+    report = unit(json.loads(out.read_text()), "SN0002")
+    assert np.allclose(report["offset"], stored["offset"], rtol=0, atol=1e-12)
+    assert np.allclose(report["matrix"], stored["matrix"], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("args", "said"),
+    ("args", "sentences"),
     [
         ([], "Nothing to write"),
         (["--samples", "a.xlsx"], "the file's ending must be one of .parquet, .csv"),
@@ -198,11 +198,11 @@ def test_an_exported_table_calibrates_to_the_same_coefficients(db: Path, tmp_pat
     ],
 )
 def test_exports_that_cannot_be_end_in_one_sentence(
-    db: Path, tmp_path: Path, args: list[str], said: str, capsys: Out, monkeypatch: pytest.MonkeyPatch
+    db: Path, tmp_path: Path, args: list[str], sentences: str, capsys: Out, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert station("export", *args, "--db", db) == 2
-    assert said in capsys.readouterr().err
+    assert sentences in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == [], "nothing half-written is left"
 
 

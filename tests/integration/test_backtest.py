@@ -29,7 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def asked(capsys: Out, folder: Path, *args: str, code: int = 0) -> Any:
+def requested(capsys: Out, folder: Path, *args: str, code: int = 0) -> Any:
     with pytest.raises(SystemExit) as ended:
         main(["backtest", "--db", str(folder / "station.db"), "--processes", "1", *args])
     shown = capsys.readouterr()
@@ -39,25 +39,25 @@ def asked(capsys: Out, folder: Path, *args: str, code: int = 0) -> Any:
 
 @pytest.mark.parametrize("source", [[], ["--from-frames"]])
 def test_the_same_recipe_gives_the_same_bits(folder: Path, source: list[str], capsys: Out) -> None:
-    told = asked(capsys, folder, "--recipe", "six-point", "--json", *source)
-    assert told["verdicts"] == [{"before": "PASS", "after": "PASS", "count": 4}]
-    assert told["changed"] == []
-    assert all(c["max_change"] == 0 for c in told["coefficients"])
-    assert told["computed_from"] == ("frames" if source else "stops")
+    report = requested(capsys, folder, "--recipe", "six-point", "--json", *source)
+    assert report["verdicts"] == [{"before": "PASS", "after": "PASS", "count": 4}]
+    assert report["changed"] == []
+    assert all(c["max_change"] == 0 for c in report["coefficients"])
+    assert report["computed_from"] == ("frames" if source else "stops")
 
 
 def test_tighter_limits_fail_the_units_beyond_them_and_say_why(folder: Path, capsys: Out) -> None:
     tight = fixture_run.recipe(folder, limits={"offset": 0.03})
-    told = asked(capsys, folder, "--recipe", tight, "--json")
-    beyond = {r["serial"] for r in kept(folder) if np.abs(r["offset"]).max() > 0.03}
+    report = requested(capsys, folder, "--recipe", tight, "--json")
+    beyond = {r["serial"] for r in stored(folder) if np.abs(r["offset"]).max() > 0.03}
     assert 0 < len(beyond) < 4
-    assert {c["serial"] for c in told["changed"]} == beyond
-    assert all(c["after"] == "FAIL" and "beyond 0.03" in c["reasons"][0] for c in told["changed"])
-    text = asked(capsys, folder, "--recipe", tight)
+    assert {c["serial"] for c in report["changed"]} == beyond
+    assert all(c["after"] == "FAIL" and "beyond 0.03" in c["reasons"][0] for c in report["changed"])
+    text = requested(capsys, folder, "--recipe", tight)
     assert f"{len(beyond)}  PASS become FAIL" in text
 
 
-def kept(folder: Path) -> list[dict[str, Any]]:
+def stored(folder: Path) -> list[dict[str, Any]]:
     with SqliteLogReader(folder / "station.db") as log:
         lives = [log.life(Query(serial=a.serial))[0] for a in log.attempts(Query())]
     return [{"serial": k["serial"], **_calibration(k)} for k in lives]
@@ -69,18 +69,18 @@ def _calibration(life: dict[str, Any]) -> dict[str, Any]:
 
 def test_another_method_is_computed_from_the_kept_stops(folder: Path, capsys: Out) -> None:
     """Six faces equally noisy: the weights of n-point are all alike, and it is six-point."""
-    told = asked(capsys, folder, "--recipe", fixture_run.recipe(folder, method="n-point"), "--json")
-    assert told["computed_from"] == "stops"
-    assert max(c["max_change_in_std"] for c in told["coefficients"]) < 1e-6
+    report = requested(capsys, folder, "--recipe", fixture_run.recipe(folder, method="n-point"), "--json")
+    assert report["computed_from"] == "stops"
+    assert max(c["max_change_in_std"] for c in report["coefficients"]) < 1e-6
     # That the method is taken at all shows where it cannot work: six magnitudes do not hold nine coefficients.
-    refused = asked(capsys, folder, "--recipe", fixture_run.recipe(folder, method="norm"), code=2)
+    refused = requested(capsys, folder, "--recipe", fixture_run.recipe(folder, method="norm"), code=2)
     assert "norm on these 6 positions leaves cross-axis xy" in refused
 
 
 def test_another_truth_moves_the_gains_by_as_much(folder: Path, capsys: Out) -> None:
     heavier = fixture_run.recipe(folder, reference={"source": "gravity", "magnitude": 1.001})
-    told = asked(capsys, folder, "--recipe", heavier, "--json")
-    moved = {c["name"]: c["max_change"] for c in told["coefficients"]}
+    report = requested(capsys, folder, "--recipe", heavier, "--json")
+    moved = {c["name"]: c["max_change"] for c in report["coefficients"]}
     # Gains of 1 ± 3 % at most, over 1.001.
     assert all(moved[f"gain {axis}"] == pytest.approx(0.001, rel=0.035) for axis in "xyz")
     assert moved["offset x"] == pytest.approx(0.0, abs=1e-9)
@@ -88,10 +88,10 @@ def test_another_truth_moves_the_gains_by_as_much(folder: Path, capsys: Out) -> 
 
 def test_other_dwells_are_computed_from_frames_by_themselves(folder: Path, capsys: Out) -> None:
     shorter = fixture_run.recipe(folder, settle={"time_s": 0.5}, dwell={"time_s": 0.5})
-    told = asked(capsys, folder, "--recipe", shorter, "--json")
-    assert told["computed_from"] == "frames"
-    assert told["compared"] == 4
-    assert max(c["max_change"] for c in told["coefficients"]) > 0
+    report = requested(capsys, folder, "--recipe", shorter, "--json")
+    assert report["computed_from"] == "frames"
+    assert report["compared"] == 4
+    assert max(c["max_change"] for c in report["coefficients"]) > 0
 
 
 def test_two_processes_give_what_one_gives(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,7 +107,7 @@ def test_two_processes_give_what_one_gives(folder: Path, monkeypatch: pytest.Mon
 
 
 def test_wrong_orders_end_in_one_sentence(folder: Path, capsys: Out) -> None:
-    assert "name the recipe of the attempts with --of" in asked(capsys, folder, "--recipe", "tilt-24", code=2)
+    assert "name the recipe of the attempts with --of" in requested(capsys, folder, "--recipe", "tilt-24", code=2)
     few = load_recipe("six-point").model_copy(update={"positions": load_recipe("six-point").positions[:2]})
     with SqliteLogReader(folder / "station.db") as log, pytest.raises(RecipeError):
         run(partial(SqliteLogReader, log.path), log.attempts(Query()), few)

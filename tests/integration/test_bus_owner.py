@@ -22,9 +22,9 @@ def bus() -> Iterator[BusSettings]:
 def test_the_second_station_is_refused_with_the_firsts_name_and_time(bus: BusSettings) -> None:
     with claim_bus(bus, "bench-1"), pytest.raises(BusFault) as refused:
         claim_bus(bus, "bench-2")
-    told = refused.value.sentence
-    assert told.startswith(f"The bus {CHANNEL} is in use by bench-1 (pid {os.getpid()}) since 20")
-    assert told.endswith("stop that one first.")
+    shown = refused.value.sentence
+    assert shown.startswith(f"The bus {CHANNEL} is in use by bench-1 (pid {os.getpid()}) since 20")
+    assert shown.endswith("stop that one first.")
 
 
 def test_another_interface_is_nobodys_business(bus: BusSettings) -> None:

@@ -42,8 +42,8 @@ def test_with_the_cable_out_requests_wait_in_the_queue_and_readings_are_lost(
     assert not len(device.receive(0.0))
     clock.sleep(2.0)
     device.send_many(readings(clock, 0.5, 0.999, 1.0, 2.999, 3.0, 3.4))
-    taken = stream.receive(0.0).time_ns.tolist()
-    assert taken == [clock.at_ns(t) for t in (0.5, 0.999, 3.0, 3.4)]
+    accepted = stream.receive(0.0).time_ns.tolist()
+    assert accepted == [clock.at_ns(t) for t in (0.5, 0.999, 3.0, 3.4)]
     station.receive(0.0)
     assert device.receive(0.0).data[:, 0].tolist() == [1]
     assert bus.state() == "active"

@@ -97,7 +97,7 @@ def test_a_changed_digit_breaks_the_signature(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "shown"),
     [
         ((), "Say what to write"),
         (("--xml", "x.xml", "--dcc-version", "2.0"), "use 3.3.0 or 3.2.1"),
@@ -105,9 +105,9 @@ def test_a_changed_digit_breaks_the_signature(folder: Path) -> None:
         (("--xml", "x.xml", "--attempt", "none"), "SN0001"),
     ],
 )
-def test_refusals(folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], told: str) -> None:
+def test_refusals(folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], shown: str) -> None:
     assert write(folder, *words) == 2
-    assert told in capsys.readouterr().err
+    assert shown in capsys.readouterr().err
 
 
 def test_a_log_that_does_not_verify_certifies_nothing(

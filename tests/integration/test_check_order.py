@@ -48,16 +48,18 @@ def test_the_positioner_of_a_config_tells_its_own_times(capsys: pytest.CaptureFi
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "printed"),
     [
         (["six-point", "--order", "--design", "6"], "use one at a time"),
         (["six-point", "--config", "config.yaml"], "add --order"),
         (["hand-held", "--order"], "--order needs known poses"),
     ],
 )
-def test_what_cannot_be_ordered_is_refused(capsys: pytest.CaptureFixture[str], arguments: list[str], said: str) -> None:
+def test_what_cannot_be_ordered_is_refused(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], printed: str
+) -> None:
     assert checked(*arguments) == 2
-    assert said in capsys.readouterr().err
+    assert printed in capsys.readouterr().err
 
 
 def test_a_run_goes_the_fastest_way_and_takes_less_time(tmp_path: Path) -> None:

@@ -48,18 +48,18 @@ def test_too_little_is_one_sentence(
     rng: np.random.Generator,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    code, told = diagnosed(table(tmp_path / "few.csv", positions, rows, noise_g, rng), capsys)
+    code, shown = diagnosed(table(tmp_path / "few.csv", positions, rows, noise_g, rng), capsys)
     assert code == 2
-    assert words in told
-    assert told.count("\n") == 1
+    assert words in shown
+    assert shown.count("\n") == 1
 
 
 @pytest.mark.parametrize(("positions", "rows"), [(list(UP)[:2], 100), (list(UP), 1), (list(UP), 3)])
 def test_little_more_names_nothing_and_says_what_it_could_not_test(
     positions: list[str], rows: int, tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code, told = diagnosed(table(tmp_path / "little.csv", positions, rows, 1e-3, rng), capsys)
-    document = json.loads(told)
+    code, shown = diagnosed(table(tmp_path / "little.csv", positions, rows, 1e-3, rng), capsys)
+    document = json.loads(shown)
     assert (code, document["verdict"], document["causes"]) == (0, "none", [])
     assert {"offset-temperature", "motor-tone"} <= set(document["not_testable"])
 
@@ -72,10 +72,10 @@ def test_one_stop_left_of_a_unit_tells_nothing(tmp_path: Path, capsys: pytest.Ca
     assert ended.value.code == 0
     capsys.readouterr()
     # Each face puts an axis at 1 g, so only a fixture's tilt spares a stop here and there.
-    code, told = diagnosed(path, capsys)
+    code, shown = diagnosed(path, capsys)
     assert code == 2
-    assert "34 of 36 stops are clipped, and nothing can be told from the rest" in told
-    assert told.count("\n") == 1
+    assert "34 of 36 stops are clipped, and nothing can be told from the rest" in shown
+    assert shown.count("\n") == 1
 
 
 def faces(rng: np.random.Generator) -> pd.DataFrame:
@@ -126,12 +126,12 @@ def test_a_table_that_is_wrong_is_one_sentence(
 ) -> None:
     path, table = tmp_path / f"wrong.{kind}", change(faces(rng))
     table.to_csv(path, index=False) if kind == "csv" else table.to_parquet(path, index=False)
-    code, told = diagnosed(path, capsys)
+    code, shown = diagnosed(path, capsys)
     row = words.partition(",")[0][1:] if words.startswith("@") else ""
     place = f"line {int(row) + 2}" if row and kind == "csv" else f"row {int(row) + 1}" if row else ""
     assert code == 2
-    assert (f"{path}, {place}{words[len(row) + 1 :]}" if row else words) in told
-    assert told.count("\n") == 1
+    assert (f"{path}, {place}{words[len(row) + 1 :]}" if row else words) in shown
+    assert shown.count("\n") == 1
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
@@ -145,10 +145,10 @@ def test_more_rows_than_fit_are_refused_before_they_are_read(
     path, table = tmp_path / f"large.{kind}", faces(rng)
     table.to_csv(path, index=False) if kind == "csv" else table.to_parquet(path, index=False)
     monkeypatch.setattr(_diagnose, "MOST_ROWS", 150)
-    code, told = diagnosed(path, capsys)
+    code, shown = diagnosed(path, capsys)
     assert code == 2
-    assert "holds about 20" in told
-    assert "the limit is 150. Diagnose some of the units" in told
+    assert "holds about 20" in shown
+    assert "the limit is 150. Diagnose some of the units" in shown
 
 
 def test_a_gap_in_a_covariate_is_said(

@@ -26,21 +26,21 @@ def station(*args: str) -> int:
 
 def recipe_with(folder: Path, **limits: object) -> str:
     """offset-gain with two seatings, so that a nest's tilt can be told from the parts' own."""
-    said = yaml.safe_load(recipe_path("offset-gain").read_text(encoding="utf-8"))
-    said |= {"seatings": {"turned": {"axis": [0, 0, 1], "angle_deg": 180}}, "limits": limits, "verify": {}}
-    said["runs"] = [{"seating": "home"}, {"seating": "turned", "order": "reversed"}]
+    printed = yaml.safe_load(recipe_path("offset-gain").read_text(encoding="utf-8"))
+    printed |= {"seatings": {"turned": {"axis": [0, 0, 1], "angle_deg": 180}}, "limits": limits, "verify": {}}
+    printed["runs"] = [{"seating": "home"}, {"seating": "turned", "order": "reversed"}]
     path = folder / "recipe.yaml"
-    path.write_text(yaml.safe_dump(said), encoding="utf-8")
+    path.write_text(yaml.safe_dump(printed), encoding="utf-8")
     return str(path)
 
 
 def found(folder: Path, recipe: str, *effect: str) -> tuple[dict[str, Any], Path]:
     """The diagnosis of four units, and their samples."""
-    samples, told = folder / "s.parquet", folder / "d.json"
-    asked = ["--recipe", recipe, "--units", "4", "--seed", "5", *effect, "--out", str(samples)]
-    assert station("simulate", *asked) == 0
-    station("diagnose", "--recipe", recipe, "--samples", str(samples), "--json", str(told))
-    return json.loads(told.read_text(encoding="utf-8")), samples
+    samples, shown = folder / "s.parquet", folder / "d.json"
+    requested = ["--recipe", recipe, "--units", "4", "--seed", "5", *effect, "--out", str(samples)]
+    assert station("simulate", *requested) == 0
+    station("diagnose", "--recipe", recipe, "--samples", str(samples), "--json", str(shown))
+    return json.loads(shown.read_text(encoding="utf-8")), samples
 
 
 def offsets(recipe: str, samples: Path) -> dict[str, Floats]:
@@ -60,9 +60,9 @@ def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def test_calibrations_move_as_if_the_cause_had_never_been(tmp_path: Path) -> None:
     """Of one seed the samples with and without the cause differ by the cause alone: what it does is known exactly."""
     recipe = recipe_with(tmp_path, offset=0.2)
-    told, samples = found(tmp_path, recipe, "--effect", "quadratic=0.004")
-    line = told["line"]
-    assert (told["causes"][0]["effect"], line["unit"]) == ("quadratic", "mg")
+    shown, samples = found(tmp_path, recipe, "--effect", "quadratic=0.004")
+    line = shown["line"]
+    assert (shown["causes"][0]["effect"], line["unit"]) == ("quadratic", "mg")
     bent = offsets(recipe, samples)
     (tmp_path / "plain").mkdir()
     straight = offsets(recipe, found(tmp_path / "plain", recipe)[1])
@@ -81,9 +81,9 @@ def test_calibrations_move_as_if_the_cause_had_never_been(tmp_path: Path) -> Non
 def test_verdicts_that_the_cause_made_are_counted(tmp_path: Path) -> None:
     """The residual that a tilted nest leaves fails every unit; without it all pass."""
     recipe = recipe_with(tmp_path, offset=0.2, residual=0.001)
-    told, _ = found(tmp_path, recipe, "--effect", "nest-tilt=0.004")
-    line = told["line"]
-    assert told["causes"][0]["effect"] == "nest-tilt"
+    shown, _ = found(tmp_path, recipe, "--effect", "nest-tilt=0.004")
+    line = shown["line"]
+    assert shown["causes"][0]["effect"] == "nest-tilt"
     assert {(u["before"], u["after"]) for u in line["units"]} == {("FAIL", "PASS")}
     assert (line["verdicts_changed"], line["passed_before"], line["passed_after"]) == (4, 0, 4)
     assert (line["yield_before"], line["yield_after"]) == (0.0, 1.0)
@@ -97,5 +97,5 @@ def test_a_recipe_without_limits_judges_nothing(tmp_path: Path) -> None:
 
 
 def test_where_nothing_is_found_nothing_moves(tmp_path: Path) -> None:
-    told, _ = found(tmp_path, recipe_with(tmp_path, offset=0.2))
-    assert (told["verdict"], told["line"]) == ("none", None)
+    shown, _ = found(tmp_path, recipe_with(tmp_path, offset=0.2))
+    assert (shown["verdict"], shown["line"]) == ("none", None)

@@ -23,7 +23,7 @@ def station(*args: str) -> int:
 
 
 @dataclass(frozen=True)
-class Kept:
+class Stored:
     """A log of two loads in tilted nests, the recipe, and when the first load was over."""
 
     db: str
@@ -52,30 +52,30 @@ def rig(folder: Path) -> str:
 
 def two_runs(folder: Path) -> str:
     """The 24 tilts gone through at home and turned, without the ten minutes of warming."""
-    said = yaml.safe_load(recipe_path("tilt-24").read_text(encoding="utf-8"))
-    said["runs"] = [{"seating": "home"}, {"seating": "turned", "order": "reversed"}]
-    said["dwell"] = {"time_s": 0.5}
+    printed = yaml.safe_load(recipe_path("tilt-24").read_text(encoding="utf-8"))
+    printed["runs"] = [{"seating": "home"}, {"seating": "turned", "order": "reversed"}]
+    printed["dwell"] = {"time_s": 0.5}
     path = folder / "tilts.yaml"
-    path.write_text(yaml.safe_dump(said), encoding="utf-8")
+    path.write_text(yaml.safe_dump(printed), encoding="utf-8")
     return str(path)
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Kept]:
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stored]:
     folder = tmp_path_factory.mktemp("kept")
     recipe, db = two_runs(folder), str(folder / "station.db")
-    asked = ("--recipe", recipe, "--simulate", "--model", rig(folder), "--db", db)
+    requested = ("--recipe", recipe, "--simulate", "--model", rig(folder), "--db", db)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
-        assert station("run", *asked, "--seed", "1", "--serial", "SN0001", "--serial", "SN0002") == 0
+        assert station("run", *requested, "--seed", "1", "--serial", "SN0001", "--serial", "SN0002") == 0
         between = datetime.now().astimezone().isoformat()
-        assert station("run", *asked, "--seed", "2", "--serial", "SN0003", "--serial", "SN0004") == 0
-        yield Kept(db, recipe, between)
+        assert station("run", *requested, "--seed", "2", "--serial", "SN0003", "--serial", "SN0004") == 0
+        yield Stored(db, recipe, between)
 
 
-def told(kept: Kept, capsys: pytest.CaptureFixture[str], *asked: str) -> dict[str, Any]:
+def shown(stored: Stored, capsys: pytest.CaptureFixture[str], *requested: str) -> dict[str, Any]:
     capsys.readouterr()
-    assert station("diagnose", "--recipe", kept.recipe, *asked, "--json", "-") == 1
+    assert station("diagnose", "--recipe", stored.recipe, *requested, "--json", "-") == 1
     found: dict[str, Any] = json.loads(capsys.readouterr().out)
     return found
 
@@ -91,24 +91,24 @@ def check(document: dict[str, Any], names: tuple[str, str] = ("nest:A", "nest:B"
         assert abs(p["value"] - wanted[p["of"], p["axis"]]) < 4 * p["std"] < 8e-5
 
 
-def test_the_log_of_a_run_names_the_nests_that_are_tilted(kept: Kept, capsys: pytest.CaptureFixture[str]) -> None:
-    found = told(kept, capsys, "--db", kept.db)
+def test_the_log_of_a_run_names_the_nests_that_are_tilted(stored: Stored, capsys: pytest.CaptureFixture[str]) -> None:
+    found = shown(stored, capsys, "--db", stored.db)
     assert found["data"] == {"units": 4, "runs": 8, "visits": 192, "samples": 9600}
     check(found)
     assert found["baseline"]["floor_rms"] < 1.3e-4
 
 
-def test_since_takes_what_began_then_or_later(kept: Kept, capsys: pytest.CaptureFixture[str]) -> None:
+def test_since_takes_what_began_then_or_later(stored: Stored, capsys: pytest.CaptureFixture[str]) -> None:
     today = datetime.now().astimezone().date().isoformat()
-    assert told(kept, capsys, "--db", kept.db, "--since", today)["data"]["runs"] == 8
-    assert told(kept, capsys, "--db", kept.db, "--since", "1d")["data"]["runs"] == 8
-    late = told(kept, capsys, "--db", kept.db, "--since", kept.between)
+    assert shown(stored, capsys, "--db", stored.db, "--since", today)["data"]["runs"] == 8
+    assert shown(stored, capsys, "--db", stored.db, "--since", "1d")["data"]["runs"] == 8
+    late = shown(stored, capsys, "--db", stored.db, "--since", stored.between)
     assert late["data"] == {"units": 2, "runs": 4, "visits": 96, "samples": 4800}
     check(late)
 
 
 @pytest.mark.parametrize(
-    ("since", "said"),
+    ("since", "printed"),
     [
         ("last week", "--since 'last week' is not a time; write 2026-11-21, 2026-11-21T13:00 or 7d (ago)"),
         ("2026-02-30", "--since '2026-02-30' is not a time"),
@@ -119,36 +119,36 @@ def test_since_takes_what_began_then_or_later(kept: Kept, capsys: pytest.Capture
         ("2199-01-01", "holds no visits of recipe 'tilt-24'"),
     ],
 )
-def test_no_time_is_a_sentence(since: str, said: str, kept: Kept, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_time_is_a_sentence(since: str, printed: str, stored: Stored, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
-    assert station("diagnose", "--recipe", kept.recipe, "--db", kept.db, "--since", since) == 2
+    assert station("diagnose", "--recipe", stored.recipe, "--db", stored.db, "--since", since) == 2
     error = capsys.readouterr().err
-    assert said in error
+    assert printed in error
     assert error.count("\n") == 1
 
 
-def test_since_without_a_log_is_a_sentence(kept: Kept, capsys: pytest.CaptureFixture[str]) -> None:
+def test_since_without_a_log_is_a_sentence(stored: Stored, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
-    assert station("diagnose", "--recipe", kept.recipe, "--samples", "s.csv", "--since", "7d") == 2
+    assert station("diagnose", "--recipe", stored.recipe, "--samples", "s.csv", "--since", "7d") == 2
     assert "--since selects from the station's log: add --db FILE" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("ending", ["log", "blf"])
 def test_a_recorded_can_log_says_what_the_station_s_log_says(
-    ending: str, kept: Kept, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ending: str, stored: Stored, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The frames of the second load as `station replay` takes them, marks beside them."""
     frames = str(tmp_path / f"frames.{ending}")
-    assert station("export", "--db", kept.db, "--since", kept.between, "--frames", frames) == 0
-    assert station("replay", frames, "--recipe", kept.recipe) == 0
-    check(told(kept, capsys, "--samples", frames), ("nest:node-17", "nest:node-18"))
+    assert station("export", "--db", stored.db, "--since", stored.between, "--frames", frames) == 0
+    assert station("replay", frames, "--recipe", stored.recipe) == 0
+    check(shown(stored, capsys, "--samples", frames), ("nest:node-17", "nest:node-18"))
 
 
 def test_a_healthy_run_is_silent(
-    kept: Kept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    stored: Stored, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     db = str(tmp_path / "station.db")
-    assert station("run", "--recipe", kept.recipe, "--simulate", "--units", "2", "--seed", "8", "--db", db) == 0
+    assert station("run", "--recipe", stored.recipe, "--simulate", "--units", "2", "--seed", "8", "--db", db) == 0
     capsys.readouterr()
-    assert station("diagnose", "--recipe", kept.recipe, "--db", db, "--json", "-") == 0
+    assert station("diagnose", "--recipe", stored.recipe, "--db", db, "--json", "-") == 0
     assert json.loads(capsys.readouterr().out)["verdict"] == "none"

@@ -33,17 +33,17 @@ def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 def once(folder: Path) -> str:
     """The 24 tilts, gone through once."""
-    said = yaml.safe_load(recipe_path("tilt-24").read_text(encoding="utf-8"))
-    said |= {"runs": [{"seating": "home"}], "seatings": {}}
+    printed = yaml.safe_load(recipe_path("tilt-24").read_text(encoding="utf-8"))
+    printed |= {"runs": [{"seating": "home"}], "seatings": {}}
     path = folder / "once.yaml"
-    path.write_text(yaml.safe_dump(said), encoding="utf-8")
+    path.write_text(yaml.safe_dump(printed), encoding="utf-8")
     return str(path)
 
 
 def diagnosed(recipe: str, samples: Path, *more: str) -> dict[str, Any]:
-    told = samples.with_suffix(".json")
-    assert station("diagnose", "--recipe", recipe, "--samples", str(samples), "--json", str(told), *more) == 1
-    found: dict[str, Any] = json.loads(told.read_text(encoding="utf-8"))
+    shown = samples.with_suffix(".json")
+    assert station("diagnose", "--recipe", recipe, "--samples", str(samples), "--json", str(shown), *more) == 1
+    found: dict[str, Any] = json.loads(shown.read_text(encoding="utf-8"))
     return found
 
 
@@ -63,9 +63,9 @@ def members(document: dict[str, Any]) -> set[str]:
 )
 def test_the_proposed_run_tells_it_apart(effect: str, units: int, tied: set[str], change: str, tmp_path: Path) -> None:
     recipe, name = once(tmp_path), effect.partition("=")[0]
-    asked = ("--units", str(units), "--seed", "5", "--effect", effect)
+    requested = ("--units", str(units), "--seed", "5", "--effect", effect)
     old, new, following = (tmp_path / n for n in ("old.parquet", "new.parquet", "next.yaml"))
-    assert station("simulate", "--recipe", recipe, *asked, "--out", str(old)) == 0
+    assert station("simulate", "--recipe", recipe, *requested, "--out", str(old)) == 0
     before = diagnosed(recipe, old, "--next-run", str(following))
     assert members(before) >= {name, *tied}
     proposed = before["next_run"]
@@ -81,7 +81,7 @@ def test_the_proposed_run_tells_it_apart(effect: str, units: int, tied: set[str]
     assert station("check", str(following)) == 0
 
     # Only the new run is measured; the old samples are kept.
-    assert station("simulate", "--recipe", str(following), *asked, "--out", str(new)) == 0
+    assert station("simulate", "--recipe", str(following), *requested, "--out", str(new)) == 0
     table = pd.read_parquet(new)
     both = tmp_path / "both.parquet"
     joined = pd.concat([pd.read_parquet(old), table[table["run"] > 0]])
@@ -94,22 +94,22 @@ def test_the_proposed_run_tells_it_apart(effect: str, units: int, tied: set[str]
 def test_what_cannot_be_told_does_not_keep_the_rest_from_being_told(tmp_path: Path) -> None:
     """Of one unit errors of all positions look like a tilted nest whatever is done; the part's own turn does not."""
     recipe, old, following = once(tmp_path), tmp_path / "old.parquet", tmp_path / "next.yaml"
-    asked = ("--units", "1", "--seed", "5", "--effect", "package-rotation")
-    assert station("simulate", "--recipe", recipe, *asked, "--out", str(old)) == 0
+    requested = ("--units", "1", "--seed", "5", "--effect", "package-rotation")
+    assert station("simulate", "--recipe", recipe, *requested, "--out", str(old)) == 0
     before = diagnosed(recipe, old, "--next-run", str(following))
     assert members(before) == {"nest-tilt", "package-rotation", "index-error"}
     assert before["next_run"]["recipe_change"] == "one run turned 180° in the seat"
-    told = set(before["next_run"]["separates"])
+    shown = set(before["next_run"]["separates"])
     # The tie is exact: whichever stands at its head is told from the part's turn, or the turn from both others.
     head = before["causes"][0]["effect"]
     others = {"nest-tilt", "index-error"} if head == "package-rotation" else {head}
-    assert told == {"package-rotation", *others}
+    assert shown == {"package-rotation", *others}
 
 
 def test_where_no_run_helps_it_says_what_would(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     recipe, old, following = once(tmp_path), tmp_path / "old.parquet", tmp_path / "next.yaml"
-    asked = ("--units", "4", "--seed", "5", "--effect", "settling")
-    assert station("simulate", "--recipe", recipe, *asked, "--out", str(old)) == 0
+    requested = ("--units", "4", "--seed", "5", "--effect", "settling")
+    assert station("simulate", "--recipe", recipe, *requested, "--out", str(old)) == 0
     before = diagnosed(recipe, old, "--next-run", str(following))
     assert members(before) == {"settling", "filter-lag"}
     assert before["next_run"]["separates"] == []

@@ -38,7 +38,7 @@ class Made:
     samples: Path
     html: str
     figures: Path
-    told: dict[str, Any]
+    shown: dict[str, Any]
 
 
 @pytest.fixture(scope="module")
@@ -55,13 +55,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Made]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
         assert station("diagnose", "--samples", str(named), "--recipe", "tilt-24", *words) == 1
-        told = json.loads((folder / "r.json").read_text(encoding="utf-8"))
+        shown = json.loads((folder / "r.json").read_text(encoding="utf-8"))
         # The null distributions stay cached as long as the tests of this file run.
-        yield Made(named, (folder / "r.html").read_text(encoding="utf-8"), folder / "figures", told)
+        yield Made(named, (folder / "r.html").read_text(encoding="utf-8"), folder / "figures", shown)
 
 
 def test_the_first_screen_says_what_is_wrong(made: Made) -> None:
-    assert made.told["causes"][0]["effect"] == "nest-tilt"
+    assert made.shown["causes"][0]["effect"] == "nest-tilt"
     first = made.html[: made.html.index("<section")]
     assert "cause found" in first
     assert "The nest holds every part at the same wrong angle" in first

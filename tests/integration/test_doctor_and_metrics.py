@@ -35,9 +35,9 @@ def doctor(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, dict[s
     """Exit code, and check → (well, said)."""
     with pytest.raises(SystemExit) as ended:
         main(["doctor", "--json", *words])
-    told = json.loads(capsys.readouterr().out)
-    assert told["well"] == all(c["well"] for c in told["checks"])
-    return int(str(ended.value.code)), {c["check"]: (c["well"], c["said"]) for c in told["checks"]}
+    report = json.loads(capsys.readouterr().out)
+    assert report["well"] == all(c["well"] for c in report["checks"])
+    return int(str(ended.value.code)), {c["check"]: (c["well"], c["said"]) for c in report["checks"]}
 
 
 def test_a_healthy_simulated_station(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -77,13 +77,15 @@ def test_a_controller_with_another_bit_rate_or_a_short_queue_is_named(
     fixture_run.config(folder, database="station.db", bus=bus)
     link = Link(True, "can", "active", ErrorCounters(3, 0), bitrate=250000, queue=10)
     monkeypatch.setattr(bus_status, "query_link", lambda _: link)
-    well, said = doctor(capsys)[1]["bus"]
+    well, printed = doctor(capsys)[1]["bus"]
     assert not well
-    assert "can0 runs at 250000 bit/s, but config.yaml sets 500000" in said
+    assert "can0 runs at 250000 bit/s, but config.yaml sets 500000" in printed
     monkeypatch.setattr(bus_status, "query_link", lambda _: replace(link, bitrate=500000))
-    well, said = doctor(capsys)[1]["bus"]
+    well, printed = doctor(capsys)[1]["bus"]
     assert well
-    assert "errors sending 3, receiving 0); its queue holds only 10 frames: `ip link set can0 txqueuelen 1000`" in said
+    assert (
+        "errors sending 3, receiving 0); its queue holds only 10 frames: `ip link set can0 txqueuelen 1000`" in printed
+    )
     monkeypatch.setattr(bus_status, "query_link", lambda _: replace(link, bitrate=500000, can_state="passive"))
     assert "can0 is passive (errors sending 3" in doctor(capsys)[1]["bus"][1]
 
@@ -131,13 +133,13 @@ def test_figures_of_an_empty_and_of_a_working_station(folder: Path, panel: Panel
 
 
 def test_the_bus_of_a_run_stands_in_the_figures_and_on_the_page(folder: Path, panel: Panel) -> None:
-    told = {"name": "can0", "state": "passive", "counters": {"sending": 130, "receiving": 7}}
+    report = {"name": "can0", "state": "passive", "counters": {"sending": 130, "receiving": 7}}
     with (folder / "station.db.lock").open("w") as lock:
         lock.write(json.dumps({"pid": os.getpid()}))
         lock.flush()
-        (folder / "station.db.live.json").write_text(json.dumps({"pid": os.getpid(), "bus": told, "state": {}}))
+        (folder / "station.db.live.json").write_text(json.dumps({"pid": os.getpid(), "bus": report, "state": {}}))
         found = figures(TestClient(create_app(panel), client=("127.0.0.1", 1)))
-        assert panel.screen.shown()["bus"] == told
+        assert panel.screen.shown()["bus"] == report
     assert found["station_bus_errors can0 sending"] == 130
     assert found["station_bus_errors can0 receiving"] == 7
     assert found["station_bus_state can0 passive"] == 1

@@ -26,7 +26,7 @@ def held(ran: Ran) -> str:
     fit = ran.results[SERIAL].fit
     assert fit is not None
     assert fit.calibration is not None, "something was saved although nothing was computed"
-    assert ran.kept(SERIAL, "write-plan") is not None, "something was saved although nothing was planned"
+    assert ran.stored(SERIAL, "write-plan") is not None, "something was saved although nothing was planned"
     wanted = [*fit.calibration.matrix.ravel(), *fit.calibration.offset]
     same = [abs(a - b) < 1e-6 for a, b in zip(ran.coefficients(SERIAL), wanted, strict=False)]
     return "new" if same and all(same) else "mixed"
@@ -61,12 +61,12 @@ def check_record(ran: Ran, row: Row) -> None:
         assert life["outcome"] in (None, row.outcome)  # a full disk may still take a short record
         return
     assert life["outcome"] == row.outcome
-    kept = ran.kept(SERIAL, "verdict")
-    assert [x["sentence"] for x in kept["reasons"]] == [x.sentence for x in r.reasons]
+    stored = ran.stored(SERIAL, "verdict")
+    assert [x["sentence"] for x in stored["reasons"]] == [x.sentence for x in r.reasons]
     assert r.verified is (row.outcome == "PASS")
     assert any(row.keeps in sentence for sentence in sentences(life)), list(sentences(life))
     if row.flash == "mixed":
-        assert (ran.kept(SERIAL, "device-state") or {}).get("state") != "new"
+        assert (ran.stored(SERIAL, "device-state") or {}).get("state") != "new"
 
 
 @pytest.mark.parametrize("row", [r for r in ROWS if r.inject in _OPENING], ids=lambda r: r.inject)

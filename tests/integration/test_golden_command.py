@@ -57,14 +57,14 @@ def test_a_check_that_is_too_old_locks(folder: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_wrong_questions_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for words, told in (
+    for words, shown in (
         (("golden", "polish"), "There is no action"),
         (("golden", "register"), "Name the unit"),
         (("golden", "remove", "SN1"), "is not registered"),
         (("golden", "register", "SN1"), "station.db"),
     ):
         assert station(*words) == 2
-        assert told in capsys.readouterr().err
+        assert shown in capsys.readouterr().err
     (folder / "golden.json").write_text("[]")
     assert station("golden", "list") == 2
     assert "not a readable register" in capsys.readouterr().err

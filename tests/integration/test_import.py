@@ -37,9 +37,9 @@ def station(*args: str) -> int:
 def understood(capsys: pytest.CaptureFixture[str], *args: str) -> dict[str, Any]:
     """What `station import … --json` says of the one recording."""
     code = station("import", *args, "--json")
-    told = capsys.readouterr()
-    assert code == 0, told.err
-    (one,) = json.loads(told.out)["recordings"]
+    shown = capsys.readouterr()
+    assert code == 0, shown.err
+    (one,) = json.loads(shown.out)["recordings"]
     return dict(one)
 
 
@@ -239,10 +239,10 @@ def test_what_is_no_recording_is_one_sentence(tmp_path: Path, capsys: pytest.Cap
     content, says = WRONG[name]
     (tmp_path / name).write_bytes(content)
     assert station("import", str(tmp_path / name)) == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert says in told
-    assert name in told
+    shown = capsys.readouterr().err
+    assert shown.count("\n") == 1
+    assert says in shown
+    assert name in shown
 
 
 @pytest.mark.parametrize("kind", ["driving", "shaking", "backwards", "one pose"])
@@ -259,8 +259,8 @@ def test_what_is_no_tumble_is_one_sentence(
         t = rng.permutation(t)
     pd.DataFrame(np.c_[t, y], columns=["t", "x", "y", "z"]).to_csv(tmp_path / "a.csv", index=False)
     assert station("segment", str(tmp_path / "a.csv"), "--out", str(tmp_path / "s.csv")) == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
+    shown = capsys.readouterr().err
+    assert shown.count("\n") == 1
     assert not (tmp_path / "s.csv").exists()
 
 

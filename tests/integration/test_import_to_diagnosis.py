@@ -19,22 +19,22 @@ def own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 def calibrated(samples: str, recipe: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, Any]]:
     code = station("calibrate", "--samples", samples, "--recipe", recipe, "--json", "-")
-    told = capsys.readouterr()
-    assert "Traceback" not in told.err
-    return code, json.loads(told.out) if told.out else {"sentence": told.err}
+    shown = capsys.readouterr()
+    assert "Traceback" not in shown.err
+    return code, json.loads(shown.out) if shown.out else {"sentence": shown.err}
 
 
 def diagnosed(samples: str, recipe: str, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     code = station("diagnose", "--samples", samples, "--recipe", recipe, "--json", "-")
-    told = capsys.readouterr()
-    assert told.err == ""
-    found: dict[str, Any] = json.loads(told.out)
+    shown = capsys.readouterr()
+    assert shown.err == ""
+    found: dict[str, Any] = json.loads(shown.out)
     assert code == (0 if found["verdict"] == "none" else 1)
     return found
 
 
-def effects(told: dict[str, Any]) -> list[str]:
-    return [cause["effect"] for cause in told["causes"]]
+def effects(shown: dict[str, Any]) -> list[str]:
+    return [cause["effect"] for cause in shown["causes"]]
 
 
 @pytest.mark.parametrize("command", ["import", "segment"])
@@ -44,13 +44,13 @@ def test_the_xsens_recording_needs_nothing_stated(
     out = str(tmp_path / "s.parquet")
     assert station(command, str(reference_data / "xsens_mti_tumble" / "xsens_acc.mat"), "--out", out) == 0
     capsys.readouterr()
-    code, told = calibrated(out, HAND_HELD, capsys)
+    code, shown = calibrated(out, HAND_HELD, capsys)
     assert code == 0
-    (unit,) = told["units"]
+    (unit,) = shown["units"]
     # Non-orthogonality as its authors found it: 3.4, 9.1 and 21 mrad.
     assert unit["matrix"][0][1:] == pytest.approx([3.4e-3, 9.1e-3], abs=3e-4)
     assert unit["matrix"][1][2] == pytest.approx(21e-3, abs=4e-4)
-    checked = told["preflight"]
+    checked = shown["preflight"]
     assert (checked["visits"], checked["left_out"]) == (39, [])
     assert checked["rate_hz"] == pytest.approx(100, rel=1e-3)
     assert set(checked["inferred"]) == {"rate_hz", "lsb", "noise_density"}
@@ -65,12 +65,12 @@ def test_the_hand_held_blocks_calibrate_and_no_data_sheet_is_held_against_them(
     out = str(tmp_path / "s.parquet")
     assert station("import", str(reference_data / "ck_handheld" / "acc_log.csv"), "--out", out) == 0
     capsys.readouterr()
-    code, told = calibrated(out, HAND_HELD, capsys)
+    code, shown = calibrated(out, HAND_HELD, capsys)
     assert code == 0
-    (unit,) = told["units"]
+    (unit,) = shown["units"]
     assert unit["residual_rms"] < 1.3e-3
     # One block moves within itself by two degrees: said, and out of both.
-    assert len(told["preflight"]["left_out"]) <= 2
+    assert len(shown["preflight"]["left_out"]) <= 2
     found = diagnosed(out, HAND_HELD, capsys)
     assert found["verdict"] != "none"
     assert not {"quantization", "wrong-scale", "clock-error"} & set(effects(found))
@@ -83,13 +83,13 @@ def test_six_faces_by_hand_are_too_few_for_a_magnitude_and_enough_for_positions(
     session, out = str(reference_data / "imucal_ferraris" / "example_ferraris_session.csv"), str(tmp_path / "s.parquet")
     assert station("segment", session, "--rate", "102.4", "--out", out) == 0
     capsys.readouterr()
-    code, told = calibrated(out, HAND_HELD, capsys)
+    code, shown = calibrated(out, HAND_HELD, capsys)
     assert code == 2
-    assert "6 orientations only, and the magnitude alone needs 9" in told["sentence"]
+    assert "6 orientations only, and the magnitude alone needs 9" in shown["sentence"]
     assert station("segment", session, "--rate", "102.4", "--recipe", "six-point", "--out", out) == 0
     capsys.readouterr()
-    code, told = calibrated(out, "six-point", capsys)
-    (unit,) = told["units"]
+    code, shown = calibrated(out, "six-point", capsys)
+    (unit,) = shown["units"]
     # imucal on its own labels: -10.2/9.81 … within the scatter of hand-placed faces.
     assert np.diag(unit["matrix"]) == pytest.approx([0.996, 1.003, 1.024], abs=0.01)
 
@@ -100,9 +100,9 @@ def test_labelled_faces_with_rotations_in_them(
     labelled, out = str(reference_data / "imucal_ferraris" / "annotated_session.csv"), str(tmp_path / "s.parquet")
     assert station("import", labelled, "--recipe", "six-point", "--out", out) == 0
     capsys.readouterr()
-    code, told = calibrated(out, "six-point", capsys)
+    code, shown = calibrated(out, "six-point", capsys)
     assert code in (0, 1)
-    (unit,) = told["units"]
+    (unit,) = shown["units"]
     assert np.linalg.norm(unit["offset"]) < 0.1
 
 
@@ -111,17 +111,17 @@ def test_a_drive_is_no_tumble(reference_data: Path, tmp_path: Path, capsys: pyte
     recording, dbc = folder / "2F6913DB_00000004_00000001.MF4", folder / "canmod-gps.dbc"
     for command in ("import", "segment"):
         assert station(command, str(recording), "--dbc", str(dbc), "--out", str(tmp_path / "s.csv")) == 2
-        told = capsys.readouterr()
-        assert "not a tumble" in told.err
-        assert told.err.count("\n") == 1
+        shown = capsys.readouterr()
+        assert "not a tumble" in shown.err
+        assert shown.err.count("\n") == 1
     # Cut into blocks by force, it is refused before anything is fitted.
     out = str(tmp_path / "b.csv")
     assert station("import", str(recording), "--dbc", str(dbc), "--blocks", "100", "--out", out) == 0
     capsys.readouterr()
     for command in ("calibrate", "diagnose"):
         assert station(command, "--samples", out, "--recipe", HAND_HELD) == 2
-        told = capsys.readouterr()
-        assert told.err.count("\n") == 1
+        shown = capsys.readouterr()
+        assert shown.err.count("\n") == 1
 
 
 def test_what_replay_decodes_is_segmented(

@@ -77,7 +77,7 @@ def test_a_unit_senses_by_the_stations_model() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "printed"),
     [
         ({"serials": ("SN1", "SN2")}, "1 node but 2 serials"),
         ({"nodes": (128,)}, "Node 128"),
@@ -85,11 +85,11 @@ def test_a_unit_senses_by_the_stations_model() -> None:
         ({"product": "toaster"}, "toaster.yaml"),
     ],
 )
-def test_what_cannot_be_asked_for_is_told(changes: dict[str, Any], said: str) -> None:
+def test_what_cannot_be_asked_for_is_told(changes: dict[str, Any], printed: str) -> None:
     wanted: dict[str, Any] = {"product": "accelerometer", "channel": "nocan9", "nodes": (5,), "serials": ("SN1",)}
     with pytest.raises(StationError) as caught:
         LiveDevices.open(Population(**{**wanted, **changes}))
-    assert said in caught.value.sentence
+    assert printed in caught.value.sentence
 
 
 def test_an_interface_that_is_not_there_is_told() -> None:

@@ -28,7 +28,7 @@ print(faults(), max(faults() for _ in range(5)))
 )
 def test_freed_memory_is_used_again(how: str, size: int, count: int, least: int) -> None:
     code = _MEASURED.format(how=how, size=size, count=count)
-    said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=60)
-    first, later = map(int, said.stdout.split())
+    printed = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=60)
+    first, later = map(int, printed.stdout.split())
     assert first > least  # the process had no such memory before
     assert later < min(first, 50)

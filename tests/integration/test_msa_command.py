@@ -46,12 +46,12 @@ def test_a_table_gives_the_published_figures(tmp_path: Path, capsys: pytest.Capt
     table = tmp_path / "aiag.csv"
     table.write_text("part,appraiser,trial,value\n" + "\n".join(rows))
     assert station("msa", "grr", "--samples", str(table), "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["xbar_r"]["percent_grr"] == pytest.approx(26.68, abs=0.01)
-    assert told["xbar_r"]["ndc"] == 5
-    assert told["judgement"] == "conditional"
-    (kept,) = (tmp_path / "aiag.csv.studies").iterdir()
-    assert json.loads(kept.read_text()) == told
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["xbar_r"]["percent_grr"] == pytest.approx(26.68, abs=0.01)
+    assert shown["xbar_r"]["ndc"] == 5
+    assert shown["judgement"] == "conditional"
+    (stored,) = (tmp_path / "aiag.csv.studies").iterdir()
+    assert json.loads(stored.read_text()) == shown
 
 
 def test_a_study_on_the_simulated_station_goes_on_where_it_stopped(
@@ -62,13 +62,13 @@ def test_a_study_on_the_simulated_station_goes_on_where_it_stopped(
     assert station(*grr) == 2
     assert "has 0 of 2 readings" in capsys.readouterr().err
     assert station(*grr, "--simulate", "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["schema"] == "station.msa/1"
-    assert told["anova"]["percent_grr"] < 10
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["schema"] == "station.msa/1"
+    assert shown["anova"]["percent_grr"] < 10
     with SqliteLogReader(Path(db)) as log:
         assert log.count(Query()) == 8
     assert station(*grr, "--json") == 0, "nothing is missing, nothing is run"
-    assert json.loads(capsys.readouterr().out)["anova"] == told["anova"]
+    assert json.loads(capsys.readouterr().out)["anova"] == shown["anova"]
     type1 = ("msa", "type1", "--serial", "SN0001", "--reference", "0.022", "--repeats", "2", "--db", db, "--json")
     assert station(*type1) == 0
     assert json.loads(capsys.readouterr().out)["judgement"] == "capable"
@@ -78,7 +78,7 @@ def test_wrong_questions_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[
     table = tmp_path / "t.csv"
     table.write_text("value\n1\nx\n")
     db = ("--db", str(tmp_path / "none.db"))
-    for words, told in (
+    for words, shown in (
         (("msa", "type2", *db), "There is no study"),
         (("msa", "grr", "--value", "colour", *db), "There is no value"),
         (("msa", "grr", *db), "Name the units"),
@@ -87,4 +87,4 @@ def test_wrong_questions_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[
         (("msa", "grr", "--serial", "SN0001", *db), "need at least as many parts"),
     ):
         assert station(*words) == 2
-        assert told in capsys.readouterr().err
+        assert shown in capsys.readouterr().err

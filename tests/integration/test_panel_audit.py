@@ -47,12 +47,12 @@ def client(folder: Path) -> Iterator[TestClient]:
 
 
 def test_containment_is_one_question(client: TestClient) -> None:
-    asked = {"recipe_name": "six-point", "nest": "A", "since": "2020-01-01", "until": "2099-01-01", "as": "text"}
-    assert client.get("/audit", params=asked).text == "SN0001\n"
-    assert client.get("/audit", params=asked | {"nest": ""}).text == "SN0001\nSN0002\n"
-    assert client.get("/audit", params=asked | {"outcome": "fail", "nest": ""}).text == "SN0002\n"
-    assert client.get("/audit", params=asked | {"firmware": "1.0.0"}).text == "SN0001\n"
-    assert client.get("/audit", params=asked | {"firmware": "9.9"}).text == ""
+    requested = {"recipe_name": "six-point", "nest": "A", "since": "2020-01-01", "until": "2099-01-01", "as": "text"}
+    assert client.get("/audit", params=requested).text == "SN0001\n"
+    assert client.get("/audit", params=requested | {"nest": ""}).text == "SN0001\nSN0002\n"
+    assert client.get("/audit", params=requested | {"outcome": "fail", "nest": ""}).text == "SN0002\n"
+    assert client.get("/audit", params=requested | {"firmware": "1.0.0"}).text == "SN0001\n"
+    assert client.get("/audit", params=requested | {"firmware": "9.9"}).text == ""
     assert client.get("/audit", params={"since": "yesterday-ish"}).status_code == 400
 
 
@@ -107,15 +107,15 @@ def test_a_certificate_in_the_readers_language(
     with SqliteLogReader(folder / "station.db") as log:
         attempt = log.attempts(Query(serial="SN0001"))[0]
         english, other = (certificate_of(log, attempt, language.words(one)) for one in ("en", code))
-    asked = {"serial": "SN0001", "attempt": attempt.attempt, "language": code}
-    page = client.get("/audit/certificate", params=asked, headers=HTML).text
+    requested = {"serial": "SN0001", "attempt": attempt.attempt, "language": code}
+    page = client.get("/audit/certificate", params=requested, headers=HTML).text
     client.cookies.delete("station_language")
     assert all(word in page for word in words)
     figures = [[row[1:5] for row in s.rows] for made in (english, other) for s in made.sections if len(s.columns) == 7]
     assert figures[: len(figures) // 2] == figures[len(figures) // 2 :], "the figures are the same in every language"
     words_only = [cell for s in other.sections for cell in (s.title, *s.columns, *(row[0] for row in s.rows))]
     assert not [w for w in words_only if w in {c for s in english.sections for c in (s.title, *s.columns)} - _SAME]
-    paper = client.get("/audit/certificate.pdf", params=asked)
+    paper = client.get("/audit/certificate.pdf", params=requested)
     client.cookies.delete("station_language")
     assert paper.content.startswith(b"%PDF-")
     assert code != "zh" or b"STSong-Light" in paper.content

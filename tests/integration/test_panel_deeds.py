@@ -36,9 +36,9 @@ class Page:
         assert session is not None
         self._csrf = session.csrf
 
-    def do(self, action: str, **said: str) -> dict[str, Any]:
+    def do(self, action: str, **printed: str) -> dict[str, Any]:
         """The answer to a deed."""
-        answer = self.client.post("/command", data={"action": action, "csrf": self._csrf, **said})
+        answer = self.client.post("/command", data={"action": action, "csrf": self._csrf, **printed})
         assert (answer.status_code == 409) == ("error" in answer.json())
         return dict(answer.json())
 
@@ -114,8 +114,8 @@ def test_a_reseating_waits_for_the_page_and_goes_on_when_it_is_confirmed(
     with SqliteLogReader(tmp_path / "station.db") as log:
         (life,) = log.life(Query(serial="SN0001"))
     assert [v["seating"] for v in life["visits"] if v["kind"] == "tumble"] == ["home"] * 6 + ["turned"] * 6
-    deeds = [(line["person"], line["deed"]) for line in page.panel.journal.lines()]
-    assert deeds == [("operator", d) for d in ("log-in", "scan", "start", "confirm")]
+    actions = [(line["person"], line["deed"]) for line in page.panel.journal.lines()]
+    assert actions == [("operator", d) for d in ("log-in", "scan", "start", "confirm")]
     assert "turned" in list(page.panel.journal.lines())[-1]["detail"]["sentence"]
 
 

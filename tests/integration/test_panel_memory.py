@@ -52,8 +52,11 @@ def test_remembered_yields_are_those_counted_anew(tmp_path: Path, seed: int) -> 
                 store.finish(late.pop(0), "INTERRUPTED", day(number, step + 1))
             if rng.random() < 0.4:
                 with SqliteLogReader(tmp_path / "s.db") as log:
-                    for asked in (whole, replace(whole, nest="A"), Query(since_ns=day(max(0, number - 2), 0))):
-                        assert _table(memory.yields(log, asked)) == _table(log.yields(asked, "cell")), (step, asked)
+                    for requested in (whole, replace(whole, nest="A"), Query(since_ns=day(max(0, number - 2), 0))):
+                        assert _table(memory.yields(log, requested)) == _table(log.yields(requested, "cell")), (
+                            step,
+                            requested,
+                        )
     assert len(memory._days) == 2, "questions that differ in their span only share their days"
 
 

@@ -313,8 +313,8 @@ def test_names_in_a_question_are_no_arguments(house: House) -> None:
     client = house.of("engineer")
     with house.panel.log() as log:
         (attempt,) = log.attempts(Query())
-    asked = {"serial": "SN0001", "attempt": attempt.attempt, "person": "mallory", "deed": "x", "self": "y"}
-    assert client.get("/audit/certificate", params=asked).status_code == 200
+    requested = {"serial": "SN0001", "attempt": attempt.attempt, "person": "mallory", "deed": "x", "self": "y"}
+    assert client.get("/audit/certificate", params=requested).status_code == 200
     last = list(house.panel.journal.lines())[-1]
     assert (last["person"], last["deed"]) == ("engineer", "certificate")
     client.get("/audit", params={"as": "text", "lot": "y" * 5000})

@@ -93,9 +93,9 @@ def diagnosed(folder: Path, reference_data: Path, *more: str) -> dict[str, Any]:
     scale, samples, recipe = repr(1 / XSENS_SCALE / XSENS_G), str(folder / "xsens.parquet"), folder / "by-hand.yaml"
     recipe.write_text(BY_HAND, encoding="utf-8")
     assert station("segment", recording, "--zero", str(XSENS_ZERO), "--scale", scale, "--out", samples) == 0
-    told = folder / "told.json"
-    station("diagnose", "--samples", samples, "--recipe", str(recipe), "--json", str(told), *more)
-    found: dict[str, Any] = json.loads(told.read_text(encoding="utf-8"))
+    shown = folder / "told.json"
+    station("diagnose", "--samples", samples, "--recipe", str(recipe), "--json", str(shown), *more)
+    found: dict[str, Any] = json.loads(shown.read_text(encoding="utf-8"))
     return found
 
 
@@ -105,11 +105,11 @@ def test_the_xsens_axes_are_not_square_and_nothing_else(
     """With offset and gain alone: cross-axis, 3.42 → 0.102 mg, held out 0.163 mg, as good as the whole calibration."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     model = str(tmp_path / "model.yaml")
-    told = diagnosed(tmp_path, reference_data, "--extend", model)
-    (cause,) = told["causes"]
-    assert (told["verdict"], cause["effect"], cause["indistinguishable_from"]) == ("named", "cross-axis", [])
-    assert told["baseline"]["residual_rms"] == pytest.approx(3.42e-3, abs=0.02e-3)
-    assert told["extended"]["residual_rms"] == pytest.approx(0.102e-3, abs=0.002e-3)
+    shown = diagnosed(tmp_path, reference_data, "--extend", model)
+    (cause,) = shown["causes"]
+    assert (shown["verdict"], cause["effect"], cause["indistinguishable_from"]) == ("named", "cross-axis", [])
+    assert shown["baseline"]["residual_rms"] == pytest.approx(3.42e-3, abs=0.02e-3)
+    assert shown["extended"]["residual_rms"] == pytest.approx(0.102e-3, abs=0.002e-3)
     assert cause["gain"]["rms_after"] <= 0.18e-3
     assert cause["gain"]["accepted"]
     # Half of what others found (3.4, 9.1, 21 mrad) is the symmetric part.
@@ -124,9 +124,9 @@ def test_no_bend_is_found_in_the_xsens(reference_data: Path, tmp_path: Path, mon
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     whole = tmp_path / "matrix.yaml"
     whole.write_text("schema: station.model/1\ncalibration: matrix\n", encoding="utf-8")
-    told = diagnosed(tmp_path, reference_data, "--model", str(whole))
-    assert (told["verdict"], told["causes"]) == ("none", [])
-    evidence = {c["effect"]: c["log_evidence"] for c in told["considered"]}
+    shown = diagnosed(tmp_path, reference_data, "--model", str(whole))
+    assert (shown["verdict"], shown["causes"]) == ("none", [])
+    evidence = {c["effect"]: c["log_evidence"] for c in shown["considered"]}
     assert {"quadratic", "cubic"} <= set(evidence)
     assert max(evidence["quadratic"], evidence["cubic"]) < 1.0
 

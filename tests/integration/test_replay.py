@@ -47,7 +47,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
     with SqliteLogReader(folder / "station.db") as log:
         for attempt in log.attempts(Query()):
             visits = log.attempt(attempt)["visits"]
-            kept = [
+            stored = [
                 CapturedVisit(
                     v["run"], v["visit"], v["position"], v["seating"], v["arrived_ns"],
                     v["statistics"]["from_ns"], v["statistics"]["to_ns"], frames,
@@ -56,11 +56,11 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
                 if v["kind"] == "tumble"
             ]  # fmt: skip
             _, layout = product_record.load(log.recipe_and_product(attempt)[1])
-            stops.append((NestAssignment(attempt.serial, attempt.nest, attempt.node), kept, layout))
-            parts += [v.frames for v in kept]
+            stops.append((NestAssignment(attempt.serial, attempt.nest, attempt.node), stored, layout))
+            parts += [v.frames for v in stored]
     frames = Frames.join(parts)
     frames = frames[np.argsort(frames.time_ns, kind="stable")]
-    marks = [m for seat, kept, layout in stops for m in annotate_visits(seat, kept, layout, int(frames.time_ns[0]))]
+    marks = [m for seat, stored, layout in stops for m in annotate_visits(seat, stored, layout, int(frames.time_ns[0]))]
     write_log(folder / "two.log", frames)
     write_log(folder / "two.blf", frames)
     write_marks(folder / "two.log.marks.json", Annotations(recipe="six-point", marks=tuple(marks)))
@@ -127,8 +127,8 @@ def test_a_log_that_shows_too_little_says_what_to_do(recorded: tuple[Path, Ran],
 
 
 def mark(**change: object) -> Annotation:
-    told = {"unit": "SN1", "node": 17, "run": 0, "visit": 0, "position": "z-up", "start_s": 0.3, "end_s": 1.3}
-    return Annotation.model_validate({**told, **change})
+    shown = {"unit": "SN1", "node": 17, "run": 0, "visit": 0, "position": "z-up", "start_s": 0.3, "end_s": 1.3}
+    return Annotation.model_validate({**shown, **change})
 
 
 @pytest.mark.parametrize(

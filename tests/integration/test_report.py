@@ -104,8 +104,8 @@ def test_the_command_writes_one_page_that_needs_nothing_else(
     with pytest.raises(SystemExit) as ended:
         main(["report", "--db", str(database), "--size", "2", "--out", str(out), "--json"])
     assert ended.value.code == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["schema"], told["attempts"]) == ("station.report/1", 9)
+    shown = json.loads(capsys.readouterr().out)
+    assert (shown["schema"], shown["attempts"]) == ("station.report/1", 9)
     page = out.read_text()
     assert "<svg" in page
     assert "src=" not in page

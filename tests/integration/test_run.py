@@ -75,9 +75,9 @@ def test_the_log_keeps_all_that_the_contract_lists(four: Ran) -> None:
     assert {r["name"] for r in life["results"]} >= {
         "identity", "old-calibration", "calibration", "write-plan", "device-state", "verification", "verdict",
     }  # fmt: skip
-    assert four.kept("SN0003", "identity")["serial"] == 3
-    assert four.kept("SN0003", "device-state") == {"state": "new"}
-    assert four.kept("SN0003", "verdict")["outcome"] == "PASS"
+    assert four.stored("SN0003", "identity")["serial"] == 3
+    assert four.stored("SN0003", "device-state") == {"state": "new"}
+    assert four.stored("SN0003", "verdict")["outcome"] == "PASS"
     for row in life["writes"]:
         assert row["stage"] in ("intent", "written", "verified")
         assert row["read_back"] in (None, row["written"])
@@ -113,7 +113,7 @@ def test_coefficients_are_the_truth_within_their_uncertainty(four: Ran, tmp_path
 
 
 def test_verification_is_of_the_devices_own_output(four: Ran) -> None:
-    shown = four.kept("SN0002", "verification")
+    shown = four.stored("SN0002", "verification")
     assert [p["name"] for p in shown["positions"]] == ["verify-x", "verify-tilt"]
     assert all(p["error"] < shown["limit"] for p in shown["positions"])
     np.testing.assert_allclose(shown["positions"][1]["mean"], [0, 2**-0.5, 2**-0.5], atol=0.002)
@@ -124,7 +124,7 @@ def test_more_units_than_nests_are_several_loads(tmp_path: Path) -> None:
     assert [r.outcome for r in ran.results.values()] == [Outcome.PASS] * 5
     assert len(ran.of(LoadDone)) == 2
     assert ran.results["SN0005"].seat.nest == "A"
-    assert ran.kept("SN0005", "identity")["serial"] == 5
+    assert ran.stored("SN0005", "identity")["serial"] == 5
 
 
 def test_one_unit_is_no_other_path(four: Ran, tmp_path: Path) -> None:
@@ -149,44 +149,44 @@ def test_a_second_run_reads_the_first_ones_values_as_old(tmp_path: Path) -> None
     before = fixture_run.Ran(tmp_path).memory("SN0001")
     ran = fixture_run.run(tmp_path, seed=2)
     assert ran.results["SN0001"].outcome is Outcome.PASS
-    old = ran.kept("SN0001", "old-calibration")["objects"]
+    old = ran.stored("SN0001", "old-calibration")["objects"]
     assert np.frombuffer(bytes.fromhex(old["2101:01"]), "<f4")[0] == np.float32(before["2101:01"])
     assert bytes.fromhex(old["2100:00"]).decode() == before["2100:00"]
     assert len(ran.lives("SN0001")) == 2
 
 
 def test_several_runs_and_seatings_ask_for_reseating_once(tmp_path: Path) -> None:
-    asked: list[Message] = []
+    requested: list[Message] = []
     name = fixture_run.recipe(
         tmp_path,
         seatings={"turned": {"axis": [0, 0, 1], "angle_deg": 180}},
         runs=[{"seating": "home"}, {"seating": "turned", "order": "reversed", "prewarm_s": 5, "motors": "off"}],
         method="n-point",
     )
-    ran = fixture_run.run(tmp_path, recipe=name, confirm=asked.append)
+    ran = fixture_run.run(tmp_path, recipe=name, confirm=requested.append)
     assert ran.results["SN0001"].outcome is Outcome.PASS, ran.results["SN0001"].reasons
     turn = "Pass 2: turn each unit 180° about z (seating 'turned')"
-    assert [render(m) for m in asked] == [turn, "Pass 2: switch the line's motors off"], (
+    assert [render(m) for m in requested] == [turn, "Pass 2: switch the line's motors off"], (
         "nothing goes on before a person has done it"
     )
-    told = [render(e.message) for e in ran.of(Notice)]
-    assert any("motors off" in t for t in told)
+    report = [render(e.message) for e in ran.of(Notice)]
+    assert any("motors off" in t for t in report)
     visits = [v for v in ran.life("SN0001")["visits"] if v["kind"] == "tumble"]
     assert [(v["run"], v["seating"]) for v in visits] == [(0, "home")] * 6 + [(1, "turned")] * 6
 
 
 def test_dwells_end_when_the_coefficients_are_good_enough(tmp_path: Path) -> None:
     """Gains of six faces: noise of 100 ug/rtHz needs (1e-4)^2 / 2 / (2 * std^2) s a stop, more while it is learnt."""
-    seen = {}
+    observed = {}
     for name, until_std in (("short", 5e-4), ("long", 5e-5)):
         (tmp_path / name).mkdir()
         recipe = fixture_run.recipe(tmp_path, dwell={"until_std": until_std, "min_s": 0.2, "max_s": 5})
-        seen[name] = fixture_run.run(tmp_path / name, recipe=recipe)
-    assert dwelt_s(seen["short"], "tumble") == pytest.approx([0.2] * 6, abs=0.02)
-    long_s = dwelt_s(seen["long"], "tumble")
+        observed[name] = fixture_run.run(tmp_path / name, recipe=recipe)
+    assert dwelt_s(observed["short"], "tumble") == pytest.approx([0.2] * 6, abs=0.02)
+    long_s = dwelt_s(observed["long"], "tumble")
     assert 0.8 < np.mean(long_s) < 2.0 and max(long_s) < 4
-    assert dwelt_s(seen["long"], "verify") == pytest.approx([np.mean(long_s)] * 2, abs=0.02)
-    fit = seen["long"].results["SN0001"].fit
+    assert dwelt_s(observed["long"], "verify") == pytest.approx([np.mean(long_s)] * 2, abs=0.02)
+    fit = observed["long"].results["SN0001"].fit
     assert fit is not None and fit.budget is not None and fit.calibration is not None
     assert fit.budget.std("noise").max() < 5e-5 * 1.05
     assert not any(note.id == "dwell-too-short" for note in fit.calibration.notes)
@@ -212,8 +212,8 @@ def test_earlier_units_tell_the_noise_of_the_next(tmp_path: Path, capsys: pytest
     recipe = fixture_run.recipe(tmp_path, dwell={"until_std": 8e-5, "min_s": 0.2, "max_s": 5})
     first = fixture_run.run(tmp_path, units=2, recipe=recipe)
     then = fixture_run.run(tmp_path, ["SN0003"], recipe=recipe)
-    assert [first.kept(serial, "dwell")["prior"] for serial in ("SN0001", "SN0002")] == [None, None]
-    assert then.kept("SN0003", "dwell")["prior"]["units"] == 2
+    assert [first.stored(serial, "dwell")["prior"] for serial in ("SN0001", "SN0002")] == [None, None]
+    assert then.stored("SN0003", "dwell")["prior"]["units"] == 2
     with SqliteLogReader(tmp_path / "station.db") as log:
         for attempt in log.attempts(Query()):
             again = recompute(log, attempt)
@@ -224,9 +224,9 @@ def test_earlier_units_tell_the_noise_of_the_next(tmp_path: Path, capsys: pytest
         alone = refit_attempt(
             third, stored_visits(life["visits"], log.frames(third)), as_used, (product, layout), forgot
         )
-    told = then.results["SN0003"].fit
-    assert told is not None and told.calibration is not None and alone.calibration is not None
-    assert not np.array_equal(told.calibration.covariance, alone.calibration.covariance)
+    report = then.results["SN0003"].fit
+    assert report is not None and report.calibration is not None and alone.calibration is not None
+    assert not np.array_equal(report.calibration.covariance, alone.calibration.covariance)
     with pytest.raises(SystemExit):
         main(["audit", "SN0003", "--db", str(tmp_path / "station.db")])
     assert "noise known beforehand from 2 units" in capsys.readouterr().out
@@ -237,14 +237,14 @@ def test_an_uncertainty_out_of_reach_is_told(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, recipe=recipe)
     # The last tenth of the variance would cost the longest dwell at every stop.
     assert all(0.4 < s < 0.52 for s in dwelt_s(ran, "tumble"))
-    notes = ran.kept("SN0001", "calibration")["notes"]
+    notes = ran.stored("SN0001", "calibration")["notes"]
     assert any("times the target of dwell.until_std 1e-05 g: raise dwell.max_s (0.5 s)" in note for note in notes)
 
 
 def test_all_nests_dwell_together_and_each_is_told_what_it_alone_would_need(tmp_path: Path) -> None:
     recipe = fixture_run.recipe(tmp_path, dwell={"until_std": 5e-5, "min_s": 0.2, "max_s": 5})
     ran = fixture_run.run(tmp_path, units=2, recipe=recipe)
-    one, two = (ran.kept(serial, "dwell") for serial in ("SN0001", "SN0002"))
+    one, two = (ran.stored(serial, "dwell") for serial in ("SN0001", "SN0002"))
     assert one["dwell_s"] == two["dwell_s"] == pytest.approx(dwelt_s(ran, "tumble"), abs=0.02)
     assert one["alone_s"] != two["alone_s"]
     assert max(sum(d["alone_s"]) for d in (one, two)) < sum(one["dwell_s"]) * 1.1
@@ -252,8 +252,8 @@ def test_all_nests_dwell_together_and_each_is_told_what_it_alone_would_need(tmp_
 
 def dwelt_s(ran: Ran, kind: str) -> list[float]:
     """How long each stop of that kind lasted, s."""
-    seen = [v["statistics"] for v in ran.life("SN0001")["visits"] if v["kind"] == kind]
-    return [(s["to_ns"] - s["from_ns"]) / 1e9 for s in seen]
+    observed = [v["statistics"] for v in ran.life("SN0001")["visits"] if v["kind"] == kind]
+    return [(s["to_ns"] - s["from_ns"]) / 1e9 for s in observed]
 
 
 def test_recipe_and_product_in_the_log_are_enough_to_refit(four: Ran) -> None:

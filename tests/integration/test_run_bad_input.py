@@ -39,10 +39,10 @@ def refused(folder: Path, kind: type[StationError] | tuple[type[StationError], .
     with pytest.raises(kind) as caught:
         open_bench(RunOrder(**{"simulate": True, "database": database, **order})).close()  # type: ignore[arg-type]
     assert not database.exists(), "no log is begun for what cannot run"
-    said = caught.value.sentence
-    assert "\n" not in said
+    printed = caught.value.sentence
+    assert "\n" not in printed
     assert caught.value.exit_code == (2 if isinstance(caught.value, InputError) else 3)
-    return said
+    return printed
 
 
 @pytest.mark.parametrize(
@@ -70,9 +70,11 @@ def refused(folder: Path, kind: type[StationError] | tuple[type[StationError], .
     ],
 )
 def test_a_recipe_that_cannot_be_run(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
-    said = refused(tmp_path, InputError, recipe=fixture_run.recipe(tmp_path, **changes))
-    assert words in said
-    assert "six-point-changed.yaml" in said or "product" in words or "no-such-thing" in words or "plain name" in words
+    printed = refused(tmp_path, InputError, recipe=fixture_run.recipe(tmp_path, **changes))
+    assert words in printed
+    assert (
+        "six-point-changed.yaml" in printed or "product" in words or "no-such-thing" in words or "plain name" in words
+    )
 
 
 @pytest.mark.parametrize(
@@ -87,16 +89,16 @@ def test_a_recipe_that_cannot_be_run(tmp_path: Path, changes: dict[str, Any], wo
     ],
 )
 def test_a_config_that_cannot_be_used(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
-    said = refused(tmp_path, ConfigError, config=fixture_run.config(tmp_path, **changes))
-    assert words in said
-    assert "config.yaml, line" in said
+    printed = refused(tmp_path, ConfigError, config=fixture_run.config(tmp_path, **changes))
+    assert words in printed
+    assert "config.yaml, line" in printed
 
 
 def test_an_unknown_positioner_names_the_known_ones(tmp_path: Path) -> None:
     file = fixture_run.config(tmp_path, positioner={"kind": "robot-arm"})
-    said = refused(tmp_path, InputError, config=file, simulate=False, channel="nocan9")
-    assert "robot-arm" in said
-    assert "manual, simulated" in said
+    printed = refused(tmp_path, InputError, config=file, simulate=False, channel="nocan9")
+    assert "robot-arm" in printed
+    assert "manual, simulated" in printed
 
 
 def test_an_unknown_bus_names_the_known_ones(tmp_path: Path) -> None:
@@ -114,8 +116,8 @@ def test_without_a_word_on_it_a_person_turns_the_fixture() -> None:
 
 
 def test_an_absent_interface(tmp_path: Path) -> None:
-    said = refused(tmp_path, (ConfigError, BusFault), simulate=False, channel="nocan9")
-    assert "nocan9" in said or "This kernel has no CAN" in said
+    printed = refused(tmp_path, (ConfigError, BusFault), simulate=False, channel="nocan9")
+    assert "nocan9" in printed or "This kernel has no CAN" in printed
 
 
 def product(folder: Path, change: Callable[[dict[str, Any]], object] = lambda _: None) -> Path:
@@ -134,8 +136,8 @@ def test_a_dbc_without_the_mapped_signal(tmp_path: Path) -> None:
     def change(document: dict[str, Any]) -> None:
         document["frames"]["sample"]["x"] = "XX"
 
-    said = refused(tmp_path, ProductError, recipe=str(product(tmp_path, change)))
-    assert "message ACCELERATION has no signal XX; its signals are CRC, COUNTER, STATUS, X, Y, Z" in said
+    printed = refused(tmp_path, ProductError, recipe=str(product(tmp_path, change)))
+    assert "message ACCELERATION has no signal XX; its signals are CRC, COUNTER, STATUS, X, Y, Z" in printed
 
 
 def test_a_dbc_without_the_mapped_message(tmp_path: Path) -> None:
@@ -167,9 +169,9 @@ def test_an_unknown_key_in_the_device_map(tmp_path: Path) -> None:
     def change(document: dict[str, Any]) -> None:
         document["map"]["matirx"] = document["map"].pop("matrix")
 
-    said = refused(tmp_path, ProductError, recipe=str(product(tmp_path, change)))
-    assert "did you mean `matrix`?" in said
-    assert "accelerometer.yaml, line" in said
+    printed = refused(tmp_path, ProductError, recipe=str(product(tmp_path, change)))
+    assert "did you mean `matrix`?" in printed
+    assert "accelerometer.yaml, line" in printed
 
 
 def test_a_simulation_without_an_eds(tmp_path: Path) -> None:
@@ -191,14 +193,14 @@ def test_serials_that_cannot_be(tmp_path: Path, serials: list[str], words: str) 
 
 
 def gold(folder: Path, **change: object) -> str:
-    told = {"serial": "G1", "due": "2099-01-31", "node": 5, "seat_std_deg": 0.01, **change}
-    reference = {"source": "gold", "magnitude": 1.0, "gold": {k: v for k, v in told.items() if v is not None}}
+    shown = {"serial": "G1", "due": "2099-01-31", "node": 5, "seat_std_deg": 0.01, **change}
+    reference = {"source": "gold", "magnitude": 1.0, "gold": {k: v for k, v in shown.items() if v is not None}}
     return fixture_run.recipe(folder, reference=reference)
 
 
 def test_a_reference_past_its_due_date_measures_nothing(tmp_path: Path) -> None:
-    said = refused(tmp_path, ReferenceOverdue, recipe=gold(tmp_path, due="2020-01-31"))
-    assert "expired on 2020-01-31" in said
+    printed = refused(tmp_path, ReferenceOverdue, recipe=gold(tmp_path, due="2020-01-31"))
+    assert "expired on 2020-01-31" in printed
 
 
 @pytest.mark.parametrize(("node", "words"), [(None, "gold.node is missing"), (17, "is also the node of nest A")])
@@ -219,8 +221,8 @@ def test_a_gold_reference_is_the_truth_and_when_it_dies_nothing_counts(tmp_path:
     assert blind.results["SN0001"].outcome is Outcome.FAIL
     dead = fixture_run.run(tmp_path, seed=3, faults=("GOLD/stream-stops:after_s=6",), recipe=gold(tmp_path))
     assert dead.results["SN0001"].outcome is Outcome.ERROR
-    told = dead.results["SN0001"].reasons[0].sentence
-    assert "Gold reference G1 (node 5) sent 0 of 100 readings at 'x-up'" in told
+    shown = dead.results["SN0001"].reasons[0].sentence
+    assert "Gold reference G1 (node 5) sent 0 of 100 readings at 'x-up'" in shown
 
 
 def test_a_simulated_bus_without_simulated_units(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from tests.fakes.bus_trouble import troubled
 from tests.fakes.fixture_run import Ran
 
 
-def said(ran: Ran, serial: str = "SN0001") -> list[str]:
+def printed(ran: Ran, serial: str = "SN0001") -> list[str]:
     return [text for v in ran.life(serial)["visits"] for text in v["statistics"]["bus_errors"]]
 
 
@@ -22,10 +22,10 @@ def test_error_frames_stand_in_the_statistics_of_every_nest(tmp_path: Path) -> N
     ran = fixture_run.run(tmp_path, units=2, wrap=troubled(*every_50_ms, (4.5, "no-acknowledge")))
     assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
     for serial in ran.results:
-        told = said(ran, serial)
-        assert any("error passive while receiving" in text for text in told)
+        shown = printed(ran, serial)
+        assert any("error passive while receiving" in text for text in shown)
     clean = fixture_run.run(tmp_path, ["SN0009"])
-    assert said(clean, "SN0009") == []
+    assert printed(clean, "SN0009") == []
 
 
 @pytest.mark.parametrize("at_s", [1.0, 2.5, 6.0, 7.3])
@@ -45,7 +45,7 @@ def test_a_controller_that_came_back_at_once_is_only_recorded(tmp_path: Path) ->
     plan = [(i / 10, kind) for i in range(40, 50) for kind in ("bus-off", "restarted")]
     ran = fixture_run.run(tmp_path, wrap=troubled(*plan))
     assert ran.results["SN0001"].outcome is Outcome.PASS
-    assert any("restarted after bus-off" in text for text in said(ran))
+    assert any("restarted after bus-off" in text for text in printed(ran))
 
 
 class Bus:
@@ -64,8 +64,8 @@ class Bus:
     ("state", "remedy"), [("bus-off", ": check bit rate"), ("passive", ", no node ack"), ("down", ": bring it up")]
 )
 def test_a_silence_that_is_the_bus_s_doing_says_so(state: str, remedy: str) -> None:
-    told = with_bus_state(DeviceSilent("node 5 did not answer."), Bus(state))  # type: ignore[arg-type]
-    assert told.sentence.startswith(f"node 5 did not answer. can0 is {state}{remedy}")
+    shown = with_bus_state(DeviceSilent("node 5 did not answer."), Bus(state))  # type: ignore[arg-type]
+    assert shown.sentence.startswith(f"node 5 did not answer. can0 is {state}{remedy}")
 
 
 def test_any_other_fault_and_any_good_bus_leave_the_sentence_alone() -> None:

@@ -78,17 +78,17 @@ def sentences(events: Iterable[Notice]) -> list[str]:
 def test_each_face_is_asked_for_and_recognised(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, units=2, wrap=by_hand())
     assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
-    asked = [render(e.instruction) for e in ran.of(VisitStarted) if e.instruction]
-    assert asked[2] == "Bring position 'x-up' up (+x of the unit) and let go."
-    assert len(asked) == 8
+    requested = [render(e.instruction) for e in ran.of(VisitStarted) if e.instruction]
+    assert requested[2] == "Bring position 'x-up' up (+x of the unit) and let go."
+    assert len(requested) == 8
     assert not ran.of(Notice)
 
 
 def test_a_wrong_face_gets_a_sentence_and_not_a_failed_unit(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, units=2, wrap=by_hand({"x-up": "y-down", "z-down": "x-down"}))
     assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
-    told = sentences(ran.of(Notice))
-    assert told == [
+    shown = sentences(ran.of(Notice))
+    assert shown == [
         "Nest A shows -x up. Bring position 'z-down' up (-z of the unit) and let go.",
         "Nest B shows -x up. Bring position 'z-down' up (-z of the unit) and let go.",
         "Nest A shows -y up. Bring position 'x-up' up (+x of the unit) and let go.",

@@ -44,7 +44,7 @@ def test_after_a_refused_write_the_old_values_stand_in_the_device(tmp_path: Path
     before = Ran(tmp_path).memory("SN0001")
     ran = fixture_run.run(tmp_path, seed=5, faults=("refuse:index=0x2102,sub=2,access=write,code=0x06090030",))
     assert ran.results["SN0001"].outcome is FAIL
-    assert ran.kept("SN0001", "device-state") == {"state": "old"}
+    assert ran.stored("SN0001", "device-state") == {"state": "old"}
     assert ran.memory("SN0001") == before
 
 
@@ -56,8 +56,8 @@ def test_limits_decide_and_nothing_is_written_on_fail(tmp_path: Path) -> None:
     assert [x.check for x in r.reasons] == ["offset", "offset"]
     assert r.fit is not None
     assert r.fit.calibration is not None
-    said = f"offset y is {r.fit.calibration.offset[1]:+.5f} g off nominal, beyond 0.02 less the guard band"
-    assert said in r.reasons[1].sentence
+    printed = f"offset y is {r.fit.calibration.offset[1]:+.5f} g off nominal, beyond 0.02 less the guard band"
+    assert printed in r.reasons[1].sentence
     assert not r.written
     assert ran.memory("SN0001") == {}
     assert ran.life("SN0001")["writes"] == []

@@ -8,7 +8,7 @@ import pytest
 
 from station.domain.core.types import Outcome
 from tests.conftest import SEED
-from tests.fakes.intruder import DEEDS, SERIAL, Deed, Intruder, send
+from tests.fakes.intruder import ACTIONS, SERIAL, Deed, Intruder, send
 
 RUNS = 6
 
@@ -22,11 +22,11 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> int:
 
 
 @pytest.mark.parametrize("number", range(RUNS))
-@pytest.mark.parametrize("deed", DEEDS)
+@pytest.mark.parametrize("deed", ACTIONS)
 def test_no_pass_whenever_he_comes(tmp_path: Path, calls: int, deed: str, number: int) -> None:
-    rng = np.random.default_rng([SEED, number, list(DEEDS).index(deed)])
+    rng = np.random.default_rng([SEED, number, list(ACTIONS).index(deed)])
     at = int((number + rng.random()) * calls / RUNS)
-    intruder = Intruder(DEEDS[deed], at)
+    intruder = Intruder(ACTIONS[deed], at)
     ran = intruder.run(tmp_path)
     assert intruder.came
     outcome, reasons = ran.results[SERIAL].outcome, ran.results[SERIAL].reasons
@@ -37,7 +37,7 @@ def test_no_pass_whenever_he_comes(tmp_path: Path, calls: int, deed: str, number
 
 
 def test_the_last_instant_counts_too(tmp_path: Path, calls: int) -> None:
-    ran = Intruder(DEEDS["writes a coefficient"], calls - 1).run(tmp_path)
+    ran = Intruder(ACTIONS["writes a coefficient"], calls - 1).run(tmp_path)
     assert ran.results[SERIAL].outcome is Outcome.ERROR
     assert "another master on the bus wrote to 0x2101:05" in ran.results[SERIAL].reasons[-1].sentence
 
@@ -45,8 +45,8 @@ def test_the_last_instant_counts_too(tmp_path: Path, calls: int) -> None:
 @pytest.mark.parametrize(
     ("deed", "node_offset"),
     [
-        (DEEDS["writes a coefficient"], 40),
-        (DEEDS["resets the device"], 40),
+        (ACTIONS["writes a coefficient"], 40),
+        (ACTIONS["resets the device"], 40),
         (lambda bench, seat: send(bench, 0x600 + seat.node, bytes.fromhex("4018100400000000")), 0),
         (lambda bench, seat: send(bench, 0x000, bytes([1, seat.node])), 0),
     ],

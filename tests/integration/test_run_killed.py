@@ -84,8 +84,8 @@ def test_recovery_makes_it_whole_and_the_next_run_takes_it(tmp_path: Path, resto
     order = RunOrder(simulate=True, database=tmp_path / "station.db", device_state=tmp_path / "devices")
     assert recover_unit(order, "SN0001", None, None, as_json=False) == 1
     assert recover_unit(order, "SN0001", None, "restore" if restore else "continue", as_json=False) == 0
-    kept = Ran(tmp_path).coefficients("SN0001")
-    assert (kept == old) is restore
+    stored = Ran(tmp_path).coefficients("SN0001")
+    assert (stored == old) is restore
     torn = Ran(tmp_path).lives("SN0001")[1]
     events = [e["detail"]["state"] for e in torn["events"] if e["kind"] == "device-state"]
     assert events == ["mixed", "mixed", "old" if restore else "new"]
@@ -94,7 +94,7 @@ def test_recovery_makes_it_whole_and_the_next_run_takes_it(tmp_path: Path, resto
         import struct
 
         wanted = [struct.unpack("<f", bytes.fromhex(planned[f"2101:{i:02X}"]))[0] for i in range(1, 10)]
-        assert kept[:9] == pytest.approx(wanted, abs=0)
+        assert stored[:9] == pytest.approx(wanted, abs=0)
     again = fixture_run.run(tmp_path, seed=3)
     assert again.results["SN0001"].outcome is Outcome.PASS
 

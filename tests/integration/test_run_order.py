@@ -20,8 +20,8 @@ SAVE = 0x1010
 class Watched:
     """A port that hands on every call and notes the ones of `names`, as they begin and after they returned."""
 
-    def __init__(self, port: Any, names: tuple[str, ...], seen: list[tuple[Any, ...]]) -> None:
-        self._port, self._names, self._seen = port, names, seen
+    def __init__(self, port: Any, names: tuple[str, ...], observed: list[tuple[Any, ...]]) -> None:
+        self._port, self._names, self._observed = port, names, observed
 
     def __getattr__(self, name: str) -> Any:
         found = getattr(self._port, name)
@@ -29,19 +29,19 @@ class Watched:
             return found
 
         def call(*args: Any, **kwargs: Any) -> Any:
-            self._seen.append((name, "begins", *args))
+            self._observed.append((name, "begins", *args))
             result = found(*args, **kwargs)
-            self._seen.append((name, "done", *args))
+            self._observed.append((name, "done", *args))
             return result
 
         return call
 
 
-def watching(seen: list[tuple[Any, ...]]) -> Callable[[Bench], Bench]:
+def watching(observed: list[tuple[Any, ...]]) -> Callable[[Bench], Bench]:
     def wrap(bench: Bench) -> Bench:
         there = bench.station
-        devices = {n.node: Watched(there.device(n.node), ("download",), seen) for n in there.settings.nests}
-        store: Any = Watched(there.store, ("begin", "write", "result", "finish"), seen)
+        devices = {n.node: Watched(there.device(n.node), ("download",), observed) for n in there.settings.nests}
+        store: Any = Watched(there.store, ("begin", "write", "result", "finish"), observed)
         return replace(bench, station=replace(there, store=store, device=devices.__getitem__))
 
     return wrap
@@ -61,20 +61,20 @@ def test_pass_is_shown_only_after_its_record_is_kept(tmp_path: Path) -> None:
 
 
 def test_intents_come_before_deeds_and_facts_after_them(tmp_path: Path) -> None:
-    seen: list[tuple[Any, ...]] = []
-    fixture_run.run(tmp_path, wrap=watching(seen))
-    assert seen[0][:2] == ("begin", "begins"), "the attempt comes before any deed"
-    planned = next(i for i, s in enumerate(seen) if s[:2] == ("result", "done") and s[3] == "write-plan")
-    begun = [(i, s[2]) for i, s in enumerate(seen) if s[:2] == ("download", "begins")]
-    deeds = [(i, index) for i, index in begun if index in CALIBRATION or index == SAVE]
-    assert len(deeds) > 12
-    for at, index in deeds:
+    observed: list[tuple[Any, ...]] = []
+    fixture_run.run(tmp_path, wrap=watching(observed))
+    assert observed[0][:2] == ("begin", "begins"), "the attempt comes before any deed"
+    planned = next(i for i, s in enumerate(observed) if s[:2] == ("result", "done") and s[3] == "write-plan")
+    begun = [(i, s[2]) for i, s in enumerate(observed) if s[:2] == ("download", "begins")]
+    actions = [(i, index) for i, index in begun if index in CALIBRATION or index == SAVE]
+    assert len(actions) > 12
+    for at, index in actions:
         assert at > planned, "the whole plan stands in the log before the first write"
-        name, when, _attempt, *stages = seen[at - 1]
+        name, when, _attempt, *stages = observed[at - 1]
         assert (name, when) == ("write", "done")
         record = stages[-1]  # before it the same commit may hold the fact of the write before
         assert (record.index, record.stage) == (index, "intent")
-        after = next(s for s in seen[at + 2 :] if s[:2] == ("write", "begins"))
+        after = next(s for s in observed[at + 2 :] if s[:2] == ("write", "begins"))
         assert (after[3].index, after[3].sub) == (record.index, record.sub)
         assert after[3].stage in ("written", "verified")
-    assert seen[-1][:2] == ("finish", "done")
+    assert observed[-1][:2] == ("finish", "done")

@@ -35,6 +35,12 @@ def test_a_good_unit_passes_and_keeps_its_calibration(tmp_path: Path, name: str)
 
 
 def test_there_is_a_recipe_for_every_method_and_sensor() -> None:
-    seen = {(load_recipe(n).sensor, load_recipe(n).method) for n in RECIPES}
-    assert {s for s, _ in seen} == {"accelerometer", "magnetometer", "gyroscope"}
-    assert {m for s, m in seen if s == "accelerometer"} == {"one-point", "three-point", "six-point", "n-point", "norm"}
+    observed = {(load_recipe(n).sensor, load_recipe(n).method) for n in RECIPES}
+    assert {s for s, _ in observed} == {"accelerometer", "magnetometer", "gyroscope"}
+    assert {m for s, m in observed if s == "accelerometer"} == {
+        "one-point",
+        "three-point",
+        "six-point",
+        "n-point",
+        "norm",
+    }

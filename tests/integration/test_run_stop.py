@@ -34,13 +34,13 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Ran:
 
 
 def stopped_at(folder: Path, number: int) -> Ran:
-    seen = 0
+    observed = 0
 
     def hook(_event: Event, stop: StopRequest, _bench: Bench) -> None:
-        nonlocal seen
-        if seen == number:
+        nonlocal observed
+        if observed == number:
             stop.request()
-        seen += 1
+        observed += 1
 
     return fixture_run.run(folder, hook=hook)
 
@@ -92,7 +92,7 @@ def test_while_it_writes_a_stop_waits_until_every_unit_is_whole(tmp_path: Path) 
     check_truth(ran)
     assert [r.outcome for r in ran.results.values()] == [Outcome.ABORTED] * 2
     assert all(r.written and not r.verified for r in ran.results.values())
-    assert [ran.kept(s, "device-state") for s in ran.results] == [{"state": "new"}] * 2
+    assert [ran.stored(s, "device-state") for s in ran.results] == [{"state": "new"}] * 2
 
 
 def test_a_signal_may_end_the_wait_for_a_person_at_once(tmp_path: Path) -> None:
@@ -143,7 +143,7 @@ def test_whoever_stops_listening_leaves_a_finished_record_and_a_parked_fixture(w
         ran = Ran(folder)
         assert ran.life("SN0001")["outcome"] in ("ABORTED", "PASS")
         assert len(ran.coefficients("SN0001")) in (0, 12)
-        assert not ran.memory("SN0001") or ran.kept("SN0001", "device-state") == {"state": "new"}
+        assert not ran.memory("SN0001") or ran.stored("SN0001", "device-state") == {"state": "new"}
 
 
 class _Broken:

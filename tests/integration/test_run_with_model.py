@@ -19,10 +19,10 @@ def station(*args: str) -> int:
 
 def ran(folder: Path, capsys: pytest.CaptureFixture[str], *more: str) -> tuple[dict[str, Any], str]:
     """A run of two units with crooked axes: document, and what was said beside it."""
-    asked = ("--recipe", "offset-gain", "--simulate", "--units", "2", "--effect", "cross-axis=0.003")
-    assert station("run", *asked, "--db", str(folder / "station.db"), "--json", *more) == 0
-    told = capsys.readouterr()
-    return json.loads(told.out), told.err
+    requested = ("--recipe", "offset-gain", "--simulate", "--units", "2", "--effect", "cross-axis=0.003")
+    assert station("run", *requested, "--db", str(folder / "station.db"), "--json", *more) == 0
+    shown = capsys.readouterr()
+    return json.loads(shown.out), shown.err
 
 
 def errors(document: dict[str, Any], name: str) -> list[float]:
@@ -45,8 +45,8 @@ def test_the_verification_error_falls(
     learnt: tuple[Path, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     model, first = learnt
-    second, said = ran(tmp_path, capsys, "--model", str(model))
-    assert "cross-axis, the device's own, goes into the calibration: offset and the whole matrix" in said
+    second, printed = ran(tmp_path, capsys, "--model", str(model))
+    assert "cross-axis, the device's own, goes into the calibration: offset and the whole matrix" in printed
     assert {tuple(u["verification"]["takes_in"]) for u in second["units"]} == {("cross-axis",)}
     # As the first run would have had it on the same dwells, to the noise of a dwell; and far below it now.
     assert errors(second, "error_before") == pytest.approx(errors(first, "error"), abs=4e-4)
@@ -61,17 +61,17 @@ def test_the_log_says_so_and_computes_it_again(
     model, _ = learnt
     ran(tmp_path, capsys, "--model", str(model))
     assert station("audit", "SN0001", "--db", str(tmp_path / "station.db"), "--recompute", "--json") == 0
-    kept = json.loads(capsys.readouterr().out)
-    said = json.dumps(kept)
-    assert '"takes_in": ["cross-axis"]' in said
-    assert '"error_before"' in said
+    stored = json.loads(capsys.readouterr().out)
+    printed = json.dumps(stored)
+    assert '"takes_in": ["cross-axis"]' in printed
+    assert '"error_before"' in printed
 
 
 def test_what_the_device_cannot_hold_is_said_and_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model = tmp_path / "model.yaml"
     model.write_text("schema: station.model/1\neffects: [{effect: quadratic}, {effect: nest-tilt}]\n", encoding="utf-8")
-    document, said = ran(tmp_path, capsys, "--model", str(model))
-    assert "quadratic is no part of offset and matrix" in said
-    assert "nest-tilt is of the rig and not of the device" in said
+    document, printed = ran(tmp_path, capsys, "--model", str(model))
+    assert "quadratic is no part of offset and matrix" in printed
+    assert "nest-tilt is of the rig and not of the device" in printed
     assert all("takes_in" not in u["verification"] for u in document["units"])
     assert all(u["matrix"][0][1] == 0 for u in document["units"])

@@ -370,8 +370,8 @@ def test_two_devices_with_one_node_id_are_noticed(start: Start) -> None:
 
 def test_a_second_device_that_is_three_requests_behind_is_noticed(start: Start) -> None:
     def read(sub: int, *late: int) -> Line:
-        told = [f"4f 00 20 {s:02x} 07 00 00 00" for s in (*late, sub)]
-        return f"40 00 20 {sub:02x} 00 00 00 00", told
+        shown = [f"4f 00 20 {s:02x} 07 00 00 00" for s in (*late, sub)]
+        return f"40 00 20 {sub:02x} 00 00 00 00", shown
 
     sdo = start(read(1), read(2), read(3), read(4, 1), read(5, 2))
     for sub in range(1, 5):

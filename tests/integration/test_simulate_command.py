@@ -102,7 +102,7 @@ def test_a_model_file_is_simulated(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize(
-    ("args", "said"),
+    ("args", "printed"),
     [
         (["--out", "s.csv", "--effect", "quadratc"], "There is no effect 'quadratc'; the nearest are quadratic, "),
         (["--out", "s.csv", "--effect", "quadratic=big"], "Size 'big' of quadratic is not a number"),
@@ -119,19 +119,19 @@ def test_a_model_file_is_simulated(tmp_path: Path, capsys: pytest.CaptureFixture
     ],
 )
 def test_mistakes_are_one_sentence(
-    args: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    args: list[str], printed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert station("simulate", *args) == 2
-    told = capsys.readouterr()
-    assert said in told.err and told.err.count("\n") == 1 and not told.out
+    shown = capsys.readouterr()
+    assert printed in shown.err and shown.err.count("\n") == 1 and not shown.out
     assert not list(tmp_path.iterdir())
 
 
 def test_a_recipe_of_no_product_has_no_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     recipe = tmp_path / "nobodys.yaml"
-    said = recipe_path("tilt-24").read_text(encoding="utf-8")
-    recipe.write_text(said.replace("product: accelerometer\n", ""), encoding="utf-8")
+    printed = recipe_path("tilt-24").read_text(encoding="utf-8")
+    recipe.write_text(printed.replace("product: accelerometer\n", ""), encoding="utf-8")
     assert station("simulate", "--out", str(tmp_path / "s.log"), "--recipe", str(recipe)) == 2
     assert "names no product, so its frames are unknown: add --product" in capsys.readouterr().err
 
@@ -146,9 +146,9 @@ def test_every_cause_can_be_asked_for(tmp_path: Path, capsys: pytest.CaptureFixt
     """All 36 at once, by the ids that `station effects` lists."""
     assert station("effects", "--json") == 0
     listed = [row["effect"] for row in json.loads(capsys.readouterr().out)["effects"]]
-    asked = [part for name in listed for part in ("--effect", name)]
+    requested = [part for name in listed for part in ("--effect", name)]
     out = tmp_path / "s.parquet"
-    assert station("simulate", "--units", "2", *asked, "--out", str(out)) == 0
+    assert station("simulate", "--units", "2", *requested, "--out", str(out)) == 0
     truth = truth_of(tmp_path / "s.truth.json")
     assert [e["effect"] for e in truth["effects"]] == listed
     mapping = next(e for e in truth["effects"] if e["effect"] == "axis-permutation")["parameters"][0]["value"]

@@ -313,7 +313,7 @@ def test_text_form() -> None:
     assert parse("refuse:index=0x2101,sub=1,code=0x06090030,access=write") == InjectedFault(
         "refuse", index=0x2101, sub=1, code=0x06090030, access="write"
     )
-    for text, said in (
+    for text, printed in (
         ("nonsense", "There is no fault 'nonsense'; the known ones are silent, deaf"),
         ("late:second=1", "'second=1' is not one of at, times"),
         ("late:seconds", "'seconds' is not one of"),
@@ -322,4 +322,4 @@ def test_text_form() -> None:
     ):
         with pytest.raises(UsageError) as caught:
             parse(text)
-        assert said in caught.value.sentence
+        assert printed in caught.value.sentence

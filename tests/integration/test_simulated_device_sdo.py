@@ -22,7 +22,7 @@ Rig = Callable[..., DeviceRig]
     ],
 )
 def test_what_is_right_is_answered(rig: Rig, request_: str, answer: str) -> None:
-    assert rig().ask(request_) == [answer]
+    assert rig().query(request_) == [answer]
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_what_is_right_is_answered(rig: Rig, request_: str, answer: str) -> None
     ],
 )
 def test_what_is_wrong_is_refused_with_its_code(rig: Rig, request_: str, code: int) -> None:
-    (answer,) = rig().ask(request_)
+    (answer,) = rig().query(request_)
     assert answer.startswith("80 ")
     assert int.from_bytes(bytes.fromhex(answer)[4:], "little") == code
 
@@ -68,7 +68,7 @@ def test_what_is_wrong_is_refused_with_its_code(rig: Rig, request_: str, code: i
 def test_coefficients_beyond_their_limits_are_refused(rig: Rig, value: bytes, code: int) -> None:
     device = rig()
     device.unlock()
-    (answer,) = device.ask("23 01 21 01 " + value.hex(" "))
+    (answer,) = device.query("23 01 21 01 " + value.hex(" "))
     assert int.from_bytes(bytes.fromhex(answer)[4:], "little") == code
     assert device.station.upload(0x2101, 1) == struct.pack("<f", 1.0)
 
@@ -76,64 +76,64 @@ def test_coefficients_beyond_their_limits_are_refused(rig: Rig, value: bytes, co
 def test_a_wrong_key_locks_again(rig: Rig) -> None:
     device = rig()
     device.unlock()
-    assert device.ask("23 01 21 01 00 00 80 3f") == ["60 01 21 01 00 00 00 00"]
-    device.ask("23 04 21 00 00 00 00 00")
-    assert device.ask("23 01 21 01 00 00 80 3f") == ["80 01 21 01 22 00 00 08"]
+    assert device.query("23 01 21 01 00 00 80 3f") == ["60 01 21 01 00 00 00 00"]
+    device.query("23 04 21 00 00 00 00 00")
+    assert device.query("23 01 21 01 00 00 80 3f") == ["80 01 21 01 22 00 00 08"]
 
 
 def test_toggle_and_length_of_segments_are_checked(rig: Rig) -> None:
     device = rig()
     device.unlock()
-    device.ask("21 00 21 00 09 00 00 00")
-    assert device.ask("10 61 62 63 64 65 66 67") == ["80 00 21 00 00 00 03 05"]  # toggle
-    device.ask("21 00 21 00 09 00 00 00")
-    device.ask("00 61 62 63 64 65 66 67")
-    assert device.ask("10 61 62 63 64 65 66 67") == ["80 00 21 00 12 00 07 06"]  # more than announced
-    device.ask("21 00 21 00 09 00 00 00")
-    assert device.ask("01 61 62 63 64 65 66 67") == ["80 00 21 00 13 00 07 06"]  # less than announced
-    assert device.ask("21 00 21 00 25 00 00 00") == ["80 00 21 00 12 00 07 06"]  # longer than the object
-    device.ask("40 08 10 00 00 00 00 00")
-    assert device.ask("70 00 00 00 00 00 00 00") == ["80 08 10 00 00 00 03 05"]
-    device.ask("40 08 10 00 00 00 00 00")
-    assert device.ask("00 00 00 00 00 00 00 00") == ["80 08 10 00 01 00 04 05"]
+    device.query("21 00 21 00 09 00 00 00")
+    assert device.query("10 61 62 63 64 65 66 67") == ["80 00 21 00 00 00 03 05"]  # toggle
+    device.query("21 00 21 00 09 00 00 00")
+    device.query("00 61 62 63 64 65 66 67")
+    assert device.query("10 61 62 63 64 65 66 67") == ["80 00 21 00 12 00 07 06"]  # more than announced
+    device.query("21 00 21 00 09 00 00 00")
+    assert device.query("01 61 62 63 64 65 66 67") == ["80 00 21 00 13 00 07 06"]  # less than announced
+    assert device.query("21 00 21 00 25 00 00 00") == ["80 00 21 00 12 00 07 06"]  # longer than the object
+    device.query("40 08 10 00 00 00 00 00")
+    assert device.query("70 00 00 00 00 00 00 00") == ["80 08 10 00 00 00 03 05"]
+    device.query("40 08 10 00 00 00 00 00")
+    assert device.query("00 00 00 00 00 00 00 00") == ["80 08 10 00 01 00 04 05"]
 
 
 def test_an_abort_ends_a_transfer_and_a_new_one_replaces_it(rig: Rig) -> None:
     device = rig()
-    device.ask("40 08 10 00 00 00 00 00")
-    assert device.ask("80 08 10 00 00 00 04 05") == []
-    assert device.ask("60 00 00 00 00 00 00 00") == ["80 08 10 00 01 00 04 05"]
-    device.ask("40 08 10 00 00 00 00 00")
-    assert device.ask("40 00 10 00 00 00 00 00") == ["43 00 10 00 94 01 02 00"]
+    device.query("40 08 10 00 00 00 00 00")
+    assert device.query("80 08 10 00 00 00 04 05") == []
+    assert device.query("60 00 00 00 00 00 00 00") == ["80 08 10 00 01 00 04 05"]
+    device.query("40 08 10 00 00 00 00 00")
+    assert device.query("40 00 10 00 00 00 00 00") == ["43 00 10 00 94 01 02 00"]
 
 
 def test_blocks_are_sent_again_and_checked(rig: Rig) -> None:
     device = rig()
-    assert device.ask("a4 08 10 00 01 00 00 00") == ["c6 08 10 00 0d 00 00 00"]  # blocks of one segment
-    assert device.ask("a3 00 00 00 00 00 00 00") == ["01 61 63 63 65 6c 65 72"]
-    assert device.ask("a2 00 02 00 00 00 00 00") == ["01 61 63 63 65 6c 65 72", "82 6f 6d 65 74 65 72 00"]
-    (end,) = device.ask("a2 02 02 00 00 00 00 00")
+    assert device.query("a4 08 10 00 01 00 00 00") == ["c6 08 10 00 0d 00 00 00"]  # blocks of one segment
+    assert device.query("a3 00 00 00 00 00 00 00") == ["01 61 63 63 65 6c 65 72"]
+    assert device.query("a2 00 02 00 00 00 00 00") == ["01 61 63 63 65 6c 65 72", "82 6f 6d 65 74 65 72 00"]
+    (end,) = device.query("a2 02 02 00 00 00 00 00")
     assert end.startswith("c5 ")
-    assert device.ask("a1 00 00 00 00 00 00 00") == []
-    device.ask("c6 20 21 00 07 00 00 00")
-    assert device.ask("81 61 62 63 64 65 66 67") == ["a2 01 7f 00 00 00 00 00"]
-    assert device.ask("c1 00 00 00 00 00 00 00") == ["80 20 21 00 04 00 04 05"]  # CRC
-    assert device.ask("40 20 21 00 00 00 00 00") == ["41 20 21 00 00 00 00 00"]  # nothing was taken
-    device.ask("a4 08 10 00 7f 00 00 00")
-    device.ask("a3 00 00 00 00 00 00 00")
-    assert device.ask("a2 03 7f 00 00 00 00 00") == ["80 08 10 00 03 00 04 05"]  # more than were sent
+    assert device.query("a1 00 00 00 00 00 00 00") == []
+    device.query("c6 20 21 00 07 00 00 00")
+    assert device.query("81 61 62 63 64 65 66 67") == ["a2 01 7f 00 00 00 00 00"]
+    assert device.query("c1 00 00 00 00 00 00 00") == ["80 20 21 00 04 00 04 05"]  # CRC
+    assert device.query("40 20 21 00 00 00 00 00") == ["41 20 21 00 00 00 00 00"]  # nothing was taken
+    device.query("a4 08 10 00 7f 00 00 00")
+    device.query("a3 00 00 00 00 00 00 00")
+    assert device.query("a2 03 7f 00 00 00 00 00") == ["80 08 10 00 03 00 04 05"]  # more than were sent
 
 
 def test_what_is_too_short_for_a_request_is_not_answered(rig: Rig) -> None:
-    assert rig().ask("40 00 10 00") == []
+    assert rig().query("40 00 10 00") == []
 
 
 def test_a_stopped_device_does_not_answer(rig: Rig) -> None:
     device = rig()
     device.station.nmt("stop")
-    assert device.ask("40 00 10 00 00 00 00 00") == []
+    assert device.query("40 00 10 00 00 00 00 00") == []
     device.station.nmt("pre-operational")
-    assert device.ask("40 00 10 00 00 00 00 00") != []
+    assert device.query("40 00 10 00 00 00 00 00") != []
 
 
 # ---- python canopen as a second opinion ----

@@ -53,9 +53,9 @@ def test_it_corrects_its_readings_to_the_truth(rig: Rig, name: str) -> None:
     step = device.layout.axes[0].scale
     rounding = writeback.rounding_std(device.product.map, b, A)
     # Half a step of converter and output each; √3 standard deviations of every kept number, times what it multiplies.
-    kept = np.sqrt(3) * (rounding[:3] + rounding[3:].reshape(3, 3) @ np.abs(truth))
+    stored = np.sqrt(3) * (rounding[:3] + rounding[3:].reshape(3, 3) @ np.abs(truth))
     inverse = np.abs(np.linalg.inv(A))
-    bound = inverse @ (np.full(3, 0.5 * step) + 3 * kept) + 0.5 * step + 1e-9
+    bound = inverse @ (np.full(3, 0.5 * step) + 3 * stored) + 0.5 * step + 1e-9
     assert np.all(np.abs(got.xyz[-1] - truth) <= bound), (got.xyz[-1] - truth, bound)
 
 

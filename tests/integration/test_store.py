@@ -45,11 +45,11 @@ def test_everything_that_was_kept_comes_back(path: Path) -> None:
         (row,) = log.attempts(Query())
         raw = log.frames(row)
         assert log.recipe_and_product(row) == ('{"name":"six-point"}', '{"name":"accelerometer"}')
-    told = asdict(logs.begin())
-    assert {k: life[k] for k in told if not k.endswith("_json")} == {
-        k: v for k, v in told.items() if not k.endswith("_json")
+    shown = asdict(logs.begin())
+    assert {k: life[k] for k in shown if not k.endswith("_json")} == {
+        k: v for k, v in shown.items() if not k.endswith("_json")
     }
-    assert (life["attempt"], life["outcome"], life["ended_ns"]) == (attempt, "PASS", told["started_ns"] + 28 * 10**9)
+    assert (life["attempt"], life["outcome"], life["ended_ns"]) == (attempt, "PASS", shown["started_ns"] + 28 * 10**9)
     expected = [logs.visit(n, rng) for n in range(2)]
     assert [plain.to_bytes(f) for f in raw] == [plain.to_bytes(v.frames) for v in expected]
     assert [v["statistics"]["mean"] for v in life["visits"]] == [v.statistics["mean"].tolist() for v in expected]
@@ -68,9 +68,9 @@ def test_everything_that_was_kept_comes_back(path: Path) -> None:
 
 
 def test_plain_frames_of_an_earlier_log_are_checked_and_packed_as_they_were_sealed(path: Path) -> None:
-    told = logs.visit(0, np.random.default_rng(3))
-    by_columns = plain.to_bytes(told.frames, plain.COLUMNS)
-    earlier = replace(told, encoded=plain.PlainFrames(by_columns, plain.digest(by_columns), len(told.frames)))
+    shown = logs.visit(0, np.random.default_rng(3))
+    by_columns = plain.to_bytes(shown.frames, plain.COLUMNS)
+    earlier = replace(shown, encoded=plain.PlainFrames(by_columns, plain.digest(by_columns), len(shown.frames)))
     with SqliteStore(path) as store:
         attempt = store.begin(logs.begin())
         store.visit([attempt], [earlier])
@@ -198,11 +198,11 @@ def test_any_text_is_kept_as_text(path: Path, serial: str) -> None:
         store.event(attempt, serial, {serial: serial})
         store.result(attempt, serial, {"x": [serial]})
         store.finish(attempt, "ABORTED", 1)
-    kept = serial.encode("utf-8", "backslashreplace").decode()
+    stored = serial.encode("utf-8", "backslashreplace").decode()
     with SqliteLogReader(path) as log:
-        (life,) = log.life(Query(serial=kept))
-    assert life["serial"] == life["operator"] == life["lot"] == life["events"][0]["kind"] == kept
-    assert life["events"][0]["detail"] == {kept: kept}
+        (life,) = log.life(Query(serial=stored))
+    assert life["serial"] == life["operator"] == life["lot"] == life["events"][0]["kind"] == stored
+    assert life["events"][0]["detail"] == {stored: stored}
     assert whole(path)
 
 
@@ -307,8 +307,8 @@ def test_containment_by_every_question(path: Path) -> None:
         logs.unit(store, "XX3", started_ns=4 * hour, station="bench-2", operator="Bo", lot="L8", software="0.2.0")
     with SqliteLogReader(path) as log:
 
-        def serials(**asked: object) -> list[str]:
-            return [a.serial for a in log.attempts(Query(**asked))]  # type: ignore[arg-type]
+        def serials(**requested: object) -> list[str]:
+            return [a.serial for a in log.attempts(Query(**requested))]  # type: ignore[arg-type]
 
         assert serials() == ["XX3", "SN2", "SN2", "SN1"]
         assert serials(recipe_name="six-point", nest="A", since_ns=hour, until_ns=4 * hour) == ["SN1"]
@@ -366,8 +366,8 @@ def test_the_head_file_says_where_the_log_ends(path: Path) -> None:
     with SqliteStore(path) as store:
         logs.unit(store)
         head = store.head()
-    said = json.loads(path.with_name("station.db.head").read_text())
-    assert (said["number"], said["hash"]) == (head.number, head.hash)
+    printed = json.loads(path.with_name("station.db.head").read_text())
+    assert (printed["number"], printed["hash"]) == (head.number, head.hash)
 
 
 def test_a_log_whose_end_was_cut_off_is_not_gone_on_with(path: Path) -> None:
@@ -396,8 +396,8 @@ def test_a_lost_head_file_is_refused_until_somebody_takes_note(path: Path) -> No
         assert head.exists()
     with SqliteLogReader(path) as log:
         assert [e.kind for e in log.events()] == ["log-acknowledged"]
-        (taken,) = log.acknowledgements()
-    assert (taken["by"], taken["reason"], [f["what"] for f in taken["findings"]]) == (
+        (accepted,) = log.acknowledgements()
+    assert (accepted["by"], accepted["reason"], [f["what"] for f in accepted["findings"]]) == (
         "Ada", "the disk was full", ["missing"]
     )  # fmt: skip
     assert whole(path)
@@ -408,16 +408,16 @@ def test_whoever_follows_the_log_sees_every_record_once_and_in_order(path: Path)
     with SqliteStore(path) as store, SqliteLogReader(path) as log:
         attempt = logs.unit(store)
         store.event("", "log-in", {})
-        seen = log.changes(limit=4)
-        while more := log.changes(after=seen[-1].number, limit=4):
-            seen += more
+        observed = log.changes(limit=4)
+        while more := log.changes(after=observed[-1].number, limit=4):
+            observed += more
         store.event(attempt, "returned", {})
-        assert [(c.what, c.detail) for c in log.changes(after=seen[-1].number)] == [("event", "returned")]
-    told = [(c.what, c.detail, c.attempt == attempt) for c in seen]
-    assert told[0] == ("attempt", "SN1", True)
-    assert told[2:4] == [("visit", "tumble p0", True), ("visit", "tumble p1", True)]
-    assert told[-3:] == [("result", "verdict", True), ("finish", "PASS", True), ("event", "log-in", False)]
-    assert [c.number for c in seen] == sorted({c.number for c in seen})
+        assert [(c.what, c.detail) for c in log.changes(after=observed[-1].number)] == [("event", "returned")]
+    shown = [(c.what, c.detail, c.attempt == attempt) for c in observed]
+    assert shown[0] == ("attempt", "SN1", True)
+    assert shown[2:4] == [("visit", "tumble p0", True), ("visit", "tumble p1", True)]
+    assert shown[-3:] == [("result", "verdict", True), ("finish", "PASS", True), ("event", "log-in", False)]
+    assert [c.number for c in observed] == sorted({c.number for c in observed})
 
 
 def test_what_earlier_units_of_a_recipe_told_of_their_dwells_comes_oldest_first(path: Path) -> None:

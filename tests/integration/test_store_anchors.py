@@ -34,8 +34,8 @@ def folder(path: Path, *, write_once: bool = False) -> AnchorFolder:
 
 
 def opened(path: Path, *anchors: AnchorFolder, signer: Signer | None = SIGNER, by: str = "") -> SqliteStore:
-    taken = Acknowledgement(by, "tried") if by else None
-    return SqliteStore(path, "bench", signer=signer, anchors=anchors, acknowledgement=taken)
+    accepted = Acknowledgement(by, "tried") if by else None
+    return SqliteStore(path, "bench", signer=signer, anchors=anchors, acknowledgement=accepted)
 
 
 def files(path: Path) -> list[Path]:
@@ -92,8 +92,8 @@ def emptied(path: Path) -> None:
 
 
 def zero(path: Path) -> None:
-    kept = SealedHead.parse(head_file_path(path).read_text())
-    head_file_path(path).write_text(SealedHead(kept.log_id, kept.station, 0, "00" * 32).line())
+    stored = SealedHead.parse(head_file_path(path).read_text())
+    head_file_path(path).write_text(SealedHead(stored.log_id, stored.station, 0, "00" * 32).line())
 
 
 def foreign(path: Path) -> None:
@@ -108,16 +108,16 @@ def nonsense(path: Path) -> None:
 
 
 def unsigned(path: Path) -> None:
-    kept = SealedHead.parse(head_file_path(path).read_text())
-    head_file_path(path).write_text(SealedHead(kept.log_id, kept.station, kept.number, kept.hash).line())
+    stored = SealedHead.parse(head_file_path(path).read_text())
+    head_file_path(path).write_text(SealedHead(stored.log_id, stored.station, stored.number, stored.hash).line())
 
 
 def older(path: Path) -> None:
     db = sqlite3.connect(path)
     number, seal, signature = db.execute("SELECT seq, hash, signature FROM attempt ORDER BY seq LIMIT 1").fetchone()
     db.close()
-    kept = SealedHead.parse(head_file_path(path).read_text())
-    head = SealedHead(kept.log_id, kept.station, number, seal.hex(), signature.hex())
+    stored = SealedHead.parse(head_file_path(path).read_text())
+    head = SealedHead(stored.log_id, stored.station, number, seal.hex(), signature.hex())
     head_file_path(path).write_text(head.line())
 
 
@@ -180,10 +180,10 @@ def test_a_death_at_any_moment_leaves_a_head_that_is_gone_on_with(path: Path) ->
     """The head file may lag by what one crash leaves: the newest finish and what follows it."""
     with opened(path) as store:
         logs.unit(store)
-        kept = head_file_path(path).read_bytes()
+        stored = head_file_path(path).read_bytes()
         logs.unit(store, "SN2")
         store.event("", "log-in", {})
-    head_file_path(path).write_bytes(kept)
+    head_file_path(path).write_bytes(stored)
     opened(path).close()
 
 
@@ -191,8 +191,8 @@ HOUR_NS = 3600 * 10**9
 
 
 def begun(path: Path, at_ns: int, by: str = "") -> SqliteStore:
-    taken = Acknowledgement(by, "the clock was a year ahead") if by else None
-    return SqliteStore(path, epoch_ns=lambda: at_ns, acknowledgement=taken)
+    accepted = Acknowledgement(by, "the clock was a year ahead") if by else None
+    return SqliteStore(path, epoch_ns=lambda: at_ns, acknowledgement=accepted)
 
 
 def test_a_clock_set_back_is_an_event_and_beyond_a_day_a_refusal(path: Path) -> None:

@@ -47,7 +47,7 @@ def test_every_random_edit_of_a_signed_log_is_found(tmp_path: Path, key_file: Pa
 
 
 @pytest.mark.parametrize(
-    ("edit", "what", "said"),
+    ("edit", "what", "sentences"),
     [
         ("UPDATE attempt SET serial = 'SN9'", "edited", "attempt record 3 was edited"),
         ("DELETE FROM result WHERE seq = 4", "deleted", "record 4 is missing"),
@@ -57,13 +57,13 @@ def test_every_random_edit_of_a_signed_log_is_found(tmp_path: Path, key_file: Pa
         ("UPDATE head SET number = 3", "edited", "the log's own note"),
     ],
 )
-def test_the_edited_record_is_named(tmp_path: Path, edit: str, what: str, said: str) -> None:
+def test_the_edited_record_is_named(tmp_path: Path, edit: str, what: str, sentences: str) -> None:
     path = tmp_path / "station.db"
     with SqliteStore(path) as store:
         logs.unit(store)
     with logs.unguarded(path) as db:
         db.execute(edit)
-    assert any(f.what == what and said in f.sentence for f in findings(path))
+    assert any(f.what == what and sentences in f.sentence for f in findings(path))
 
 
 def test_a_guard_that_was_taken_off_is_named(tmp_path: Path) -> None:

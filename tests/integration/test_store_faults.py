@@ -272,15 +272,15 @@ def test_a_torn_write_ahead_log_gives_a_shorter_log_and_the_head_file_says_so(pa
         torn = copy(path, tmp_path / "torn")
     wal = Path(f"{torn}-wal")
     main, whole = torn.read_bytes(), wal.read_bytes().rstrip(b"\0")
-    told = set()
+    shown = set()
     for cut in np.linspace(0, len(whole) - 1, 25).astype(int):
         Path(f"{torn}-shm").unlink(missing_ok=True)
         torn.write_bytes(main)
         wal.write_bytes(whole[:cut])
         assert records(torn) < head.number
         assert findings(torn) == ["truncated"]
-        told.add(records(torn))
-    assert len(told) > 5
+        shown.add(records(torn))
+    assert len(shown) > 5
 
 
 def test_a_log_that_could_not_be_made_whole_is_not_made_at_all(path: Path) -> None:

@@ -69,8 +69,8 @@ def signer(tmp_path: Path) -> keys.Signer:
 
 
 def opened(path: Path, signer: keys.Signer, witness: WitnessClient, by: str = "") -> SqliteStore:
-    taken = Acknowledgement(by, "tried") if by else None
-    return SqliteStore(path, "bench-1", signer=signer, witness=witness, acknowledgement=taken)
+    accepted = Acknowledgement(by, "tried") if by else None
+    return SqliteStore(path, "bench-1", signer=signer, witness=witness, acknowledgement=accepted)
 
 
 def load(store: SqliteStore, serial: str) -> None:

@@ -19,15 +19,15 @@ from station.domain.recipe import plan
 from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
-Said = tuple[int, str, str]
+Printed = tuple[int, str, str]
 RECIPES = sorted((Path(__file__).parents[2] / "recipes").glob("*.yaml"))
 
 
 @pytest.fixture
-def station(capfd: pytest.CaptureFixture[str]) -> Callable[..., Said]:
+def station(capfd: pytest.CaptureFixture[str]) -> Callable[..., Printed]:
     """Runs a command; gives exit code, standard output, standard error."""
 
-    def run(*args: Any) -> Said:
+    def run(*args: Any) -> Printed:
         with pytest.raises(SystemExit) as stopped:
             main([str(a) for a in args])
         out, err = capfd.readouterr()
@@ -50,7 +50,7 @@ def changed(path: Path, change: Callable[[SampleTable], SampleTable]) -> Path:
     return path
 
 
-def test_the_document_of_the_contract(tmp_path: Path, station: Callable[..., Said]) -> None:
+def test_the_document_of_the_contract(tmp_path: Path, station: Callable[..., Printed]) -> None:
     code, out, err = station("calibrate", "--samples", samples(tmp_path), "--recipe", "six-point", "--json", "-")
     assert (code, err) == (0, "")
     found = json.loads(out)
@@ -67,7 +67,7 @@ def test_the_document_of_the_contract(tmp_path: Path, station: Callable[..., Sai
     assert unit["budget"][0]["coefficient"] == "offset x"
 
 
-def test_a_file_for_programs_and_a_table_for_people(tmp_path: Path, station: Callable[..., Said]) -> None:
+def test_a_file_for_programs_and_a_table_for_people(tmp_path: Path, station: Callable[..., Printed]) -> None:
     args = ["calibrate", "--samples", samples(tmp_path), "--recipe", "six-point", "--budget", "--compare-models"]
     code, out, err = station(*args, "--json", tmp_path / "out.json", "--pictures", tmp_path / "pictures")
     assert (code, err) == (0, "")
@@ -77,7 +77,7 @@ def test_a_file_for_programs_and_a_table_for_people(tmp_path: Path, station: Cal
     assert not list(tmp_path.glob("*.part"))
 
 
-def test_a_unit_beyond_a_limit_is_exit_code_1_with_the_reason(tmp_path: Path, station: Callable[..., Said]) -> None:
+def test_a_unit_beyond_a_limit_is_exit_code_1_with_the_reason(tmp_path: Path, station: Callable[..., Printed]) -> None:
     path = changed(
         samples(tmp_path), lambda t: replace(t, reading=t.reading + np.where(t.unit.code == 1, 0.2, 0.0)[:, None])
     )
@@ -88,7 +88,7 @@ def test_a_unit_beyond_a_limit_is_exit_code_1_with_the_reason(tmp_path: Path, st
     assert any("offset x is +0." in reason and "beyond 0.08" in reason for reason in units[1]["reasons"])
 
 
-def test_a_unit_without_enough_visits_does_not_stop_the_others(tmp_path: Path, station: Callable[..., Said]) -> None:
+def test_a_unit_without_enough_visits_does_not_stop_the_others(tmp_path: Path, station: Callable[..., Printed]) -> None:
     path = changed(samples(tmp_path), lambda t: t[(t.unit.code == 0) | (t.visit < 2)])
     code, out, err = station("calibrate", "--samples", path, "--recipe", "six-point", "--json", "-")
     assert code == 2
@@ -99,7 +99,7 @@ def test_a_unit_without_enough_visits_does_not_stop_the_others(tmp_path: Path, s
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "shown"),
     [
         (lambda t: t[t.visit == 0], "was never at"),
         (lambda t: t[:1], "was never at"),
@@ -111,22 +111,22 @@ def test_a_unit_without_enough_visits_does_not_stop_the_others(tmp_path: Path, s
     ],
 )
 def test_samples_that_cannot_be_used_are_one_sentence(
-    tmp_path: Path, station: Callable[..., Said], change: Callable[[SampleTable], SampleTable], told: str
+    tmp_path: Path, station: Callable[..., Printed], change: Callable[[SampleTable], SampleTable], shown: str
 ) -> None:
     path = changed(samples(tmp_path, units=1), change)
     code, out, err = station("calibrate", "--samples", path, "--recipe", "six-point")
     assert (code, out) == (2, "")
-    assert told in err and len(err.splitlines()) == 1
+    assert shown in err and len(err.splitlines()) == 1
 
 
-def test_constant_readings_fail_with_a_reason(tmp_path: Path, station: Callable[..., Said]) -> None:
+def test_constant_readings_fail_with_a_reason(tmp_path: Path, station: Callable[..., Printed]) -> None:
     path = changed(samples(tmp_path, units=1), lambda t: replace(t, reading=np.zeros_like(t.reading)))
     code, out, _ = station("calibrate", "--samples", path, "--recipe", "six-point", "--json", "-")
     assert code == 1
     assert any("stuck" in reason for reason in json.loads(out)["units"][0]["reasons"])
 
 
-def test_an_overdue_gold_sensor_stops_the_line(tmp_path: Path, station: Callable[..., Said]) -> None:
+def test_an_overdue_gold_sensor_stops_the_line(tmp_path: Path, station: Callable[..., Printed]) -> None:
     gold = {"serial": "G7", "due": "2020-01-31"}
     text = yaml.safe_load((RECIPES[0].parent / "six-point.yaml").read_text())
     text |= {"reference": {"source": "gold", "gold": gold}, "product": None}
@@ -136,7 +136,7 @@ def test_an_overdue_gold_sensor_stops_the_line(tmp_path: Path, station: Callable
     assert "gold reference G7 expired on 2020-01-31" in err
 
 
-def test_check_tells_what_a_recipe_will_know(station: Callable[..., Said]) -> None:
+def test_check_tells_what_a_recipe_will_know(station: Callable[..., Printed]) -> None:
     code, out, err = station("check", "n-point", "--json")
     assert (code, err) == (0, "")
     found = json.loads(out)
@@ -147,7 +147,7 @@ def test_check_tells_what_a_recipe_will_know(station: Callable[..., Said]) -> No
     assert found["cycle_s"] > 14 * 1.3
 
 
-def test_check_refuses_what_cannot_be_determined(tmp_path: Path, station: Callable[..., Said]) -> None:
+def test_check_refuses_what_cannot_be_determined(tmp_path: Path, station: Callable[..., Printed]) -> None:
     text = (RECIPES[0].parent / "six-point.yaml").read_text().replace("method: six-point", "method: norm")
     (tmp_path / "norm.yaml").write_text(text)
     code, out, err = station("check", tmp_path / "norm.yaml")
@@ -155,7 +155,7 @@ def test_check_refuses_what_cannot_be_determined(tmp_path: Path, station: Callab
     assert "rank 6 of 9" in err and "best first" in err
 
 
-def test_proposed_positions_can_be_pasted(tmp_path: Path, station: Callable[..., Said]) -> None:
+def test_proposed_positions_can_be_pasted(tmp_path: Path, station: Callable[..., Printed]) -> None:
     code, out, _ = station("check", "norm", "--design", "12")
     assert code == 0
     text = yaml.safe_load((RECIPES[0].parent / "norm.yaml").read_text())
@@ -166,7 +166,7 @@ def test_proposed_positions_can_be_pasted(tmp_path: Path, station: Callable[...,
 
 
 @pytest.mark.parametrize("path", RECIPES, ids=lambda p: p.stem)
-def test_every_recipe_that_ships_is_accepted(path: Path, station: Callable[..., Said]) -> None:
+def test_every_recipe_that_ships_is_accepted(path: Path, station: Callable[..., Printed]) -> None:
     code, _, err = station("check", path)
     assert (code, err) == (0, "")
 
@@ -183,7 +183,7 @@ def test_there_is_a_recipe_for_every_sensor_with_one_three_six_and_more_points()
 
 @pytest.mark.parametrize("path", [p for p in RECIPES if load_recipe(p).pose_known], ids=lambda p: p.stem)
 def test_every_recipe_that_ships_calibrates_ordinary_units(
-    path: Path, station: Callable[..., Said], tmp_path: Path
+    path: Path, station: Callable[..., Printed], tmp_path: Path
 ) -> None:
     recipe = load_recipe(path)
     rng = np.random.default_rng(4)
@@ -203,7 +203,7 @@ def test_every_recipe_that_ships_calibrates_ordinary_units(
         assert (off <= 5 * std + 1e-12).all()
 
 
-def test_segment_makes_a_table_that_calibrates(tmp_path: Path, station: Callable[..., Said]) -> None:
+def test_segment_makes_a_table_that_calibrates(tmp_path: Path, station: Callable[..., Printed]) -> None:
     """Counts from a hand-held unit, with a header; named by a recipe's positions."""
     recipe = load_recipe("six-point")
     rng = np.random.default_rng(3)
@@ -224,7 +224,7 @@ def test_segment_makes_a_table_that_calibrates(tmp_path: Path, station: Callable
 
 
 @pytest.mark.parametrize(
-    ("text", "columns", "told"),
+    ("text", "columns", "shown"),
     [
         ("a,b,c,d\n1,2,3,4\n", "t,x,y,z", "has no column 't'; the nearest is"),
         ("1 2 3\n4 5 6\n", "0,1,2,3", "no column '3': give numbers from 0 to 2"),
@@ -236,12 +236,12 @@ def test_segment_makes_a_table_that_calibrates(tmp_path: Path, station: Callable
     ],
 )
 def test_a_recording_that_is_none_is_one_sentence(
-    tmp_path: Path, station: Callable[..., Said], text: str, columns: str, told: str
+    tmp_path: Path, station: Callable[..., Printed], text: str, columns: str, shown: str
 ) -> None:
     (tmp_path / "raw.txt").write_text(text)
     code, out, err = station("segment", tmp_path / "raw.txt", "--columns", columns, "--out", tmp_path / "t.csv")
     assert (code, out) == (2, "")
-    assert told in err and len(err.splitlines()) == 1
+    assert shown in err and len(err.splitlines()) == 1
 
 
 def test_a_plan_and_its_recipe_agree_on_the_truth() -> None:

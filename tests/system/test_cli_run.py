@@ -73,8 +73,8 @@ def test_exit_codes_follow_the_worst_unit(tmp_path: Path) -> None:
 def test_an_interface_that_is_not_there_is_said_before_anything_is_asked(tmp_path: Path) -> None:
     done = station(tmp_path, "run", "--interface", "socketcan", "--channel", "nocan9", stdin="SN0042\n")
     assert done.returncode in (2, 3)
-    said = one_sentence(done)
-    assert "nocan9" in said or "This kernel has no CAN" in said
+    printed = one_sentence(done)
+    assert "nocan9" in printed or "This kernel has no CAN" in printed
 
 
 @pytest.mark.parametrize(
@@ -119,8 +119,8 @@ def test_a_second_station_on_the_same_log_is_refused_with_the_first_ones_name(tm
         assert "bench-1" in one_sentence(second)
     finally:
         first.send_signal(signal.SIGINT)
-        _, told = first.communicate(timeout=60)
-    assert first.returncode == 4, told
+        _, shown = first.communicate(timeout=60)
+    assert first.returncode == 4, shown
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

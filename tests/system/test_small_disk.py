@@ -14,7 +14,7 @@ SIZES_KIB = (8, 64, 100, 140, 180, 240, 300, 340, 380, 420, 460, 500, 540, 580, 
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+def report(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     folder = tmp_path_factory.mktemp("small")
     command = [sys.executable, "-m", "tests.fakes.small_disk", str(folder), *map(str, SIZES_KIB)]
     for namespace in (["unshare", "-m"], ["unshare", "-Urm"]):
@@ -25,8 +25,8 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     raise AssertionError(f"no file system of its own could be mounted here: {done.stderr[-2000:]}")
 
 
-def test_a_disk_that_fills_up_at_any_write_passes_nothing_that_it_does_not_hold(told: list[dict[str, Any]]) -> None:
-    for run in told:
+def test_a_disk_that_fills_up_at_any_write_passes_nothing_that_it_does_not_hold(report: list[dict[str, Any]]) -> None:
+    for run in report:
         assert run["findings"] == [], run
         if run["shown"] == "PASS":
             assert (run["outcome"], run["saved"]) == ("PASS", True), run
@@ -36,12 +36,12 @@ def test_a_disk_that_fills_up_at_any_write_passes_nothing_that_it_does_not_hold(
             assert run["writes"] or not run["saved"], "nothing is in the device that the log does not tell of"
 
 
-def test_some_sizes_end_at_some_write_and_the_largest_lets_it_through(told: list[dict[str, Any]]) -> None:
-    shown = [run["shown"] for run in told]
+def test_some_sizes_end_at_some_write_and_the_largest_lets_it_through(report: list[dict[str, Any]]) -> None:
+    shown = [run["shown"] for run in report]
     assert shown[-1] == "PASS"
     assert shown.count("ERROR") >= 5
-    assert len({run["writes"] for run in told}) > 2, "some fill up before the first write, some between writes"
+    assert len({run["writes"] for run in report}) > 2, "some fill up before the first write, some between writes"
 
 
-def test_with_space_again_the_same_unit_on_the_same_log_passes(told: list[dict[str, Any]]) -> None:
-    assert [run["goes_on"] for run in told] == ["PASS"] * len(told)
+def test_with_space_again_the_same_unit_on_the_same_log_passes(report: list[dict[str, Any]]) -> None:
+    assert [run["goes_on"] for run in report] == ["PASS"] * len(report)

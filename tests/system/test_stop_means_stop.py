@@ -35,19 +35,19 @@ def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
 def wait_for(folder: Path, deed: str, times: int = 1) -> None:
     """Until the fixture has begun or ended that deed so often."""
     until_s = time.monotonic() + 60
-    while deeds(folder).count(deed) < times:
-        assert time.monotonic() < until_s, deeds(folder)
+    while actions(folder).count(deed) < times:
+        assert time.monotonic() < until_s, actions(folder)
         time.sleep(0.01)
 
 
-def deeds(folder: Path) -> list[str]:
+def actions(folder: Path) -> list[str]:
     path = folder / "deeds"
     return path.read_text().splitlines() if path.exists() else []
 
 
 def check_parked_and_true(folder: Path) -> None:
     ran = Ran(folder)
-    assert deeds(folder)[-2:] == ["parking", "parked"]
+    assert actions(folder)[-2:] == ["parking", "parked"]
     assert ran.life("SN0001")["outcome"] == "ABORTED"
     assert ran.memory("SN0001") == {}
 
@@ -63,10 +63,10 @@ def test_a_stop_breaks_off_the_move_and_no_further_one_skips_parking(
     for _ in range(10):
         process.send_signal(signal.SIGINT)
         time.sleep(0.02)
-    _, told = process.communicate(timeout=60)
-    assert process.returncode == 4, told
-    assert b"Traceback" not in told
-    assert deeds(tmp_path).count("moved") == 1, "the second move was broken off"
+    _, shown = process.communicate(timeout=60)
+    assert process.returncode == 4, shown
+    assert b"Traceback" not in shown
+    assert actions(tmp_path).count("moved") == 1, "the second move was broken off"
     check_parked_and_true(tmp_path)
 
 
@@ -81,8 +81,8 @@ def test_the_pages_stop_reaches_a_run_in_the_background_of_a_script(
     process = start(stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=ignore)
     wait_for(tmp_path, "moving", 2)
     process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=60)
-    assert process.returncode == 4, told
+    _, shown = process.communicate(timeout=60)
+    assert process.returncode == 4, shown
     check_parked_and_true(tmp_path)
 
 
@@ -111,5 +111,5 @@ def test_readers_that_go_away_stop_nothing_before_the_end(
     wait_for(tmp_path, "moving", 2)
     process.stdout.close()
     process.wait(100)
-    assert deeds(tmp_path)[-1] == "parked"
+    assert actions(tmp_path)[-1] == "parked"
     assert Ran(tmp_path).life("SN0001")["outcome"] == "PASS"

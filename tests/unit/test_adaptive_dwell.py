@@ -156,10 +156,10 @@ def go(pace: AdaptiveDwell, stop: int | None, reading: Floats) -> float:
     """One stop as a run asks for it, readings coming at the rate; how long it lasted, s."""
     ask_s = pace.first_s(stop)
     while True:
-        lasted_s, said = ask_s, {"SN1": reading[: round(ask_s * RATE)]}
-        ask_s = pace.until_s(stop, lasted_s, partial(dict, said))
+        lasted_s, printed = ask_s, {"SN1": reading[: round(ask_s * RATE)]}
+        ask_s = pace.until_s(stop, lasted_s, partial(dict, printed))
         if ask_s <= lasted_s:
-            pace.ended(stop, lasted_s, partial(dict, said))
+            pace.ended(stop, lasted_s, partial(dict, printed))
             return lasted_s
 
 
@@ -183,13 +183,13 @@ def test_a_run_that_knows_the_kind_dwells_as_known_noise_would_need(rng: np.rand
     pace = AdaptiveDwell(wanted, earlier)
     for stop in range(stops):
         go(pace, stop, root * rng.standard_normal((2000, 3)))
-    told: Mapping[str, Any] = pace.document("SN1")
+    shown: Mapping[str, Any] = pace.document("SN1")
     prior = learn_prior(earlier, longest)
     assert prior is not None
-    assert told["prior"] == noise_document.of_prior(prior)
-    assert 0.90 < sum(told["dwell_s"]) / adaptive_dwell.planned_dwells_s(wanted, WHITE).sum() < 1.23
-    (again,) = noise_document.all_likelihoods([told])
-    assert again.dof == sum(round(s * RATE) - 1 for s in told["dwell_s"])
+    assert shown["prior"] == noise_document.of_prior(prior)
+    assert 0.90 < sum(shown["dwell_s"]) / adaptive_dwell.planned_dwells_s(wanted, WHITE).sum() < 1.23
+    (again,) = noise_document.all_likelihoods([shown])
+    assert again.dof == sum(round(s * RATE) - 1 for s in shown["dwell_s"])
 
 
 def test_noise_ten_times_the_sheets_is_dwelt_for_up_to_the_longest(rng: np.random.Generator) -> None:
@@ -225,17 +225,17 @@ def test_every_shipped_recipe_can_be_planned(name: str) -> None:
     whole = load_recipe(name)
     strongest = max((float(np.linalg.norm(v)) for v in nominal_visits.truths(whole)), default=1.0)
     dwell = DwellRule(until_std=2e-5 * strongest, min_s=0.2, max_s=5)
-    asked = whole.model_copy(update={"dwell": dwell})
-    aim = adaptive_dwell.accuracy_target(asked)
+    requested = whole.model_copy(update={"dwell": dwell})
+    aim = adaptive_dwell.accuracy_target(requested)
     density = (1e-4 * strongest) ** 2 / 2
     T = adaptive_dwell.initial_dwells_s(aim, density)
     assert T.shape == (len(aim),)
     assert ((T >= 0.2 - 1e-12) & (T <= 5 + 1e-12)).all()
-    told = adaptive_dwell.plan_dwells(
+    shown = adaptive_dwell.plan_dwells(
         aim, DwellProgress(known(np.full((1, 3), density)), T[None], _none(), np.ones(1)), T[None]
     )
     most = adaptive_dwell.plan_dwells(
         aim, DwellProgress(known(np.full((1, 3), density)), np.full((1, len(aim)), 5.0), _none(), np.ones(1)), T[None]
     )
     wanted = np.maximum(aim.std, np.sqrt(NEAR) * most.std[0])
-    assert (told.std[0][np.isfinite(aim.std)] <= 1.02 * wanted[np.isfinite(aim.std)]).all()
+    assert (shown.std[0][np.isfinite(aim.std)] <= 1.02 * wanted[np.isfinite(aim.std)]).all()

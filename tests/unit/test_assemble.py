@@ -61,12 +61,12 @@ def test_only_the_dwell_is_in_the_table_on_the_clock_of_its_run(layout: SensorLa
 
 
 def test_a_bad_crc_is_left_out_and_a_repeat_only_kept_for_exports(layout: SensorLayout) -> None:
-    kept = visit(layout, 0, 0, 0.0, (0, 0, 1))
-    data = kept.frames.data.copy()
+    stored = visit(layout, 0, 0, 0.0, (0, 0, 1))
+    data = stored.frames.data.copy()
     data[22, 3] ^= 1  # broken on the way
     data[25] = data[24]  # the same frame once more
-    broken = CapturedVisit(0, 0, "p0", "home", kept.arrived_ns, kept.from_ns, kept.to_ns,
-                       Frames(kept.frames.time_ns, kept.frames.can_id, kept.frames.length, data))  # fmt: skip
+    broken = CapturedVisit(0, 0, "p0", "home", stored.arrived_ns, stored.from_ns, stored.to_ns,
+                       Frames(stored.frames.time_ns, stored.frames.can_id, stored.frames.length, data))  # fmt: skip
     assert len(dwell_frames(broken)) == 20
     assert len(sample_table("SN1", decoded(layout, [broken]), layout.counter_values)) == 18
     assert len(sample_table("SN1", decoded(layout, [broken]), layout.counter_values, everything=True)) == 19
@@ -78,13 +78,13 @@ def test_no_visits_make_an_empty_table(layout: SensorLayout) -> None:
 
 def test_the_counter_counts_on_modulo_what_the_recipe_says(layout: SensorLayout) -> None:
     frames = frames_at(layout, 0.0, (0, 0, 1), 400)
-    kept = [
+    stored = [
         CapturedVisit(
             0, i, f"p{i}", "home", START + i * 2 * 10**9, START + i * 2 * 10**9, START + (2 * i + 1) * 10**9, frames
         )
         for i in range(2)
     ]
-    table = sample_table("SN1", decoded(layout, kept), layout.counter_values, counter_bits=8)
+    table = sample_table("SN1", decoded(layout, stored), layout.counter_values, counter_bits=8)
     # Two dwells of 100 frames, 100 frames of moving between them: the count goes on as if nobody had looked away.
     wanted = np.concatenate([np.arange(100), np.arange(200, 300)]) % 256
     assert table.values["counter"].tolist() == wanted.tolist()
@@ -94,6 +94,6 @@ def test_moves_longer_than_the_stops_do_not_bend_the_count(layout: SensorLayout)
     """The counter of the end-to-end profile goes round ten times while the fixture moves."""
     frames = frames_at(layout, 0.0, (0, 0, 1), 3000)
     starts = [START + i * 2_510_000_000 for i in range(10)]
-    kept = [CapturedVisit(0, i, f"p{i}", "home", t, t, t + 10**9, frames) for i, t in enumerate(starts)]
-    table = sample_table("SN1", decoded(layout, kept), layout.counter_values, counter_bits=16)
+    stored = [CapturedVisit(0, i, f"p{i}", "home", t, t, t + 10**9, frames) for i, t in enumerate(starts)]
+    table = sample_table("SN1", decoded(layout, stored), layout.counter_values, counter_bits=16)
     assert table.values["counter"].tolist() == np.concatenate([i * 251 + np.arange(100) for i in range(10)]).tolist()

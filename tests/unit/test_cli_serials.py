@@ -67,11 +67,11 @@ def test_a_person_is_asked_nest_by_nest_and_may_mistype(
 ) -> None:
     feed(monkeypatch, Terminal("SN0042\nnonsense\nSN0042\nSN0043\n"))
     assert ask_serials(bench(), [], None) == ("SN0042", "SN0043")
-    asked = capsys.readouterr().err
-    assert asked.count("nest A") == 1
-    assert asked.count("nest B") == 3
-    assert "does not match" in asked
-    assert "is listed twice" in asked
+    requested = capsys.readouterr().err
+    assert requested.count("nest A") == 1
+    assert requested.count("nest B") == 3
+    assert "does not match" in requested
+    assert "is listed twice" in requested
 
 
 def test_an_empty_line_starts_a_fixture_that_is_not_full(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,13 +14,13 @@ class Ticker:
     def __init__(self, period_s: float, first_s: float = 0.0) -> None:
         self.period_s, self.due_s = period_s, first_s
         self.acted: list[float] = []
-        self.seen: list[float] = []
+        self.observed: list[float] = []
 
     def next_due_s(self) -> float:
         return self.due_s
 
     def act(self, now_s: float) -> None:
-        self.seen.append(now_s)
+        self.observed.append(now_s)
         while self.due_s <= now_s:
             self.acted.append(self.due_s)
             self.due_s += self.period_s
@@ -42,14 +42,14 @@ def test_actors_act_when_due_in_order_and_at_the_end() -> None:
     clock.sleep(1.0)
     assert fast.acted == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert slow.acted == [0.1, 0.6]
-    assert slow.seen == fast.seen == [0.0, 0.1, 0.25, 0.5, 0.6, 0.75, 1.0]
+    assert slow.observed == fast.observed == [0.0, 0.1, 0.25, 0.5, 0.6, 0.75, 1.0]
 
 
 def test_idle_actors_cost_one_step_however_long_the_sleep() -> None:
     clock, idle = VirtualClock(), Ticker(1.0, first_s=math.inf)
     clock.attach(idle)
     clock.sleep(1e6)
-    assert idle.seen == [0.0, 1e6]
+    assert idle.observed == [0.0, 1e6]
 
 
 def test_advance_stops_at_the_first_event() -> None:
@@ -67,13 +67,13 @@ def test_settling_moves_no_time() -> None:
     clock, ticker = VirtualClock(), Ticker(10.0, first_s=3.0)
     clock.attach(ticker)
     clock.settle()
-    assert (clock.monotonic_s(), ticker.seen) == (0.0, [0.0])
+    assert (clock.monotonic_s(), ticker.observed) == (0.0, [0.0])
 
 
 def test_an_actor_that_never_gets_done_is_a_fault_not_a_hang() -> None:
     class Stubborn(Ticker):
         def act(self, now_s: float) -> None:
-            self.seen.append(now_s)
+            self.observed.append(now_s)
 
     clock = VirtualClock()
     clock.attach(Stubborn(1.0, first_s=0.5))

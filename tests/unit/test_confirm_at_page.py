@@ -29,7 +29,7 @@ with serving(pathlib.Path(sys.argv[1])):
 TURN = Message.text("turn SN1 in its nest")
 
 
-def asked(database: Path, patience_s: float) -> PageConfirmation:
+def requested(database: Path, patience_s: float) -> PageConfirmation:
     job, _ = load_job("six-point")
     stop = StopRequest()
     return PageConfirmation(
@@ -60,9 +60,9 @@ def test_a_page_that_is_killed_is_gone_at_once_and_a_second_one_counts(tmp_path:
 
 def test_without_a_page_a_question_becomes_a_stop(tmp_path: Path) -> None:
     with pytest.raises(Aborted, match="The operator's page is no longer served: start `station panel`"):
-        asked(tmp_path / "s.db", patience_s=0.1)(TURN)
-    told = json.loads((tmp_path / "s.db.live.json").read_text())
-    assert told["state"]["question"] == "", "what nobody can answer is not shown any longer"
+        requested(tmp_path / "s.db", patience_s=0.1)(TURN)
+    shown = json.loads((tmp_path / "s.db.live.json").read_text())
+    assert shown["state"]["question"] == "", "what nobody can answer is not shown any longer"
 
 
 def test_with_a_page_it_waits_for_the_answer(tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def test_with_a_page_it_waits_for_the_answer(tmp_path: Path) -> None:
     ended = threading.Event()
 
     def question() -> None:
-        asked(database, patience_s=0.0)(TURN)
+        requested(database, patience_s=0.0)(TURN)
         ended.set()
 
     with serving(database):

@@ -59,10 +59,10 @@ def test_a_2_design_gives_the_textbook_spread(solid: int) -> None:
 def test_norm_on_six_faces_is_refused_by_name_with_the_positions_to_add() -> None:
     with pytest.raises(RecipeError) as caught:
         design.check(on(6, "norm"))
-    said = caught.value.sentence
-    assert "cross-axis xy, cross-axis xz, cross-axis yz undetermined (rank 6 of 9)" in said
-    assert "offset" not in said
-    assert "add 3 positions, best first" in said
+    printed = caught.value.sentence
+    assert "cross-axis xy, cross-axis xz, cross-axis yz undetermined (rank 6 of 9)" in printed
+    assert "offset" not in printed
+    assert "add 3 positions, best first" in printed
 
 
 def test_repeating_six_faces_four_times_does_not_help() -> None:
@@ -79,10 +79,10 @@ def test_the_proposed_positions_complete_the_recipe() -> None:
 
 
 @pytest.mark.parametrize(
-    ("ups", "told"), [({"z": [0, 0, 1], "mz": [0, 0, -1]}, "gain x"), ({"a": [1, 1, 0]}, "offset")]
+    ("ups", "shown"), [({"z": [0, 0, 1], "mz": [0, 0, -1]}, "gain x"), ({"a": [1, 1, 0]}, "offset")]
 )
-def test_what_a_poor_n_point_recipe_leaves_open_is_named(ups: dict[str, list[float]], told: str) -> None:
-    with pytest.raises(RecipeError, match=told):
+def test_what_a_poor_n_point_recipe_leaves_open_is_named(ups: dict[str, list[float]], shown: str) -> None:
+    with pytest.raises(RecipeError, match=shown):
         design.check(tumble.recipe("n-point", ups=ups))
 
 

@@ -87,9 +87,9 @@ def test_what_is_encoded_is_decoded_within_the_rounding(
 @pytest.mark.parametrize("stores", ["forward", "inverse", "inverse-add"])
 def test_the_device_corrects_by_its_own_formula_as_the_station_does(stores: str) -> None:
     given_map = device_map(stores=stores, matrix={"type": "REAL64"}, offset={"type": "REAL64"})
-    kept = {w.name: w.value for w in writeback.encode(given_map, GOOD)}
-    c = np.array([kept[f"offset.{a}"] for a in "xyz"])
-    M = np.array([[kept[f"matrix.{r}{s}"] for s in "xyz"] for r in "xyz"])
+    stored = {w.name: w.value for w in writeback.encode(given_map, GOOD)}
+    c = np.array([stored[f"offset.{a}"] for a in "xyz"])
+    M = np.array([[stored[f"matrix.{r}{s}"] for s in "xyz"] for r in "xyz"])
     measured = np.array([0.3, -0.8, 0.5])
     formulas: dict[str, Callable[[], Floats]] = {
         "forward": lambda: np.linalg.solve(M, measured - c),
@@ -219,10 +219,10 @@ def test_the_sequence_follows_the_map() -> None:
 
 def test_the_checksum_is_over_the_bytes_in_the_order_said() -> None:
     given_map = device_map(checksum={"index": 0x2105, "over": ["offset", "matrix"]})
-    kept = raws(writeback.encode(given_map, GOOD))
-    data = b"".join(kept[0x2102, i] for i in (1, 2, 3)) + b"".join(kept[0x2101, i] for i in range(1, 10))
-    assert writeback.expected_checksum(given_map, kept) == zlib.crc32(data).to_bytes(4, "little")
-    assert writeback.expected_checksum(device_map(), kept) is None
+    stored = raws(writeback.encode(given_map, GOOD))
+    data = b"".join(stored[0x2102, i] for i in (1, 2, 3)) + b"".join(stored[0x2101, i] for i in range(1, 10))
+    assert writeback.expected_checksum(given_map, stored) == zlib.crc32(data).to_bytes(4, "little")
+    assert writeback.expected_checksum(device_map(), stored) is None
 
 
 def test_commands_carry_their_signatures_and_time_outs() -> None:
@@ -241,7 +241,7 @@ def test_commands_carry_their_signatures_and_time_outs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("parts", "said"),
+    ("parts", "printed"),
     [
         ({"matrix": {"type": "Q3.3"}}, "no number format"),
         ({"matrix": {"each": {"xw": {}}}}, "each names 'xw'"),
@@ -256,8 +256,8 @@ def test_commands_carry_their_signatures_and_time_outs() -> None:
         ({"save": {"index": 0x12345}}, "less than or equal to 65535"),
     ],
 )
-def test_a_map_that_cannot_be_is_refused(parts: dict[str, Any], said: str) -> None:
-    with pytest.raises(ValidationError, match=said):
+def test_a_map_that_cannot_be_is_refused(parts: dict[str, Any], printed: str) -> None:
+    with pytest.raises(ValidationError, match=printed):
         device_map(**parts)
 
 

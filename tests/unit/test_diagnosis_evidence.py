@@ -45,20 +45,20 @@ def a_space(rng: np.random.Generator, shared: int) -> ResidualSpace:
     return residual_space(a_covariance(U), known, DataColumns(rng.standard_normal((U, 1, M, 1))), U * M)
 
 
-def random_columns(seen: ResidualSpace, rng: np.random.Generator, count: int) -> Floats:
+def random_columns(observed: ResidualSpace, rng: np.random.Generator, count: int) -> Floats:
     """Columns of a cause as the space sees them."""
-    return seen.project(DataColumns(rng.standard_normal((U, 1, M, count))))
+    return observed.project(DataColumns(rng.standard_normal((U, 1, M, count))))
 
 
-def dense(seen: ResidualSpace, Z: Floats) -> Floats:
+def dense(observed: ResidualSpace, Z: Floats) -> Floats:
     """L(ρ) with everything written out: known columns projected out, V = I + ρ Z Zᵀ."""
-    rows = seen.data.shape[1]
+    rows = observed.data.shape[1]
     own = np.zeros((U * rows, U))
     for u in range(U):
-        own[u * rows : (u + 1) * rows, u] = seen.basis[u, :, 0]
-    X = np.concatenate([own, seen.shared_basis.reshape(U * rows, -1)], axis=1)
-    y = seen.data.reshape(-1)
-    rho = AMPLITUDE_RATIOS / spectrum_mean(seen, Z)
+        own[u * rows : (u + 1) * rows, u] = observed.basis[u, :, 0]
+    X = np.concatenate([own, observed.shared_basis.reshape(U * rows, -1)], axis=1)
+    y = observed.data.reshape(-1)
+    rho = AMPLITUDE_RATIOS / spectrum_mean(observed, Z)
     found = []
     for r in (0.0, *rho):
         V = np.eye(len(y)) + r * Z @ Z.T
@@ -66,30 +66,33 @@ def dense(seen: ResidualSpace, Z: Floats) -> Floats:
         normal = X.T @ inverse @ X
         left = y - X @ np.linalg.solve(normal, X.T @ inverse @ y)
         rest = float(left @ inverse @ left)
-        found.append(-0.5 * (np.linalg.slogdet(V)[1] + np.linalg.slogdet(normal)[1] + seen.dof * np.log(rest)))
+        found.append(-0.5 * (np.linalg.slogdet(V)[1] + np.linalg.slogdet(normal)[1] + observed.dof * np.log(rest)))
     return np.asarray(np.array(found[1:]) - found[0], float)
 
 
-def spectrum_mean(seen: ResidualSpace, Z: Floats) -> float:
+def spectrum_mean(observed: ResidualSpace, Z: Floats) -> float:
     """The mean eigenvalue by which the bank scales amplitudes; own causes are scaled before shared ones are known."""
     if Z.shape[1] == 2:
-        P = seen.shared_basis.reshape(len(Z), -1)
+        P = observed.shared_basis.reshape(len(Z), -1)
         Z = Z - P @ np.linalg.lstsq(P, Z, rcond=None)[0] if P.shape[1] else Z
     return float(np.mean(np.linalg.eigvalsh(Z.T @ Z)))
 
 
 def found(
-    seen: ResidualSpace, columns: Floats, pattern: Pattern, most: float = np.inf
+    observed: ResidualSpace, columns: Floats, pattern: Pattern, most: float = np.inf
 ) -> tuple[EigenSpectrum, Floats, DataSets]:
     """The spectrum of columns (U, M, K), the components of the space's own readings, and these."""
-    cross, data = columns.transpose(0, 2, 1) @ seen.shared_basis, columns.transpose(0, 2, 1) @ seen.data[..., None]
+    cross, data = (
+        columns.transpose(0, 2, 1) @ observed.shared_basis,
+        columns.transpose(0, 2, 1) @ observed.data[..., None],
+    )
     normal = columns.transpose(0, 2, 1) @ columns
     if pattern == "shared":
         normal = normal.sum(0) - cross.sum(0) @ cross.sum(0).T
         cross, data = cross.sum(0), data.sum(0)
     m, E = np.linalg.eigh(normal)
-    sets = DataSets.of(seen, seen.data[None])
-    can = spectrum(seen, m, E.swapaxes(-1, -2) @ cross, pattern, most)
+    sets = DataSets.of(observed, observed.data[None])
+    can = spectrum(observed, m, E.swapaxes(-1, -2) @ cross, pattern, most)
     return can, can.components((E.swapaxes(-1, -2) @ data)[..., 0][None], sets), sets
 
 
@@ -97,16 +100,16 @@ def found(
 @pytest.mark.parametrize("pattern", ["own", "shared"])
 def test_the_likelihood_is_that_of_dense_matrices(pattern: Pattern, shared: int) -> None:
     rng = np.random.default_rng(shared + 10)
-    seen = a_space(rng, shared)
-    columns = random_columns(seen, rng, 2)
-    can, u, sets = found(seen, columns, pattern)
+    observed = a_space(rng, shared)
+    columns = random_columns(observed, rng, 2)
+    can, u, sets = found(observed, columns, pattern)
     Z = columns.reshape(-1, 2)
     if pattern == "own":
         rows = columns.shape[1]
         Z = np.zeros((U * rows, 2 * U))
         for k in range(U):
             Z[k * rows : (k + 1) * rows, 2 * k : 2 * k + 2] = columns[k]
-    assert can.likelihood(can.terms(u, sets), sets)[0] == pytest.approx(dense(seen, Z), abs=1e-6)
+    assert can.likelihood(can.terms(u, sets), sets)[0] == pytest.approx(dense(observed, Z), abs=1e-6)
 
 
 @pytest.mark.parametrize("shared", [0, 2])
@@ -144,26 +147,26 @@ def test_copies_of_the_units_are_as_good_as_the_units(pattern: Pattern, shared: 
 
 def test_evidence_favours_the_true_cause_and_not_noise() -> None:
     rng = np.random.default_rng(3)
-    seen = a_space(rng, 0)
-    right, wrong = (random_columns(seen, rng, 1) for _ in range(2))
-    data = seen.data + 8 * (right / np.linalg.norm(right, axis=1, keepdims=True))[..., 0]
-    scores = [score(replace(seen, data=data), columns) for columns in (right, wrong)]
+    observed = a_space(rng, 0)
+    right, wrong = (random_columns(observed, rng, 1) for _ in range(2))
+    data = observed.data + 8 * (right / np.linalg.norm(right, axis=1, keepdims=True))[..., 0]
+    scores = [score(replace(observed, data=data), columns) for columns in (right, wrong)]
     assert scores[0] > 8
     assert scores[1] < 2
 
 
 def test_an_amplitude_beyond_what_is_thinkable_is_no_evidence() -> None:
     rng = np.random.default_rng(4)
-    seen = a_space(rng, 0)
-    faint = 1e-6 * random_columns(seen, rng, 1)
-    there = replace(seen, data=seen.data + 2e6 * faint[..., 0])
+    observed = a_space(rng, 0)
+    faint = 1e-6 * random_columns(observed, rng, 1)
+    there = replace(observed, data=observed.data + 2e6 * faint[..., 0])
     for most, low, high in ((np.inf, 5.0, np.inf), (1.0, -1.0, 0.1)):
         assert low < score(there, faint, most) < high
 
 
-def score(seen: ResidualSpace, columns: Floats, most: float = np.inf) -> float:
+def score(observed: ResidualSpace, columns: Floats, most: float = np.inf) -> float:
     """Log evidence of a cause of each unit's own."""
-    can, u, sets = found(seen, columns, "own", most)
+    can, u, sets = found(observed, columns, "own", most)
     return float(can.evidence(u, sets)[0])
 
 

@@ -11,7 +11,7 @@ from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
 from tests.blind.bench import hide
 from tests.blind.hidden import KNOWN
-from tests.blind.look import look
+from tests.blind.inspection import diagnosis_of
 from tests.blind.recipes import recipe
 
 RECIPE = recipe(1).model_copy(
@@ -51,10 +51,10 @@ def test_the_counter_tells_lost_repeated_and_reordered_frames(change: str, effec
         hit = hit[np.diff(made.visit, append=-1)[hit] == 0]
         rows[hit], rows[hit + 1] = hit + 1, hit
     times = made.time_s
-    seen = replace(
+    observed = replace(
         made[rows], time_s=np.sort(times)[np.argsort(np.argsort(times))][rows] if change != "swap" else times
     )
-    faults = found(seen)
+    faults = found(observed)
     assert list(faults) == [effect]
     shares = [float(n.value) for n in faults[effect].numbers]
     assert np.mean(shares) == pytest.approx(len(hit) / len(made), rel=0.05)
@@ -134,7 +134,7 @@ def test_a_saturated_unit_is_found_and_its_stops_are_left_out() -> None:
 def test_where_every_stop_is_clipped_nothing_is_diagnosed() -> None:
     made, _ = hide(recipe(1), KNOWN["group-offset"], 77_000_020, d=20)
     with pytest.raises(SamplesError, match=r"^(\d+) of \1 stops are clipped, and nothing can be told from the rest"):
-        look(recipe(1), made)
+        diagnosis_of(recipe(1), made)
 
 
 def test_a_unit_of_which_no_stop_is_left_spoils_no_other() -> None:
@@ -142,13 +142,13 @@ def test_a_unit_of_which_no_stop_is_left_spoils_no_other() -> None:
     mine = made.unit.code == 0
     # Whatever the tilt, one axis feels more than 1/√3 g.
     reading = np.where(mine[:, None], np.clip(made.reading, -0.55, 0.55), made.reading)
-    looked = look(RECIPE, replace(made, reading=reading))
+    looked = diagnosis_of(RECIPE, replace(made, reading=reading))
     assert [(f.effect, f.numbers[0].of) for f in looked.faults] == [("clipping", "unit:SN0001")]
     assert looked.last.view.scene.visits.unit.names == ("SN0002",)
 
 
-@pytest.mark.parametrize(("mapping", "alike"), [("-y,x,z", True), ("x,-y,z", False), ("z,y,x", False)])
-def test_swapped_axes_are_named_and_put_right(mapping: str, alike: bool) -> None:
+@pytest.mark.parametrize(("mapping", "equal"), [("-y,x,z", True), ("x,-y,z", False), ("z,y,x", False)])
+def test_swapped_axes_are_named_and_put_right(mapping: str, equal: bool) -> None:
     made = table()
     order = ["xyz".index(part[-1]) for part in mapping.split(",")]
     signs = np.array([-1.0 if part.startswith("-") else 1.0 for part in mapping.split(",")])
@@ -156,7 +156,7 @@ def test_swapped_axes_are_named_and_put_right(mapping: str, alike: bool) -> None
     fault = looked.faults[0]
     assert [n.value for n in fault.numbers] == [mapping, mapping]
     # A proper rotation may as well be the mounting; a mirror image cannot.
-    assert bool(fault.indistinguishable_from) == alike
+    assert bool(fault.indistinguishable_from) == equal
     assert looked.table.reading == pytest.approx(made.reading)
 
 

@@ -10,7 +10,7 @@ from station.diagnosis.linear.grid import VisitGrid
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns, residual_space
 from station.model.simulate import SimulationJob, parse_effects, simulate
 from station.model.timeline import noise_density_of
-from tests.blind.look import look
+from tests.blind.inspection import diagnosis_of
 
 UNITS, RUNS, STOPS, K = 4, 3, 24, 3
 
@@ -83,10 +83,10 @@ def test_known_columns_leave_nothing_of_themselves() -> None:
     rng = np.random.default_rng(8)
     grid, made, _ = structure(rng)
     known = offsets(grid)
-    seen = residual_space(
+    observed = residual_space(
         made.covariance(np.array([1.0, 0.5, 0.1])), known, drawn(grid, made, np.ones(3), rng), grid.data
     )
-    assert np.abs(seen.project(known.own)).max() < 1e-9
+    assert np.abs(observed.project(known.own)).max() < 1e-9
 
 
 def test_a_prior_lies_between_knowing_and_not_knowing() -> None:
@@ -109,7 +109,7 @@ def test_six_stops_a_unit_are_not_fitted_more_closely_than_their_samples_scatter
     """Six faces and one run part σ and repeatability only by luck; a floor near 0 judged every gain by chance."""
     six = load_recipe("six-point")
     table = simulate(SimulationJob(six, ("A", "B", "C", "D"), seed, parse_effects(("cross-axis",), six))).table
-    found = look(six, table)
+    found = diagnosis_of(six, table)
     white = float(noise_density_of(six) / np.sqrt(2 * six.dwell.longest_s))
     assert white / 2.5 < found.floor.floor.noise < 3 * white
     (cause,) = found.causes
@@ -129,6 +129,6 @@ def test_a_wild_sample_among_few_is_calmed_and_motion_is_not() -> None:
     calm = clip_outliers(noise + wild, visit, np.ones(1), few)
     assert np.abs(calm[wild != 0]).max() < 6
     for moving in (50 * np.exp(-late / 0.1), 50 * np.cos(2 * np.pi * 6 * late) * np.exp(-late / 0.2), 50 * late):
-        seen = noise + moving[:, None]
+        observed = noise + moving[:, None]
         # Five standard deviations: one normal sample in twenty thousand.
-        assert np.count_nonzero(clip_outliers(seen, visit, np.ones(1), few) != seen) <= 3
+        assert np.count_nonzero(clip_outliers(observed, visit, np.ones(1), few) != observed) <= 3

@@ -11,7 +11,7 @@ from station.diagnosis.results.extend import extend_model
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 from station.model.simulate import SimulationJob, parse_effects, simulate
-from tests.blind.look import look
+from tests.blind.inspection import diagnosis_of
 
 UNITS = ("A", "B", "C", "D")
 CERTIFICATE = {
@@ -26,13 +26,13 @@ CERTIFICATE = {
 
 def by_gold() -> Recipe:
     """Six faces, the truth taken from a gold reference."""
-    told = load_recipe("six-point").model_dump(by_alias=True)
-    return Recipe.model_validate({**told, "reference": {"source": "gold", "magnitude": 1.0, "gold": CERTIFICATE}})
+    shown = load_recipe("six-point").model_dump(by_alias=True)
+    return Recipe.model_validate({**shown, "reference": {"source": "gold", "magnitude": 1.0, "gold": CERTIFICATE}})
 
 
-def found(recipe: Recipe, *asked: str, seed: int = 3) -> dict[str, GrossFault]:
+def found(recipe: Recipe, *requested: str, seed: int = 3) -> dict[str, GrossFault]:
     """What a gold beside the units shows of causes."""
-    made = simulate(SimulationJob(recipe, UNITS, seed, parse_effects(asked, recipe), gold=True)).table
+    made = simulate(SimulationJob(recipe, UNITS, seed, parse_effects(requested, recipe), gold=True)).table
     return {f.effect: f for f in inspect(recipe, made).faults}
 
 
@@ -56,10 +56,10 @@ def test_nothing_that_turns_or_still_moves_is_taken_for_either() -> None:
 
 
 def test_positions_that_do_not_tell_them_apart_give_both() -> None:
-    told = load_recipe("six-point").model_dump(by_alias=True)
-    up = [p for p in told["positions"] if p["name"] in ("x-up", "y-up", "z-up")]
+    shown = load_recipe("six-point").model_dump(by_alias=True)
+    up = [p for p in shown["positions"] if p["name"] in ("x-up", "y-up", "z-up")]
     assert len(up) == 3
-    recipe = Recipe.model_validate({**told, "positions": up, "method": "three-point"})
+    recipe = Recipe.model_validate({**shown, "positions": up, "method": "three-point"})
     (fault,) = [f for f in found(recipe, "local-gravity=0.002").values() if f.effect in ("local-gravity", "gold-drift")]
     assert {fault.effect, *fault.indistinguishable_from} == {"local-gravity", "gold-drift"}
 
@@ -67,46 +67,46 @@ def test_positions_that_do_not_tell_them_apart_give_both() -> None:
 def test_a_diagnosis_names_gravity_and_is_silent_with_it_in_the_model() -> None:
     recipe = by_gold()
     table = simulate(SimulationJob(recipe, UNITS, 5, parse_effects(("local-gravity",), recipe))).table
-    first = look(recipe, table)
+    first = diagnosis_of(recipe, table)
     assert (first.verdict, [f.effect for f in first.faults]) == ("named", ["local-gravity"])
     assert not {"local-gravity", "gold-drift"} & set(first.not_testable)
-    assert look(recipe, table, extend_model(Model(), first)).verdict == "none"
+    assert diagnosis_of(recipe, table, extend_model(Model(), first)).verdict == "none"
 
 
 def test_a_gold_that_moved_does_no_harm_to_what_is_found_of_the_units() -> None:
     recipe = by_gold()
     table = simulate(SimulationJob(recipe, UNITS, 6, parse_effects(("gold-drift=0.003",), recipe))).table
-    first = look(recipe, table)
+    first = diagnosis_of(recipe, table)
     assert (first.verdict, [f.effect for f in first.faults], first.causes) == ("named", ["gold-drift"], ())
-    assert look(recipe, table, extend_model(Model(), first)).verdict == "none"
+    assert diagnosis_of(recipe, table, extend_model(Model(), first)).verdict == "none"
 
 
 def test_without_a_gold_neither_can_be_shown() -> None:
     recipe = load_recipe("six-point")
-    told = look(recipe, simulate(SimulationJob(recipe, UNITS[:2], 12)).table).not_testable
-    assert {"local-gravity", "gold-drift"} <= set(told)
+    shown = diagnosis_of(recipe, simulate(SimulationJob(recipe, UNITS[:2], 12)).table).not_testable
+    assert {"local-gravity", "gold-drift"} <= set(shown)
 
 
 @pytest.mark.parametrize("jump", [False, True])
 @pytest.mark.parametrize("recipe", [load_recipe("tilt-24"), by_gold()], ids=lambda r: r.name)
 def test_a_gold_that_moves_while_the_campaign_runs_is_found_with_its_course(recipe: Recipe, jump: bool) -> None:
-    asked = parse_effects(["nest-tilt=0.002", "base-tilt=0.001"], recipe)
-    made = simulate(SimulationJob(recipe, (*UNITS, "E", "F"), 5, asked, gold=True)).table
+    requested = parse_effects(["nest-tilt=0.002", "base-tilt=0.001"], recipe)
+    made = simulate(SimulationJob(recipe, (*UNITS, "E", "F"), 5, requested, gold=True)).table
     assert made.gold is not None
     t = made.time_s + made.values["started_s"]
     share = (t - t.min()) / np.ptp(t)
     moved = np.array([4e-4, -3e-4, 5e-4])
     course = (share > 0.4) * 1.0 if jump else share
-    seen = {f.effect: f for f in inspect(recipe, replace(made, gold=made.gold + course[:, None] * moved)).faults}
-    assert set(seen) >= {"gold-drift"}
-    numbers = {(n.name, n.axis): n for n in seen["gold-drift"].numbers}
+    observed = {f.effect: f for f in inspect(recipe, replace(made, gold=made.gold + course[:, None] * moved)).faults}
+    assert set(observed) >= {"gold-drift"}
+    numbers = {(n.name, n.axis): n for n in observed["gold-drift"].numbers}
     for axis, true in zip("xyz", moved, strict=True):
         number = numbers["offset", axis]
         assert number.std is not None
         assert abs(float(number.value) - true) < 4 * number.std + 0.05 * abs(true)
     assert (("at", None) in numbers) == jump
-    assert seen["gold-drift"].gain is not None
-    assert seen["gold-drift"].gain.accepted
+    assert observed["gold-drift"].gain is not None
+    assert observed["gold-drift"].gain.accepted
 
 
 def test_a_steady_gold_has_no_course() -> None:

@@ -180,7 +180,7 @@ def test_of_several_causes_the_largest_leads_and_each_has_its_section() -> None:
 
 
 @pytest.mark.parametrize(
-    ("of", "said"),
+    ("of", "printed"),
     [
         (("visit:SN/7/2/5",), "unit SN/7, run 2, visit 5"),
         (("run:SN1/0", "run:SN2/0"), "2 runs, the first: unit SN1, run 0"),
@@ -189,8 +189,8 @@ def test_of_several_causes_the_largest_leads_and_each_has_its_section() -> None:
         (("common",), "every unit"),
     ],
 )
-def test_whom_it_concerns(of: tuple[str, ...], said: str) -> None:
-    assert f" on {said}." in build_page(some_data("named", [a_cause("step", of)])).sentence
+def test_whom_it_concerns(of: tuple[str, ...], printed: str) -> None:
+    assert f" on {printed}." in build_page(some_data("named", [a_cause("step", of)])).sentence
 
 
 def test_a_gross_fault_shows_what_was_read_against_what_should_be() -> None:
@@ -215,9 +215,9 @@ def a_line(*serials: str) -> dict[str, Any]:
     first, second = serials or ("SN0000", "SN0001")
     matrix = [[1e-5, 0.0, 0.0], [0.0, 0.0, 2e-5], [0.0, -1e-5, 0.0]]
     unit = {"serial": first, "offset": [0.4, 0.0, 0.0], "matrix": matrix, "before": "FAIL", "after": "PASS"}
-    told = {"unit": "mg", "units": [{**unit, "moves": 0.24}, {**unit, "serial": second, "moves": 0.1}]}
+    shown = {"unit": "mg", "units": [{**unit, "moves": 0.24}, {**unit, "serial": second, "moves": 0.1}]}
     counts = {"verdicts_changed": 2, "passed_before": 0, "passed_after": 2, "yield_before": 0.0, "yield_after": 1.0}
-    return {**told, **counts}
+    return {**shown, **counts}
 
 
 def test_the_gain_is_told_in_the_words_of_the_line() -> None:
@@ -303,7 +303,7 @@ def test_names_of_columns_are_marked_and_nothing_else_is_let_through() -> None:
 
 
 @pytest.mark.parametrize(
-    ("effect", "recorded", "said"),
+    ("effect", "recorded", "printed"),
     [
         ("warm-up", (), "record `since_power_s` in the samples"),
         ("warm-up", ("since_power_s",), "powered long before"),
@@ -313,8 +313,8 @@ def test_names_of_columns_are_marked_and_nothing_else_is_let_through() -> None:
         ("gold-drift", (), "read a gold reference"),
     ],
 )
-def test_what_would_make_a_cause_testable(effect: str, recorded: tuple[str, ...], said: str) -> None:
-    assert said in makes_testable(effect, recorded)
+def test_what_would_make_a_cause_testable(effect: str, recorded: tuple[str, ...], printed: str) -> None:
+    assert printed in makes_testable(effect, recorded)
 
 
 def test_lengths_needed_are_those_of_the_published_table() -> None:

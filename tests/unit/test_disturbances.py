@@ -77,14 +77,14 @@ def test_a_stuck_axis(rng: np.random.Generator) -> None:
     recipe, _, table = bench("six-point", rng)
     reading = table.reading.copy()
     reading[:, 1] = 0.125
-    told = checks(recipe, replace(table, reading=reading))
-    assert "Axis y reads 0.125 g in every position" in told["stuck"]
+    shown = checks(recipe, replace(table, reading=reading))
+    assert "Axis y reads 0.125 g in every position" in shown["stuck"]
 
 
 def test_a_clipped_axis(rng: np.random.Generator) -> None:
     recipe, _, table = bench("six-point", rng, device={"full_scale": 0.9})
-    told = checks(recipe, replace(table, reading=np.clip(table.reading, -0.9, 0.9)))
-    assert "end of its range, ±0.9 g" in told["clipped"]
+    shown = checks(recipe, replace(table, reading=np.clip(table.reading, -0.9, 0.9)))
+    assert "end of its range, ±0.9 g" in shown["clipped"]
 
 
 def test_a_wrong_face_is_named_with_the_one_it_looks_like(rng: np.random.Generator) -> None:
@@ -92,15 +92,15 @@ def test_a_wrong_face_is_named_with_the_one_it_looks_like(rng: np.random.Generat
     names = list(table.position.names)
     swapped = [{"x-up": "y-up", "y-up": "x-up"}.get(n, n) for n in names]
     table = replace(table, position=type(table.position)(tuple(swapped), table.position.code))
-    told = [r.sentence for r in tumble.calibrate_unit(recipe, table, TODAY).verdict.reasons if r.check == "wrong-face"]
-    assert any("at 'y-up'" in one and "looks like 'x-up'" in one for one in told)
-    assert any("at 'x-up'" in one and "looks like 'y-up'" in one for one in told)
+    shown = [r.sentence for r in tumble.calibrate_unit(recipe, table, TODAY).verdict.reasons if r.check == "wrong-face"]
+    assert any("at 'y-up'" in one and "looks like 'x-up'" in one for one in shown)
+    assert any("at 'x-up'" in one and "looks like 'y-up'" in one for one in shown)
 
 
 def test_metres_per_second_squared_are_recognised(rng: np.random.Generator) -> None:
     recipe, _, table = bench("six-point", rng)
-    told = checks(recipe, replace(table, reading=table.reading * 9.80665))
-    assert "are they in m/s²?" in told["scale"]
+    shown = checks(recipe, replace(table, reading=table.reading * 9.80665))
+    assert "are they in m/s²?" in shown["scale"]
 
 
 def test_a_dwell_that_moves_more_than_the_residual_may(rng: np.random.Generator) -> None:
@@ -108,8 +108,8 @@ def test_a_dwell_that_moves_more_than_the_residual_may(rng: np.random.Generator)
     reading = table.reading.copy()
     rows = np.flatnonzero(table.visit == 2)
     reading[rows, 0] += np.linspace(0.1, 0.0, len(rows))
-    told = checks(recipe, replace(table, reading=reading))
-    assert "lengthen settle.time_s" in told["not-still"]
+    shown = checks(recipe, replace(table, reading=reading))
+    assert "lengthen settle.time_s" in shown["not-still"]
 
 
 def test_one_bad_unit_does_not_stop_the_others(rng: np.random.Generator) -> None:

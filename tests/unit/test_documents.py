@@ -82,14 +82,14 @@ def test_a_part_keeps_the_lines_of_the_file(tmp_path: Path) -> None:
 def test_every_mistake_is_one_sentence_with_its_line(
     tmp_path: Path, change: tuple[str, str], line: int, words: str
 ) -> None:
-    said = sentence(written(tmp_path, GOOD.replace(*change, 1)))
-    assert words in said
-    assert f"line {line}" in said
+    printed = sentence(written(tmp_path, GOOD.replace(*change, 1)))
+    assert words in printed
+    assert f"line {line}" in printed
 
 
 def test_all_mistakes_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
-    said = sentence(written(tmp_path, GOOD.replace("unit: g", "unit: kg").replace("up: +x", "up: +w")))
-    assert 0 < said.index("line 5, key `unit`") < said.index("line 10, key `positions.1.up`")
+    printed = sentence(written(tmp_path, GOOD.replace("unit: g", "unit: kg").replace("up: +x", "up: +w")))
+    assert 0 < printed.index("line 5, key `unit`") < printed.index("line 10, key `positions.1.up`")
 
 
 def test_a_missing_key_is_named(tmp_path: Path) -> None:

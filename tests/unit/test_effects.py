@@ -370,7 +370,7 @@ def test_a_common_scalar_is_exactly_the_size() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "size", "said"),
+    ("name", "size", "printed"),
     [
         ("quadratic", "much", "Size 'much' of quadratic is not a number; write for example quadratic=0.0003 (1/g)"),
         ("quadratic", "nan", "Size 'nan' of quadratic is not a number"),
@@ -378,8 +378,8 @@ def test_a_common_scalar_is_exactly_the_size() -> None:
         ("quadratc", None, "There is no effect 'quadratc'; the nearest are quadratic, cross-quadratic"),
     ],
 )
-def test_bad_sizes_and_names_are_sentences(name: str, size: str | None, said: str) -> None:
-    with pytest.raises(UsageError, match=said.replace("(", r"\(").replace(")", r"\)")):
+def test_bad_sizes_and_names_are_sentences(name: str, size: str | None, printed: str) -> None:
+    with pytest.raises(UsageError, match=printed.replace("(", r"\(").replace(")", r"\)")):
         parse_effect(name, recipe(), size)
 
 

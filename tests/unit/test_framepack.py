@@ -62,11 +62,11 @@ def test_any_frames_come_back_bit_for_bit(parts: list[Frames]) -> None:
 @settings(max_examples=100, deadline=None)
 @given(any_frames())
 def test_plain_bytes_come_back_and_their_digest_tells_any_change(frames: Frames) -> None:
-    kept = plain.to_bytes(frames)
-    assert same([plain.from_bytes(kept)], [frames])
+    stored = plain.to_bytes(frames)
+    assert same([plain.from_bytes(stored)], [frames])
     if len(frames):
         frames.data[0, 0] ^= 1
-        assert plain.digest(plain.to_bytes(frames)) != plain.digest(kept)
+        assert plain.digest(plain.to_bytes(frames)) != plain.digest(stored)
 
 
 @settings(max_examples=100, deadline=None)
@@ -131,11 +131,11 @@ def test_a_byte_of_its_own_is_no_parity() -> None:
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(hnp.arrays(np.uint64, st.integers(0, 40), elements=st.integers(0, 2**64 - 1)), max_size=5))
-def test_columns_come_back(kept: list[np.ndarray]) -> None:
+def test_columns_come_back(stored: list[np.ndarray]) -> None:
     out = ByteWriter()
-    columns.pack(out, kept)
-    again = columns.unpack(ByteReader(bytes(out)), [len(c) for c in kept])
-    assert [c.tolist() for c in again] == [c.tolist() for c in kept]
+    columns.pack(out, stored)
+    again = columns.unpack(ByteReader(bytes(out)), [len(c) for c in stored])
+    assert [c.tolist() for c in again] == [c.tolist() for c in stored]
 
 
 @settings(max_examples=200, deadline=None)

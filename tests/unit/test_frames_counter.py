@@ -28,11 +28,11 @@ def test_an_undisturbed_stream_says_nothing(values: int) -> None:
 
 @given(values=st.sampled_from([15, 16, 256]), lost=st.sets(st.integers(1, 398), max_size=300))
 def test_every_lost_frame_is_counted_even_whole_turns(values: int, lost: set[int]) -> None:
-    kept = [i for i in range(400) if i not in lost]
+    stored = [i for i in range(400) if i not in lost]
     ends = sum(1 for i in lost if i - 1 not in lost)
     # Where hardly two frames in a row are left, nobody can know the period.
-    assume(sum(b - a == 1 for a, b in itertools.pairwise(kept)) >= 50)
-    assert _tale(kept, values) == CounterErrors(lost=len(lost), gaps=ends)
+    assume(sum(b - a == 1 for a, b in itertools.pairwise(stored)) >= 50)
+    assert _tale(stored, values) == CounterErrors(lost=len(lost), gaps=ends)
 
 
 def test_fifteen_lost_frames_show_although_the_counter_looks_right() -> None:

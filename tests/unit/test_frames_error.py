@@ -20,7 +20,7 @@ def _frames(*rows: tuple[int, dict[int, int]]) -> Frames:
 
 
 @pytest.mark.parametrize(
-    ("kind", "payload", "said"),
+    ("kind", "payload", "printed"),
     [
         (0x001, {}, ["a frame could not be sent in time"]),
         (0x004, {1: 0x01}, ["the adapter's receive buffer overflowed: frames are lost"]),
@@ -40,20 +40,20 @@ def _frames(*rows: tuple[int, dict[int, int]]) -> Frames:
         (0x002 | 0x080, {}, ["arbitration lost", "bus error"]),
     ],
 )
-def test_each_class_and_detail_has_its_words(kind: int, payload: dict[int, int], said: list[str]) -> None:
-    assert [render(m) for m in error_frames(_frames((ERROR | kind, payload)))] == said
+def test_each_class_and_detail_has_its_words(kind: int, payload: dict[int, int], printed: list[str]) -> None:
+    assert [render(m) for m in error_frames(_frames((ERROR | kind, payload)))] == printed
 
 
 def test_missing_acknowledgement_and_bus_off_name_what_to_check() -> None:
-    told = error_frames(_frames((ERROR | 0x20, {}), (ERROR | BUS_OFF, {})))
-    assert all("check" in render(m) and "bit rate" in render(m) for m in told)
+    shown = error_frames(_frames((ERROR | 0x20, {}), (ERROR | BUS_OFF, {})))
+    assert all("check" in render(m) and "bit rate" in render(m) for m in shown)
 
 
 def test_repetitions_are_counted_and_data_frames_ignored() -> None:
     rows = [(ERROR | 0x80, {}), (0x84, {1: 0xFF}), (ERROR | 0x20, {}), (ERROR | 0x80, {}), (ERROR | 0x80, {})]
-    told = error_frames(_frames(*rows))
-    assert render(told[0]) == "bus error (3 times)"
-    assert len(told) == 2
+    shown = error_frames(_frames(*rows))
+    assert render(shown[0]) == "bus error (3 times)"
+    assert len(shown) == 2
     assert error_frames(_frames((0x40, {}))) == error_frames(Frames.empty()) == ()
 
 

@@ -65,11 +65,11 @@ def test_dwells_decode_to_the_calibrated_truth() -> None:
 
 def test_frames_are_whole_and_counted_through_moves() -> None:
     made = recorded(tilt(), units=("A",))
-    told = decode_samples(made.frames, layout(), 1)
-    assert told.crc_ok.all() and told.frame_errors.clean
-    assert told.counter is not None
-    assert set(np.diff(told.counter.astype(int)) % 15) == {1}
-    gaps_s = np.diff(told.time_ns) / 1e9
+    shown = decode_samples(made.frames, layout(), 1)
+    assert shown.crc_ok.all() and shown.frame_errors.clean
+    assert shown.counter is not None
+    assert set(np.diff(shown.counter.astype(int)) % 15) == {1}
+    gaps_s = np.diff(shown.time_ns) / 1e9
     np.testing.assert_allclose(gaps_s, 0.01, atol=1e-5)
 
 
@@ -84,9 +84,9 @@ def test_moves_are_turns_of_the_true_vector() -> None:
 
 
 def test_thermometers_speak_once_a_second() -> None:
-    told = decode_samples(recorded(tilt(dwell={"time_s": 1.0}), units=("A",)).frames, layout(), 1)
-    np.testing.assert_allclose(np.diff(told.temperature_time_ns) / 1e9, 1.0, atol=0.011)
-    assert 20 < told.temperature_degC.mean() < 30
+    shown = decode_samples(recorded(tilt(dwell={"time_s": 1.0}), units=("A",)).frames, layout(), 1)
+    np.testing.assert_allclose(np.diff(shown.temperature_time_ns) / 1e9, 1.0, atol=0.011)
+    assert 20 < shown.temperature_degC.mean() < 30
 
 
 def test_units_of_a_load_share_the_bus_and_loads_follow_each_other() -> None:
@@ -105,10 +105,10 @@ def test_units_of_a_load_share_the_bus_and_loads_follow_each_other() -> None:
 def test_faults_of_the_bus_are_in_the_log(name: str, trouble: str) -> None:
     """One frame in a hundred: within five standard deviations of a Poisson number."""
     made = recorded(tilt(), name, units=("A",))
-    told = decode_samples(made.frames, layout(), 1).frame_errors
+    shown = decode_samples(made.frames, layout(), 1).frame_errors
     expected = 0.01 * len(made.made.scene)
-    assert getattr(told.counter, trouble) == pytest.approx(expected, abs=5 * np.sqrt(expected))
-    assert told.crc_errors == 0
+    assert getattr(shown.counter, trouble) == pytest.approx(expected, abs=5 * np.sqrt(expected))
+    assert shown.crc_errors == 0
 
 
 def test_too_many_nests_for_a_bus_is_a_sentence() -> None:

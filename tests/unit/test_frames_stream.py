@@ -62,9 +62,9 @@ def test_cantools_reads_our_frames(layout: SensorLayout) -> None:
     database: Any = cantools.database.load_file(DBC)
     message = database.get_message_by_name("ACCELERATION")
     for row in range(20):
-        told = message.decode(frames.data[row].tobytes())
-        assert [told[axis] for axis in "XYZ"] == decode_samples(frames[row : row + 1], layout, 1).xyz[0].tolist()
-        assert told["COUNTER"] == row % 15
+        shown = message.decode(frames.data[row].tobytes())
+        assert [shown[axis] for axis in "XYZ"] == decode_samples(frames[row : row + 1], layout, 1).xyz[0].tolist()
+        assert shown["COUNTER"] == row % 15
 
 
 def test_only_the_nodes_own_frames_count(layout: SensorLayout) -> None:

@@ -25,11 +25,11 @@ def test_the_live_file_holds_the_state_after_every_event(tmp_path: Path) -> None
     live = LiveStateWriter(tmp_path / "s.db", job.recipe, {"operator": "anna"}, print)
     for event in (BEGUN, VisitStarted(1, 6, "z-up")):
         live.event(event)
-    told = json.loads((tmp_path / "s.db.live.json").read_text())
-    assert (told["schema"], told["operator"], told["unit"]) == ("station.live/1", "anna", "g")
-    assert (told["state"]["position"], told["state"]["following"]) == ("z-up", "z-down")
-    assert len(told["state"]["visits"]) == len(told["poses"]) == 8
-    assert told["state"]["at"] == 0
+    shown = json.loads((tmp_path / "s.db.live.json").read_text())
+    assert (shown["schema"], shown["operator"], shown["unit"]) == ("station.live/1", "anna", "g")
+    assert (shown["state"]["position"], shown["state"]["following"]) == ("z-up", "z-down")
+    assert len(shown["state"]["visits"]) == len(shown["poses"]) == 8
+    assert shown["state"]["at"] == 0
     assert [p.name for p in tmp_path.iterdir()] == ["s.db.live.json"], "nothing half written is left"
 
 
@@ -38,8 +38,8 @@ def test_the_live_file_tells_the_state_of_the_bus(tmp_path: Path) -> None:
     bus = SimulatedBus(VirtualClock(), "sim0")
     bus.break_wire("cable-out")
     LiveStateWriter(tmp_path / "s.db", job.recipe, {}, print, bus).event(BEGUN)
-    told = json.loads((tmp_path / "s.db.live.json").read_text())["bus"]
-    assert told == {"name": "sim0", "state": "passive", "counters": {"sending": 128, "receiving": 0}}
+    shown = json.loads((tmp_path / "s.db.live.json").read_text())["bus"]
+    assert shown == {"name": "sim0", "state": "passive", "counters": {"sending": 128, "receiving": 0}}
     bus.close()
 
 
@@ -71,10 +71,10 @@ def test_a_seating_turns_the_picture_of_the_same_position(tmp_path: Path) -> Non
     job, _ = load_job("tilt-24")
     live = LiveStateWriter(tmp_path / "s.db", job.recipe, {}, print)
     live.event(BEGUN)
-    told = json.loads((tmp_path / "s.db.live.json").read_text())
-    stops = told["state"]["visits"]
+    shown = json.loads((tmp_path / "s.db.live.json").read_text())
+    stops = shown["state"]["visits"]
     first, again = (i for i, name in enumerate(stops) if name == "x-045" and i < 48)
-    assert told["poses"][first] != told["poses"][again], "turned in its nest, the unit shows another face"
+    assert shown["poses"][first] != shown["poses"][again], "turned in its nest, the unit shows another face"
 
 
 def test_a_question_bears_a_mark_and_the_time_it_takes_is_no_progress(tmp_path: Path) -> None:

@@ -94,9 +94,9 @@ def test_gold_readings_take_the_place_of_the_nominal_truth(rng: np.random.Genera
     true = tumble.truths(recipe) + 0.02 * rng.standard_normal((18, 3))
     theta = tumble.units(rng, 1)
     table = tumble.table(recipe, tumble.readings(theta, true), 0.0, 3, rng)
-    seen = true @ np.array(own["matrix"]).T + own["offset"]
+    observed = true @ np.array(own["matrix"]).T + own["offset"]
     table = type(table)(
-        **{n: getattr(table, n) for n in table.__slots__ if n != "gold"}, gold=np.repeat(seen, 3, axis=0)
+        **{n: getattr(table, n) for n in table.__slots__ if n != "gold"}, gold=np.repeat(observed, 3, axis=0)
     )
     found = tumble.calibrate_unit(recipe, table, TODAY)
     assert coefficients(found) == pytest.approx(theta[0], abs=1e-9)

@@ -24,7 +24,7 @@ from station.errors import LogError
 LONGEST, STOPS = 64, 6
 
 
-def told(density: Floats, rng: np.random.Generator, phi: float = 0.0, count: int = LONGEST) -> list[DwellNoise]:
+def shown(density: Floats, rng: np.random.Generator, phi: float = 0.0, count: int = LONGEST) -> list[DwellNoise]:
     """Dwells of units whose axes have so much long-run variance (u, 3), first-order noise."""
     e = rng.standard_normal((STOPS, len(density), 100 + count, 3))
     x = lfilter([1 - phi], [1, -phi], e, axis=2)[:, :, 100:] * np.sqrt(density)[:, None]
@@ -36,7 +36,7 @@ def population(
 ) -> list[NoiseLikelihood]:
     """What ln-normal units have told, with spreads of ln variance between units and between a unit's axes."""
     ln = spread * rng.standard_normal((units, 1)) + own * rng.standard_normal((units, 3))
-    return likelihoods(told(np.exp(ln), rng, phi), LONGEST)
+    return likelihoods(shown(np.exp(ln), rng, phi), LONGEST)
 
 
 def prior_of(units: int, rng: np.random.Generator, **kind: float) -> NoisePrior:
@@ -88,7 +88,7 @@ def test_the_shape_of_a_kind_is_found(rng: np.random.Generator, phi: float) -> N
 
 def test_a_prior_worth_nothing_leaves_what_the_unit_tells(rng: np.random.Generator) -> None:
     """With a spread without end and the general weights the posterior is the one without a prior."""
-    dwells = told(np.ones((5, 3)), rng)
+    dwells = shown(np.ones((5, 3)), rng)
     vague = NoisePrior(LONGEST, 10**9, general_log_weights(LONGEST), np.zeros(3), 1e9 * np.eye(3))
     with_it, without = noise_curve(dwells, LONGEST, vague), noise_curve(dwells, LONGEST)
     # A prior of variance 1e9 counts as one reading (dof 1 + 2/∞) of the level expected.
@@ -99,7 +99,7 @@ def test_a_homogeneous_kind_settles_what_one_short_dwell_leaves_open(rng: np.ran
     """The first 16 readings of each of 300 units of one level: ln density scatters by less than a third of what it
     does without a prior."""
     prior = prior_of(50, rng, spread=0.0, phi=0.8)
-    first = told(np.ones((300, 3)), rng, phi=0.8, count=16)[:1]
+    first = shown(np.ones((300, 3)), rng, phi=0.8, count=16)[:1]
     known, unknown = (np.log(noise_curve(first, LONGEST, p).at(np.full((300, 1), 64.0))[0]) for p in (prior, None))
     assert known.std() < unknown.std() / 3
     assert np.median(known) == pytest.approx(np.log(1.0), abs=0.15)
@@ -109,7 +109,7 @@ def test_the_other_axes_tell_of_an_axis(rng: np.random.Generator) -> None:
     """Three axes that go together are known to √(2/(3·15)) by 16 readings each, not to √(2/15)."""
     prior = prior_of(50, rng, spread=1.0)
     level = np.exp(rng.standard_normal((2000, 1))) * np.ones(3)
-    first = told(level, rng, count=16)[:1]
+    first = shown(level, rng, count=16)[:1]
     known, unknown = (
         np.log(noise_curve(first, LONGEST, p).at(np.full((2000, 1), 16.0))[0][:, 0] / level) for p in (prior, None)
     )
@@ -121,14 +121,14 @@ def test_an_outlier_is_known_by_its_own_readings(rng: np.random.Generator) -> No
     """A hundred times the variance of a homogeneous kind, after a whole calibration: t widens the common variance of
     ln levels to ln²100/53 = 0.4 at least (six dof, among 378), so a tenth of the level is more than it can take."""
     prior = prior_of(50, rng, spread=0.0)
-    found = noise_curve(told(np.full((50, 3), 100.0), rng), LONGEST, prior)
+    found = noise_curve(shown(np.full((50, 3), 100.0), rng), LONGEST, prior)
     assert np.median(found.at(np.full((50, 1), 64.0))[0]) == pytest.approx(100.0, rel=0.1)
 
 
 def test_an_odd_shape_is_seen_for_what_it_is(rng: np.random.Generator) -> None:
     """A unit of phi 0.8 among white ones: its long-run variance is not taken for that of its neighbours' shape."""
     prior = prior_of(50, rng)
-    found = noise_curve(told(np.full((50, 3), 1.0), rng, phi=0.8), LONGEST, prior)
+    found = noise_curve(shown(np.full((50, 3), 1.0), rng, phi=0.8), LONGEST, prior)
     white = (1 - 0.8) ** 2 / (1 - 0.8**2)
     assert np.median(found.at(np.full((50, 1), 64.0))[0]) > 0.7 > 3 * white
 
@@ -166,8 +166,8 @@ def test_a_unit_that_dwells_far_longer_goes_by_itself(rng: np.random.Generator) 
 
 def test_what_the_log_keeps_gives_the_same_prior_bit_for_bit(rng: np.random.Generator) -> None:
     prior = prior_of(5, rng)
-    kept = json.loads(json.dumps({"prior": noise_document.of_prior(prior)}))
-    again = noise_document.to_prior(kept)
+    stored = json.loads(json.dumps({"prior": noise_document.of_prior(prior)}))
+    again = noise_document.to_prior(stored)
     assert again is not None
     assert (again.longest, again.units) == (prior.longest, prior.units)
     for name in ("log_weight", "mean", "covariance"):
@@ -179,10 +179,10 @@ def test_what_the_log_keeps_gives_the_same_prior_bit_for_bit(rng: np.random.Gene
 def test_what_the_log_keeps_of_a_unit_tells_the_same(rng: np.random.Generator) -> None:
     """Likelihoods are rounded to 0.01, levels to 1e-4; shapes left out are e⁻¹² as likely as the likeliest."""
     units = population(8, rng, phi=0.5)
-    kept = [json.loads(json.dumps({"noise": noise_document.of_likelihood(u)})) for u in units]
+    stored = [json.loads(json.dumps({"noise": noise_document.of_likelihood(u)})) for u in units]
     before, after = (
         learn_prior(units, LONGEST),
-        learn_prior(noise_document.all_likelihoods([{"dwell_s": []}, *kept]), LONGEST),
+        learn_prior(noise_document.all_likelihoods([{"dwell_s": []}, *stored]), LONGEST),
     )
     assert before is not None
     assert after is not None
@@ -192,8 +192,8 @@ def test_what_the_log_keeps_of_a_unit_tells_the_same(rng: np.random.Generator) -
 
 
 def test_shapes_of_another_version_are_passed_over_and_never_taken_for_these(rng: np.random.Generator) -> None:
-    kept = noise_document.of_likelihood(population(1, rng)[0])
-    assert noise_document.all_likelihoods([{"noise": kept | {"family": kept["family"] + 1}}]) == []
+    stored = noise_document.of_likelihood(population(1, rng)[0])
+    assert noise_document.all_likelihoods([{"noise": stored | {"family": stored["family"] + 1}}]) == []
     prior = noise_document.of_prior(prior_of(2, rng))
     with pytest.raises(LogError, match="other shapes than this version"):
         noise_document.to_prior({"prior": prior | {"log_weight": prior["log_weight"][:-1]}})

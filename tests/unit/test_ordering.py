@@ -39,28 +39,28 @@ def random_moves(seed: int, n: int, *, even: bool = False) -> MoveTimes:
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10_000), st.integers(2, 6))
 def test_exact_is_the_best_of_all_orders(seed: int, n: int) -> None:
-    asked = random_moves(seed, n)
-    least = min(asked.of(np.array(order)) for order in permutations(range(n)))
-    assert asked.of(ordering.exact(asked)) == pytest.approx(least, abs=1e-12)
+    requested = random_moves(seed, n)
+    least = min(requested.of(np.array(order)) for order in permutations(range(n)))
+    assert requested.of(ordering.exact(requested)) == pytest.approx(least, abs=1e-12)
 
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10_000), st.integers(7, 11), st.booleans())
 def test_the_search_comes_near_the_optimum(seed: int, n: int, even: bool) -> None:
-    asked = random_moves(seed, n, even=even)
-    found = ordering.search(asked)
+    requested = random_moves(seed, n, even=even)
+    found = ordering.search(requested)
     assert sorted(found.tolist()) == list(range(n))
-    assert asked.of(found) <= asked.of(ordering.exact(asked)) * (1.02 if even else 1.10)
+    assert requested.of(found) <= requested.of(ordering.exact(requested)) * (1.02 if even else 1.10)
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 20))
 def test_an_order_holds_every_position_once_and_is_never_slower_than_listed(seed: int, n: int) -> None:
-    asked = random_moves(seed, n)
-    found = ordering.fastest(asked)
+    requested = random_moves(seed, n)
+    found = ordering.fastest(requested)
     assert sorted(found.tolist()) == list(range(n))
-    assert asked.of(found) <= asked.of(np.arange(n))
-    assert np.array_equal(found, ordering.fastest(asked))
+    assert requested.of(found) <= requested.of(np.arange(n))
+    assert np.array_equal(found, ordering.fastest(requested))
 
 
 def test_what_is_alike_stays_as_listed() -> None:
@@ -73,16 +73,16 @@ def test_a_turn_is_a_trapezium_of_speed() -> None:
 
 
 def test_no_order_of_six_faces_is_faster() -> None:
-    asked = recipe()
-    least = min(moving_s(asked, order) for order in permutations(asked.positions))
-    assert moving_s(asked, plan.order_of(asked, 0)) == pytest.approx(least)
-    assert least < 0.8 * moving_s(asked, asked.positions)
+    requested = recipe()
+    least = min(moving_s(requested, order) for order in permutations(requested.positions))
+    assert moving_s(requested, plan.order_of(requested, 0)) == pytest.approx(least)
+    assert least < 0.8 * moving_s(requested, requested.positions)
 
 
-def moving_s(asked: Recipe, order: Any) -> float:
+def moving_s(requested: Recipe, order: Any) -> float:
     """Moves of one run from the parking place and back."""
-    names = [p.name for p in asked.positions]
-    return moves.bench_move_times(asked.positions, np.eye(3), np.eye(3)).of(
+    names = [p.name for p in requested.positions]
+    return moves.bench_move_times(requested.positions, np.eye(3), np.eye(3)).of(
         np.array([names.index(p.name) for p in order])
     )
 
@@ -100,13 +100,13 @@ def test_a_pose_returned_to_is_left_in_between() -> None:
 
 
 def test_a_run_starts_where_the_one_before_ended() -> None:
-    asked = recipe(None, {"order": "fastest", "last": "y-down"}, {"order": "fastest"})
-    assert plan.order_of(asked, 1)[0].name == "y-down"
+    requested = recipe(None, {"order": "fastest", "last": "y-down"}, {"order": "fastest"})
+    assert plan.order_of(requested, 1)[0].name == "y-down"
 
 
 def test_it_ends_near_the_verification() -> None:
-    asked = recipe().model_dump(by_alias=True) | {"verify": {"positions": [{"name": "v", "up": "-y"}]}}
-    assert plan.order_of(Recipe.model_validate(asked), 0)[-1].name == "y-down"
+    requested = recipe().model_dump(by_alias=True) | {"verify": {"positions": [{"name": "v", "up": "-y"}]}}
+    assert plan.order_of(Recipe.model_validate(requested), 0)[-1].name == "y-down"
 
 
 def test_a_rate_table_that_does_not_tilt_keeps_the_listed_order() -> None:
@@ -117,27 +117,27 @@ def test_a_rate_table_that_does_not_tilt_keeps_the_listed_order() -> None:
 def test_many_positions_take_two_thirds_of_the_time() -> None:
     ups = directions.SOLIDS[24]
     listed = np.random.default_rng(4).permutation(24)
-    asked = recipe([tumble.position(f"p{i:02d}", ups[i]) for i in listed])
-    assert moving_s(asked, plan.order_of(asked, 0)) < 0.67 * moving_s(asked, asked.positions)
+    requested = recipe([tumble.position(f"p{i:02d}", ups[i]) for i in listed])
+    assert moving_s(requested, plan.order_of(requested, 0)) < 0.67 * moving_s(requested, requested.positions)
 
 
 def test_forbidden_moves_are_not_made_where_others_are_open() -> None:
-    asked = random_moves(5, 16)
+    requested = random_moves(5, 16)
     walls = np.triu(np.ones((16, 16), bool), 3)
-    blocked = MoveTimes(np.where(walls, FORBIDDEN_S, asked.between), asked.start, asked.end)
+    blocked = MoveTimes(np.where(walls, FORBIDDEN_S, requested.between), requested.start, requested.end)
     assert blocked.of(ordering.search(blocked)) < FORBIDDEN_S
 
 
 @pytest.mark.parametrize(
-    ("run", "said"),
+    ("run", "printed"),
     [
         ({"order": "listed", "first": "z-up"}, "first needs order: fastest"),
         ({"order": "fastest", "first": "z-up", "last": "z-up"}, "a run visits a position once"),
         ({"order": "fastest", "last": "zup"}, "the nearest is 'z-up'"),
     ],
 )
-def test_ends_that_cannot_be_kept_are_refused(run: dict[str, str], said: str) -> None:
-    with pytest.raises(ValidationError, match=said):
+def test_ends_that_cannot_be_kept_are_refused(run: dict[str, str], printed: str) -> None:
+    with pytest.raises(ValidationError, match=printed):
         recipe(None, run)
 
 

@@ -48,12 +48,12 @@ def still(rng: np.random.Generator, noise: float = 0.001, samples: int = 100) ->
 
 def test_noise_step_rate_and_poses_are_inferred(rng: np.random.Generator) -> None:
     y = np.round(still(rng, 0.002) / 0.00025) * 0.00025
-    found, kept = preflight.inspect(silent(by_hand()), table(y, 24, rate_hz=51.2))
+    found, stored = preflight.inspect(silent(by_hand()), table(y, 24, rate_hz=51.2))
     # 2,400 differences know the noise to 2 %; five of those deviations.
     assert found.sheet.noise == pytest.approx([0.002] * 3, rel=0.1)
     assert found.sheet.lsb == pytest.approx([0.00025] * 3, rel=1e-6)
     assert found.sheet.rate_hz == pytest.approx(51.2)
-    assert (found.visits, found.poses, len(kept), found.left_out) == (24, 24, 2400, ())
+    assert (found.visits, found.poses, len(stored), found.left_out) == (24, 24, 2400, ())
     assert set(found.inferred) == {"rate_hz", "lsb", "noise_density"}
     recipe = preflight.with_sheet(silent(by_hand()), found)
     assert recipe.device.rate_hz == pytest.approx(51.2)
@@ -71,9 +71,9 @@ def test_moving_and_merged_visits_are_left_out_and_no_others(rng: np.random.Gene
     y = still(rng)
     y[300:400] += np.linspace(0, 0.3, 100)[:, None]
     y[760:800] = SPHERE[9] + 0.001 * rng.standard_normal((40, 3))
-    found, kept = preflight.inspect(by_hand(), table(y, 24))
+    found, stored = preflight.inspect(by_hand(), table(y, 24))
     assert [(one.visit, one.reason.id) for one in found.left_out] == [(3, "visit-moves"), (7, "visit-of-two-poses")]
-    assert set(range(24)) - set(kept.visit.tolist()) == {3, 7}
+    assert set(range(24)) - set(stored.visit.tolist()) == {3, 7}
     assert found.document()["left_out"][0]["of"] == "visit:A/0/3"
 
 

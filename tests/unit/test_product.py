@@ -41,7 +41,7 @@ def test_the_right_device_is_recognised(product: Product) -> None:
 
 
 @pytest.mark.parametrize(
-    ("other", "said"),
+    ("other", "sentences"),
     [
         ({"vendor": 1}, "vendor is 0x1, not 0xCA1B0"),
         ({"product": 2}, "product code is 0x2, not 0xACC"),
@@ -50,8 +50,8 @@ def test_the_right_device_is_recognised(product: Product) -> None:
         ({"name": "x"}, "name is 'x', not 'accelerometer'"),
     ],
 )
-def test_each_difference_is_said(product: Product, other: dict[str, Any], said: str) -> None:
-    assert [render(m) for m in product.mismatches(**identity(**other))] == [said]
+def test_each_difference_is_said(product: Product, other: dict[str, Any], sentences: str) -> None:
+    assert [render(m) for m in product.mismatches(**identity(**other))] == [sentences]
 
 
 def test_serial_as_printed_and_as_kept() -> None:
@@ -102,7 +102,7 @@ BAD = "[DeviceInfo]\nGranularity=8\n[2000]\nParameterName=a\nAccessType=rw\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "sentences"),
     [
         ("", "has no [DeviceInfo]"),
         ("[DeviceInfo]\nGranularity=8\n", "describes no objects"),
@@ -115,12 +115,12 @@ BAD = "[DeviceInfo]\nGranularity=8\n[2000]\nParameterName=a\nAccessType=rw\n"
         ("[DeviceInfo]\n[2000sub1]\nParameterName=a\nDataType=7\nAccessType=rw\n", "is not a usable EDS"),
     ],
 )
-def test_a_bad_eds_gets_one_sentence_with_its_name(tmp_path: Path, text: str, said: str) -> None:
+def test_a_bad_eds_gets_one_sentence_with_its_name(tmp_path: Path, text: str, sentences: str) -> None:
     path = tmp_path / "bad.eds"
     path.write_text(text)
     with pytest.raises(ProductError) as caught:
         eds.load(path, 1)
-    assert said in caught.value.sentence
+    assert sentences in caught.value.sentence
     assert "bad.eds" in caught.value.sentence
 
 
@@ -148,7 +148,7 @@ def test_an_unknown_code_is_specific_to_the_manufacturer() -> None:
 def test_the_guides_name_every_fault_and_their_maps_are_right() -> None:
     docs = DBC.parent / "docs"
     faults = (docs / "simulated-device.md").read_text()
-    assert [kind for kind, told in {**KINDS, **WIRE}.items() if f"| `{kind}` | {told} |" not in faults] == []
+    assert [kind for kind, shown in {**KINDS, **WIRE}.items() if f"| `{kind}` | {shown} |" not in faults] == []
     blocks = re.findall(r"```yaml\n(.*?)```", (docs / "device-map.md").read_text(), re.DOTALL)
     assert len(blocks) == 4
     for block in blocks:

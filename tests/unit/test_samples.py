@@ -92,11 +92,11 @@ def test_portions_are_whole_units(tmp_path: Path, rng: np.random.Generator) -> N
     write_samples(table, tmp_path / "t.parquet")
     found = list(by_units(tmp_path / "t.parquet", rows=1))
     assert sum(map(len, found)) == len(table)
-    seen: set[str] = set()
+    observed: set[str] = set()
     for portion in found:
         names = set(portion.unit.text())
-        assert not names & seen
-        seen |= names
+        assert not names & observed
+        observed |= names
 
 
 def test_units_whose_rows_are_mixed_come_in_one_portion(tmp_path: Path, rng: np.random.Generator) -> None:
@@ -140,7 +140,7 @@ BAD = {
 
 @pytest.mark.parametrize("what", list(BAD))
 def test_a_mistake_is_one_sentence_with_its_place(tmp_path: Path, what: str) -> None:
-    more, told = BAD[what]
+    more, shown = BAD[what]
     text = (
         HEADER.replace(",z\n", "\n") + "SN1,0,0,z-up,0,1,1\n"
         if more is None
@@ -149,13 +149,13 @@ def test_a_mistake_is_one_sentence_with_its_place(tmp_path: Path, what: str) -> 
     path = written(tmp_path, text)
     with pytest.raises(SamplesError) as caught:
         read_samples(path)
-    assert told in caught.value.sentence
+    assert shown in caught.value.sentence
     assert str(path) in caught.value.sentence
     assert "\n" not in caught.value.sentence
 
 
 @pytest.mark.parametrize(
-    ("header", "told"),
+    ("header", "shown"),
     [
         ("unit,run,visit,position,time_s,x,y,z,temprature_degC", "did you mean 'temperature_degC'?"),
         ("unit,run,visit,position,time_s,x,y,z,x", "has the column 'x' twice"),
@@ -163,17 +163,17 @@ def test_a_mistake_is_one_sentence_with_its_place(tmp_path: Path, what: str) -> 
         ("Unit,run,visit,position,time_s,x,y,z", "did you mean 'unit'?"),
     ],
 )
-def test_a_header_that_cannot_be_meant(tmp_path: Path, header: str, told: str) -> None:
+def test_a_header_that_cannot_be_meant(tmp_path: Path, header: str, shown: str) -> None:
     with pytest.raises(SamplesError) as caught:
         read_samples(written(tmp_path, header + "\n" + "0," * header.count(",") + "0\n"))
-    assert told in caught.value.sentence
+    assert shown in caught.value.sentence
 
 
-@pytest.mark.parametrize(("name", "told"), [("t.txt", "is a .csv or a .parquet file"), ("none.csv", "no such file")])
-def test_a_file_that_is_none(tmp_path: Path, name: str, told: str) -> None:
+@pytest.mark.parametrize(("name", "shown"), [("t.txt", "is a .csv or a .parquet file"), ("none.csv", "no such file")])
+def test_a_file_that_is_none(tmp_path: Path, name: str, shown: str) -> None:
     if name == "t.txt":
         written(tmp_path, HEADER, name)
-    with pytest.raises(SamplesError, match=told):
+    with pytest.raises(SamplesError, match=shown):
         read_samples(tmp_path / name)
 
 

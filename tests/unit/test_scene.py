@@ -155,8 +155,8 @@ def test_parts_of_a_fleet_are_numbered_through() -> None:
     for name in ("time_s", "temperature_degC", "started_s", "motor"):
         np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[rows])
     for name, labels in part.visits.groups.items():
-        kept = (whole.visits.unit.code >= 2) & (whole.visits.unit.code < 4)
-        np.testing.assert_array_equal(labels.text(), whole.visits.groups[name][kept].text())
+        stored = (whole.visits.unit.code >= 2) & (whole.visits.unit.code < 4)
+        np.testing.assert_array_equal(labels.text(), whole.visits.groups[name][stored].text())
 
 
 def test_dwell_until_the_noise_is_low_enough() -> None:
@@ -168,8 +168,8 @@ def test_dwell_until_the_noise_is_low_enough() -> None:
 
     assert dwells(1e-3) == pytest.approx(0.2)
     assert 4 < np.median(dwells(1e-6)) < dwells(1e-6).max() <= 5
-    told = forecast(tilt(dwell={"until_std": 4e-5}, device=sheet), np.zeros(12))
-    assert told.dwell_s == pytest.approx(dwells(4e-5), rel=0.01)
-    assert told.budget.std("noise").max() == pytest.approx(4e-5, rel=0.02)
+    shown = forecast(tilt(dwell={"until_std": 4e-5}, device=sheet), np.zeros(12))
+    assert shown.dwell_s == pytest.approx(dwells(4e-5), rel=0.01)
+    assert shown.budget.std("noise").max() == pytest.approx(4e-5, rel=0.02)
     went = run_timeline(tilt(dwell={"until_std": 4e-5}, device=sheet), 0)
     assert went.duration_s == pytest.approx(went.arrival_s[-1] + went.dwell_s[-1] + tilt().settle.time_s)

@@ -253,11 +253,11 @@ def test_stops_by_hand_point_anywhere() -> None:
 def test_truth_tells_units_and_coefficients() -> None:
     one = job("offset-temperature", "settling", "step", "bias-walk")
     made = simulate(one)
-    told = truth.document(one, [made])
-    assert told["schema"] == "station.truth/1" and told["seed"] == 6
-    assert [u["serial"] for u in told["units"]] == list(UNITS)
-    np.testing.assert_array_equal(told["units"][1]["offset"], made.base.offset[1])
-    effects = {e["effect"]: e["parameters"] for e in told["effects"]}
+    shown = truth.document(one, [made])
+    assert shown["schema"] == "station.truth/1" and shown["seed"] == 6
+    assert [u["serial"] for u in shown["units"]] == list(UNITS)
+    np.testing.assert_array_equal(shown["units"][1]["offset"], made.base.offset[1])
+    effects = {e["effect"]: e["parameters"] for e in shown["effects"]}
     first = effects["offset-temperature"][0]
     assert (first["name"], first["axis"], first["of"], first["unit"]) == ("coefficient", "x", "unit:A", "g/degC")
     assert len(effects["offset-temperature"]) == 9
@@ -307,7 +307,7 @@ def test_a_floor_in_a_model_is_drawn() -> None:
 
 
 @pytest.mark.parametrize(
-    ("effect", "said"),
+    ("effect", "printed"),
     [
         ({"effect": "quadratc"}, "quadratc"),
         (
@@ -320,7 +320,7 @@ def test_a_floor_in_a_model_is_drawn() -> None:
         ),
     ],
 )
-def test_models_that_cannot_be_are_sentences(effect: Any, said: str) -> None:
+def test_models_that_cannot_be_are_sentences(effect: Any, printed: str) -> None:
     model = Model.model_validate({"effects": [effect]})
-    with pytest.raises((InputError, UsageError), match=said):
+    with pytest.raises((InputError, UsageError), match=printed):
         simulate(replace(job(), model=model))

@@ -39,8 +39,8 @@ class Plate:
 
 def rig_of(recipe: Recipe, *effects: str | Effect, seed: int = 2) -> tuple[Rig, Plate]:
     plate = Plate()
-    asked = tuple(parse_effect(e, recipe) if isinstance(e, str) else e for e in effects)
-    return Rig(SimulationJob(recipe, (), seed, asked, QUIET), plate), plate
+    requested = tuple(parse_effect(e, recipe) if isinstance(e, str) else e for e in effects)
+    return Rig(SimulationJob(recipe, (), seed, requested, QUIET), plate), plate
 
 
 def tumble(rig: Rig, plate: Plate, recipe: Recipe, nests: list[str], run: int = 0, now_s: float = 0.0) -> Any:

@@ -30,9 +30,9 @@ def test_the_error_is_as_large_as_said(noise: float) -> None:
     true = [waves(t, rng) for _ in range(RUNS)]
     found = temperature_slopes([(t, T + noise * rng.standard_normal(STOPS)) for T, _ in true])
     error = np.concatenate([f.slope - rate for f, (_, rate) in zip(found, true, strict=True)])
-    told = np.concatenate([np.sum(f.modes**2, axis=1) for f in found])
+    shown = np.concatenate([np.sum(f.modes**2, axis=1) for f in found])
     # 40 runs of about three free numbers each: their mean square is known to 13 %.
-    assert 0.6 < np.mean(error**2) / np.mean(told) < 1.6
+    assert 0.6 < np.mean(error**2) / np.mean(shown) < 1.6
     steps = np.concatenate([np.gradient(T + noise * rng.standard_normal(STOPS), t) - rate for T, rate in true])
     assert np.sqrt(np.mean(error**2)) < 0.5 * np.sqrt(np.mean(steps**2))
 

@@ -126,18 +126,18 @@ def test_the_transport(layout: SensorLayout, recipe: Recipe) -> None:
     assert "1 frame with a wrong CRC" in found.sentence
 
 
-@pytest.mark.parametrize(("rate_hz", "said"), [(100.5, False), (110.0, True), (91.0, True)])
-def test_a_clock_that_is_off(layout: SensorLayout, recipe: Recipe, rate_hz: float, said: bool) -> None:
+@pytest.mark.parametrize(("rate_hz", "printed"), [(100.5, False), (110.0, True), (91.0, True)])
+def test_a_clock_that_is_off(layout: SensorLayout, recipe: Recipe, rate_hz: float, printed: bool) -> None:
     came = frames(layout, readings(round(rate_hz)), rate_hz)
     found = {r.check for r in check(visit(layout, came), UP, recipe, layout)}
-    assert found == ({"rate"} if said else set())
+    assert found == ({"rate"} if printed else set())
 
 
 def test_statistics_are_of_the_usable_readings(layout: SensorLayout) -> None:
     xyz = readings()
-    told = statistics(visit(layout, frames(layout, xyz)))
-    np.testing.assert_allclose(np.asarray(told["mean"]), xyz.mean(axis=0), atol=6.25e-5)
-    assert (told["count"], told["lost"], told["crc_errors"], told["kernel_drops"]) == (100, 0, 0, 0)
+    shown = statistics(visit(layout, frames(layout, xyz)))
+    np.testing.assert_allclose(np.asarray(shown["mean"]), xyz.mean(axis=0), atol=6.25e-5)
+    assert (shown["count"], shown["lost"], shown["crc_errors"], shown["kernel_drops"]) == (100, 0, 0, 0)
 
 
 @pytest.mark.parametrize("seed", range(20))

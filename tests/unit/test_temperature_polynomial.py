@@ -62,16 +62,16 @@ def test_units_that_a_model_does_not_know_get_coefficients_of_the_same_size() ->
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"),
+    ("requested", "words"),
     [
         ("offset-temperature=1e-4,degree=4", "degree of offset-temperature is '4'; write a number from 1 to 3"),
         ("warm-up=5e-4,tau=3", "warm-up has no form parameter 'tau'; it has time_constant_s"),
         ("warm-up,time_constant=soon", "time_constant_s of warm-up is 'soon'"),
     ],
 )
-def test_a_form_that_is_none_is_refused_in_one_sentence(asked: str, words: str) -> None:
+def test_a_form_that_is_none_is_refused_in_one_sentence(requested: str, words: str) -> None:
     with pytest.raises(StationError, match=words):
-        parse_effects([asked], tilt())
+        parse_effects([requested], tilt())
 
 
 def test_forms_stand_behind_the_size() -> None:

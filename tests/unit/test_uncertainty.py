@@ -109,9 +109,11 @@ def test_norm_does_not_feel_fixture_error_where_six_point_does(rng: np.random.Ge
         theta = tumble.units(rng, 100)
         true = turned(tumble.truths(recipe), np.deg2rad(0.2), rng, 100)
         table = tumble.table(recipe, tumble.readings(theta, true), 2e-4 * np.sqrt(20), 20, rng)
-        seen = tumble.readings(theta, direction)
+        observed = tumble.readings(theta, direction)
         found = pipeline.calibrate(recipe, table, TODAY)
-        off = [np.linalg.norm(r.calibration.correct(seen[i]), axis=1) - 1 for i, r in enumerate(found) if r.calibration]
+        off = [
+            np.linalg.norm(r.calibration.correct(observed[i]), axis=1) - 1 for i, r in enumerate(found) if r.calibration
+        ]
         errors[method] = float(np.sqrt(np.mean(np.square(off))))
     assert errors["norm"] < 2.0e-4
     assert errors["six-point"] > 1.5e-3

@@ -18,10 +18,10 @@ from station.web.run_launcher import LaunchOptions, RunLauncher
 def test_every_language_says_everything_and_nothing_more() -> None:
     texts = labels.all_texts()
     assert set(texts) == {"en", "de", "zh"}
-    for code, said in texts.items():
-        assert set(said) == set(texts["en"]), code
-        assert all(said.values()), code
-        assert not set(said) & set(dir(dict)), "a template would find the mapping's own method"
+    for code, printed in texts.items():
+        assert set(printed) == set(texts["en"]), code
+        assert all(printed.values()), code
+        assert not set(printed) & set(dir(dict)), "a template would find the mapping's own method"
 
 
 def faces(pose: np.ndarray) -> set[str]:

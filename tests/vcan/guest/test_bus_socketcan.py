@@ -183,9 +183,9 @@ def test_waiting_ends_with_the_first_frame_or_the_time_out(bus: SocketCan, vcan:
 def test_our_netlink_agrees_with_iproute2(vcan: Interface) -> None:
     for change in (vcan.down, vcan.up):
         change()
-        link, told = _netlink.query_link(vcan.name), vcan.details()
-        assert link.up == ("UP" in told["flags"])
-        assert link.kind == told["linkinfo"]["info_kind"] == "vcan"
+        link, shown = _netlink.query_link(vcan.name), vcan.details()
+        assert link.up == ("UP" in shown["flags"])
+        assert link.kind == shown["linkinfo"]["info_kind"] == "vcan"
         assert link.can_state is None
 
 

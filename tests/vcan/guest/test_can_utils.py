@@ -73,10 +73,10 @@ def test_a_flood_from_cangen_overruns_a_small_buffer_and_the_counter_tells(
     received: list[tuple[int, bytes]] = []
     while len(received) + large.drops() < len(sent):
         received.append(large.receive())
-    kept = small.waiting()
+    stored = small.waiting()
     assert flood.wait(timeout=30) == 0
     assert set(received) <= set(sent)
     assert received == sorted(received, key=lambda frame: int.from_bytes(frame[1], "little"))
-    assert 0 < len(kept) < len(sent)
-    assert kept == sent[: len(kept)]
-    assert small.drops() == len(sent) - len(kept)
+    assert 0 < len(stored) < len(sent)
+    assert stored == sent[: len(stored)]
+    assert small.drops() == len(sent) - len(stored)

@@ -24,17 +24,17 @@ def doctor(
     monkeypatch.chdir(tmp_path)
     nests = [{"name": "A", "node": 0x11}, {"name": "B", "node": 0x12}]
     bus = {"interface": "socketcan", "channel": vcan.name, "bitrate": 500000}
-    told = {"schema": "station.config/1", "station": "guest", "bus": bus, "nests": nests, "recipe": "six-point"}
-    Path("config.yaml").write_text(json.dumps({**told, "positioner": {"kind": "manual"}, "database": "s.db"}))
+    shown = {"schema": "station.config/1", "station": "guest", "bus": bus, "nests": nests, "recipe": "six-point"}
+    Path("config.yaml").write_text(json.dumps({**shown, "positioner": {"kind": "manual"}, "database": "s.db"}))
 
-    def ask() -> dict[str, tuple[bool, str]]:
+    def request() -> dict[str, tuple[bool, str]]:
         with pytest.raises(SystemExit) as ended:
             app.main(["doctor", "--json"])
         found: dict[str, Any] = json.loads(capsys.readouterr().out)
         assert ended.value.code == (0 if found["well"] else 3)
         return {c["check"]: (c["well"], c["said"]) for c in found["checks"]}
 
-    yield ask
+    yield request
     monkeypatch.chdir(os.sep)
 
 
@@ -88,6 +88,6 @@ def test_error_frames_are_somebodys_trouble(
     doctor: Callable[[], dict[str, tuple[bool, str]]], sending: Callable[[int], None]
 ) -> None:
     sending(0x2000_0000 | 0x20)
-    well, said = doctor()["traffic"]
+    well, printed = doctor()["traffic"]
     assert not well
-    assert "no node acknowledged a frame" in said
+    assert "no node acknowledged a frame" in printed

@@ -35,10 +35,10 @@ def test_a_small_buffer_loses_frames_and_the_kernel_counts_each(vcan: Interface,
         sender.send(can_id, data)
     assert [large.receive() for _ in sent] == sent
     assert large.drops() == 0
-    kept = small.waiting()
-    assert 0 < len(kept) < 200
-    assert kept == sent[: len(kept)]
-    assert small.drops() == 200 - len(kept)
+    stored = small.waiting()
+    assert 0 < len(stored) < 200
+    assert stored == sent[: len(stored)]
+    assert small.drops() == 200 - len(stored)
 
 
 def test_a_socket_lives_through_link_down_and_up(vcan: Interface, raw_socket: Open) -> None:

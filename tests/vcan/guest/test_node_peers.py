@@ -94,8 +94,8 @@ def test_only_what_is_saved_outlives_the_power(
     device = node_device(vcan, **options)
     assert [master.upload(NODE, 0x2102, sub) for sub in (1, 2)] == [_real32(0.125), _real32(0.0)]
     objects = [(index, sub) for index, count in ((0x2101, 9), (0x2102, 3)) for sub in range(1, count + 1)]
-    kept = b"".join(master.upload(NODE, index, sub) for index, sub in objects)
-    assert int.from_bytes(master.upload(NODE, 0x2105), "little") == zlib.crc32(kept)
+    stored = b"".join(master.upload(NODE, index, sub) for index, sub in objects)
+    assert int.from_bytes(master.upload(NODE, 0x2105), "little") == zlib.crc32(stored)
     master.download(NODE, 0x1011, 1, LOAD)
     assert master.upload(NODE, 0x2102, 1) == _real32(0.125)
     master.nmt(NODE, "reset-node")

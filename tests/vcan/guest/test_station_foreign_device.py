@@ -50,5 +50,5 @@ def test_the_foreign_device_is_taken_from_label_to_pass(
         index, sub = (0x2101, at + 1) if at < 9 else (0x2102, at - 8)
         assert master.upload(NODE, index, sub) == struct.pack("<f", value)
         assert struct.pack("<f", saved[f"{index:04x}:{sub:02x}"]) == struct.pack("<f", value)
-    seen = [e for e in unit.events if e["event"] in ("saved", "boot-up")]
-    assert [e["event"] for e in seen] == ["boot-up", "saved", "boot-up"]
+    observed = [e for e in unit.events if e["event"] in ("saved", "boot-up")]
+    assert [e["event"] for e in observed] == ["boot-up", "saved", "boot-up"]

@@ -33,7 +33,7 @@ class Recorded:
 
     folder: Path
     ran: fixture.Ran
-    seen: list[Logged]
+    observed: list[Logged]
     foreign: dict[str, list[bytes]]
 
 
@@ -47,13 +47,13 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Recorded]:
         with fixture.Served(vcan, NODES, SERIALS, flash_s=0.05) as served:
             with fixture.opened(folder, vcan, NODES) as bench:
                 ran = fixture.run(bench, SERIALS, served.turn)
-            seen = candump.stop()
+            observed = candump.stop()
             with NodeMaster(vcan) as master:
                 foreign = {
                     serial: [master.upload(node, *at) for at in COEFFICIENTS]
                     for serial, node in zip(SERIALS, NODES, strict=True)
                 }
-        yield Recorded(folder, ran, seen, foreign)
+        yield Recorded(folder, ran, observed, foreign)
     finally:
         vcan.delete()
 
@@ -75,16 +75,16 @@ def test_the_log_holds_what_candump_saw_byte_for_byte_in_order_and_time(recorded
     count = 0
     for serial, node in zip(SERIALS, NODES, strict=True):
         for visit in fixture.visits(recorded.folder, serial):
-            kept = fixture.rows(visit.frames)
-            first_us, last_us = kept[0][0], kept[-1][0]
+            stored = fixture.rows(visit.frames)
+            first_us, last_us = stored[0][0], stored[-1][0]
             ids = (0x180 + node, 0x280 + node)
-            seen = [
+            observed = [
                 (f.time_us, f.can_id, f.data)
-                for f in recorded.seen
+                for f in recorded.observed
                 if f.can_id in ids and first_us <= f.time_us <= last_us
             ]
-            assert kept == seen
-            count += len(kept)
+            assert stored == observed
+            count += len(stored)
     assert count > 2 * 8 * 20
 
 
@@ -138,13 +138,13 @@ def test_what_canplayer_plays_gives_the_same_coefficients(
     capsys.readouterr()
     small = str(recorded.folder / "small.yaml")
     assert station("replay", str(log), "--recipe", small, "--json") == 0
-    told = {u["serial"]: u for u in json.loads(capsys.readouterr().out)["units"]}
+    shown = {u["serial"]: u for u in json.loads(capsys.readouterr().out)["units"]}
     for serial in SERIALS:
         (attempt,) = fixture.life(recorded.folder, serial)
         first = result(attempt, "calibration")
-        assert told[serial]["offset"] == first["offset"]
-        assert told[serial]["matrix"] == first["matrix"]
-        assert told[serial]["outcome"] == "PASS"
+        assert shown[serial]["offset"] == first["offset"]
+        assert shown[serial]["matrix"] == first["matrix"]
+        assert shown[serial]["outcome"] == "PASS"
     frames, where = read_log(log), find_marks_file(log)
     assert where is not None
     bus = SocketCan(vcan.name)
@@ -156,7 +156,7 @@ def test_what_canplayer_plays_gives_the_same_coefficients(
     job, _ = load_job(small)
     marks = read_marks(where)
     there = by_unit(list(replay(played, moved_to(marks, frames, played), job)))
-    assert there == {serial: (told[serial]["offset"], told[serial]["matrix"]) for serial in SERIALS}
+    assert there == {serial: (shown[serial]["offset"], shown[serial]["matrix"]) for serial in SERIALS}
 
 
 def stream_of(frames: Frames) -> list[tuple[int, bytes]]:

@@ -30,8 +30,8 @@ PASSIVE = bytes([0, 0x10, 0, 0, 0, 0, 0, 130])
 class During:
     """Does something once, in the first dwell at a position."""
 
-    def __init__(self, **deeds: Callable[[], object]) -> None:
-        self._deeds = {name.replace("_", "-"): deed for name, deed in deeds.items()}
+    def __init__(self, **actions: Callable[[], object]) -> None:
+        self._deeds = {name.replace("_", "-"): deed for name, deed in actions.items()}
         self._position = ""
 
     def __call__(self, event: Event, _bench: Bench) -> None:
@@ -53,7 +53,7 @@ class Disturbed:
 
     folder: Path
     ran: fixture.Ran
-    seen: list[Logged]
+    observed: list[Logged]
     truth: tuple[Any, Any]
 
 
@@ -82,7 +82,7 @@ def test_the_drop_counter_tells_the_truth_about_a_flood(disturbed: Disturbed) ->
     (flooded,) = [v for v in fixture.visits(disturbed.folder, SERIAL) if v.statistics["kernel_drops"]]
     inside = range(flooded.from_ns // 1000, flooded.to_ns // 1000)
     ids = (0x180 + NODE, 0x280 + NODE)
-    sent = [f for f in disturbed.seen if f.time_us in inside and f.can_id in ids]
+    sent = [f for f in disturbed.observed if f.time_us in inside and f.can_id in ids]
     received = [row for row in fixture.rows(flooded.frames) if row[0] in inside]
     assert sum(f.can_id == ids[0] and f.data[6:] == b"\0\0" for f in sent) > 1900, "candump saw the flood whole"
     assert flooded.statistics["kernel_drops"] == len(sent) - len(received) > 1500
@@ -107,16 +107,16 @@ def test_a_flooded_dwell_is_measured_again_and_never_used(disturbed: Disturbed) 
 
 
 def test_an_error_frame_is_recorded_with_the_visit_it_fell_into(disturbed: Disturbed) -> None:
-    (seen,) = [(f.time_us, f.can_id, f.data) for f in disturbed.seen if f.can_id & ERROR_FLAG]
-    assert seen[1:] == (ERROR_FLAG | CONTROLLER, PASSIVE)
+    (observed,) = [(f.time_us, f.can_id, f.data) for f in disturbed.observed if f.can_id & ERROR_FLAG]
+    assert observed[1:] == (ERROR_FLAG | CONTROLLER, PASSIVE)
     visits = fixture.visits(disturbed.folder, SERIAL)
     hit = next(visit for visit in visits if visit.position == "y-down")
     for visit in visits:
-        kept = [row for row in fixture.rows(visit.frames) if row[1] & ERROR_FLAG]
-        assert kept == ([seen] if visit is hit else [])
-        told = visit.statistics["bus_errors"]
-        assert len(told) == len(kept)
-        assert all("error passive while receiving" in text for text in told)
+        stored = [row for row in fixture.rows(visit.frames) if row[1] & ERROR_FLAG]
+        assert stored == ([observed] if visit is hit else [])
+        shown = visit.statistics["bus_errors"]
+        assert len(shown) == len(stored)
+        assert all("error passive while receiving" in text for text in shown)
 
 
 def test_a_flood_that_may_not_be_repeated_ends_in_an_error_and_writes_nothing(vcan: Interface, tmp_path: Path) -> None:

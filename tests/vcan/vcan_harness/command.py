@@ -25,6 +25,6 @@ def run(
     except subprocess.TimeoutExpired as error:
         raise OSError(f"{' '.join(words)}: not done within {timeout_s:g} s") from error
     if done.returncode:
-        said = done.stderr.strip() or done.stdout.strip() or f"exit code {done.returncode}"
-        raise OSError(f"{' '.join(words)}:\n{said}")
+        printed = done.stderr.strip() or done.stdout.strip() or f"exit code {done.returncode}"
+        raise OSError(f"{' '.join(words)}:\n{printed}")
     return done.stdout

@@ -127,10 +127,10 @@ def run(bench: Bench, serials: Sequence[str], turn: Turn, hook: Hook = lambda _e
 
 def opened(folder: Path, interface: Interface, nodes: Sequence[int], **changes: Any) -> Bench:
     """A station of one configuration, its log in `folder`; recipe: what to change in the recipe."""
-    told = changes.pop("recipe", {})
+    shown = changes.pop("recipe", {})
     return open_bench(
         RunOrder(
-            recipe=recipe(folder, **told),
+            recipe=recipe(folder, **shown),
             config=config(folder, interface, nodes, **changes),
             database=folder / "station.db",
         )
@@ -138,7 +138,7 @@ def opened(folder: Path, interface: Interface, nodes: Sequence[int], **changes: 
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class Stored:
     """One visit as the log holds it."""
 
     kind: str
@@ -149,14 +149,14 @@ class Kept:
     frames: Frames
 
 
-def visits(folder: Path, serial: str) -> list[Kept]:
+def visits(folder: Path, serial: str) -> list[Stored]:
     """The visits of the last attempt of a serial, with their raw frames."""
     with SqliteLogReader(folder / "station.db") as log:
         attempt = newest(log, serial)
-        told = log.attempt(attempt)["visits"]
+        shown = log.attempt(attempt)["visits"]
         return [
-            Kept(v["kind"], v["position"], v["statistics"]["from_ns"], v["statistics"]["to_ns"], v["statistics"], f)
-            for v, f in zip(told, log.frames(attempt), strict=True)
+            Stored(v["kind"], v["position"], v["statistics"]["from_ns"], v["statistics"]["to_ns"], v["statistics"], f)
+            for v, f in zip(shown, log.frames(attempt), strict=True)
         ]
 
 

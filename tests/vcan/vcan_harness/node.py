@@ -117,17 +117,17 @@ class NodeMaster(Peer):
 
     def upload(self, node: int, index: int, sub: int = 0, *, block: bool = False) -> bytes:
         """Raw value of an object. Errors: Refused."""
-        return self._ask(do="upload", node=node, index=index, sub=sub, block=block)
+        return self._request(do="upload", node=node, index=index, sub=sub, block=block)
 
     def download(self, node: int, index: int, sub: int, data: bytes, *, block: bool = False) -> None:
         """Writes an object. Errors: Refused."""
-        self._ask(do="download", node=node, index=index, sub=sub, data=data.hex(), block=block)
+        self._request(do="download", node=node, index=index, sub=sub, data=data.hex(), block=block)
 
     def nmt(self, node: int, command: str) -> None:
         """start, stop, pre-operational, reset-node or reset-communication."""
-        self._ask(do="nmt", node=node, command=command)
+        self._request(do="nmt", node=node, command=command)
 
-    def _ask(self, **request: Any) -> bytes:
+    def _request(self, **request: Any) -> bytes:
         self.say(request)
         answer = self.hear()
         if "error" in answer:

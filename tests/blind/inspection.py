@@ -20,6 +20,6 @@ def null_of(problem: Any, fitted: Any, now: Any) -> NullDistribution:
     return _NULLS[key]
 
 
-def look(recipe: Recipe, table: SampleTable, model: Model | None = None) -> Diagnosis:
+def diagnosis_of(recipe: Recipe, table: SampleTable, model: Model | None = None) -> Diagnosis:
     """The diagnosis of a table."""
     return diagnose(recipe, table, model or Model(), null_of)
