@@ -87,7 +87,7 @@ def _unit_factors(dbc: Path, recipe: Recipe, layout: SensorLayout) -> dict[str, 
     factors: dict[str, float] = {}
     for name in (name for names in layout.map.sample.axes for name in names):
         given = layout.map.unit or layout.signal(name).unit
-        factor = 1.0 if given.strip() in ("", recipe.unit) else quantities.factor(given, recipe.unit)
+        factor = 1.0 if given.strip() in ("", recipe.unit) else quantities.unit_factor(given, recipe.unit)
         if factor is None:
             known = quantities.units(recipe.unit)
             raise ProductError("dbc-other-unit", file=str(dbc), unit=given, known=known)

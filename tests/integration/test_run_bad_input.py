@@ -98,7 +98,7 @@ def test_an_unknown_positioner_names_the_known_ones(tmp_path: Path) -> None:
     file = fixture_run.config(tmp_path, positioner={"kind": "robot-arm"})
     printed = refused(tmp_path, InputError, config=file, simulate=False, channel="nocan9")
     assert "robot-arm" in printed
-    assert "manual, simulated" in printed
+    assert all(kind in printed for kind in ("manual", "simulated"))
 
 
 def test_an_unknown_bus_names_the_known_ones(tmp_path: Path) -> None:
@@ -147,11 +147,11 @@ def test_a_dbc_without_the_mapped_message(tmp_path: Path) -> None:
     assert "has no message ACCELERATION" in refused(tmp_path, ProductError, recipe=str(recipe))
 
 
-def test_a_dbc_in_another_unit(tmp_path: Path) -> None:
+def test_a_dbc_in_a_unit_of_another_quantity(tmp_path: Path) -> None:
     recipe = product(tmp_path)
     dbc = tmp_path / "dbc" / "accelerometer.dbc"
-    dbc.write_text(dbc.read_text().replace('"g" STATION', '"mg" STATION'))
-    assert "gives readings in mg, but the recipe uses g" in refused(tmp_path, ProductError, recipe=str(recipe))
+    dbc.write_text(dbc.read_text().replace('"g" STATION', '"bar" STATION'))
+    assert "gives readings in bar, but the recipe uses g" in refused(tmp_path, ProductError, recipe=str(recipe))
 
 
 def test_a_dbc_that_is_none(tmp_path: Path) -> None:

@@ -195,7 +195,7 @@ def test_a_fault_is_named_only_where_visits_held_out_confirm_it(visits: int, ver
     fast = made.unit.code == 1
     values = {key: x for key, x in made.values.items() if key != "counter"}
     made = replace(made, time_s=np.where(fast, 1.01 * made.time_s, made.time_s), values=values)
-    found = look(RECIPE, made[~fast | (made.visit < visits)])
+    found = diagnosis_of(RECIPE, made[~fast | (made.visit < visits)])
     (fault,) = found.faults
     assert (fault.effect, found.verdict) == ("clock-error", verdict)
     assert found.depends_on == (("unit",) if fault.gain is None else ())

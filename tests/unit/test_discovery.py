@@ -15,7 +15,7 @@ from station.diagnosis.results.extend import extend_model
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, Scaled, World, hide
-from tests.blind.look import look
+from tests.blind.inspection import diagnosis_of
 from tests.blind.recipes import recipe
 
 
@@ -29,7 +29,7 @@ def law(w: World, rng: Scaled) -> tuple[Any, Any]:
 @pytest.fixture(scope="module")
 def found() -> Diagnosis:
     table, _ = hide(recipe(), law, 7, d=32.0)  # type: ignore[arg-type]
-    return look(recipe(), table)
+    return diagnosis_of(recipe(), table)
 
 
 def test_the_formula_of_a_law_outside_the_library_is_found(found: Diagnosis) -> None:
@@ -47,12 +47,12 @@ def test_the_model_carries_it_and_a_second_diagnosis_is_silent(found: Diagnosis)
     model = Model.model_validate(extend_model(Model(), found).document())
     assert [e.effect for e in model.effects] == ["formula-1"]
     assert model.effects[0].term is not None
-    assert look(recipe(), found.table, model).verdict == "none"
+    assert diagnosis_of(recipe(), found.table, model).verdict == "none"
 
 
 def test_nothing_is_found_in_nothing_and_the_score_by_chance_is_that_of_the_whole_grammar() -> None:
     table, _ = hide(recipe(), None, 8, floor=WHITE)
-    assert look(recipe(), table).hypotheses is None
+    assert diagnosis_of(recipe(), table).hypotheses is None
     problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
     scores: Sequence[float] = []
 

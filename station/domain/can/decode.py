@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.can import e2e
-from station.domain.can.sample_join import PartFrames, join, key_of_sync
+from station.domain.can.sample_join import PartFrames, join_messages, key_of_sync
 from station.domain.can.sample_parts import parts_of
 from station.domain.can.sensor_layout import SYNC, SensorLayout
 from station.domain.can.sequence_counter import CounterErrors, count_errors, counter_steps
@@ -256,7 +256,7 @@ def _put_together(samples: Samples, decoded: DecodedFrames, layout: SensorLayout
     join_rule = layout.map.join
     within_ns = None if join_rule is None or join_rule.within_s is None else join_rule.within_s * 1e9
     values = layout.frame_counter_values if by == "counter" else 2
-    joined = join(parts[0], parts[1:], within_ns, values)
+    joined = join_messages(parts[0], parts[1:], within_ns, values)
     rows, each = joined.rows, layout.samples_a_frame
     time_ns = samples.time_ns[rows]
     period_ns = _sample_period_ns(time_ns, layout)

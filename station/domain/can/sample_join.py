@@ -48,7 +48,7 @@ class JoinedReadings:
     gaps: int
 
 
-def join(
+def join_messages(
     lead: PartFrames, others: "tuple[PartFrames, ...]", within_ns: float | None, key_values: int
 ) -> JoinedReadings:
     """Puts readings together. Of each other part a frame belongs to the leading frame that has the same key and is

@@ -85,7 +85,7 @@ def units(unit: str) -> tuple[str, ...]:
     return tuple(_FACTORS.get(unit, {unit: 1.0}))
 
 
-def factor(text: str, unit: str) -> float | None:
+def unit_factor(text: str, unit: str) -> float | None:
     """What a value in the unit that a DBC or a person wrote is multiplied by to be in the recipe's `unit`; None where
     it is of no such quantity."""
     if unit in QUANTITIES:
