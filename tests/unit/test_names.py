@@ -14,6 +14,9 @@ PACKAGE = Path(station.__file__).parent
 SAME_MEANING = {
     "attempts": "the attempts that a query names",
     "calibrate": "from samples to calibration and verdict: of one unit, of every unit of a table",
+    "drawn_over": "what the residual of an effect is drawn against",
+    "held_out_gain": "the gain measured on held-out data",
+    "lines": "sentences for a person, line by line",
     "canonical": "the one spelling of what can be written in several ways",
     "changed_days": "days whose yields may have altered",
     "check": "refuses, or gives reasons against, what it is handed",

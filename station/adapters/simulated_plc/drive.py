@@ -11,7 +11,7 @@ from station.domain.recipe.moves import turn_s
 
 
 @dataclass(slots=True)
-class SimulatedDrive:
+class TurningFixture:
     """Attitudes are nest → station rotations (3, 3); instants are s of one clock."""
 
     speed_deg_s: float
@@ -22,9 +22,9 @@ class SimulatedDrive:
     arrives_s: float = 0.0
 
     @staticmethod
-    def at_rest(speed_deg_s: float, acceleration_deg_s2: float) -> "SimulatedDrive":
+    def at_rest(speed_deg_s: float, acceleration_deg_s2: float) -> "TurningFixture":
         """Parked."""
-        return SimulatedDrive(speed_deg_s, acceleration_deg_s2, np.eye(3), np.zeros(3))
+        return TurningFixture(speed_deg_s, acceleration_deg_s2, np.eye(3), np.zeros(3))
 
     def start(self, goal: Floats, now_s: float, slower: float = 1.0) -> None:
         """Turns to `goal` from now on; slower: by so much."""

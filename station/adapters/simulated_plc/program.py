@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.adapters.simulated_plc.drive import SimulatedDrive
+from station.adapters.simulated_plc.drive import TurningFixture
 from station.adapters.simulated_plc.faults import AT_OFFER, BEFORE_OFFER, OF_LOADS, PlcFaultSpec
 from station.adapters.simulated_plc.loads import CellLoads
 from station.domain.cell import plc_view, register_map
@@ -53,7 +53,7 @@ class SimulatedPlc:
         self.motions: list[Motion] = []
         self.starts = 1
         self._nests, self._faults = nests, faults
-        self._drive = SimulatedDrive.at_rest(speed_deg_s, acceleration_deg_s2)
+        self._drive = TurningFixture.at_rest(speed_deg_s, acceleration_deg_s2)
         self._words: dict[int, int] = {}
         self._late_writes: list[tuple[float, int, list[int]]] = []
         self._offered_s: list[float] = []

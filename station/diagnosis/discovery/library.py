@@ -11,8 +11,8 @@ from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Floats
 from station.model.effect import stimulus_strength
 from station.model.formula.expression import constants, evaluate, variables
-from station.model.formula.grammar import INPUTS, MODULATORS, Column, Factor, columns_of
-from station.model.formula.term import Term, values_of
+from station.model.formula.grammar import INPUTS, MODULATORS, Factor, FormulaColumn, columns_of
+from station.model.formula.term import Term, variable_values
 from station.model.forward import sensor_signal
 from station.model.scene import Signal
 
@@ -45,12 +45,12 @@ class Shape(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Product:
+class ColumnProduct:
     """An input and a modulator at values of their constants, and where their columns stand in the table."""
 
     input: Shape
     modulator: Shape
-    columns: tuple[Column, ...]
+    columns: tuple[FormulaColumn, ...]
     first: int
 
     def term(self, at: Sequence[int], of: str) -> Term:
@@ -69,7 +69,7 @@ class Product:
 class Library:
     """The products that stand still during a visit, or those that move."""
 
-    products: tuple[Product, ...]
+    products: tuple[ColumnProduct, ...]
     moving: bool
     signal: Signal
 
@@ -78,7 +78,7 @@ class Library:
         """Columns in all."""
         return sum(len(p.columns) for p in self.products)
 
-    def values(self, some: Sequence[Product]) -> tuple[Floats, list[int]]:
+    def values(self, some: Sequence[ColumnProduct]) -> tuple[Floats, list[int]]:
         """Values (n, c) of the columns of some products, and the axis of each."""
         columns, axes = [], []
         for p in some:
@@ -108,7 +108,7 @@ def _library(view: ResidualView, signal: Signal, *, moving: bool) -> Library:
         if not _tried(one.factor.name, two):
             continue
         columns = columns_of(one.factor, two.factor)
-        made.append(Product(one, two, columns, first))
+        made.append(ColumnProduct(one, two, columns, first))
         first += len(columns)
     return Library(tuple(made), moving, signal)
 
@@ -132,7 +132,7 @@ def _shapes(factor: Factor, grids: "_Grids", signal: Signal) -> Iterator[Shape]:
     places = _places(factor)
     n = len(signal.scene)
     wanted = frozenset().union(*(variables(tree) for _, tree in factor.forms))
-    felt = {place: values_of(signal, *place, wanted) for place in places}
+    felt = {place: variable_values(signal, *place, wanted) for place in places}
     grid = [grids.of(factor, field) for field in fields]
     for chosen in product(*grid):
         pairs = tuple(zip(fields, chosen, strict=True))

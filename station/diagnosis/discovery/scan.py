@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.discovery.evidence import log_evidence
-from station.diagnosis.discovery.library import Library, Product
+from station.diagnosis.discovery.library import ColumnProduct, Library
 from station.diagnosis.discovery.price import price
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import DataColumns, ResidualSpace
@@ -34,7 +34,7 @@ MOST_PER_UNIT = 6
 class Choice(NamedTuple):
     """One product with some of its columns, shared by all or own to each unit."""
 
-    product: Product
+    product: ColumnProduct
     columns: tuple[int, ...]
     of: str
 
@@ -120,8 +120,8 @@ def scan_of(library: Library, view: ResidualView, units: ScannedUnits, floor: No
     return Scan(space, columns, batches)
 
 
-def _portions(library: Library) -> Iterator[list[Product]]:
-    some: list[Product] = []
+def _portions(library: Library) -> Iterator[list[ColumnProduct]]:
+    some: list[ColumnProduct] = []
     for p in library.products:
         some.append(p)
         if sum(len(x.columns) for x in some) >= COLUMNS_AT_ONCE:
@@ -132,7 +132,7 @@ def _portions(library: Library) -> Iterator[list[Product]]:
 
 
 def _white_columns(
-    library: Library, some: Sequence[Product], view: ResidualView, units: ScannedUnits, space: ResidualSpace
+    library: Library, some: Sequence[ColumnProduct], view: ResidualView, units: ScannedUnits, space: ResidualSpace
 ) -> tuple[Floats, Floats]:
     """White columns (U, M, c) of some products, and their squared lengths (U, c) before anything known is taken off."""
     values, axes = library.values(some)
@@ -174,7 +174,7 @@ def _batches(library: Library, columns: Floats, length: Floats, space: ResidualS
         yield _batch(choices, columns, length, space, of)
 
 
-def _subsets(p: Product) -> Iterator[tuple[int, ...]]:
+def _subsets(p: ColumnProduct) -> Iterator[tuple[int, ...]]:
     """Every axis together, and each alone with all its phases."""
     yield tuple(range(len(p.columns)))
     alone: dict[tuple[int, int], list[int]] = {}

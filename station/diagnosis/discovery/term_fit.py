@@ -157,7 +157,7 @@ def refine(term: Term, view: ResidualView, space: ResidualSpace) -> TermFit:
 
 def _refine_one(best: TermFit, field: str, view: ResidualView, space: ResidualSpace) -> TermFit:
     """One constant by golden section between the neighbours of its best value on a coarse grid."""
-    scale = Scale.of(field, dict(best.term.constants)[field], view)
+    scale = ConstantScale.of(field, dict(best.term.constants)[field], view)
     tried: dict[float, TermFit] = {scale.start: best}
 
     def at(x: float) -> float:
@@ -177,7 +177,7 @@ def _refine_one(best: TermFit, field: str, view: ResidualView, space: ResidualSp
 
 
 @dataclass(frozen=True, slots=True)
-class Scale:
+class ConstantScale:
     """Where a constant is looked for: on a scale on which a step means as much everywhere."""
 
     start: float
@@ -185,7 +185,7 @@ class Scale:
     value: Callable[[float], float]
 
     @staticmethod
-    def of(field: str, now: float, view: ResidualView) -> "Scale":
+    def of(field: str, now: float, view: ResidualView) -> "ConstantScale":
         """The scale of a constant about its present value."""
         kind = CONSTANTS[field]
 
@@ -194,23 +194,23 @@ class Scale:
 
         if field == "time_constant_s":
             middle = float(np.log(now))
-            return Scale(middle, (middle - 0.7, middle + 0.7), lambda x: within(float(np.exp(x))))
+            return ConstantScale(middle, (middle - 0.7, middle + 0.7), lambda x: within(float(np.exp(x))))
         if field in ("about_degC", "kink_degC"):
             T = view.scene.require("temperature_degC")
             centre, width = float(T.mean()), max(float(np.ptp(T)), 0.1)
             around = (-2.5, -1.2, -0.6, 0.0, 0.6, 1.2, 2.5) if field == "about_degC" else (-0.45, -0.2, 0.0, 0.2, 0.45)
-            return Scale(
+            return ConstantScale(
                 float(np.arcsinh((now - centre) / width)), around, lambda x: within(centre + width * float(np.sinh(x)))
             )
         longest = max(float(view.scene.time_s.max()), 1e-3)
         if field == "cycles_hz":
             step = 0.35 / longest
-            return Scale(now, (now - step, now + step), within)
+            return ConstantScale(now, (now - step, now + step), within)
         if field == "start_s":
             step = longest / 18
-            return Scale(now, (now - step, now + step), within)
+            return ConstantScale(now, (now - step, now + step), within)
         step = 0.2 * abs(now) or 0.1
-        return Scale(now, tuple(now + s * step for s in (-3, -2, -1, 1, 2)), within)
+        return ConstantScale(now, tuple(now + s * step for s in (-3, -2, -1, 1, 2)), within)
 
 
 def accepted(fit: TermFit, view: ResidualView, name: str) -> AcceptedCause:

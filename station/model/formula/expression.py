@@ -5,7 +5,7 @@ Expression
 ├── Variable    what the axis feels, a temperature, a clock; `place` says whose axis: i, j or k
 ├── Constant    a free number of the formula, with its unit: a time constant, a bend
 ├── Sum         of one unit
-├── Product
+├── Multiplication
 ├── Power       of a fixed exponent
 └── Call        a function; of a pure number where it asks for one
 """
@@ -105,7 +105,7 @@ class Sum:
 
 
 @dataclass(frozen=True, slots=True)
-class Product:
+class Multiplication:
     """Factors of any unit."""
 
     factors: tuple["Expression", ...]
@@ -148,7 +148,7 @@ class Call:
         return NUMBER if FUNCTIONS[self.function][1] else self.argument.dimension
 
 
-Expression = Number | Variable | Constant | Sum | Product | Power | Call
+Expression = Number | Variable | Constant | Sum | Multiplication | Power | Call
 
 
 def evaluate(tree: Expression, values: Mapping[tuple[str, str], Array], constants: Mapping[str, float]) -> Floats:
@@ -158,7 +158,7 @@ def evaluate(tree: Expression, values: Mapping[tuple[str, str], Array], constant
             return _leaf(tree, values, constants)
         case Sum(terms):
             return np.asarray(reduce(np.add, (evaluate(t, values, constants) for t in terms)))
-        case Product(factors):
+        case Multiplication(factors):
             return np.asarray(reduce(np.multiply, (evaluate(f, values, constants) for f in factors)))
         case Power(base, exponent):
             return _raised(evaluate(base, values, constants), exponent)
@@ -188,7 +188,7 @@ def variables(tree: Expression) -> frozenset[str]:
     match tree:
         case Variable(name):
             return frozenset({name})
-        case Sum(parts) | Product(parts):
+        case Sum(parts) | Multiplication(parts):
             return frozenset().union(*(variables(p) for p in parts))
         case Power(part, _) | Call(_, part):
             return variables(part)
@@ -200,7 +200,7 @@ def constants(tree: Expression) -> tuple[str, ...]:
     match tree:
         case Constant(field):
             return (field,)
-        case Sum(parts) | Product(parts):
+        case Sum(parts) | Multiplication(parts):
             return tuple(dict.fromkeys(c for p in parts for c in constants(p)))
         case Power(part, _) | Call(_, part):
             return constants(part)
@@ -212,7 +212,7 @@ def size(tree: Expression) -> int:
     match tree:
         case Sum(parts):
             return sum(size(p) for p in parts)
-        case Product(parts):
+        case Multiplication(parts):
             return sum(size(p) for p in parts if not isinstance(p, Number))
         case Power(part, exponent):
             return size(part) + (0 if exponent < 0 else 1)

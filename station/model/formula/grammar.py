@@ -11,7 +11,7 @@ from functools import cache
 from typing import Literal, NamedTuple
 
 from station.model.formula.dimension import DEGREE, HERTZ, READING, SECOND, Dimension
-from station.model.formula.expression import Call, Constant, Expression, Number, Power, Product, Sum, Variable
+from station.model.formula.expression import Call, Constant, Expression, Multiplication, Number, Power, Sum, Variable
 
 Layout = Literal["own", "pair", "any"]
 XYZ = ("x", "y", "z")
@@ -61,11 +61,11 @@ def _constant(field: str) -> Constant:
 
 
 def _over(top: Expression, below: Expression) -> Expression:
-    return Product((top, Power(below, Fraction(-1))))
+    return Multiplication((top, Power(below, Fraction(-1))))
 
 
 def _less(one: Expression, other: Expression) -> Expression:
-    return Sum((one, Product((Number(Fraction(-1)), other))))
+    return Sum((one, Multiplication((Number(Fraction(-1)), other))))
 
 
 ONE = Number(Fraction(1))
@@ -87,7 +87,7 @@ def _plain(name: str, tree: Expression, layout: Layout = "own", needs: tuple[str
 
 
 def _harmonic(m: int) -> Factor:
-    angle = Product((Number(Fraction(m)), Variable("angle", "j")))
+    angle = Multiplication((Number(Fraction(m)), Variable("angle", "j")))
     return Factor(f"harmonic-{m}", (("cos", Call("cos", angle)), ("sin", Call("sin", angle))), "any")
 
 
@@ -99,18 +99,18 @@ INPUTS: Mapping[str, Factor] = {
         _plain("own", A),
         _plain("other", B, "pair"),
         _plain("own-squared", _squared(A)),
-        _plain("own-other", Product((A, B)), "pair"),
+        _plain("own-other", Multiplication((A, B)), "pair"),
         _plain("other-squared", _squared(B), "pair"),
-        _plain("others", Product((B, C))),
+        _plain("others", Multiplication((B, C))),
         _plain("own-cubed", _cubed(A)),
-        _plain("own-squared-other", Product((_squared(A), B)), "pair"),
-        _plain("own-other-squared", Product((A, _squared(B))), "pair"),
-        _plain("all-three", Product((A, B, C))),
+        _plain("own-squared-other", Multiplication((_squared(A), B)), "pair"),
+        _plain("own-other-squared", Multiplication((A, _squared(B))), "pair"),
+        _plain("all-three", Multiplication((A, B, C))),
         _plain("other-cubed", _cubed(B), "pair"),
-        _plain("other-squared-third", Product((_squared(B), C)), "pair"),
+        _plain("other-squared-third", Multiplication((_squared(B), C)), "pair"),
         _plain("own-size", Call("abs", A)),
         _plain("other-size", Call("abs", B), "pair"),
-        _plain("own-signed-square", Product((A, Call("abs", A)))),
+        _plain("own-signed-square", Multiplication((A, Call("abs", A)))),
         _plain("step", STEP),
         _plain("step-size", Call("abs", STEP)),
         _plain("step-other", STEP_J, "pair"),
@@ -123,9 +123,9 @@ INPUTS: Mapping[str, Factor] = {
         _harmonic(4),
         _plain("own-kink", Call("positive", _less(A, BEND))),
         _plain(
-            "own-dead-band", Product((Call("sign", A), Call("positive", _less(Call("abs", A), BEND))))
+            "own-dead-band", Multiplication((Call("sign", A), Call("positive", _less(Call("abs", A), BEND))))
         ),
-        _plain("own-saturation", Product((BEND, Call("tanh", _over(A, BEND))))),
+        _plain("own-saturation", Multiplication((BEND, Call("tanh", _over(A, BEND))))),
         Factor("turn-device", (("", ONE),), "own", (), "device"),
         Factor("turn-nest", (("", ONE),), "own", (), "nest"),
         Factor("turn-station", (("", ONE),), "own", (), "station"),
@@ -134,7 +134,7 @@ INPUTS: Mapping[str, Factor] = {
 
 
 def _decay(clock: str) -> Expression:
-    minus = Product((Number(Fraction(-1)), _over(Variable(clock), _constant("time_constant_s"))))
+    minus = Multiplication((Number(Fraction(-1)), _over(Variable(clock), _constant("time_constant_s"))))
     return Call("exp", minus)
 
 
@@ -143,7 +143,7 @@ def _creep(clock: str) -> Expression:
 
 
 WARMER = _less(Variable("T"), _constant("about_degC"))
-WAVE = Product((Number(Fraction(2)), Number(Fraction(355, 113)), _constant("cycles_hz"), Variable("t")))
+WAVE = Multiplication((Number(Fraction(2)), Number(Fraction(355, 113)), _constant("cycles_hz"), Variable("t")))
 POWERED, CLAMPED, ARRIVED = ("since_power_s",), ("since_clamp_s",), ("since_arrival_s",)
 
 #: How it is modulated.
@@ -180,7 +180,7 @@ MODULATORS: Mapping[str, Factor] = {
 SHARED_BY = ("unit", "common", "nest", "station", "lot", "operator", "position", "run", "power-on")
 
 
-class Column(NamedTuple):
+class FormulaColumn(NamedTuple):
     """One coefficient of a term: its label, the axis of the reading, the axis of j, the phases of input and
     modulator."""
 
@@ -191,13 +191,13 @@ class Column(NamedTuple):
     wave: str
 
 
-def columns_of(input_: Factor, modulator: Factor) -> tuple[Column, ...]:
+def columns_of(input_: Factor, modulator: Factor) -> tuple[FormulaColumn, ...]:
     """Every coefficient that a product may have."""
     return _columns_of(input_.name, modulator.name)
 
 
 @cache
-def _columns_of(input_name: str, modulator_name: str) -> tuple[Column, ...]:
+def _columns_of(input_name: str, modulator_name: str) -> tuple[FormulaColumn, ...]:
     input_, modulator = INPUTS[input_name], MODULATORS[modulator_name]
     found = []
     for i in range(3):
@@ -207,5 +207,5 @@ def _columns_of(input_name: str, modulator_name: str) -> tuple[Column, ...]:
             for phase, _ in input_.forms:
                 for wave, _ in modulator.forms:
                     label = ":".join(part for part in (place, phase, wave) if part)
-                    found.append(Column(label, i, j, phase, wave))
+                    found.append(FormulaColumn(label, i, j, phase, wave))
     return tuple(found)

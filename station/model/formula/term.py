@@ -8,14 +8,14 @@ import numpy as np
 from station.domain.core.types import Array, Floats
 from station.errors import InputError
 from station.model.formula.dimension import READING, Dimension
-from station.model.formula.expression import Expression, Product, constants, evaluate, size, variables
+from station.model.formula.expression import Expression, Multiplication, constants, evaluate, size, variables
 from station.model.formula.grammar import (
     CONSTANTS,
     INPUTS,
     MODULATORS,
     SHARED_BY,
-    Column,
     Factor,
+    FormulaColumn,
     columns_of,
 )
 from station.model.scene import Scene, Signal
@@ -86,7 +86,7 @@ class Term:
         return self.input, self.modulator
 
     @property
-    def columns(self) -> tuple[Column, ...]:
+    def columns(self) -> tuple[FormulaColumn, ...]:
         """Its coefficients."""
         every = {c.label: c for c in columns_of(*self.factors)}
         return tuple(every[label] for label in self.axes)
@@ -109,7 +109,7 @@ class Term:
     @property
     def unit(self) -> Dimension:
         """The unit of its coefficients, which follows from those of its parts."""
-        return READING.times(Product(tuple(f.tree for f in self.factors)).dimension.power(Fraction(-1)))
+        return READING.times(Multiplication(tuple(f.tree for f in self.factors)).dimension.power(Fraction(-1)))
 
     @property
     def size(self) -> int:
@@ -120,15 +120,15 @@ class Term:
         """The same with other constants."""
         return replace(self, constants=tuple((field, values.get(field, value)) for field, value in self.constants))
 
-    def tree(self, column: Column) -> tuple[Expression, Expression]:
+    def tree(self, column: FormulaColumn) -> tuple[Expression, Expression]:
         """Trees of input and modulator of a coefficient."""
         input_, modulator = self.factors
         return dict(input_.forms)[column.phase], dict(modulator.forms)[column.wave]
 
-    def column(self, column: Column, signal: Signal) -> Floats:
+    def column(self, column: FormulaColumn, signal: Signal) -> Floats:
         """What one coefficient of size 1 adds to its axis (n)."""
         trees = self.tree(column)
-        values = values_of(signal, column.i, column.j, frozenset().union(*(variables(t) for t in trees)))
+        values = variable_values(signal, column.i, column.j, frozenset().union(*(variables(t) for t in trees)))
         one, two = (evaluate(t, values, dict(self.constants)) for t in trees)
         return np.broadcast_to(one * two, len(signal.scene))
 
@@ -139,7 +139,7 @@ def axis_places(i: int, j: int) -> dict[str, int]:
     return {"i": i, "j": j, "k": k}
 
 
-def values_of(signal: Signal, i: int, j: int, wanted: frozenset[str]) -> dict[tuple[str, str], Array]:
+def variable_values(signal: Signal, i: int, j: int, wanted: frozenset[str]) -> dict[tuple[str, str], Array]:
     """Values (n) of the variables wanted, for the reading of axis i and another axis j."""
     found: dict[tuple[str, str], Array] = {
         (name, ""): _covariate(signal.scene, column) for name, column in COVARIATE_OF.items() if name in wanted

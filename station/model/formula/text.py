@@ -5,7 +5,7 @@ from fractions import Fraction
 from html import escape
 
 from station.model.formula.expression import Constant, Expression, Number, Variable
-from station.model.formula.grammar import INPUTS, XYZ, Column
+from station.model.formula.grammar import INPUTS, XYZ, FormulaColumn
 from station.model.formula.term import Term, axis_places
 from station.model.formula.writer import HALF, PI, Writer, split_product, without_minus
 
@@ -42,12 +42,12 @@ def is_generic(term: Term) -> bool:
     return term.is_whole or len(term.axes) > MOST_LINES
 
 
-def named_places(column: Column) -> dict[str, str]:
+def named_places(column: FormulaColumn) -> dict[str, str]:
     """The name of the axis at each place of a column."""
     return {place: XYZ[axis] for place, axis in axis_places(column.i, column.j).items()}
 
 
-def _line(term: Term, column: Column, coefficient: str, places: Mapping[str, str]) -> str:
+def _line(term: Term, column: FormulaColumn, coefficient: str, places: Mapping[str, str]) -> str:
     writer = TextWriter(places)
     parts = [writer.write(tree) for tree in term.tree(column) if tree != Number(Fraction(1))]
     return " · ".join([coefficient, *parts])

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from fractions import Fraction
 from typing import assert_never
 
-from station.model.formula.expression import Call, Constant, Expression, Number, Power, Product, Sum, Variable
+from station.model.formula.expression import Call, Constant, Expression, Multiplication, Number, Power, Sum, Variable
 
 MINUS_ONE, HALF = Number(Fraction(-1)), Fraction(1, 2)
 #: π as the grammar has it: the ratio of Zu Chongzhi, right to 1e-7.
@@ -21,7 +21,7 @@ class Writer(ABC):
                 return self.leaf(tree)
             case Sum(terms):
                 return self.sum(terms)
-            case Product(factors):
+            case Multiplication(factors):
                 return self.product(factors)
             case Power(base, exponent):
                 return self.power(base, exponent)
@@ -59,7 +59,7 @@ def split_product(factors: tuple[Expression, ...]) -> tuple[bool, list[Expressio
 
 def without_minus(tree: Expression) -> tuple[bool, Expression]:
     """Whether a term of a sum is taken off, and the term without its sign."""
-    if isinstance(tree, Product) and MINUS_ONE in tree.factors:
+    if isinstance(tree, Multiplication) and MINUS_ONE in tree.factors:
         left = tuple(f for f in tree.factors if f != MINUS_ONE)
-        return True, left[0] if len(left) == 1 else Product(left)
+        return True, left[0] if len(left) == 1 else Multiplication(left)
     return False, tree
