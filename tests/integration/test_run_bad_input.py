@@ -151,7 +151,9 @@ def test_a_dbc_in_a_unit_of_another_quantity(tmp_path: Path) -> None:
     recipe = product(tmp_path)
     dbc = tmp_path / "dbc" / "accelerometer.dbc"
     dbc.write_text(dbc.read_text().replace('"g" STATION', '"bar" STATION'))
-    assert "gives readings in bar, but the recipe uses g" in refused(tmp_path, ProductError, recipe=str(recipe))
+    assert "gives readings in 'bar'; the station converts g, m/s²" in refused(
+        tmp_path, ProductError, recipe=str(recipe)
+    )
 
 
 def test_a_dbc_that_is_none(tmp_path: Path) -> None:
