@@ -59,8 +59,8 @@ def test_a_device_without_a_switch_is_calibrated_by_what_it_sends(tmp_path: Path
 def test_the_label_alone_may_say_who_a_unit_is(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, recipe=plant.recipe(tmp_path, device_map={"serial": "label"}))
     assert outcome(ran) == ("PASS", [])
-    assert ran.kept(SERIAL, "identity")["serial_from"] == "label"
-    assert ran.kept(SERIAL, "identity")["kept_serial"] is None
+    assert ran.stored(SERIAL, "identity")["serial_from"] == "label"
+    assert ran.stored(SERIAL, "identity")["kept_serial"] is None
 
 
 def test_no_identity_is_asked_of_a_product_that_names_none(tmp_path: Path) -> None:
