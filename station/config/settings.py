@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from station.config.documents import Document, load_document, validate
+from station.config.line import LineSettings
 from station.config.search_path import shipped_folder
 from station.domain.recipe.fields import Name, Positive, StrictModel
 from station.errors import ConfigError, InvalidValue
@@ -141,6 +142,7 @@ class Settings(StrictModel):
     arrival_tolerance_deg: Positive = 2.0
     timeouts: Timeouts = Timeouts()
     golden: GoldenSettings | None = None
+    line: LineSettings | None = None
     certificate: CertificateSettings = CertificateSettings()
 
     @field_validator("anchors", mode="before")

@@ -145,6 +145,12 @@ class Store(Protocol):
         """Results `dwell` of the newest so many attempts with this recipe, oldest first; attempts without one count,
         and are left out."""
 
+    def station_events(self, kind: str, newest: int) -> Sequence[tuple[int, int, Mapping[str, Any]]]:
+        """The newest events of the station itself of one kind, oldest first: number, ns since 1970, detail."""
+
+    def outcomes(self, serial: str, nest: str, beyond: int) -> Sequence[str]:
+        """Outcomes of the unit's finished attempts in that nest that began after record `beyond`, oldest first."""
+
     def head(self) -> LogHead:
         """The newest record, for certificates and exports."""
 

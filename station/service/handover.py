@@ -18,11 +18,15 @@ class Handover:
     identify: Callable[[frozenset[int]], Sequence[Place]]
     test: Callable[[Sequence[Place]], None]
 
-    def step(self) -> Step:
-        """One step; what it was. A crash at any instant of it leaves nothing that the next step does not find."""
+    def look(self) -> Step:
+        """What there is to do; nothing is done."""
         view = self.cell.view()
         journal = LoadJournal.of(self.journal.entries())
-        step = handover.decide(journal, view, self._outcomes(journal))
+        return handover.decide(journal, view, self._outcomes(journal))
+
+    def step(self) -> Step:
+        """One step; what it was. A crash at any instant of it leaves nothing that the next step does not find."""
+        step = self.look()
         self._act(step)
         return step
 

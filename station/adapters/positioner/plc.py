@@ -97,6 +97,10 @@ class PlcPositioner:
         turn = turn_s(np.array(angle), self._settings.speed_deg_s, self._settings.acceleration_deg_s2)
         return float(turn) + self._settings.overhead_s
 
+    def close(self) -> None:
+        """Ends the connection; the next move opens another."""
+        self._link.close()
+
     def _travel(self, goal: Floats, timeout_s: float, place: Message) -> None:
         until_s = self._clock.monotonic_s() + timeout_s
         target = plc_view.quaternion_of(goal)

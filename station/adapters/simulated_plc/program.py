@@ -124,6 +124,11 @@ class SimulatedPlc:
             return self._offered_s[fault.at - 1] if offers >= fault.at else None
         return motions[fault.at - 1].began_s + fault.after_s if len(motions) >= fault.at else None
 
+    @property
+    def lamps(self) -> int:
+        """The word of the stack light as the station wrote it."""
+        return self._number_of("light")
+
     def restart(self, now_s: float) -> None:
         """Power off and on: the drive stands, working memory is empty; what is retentive stays."""
         self._stand(now_s)

@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from station.adapters.store import anchor, archive, column_values, file, ids, keys, reduced, unfinished
+from station.adapters.store import anchor, archive, column_values, file, ids, keys, line_records, reduced, unfinished
 from station.adapters.store.anchor import AnchorPlace, WitnessPlace
 from station.adapters.store.log_anchors import (
     ACKNOWLEDGED_EVENT,
@@ -204,6 +204,16 @@ class SqliteStore:
         """Results `dwell` of the newest attempts with a recipe, oldest first."""
         with self._turn, translate_errors(StoreFault, self.path, "read"):
             return reduced.dwells(self._db, recipe_hash, newest)
+
+    def station_events(self, kind: str, newest: int) -> Sequence[tuple[int, int, Mapping[str, Any]]]:
+        """The newest events of the station itself of one kind, oldest first."""
+        with self._turn, translate_errors(StoreFault, self.path, "read"):
+            return line_records.events(self._db, plain_json.text(kind), newest)
+
+    def outcomes(self, serial: str, nest: str, beyond: int) -> Sequence[str]:
+        """Outcomes of the unit's finished attempts in that nest after that record, oldest first."""
+        with self._turn, translate_errors(StoreFault, self.path, "read"):
+            return line_records.outcomes(self._db, plain_json.text(serial), plain_json.text(nest), beyond)
 
     def head(self) -> LogHead:
         """The newest record's number and seal."""

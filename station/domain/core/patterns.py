@@ -24,6 +24,12 @@ def groups_of(pattern: str, text: str) -> Sequence[str | None] | None:
     return None if found is None else tuple(found.groups())
 
 
+def named_groups(pattern: str, text: str) -> dict[str, str] | None:
+    """The named groups of a pattern that the whole text fits; None where it does not. Errors: UsageError as above."""
+    found = _compiled(pattern).fullmatch(text)
+    return None if found is None else {k: v for k, v in found.groupdict().items() if v is not None}
+
+
 @lru_cache(maxsize=64)
 def _compiled(pattern: str) -> Any:
     options = re2.Options()

@@ -1,0 +1,1 @@
+"""What prints labels of units: one file a kind."""

@@ -1,0 +1,1 @@
+"""What reads the labels of units: one file a kind."""

@@ -1,0 +1,36 @@
+"""Who serves the line's state, from the line's file beside the log."""
+
+import os
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+from station.adapters.line_servers.facts import LineFacts, facts_of
+from station.adapters.line_servers.modbus import serve_modbus
+from station.adapters.line_servers.opcua import serve_opcua
+from station.messages import Message, render
+from station.panel_protocol.line_state import read_line_state, send_line_command
+
+
+def serve(how: Literal["opcua", "modbus"], host: str, port: int, database: Path, ready: Callable[[str], None]) -> None:
+    """Serves until it is interrupted. Errors: StationFault, ConfigError."""
+    serving = serve_opcua if how == "opcua" else serve_modbus
+    serving(host, port, partial(line_facts, database), partial(send_line_command, database), ready)
+
+
+def line_facts(database: Path) -> LineFacts:
+    """What the line says now."""
+    document = read_line_state(database)
+    why = render(Message.of(document["why"])) if document and document.get("why") else ""
+    return facts_of(document, why, alive=document is not None and _alive(int(document["pid"])))
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

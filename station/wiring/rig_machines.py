@@ -1,0 +1,135 @@
+"""Simulated machines around a station, each served in a process of its own until its time is over."""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from station.adapters.modbus import load_map
+from station.adapters.simulated_plc import CellLoads, SimulatedPlc, parse_fault
+from station.adapters.simulated_plc.devices import serve_printer, serve_scanner
+from station.adapters.simulated_plc.retentive import RetentiveFile
+from station.adapters.simulated_plc.server import PlcServer
+from station.errors import StationFault, UsageError
+from station.messages import system_reason
+from station.wiring.line import coming_loads
+
+Tell = Callable[[Mapping[str, Any]], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """What is simulated and how; see `station rig --help`."""
+
+    host: str = "127.0.0.1"
+    port: int = 0
+    plc_map: str = "cell"
+    nests: int = 4
+    loads: int | None = None
+    change_s: float = 1.0
+    scanner_port: int | None = None
+    memory: str | None = None
+    labels: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+    seconds: float | None = None
+
+
+def simulate_plc(machine: Machine, tell: Tell) -> None:
+    """A PLC with its cell, and a scanner of the labels in its nests."""
+    loads = CellLoads(iter(()), machine.change_s)
+    memory = RetentiveFile(Path(machine.memory)) if machine.memory else None
+    if memory is not None:
+        memory.restore(loads)
+    rest = None if machine.loads is None else max(0, machine.loads - loads.load)
+    loads.coming = coming_loads(rest, machine.nests, loads.load * machine.nests + 1)
+    faults = [parse_fault(text) for text in machine.faults]
+    plc = SimulatedPlc(load_map(machine.plc_map), faults=faults, loads=loads, nests=machine.nests)
+    if memory is not None:
+        plc.starts = memory.starts
+    watch = _Watch(plc, loads, memory, tell)
+    server = PlcServer(plc, watch.scan)
+
+    async def serve() -> None:
+        jobs = [server.serve(machine.host, machine.port, lambda port: tell({"plc": port}))]
+        if machine.scanner_port is not None:
+            read = _labels_of(loads)
+            jobs.append(serve_scanner(machine.host, machine.scanner_port, read, lambda port: tell({"scanner": port})))
+        await asyncio.gather(*jobs)
+
+    _run(serve(), machine)
+
+
+def simulate_scanner(machine: Machine, tell: Tell) -> None:
+    """A scanner that reads what it was given."""
+    known: dict[str, str] = {}
+    for text in machine.labels:
+        nest, equals, label = text.partition("=")
+        if not equals:
+            raise UsageError("rig-label-form", text=text[:40])
+        known[nest] = label
+    _run(serve_scanner(machine.host, machine.port, known.get, lambda port: tell({"scanner": port})), machine)
+
+
+def simulate_printer(machine: Machine, tell: Tell) -> None:
+    """A label printer that tells what it would print."""
+    _run(serve_printer(machine.host, machine.port, tell, lambda port: tell({"printer": port})), machine)
+
+
+MACHINES: Mapping[str, Callable[[Machine, Tell], None]] = {
+    "plc": simulate_plc,
+    "scanner": simulate_scanner,
+    "printer": simulate_printer,
+}
+
+
+def _run(serving: Any, machine: Machine) -> None:
+    with suppress(TimeoutError):
+        try:
+            asyncio.run(_limited(serving, machine.seconds))
+        except OSError as exc:
+            if isinstance(exc, TimeoutError):
+                raise
+            reason = system_reason(exc)
+            raise StationFault("line-not-listening", host=machine.host, port=machine.port, reason=reason) from exc
+
+
+async def _limited(serving: Any, seconds: float | None) -> None:
+    await asyncio.wait_for(serving, seconds)
+
+
+def _labels_of(loads: CellLoads) -> Callable[[str], str | None]:
+    """Nests by letter (A, B, …) or by number from 1."""
+
+    def read(nest: str) -> str | None:
+        place = int(nest) - 1 if nest.isdigit() else ord(nest[:1].upper() or "?") - ord("A")
+        return (loads.nests[place] or None) if 0 <= place < len(loads.nests) else None
+
+    return read
+
+
+class _Watch:
+    """Tells what happens in the cell: loads, motions, lamps; and keeps retentive memory."""
+
+    def __init__(self, plc: SimulatedPlc, loads: CellLoads, memory: RetentiveFile | None, tell: Tell) -> None:
+        self._plc, self._loads, self._memory, self._tell = plc, loads, memory, tell
+        self._handed, self._load, self._motions, self._lamps = len(loads.handed), loads.load, 0, -1
+
+    def scan(self, _now_s: float) -> None:
+        """Looks after each scan."""
+        if self._memory is not None:
+            self._memory.keep(self._loads)
+        if self._loads.load != self._load:
+            self._load = self._loads.load
+            self._tell({"load": self._load, "serials": list(self._loads.nests)})
+        while self._handed < len(self._loads.handed):
+            handed = self._loads.handed[self._handed]
+            self._handed += 1
+            self._tell({"handed": handed.load, "serials": list(handed.serials), "bins": handed.bins})
+        while self._motions < len(self._plc.motions):
+            self._tell({"motion": self._plc.motions[self._motions].number})
+            self._motions += 1
+        if (lamps := self._plc.lamps) != self._lamps:
+            self._lamps = lamps
+            self._tell({"lamps": sorted(n for n, bit in self._plc.map.light.items() if lamps >> bit & 1)})
