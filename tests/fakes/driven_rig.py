@@ -18,7 +18,7 @@ from station.domain.recipe.plan import PlannedVisit
 from station.domain.recipe.position import UP
 from station.domain.rig.rig_map import RigMap
 from station.errors import Aborted, StationError
-from station.ports.bus import Bus, Channel, ErrorCounters
+from station.ports.bus import Bus, Channel, ErrorCounters, Repeated
 
 #: Stands among the frames where the operator stopped.
 STOP_ID = -1
@@ -88,6 +88,10 @@ class KillableBus:
     def service(self, can_ids: tuple[int, ...]) -> "KillableChannel":
         """A channel that dies."""
         return KillableChannel(self, self.inner.service(can_ids))
+
+    def repeat(self, can_id: int, data: bytes, period_s: float) -> Repeated:
+        """As the bus."""
+        return self.inner.repeat(can_id, data, period_s)
 
     def state(self) -> str:
         """As the bus."""
