@@ -162,7 +162,9 @@ class _Shift:
             _output.print_remark(render(Message("line-label-unread", nest=nest, limit_s=self._parts.settings.scan_s)))
             return ""
         try:
-            return serials_of.check(symbol_content.serial_of(text, self._parts.settings.label), self._bench.job.recipe)
+            return serials_of.check(
+                symbol_content.serial_of_symbol(text, self._parts.settings.label), self._bench.job.recipe
+            )
         except UsageError as wrong:
             _output.print_remark(render(Message("line-label-wrong", nest=nest, reason=wrong.message)))
             return ""

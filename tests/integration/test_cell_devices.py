@@ -222,7 +222,7 @@ def test_a_line_controller_reads_the_state_and_commands_once() -> None:
 
     async def serve(ready: Callable[[int], None]) -> None:
         port = free_port()
-        await modbus.serving("127.0.0.1", port, lambda: facts, sent.append, lambda _: ready(port))
+        await modbus.serve_in_loop("127.0.0.1", port, lambda: facts, sent.append, lambda _: ready(port))
 
     with served(serve) as port, ModbusTcpClient("127.0.0.1", port=port, retries=0, timeout=3) as client:
         words = client.read_holding_registers(0, count=80).registers

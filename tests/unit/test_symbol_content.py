@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from station.domain.cell.label import zpl
-from station.domain.cell.symbol_content import ContentRules, serial_of
+from station.domain.cell.symbol_content import ContentRules, serial_of_symbol
 from station.errors import StationError, UsageError
 
 GS, RS, EOT = "\x1d", "\x1e", "\x04"
@@ -29,7 +29,7 @@ ISO = f"[)>{RS}06{GS}1PABC-7{GS}SSN0042{GS}Q1{RS}{EOT}"
     ],
 )
 def test_a_label_bears_its_serial(text: str, rules: dict[str, object], serial: str) -> None:
-    assert serial_of(text, ContentRules.model_validate(rules)) == serial
+    assert serial_of_symbol(text, ContentRules.model_validate(rules)) == serial
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_a_label_bears_its_serial(text: str, rules: dict[str, object], serial: s
 )
 def test_a_wrong_label_is_named(text: str, rules: dict[str, object], sentence: str) -> None:
     with pytest.raises(UsageError) as wrong:
-        serial_of(text, ContentRules.model_validate(rules))
+        serial_of_symbol(text, ContentRules.model_validate(rules))
     assert sentence in wrong.value.sentence
 
 
@@ -61,7 +61,7 @@ def test_a_pattern_without_a_serial_is_refused(pattern: str) -> None:
 @given(st.text(max_size=60), st.sampled_from(["plain", "gs1", "iso15434"]))
 def test_whatever_is_read_gives_a_serial_or_a_sentence(text: str, form: str) -> None:
     try:
-        assert serial_of(text, ContentRules.model_validate({"form": form}))
+        assert serial_of_symbol(text, ContentRules.model_validate({"form": form}))
     except StationError as wrong:
         assert wrong.sentence
 

@@ -46,12 +46,12 @@ def serve_modbus(
 ) -> None:
     """Serves until it is interrupted. Errors: StationFault where it cannot listen."""
     try:
-        asyncio.run(serving(host, port, facts, send, ready))
+        asyncio.run(serve_in_loop(host, port, facts, send, ready))
     except OSError as exc:
         raise StationFault("line-not-listening", host=host, port=port, reason=system_reason(exc)) from exc
 
 
-async def serving(
+async def serve_in_loop(
     host: str,
     port: int,
     facts: Callable[[], LineFacts],

@@ -11,7 +11,7 @@ _OUTCOMES = """SELECT f.outcome FROM attempt a JOIN finish f ON f.attempt = a.se
     WHERE a.serial = ? AND a.nest = ? AND a.seq > ? ORDER BY a.seq"""
 
 
-def events(db: sqlite3.Connection, kind: str, newest: int) -> list[tuple[int, int, dict[str, Any]]]:
+def newest_events(db: sqlite3.Connection, kind: str, newest: int) -> list[tuple[int, int, dict[str, Any]]]:
     """Number, instant (ns since 1970) and detail of the newest of a kind, oldest first."""
     rows = db.execute(_EVENTS, (kind, newest)).fetchall()
     return [(int(number), int(at_ns), json.loads(detail)) for number, at_ns, detail in reversed(rows)]

@@ -208,7 +208,7 @@ class SqliteStore:
     def station_events(self, kind: str, newest: int) -> Sequence[tuple[int, int, Mapping[str, Any]]]:
         """The newest events of the station itself of one kind, oldest first."""
         with self._turn, translate_errors(StoreFault, self.path, "read"):
-            return line_records.events(self._db, plain_json.text(kind), newest)
+            return line_records.newest_events(self._db, plain_json.text(kind), newest)
 
     def outcomes(self, serial: str, nest: str, beyond: int) -> Sequence[str]:
         """Outcomes of the unit's finished attempts in that nest after that record, oldest first."""

@@ -60,7 +60,7 @@ class ContentRules(StrictModel):
         return self.serial or {"gs1": "21", "iso15434": "S"}.get(self.form, "serial")
 
 
-def serial_of(text: str, rules: ContentRules) -> str:
+def serial_of_symbol(text: str, rules: ContentRules) -> str:
     """The serial that a symbol bears. Errors: UsageError with what is wrong with the label."""
     shown = _IDENTIFIER.sub("", text.strip("\r\n\t "))
     if not shown or len(shown) > MOST_CHARACTERS:
