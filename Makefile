@@ -10,7 +10,7 @@ PROCESSES ?= $(shell echo $$(($$(nproc) + 2)))
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: validation release drawing help run test check lock blind torture bench bench-diagnosis pictures clean
+.PHONY: validation release drawing help run demo test check lock blind torture bench bench-diagnosis pictures clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -32,6 +32,9 @@ $(VENV)/.bench: requirements-bench.lock $(VENV)/.dev
 
 run: $(VENV)/.run  ## four simulated units through the recipe on a virtual bus
 	$(BIN)/station run --simulate --units 4
+
+demo: $(VENV)/.run  ## a tour in the folder station-demo: good load, bad load, hidden effect, audit
+	$(BIN)/station demo station-demo
 
 test: $(VENV)/.dev  ## every test, the vcan ones included, on all cores
 	$(BIN)/python -m pytest -n $(PROCESSES) --no-loadscope-reorder

@@ -223,10 +223,17 @@ def _print_study(document: Mapping[str, Any]) -> None:
     methods = [k for k in ("type1", "anova", "xbar_r") if document.get(k)]
     table = Table("", *methods, box=box.SIMPLE)
     for key in document[methods[0]]:
-        if key != "method":
-            table.add_row(key, *(_format_value(document[m][key]) for m in methods))
+        if key not in ("method", "intervals"):
+            table.add_row(key, *(_format_figure(document[m], key) for m in methods))
     _output.console().print(table)
     _output.print_line(f"{document['study']} of {document['value']}: {document['judgement']}")
+
+
+def _format_figure(figures: Mapping[str, Any], key: str) -> str:
+    """A figure, and behind it its confidence interval where the method gives one."""
+    interval = (figures.get("intervals") or {}).get(key)
+    value = _format_value(figures[key])
+    return value if interval is None else f"{value}  ({_format_value(interval[0])} … {_format_value(interval[1])})"
 
 
 def _format_value(value: Any) -> str:

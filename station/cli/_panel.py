@@ -4,6 +4,7 @@ import getpass
 import secrets
 import socket
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from station.web.accounts import Account, Role
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
+from station.wiring.rehearsal import is_rehearsal
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +80,13 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
     recipe = where.recipe or settings.recipe
     job, _ = load_job(recipe)
     order = LaunchOptions(
-        where.database(settings), recipe, where.config, simulate=pace is not None, pace=pace, faults=faults
+        where.database(settings),
+        recipe,
+        where.config,
+        simulate=pace is not None,
+        pace=pace,
+        faults=faults,
+        rehearsal=is_rehearsal(settings),
     )
     people = where.people(settings)
     if not accounts.load(people):
@@ -86,7 +94,7 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
             raise ConfigError("panel-nobody", file=str(people))
         _add_demo_account(people)
     panel = Panel(settings, job.recipe, order, people, secure=listen.secure, host_names=listen.host_names)
-    with serving(order.database):
+    with serving(order.database), suppress(KeyboardInterrupt):  # Ctrl-C is the way to stop it, and no failure
         _serve(panel, listen)
     return 0
 
@@ -148,9 +156,16 @@ def _add_demo_account(people: Path) -> None:
     _output.print_remark(render(Message("demo-login", password=password, file=str(people))))
 
 
+def _made_password(name: str) -> str:
+    """A password for a script that gave none; it is said once."""
+    password = secrets.token_urlsafe(9)
+    _output.print_line(render(Message("password-made", name=name, password=password)))
+    return password
+
+
 def _read_password(name: str) -> str:
     if not sys.stdin.isatty():
-        return sys.stdin.readline(1000).rstrip("\r\n")
+        return sys.stdin.readline(1000).rstrip("\r\n") or _made_password(name)
     first = getpass.getpass(f"password of {name}: ")
     if getpass.getpass("once more: ") != first:
         raise UsageError("panel-passwords-differ")

@@ -4,11 +4,13 @@ from station.cli import _output
 from station.domain.core.types import NestAssignment
 from station.domain.run.run_state import with_unit
 from station.errors import UsageError
-from station.messages import render
+from station.messages import Message, render
+from station.ports.log_reader import Query
 from station.service import recovery
 from station.service.identify import identify_for_recovery
 from station.service.unit import Unit
 from station.wiring.bench import Bench, open_bench
+from station.wiring.logs import open_log
 from station.wiring.run_order import RunOrder
 
 #: A unit that holds a mixture fails; one that holds all old or all new values is sound.
@@ -24,7 +26,7 @@ def recover_unit(order: RunOrder, serial: str, nest: str | None, how: str | None
             _output.print_remark(sentence)
         suspect = bench.station.store.suspect(serial)
         if suspect is None:
-            raise UsageError("recover-nothing-open", log=str(bench.database), serial=serial)
+            return _nothing_open(bench, serial, as_json=as_json)
         unit = _unit(bench, serial, nest, suspect.attempt)
         identify_for_recovery(unit, bench.job)
         state = recovery.read_device_state(unit, suspect, bench.station)
@@ -37,6 +39,18 @@ def recover_unit(order: RunOrder, serial: str, nest: str | None, how: str | None
     else:
         _output.print_line(render(with_unit(serial, recovery.device_state(state))))
     return _EXIT_CODES[state]
+
+
+def _nothing_open(bench: Bench, serial: str, *, as_json: bool) -> int:
+    """No attempt left the unit half written, or what was left is settled. Errors: UsageError for an unknown unit."""
+    with open_log(bench.database) as log:
+        if not log.attempts(Query(serial=serial), 1):
+            raise UsageError("recover-unit-unknown", log=str(bench.database), serial=serial)
+    if as_json:
+        _output.print_json({"schema": "station.recovery/1", "serial": serial, "attempt": None, "state": "settled"})
+    else:
+        _output.print_message(Message("recover-nothing-open", log=str(bench.database), serial=serial))
+    return 0
 
 
 def _unit(bench: Bench, serial: str, nest: str | None, attempt: str) -> Unit:

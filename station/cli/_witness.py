@@ -2,6 +2,7 @@
 
 import socket
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from station.cli import _output
@@ -25,7 +26,8 @@ def serve_witness(key: Path, heads: Path, stations: Sequence[str], host: str, po
         options = uvicorn.Config(
             create_witness_app(witness), log_level="warning", limit_concurrency=MOST_CONNECTIONS, timeout_keep_alive=5
         )
-        uvicorn.Server(options).run([listener])
+        with suppress(KeyboardInterrupt):  # Ctrl-C is the way to stop it, and no failure
+            uvicorn.Server(options).run([listener])
     return 0
 
 

@@ -50,7 +50,7 @@ def commands() -> dict[str, str]:
 
 def _guarded(args: list[str]) -> int:
     try:
-        code = _dispatch(args)
+        code = run_command(args)
         sys.stdout.flush()
     except StationError as exc:
         return _fail(exc.sentence, exc.exit_code)
@@ -92,7 +92,7 @@ def _take_flags(args: list[str]) -> list[str]:
     return [a for a in args[:end] if a not in _output.FLAGS] + args[end:]
 
 
-def _dispatch(args: list[str]) -> int:
+def run_command(args: list[str]) -> int:
     args = _take_flags(args)
     if not args:
         print(_overview(), file=sys.stderr)

@@ -37,9 +37,9 @@ def command(
         station audit SN0042
         station audit SN0042 --recompute
 
-    All units made with a recipe in a nest between two days:
+    All units made with a recipe in a nest in the last week:
 
-        station audit --recipe tilt-24 --nest A --since 2026-11-01 --until 2026-11-15
+        station audit --recipe six-point --nest A --since 7d
 
     Was anything in the log edited, deleted, inserted, reordered or cut off:
 

@@ -25,7 +25,7 @@ def command(
 
     Would tighter limits have failed units of the last month:
 
-        station backtest --recipe tilt-24-tighter.yaml --of tilt-24 --since 30d
+        station backtest --recipe six-point-tighter.yaml --of six-point --since 30d
 
     Reduced visits (means with their covariances) are computed from where settling and dwell are as they were; then
     what only raw samples show, such as clipping, is taken over as it was found.

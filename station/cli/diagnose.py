@@ -30,6 +30,10 @@ def command(
 
         station diagnose --samples samples.parquet --recipe tilt-24 --report report.html
 
+    The station's own log, from some day on:
+
+        station diagnose --db station.db --recipe n-point --since 7d
+
     With the cause built into the simulation, a second look is silent:
 
         station diagnose --samples samples.parquet --recipe tilt-24 --extend model.yaml

@@ -25,16 +25,16 @@ def command(
     config.yaml says that they are wanted, and how often: `golden: {file: golden.json, every_h: 8}`.
     Register a unit by the values and U of its certificate, before its first run:
 
-        station golden register GOLD01 --value "gain z=1.0021:0.0004" --due 2027-06-30
+        station golden register SN9001 --value "gain z=1.0053:0.002" --due 2035-06-30
 
     Without a certificate, register what its last run came to:
 
-        station golden register GOLD01 --due 2027-06-30
-        station golden register BAD01 --bad
+        station golden register SN9001 --due 2035-06-30
+        station golden register SN9002 --bad
 
     Before each shift, run them alone, then see where they stand:
 
-        station run --serial GOLD01 --serial BAD01
+        station run --serial SN9001 --serial SN9002
         station golden check
     """
     from station.cli._golden import RegisterOptions, manage_golden_units

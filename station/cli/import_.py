@@ -29,12 +29,12 @@ def command(
 
     Axes, time, unit, rate, temperature and labels are recognised; options state what is not.
 
-        station import turned.csv --out samples.parquet
-        station calibrate --samples samples.parquet --recipe hand-held
+        station import turned.csv --out turned.parquet
+        station calibrate --samples turned.parquet --recipe hand-held
 
     Readings without stamps, in blocks of 100, one orientation each:
 
-        station import log.txt --columns 0,1,2 --rate 50 --blocks 100 --out samples.csv
+        station import log.txt --columns 0,1,2 --rate 50 --blocks 100 --out blocks.csv
 
     Two recordings of one unit, raw, for `segment`:
 

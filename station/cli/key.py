@@ -20,11 +20,11 @@ def command(
 
     The old key of config.yaml signs the new one; then put the new one into config.yaml:
 
-        station key rotate --to new.key
+        station key rotate --to new.key --db line-2.db
 
-    A key was stolen: its signatures count only up to record 4711 from now on:
+    A key was stolen: its signatures count only up to record 12 from now on:
 
-        station key revoke --key stolen.pub --beyond 4711 --by "Ada Lovelace" --reason "laptop stolen on Monday"
+        station key revoke --key stolen.pub --beyond 12 --by "Ada Lovelace" --reason "laptop stolen" --db line-3.db
 
     Auditors pin any one key of the log (`trusted_key:` in config.yaml, or --key): every other one must follow from it.
     """

@@ -32,11 +32,11 @@ def command(
     Readings come from the log; those that are missing are made with --run or --simulate, load by load, and a study
     that was broken off goes on where it stopped. What came out is kept beside the log.
 
-        station msa type1 --serial SN0001 --repeats 25 --reference 0.0219 --simulate --db /tmp/msa.db
+        station msa type1 --serial SN0001 --repeats 25 --reference 0.0219 --simulate --db msa.db
 
-    Ten parts, three nests, three trials:
+    Three parts, two nests, two trials (a study proper: ten parts, three nests, three trials):
 
-        station msa grr --trials 3 --nests 3 --simulate --db /tmp/msa.db
+        station msa grr --serial SN0001 --serial SN0002 --serial SN0003 --trials 2 --nests 2 --simulate --db grr.db
 
     Readings from elsewhere:
 

@@ -41,15 +41,17 @@ def command(
 
     Without any hardware:
 
-        station panel --simulate --db /tmp/demo.db
+        station panel --simulate --db demo.db
     """
     from station.cli import _panel
     from station.errors import UsageError
+    from station.wiring.rehearsal import rehearsing
 
     where = _panel.PanelFiles(recipe, config, db, accounts)
     if add is not None or remove is not None:
         return _panel.change_accounts(where, add, remove, role)
-    if fault and not simulate:
+    simulated = simulate or rehearsing(config)
+    if fault and not simulated:
         raise UsageError("option-needs-simulate", option="--fault")
     listen = _panel.ListenAddress(host, port, secure, tuple(host_name or ()), proxy)
-    return _panel.serve(where, listen, pace=pace if simulate else None, faults=tuple(fault or ()))
+    return _panel.serve(where, listen, pace=pace if simulated else None, faults=tuple(fault or ()))

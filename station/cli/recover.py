@@ -26,11 +26,11 @@ def command(
 
     Say only what it holds, and change nothing:
 
-        station recover SN0042
+        station recover SN0044
 
     Bring the values back that it held before the interrupted attempt:
 
-        station recover SN0042 --restore
+        station recover SN0044 --restore
     """
     from station.cli._recover import recover_unit
     from station.wiring.run_order import RunOrder

@@ -23,7 +23,7 @@ def command(
     Without marks, stills that show every position of the recipe are found by themselves. To see what any log
     holds, frame for frame:
 
-        station replay drive.mf4 --dbc vehicle.dbc
+        station replay drive.blf --dbc dbc/accelerometer.dbc
     """
     from station.cli._replay import decode_log, replay_log
 

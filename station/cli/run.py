@@ -50,6 +50,7 @@ def command(
     """
     from station.cli._run import RunOptions, run_units
     from station.errors import UsageError
+    from station.wiring.rehearsal import rehearsing
     from station.wiring.run_order import RunOrder
 
     order = RunOrder(
@@ -67,7 +68,7 @@ def command(
         operator=operator,
         lot=lot,
     )
-    if pace is not None and not simulate:
+    if pace is not None and not simulate and not rehearsing(config):
         raise UsageError("option-needs-simulate", option="--pace")
     face = RunOptions(as_json=json, pace=pace, nests=tuple(nest or ()), confirm_at_page=ask_at_page)
     return run_units(order, tuple(serial or ()), units, face)

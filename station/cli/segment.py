@@ -28,12 +28,12 @@ def command(
 
     A recording in m/s² with a header, for the magnitude-only method:
 
-        station segment turned.csv --out samples.csv
-        station calibrate --samples samples.csv --recipe hand-held
+        station segment turned.csv --out stops.csv
+        station calibrate --samples stops.csv --recipe hand-held
 
     Six faces by hand, named by the recipe:
 
-        station segment faces.csv --recipe six-point --out samples.csv
+        station segment faces.csv --recipe six-point --out faces.parquet
     """
     from station.cli._import import ImportJob, import_files
     from station.domain.recognition.raw_table import ImportOptions

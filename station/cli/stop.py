@@ -20,16 +20,22 @@ def command(
     Where several stations write logs on this machine, name the log:
 
         station stop --db station.db
+
+    Where no run is in progress there is nothing to stop: it says so, and that is no error.
     """
     from station.cli import _output
     from station.config.settings import load_settings
-    from station.messages import Message, render
+    from station.errors import LogError
+    from station.messages import Message
+    from station.panel_protocol.owner import owner_pid
     from station.panel_protocol.stop import request_stop
 
     database = db or Path(load_settings(config).database)
-    pid = request_stop(database)
+    pid = request_stop(database) if owner_pid(database) is not None else None
+    if pid is None and not database.exists():
+        raise LogError("stop-without-log", path=str(database))
     if json:
         _output.print_json({"schema": "station.stop/1", "database": str(database), "pid": pid})
     else:
-        _output.print_line(render(Message("stop-requested", pid=pid)))
+        _output.print_message(Message("no-run-under-way") if pid is None else Message("stop-requested", pid=pid))
     return 0

@@ -122,6 +122,16 @@ class CertificateSettings(StrictModel):
         return self.model_dump()
 
 
+class RehearsalSettings(StrictModel):
+    """A bench without hardware: where its simulated devices keep what they save, and what is wrong with which of them.
+
+    faults: `[SERIAL/]KIND[:key=value,…]`, as `station run --fault` takes them.
+    """
+
+    device_state: PathText = "devices"
+    faults: Annotated[tuple[ShortText, ...], Field(max_length=1000)] = ()
+
+
 class Settings(StrictModel):
     """Everything about this station that is not in a recipe."""
 
@@ -143,6 +153,7 @@ class Settings(StrictModel):
     timeouts: Timeouts = Timeouts()
     golden: GoldenSettings | None = None
     line: LineSettings | None = None
+    rehearsal: RehearsalSettings | None = None
     certificate: CertificateSettings = CertificateSettings()
 
     @field_validator("anchors", mode="before")

@@ -14,7 +14,10 @@ from station.panel_protocol.stop import signal_stop
 
 @dataclass(frozen=True, slots=True)
 class LaunchOptions:
-    """How runs are started from this page; what is None stays as config.yaml says. faults: of simulated units."""
+    """How runs are started from this page; what is None stays as config.yaml says. faults: of simulated units.
+
+    rehearsal: config.yaml itself says that units are simulated, and where they keep what they save.
+    """
 
     database: Path
     recipe: str
@@ -22,15 +25,17 @@ class LaunchOptions:
     simulate: bool = False
     pace: float | None = None
     faults: tuple[str, ...] = ()
+    rehearsal: bool = False
 
     def words(self, units: Mapping[str, str], operator: str) -> list[str]:
         """The arguments of `station run` for units, nest → serial; what it asks of a person comes to the page."""
         words = ["run", "--db", str(self.database), "--recipe", self.recipe, f"--operator={operator}", "--ask-at-page"]
         if self.config is not None:
             words += ["--config", str(self.config)]
-        if self.simulate:
+        if self.simulate and not self.rehearsal:
             words += ["--simulate", "--device-state", f"{self.database}.devices"]
-            words += ["--pace", f"{self.pace:g}"] if self.pace is not None else []
+        if self.simulate and self.pace is not None:
+            words += ["--pace", f"{self.pace:g}"]
         seats = (word for nest, serial in units.items() for word in (f"--nest={nest}", f"--serial={serial}"))
         return [*words, *self._faults(set(units.values())), *seats]
 

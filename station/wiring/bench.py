@@ -23,7 +23,7 @@ from station.config.validation_messages import mistakes
 from station.domain.core.types import NestAssignment
 from station.domain.recipe import references
 from station.errors import RecipeError, UsageError
-from station.messages import render
+from station.messages import Message, render
 from station.ports.bus import Bus
 from station.ports.clock import Clock
 from station.ports.device import Device
@@ -37,6 +37,7 @@ from station.wiring.buses import bus_kind, bus_options, open_bus
 from station.wiring.jobs import Source, load_job
 from station.wiring.logs import open_store
 from station.wiring.positioners import connected_positioner, refuse_numbers_for_real_units
+from station.wiring.rehearsal import rehearsed
 from station.wiring.run_order import RunOrder
 from station.wiring.simulated import SimulatedFixture
 
@@ -94,6 +95,7 @@ class Bench:
 def open_bench(order: RunOrder) -> Bench:
     """Opens everything. Errors: those of recipe, config, product, bus and log, each before anything moves."""
     settings, document = load_config(order.config)
+    asked, order = order, rehearsed(order, settings)
     settings = _overridden(settings, order)
     bus_options(settings.bus, document)  # wrong ones are told of before anything else, also where nothing is on the bus
     job, source = load_job(order.recipe or settings.recipe)
@@ -111,7 +113,7 @@ def open_bench(order: RunOrder) -> Bench:
             fixture = _ByHand()
             clock = SystemClock()
             kind = bus_kind(settings.bus)
-            if kind.without_units:
+            if kind.without_units:  # named on the command line, which only --simulate does
                 raise UsageError("bus-without-units", interface=settings.bus.interface)
             units_bus = cache(lambda: _units_bus(settings, document, clock, opened))
             turned_by = connected_positioner(settings, document, clock, units_bus, opened)
@@ -126,6 +128,8 @@ def open_bench(order: RunOrder) -> Bench:
         config_hash = content_hash(settings)
         station = Station(settings, config_hash, bus, turned_by, store, clock, device, foreign, order.simulate)
         notices = (*learnt, *(render(m) for m in close_unfinished(station)))
+        if order.simulate and not asked.simulate:
+            notices = (render(Message("rehearsal-bench", file=str(document.path))), *notices)
         return Bench(station, job, source, fixture, database, order.simulate, notices, opened.pop_all())
     raise AssertionError("unreachable: ExitStack swallows nothing")
 

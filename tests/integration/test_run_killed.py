@@ -99,12 +99,16 @@ def test_recovery_makes_it_whole_and_the_next_run_takes_it(tmp_path: Path, resto
     assert again.results["SN0001"].outcome is Outcome.PASS
 
 
-def test_a_unit_nobody_interrupted_needs_no_recovery(tmp_path: Path) -> None:
+def test_a_unit_nobody_interrupted_needs_no_recovery(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from station.cli._recover import recover_unit
     from station.errors import UsageError
     from station.wiring.run_order import RunOrder
 
     fixture_run.run(tmp_path)
     order = RunOrder(simulate=True, database=tmp_path / "station.db", device_state=tmp_path / "devices")
-    with pytest.raises(UsageError, match="holds no attempt that may have left 'SN0001' half written"):
-        recover_unit(order, "SN0001", None, "restore", as_json=False)
+    before = (tmp_path / "devices" / "SN0001.json").read_text()
+    assert recover_unit(order, "SN0001", None, "restore", as_json=False) == 0
+    assert "left 'SN0001' half written: there is nothing to recover" in capsys.readouterr().out
+    assert (tmp_path / "devices" / "SN0001.json").read_text() == before
+    with pytest.raises(UsageError, match="holds no attempt of 'SN9999'"):
+        recover_unit(order, "SN9999", None, "restore", as_json=False)

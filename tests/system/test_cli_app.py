@@ -73,7 +73,7 @@ def test_a_bug_is_a_sentence_a_file_and_exit_70(tmp_path: Path) -> None:
     program = (
         "import station.cli.app as app\n"
         "def broken(args):\n    raise ZeroDivisionError('x')\n"
-        "app._dispatch = broken\napp.main(['run'])\n"
+        "app.run_command = broken\napp.main(['run'])\n"
     )
     env = {**os.environ, "TMPDIR": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=env, check=False)
@@ -89,7 +89,7 @@ def test_ctrl_c_is_exit_4() -> None:
     program = (
         "import station.cli.app as app\n"
         "def stop(args):\n    raise KeyboardInterrupt\n"
-        "app._dispatch = stop\napp.main([])\n"
+        "app.run_command = stop\napp.main([])\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (4, "station: Stopped by the operator.\n")

@@ -1,0 +1,52 @@
+"""`python tests/endurance/help_examples.py [--orders N] [--seed S]`: every example of every help, in N random orders,
+then every block of every guide, each guide in a fresh copy of the folder that `station demo` leaves."""
+
+import argparse
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from tests.fakes.help_examples import GUIDES, Tried, all_help_examples, guide_examples, try_example
+
+
+def main() -> int:
+    """See the top of the file; 1 when an example does not run."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--orders", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1)
+    wanted = parser.parse_args()
+    failed: list[Tried] = []
+    with tempfile.TemporaryDirectory() as name:
+        tour = Path(name) / "tour"
+        subprocess.run([sys.executable, "-m", "station", "demo", str(tour)], stdout=subprocess.DEVNULL, check=True)
+        examples = all_help_examples()
+        for seed in range(wanted.seed, wanted.seed + wanted.orders):
+            random.Random(seed).shuffle(examples)
+            failed += _try_all(examples, tour, Path(name) / f"order-{seed}")
+        for page in GUIDES:
+            if lines := guide_examples(page):
+                print(f"-- {page.name}")
+                failed += _try_all(lines, tour, Path(name) / f"guide-{page.stem}")
+    print(f"{len(examples)} examples in {wanted.orders} orders from seed {wanted.seed}, {len(GUIDES)} pages:", end=" ")
+    print(f"{len(failed)} do not run")
+    return 1 if failed else 0
+
+
+def _try_all(lines: list[str], tour: Path, folder: Path) -> list[Tried]:
+    shutil.copytree(tour, folder)
+    failed = []
+    for line in lines:
+        tried = try_example(line, folder)
+        print(f"{'ok ' if tried.right else 'NOT'} {tried.code:3d}  {line}", flush=True)
+        if not tried.right:
+            print(tried.errors[-600:])
+            failed.append(tried)
+    shutil.rmtree(folder)
+    return failed
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

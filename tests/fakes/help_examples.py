@@ -1,0 +1,98 @@
+"""The examples that helps and guides show, and how each is tried in the folder that `station demo` leaves."""
+
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+from station.cli.app import commands
+
+ROOT = Path(__file__).resolve().parents[2]
+GUIDES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+_BLOCK = re.compile(r"^```(?:sh|bash|)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+_HELP_LINE = re.compile(r"^ {6}((?:station|openssl) .*)$", re.MULTILINE)
+#: Ended by Ctrl-C, once they have said where they are.
+_SERVERS = ("panel", "witness", "device")
+#: Commands that only a shell, a superuser or the repository's own Makefile can run.
+_NOT_TRIED = ("make ", "sudo ", "ip ", "cd ", "source ", "#")
+#: Exit code 1 is an answer: a diagnosis found something, a bad unit failed, a unit holds a mixture.
+ANSWERS = {"diagnose": (0, 1), "recover": (0, 1)}
+KNOWN_BAD = "SN9002"
+#: A server says where it is within this time.
+START_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """How an example ended."""
+
+    line: str
+    code: int
+    errors: str
+
+    @property
+    def right(self) -> bool:
+        """Whether it ended as an example should."""
+        words = shlex.split(self.line, comments=True)
+        allowed = (1,) if words[1] == "run" and KNOWN_BAD in words else ANSWERS.get(words[1], (0,))
+        if "save-torn" in self.line or "refuse:" in self.line or "power-cut" in self.line:
+            allowed = (1, 3)  # a fault that the line itself asks for
+        return self.code in allowed
+
+
+def help_examples(name: str) -> list[str]:
+    """Command lines in one command's help, without the tour that makes the folder."""
+    done = subprocess.run([sys.executable, "-m", "station", name, "--help"], capture_output=True, text=True, check=True)
+    return [line.strip() for line in _HELP_LINE.findall(done.stdout) if not line.startswith("station demo")]
+
+
+def all_help_examples() -> list[str]:
+    """Every command's."""
+    return [line for name in commands() for line in help_examples(name)]
+
+
+def guide_examples(page: Path) -> list[str]:
+    """Command lines in the blocks of a guide, in its order."""
+    lines = [line for block in _BLOCK.findall(page.read_text(encoding="utf-8")) for line in block.splitlines()]
+    return [
+        line for line in lines if line.startswith(("station ", "openssl ")) and not line.startswith(("station demo",))
+    ]
+
+
+def serves(line: str) -> bool:
+    """Whether it goes on until Ctrl-C."""
+    words = shlex.split(line, comments=True)
+    return words[1] in _SERVERS and "--add" not in words
+
+
+def try_example(line: str, folder: Path) -> Tried:
+    """Runs one line as a process in the folder."""
+    words = shlex.split(line, comments=True)
+    if words[0] == "station":
+        words = [sys.executable, "-m", *words]
+    if serves(line):
+        return _try_server(line, words, folder)
+    done = subprocess.run(
+        words, capture_output=True, text=True, cwd=folder, stdin=subprocess.DEVNULL, timeout=600, check=False
+    )
+    return Tried(line, done.returncode, done.stderr)
+
+
+def _try_server(line: str, words: list[str], folder: Path) -> Tried:
+    """Starts it, waits for its first line, presses Ctrl-C."""
+    with subprocess.Popen(
+        words, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as server:
+        assert server.stdout is not None
+        assert server.stderr is not None
+        late = threading.Timer(START_S, server.kill)
+        late.start()
+        server.stdout.readline()
+        late.cancel()
+        server.send_signal(signal.SIGINT)
+        errors = server.communicate(timeout=60)[1]
+    return Tried(line, server.returncode, errors)

@@ -1,0 +1,88 @@
+"""The tour, and the folder it leaves: examples of the helps run there as they stand, in any order.
+
+What takes long or serves until Ctrl-C is tried by tests/endurance/help_examples.py, with every block of the guides.
+"""
+
+import contextlib
+import io
+import random
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+from station.cli import _demo
+from station.cli.app import commands, run_command
+from station.errors import UsageError
+from tests.conftest import SEED
+from tests.fakes.help_examples import Tried, serves
+
+pytestmark = pytest.mark.timeout(600)
+
+#: Beginnings of examples that take seconds each; the endurance program runs them too.
+SLOW = (
+    "station msa type1",
+    "station msa grr --serial",
+    "station diagnose",
+    "station check tilt-24",
+    "station check six-point --design",
+    "station run --simulate",
+    "station init",
+)
+
+
+def documented() -> list[str]:
+    """Every example, as the docstrings of the commands have it."""
+    folder = Path(_demo.__file__).parent
+    files = [folder / f"{name.replace('-', '_')}{'_' if name == 'import' else ''}.py" for name in commands()]
+    lines = [
+        line for file in files for line in re.findall(r"^ {8}(station .*)$", file.read_text("utf-8"), re.MULTILINE)
+    ]
+    return [line for line in lines if not line.startswith("station demo")]
+
+
+@pytest.fixture(scope="module")
+def tour(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder, and what the tour showed."""
+    folder = tmp_path_factory.mktemp("tour") / "station-demo"
+    shown = io.StringIO()
+    with contextlib.redirect_stdout(shown):
+        assert run_command(["demo", str(folder)]) == 0
+    return folder, shown.getvalue()
+
+
+def test_the_tour_shows_passes_fails_a_named_cause_and_a_whole_log(tour: tuple[Path, str]) -> None:
+    _, shown = tour
+    assert all(f"\n{n}. " in shown for n in range(1, len(_demo.TOUR) + 1))
+    assert len(re.findall("✔ PASS", shown)) == 9
+    assert re.search(r"SN9002 .*FAIL", shown)
+    assert re.search(r"SN0044 .*ERROR", shown)
+    assert "verdict: named. Found: cross-axis." in shown
+    assert "is whole" in shown
+
+
+def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(UsageError, match=f"The folder {tmp_path} is not empty"):
+        run_command(["demo", str(tmp_path)])
+    assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_every_quick_example_runs_there_in_any_order(
+    tour: tuple[Path, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "copy"
+    shutil.copytree(tour[0], folder)
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    lines = documented()
+    assert all(any(line.startswith(start) for line in lines) for start in SLOW[:-1]), "SLOW names what is no example"
+    quick = [line for line in lines if not line.startswith(SLOW) and not serves(line)]
+    assert len(quick) > 35
+    random.Random(SEED).shuffle(quick)
+    for line in quick:
+        code = run_command(shlex.split(line)[1:])
+        tried = Tried(line, code, capsys.readouterr().err)
+        assert tried.right, tried
