@@ -5,6 +5,7 @@ import contextlib
 import io
 import logging
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
@@ -26,6 +27,7 @@ _REFUSED = (configparser.Error, ValueError, KeyError, AttributeError, TypeError,
 _MOST_BYTES = 4_000_000
 _EMPTY: dict[str, Value] = {"STRING": "", "OCTETS": b"", "DOMAIN": b"", "REAL32": 0.0, "REAL64": 0.0}
 _STORE_EDS = 0x1021
+_OBJECT_SECTION = re.compile(r"\[[0-9A-Fa-f]{4}\]")
 
 
 Address = tuple[int, int]
@@ -48,6 +50,22 @@ def load(path: Path, node: int, used: frozenset[Address] | None = None) -> Objec
         raise ProductError("eds-empty", file=str(path))
     own = [replace(e, default=e.default + node) if isinstance(e.default, int) and counts else e for e, counts in found]
     return ObjectDictionary(node, {(entry.index, entry.sub): entry for entry in own})
+
+
+def titles(path: Path) -> dict[int, str]:
+    """Name of each object by its index, arrays and records included, which have no value of their own.
+
+    Errors: ProductError where the file cannot be read.
+    """
+    found = dict[int, str]()
+    index = None
+    for line in _text(path).splitlines():
+        text = line.strip()
+        if text.startswith("["):
+            index = int(text[1:5], 16) if _OBJECT_SECTION.fullmatch(text) else None
+        elif index is not None and text.lower().startswith("parametername"):
+            found[index] = text.partition("=")[2].strip()
+    return found
 
 
 @lru_cache(maxsize=8)

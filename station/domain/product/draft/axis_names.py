@@ -1,0 +1,26 @@
+"""Which axis a signal's name means, and what the name is without it."""
+
+import re
+
+_WORDS = {
+    "roll": "x", "pitch": "y", "yaw": "z", "longitudinal": "x", "lateral": "y", "vertical": "z",
+    "long": "x", "lat": "y", "vert": "z",
+}  # fmt: skip
+#: The letter alone, at a border of camel case or words, or behind the usual letters of a quantity.
+_PATTERNS = (
+    re.compile(r"(?<![A-Za-z])([xyzXYZ])(?![A-Za-z])"),
+    re.compile(r"(?<=[a-z0-9])([XYZ])(?![a-z])"),
+    re.compile(r"(?:(?<=^[aAgGmMwW])|(?<=acc)|(?<=gyr)|(?<=gyro)|(?<=mag)|(?<=rate)|(?<=ACC)|(?<=GYRO)|(?<=MAG))"
+               r"([xyzXYZ])(?![a-z])"),
+)  # fmt: skip
+
+
+def axis_of(name: str) -> tuple[str, str] | None:
+    """(stem, axis): `AccX` is (`Acc*`, `x`), `YAW_RATE` (`*_rate`, `z`); None where the name means no axis."""
+    for pattern in _PATTERNS:
+        if found := pattern.search(name):
+            return f"{name[: found.start()]}*{name[found.end() :]}".lower(), found[1].lower()
+    for word, axis in _WORDS.items():
+        if found := re.search(rf"(?<![a-z]){word}(?![a-z])", name.replace("_", " ").lower()):
+            return f"{name[: found.start()]}*{name[found.end() :]}".lower(), axis
+    return None

@@ -1,0 +1,116 @@
+"""Which message and signals of a DBC may carry a sensor's readings, the likeliest first."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import cast
+
+from station import plugins
+from station.domain.can.signals import FrameLayout, SignalLayout
+from station.domain.core.types import EXTENDED
+from station.domain.product.draft.axis_names import axis_of
+from station.domain.recipe.sensor import PACKAGE, Sensor
+from station.domain.recognition.quantities import QUANTITIES, canonical
+
+_COUNTER = re.compile(r"count|cntr|cnt(?![a-z])|alive|sequence|seq(?![a-z])|rolling|^mc$", re.IGNORECASE)
+_STATUS = re.compile(r"status|state|flags", re.IGNORECASE)
+_TEMPERATURE = re.compile(r"temp", re.IGNORECASE)
+_DEGREES = ("degc", "°c", "c", "deg c", "celsius")
+#: Units that mean gravity, or gauss.
+_OF_TWO = ("g", "mg")
+#: Identifiers of the four TPDOs (CiA 301, 7.3.5): the node id is what stands behind them.
+_FIRST_TPDO, _LAST_TPDO = 0x180, 0x4FF
+#: What speaks for a proposal: as many axes as a sensor has, a unit that fits, a name that fits, equal signals.
+_AXES, _UNIT, _WORD, _EQUAL = 4.0, 4.0, 2.0, 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRoles:
+    """A proposal. signals: of x, y and z (None: no such axis); unit: as the DBC writes it, '' where it writes none or
+    one that is not the sensor's; score: how much speaks for it."""
+
+    sensor: str
+    message: FrameLayout
+    signals: tuple[SignalLayout | None, ...]
+    unit: str
+    score: float
+
+    @property
+    def complete(self) -> bool:
+        """Whether all three axes are there."""
+        return all(signal is not None for signal in self.signals)
+
+    @property
+    def counter(self) -> SignalLayout | None:
+        """The signal that seems to count the frames."""
+        found = (s for s in self.message.signals if _COUNTER.search(s.name))
+        return next((s for s in found if not (s.signed or s.is_float or s.selector or s.length > 32)), None)
+
+    @property
+    def status(self) -> SignalLayout | None:
+        """The signal that seems to be the sensor's state."""
+        found = (s for s in self.message.signals if _STATUS.search(s.name))
+        return next((s for s in found if not (s.signed or s.is_float or s.selector)), None)
+
+    @property
+    def node(self) -> int:
+        """The node id that the DBC describes, where the identifier is a TPDO's; 1 elsewhere."""
+        plain = self.message.can_id
+        tpdo = not plain & EXTENDED and _FIRST_TPDO < plain <= _LAST_TPDO
+        return (plain & 0x7F) or 1 if tpdo else 1
+
+
+def unit_of_sensor(sensor: str) -> str:
+    """The unit of a kind of sensor. Errors: UsageError for an unknown one."""
+    return cast(type[Sensor], plugins.load(PACKAGE, sensor)).unit
+
+
+def propose_roles(layouts: Mapping[str, FrameLayout], sensor: str | None = None) -> list[FrameRoles]:
+    """Proposals, the likeliest first; of one kind of sensor where that is said."""
+    units = {name: unit_of_sensor(name) for name in plugins.names(PACKAGE) if sensor in (None, name)}
+    units = {name: unit for name, unit in units.items() if unit in QUANTITIES}
+    found = [p for frame in layouts.values() for p in _of_message(frame, units)]
+    return sorted(found, key=lambda p: -p.score)
+
+
+def temperature_of(layouts: Mapping[str, FrameLayout], roles: FrameRoles) -> tuple[FrameLayout, SignalLayout] | None:
+    """Message and signal of the sensor's own temperature: in the readings' message, else the only one of the file."""
+    found = [(frame, s) for frame in layouts.values() for s in frame.signals if _is_temperature(s)]
+    own = [pair for pair in found if pair[0].name == roles.message.name]
+    return own[0] if own else found[0] if len(found) == 1 else None
+
+
+def _of_message(frame: FrameLayout, units: Mapping[str, str]) -> Iterator[FrameRoles]:
+    stems: dict[str, dict[str, SignalLayout]] = {}
+    for signal in frame.signals:
+        named = axis_of(signal.name)
+        if named is not None and signal.selector is None:
+            stems.setdefault(named[0], {}).setdefault(named[1], signal)
+    for stem, axes in stems.items():
+        if "x" in axes and "y" in axes:
+            yield from _of_sensors(frame, stem, axes, units)
+
+
+def _of_sensors(
+    frame: FrameLayout, stem: str, axes: Mapping[str, SignalLayout], units: Mapping[str, str]
+) -> Iterator[FrameRoles]:
+    signals = tuple(axes.get(axis) for axis in "xyz")
+    written = axes["x"].unit
+    equal = len({(s.length, s.scale, s.signed) for s in axes.values()}) == 1
+    for sensor, unit in units.items():
+        quantity = QUANTITIES[unit]
+        fits = canonical(written, quantity) not in (None, "LSB")
+        of_another = not fits and any(canonical(written, q) not in (None, "LSB") for q in QUANTITIES.values())
+        word = bool(re.search(quantity.word, stem.strip("*_ "), re.IGNORECASE))
+        word = word or bool(re.search(quantity.word, frame.name, re.IGNORECASE))
+        if fits and written.strip() in _OF_TWO and quantity.unit != "g":
+            fits = word  # a lower-case g is gravity's, unless the names speak of a magnetic field
+        if of_another or not (fits or word):
+            continue
+        score = _AXES * (len(axes) - 2) + _UNIT * fits + _WORD * word + _EQUAL * equal
+        yield FrameRoles(sensor, frame, signals, written if fits else "", score)
+
+
+def _is_temperature(signal: SignalLayout) -> bool:
+    named = bool(_TEMPERATURE.search(signal.name))
+    return signal.selector is None and named and signal.unit.strip().lower() in (*_DEGREES, "")

@@ -1,0 +1,76 @@
+"""A recipe for a new product: the shipped one of its kind of sensor, with the product's own data sheet."""
+
+import re
+
+from station.domain.can.signals import SignalLayout
+from station.domain.product.draft.map_objects import TIMER
+from station.domain.product.draft.product_text import ProductDraft, scalar
+from station.domain.recognition.quantities import unit_factor
+
+#: Readings a second where neither file says it.
+ASSUMED_RATE_HZ = 100.0
+#: Least residual, noise and error of verification that such a step of the reading allows.
+STEPS = 3.0
+_LIMIT = re.compile(r"^(\s*(?:residual|noise|limit): )([0-9.eE+-]+)", re.MULTILINE)
+
+
+def recipe_text(draft: ProductDraft, template: str, name: str, unit: str) -> str:
+    """The file recipes/NAME.yaml. template: the shipped recipe; unit: the sensor's."""
+    first = f"# Drafted by `station init` from {draft.source}, after the shipped recipe of this kind of sensor.\n"
+    text = re.sub(r"^#.*\n", "", template, count=1)
+    text = re.sub(r"^name: .*$", f"name: {scalar(name)}", text, count=1, flags=re.MULTILINE)
+    text = re.sub(r"^product: .*$", f"product: {scalar(draft.name)}", text, count=1, flags=re.MULTILINE)
+    lsb, full_scale = _resolution(draft, unit)
+    text = _device(text, draft, lsb, full_scale)
+    text = _LIMIT.sub(lambda m: f"{m[1]}{max(float(m[2]), _rounded(STEPS * lsb)):g}", text)
+    if draft.diagonal:
+        text = re.sub(r"^(method: .*)$", r"\1\nmodel: offset-gain  # the device keeps gains only", text, flags=re.M)
+        text = re.sub(r"^  cross_axis: .*\n", "", text, flags=re.M)
+    if not draft.stores:
+        text = re.sub(r"^verify:(.*\n)((?: .*\n|\n)*)", "", text, flags=re.M)
+    return first + text
+
+
+def _device(text: str, draft: ProductDraft, lsb: float, full_scale: float) -> str:
+    """The block `device:` with what the files say; the rest stays as shipped, and is to be checked."""
+    rate_hz = _rate_hz(draft)
+    wanted = {"rate_hz": f"{rate_hz or ASSUMED_RATE_HZ:g}", "lsb": f"{lsb:.6g}", "full_scale": f"{full_scale:.6g}"}
+    counter = draft.roles.counter
+    if counter is not None:
+        wanted["counter_bits"] = str(counter.length)
+
+    def changed(found: re.Match[str]) -> str:
+        block = found[1]
+        for key, value in wanted.items():
+            block = re.sub(rf"({key}: )[0-9.eE+-]+", lambda m, v=value: m[1] + v, block)
+        if counter is None:
+            block = re.sub(r", counter_bits: \d+", "", block)
+        said = "" if rate_hz else f"; no file says the rate: {ASSUMED_RATE_HZ:g} Hz is a guess"
+        return f"# check with the data sheet: noise and clock are the shipped ones{said}\n{block}"
+
+    return re.sub(r"^(device: \{.*\})", changed, text, count=1, flags=re.MULTILINE)
+
+
+def _rate_hz(draft: ProductDraft) -> float | None:
+    """By the event timer of the readings' PDO."""
+    timer = None if draft.eds is None else draft.eds.entries.get((TIMER, 5))
+    milliseconds = timer.default if timer is not None else 0
+    return 1000 / milliseconds if isinstance(milliseconds, int | float) and milliseconds > 0 else None
+
+
+def _resolution(draft: ProductDraft, unit: str) -> tuple[float, float]:
+    """Step and full scale of the readings, in the sensor's unit."""
+    signals = [s for s in draft.roles.signals if s is not None]
+    to_unit = unit_factor(draft.roles.unit or unit, unit) or 1.0
+    return max(abs(s.scale) for s in signals) * to_unit, min(map(_full_scale, signals)) * to_unit
+
+
+def _full_scale(signal: SignalLayout) -> float:
+    low, high = signal.minimum, signal.maximum
+    if not low and not high:
+        low, high = (float(raw * signal.scale + signal.offset) for raw in signal.raw_limits())
+    return min(abs(v) for v in (low, high) if v) if low and high else abs(high or low or 1.0)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.2g}")

@@ -1,0 +1,118 @@
+"""A new product from its own files: what is drafted, what runs, what is refused."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from station.cli.app import run_command
+from station.config.search_path import shipped_folder
+from station.domain.product.draft import frame_roles
+from station.domain.product.draft.axis_names import axis_of
+from station.errors import ProductError, UsageError
+from station.wiring.jobs import load_job
+from station.wiring.product_files import read_layouts
+
+SHIPPED = shipped_folder() / "dbc"
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder to work in."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def renamed(folder: Path, kind: str) -> tuple[Path, Path]:
+    """The shipped files of a product, with other names of messages, signals and objects, and no product file."""
+    dbc, eds = (SHIPPED / f"{kind}{ending}" for ending in (".dbc", ".eds"))
+    text = dbc.read_text("utf-8")
+    for axis in "XYZ":
+        text = text.replace(f" {axis} :", f" Accel_{axis.lower()}_1 :").replace(
+            f" {axis} ", f" Accel_{axis.lower()}_1 "
+        )
+    (folder / "maker.dbc").write_text(text.replace("ACCELERATION", "Imu_1"), "utf-8")
+    (folder / "maker.eds").write_text(eds.read_text("latin-1").replace("Coefficient ", "K"), "latin-1")
+    return folder / "maker.dbc", folder / "maker.eds"
+
+
+def test_a_new_product_passes_on_the_rehearsal_bench_by_one_command_and_no_edit(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dbc, eds = renamed(here, "accelerometer")
+    assert run_command(["init", "new-one", "--dbc", str(dbc), "--eds", str(eds)]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("✔ PASS") == 2
+    assert "readings: Imu_1 (Accel_x_1, Accel_y_1, Accel_z_1 in g): accelerometer" in shown
+    job, _ = load_job("recipes/new-one-six-point.yaml")
+    assert (job.product.name, job.recipe.product) == ("new-one", "new-one")
+    assert job.product.map.matrix is not None
+    assert (job.product.map.matrix.index, job.product.frames.counter_values) == (0x2101, 15)
+    assert "# check" in (here / "dbc" / "new-one.yaml").read_text()
+
+
+def test_it_never_writes_over_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["init", "one", "--no-run"]) == 0
+    before = {p: p.read_bytes() for p in here.rglob("*") if p.is_file()}
+    with pytest.raises(UsageError, match=r"dbc/one.yaml, .* exists and is never written over"):
+        run_command(["init", "one", "--no-run"])
+    assert {p: p.read_bytes() for p in here.rglob("*") if p.is_file()} == before
+
+
+def test_in_a_pipe_it_asks_nothing_and_answers_in_json(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = ["--dbc", str(SHIPPED / "gyroscope.dbc"), "--eds", str(SHIPPED / "gyroscope.eds")]
+    assert run_command(["init", *names, "--no-run", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "station.init/1"
+    assert document["problem"] is None
+    assert sorted(Path(f).name for f in document["files"]) == [
+        "config.yaml", "gyroscope-six-point.yaml", "gyroscope.dbc", "gyroscope.eds", "gyroscope.yaml",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--eds", str(SHIPPED / "gyroscope.eds")], "not how readings are scaled: add --dbc"),
+        (["--dbc", "nowhere.dbc"], "nowhere.dbc cannot be read"),
+        (["--dbc", str(SHIPPED / "gyroscope.dbc"), "--sensor", "thermometer"], "no draft for the sensor"),
+        (["--dbc", str(SHIPPED / "gyroscope.dbc"), "--sensor", "magnetometer"], "no message whose signals x, y and z"),
+        (["--dbc", str(SHIPPED / "gyroscope.dbc"), "--message", "NONE"], "NONE"),
+        (["--dbc", str(SHIPPED / "gyroscope.yaml")], "gyroscope.yaml"),
+    ],
+)
+def test_what_it_cannot_draft_is_one_sentence_and_no_file(here: Path, words: list[str], sentence: str) -> None:
+    with pytest.raises((UsageError, ProductError), match=sentence) as caught:
+        run_command(["init", "one", *words])
+    assert caught.value.exit_code == 2
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "stem", "axis"),
+    [
+        ("X", "*", "x"), ("AccY", "acc*", "y"), ("accel_z", "accel_*", "z"), ("AccelerationX", "acceleration*", "x"),
+        ("ax", "a*", "x"), ("YAW_RATE", "*_rate", "z"), ("LONG_ACCEL", "*_accel", "x"), ("Mag_Z_uT", "mag_*_ut", "z"),
+        ("imu_gyro_y_dps", "imu_gyro_*_dps", "y"),
+    ],
+)  # fmt: skip
+def test_an_axis_is_read_from_a_name(name: str, stem: str, axis: str) -> None:
+    assert axis_of(name) == (stem, axis)
+
+
+@pytest.mark.parametrize("name", ["Speed", "ENGINE_RPM", "Counter", "Voltage", "max", "index", "LAYER"])
+def test_other_names_mean_no_axis(name: str) -> None:
+    assert axis_of(name) is None
+
+
+def test_readings_are_found_in_a_public_dbc(reference_data: Path) -> None:
+    layouts = read_layouts(reference_data / "css_canmod" / "canmod-gps.dbc", {})
+    found = [(p.sensor, p.message.name, p.unit) for p in frame_roles.propose_roles(layouts) if p.complete]
+    assert found == [("accelerometer", "gnss_imu", "m/s^2"), ("gyroscope", "gnss_imu", "deg/s")]
+
+
+def test_a_car_has_no_sensor_of_three_axes(reference_data: Path) -> None:
+    files = sorted((reference_data / "dbc_public").rglob("*.dbc"))
+    assert len(files) > 60
+    found = [p for file in files for p in frame_roles.propose_roles(read_layouts(file, {})) if p.complete]
+    assert found == []
