@@ -35,10 +35,11 @@ class BusSettings(AdapterSettings):
 
 
 class Nest(StrictModel):
-    """One seat of the fixture and the node id of the device in it."""
+    """One seat of the fixture and the node id of the device in it; bus: one of `buses`, where there are several."""
 
     name: Name
     node: Node
+    bus: Name | None = None
 
 
 class PositionerSettings(AdapterSettings):
@@ -140,6 +141,7 @@ class Settings(StrictModel):
     operator: ShortText = ""
     lot: ShortText = ""
     bus: BusSettings = BusSettings()
+    buses: Annotated[dict[Name, BusSettings], Field(max_length=16)] = Field(default_factory=dict)
     nests: Annotated[tuple[Nest, ...], Field(min_length=1, max_length=127)]
     positioner: PositionerSettings = PositionerSettings()
     recipe: ShortText = "six-point"
@@ -173,6 +175,13 @@ class Settings(StrictModel):
         names = [receiver.name for receiver in self.receivers]
         if len(set(names)) < len(names):
             raise ValueError("receivers: two have the same name; give each its own `name`")
+        return self
+
+    @model_validator(mode="after")
+    def _nests_have_a_bus(self) -> Self:
+        for nest in self.nests:
+            if (nest.bus is not None or self.buses) and nest.bus not in self.buses:
+                raise InvalidValue("nest-bus-unknown", nest=nest.name, bus=nest.bus or "", known=tuple(self.buses))
         return self
 
     @model_validator(mode="after")

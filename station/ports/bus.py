@@ -1,9 +1,10 @@
 """The CAN bus as the station sees it: a stream of frames, and a service channel for CANopen."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from station.domain.core.types import Frames
+from station.messages import Message
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,3 +77,12 @@ class Bus(Protocol):
 
     def close(self) -> None:
         """Closes every channel opened here."""
+
+
+@runtime_checkable
+class TellsLimits(Protocol):
+    """A bus that says what it cannot tell."""
+
+    @property
+    def limits(self) -> Message:
+        """Whose clock its time stamps are, what of losses and error frames it does not report."""

@@ -24,7 +24,7 @@ from station.domain.core.types import NestAssignment
 from station.domain.recipe import references
 from station.errors import RecipeError, UsageError
 from station.messages import Message, render
-from station.ports.bus import Bus
+from station.ports.bus import Bus, TellsLimits
 from station.ports.clock import Clock
 from station.ports.device import Device
 from station.ports.positioner import Positioner
@@ -33,13 +33,13 @@ from station.service.learnt_model import with_model
 from station.service.recovery import close_unfinished
 from station.service.station import Job, Station
 from station.wiring.bus_owner import claim_bus
-from station.wiring.buses import bus_kind, bus_options, open_bus
+from station.wiring.buses import bus_kind, bus_options, open_buses, used_buses
 from station.wiring.jobs import Source, load_job
 from station.wiring.logs import open_store
 from station.wiring.positioners import connected_positioner, refuse_numbers_for_real_units
 from station.wiring.rehearsal import rehearsed
 from station.wiring.run_order import RunOrder
-from station.wiring.simulated import SimulatedFixture
+from station.wiring.simulated import Rehearsal, SimulatedFixture
 
 
 class Fixture(Protocol):
@@ -97,7 +97,8 @@ def open_bench(order: RunOrder) -> Bench:
     settings, document = load_config(order.config)
     asked, order = order, rehearsed(order, settings)
     settings = _overridden(settings, order)
-    bus_options(settings.bus, document)  # wrong ones are told of before anything else, also where nothing is on the bus
+    for name, one in used_buses(settings).items():  # before anything else, also where nothing is on the bus
+        bus_options(one, document, ("buses", name) if name else ("bus",))
     job, source = load_job(order.recipe or settings.recipe)
     _check_simulation_options(order)
     job, learnt = with_model(job, order.model)
@@ -105,16 +106,18 @@ def open_bench(order: RunOrder) -> Bench:
     retain_freed_memory()
     with ExitStack() as opened:
         if order.simulate:
-            fixture: Fixture = (made := SimulatedFixture(settings, document, job, source, order))
+            made = _simulated(settings, document, job, source, order)
+            opened.callback(made.close)
+            fixture: Fixture = made
             clock: Clock = made.clock
             bus: Bus = made.bus
             turned_by: Positioner = made.positioner
         else:
             fixture = _ByHand()
             clock = SystemClock()
-            kind = bus_kind(settings.bus)
-            if kind.without_units:  # named on the command line, which only --simulate does
-                raise UsageError("bus-without-units", interface=settings.bus.interface)
+            for one in used_buses(settings).values():
+                if bus_kind(one).without_units:
+                    raise UsageError("bus-without-units", interface=one.interface)
             units_bus = cache(lambda: _units_bus(settings, document, clock, opened))
             turned_by = connected_positioner(settings, document, clock, units_bus, opened)
             refuse_numbers_for_real_units(settings, turned_by)
@@ -127,7 +130,10 @@ def open_bench(order: RunOrder) -> Bench:
         device, foreign = _devices(bus, clock, settings, job)
         config_hash = content_hash(settings)
         station = Station(settings, config_hash, bus, turned_by, store, clock, device, foreign, order.simulate)
-        notices = (*learnt, *(render(m) for m in close_unfinished(station)))
+        said = [bus.limits] if isinstance(bus, TellsLimits) else []
+        if isinstance(fixture, Rehearsal):
+            said.append(Message("rehearsal", bus=bus.name))
+        notices = (*learnt, *(render(m) for m in said), *(render(m) for m in close_unfinished(station)))
         if order.simulate and not asked.simulate:
             notices = (render(Message("rehearsal-bench", file=str(document.path))), *notices)
         return Bench(station, job, source, fixture, database, order.simulate, notices, opened.pop_all())
@@ -135,10 +141,26 @@ def open_bench(order: RunOrder) -> Bench:
 
 
 def _units_bus(settings: Settings, document: Document, clock: Clock, opened: ExitStack) -> Bus:
-    """The units' bus, owned by this station. Errors: ConfigError, BusFault."""
-    if bus_kind(settings.bus).interface_of_kernel:
-        opened.callback(claim_bus(settings.bus, settings.station).release)
-    return open_bus(settings.bus, document, clock)
+    """The units' bus, or all of them as one, owned by this station. Errors: ConfigError, BusFault."""
+    for one in used_buses(settings).values():
+        if bus_kind(one).interface_of_kernel:
+            opened.callback(claim_bus(one, settings.station).release)
+    return open_buses(settings, document, clock)
+
+
+#: Interfaces without hardware: `--simulate` puts its devices on them, in real time.
+REHEARSED = ("virtual", "udp_multicast")
+
+
+def _simulated(settings: Settings, document: Document, job: Job, source: Source, order: RunOrder) -> SimulatedFixture:
+    """The simulated fixture: in simulated time, or in real time on the bus that was asked for."""
+    used = used_buses(settings).values()
+    asked = order.interface is not None or all(bus.interface in REHEARSED for bus in used)
+    if not asked or any(bus_kind(bus).without_units for bus in used):
+        return SimulatedFixture(settings, document, job, source, order)
+    clock = SystemClock()
+    near, far = (open_buses(settings, document, clock) for _ in range(2))
+    return Rehearsal(settings, document, job, source, order, near=near, far=far)
 
 
 def _overridden(settings: Settings, order: RunOrder) -> Settings:

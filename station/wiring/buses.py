@@ -5,14 +5,15 @@ from typing import Any, ClassVar, Protocol
 from pydantic import BaseModel
 
 from station import plugins
+from station.adapters.bus._several import SeveralBuses
 from station.config.documents import Document
-from station.config.settings import BusSettings
-from station.errors import ConfigError
+from station.config.settings import BusSettings, Settings
+from station.errors import ConfigError, StationError
 from station.ports.bus import Bus
 from station.ports.clock import Clock
 from station.wiring.options import options_of
 
-BUSES = "station.adapters.bus"
+BUSES, PYTHON_CAN = "station.adapters.bus", "python-can"
 
 
 class BusKind(Protocol):
@@ -36,20 +37,51 @@ class BusKind(Protocol):
 
 
 def bus_kind(bus: BusSettings) -> BusKind:
-    """The class behind `bus.interface`. Errors: ConfigError for an unknown one."""
-    known = plugins.names(BUSES)
-    if bus.interface not in known:
-        raise ConfigError("bus-unknown", given=bus.interface, known=", ".join(known))
-    kind: Any = plugins.load(BUSES, bus.interface)
+    """The class behind `bus.interface`: a file here, else python-can's interface of that name. Errors: ConfigError."""
+    own = plugins.names(BUSES)
+    if bus.interface not in own and bus.interface not in python_can_interfaces():
+        known = ", ".join((*own, *python_can_interfaces()))
+        raise ConfigError("bus-unknown", given=bus.interface, known=known)
+    kind: Any = plugins.load(BUSES, bus.interface if bus.interface in own else PYTHON_CAN)
     found: BusKind = kind
     return found
 
 
-def bus_options(bus: BusSettings, document: Document) -> BaseModel:
+def bus_options(bus: BusSettings, document: Document, block: tuple[str, ...] = ("bus",)) -> BaseModel:
     """Its own options, checked. Errors: ConfigError with line and key."""
-    return options_of("bus", bus.options, document, bus_kind(bus).Settings)
+    options = options_of(block, bus.options, document, bus_kind(bus).Settings)
+    if bus.interface in plugins.names(BUSES):
+        return options
+    return options.model_copy(update={"driver": bus.interface})
 
 
-def open_bus(bus: BusSettings, document: Document, clock: Clock) -> Bus:
+def python_can_interfaces() -> tuple[str, ...]:
+    """Interfaces that python-can brings or that a package adds to it, but for those that are a file here."""
+    from station.adapters.bus.python_can import interfaces
+
+    return tuple(name for name in interfaces() if name not in plugins.names(BUSES))
+
+
+def open_bus(bus: BusSettings, document: Document, clock: Clock, block: tuple[str, ...] = ("bus",)) -> Bus:
     """Opens it. Errors: ConfigError for its options or an absent interface, LogError for a recording."""
-    return bus_kind(bus).open(bus.channel, clock, bus_options(bus, document))
+    return bus_kind(bus).open(bus.channel, clock, bus_options(bus, document, block))
+
+
+def used_buses(settings: Settings) -> dict[str, BusSettings]:
+    """The fixture's buses by name; the one of `bus` has none."""
+    return dict(settings.buses) or {"": settings.bus}
+
+
+def open_buses(settings: Settings, document: Document, clock: Clock) -> Bus:
+    """Opens the bus of the fixture, or all of them as one. Errors: as open_bus."""
+    if not settings.buses:
+        return open_bus(settings.bus, document, clock)
+    parts: dict[str, Bus] = {}
+    try:
+        for name, bus in settings.buses.items():
+            parts[name] = open_bus(bus, document, clock, ("buses", name))
+    except StationError:
+        for opened in parts.values():
+            opened.close()
+        raise
+    return SeveralBuses(parts, {nest.node: nest.bus for nest in settings.nests if nest.bus is not None})

@@ -1,7 +1,9 @@
 """The simulated fixture: a virtual bus on virtual time, a positioner in numbers, and devices that sense its physics."""
 
+import threading
 from collections.abc import Sequence
 from functools import cache, partial
+from typing import cast
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from station.adapters.clock import SystemClock, VirtualClock
 from station.adapters.positioner.simulated import SimulatedPositioner
 from station.adapters.simulated_device import device_fault
 from station.adapters.simulated_device.device import SimulatedDevice, Timing, received_ids
+from station.adapters.simulated_device.live import POLL_S, Hub
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.adapters.simulated_device.stream import SimulatedSensor
 from station.config.documents import Document
@@ -19,11 +22,12 @@ from station.config.settings import Settings
 from station.domain.core.types import Frames, NestAssignment
 from station.domain.product.product import serial_of
 from station.domain.recipe.plan import PlannedVisit
-from station.errors import ProductError
+from station.errors import ProductError, UsageError
 from station.model.effect import Effect
 from station.model.rig import Rig
 from station.model.simulate import SimulationJob, parse_effect
-from station.ports.bus import Endpoint
+from station.ports.bus import Bus, Endpoint
+from station.ports.clock import Clock
 from station.ports.positioner import Positioner
 from station.service.station import Job
 from station.wiring.driven_fixture import DrivenFixture
@@ -43,16 +47,16 @@ BUS_PREFIX, GOLD_SERIAL = "BUS/", "GOLD"
 class SimulatedFixture:
     """Everything that `station run --simulate` needs in place of a bench."""
 
+    timing = Timing(block_s=BLOCK_S)
+
     def __init__(self, settings: Settings, document: Document, job: Job, source: Source, order: RunOrder) -> None:
         if source.eds is None:
             raise ProductError("product-without-eds", file=str(source.product))
         self._settings, self._job, self._order = settings, job, order
-        # The record's dates are today's; nothing that is computed depends on them.
-        self.clock = VirtualClock(SystemClock().epoch_ns())
-        self.bus = SimulatedBus(self.clock)
+        self.clock, self.bus = self._world()
         self.positioner: Positioner
         if settings.positioner.kind == "cia402":
-            self.positioner = driven = DrivenFixture(settings, document, self.clock, self.bus, self._go, self._arrived)
+            self.positioner = driven = self._driven(settings, document)
             plate = driven.plate
         else:
             numbers = SimulatedPositioner(self._positioner_settings(document), self.clock, self._go)
@@ -61,15 +65,39 @@ class SimulatedFixture:
         self._rig = Rig(SimulationJob(job.recipe, (), order.seed, effects, load_model(order.model)), plate)
         for text in order.faults:
             if text.startswith(BUS_PREFIX):
-                self.bus.break_wire(text.removeprefix(BUS_PREFIX))
+                self._break_wire(text.removeprefix(BUS_PREFIX))
         self._faults = [_parse_fault(text) for text in order.faults if not text.startswith(BUS_PREFIX)]
         self._devices: list[tuple[SimulatedDevice, _DisturbedEndpoint]] = []
         self._dictionary = cache(partial(eds.load, source.eds, used=frozenset()))  # a long batch places many units
 
+    def _world(self) -> tuple[Clock, Bus]:
+        """Time and bus. The record's dates are today's; nothing that is computed depends on them."""
+        self._events = VirtualClock(SystemClock().epoch_ns())
+        self._virtual = SimulatedBus(self._events)
+        return self._events, self._virtual
+
+    def _driven(self, settings: Settings, document: Document) -> DrivenFixture:
+        return DrivenFixture(settings, document, self._events, self._virtual, self._go, self._arrived)
+
+    def close(self) -> None:
+        """Nothing runs on behind a virtual bus."""
+
+    def _break_wire(self, fault: str) -> None:
+        self._virtual.break_wire(fault)
+
+    def _attach(self, device: SimulatedDevice) -> None:
+        self._events.attach(device)
+
+    def _detach(self, device: SimulatedDevice) -> None:
+        self._events.detach(device)
+
+    def _endpoint(self, can_ids: tuple[int, ...]) -> Endpoint:
+        return self._virtual.endpoint(can_ids)
+
     def place(self, seats: Sequence[NestAssignment]) -> None:
         """Takes the old units out, and puts a new device for each seat into its nest."""
         for device, channel in self._devices:
-            self.clock.detach(device)
+            self._detach(device)
             channel.close()
         labels = {"station": self._settings.station, "operator": self._settings.operator, "lot": self._settings.lot}
         self._rig.load(
@@ -81,7 +109,7 @@ class SimulatedFixture:
         if self._job.gold_node is not None:
             self._devices.append(self._gold(seats[0].nest, self._job.gold_node))
         for device, _ in self._devices:
-            self.clock.attach(device)
+            self._attach(device)
 
     def _device(self, seat: NestAssignment) -> "tuple[SimulatedDevice, _DisturbedEndpoint]":
         sheet, folder = self._job.recipe.device, self._order.device_state
@@ -117,14 +145,14 @@ class SimulatedFixture:
         memory: NonVolatileMemory,
         faults: list[device_fault.InjectedFault],
     ) -> "tuple[SimulatedDevice, _DisturbedEndpoint]":
-        channel = _DisturbedEndpoint(self.bus.endpoint(received_ids(node)), self._rig, nest)
+        channel = _DisturbedEndpoint(self._endpoint(received_ids(node)), self._rig, nest)
         device = SimulatedDevice(
             channel,
             self.clock,
             self._dictionary(node),
             self._job.product.map,
             sensor,
-            timing=Timing(block_s=BLOCK_S),
+            timing=self.timing,
             serial=serial,
             memory=memory,
             faults=faults,
@@ -142,6 +170,79 @@ class SimulatedFixture:
 
     def _go(self, stop: PlannedVisit, departs_s: float, arrives_s: float) -> None:
         self._rig.go(stop, departs_s, arrives_s)
+
+
+class Rehearsal(SimulatedFixture):
+    """The simulated fixture in real time, its devices on a real bus: `bus` is the station's end of it, `far` theirs.
+
+    A thread of its own serves the devices; it begins with the first load and ends with `close`.
+    """
+
+    timing = Timing(turnaround_s=0.0)
+
+    def __init__(
+        self,
+        settings: Settings,
+        document: Document,
+        job: Job,
+        source: Source,
+        order: RunOrder,
+        *,
+        near: Bus,
+        far: Bus,
+    ) -> None:
+        self._near, self._far_bus = near, far
+        nodes = [nest.node for nest in settings.nests] + ([] if job.gold_node is None else [job.gold_node])
+        can_ids = tuple(sorted({i for node in nodes for i in received_ids(node)}))
+        self._hub = Hub(cast(Endpoint, far.service(can_ids)))
+        self._served: list[SimulatedDevice] = []
+        self._changing, self._ended = threading.Lock(), threading.Event()
+        self._thread: threading.Thread | None = None
+        super().__init__(settings, document, job, source, order)
+
+    def place(self, seats: Sequence[NestAssignment]) -> None:
+        """As in simulated time; the devices live from now on."""
+        with self._changing:
+            super().place(seats)
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._serve, name="rehearsal", daemon=True)
+            self._thread.start()
+
+    def close(self) -> None:
+        """Ends the devices' thread and their end of the bus."""
+        self._ended.set()
+        if self._thread is not None:
+            self._thread.join(5.0)
+        self._far_bus.close()
+
+    def _serve(self) -> None:
+        clock = SystemClock()
+        while not self._ended.is_set():
+            with self._changing:
+                now_s = clock.monotonic_s()
+                for device in self._served:
+                    device.act(now_s)
+                due_s = min((d.next_due_s() for d in self._served), default=now_s + POLL_S)
+            self._hub.wait(min(max(due_s - clock.monotonic_s(), 0.0), POLL_S))
+
+    def _world(self) -> tuple[Clock, Bus]:
+        return SystemClock(), self._near
+
+    def _attach(self, device: SimulatedDevice) -> None:
+        self._served.append(device)
+
+    def _detach(self, device: SimulatedDevice) -> None:
+        self._served.remove(device)
+
+    def _endpoint(self, _can_ids: tuple[int, ...]) -> Endpoint:
+        return self._hub.endpoint()
+
+    def _driven(self, settings: Settings, document: Document) -> DrivenFixture:
+        del document
+        raise UsageError("rehearsal-positioner", kind=settings.positioner.kind)
+
+    def _break_wire(self, fault: str) -> None:
+        raise UsageError("rehearsal-without-wire", fault=fault[:60])
 
 
 class _DisturbedEndpoint:

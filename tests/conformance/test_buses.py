@@ -1,6 +1,10 @@
 """One suite over every bus of this process; the kernel's is in tests/vcan/guest/test_bus_conformance.py."""
 
+import os
+import uuid
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
@@ -9,15 +13,19 @@ from station import plugins
 from station.adapters.bus import write_log
 from station.adapters.bus._messages import to_message
 from station.adapters.bus._python_can import mf4
+from station.adapters.bus._several import SeveralBuses
+from station.adapters.bus.python_can import PythonCan
 from station.adapters.bus.replay import ReplayBus
 from station.adapters.bus.simulated import SimulatedBus
-from station.adapters.clock import VirtualClock
+from station.adapters.clock import SystemClock, VirtualClock
 from station.domain.core.types import Frames
+from station.errors import ConfigError
+from station.messages import render
 from tests.conformance.bus_suite import BusSuite, Rig, rows_of
 
 
 def test_every_bus_is_under_the_suite() -> None:
-    assert set(plugins.names("station.adapters.bus")) == {"replay", "simulated", "socketcan"}
+    assert set(plugins.names("station.adapters.bus")) == {"python-can", "replay", "simulated", "socketcan"}
 
 
 class _SimulatedRig(Rig):
@@ -45,6 +53,87 @@ class TestSimulated(BusSuite):
     @pytest.fixture
     def rig(self) -> Rig:
         return _SimulatedRig()
+
+
+class _PythonCanRig(Rig):
+    """Another python-can bus on the same channel sends; the station's takes now and then: no queue overflows."""
+
+    own_times = False
+
+    def __init__(self, driver: str) -> None:
+        self.driver, self.opened = driver, list[Any]()
+
+    def bus(self, coming: Frames) -> PythonCan:
+        channel = f"station-{uuid.uuid4()}" if self.driver == "virtual" else "239.74.163.2"
+        settings = PythonCan.Settings(driver=self.driver, options=self._options())
+        self._bus, self._frames = PythonCan.open(channel, SystemClock(), settings), coming
+        self._peer = can.Bus(
+            channel, interface=self.driver, ignore_config=True, **self._options()
+        )  # stamps 0: those of arrival count
+        self.opened += [self._bus, self._peer]
+        return self._bus
+
+    def play(self) -> None:
+        for row, (can_id, data) in enumerate(rows_of(self._frames)):
+            self._peer.send(to_message(can_id, data, 0.0, int(self._frames.length[row])))
+            if row % 100 == 99:
+                self._bus.take(0.0)
+
+    def close(self) -> None:
+        """Both sides."""
+        for bus in self.opened:
+            bus.close() if isinstance(bus, PythonCan) else bus.shutdown()
+
+    def _options(self) -> dict[str, Any]:
+        return {} if self.driver == "virtual" else {"port": 43_000 + os.getpid() % 1000, "hop_limit": 0}
+
+
+class TestPythonCan(BusSuite):
+    """Interfaces of python-can that need no hardware."""
+
+    @pytest.fixture(params=["virtual", "udp_multicast"])
+    def rig(self, request: pytest.FixtureRequest) -> Iterator[Rig]:
+        rig = _PythonCanRig(request.param)
+        yield rig
+        rig.close()
+
+
+def test_several_buses_are_one_fixture() -> None:
+    """A node is asked on its own bus, the others do not hear it; what comes is in the order of time."""
+    clock, names = SystemClock(), ("left", "right")
+    channels = {name: f"station-{uuid.uuid4()}" for name in names}
+    settings = PythonCan.Settings(driver="virtual")
+    near = {name: PythonCan.open(channel, clock, settings) for name, channel in channels.items()}
+    far = {name: PythonCan.open(channel, clock, settings) for name, channel in channels.items()}
+    fixture = SeveralBuses(near, {17: "left", 18: "right"})
+    service, stream = fixture.service(()), fixture.stream((0x191, 0x192))
+    heard = {name: bus.service(()) for name, bus in far.items()}
+    service.send(0x612, b"for 18")
+    service.send(0x000, bytes([1, 17]))
+    service.send(0x080, b"")
+    assert rows_of(heard["left"].receive(0.2)) == [(0x000, bytes([1, 17])), (0x080, b"")]
+    assert rows_of(heard["right"].receive(0.2)) == [(0x612, b"for 18"), (0x080, b"")]
+    heard["right"].send(0x192, b"2")
+    heard["left"].send(0x191, b"1")
+    parts = [stream.receive(0.2), stream.receive(0.05)]
+    assert sorted(rows_of(Frames.join(parts))) == [(0x191, b"1"), (0x192, b"2")]
+    assert fixture.state() == "active" and stream.drops() == 0
+    fixture.close()
+    for bus in far.values():
+        bus.close()
+
+
+def test_what_an_interface_cannot_tell_is_said() -> None:
+    bus = PythonCan.open(f"station-{uuid.uuid4()}", SystemClock(), PythonCan.Settings(driver="virtual"))
+    assert "frames that adapter or driver lose are not counted" in render(bus.limits)
+    bus.close()
+
+
+@pytest.mark.parametrize(("driver", "sentence"), [("pcan", "pcan cannot open channel"), ("slcan", "slcan cannot open")])
+def test_an_adapter_that_is_not_there_is_one_sentence(driver: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence) as refused:
+        PythonCan.open("/dev/no-such-adapter", SystemClock(), PythonCan.Settings(driver=driver))
+    assert len(refused.value.sentence) < 400
 
 
 class _ReplayRig(Rig):
