@@ -9,7 +9,7 @@ from station.errors import InputError
 #: Folder → the schema that its files do not have; so much of a file is read for it.
 _OTHERS = {"dbc": b"schema: station.recipe/", "recipes": b"schema: station.product/"}
 _HEAD_BYTES = 4096
-#: The gallery of published devices, in the folder of the products.
+#: The gallery of published devices, among the products.
 EXAMPLES = "examples"
 _PACKAGE = Path(station.__file__).parent
 
@@ -51,7 +51,7 @@ def _folders(folder: str, near: Path | None) -> Iterable[Path]:
         yield near.parent
         yield near.parent / folder
         yield near.parent.parent / folder
-        yield near.parent / folder / EXAMPLES
-    for place in (Path(folder), shipped_folder() / folder):
-        yield place
-        yield place / EXAMPLES
+    yield Path(folder)
+    yield shipped_folder() / folder
+    if folder == "dbc":
+        yield shipped_folder() / folder / EXAMPLES
