@@ -9,6 +9,7 @@ from station.diagnosis.data.faults import GrossFault, inspect
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
+from station.model.simulate import SimulationJob, simulate
 from tests.blind.bench import hide
 from tests.blind.hidden import KNOWN
 from tests.blind.inspection import diagnosis_of
@@ -211,3 +212,11 @@ def test_a_fault_of_frames_gains_a_frame_and_one_of_means_in_all() -> None:
     assert gain is not None
     assert gain.per == "frame"
     assert gain.log_score < gain.total
+
+
+@pytest.mark.parametrize("seed", [300, 301])
+def test_an_axis_noisier_than_the_others_is_no_tone(seed: int) -> None:
+    made = simulate(SimulationJob(recipe(), ("A", "B"), seed)).table
+    noise = np.random.default_rng(seed).standard_normal(len(made)) * 3 * np.std(np.diff(made.reading[:24, 2]))
+    loud = np.c_[made.reading[:, :2], made.reading[:, 2] + noise]
+    assert not inspect(recipe(), replace(made, reading=loud)).faults

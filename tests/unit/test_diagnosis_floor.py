@@ -1,16 +1,20 @@
 """The floor: variances come back as they were put in, the bounds hold, and known columns cost what they must."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from station.config.recipes import load_recipe
-from station.diagnosis.data.reduce import clip_outliers
+from station.diagnosis.data.reduce import clip_outliers, reduce_samples
 from station.diagnosis.linear import noise_floor as floors
 from station.diagnosis.linear.grid import VisitGrid
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns, residual_space
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.model.simulate import SimulationJob, parse_effects, simulate
 from station.model.timeline import noise_density_of
 from tests.blind.inspection import diagnosis_of
+from tests.blind.recipes import recipe
 
 UNITS, RUNS, STOPS, K = 4, 3, 24, 3
 
@@ -132,3 +136,20 @@ def test_a_wild_sample_among_few_is_calmed_and_motion_is_not() -> None:
         observed = noise + moving[:, None]
         # Five standard deviations: one normal sample in twenty thousand.
         assert np.count_nonzero(clip_outliers(observed, visit, np.ones(1), few) != observed) <= 3
+
+
+@pytest.mark.parametrize("loud", [1.0, 2.5])
+def test_each_axis_has_the_noise_of_its_samples(loud: float) -> None:
+    made = simulate(SimulationJob(recipe(1), ("A", "B"), 4)).table
+    rng = np.random.default_rng(4)
+    reading = made.reading + rng.standard_normal(made.reading.shape) * [4e-4, 4e-4, 4e-4 * loud]
+    problem = initial_problem(reduce_samples(recipe(1), replace(made, reading=reading)), FloorAllowance())
+    share = problem.view.reduced.axis_noise
+    assert np.mean(share**2) == pytest.approx(1.0)
+    if loud == 1.0:
+        # 1,200 differences: chance alone parts the axes by some percent, of which hardly any is believed.
+        assert share == pytest.approx(np.ones(3), abs=0.06)
+        return
+    assert share[2] / share[:2] == pytest.approx([loud, loud], rel=0.25)
+    variance = problem.structure.visit_variance(np.array([1.0, 0.0, 0.0])).reshape(-1, 3)
+    assert variance[:, 2] / variance[:, 0] == pytest.approx((share[2] / share[0]) ** 2 * np.ones(len(variance)))

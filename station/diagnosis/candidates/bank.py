@@ -318,7 +318,7 @@ class Bank:
         if not self.moving:
             return layout.columns(stop, None, units)
         inside = np.concatenate([m.candidate.dwell[stops] for m in self.made if m.candidate.dwell is not None], axis=3)
-        dwell = layout.within(inside, stops) / layout.sigma
+        dwell = layout.scaled(inside, stops)
         return layout.columns(
             stop, self._scatter_to_groups(dwell.reshape(len(dwell), -1, dwell.shape[-1]), stops), units
         )

@@ -7,7 +7,7 @@ are orthogonal to it: a cause that stands still during a dwell shows in the mean
 contrasts, and the noise of the two is independent.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -25,6 +25,9 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(4) * np.array([[np.sqrt(3.0)], 
 #: Huber's constant: 99 % efficient under Gauss; a t₅ tail is bounded.
 HUBER_K = 2.0
 MAD_PER_SIGMA = 0.6745
+#: Variance of the logarithm of a noise's square by the median of n differences, times n; and by how much, in such
+#: logarithms, an axis may be noisier than the others.
+MEDIAN_LOG_VARIANCE, MAX_LOG_VARIANCE = 8.0, 3.0
 #: In a block of fewer samples no mean can tell a wild one from the rest.
 MIN_HUBER_SAMPLES = 7
 #: Samples looked at together: enough to be fast, few enough for a processor's cache.
@@ -37,7 +40,8 @@ class ReducedScene:
 
     scene: one row a stop, at its mean time; fine: rows (v · B · nodes) inside the blocks, for causes that move
     during a dwell; mean (v, 3); contrast (v, B−1, 3), scaled so that it has the noise of a single sample;
-    count (v, B) samples in each block; sigma: noise of a sample, from one to the next; rate_error (v, modes): by what
+    count (v, B) samples in each block; sigma: noise of a sample, from one to the next, and axis_noise (3) that of each
+    axis beside it, 1 where nothing shows that they differ; rate_error (v, modes): by what
     the rate of temperature may be wrong, degC/s, each mode times a standard normal number a run.
     """
 
@@ -48,6 +52,7 @@ class ReducedScene:
     count: Floats
     sigma: float
     rate_error: Floats | None = None
+    axis_noise: Floats = field(default_factory=lambda: np.ones(3))
 
     def reduce_fine(self, rows: Floats) -> tuple[Floats, Floats]:
         """Mean (v, 3) and contrasts (v, B−1, 3) of values on the rows of `fine` (v · B · nodes, 3)."""
@@ -77,7 +82,8 @@ def reduce_samples(recipe: Recipe, table: SampleTable) -> ReducedScene:
     mean, contrast = mean_and_contrasts(means.reshape(*count.shape, 3), count)
     scene = _rows_of(full, stops)
     noise = float(np.sqrt(np.mean(sigma**2)))
-    return ReducedScene(scene, _fine(full, scene, cell), mean, contrast, count, noise, _rate_error(scene))
+    axes = _axis_noise(sigma, len(table) - stops)
+    return ReducedScene(scene, _fine(full, scene, cell), mean, contrast, count, noise, _rate_error(scene), axes)
 
 
 def _rate_error(scene: Scene) -> Floats | None:
@@ -168,6 +174,19 @@ def _noise(reading: Floats, visit: NDArray[np.intp]) -> Floats:
         return np.zeros(3)
     robust = np.median(near, axis=0) / MAD_PER_SIGMA
     return np.asarray(np.where(robust > 0, robust, np.sqrt(np.mean(near**2, axis=0))) / np.sqrt(2))
+
+
+def _axis_noise(sigma: Floats, differences: int) -> Floats:
+    """Noise of each axis (3) beside the rms of all, from that of a sample; drawn to 1 as far as chance alone makes them
+    differ (James and Stein), and no further apart than noise of one kind may be."""
+    if np.any(sigma <= 0) or differences < 1:
+        return np.ones(3)
+    logs = 2 * np.log(sigma)
+    apart = logs - logs.mean()
+    # Two degrees of freedom; the variance of the logarithm of a squared median of differences is some 8 / n.
+    shrunk = max(0.0, 1 - 2 * MEDIAN_LOG_VARIANCE / differences / max(float(apart @ apart), 1e-300))
+    variance = np.exp(np.clip(shrunk * apart, -MAX_LOG_VARIANCE, MAX_LOG_VARIANCE))
+    return np.asarray(np.sqrt(variance / variance.mean()))
 
 
 def _since_first(full: Scene, stops: int) -> tuple[Floats, Floats]:

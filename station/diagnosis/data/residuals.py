@@ -71,7 +71,8 @@ class ResidualView:
     @property
     def layout(self) -> RowLayout:
         """How numbers of the stops become rows."""
-        return RowLayout(self.grid, self.keep, self.sigma, self.scene.visits.unit.code)
+        sigma = self.sigma * self.reduced.axis_noise if self.grid.k == 3 else self.sigma
+        return RowLayout(self.grid, self.keep, sigma, self.scene.visits.unit.code)
 
     def rows(self, stop: Floats, dwell: Floats | None) -> DataColumns:
         """Columns of readings (v, 3, c) and contrasts (v, B−1, 3, c) laid out by unit."""
@@ -158,7 +159,8 @@ def initial_view(reduced: ReducedScene, matrix: bool = False) -> ResidualView:
 def with_contrast_noise(view: ResidualView) -> ResidualView:
     """The view with the noise of a contrast as it now is: that from one sample to the next, or more where slower
     noise adds to the quietest contrast."""
-    contrast = np.moveaxis(view.layout.within(view.reduced.contrast - view.simulated()[1]), 1, 0)
+    axes = replace(view, sigma=1.0).layout
+    contrast = np.moveaxis(axes.scaled((view.reduced.contrast - view.simulated()[1])[..., None])[..., 0], 1, 0)
     there = [np.abs(c[c != 0]) for c in contrast]
     slow = min((float(np.median(c)) / MAD_PER_SIGMA for c in there if c.size), default=0.0)
     return replace(view, sigma=max(view.reduced.sigma, slow) or 1.0)

@@ -62,18 +62,18 @@ class VisitGrid:
 @dataclass(frozen=True, slots=True, eq=False)
 class RowLayout:
     """How numbers of the stops (v) become rows: the grid; keep (v, k, 3) from readings to numbers kept; sigma of a
-    contrast; unit (v) of each stop."""
+    contrast, of each axis (3) where they differ; unit (v) of each stop."""
 
     grid: VisitGrid
     keep: Floats
-    sigma: float
+    sigma: float | Floats
     unit: Array
 
     def rows(self, stop: Floats, dwell: Floats | None) -> DataColumns:
         """Columns of readings (v, 3, c) and contrasts (v, B−1, 3, c) laid out by unit."""
         if dwell is not None:
-            dwell = self.within(dwell)
-            dwell = dwell.reshape(len(dwell), -1, dwell.shape[-1]) / self.sigma
+            dwell = self.scaled(dwell)
+            dwell = dwell.reshape(len(dwell), -1, dwell.shape[-1])
         return self.columns(self.keep @ stop, dwell)
 
     def columns(self, retained: Floats, dwell: Floats | None, units: slice = ALL_UNITS) -> DataColumns:
@@ -83,6 +83,10 @@ class RowLayout:
             return DataColumns(grid.spread(retained))
         inside = VisitGrid(grid.slot, dwell.shape[1]).spread(dwell)
         return DataColumns(grid.spread(retained), inside.reshape(grid.units, -1, dwell.shape[-1]))
+
+    def scaled(self, dwell: Floats, stops: slice = ALL_UNITS) -> Floats:
+        """Contrasts (v, B−1, 3, c) as `within` has them, in units of their noise."""
+        return np.asarray(self.within(dwell, stops) / np.reshape(self.sigma, (-1, 1)))
 
     def within(self, dwell: Floats, stops: slice = ALL_UNITS) -> Floats:
         """Contrasts (v, B−1, 3, …) as they are, or along the stimulus alone (v, B−1, 1, …) where a hand may turn."""

@@ -57,7 +57,18 @@ class FloorAllowance:
 
 
 def initial_problem(reduced: ReducedScene, allowance: FloorAllowance, *, matrix: bool = False) -> ScoringProblem:
-    """The problem before any cause is known."""
+    """The problem before any cause is known: each axis with the noise that its samples have, or all with the same,
+    whichever makes the visits' means the likelier."""
+    even = replace(reduced, axis_noise=np.ones(3))
+    problems = [_plain_problem(even, allowance, matrix=matrix)]
+    if reduced.scene.recipe.pose_known and not np.array_equal(reduced.axis_noise, even.axis_noise):
+        problems.append(_plain_problem(reduced, allowance, matrix=matrix))
+        return max(problems, key=lambda problem: problem.fit().space.profile)
+    return problems[0]
+
+
+def _plain_problem(reduced: ReducedScene, allowance: FloorAllowance, *, matrix: bool) -> ScoringProblem:
+    """The problem under one division of the noise between the axes."""
     view = initial_view(reduced, matrix)
     known, places = nuisance_of(view, (), matrix)
     setting = ScoringSetting(view.layout, _structure(view), known, view.readings())
@@ -69,10 +80,11 @@ def _structure(view: ResidualView) -> FloorStructure:
     turn = np.einsum("vki,via->vka", view.keep, view.signature(Repeatability.example())[0])
     steps = view.signature(BiasWalk.example())[0][:, 0, 0]
     weight = view.reduced.count.sum(1)
+    share = view.reduced.axis_noise**2 if view.grid.k == 3 else np.ones(1)
     # A length does not change when the part turns; what rounding leaves of that is no structure.
     turn = turn if view.grid.k == 3 else np.zeros_like(turn)
     project = view.keep if view.grid.k == 1 else np.broadcast_to(np.eye(3), view.keep.shape)
-    return floor_structure(view.grid, weight / weight.mean(), turn, np.round(steps), project)
+    return floor_structure(view.grid, (weight / weight.mean())[:, None] / share, turn, np.round(steps), project)
 
 
 def visit_interval_s(view: ResidualView) -> float:

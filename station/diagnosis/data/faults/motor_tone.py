@@ -33,6 +33,8 @@ BACKGROUND_BINS, LINE_BINS = 12, 2
 MIN_FILTER_VISITS = 8
 #: What the second half of a dwell may hold less of a tone, in standard deviations, and the least share that it must.
 LASTING_SIGMA, MIN_LASTING_SHARE = 3.0, 0.25
+#: The least noise of an axis beside the noisiest one.
+MIN_AXIS_NOISE = 0.1
 #: Samples whose spectrum is taken at once.
 SAMPLES_AT_ONCE = 50_000
 
@@ -85,8 +87,8 @@ class WhiteDwells:
         return np.asarray(self.time_s[:, 0])
 
 
-def white_dwells(table: SampleTable, stop: NDArray[np.intp], rate_hz: float) -> tuple[WhiteDwells, float]:
-    """The stops' samples without their slow course, and their noise."""
+def white_dwells(table: SampleTable, stop: NDArray[np.intp], rate_hz: float) -> tuple[WhiteDwells, Floats]:
+    """The stops' samples without their slow course, and the noise (3) of each axis."""
     first = np.flatnonzero(np.diff(stop, prepend=-1))
     length = np.diff(np.append(first, len(stop)))
     at = np.repeat(np.arange(len(first)), length), np.arange(len(stop)) - np.repeat(first, length)
@@ -97,9 +99,11 @@ def white_dwells(table: SampleTable, stop: NDArray[np.intp], rate_hz: float) -> 
     curve[at] = np.stack([share**k for k in range(4)], 1)
     clean = TransientFilter(curve, *_moves(table, first, length))
     flat = clean(reading)
-    sigma = float(np.median(np.abs(flat[at]))) / 0.6745
+    sigma = np.median(np.abs(flat[at]), axis=0) / 0.6745
+    # An axis whose samples hardly ever differ has the others' scale.
+    sigma = np.where(sigma > MIN_AXIS_NOISE * sigma.max(), sigma, sigma.max())
     motor = np.add.reduceat(table.values["motor"], first) / length
-    return WhiteDwells(flat / max(sigma, 1e-300), reading, time, motor, rate_hz, clean), sigma
+    return WhiteDwells(flat / np.maximum(sigma, 1e-300), reading, time, motor, rate_hz, clean), sigma
 
 
 def _moves(
@@ -316,40 +320,40 @@ def _tone(d: WhiteDwells, frequency_hz: float) -> Tone:
     return Tone(frequency_hz, waves, c, bend, power_per_visit(waves, d.white))
 
 
-def _fault(tone: Tone, d: WhiteDwells, sigma: float, nats: float, recipe: Recipe) -> GrossFault:
+def _fault(tone: Tone, d: WhiteDwells, sigma: Floats, nats: float, recipe: Recipe) -> GrossFault:
     """Amplitude of each axis, frequency and phase."""
     gain = tone.held_out_gain(d)
     if not tone.coherent:
         return replace(_incoherent_fault(d, tone.frequency_hz, sigma, nats, recipe), gain=gain)
     c, waves, frequency_hz = tone.c, tone.waves, tone.frequency_hz
-    strong = int(np.argmax(np.hypot(*c)))
+    strong = int(np.argmax(np.hypot(*c) * sigma))
     phase = float(np.arctan2(c[1, strong], c[0, strong]) % (2 * np.pi))
     along = c[0] * np.cos(phase) + c[1] * np.sin(phase)
     std = sigma / np.sqrt(max(float(np.sum(waves[0] ** 2)) / 3, 1e-300))
     numbers = [
-        FaultParameter("amplitude", axis, "common", float(a * sigma), float(std), recipe.unit)
-        for axis, a in zip("xyz", along, strict=True)
+        FaultParameter("amplitude", axis, "common", float(a), float(s), recipe.unit)
+        for axis, a, s in zip("xyz", along * sigma, std, strict=True)
     ]
     frequency_std = float(1 / np.sqrt(max(float(np.sum(tone.bend**2)), 1e-300)))
     numbers.append(FaultParameter("frequency", None, "common", frequency_hz, frequency_std, "Hz"))
-    numbers.append(FaultParameter("phase", None, "common", phase, float(std / (sigma * np.hypot(*c)[strong])), "rad"))
+    numbers.append(FaultParameter("phase", None, "common", phase, float((std / (sigma * np.hypot(*c)))[strong]), "rad"))
     sentence = f"a tone of {frequency_hz:.3f} Hz follows the motors"
     return GrossFault("motor-tone", "common", tuple(numbers), sentence, nats, gain=gain)
 
 
-def _incoherent_fault(d: WhiteDwells, frequency_hz: float, sigma: float, nats: float, recipe: Recipe) -> GrossFault:
+def _incoherent_fault(d: WhiteDwells, frequency_hz: float, sigma: Floats, nats: float, recipe: Recipe) -> GrossFault:
     """Amplitude of each axis and frequency where every stop has a phase of its own: the motors are not in step."""
     # What a unit's stops have in common mixes their phases: each stop stands for itself here.
     alone = replace(d.filter, units=())
-    d = replace(d, white=alone(d.reading) / max(sigma, 1e-300), filter=alone)
+    d = replace(d, white=alone(d.reading) / np.maximum(sigma, 1e-300), filter=alone)
     resolution = d.rate_hz / (OVERSAMPLING * d.white.shape[1])
     tried = frequency_hz + resolution * np.linspace(-1, 1, 41)
     frequency_hz = float(tried[np.argmax(_power(d, tried).sum(1))])
     angle = 2 * np.pi * frequency_hz * d.time_s
     found = power_per_visit(np.stack([_filtered(d, np.sin(angle)), _filtered(d, np.cos(angle))]), d.white)
     numbers = [
-        FaultParameter("amplitude", axis, "common", float(a * sigma), float(std * sigma), recipe.unit)
-        for axis, a, std in zip("xyz", found.amplitude, found.amplitude_std, strict=True)
+        FaultParameter("amplitude", axis, "common", float(a), float(std), recipe.unit)
+        for axis, a, std in zip("xyz", found.amplitude * sigma, found.amplitude_std * sigma, strict=True)
     ]
     numbers.append(FaultParameter("frequency", None, "common", frequency_hz, resolution / 10, "Hz"))
     return GrossFault(
