@@ -213,6 +213,9 @@ class LogReader(Protocol):
     def events(self, after: int = 0, limit: int = 1000) -> list[EventRecord]:
         """Events with numbers beyond `after`, oldest first: call again with the last one's number."""
 
+    def station_events(self, kind: str, newest: int) -> list[EventRecord]:
+        """The newest events of the station itself of one kind, oldest first."""
+
     def changes(self, after: int = 0, limit: int = 1000) -> list[LogChange]:
         """Records of attempts with numbers beyond `after`, oldest first: what a page needs to stay up to date."""
 

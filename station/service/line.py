@@ -16,10 +16,9 @@ from station.ports.positioner import Positioner
 from station.ports.store import Store
 from station.service.handover import Handover
 from station.service.load_journal import StoreLoadJournal
+from station.service.shift_effectiveness import START_EVENT, STATE_EVENT
 from station.service.stop_request import StopRequest
 
-#: Kind of the station's events that say each change of the outer state.
-STATE_EVENT = "packml"
 #: Between two looks at the cell, s.
 POLL_S = 0.2
 
@@ -101,6 +100,9 @@ class Line:
 
     def run(self) -> Iterator[LineEvent]:
         """Until it is complete, or stopped from here."""
+        given = self._settings
+        shifts = {"shift_h": given.shift_h, "shift_begins_h": given.shift_begins_h, "ideal_s": given.ideal_s}
+        self._ports.store.event("", START_EVENT, {"state": int(self.state), **shifts})
         yield StateEntered(self.state, "", self._why)
         while not self._over():
             command = self._wanted()

@@ -12,6 +12,7 @@ from station.reporting.line.statistics import (
     values_of,
     yields_by_split,
 )
+from station.service.shift_effectiveness import shift_effectiveness
 
 
 class StatisticsCache(Protocol):
@@ -36,6 +37,7 @@ def gather_statistics(log: LogReader, query: Query, most: int, known: Statistics
         attempts=tuple(m for m, _ in lives),
         yields=yields_by_split(known.yields(log, query) if known else log.yields(query, "cell")),
         reasons=dict(reasons.most_common(12)),
+        shifts=shift_effectiveness(log, query),
     )
 
 

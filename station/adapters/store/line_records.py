@@ -1,8 +1,8 @@
 """What a line asks of its own log: the newest events of the station of one kind, and the verdicts of a unit since."""
 
-import json
 import sqlite3
-from typing import Any
+
+from station.ports.log_reader import EventRecord
 
 #: The index of events by attempt serves it: the station's own have none.
 _EVENTS = "SELECT seq, at_ns, detail FROM event WHERE attempt IS NULL AND kind = ? ORDER BY seq DESC LIMIT ?"
@@ -11,10 +11,10 @@ _OUTCOMES = """SELECT f.outcome FROM attempt a JOIN finish f ON f.attempt = a.se
     WHERE a.serial = ? AND a.nest = ? AND a.seq > ? ORDER BY a.seq"""
 
 
-def newest_events(db: sqlite3.Connection, kind: str, newest: int) -> list[tuple[int, int, dict[str, Any]]]:
-    """Number, instant (ns since 1970) and detail of the newest of a kind, oldest first."""
+def newest_events(db: sqlite3.Connection, kind: str, newest: int) -> list[EventRecord]:
+    """The newest events of the station of a kind, oldest first."""
     rows = db.execute(_EVENTS, (kind, newest)).fetchall()
-    return [(int(number), int(at_ns), json.loads(detail)) for number, at_ns, detail in reversed(rows)]
+    return [EventRecord(number, "", at_ns, kind, detail) for number, at_ns, detail in reversed(rows)]
 
 
 def outcomes(db: sqlite3.Connection, serial: str, nest: str, beyond: int) -> list[str]:

@@ -5,7 +5,18 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Self
 
-from station.adapters.store import archive, audit_document, changes, file, recent, reduced, search, unfinished, verify
+from station.adapters.store import (
+    archive,
+    audit_document,
+    changes,
+    file,
+    line_records,
+    recent,
+    reduced,
+    search,
+    unfinished,
+    verify,
+)
 from station.adapters.store.log_anchors import acknowledgements
 from station.adapters.store.sqlite_errors import translate_errors
 from station.adapters.store.yields import yields
@@ -83,6 +94,11 @@ class SqliteLogReader:
             LEFT JOIN attempt a ON a.seq = e.attempt WHERE e.seq > ? ORDER BY e.seq LIMIT ?"""
         with self._errors_named():
             return [EventRecord(*row) for row in self.db.execute(query, [after, limit])]
+
+    def station_events(self, kind: str, newest: int) -> list[EventRecord]:
+        """The newest events of the station itself of one kind, oldest first."""
+        with self._errors_named():
+            return line_records.newest_events(self.db.conn, kind, newest)
 
     def changes(self, after: int = 0, limit: int = 1000) -> list[LogChange]:
         """Records of attempts with numbers beyond `after`, oldest first: what a page needs to stay up to date."""

@@ -1,6 +1,7 @@
 """The log as a SQLite file: every method of the store port is one durable transaction of sealed records."""
 
 import hashlib
+import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -208,7 +209,8 @@ class SqliteStore:
     def station_events(self, kind: str, newest: int) -> Sequence[tuple[int, int, Mapping[str, Any]]]:
         """The newest events of the station itself of one kind, oldest first."""
         with self._turn, translate_errors(StoreFault, self.path, "read"):
-            return line_records.newest_events(self._db, plain_json.text(kind), newest)
+            found = line_records.newest_events(self._db, plain_json.text(kind), newest)
+        return [(event.number, event.at_ns, json.loads(event.detail)) for event in found]
 
     def outcomes(self, serial: str, nest: str, beyond: int) -> Sequence[str]:
         """Outcomes of the unit's finished attempts in that nest after that record, oldest first."""

@@ -6,6 +6,7 @@ from statistics import fmean
 
 import numpy as np
 
+from station.domain.cell.effectiveness import Effectiveness
 from station.domain.core.types import Floats
 from station.domain.line_quality import capability, spc
 from station.domain.records.stored_attempt import utc
@@ -46,8 +47,16 @@ def draw(line: LineStatistics, value: str, size: int, words: Words) -> Charts:
 
     say = words.term
     control, capability, problem = _control(line, value, size, say)
-    figures = [_yield(line, say), _pareto(line, words), _cycle(line, say), *control, *_tilts(line, say)]
-    tables = [*(_yields(by, line) for by in YIELD_SPLITS), *capability, _tilt_table(line)]
+    figures = [
+        _yield(line, say),
+        _effectiveness(line, say),
+        _pareto(line, words),
+        _cycle(line, say),
+        *control,
+        *_tilts(line, say),
+    ]
+    shifts = [_shift_table(line)] if line.shifts else []
+    tables = [*(_yields(by, line) for by in YIELD_SPLITS), *shifts, *capability, _tilt_table(line)]
     sentence = words.render(problem) if problem else ""
     return Charts(tuple(f for f in figures if f), tuple(_translated(table, say) for table in tables), sentence)
 
@@ -66,6 +75,51 @@ def _yield(line: LineStatistics, say: Translate) -> str:
     final = _shares(x, [d.final_yield for d in days], say("final"), 1)
     names = tuple(d.group for d in days)
     return svg(Figure(say("Yield by day"), "", say("yield, %"), (first, final), names, ((100.0, ""),))) if days else ""
+
+
+def _effectiveness(line: LineStatistics, say: Translate) -> str:
+    """Availability, performance and quality of the newest shifts."""
+    shifts = list(line.shifts)[-31:]
+    x = [float(i) for i in range(len(shifts))]
+    series = (
+        _shares(x, [s.availability for s in shifts], say("availability"), 0),
+        _shares(x, [s.performance if s.ideal_s > 0 else float("nan") for s in shifts], say("performance"), 1),
+        _shares(x, [s.quality for s in shifts], say("quality"), 2),
+    )
+    names = tuple(_shift_name(s) for s in shifts)
+    return svg(Figure(say("Effectiveness by shift"), "", "%", series, names, ((100.0, ""),))) if shifts else ""
+
+
+def _shift_name(shift: Effectiveness) -> str:
+    """When it began, UTC: day and hour."""
+    return utc(round(shift.from_s * 1e9))[:16].replace("T", " ")
+
+
+def _shift_table(line: LineStatistics) -> ChartTable:
+    columns = (
+        "shift",
+        "availability",
+        "performance",
+        "quality",
+        "OEE",
+        "units",
+        "held, s",
+        "suspended, s",
+        "aborted, s",
+    )
+    rows = tuple(
+        (
+            _shift_name(s),
+            _percent(s.availability),
+            _percent(s.performance) if s.ideal_s > 0 else "–",
+            _percent(s.quality),
+            _percent(s.oee) if s.ideal_s > 0 else "–",
+            str(s.units),
+            *(format_number(seconds, 4) for seconds in (s.held_s, s.suspended_s, s.aborted_s)),
+        )
+        for s in list(line.shifts)[-31:]
+    )
+    return ChartTable("Effectiveness by shift", columns, rows)
 
 
 def _shares(x: Sequence[float], shares: Sequence[float], name: str, colour: int) -> Series:

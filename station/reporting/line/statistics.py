@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from typing import Any
 
+from station.domain.cell.effectiveness import Effectiveness
 from station.domain.methods import coefficients
 from station.domain.recipe.blocks import Limits
 from station.domain.recipe.recipe import Recipe
@@ -35,12 +36,14 @@ class AttemptValues:
 
 @dataclass(frozen=True, slots=True)
 class LineStatistics:
-    """Everything that the charts show. attempts: oldest first; reasons: check → how often; recipe: the newest's."""
+    """Everything that the charts show. attempts: oldest first; reasons: check → how often; recipe: the newest's;
+    shifts: those of a line, oldest first."""
 
     recipe: Recipe | None
     attempts: tuple[AttemptValues, ...]
     yields: Mapping[str, Sequence[Yield]]
     reasons: Mapping[str, int] = field(default_factory=dict)
+    shifts: Sequence[Effectiveness] = ()
 
 
 def values_and_checks(stored: dict[str, Any]) -> tuple[AttemptValues, tuple[str, ...]]:
