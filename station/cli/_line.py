@@ -112,8 +112,9 @@ class _Shift:
         counts = _Counts()
         for event in self._line.run():
             if isinstance(event, StateEntered):
+                new = event.why if event.why != self._why else None
                 self._why = event.why
-                _output.print_remark(f"{event.state.label}{': ' + render(event.why) if event.why else ''}")
+                _output.print_remark(f"{event.state.label}{': ' + render(new) if new else ''}")
             else:
                 self._tell_step(event, counts)
             self._show()

@@ -183,6 +183,8 @@ class Line:
                 else:
                     self._pause()
             elif self.state in (State.RESETTING, State.STOPPING):
+                if self.state is State.RESETTING:
+                    self._ports.cell.view()  # a cell of another protocol is refused before anything moves
                 self._ports.positioner.park(self._park_s)
                 yield self._enter(None)
             elif self.state is State.UNHOLDING:

@@ -17,7 +17,7 @@ from pymodbus.client import ModbusTcpClient
 from station.adapters.cell.plc import PlcCell
 from station.adapters.clock import SystemClock
 from station.adapters.label_printer.zpl import ZplPrinter
-from station.adapters.line_servers import modbus
+from station.adapters.line_servers import modbus, opcua
 from station.adapters.line_servers.facts import facts_of
 from station.adapters.modbus import ModbusRegisters
 from station.adapters.positioner.plc import PlcPositioner
@@ -236,6 +236,45 @@ def test_a_line_controller_reads_the_state_and_commands_once() -> None:
         assert client.write_registers(2, [9]).isError()
         assert client.write_registers(100, [77, 10]).isError()
     assert sent == [Command.HOLD]
+
+
+def test_opc_ua_shows_state_units_and_results_and_takes_commands() -> None:
+    from asyncua.client.client import Client
+
+    document = {"state": 11, "station": "s", "recipe": "r/1", "load": 7, "loads": 3, "seconds": {}}
+    document["nests"] = [{"nest": "A", "serial": "SN1", "outcome": "FAIL"}]
+    facts, sent = facts_of(document, "Look at it.", alive=True), list[Command]()
+
+    async def serve(ready: Callable[[int], None]) -> None:
+        port = free_port()
+        address = f"opc.tcp://127.0.0.1:{port}"
+        await opcua.serve_nodes(address, lambda: facts, sent.append, lambda _: ready(port))
+
+    async def look(port: int) -> dict[str, Any]:
+        async with Client(f"opc.tcp://127.0.0.1:{port}") as client:
+            root = await client.nodes.objects.get_child(["2:CalibrationStation"])
+            machine = await root.get_child(["2:PackMLBaseStateMachine"])
+            await machine.call_method("2:Unhold")
+            await asyncio.sleep(0.5)
+            paths = {
+                "state": ["2:PackMLBaseStateMachine", "2:CurrentState"],
+                "why": ["2:PackMLBaseStateMachine", "2:Why"],
+                "item": ["2:MachineryBuildingBlocks", "2:MachineryItemState"],
+                "serial": ["2:Nests", "2:A", "2:Serial"],
+                "result": ["2:Nests", "2:A", "2:Result"],
+            }
+            return {name: await (await root.get_child(path)).read_value() for name, path in paths.items()}
+
+    with served(serve) as port:
+        found = asyncio.run(look(port))
+    assert found == {
+        "state": "Held",
+        "why": "Look at it.",
+        "item": "NotExecuting",
+        "serial": "SN1",
+        "result": "FAIL",
+    }
+    assert sent == [Command.UNHOLD]
 
 
 def free_port() -> int:

@@ -220,6 +220,12 @@ def test_after_a_crash_it_waits_for_a_clear(rig: Rig) -> None:
     assert rig.cell.handed == [{0: 1, 1: 1}] * 2
 
 
+def test_a_cell_that_cannot_be_worked_with_is_refused_before_anything_moves(rig: Rig) -> None:
+    rig.cell.silent = True
+    seen = list(rig.line(1).run())
+    assert states(seen) == ["stopped", "resetting", "aborting", "aborted"]
+
+
 def test_a_stop_request_ends_it(rig: Rig) -> None:
     rig.cell.loads = 0
     seen = []

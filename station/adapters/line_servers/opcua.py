@@ -31,14 +31,15 @@ def serve_opcua(
 ) -> None:
     """Serves until it is interrupted. Errors: StationFault where it cannot listen."""
     try:
-        asyncio.run(_serve(f"opc.tcp://{host}:{port}", facts, send, ready))
+        asyncio.run(serve_nodes(f"opc.tcp://{host}:{port}", facts, send, ready))
     except OSError as exc:
         raise StationFault("line-not-listening", host=host, port=port, reason=system_reason(exc)) from exc
 
 
-async def _serve(
+async def serve_nodes(
     endpoint: str, facts: Callable[[], LineFacts], send: Callable[[Command], None], ready: Callable[[str], None]
 ) -> None:
+    """The same inside a loop of asyncio. Errors: OSError where it cannot listen."""
     try:
         from asyncua import ua
         from asyncua.server.server import Server

@@ -60,6 +60,7 @@ class SimulatedPlc:
         self._measured: tuple[tuple[float, ...], tuple[int, ...]] = (), HOME
         self._writes, self._scanned = 0, (-1.0, 0)
         self._restarted: set[PlcFaultSpec] = set()
+        self._forgotten = False
         self._forget()
 
     def _forget(self) -> None:
@@ -245,8 +246,8 @@ class SimulatedPlc:
 
     def _cell(self, now_s: float) -> None:
         if self.loads is not None:
-            if self.active("load-forgotten", now_s) and self.loads.load > 1:
-                self.loads.load, self.loads.taken = 1, 0
+            if self.active("load-forgotten", now_s) and not self._forgotten:
+                self.loads.load, self.loads.taken, self._forgotten = 1, 0, True
             self.loads.scan(now_s, self._number_of("load-done"), self._number_of("bins"))
 
     def _flags(self, now_s: float) -> set[str]:
