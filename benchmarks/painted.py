@@ -11,18 +11,18 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.browser.chrome import Browser, driver
 
-#: When the counter has changed: the instant after the frame that shows it was handed to the screen.
+#: When the first reading has changed: the instant after the frame that shows it was handed to the screen.
 _WATCH = """
 window.painted = {};
-const count = document.querySelector('#count');
+const nests = document.querySelector('#nests');
 new MutationObserver(() => {
-  const number = parseInt(count.textContent);
+  const number = Math.round(1000 * parseFloat(nests.querySelector('.live b').textContent));
   requestAnimationFrame(() => {
     const after = new MessageChannel();
     after.port1.onmessage = () => { window.painted[number] = performance.timeOrigin + performance.now(); };
     after.port2.postMessage(0);
   });
-}).observe(count, { childList: true, characterData: true, subtree: true });
+}).observe(nests, { childList: true, characterData: true, subtree: true });
 """
 
 

@@ -76,7 +76,9 @@ def _attempts(log: "LogReader", request: AuditRequest) -> dict[str, Any]:
     serial = request.query.serial
     if serial is None:
         found = [_row(asdict(a)) for a in log.attempts(request.query, request.limit)]
-        return {"count": len(found), "attempts": found}
+        why = log.reasons([a["record"] for a in found if a["outcome"] in ("FAIL", "ERROR")])
+        listed = [{**a, "reasons": why.get(a["record"], [])} for a in found]
+        return {"count": len(found), "attempts": listed}
     life = log.life(request.query, request.limit)
     if not life:
         raise LogError("log-no-such-attempt-of", log=log.location, serial=serial)

@@ -7,6 +7,7 @@ from typing import Any
 
 from station.cli import _output
 from station.domain.records.stored_attempt import utc
+from station.service import time_text
 
 Document = Mapping[str, Any]
 
@@ -39,7 +40,8 @@ def _line(text: str = "") -> None:
         _output.print_line(part)
 
 
-def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    """Prints rows under their columns, each as wide as it must be; nothing where there is no row."""
     if not rows:
         return
     cells = [["".join(c if c.isprintable() else " " for c in _cell(v)) for v in row] for row in rows]
@@ -87,12 +89,16 @@ def _show_check(check: Document) -> None:
 
 
 def _show_list(attempts: Sequence[Document]) -> None:
-    columns = ("serial", "outcome", "started", "station", "nest", "recipe", "lot", "attempt")
+    started_column = f"started, {time_text.zone()}"
+    columns = ("serial", "outcome", started_column, "station", "nest", "recipe", "lot", "attempt", "reason")
     rows = []
     for a in attempts:
-        started, recipe = a["started"][:19] + "Z", f"{a['recipe_name']}/{a['recipe_version']}"
-        rows.append([a["serial"], a["outcome"], started, a["station"], a["nest"], recipe, a["lot"], a["attempt"]])
-    _table(f"{len(attempts)} {'attempt' if len(attempts) == 1 else 'attempts'}, newest first", columns, rows)
+        started, recipe = time_text.local_short(a["started_ns"]), f"{a['recipe_name']}/{a['recipe_version']}"
+        reasons = [r["sentence"] for r in a.get("reasons") or ()]
+        why = reasons[0] + (f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else "") if reasons else "-"
+        place = (started, a["station"], a["nest"])
+        rows.append([a["serial"], a["outcome"], *place, recipe, a["lot"], a["attempt"], why])
+    print_table(f"{len(attempts)} {'attempt' if len(attempts) == 1 else 'attempts'}, newest first", columns, rows)
     if not attempts:
         _line("no such attempt")
 
@@ -127,7 +133,7 @@ def _show_attempt(number: int, a: Document) -> None:
     _show_writes(a["writes"])
     _show_verification(results.get("verification"))
     _show_verdict(results.get("verdict"))
-    _table("events", ("at_ns", "kind", "detail"), [[e["at_ns"], e["kind"], e["detail"]] for e in a["events"]])
+    print_table("events", ("at_ns", "kind", "detail"), [[e["at_ns"], e["kind"], e["detail"]] for e in a["events"]])
     if a["seal"]:
         _line(f"  sealed {a['seal']['number']}:{a['seal']['hash']}")
     _line()
@@ -141,7 +147,7 @@ def _show_visits(visits: Sequence[Document]) -> None:
         drops = "/".join(_cell(s.get(name)) for name in _LOSS_COUNTERS)
         place = [v["run"], v["visit"], v["position"], v["seating"], v["kind"], v["frame_count"]]
         rows.append([*place, s.get("mean"), s.get("std"), s.get("temperature_degC"), drops])
-    _table("visits", columns, rows)
+    print_table("visits", columns, rows)
 
 
 def _show_calibration(found: Document | None) -> None:
@@ -157,14 +163,14 @@ def _show_calibration(found: Document | None) -> None:
     values = [*found["offset"], *(v for row in found["matrix"] for v in row)]
     rows = [[n, f"{v:+.7f}", f"{s:.2g}"] for n, v, s in zip(names, values, std, strict=True)]
     title = f"measured = matrix · true + offset, residual rms {found['residual_rms']:.3g}"
-    _table(title, ("name", "value", "std"), rows)
+    print_table(title, ("name", "value", "std"), rows)
 
 
 def _show_writes(writes: Sequence[Document]) -> None:
     """Each object once, as it stood at its last stage."""
     last = {(w["object"], w["name"]): w for w in writes}
     columns = ("object", "name", "stage", "old", "written", "read_back", "value")
-    _table("object writes (bytes as on the wire)", columns, [[w[c] for c in columns] for w in last.values()])
+    print_table("object writes (bytes as on the wire)", columns, [[w[c] for c in columns] for w in last.values()])
 
 
 def _show_verification(found: Document | None) -> None:
@@ -172,7 +178,7 @@ def _show_verification(found: Document | None) -> None:
         return
     rows = [[p["name"], p["mean"], p["true"], p["error"]] for p in found["positions"]]
     title = f"verified through its own output, limit {_cell(found['limit'])}"
-    _table(title, ("position", "mean", "true", "error"), rows)
+    print_table(title, ("position", "mean", "true", "error"), rows)
 
 
 def _show_verdict(found: Document | None) -> None:

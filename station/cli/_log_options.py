@@ -1,19 +1,14 @@
 """What the commands that read a log share: which log, what time is meant, which attempts."""
 
-import math
-from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from station.domain.core.types import Outcome
 from station.errors import UsageError
+from station.service import time_text
 
 if TYPE_CHECKING:
     from station.ports.log_reader import LogReader
-
-#: Nanoseconds in 64 bits reach so far from 1970.
-FURTHEST_TIME_S = 9.2e9
-_AGE_UNITS = {"m": "minutes", "h": "hours", "d": "days", "w": "weeks"}
 
 
 def open_named_log(db: Path | None, config: Path | None) -> "LogReader":
@@ -28,23 +23,16 @@ def open_named_log(db: Path | None, config: Path | None) -> "LogReader":
 
 
 def parse_time_ns(text: str | None, option: str) -> int | None:
-    """`2026-11-21`, `2026-11-21T13:00` (local unless it says otherwise) or `7d` ago, since 1970 in ns."""
+    """`2026-11-21`, `2026-11-21T13:00` (local unless it says otherwise) or `7d` ago, since 1970 in ns; a day given as
+    `--until` counts whole, as on the page."""
     if text is None:
         return None
-    if text[-1:] in _AGE_UNITS and text[:-1].isdigit():
-        moment = datetime.now().astimezone() - timedelta(**{_AGE_UNITS[text[-1]]: int(text[:-1])})
-    else:
-        try:
-            moment = datetime.fromisoformat(text)
-        except ValueError as exc:
-            raise UsageError("option-not-a-time", option=option, text=text[:40]) from exc
     try:
-        since_1970_s = moment.astimezone().timestamp()
-    except (OverflowError, ValueError):
-        since_1970_s = math.inf
-    if not abs(since_1970_s) < FURTHEST_TIME_S:
-        raise UsageError("option-time-range", option=option, text=text[:40])
-    return int(since_1970_s * 1e9)
+        return time_text.parse_ns(text, end=option == "--until")
+    except time_text.NoTime as exc:
+        raise UsageError("option-not-a-time", option=option, text=text[:40]) from exc
+    except OverflowError as exc:
+        raise UsageError("option-time-range", option=option, text=text[:40]) from exc
 
 
 def parse_outcome(text: str | None) -> str | None:

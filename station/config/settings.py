@@ -138,6 +138,7 @@ class Settings(StrictModel):
 
     schema_: Annotated[Literal["station.config/1"], Field(alias="schema")] = "station.config/1"
     station: Name = "station-1"
+    fixture: ShortText = ""
     operator: ShortText = ""
     lot: ShortText = ""
     bus: BusSettings = BusSettings()

@@ -14,6 +14,7 @@ from station.domain.run.progress import Event, LiveReading
 from station.domain.run.run_state import RunState
 from station.files.replace import replace_text
 from station.messages import Message
+from station.panel_protocol import timeline
 from station.panel_protocol.companion import Companion, companion_file
 from station.ports.bus import Bus
 from station.service.itinerary import tumble_visits, verification_visits
@@ -48,18 +49,23 @@ class LiveStateWriter:
         self._bus = bus
         self._written_s = 0.0
         self._state = RunState(visits=tuple(v.position for v in planned))
+        cells = timeline.cells_of(recipe)
+        self._line = timeline.Timeline(timeline.learned(cells, expected_s(database, recipe)))
         self._head = {
             "schema": SCHEMA,
             "pid": os.getpid(),
-            "recipe": f"{recipe.name}/{recipe.version}",
+            "recipe": recipe_label(recipe),
             "unit": recipe.unit,
-            "poses": [(v.nest @ v.seat).tolist() for v in planned],
+            "product": recipe.product,
+            "cells": timeline.cell_documents(cells),
             **head,
         }
 
     def event(self, event: Event) -> None:
         """Takes one event in and shows the state after it."""
-        self._state = self._state.after(event, time.time())
+        now_s = time.time()
+        self._state = self._state.after(event, now_s)
+        self._line = self._line.after(event, now_s)
         if not isinstance(event, LiveReading) or time.monotonic() - self._written_s > _READING_INTERVAL_S:
             self._write()
 
@@ -67,6 +73,7 @@ class LiveStateWriter:
         """Shows what a person must do and confirm; the mark that the answer must bear."""
         mark = secrets.token_hex(8)
         self._state = replace(self._state, confirm=action, question=mark)
+        self._line = self._line.asked(action, time.time())
         self._write()
         return mark
 
@@ -78,7 +85,8 @@ class LiveStateWriter:
     def _write(self) -> None:
         self._written_s = time.monotonic()
         try:
-            document = {**self._head, "at_s": time.time(), "bus": self._bus_status(), "state": self._state}
+            moment = {"at_s": time.time(), "bus": self._bus_status(), **self._line.document()}
+            document = {**self._head, **moment, "state": self._state}
             replace_text(self._path, json.dumps(document, allow_nan=False, default=_field_values))
         except OSError as exc:
             if not self._failed:
@@ -90,6 +98,21 @@ class LiveStateWriter:
         if self._bus is None:
             return None
         return {"name": self._bus.name, "state": self._bus.state(), "counters": self._bus.counters()}
+
+
+def recipe_label(recipe: Recipe) -> str:
+    """Name and version, as the live file names a recipe."""
+    return f"{recipe.name}/{recipe.version}"
+
+
+def expected_s(database: Path, recipe: Recipe) -> list[float]:
+    """How long each cell of the time line is expected to take, s, after the last load of this recipe on this log;
+    empty where the file beside the log knows none."""
+    try:
+        document = json.loads(companion_file(database, Companion.LIVE).read_bytes())
+        return [float(s) for s in document["expected_s"]] if document["recipe"] == recipe_label(recipe) else []
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
 
 
 def _field_values(value: Any) -> dict[str, Any]:

@@ -10,23 +10,30 @@ from station.errors import StoreFault
 from station.files.replace import replace_text
 
 SCHEMA = "station.queue/1"
+#: Loads that are remembered as cleared: a page that is started again must not bring an older one back.
+_MAX_CLEARED = 8
 
 
 @dataclass(frozen=True, slots=True)
 class WaitingUnit:
-    """A unit that waits for the start. beside: pid of the run whose load was in the nests when it was scanned, or 0."""
+    """A unit that waits for the start."""
 
     serial: str
-    beside: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class QueueState:
-    """waiting: nest → unit of the next load. handed: what was handed to the run `pid`, which has not begun it yet."""
+    """waiting: nest → unit of the next load. handed: what was handed to the run `pid`, which has not begun it yet.
+
+    cleared: the newest loads whose verdicts a person has dealt with; binned: the load whose failed units are in the red
+    bin.
+    """
 
     waiting: Mapping[str, WaitingUnit]
     handed: Mapping[str, WaitingUnit]
     pid: int = 0
+    cleared: tuple[str, ...] = ()
+    binned: str = ""
 
 
 class LoadQueue:
@@ -56,6 +63,27 @@ class LoadQueue:
         """Nest → unit with which a run was started that has not begun yet."""
         return dict(self._current.handed)
 
+    def is_cleared(self, load: str) -> bool:
+        """Whether a person has dealt with the verdicts of that load."""
+        return load in self._current.cleared
+
+    def is_binned(self, load: str) -> bool:
+        """Whether the failed units of that load are in the red bin."""
+        return load == self._current.binned
+
+    def acknowledge(self, load: str, *, all_done: bool) -> None:
+        """The failed units of that load are in the red bin; all_done: and nothing else of it is left to be done."""
+        with self._turn:
+            now = self._current
+            cleared = (*now.cleared, load)[-_MAX_CLEARED:] if all_done else now.cleared
+            self._keep(replace(now, binned=load, cleared=cleared))
+
+    def take_out(self, serial: str) -> None:
+        """That unit waits no more."""
+        with self._turn:
+            now = self._current
+            self._keep(replace(now, waiting={n: w for n, w in now.waiting.items() if w.serial != serial}))
+
     def serials(self) -> list[str]:
         """Every serial that waits."""
         return [w.serial for w in self._current.waiting.values()]
@@ -73,7 +101,7 @@ class LoadQueue:
     def hand_over(self, pid: int) -> None:
         """All that waits was handed to the run `pid`."""
         with self._turn:
-            self._keep(QueueState({}, self._current.waiting, pid))
+            self._keep(replace(self._current, waiting={}, handed=self._current.waiting, pid=pid))
 
     def settle(self, begun: int | None, running: int | None) -> None:
         """Lets go of what a run has begun, and takes back what it ended without beginning.
@@ -85,9 +113,9 @@ class LoadQueue:
         with self._turn:
             now = self._current
             if begun == now.pid:
-                self._keep(QueueState(now.waiting, {}))
+                self._keep(replace(now, handed={}, pid=0))
             elif running != now.pid:
-                self._keep(QueueState({**now.handed, **now.waiting}, {}))
+                self._keep(replace(now, waiting={**now.handed, **now.waiting}, handed={}, pid=0))
 
     def _keep(self, lists: QueueState) -> None:
         """Writes the file whole or not at all, then takes the change over."""
@@ -111,7 +139,10 @@ def _read(path: Path) -> QueueState:
     """What the file holds; nothing where there is none, or one that nobody can read: units can be scanned again."""
     try:
         document = json.loads(path.read_bytes())
-        waiting, handed = ({str(n): WaitingUnit(**w) for n, w in document[k].items()} for k in ("waiting", "handed"))
-        return QueueState(waiting, handed, int(document["pid"]))
+        waiting, handed = (
+            {str(n): WaitingUnit(str(w["serial"])) for n, w in document[k].items()} for k in ("waiting", "handed")
+        )
+        cleared = tuple(str(load) for load in document.get("cleared", ()))
+        return QueueState(waiting, handed, int(document["pid"]), cleared, str(document.get("binned", "")))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return QueueState({}, {})

@@ -41,7 +41,8 @@ class Attempt:
 class Query:
     """Which attempts; what is None does not matter. Times are of the start, since_ns included, until_ns not.
 
-    serial_from: serials that begin with it. before: only records numbered below, to page backwards.
+    serial_from: serials that begin with it; serial_like: serials of a pattern with * and ?. check: verdicts that name
+    this limit or check; fixture: what config.yaml calls it. before: only records numbered below, to page backwards.
     """
 
     serial: str | None = None
@@ -58,6 +59,32 @@ class Query:
     since_ns: int | None = None
     until_ns: int | None = None
     before: int | None = None
+    serial_like: str | None = None
+    recipe_version: int | None = None
+    fixture: str | None = None
+    check: str | None = None
+    reference: str | None = None
+
+
+def serial_filter(serial: str | None) -> dict[str, str | None]:
+    """One serial, those that begin so, or those of a pattern with * and ?."""
+    if serial is None or not set(serial) & set("*?"):
+        return {"serial": serial}
+    if serial.endswith("*") and not set(serial[:-1]) & set("*?["):
+        return {"serial_from": serial[:-1]}
+    return {"serial_like": serial.replace("[", "[[]")}
+
+
+@dataclass(frozen=True, slots=True)
+class LogRecord:
+    """A record with its seal. fields: what is sealed, by name, in the order in which it is sealed."""
+
+    number: int
+    kind: str
+    previous: bytes
+    hash: bytes
+    signature: bytes | None
+    fields: Mapping[str, int | float | str | bytes | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,6 +224,15 @@ class LogReader(Protocol):
 
     def attempts(self, query: Query, limit: int | None = None) -> list[Attempt]:
         """Attempts that the query names, newest first."""
+
+    def reasons(self, numbers: Sequence[int]) -> dict[int, list[dict[str, Any]]]:
+        """The reasons of the verdicts of those attempts, by their record numbers."""
+
+    def records(self, attempt: Attempt) -> list[LogRecord]:
+        """Every sealed record of that attempt, and the documents that it names, in the order of their numbers."""
+
+    def config(self, attempt: Attempt) -> str:
+        """The JSON of the settings of that attempt; "" where none was kept."""
 
     def count(self, query: Query) -> int:
         """How many attempts the query names."""

@@ -13,7 +13,8 @@ class AttemptStart:
     """What is known before the device is touched.
 
     recipe_json, product_json: the recipe and the product (frames and device map) as used, so that the attempt
-    can be refitted without any file; hashes as the rest of the station prints them.
+    can be refitted without any file; config_json: the settings whose hash is config_hash; hashes as the rest of the
+    station prints them.
     """
 
     serial: str
@@ -30,6 +31,7 @@ class AttemptStart:
     started_ns: int
     lot: str = ""
     product_json: str = ""
+    config_json: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,6 +83,7 @@ class UnfinishedAttempt:
     visits: int
     writes: tuple[WriteRecord, ...]
     product_json: str = ""
+    config_json: str = ""
 
 
 @dataclass(frozen=True, slots=True)

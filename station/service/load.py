@@ -21,6 +21,7 @@ from station.domain.run.progress import (
     PhaseEntered,
     UnitDone,
     UnitResult,
+    WarmUpStarted,
 )
 from station.domain.run.unit_state import UnitState
 from station.errors import (
@@ -237,6 +238,7 @@ class Load:
             yield from self._ask(Message("switch-motors-off", number=number + 1))
         if run.prewarm_s and self._capture is not None:
             yield Notice(Message("warming-up", number=number + 1, duration_s=run.prewarm_s))
+            yield WarmUpStarted(number + 1, run.prewarm_s)
             self._capture.wait(run.prewarm_s)
 
     def _ask(self, action: Message) -> Iterator[Event]:

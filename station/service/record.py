@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from station import __version__
+from station.config.documents import canonical
 from station.domain.capture.visit_check import STATION_CHECKS
 from station.domain.core.types import NestAssignment, Outcome, Reason
 from station.domain.records.stored_attempt import SIMULATED
@@ -31,6 +32,7 @@ def attempt_start(seat: NestAssignment, station: Station, job: Job) -> AttemptSt
         started_ns=station.clock.epoch_ns(),
         lot=station.settings.lot,
         product_json=job.product_json,
+        config_json=canonical(station.settings),
     )
 
 

@@ -9,15 +9,14 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
-from station.domain.methods import coefficients
-from station.domain.records.stored_attempt import result
 from station.errors import LogError
-from station.messages import Message
+from station.messages.labels import all_texts
 from station.ports.log_reader import Attempt, LogReader, Query
 from station.reporting.certificate.document import Certificate
+from station.reporting.certificate.facts import require_certifiable
 from station.reporting.certificate.pdf import pdf
-from station.reporting.drawing.figure import Figure, Series, svg
-from station.reporting.words import term
+from station.reporting.words import Words
+from station.service import evidence, time_text
 from station.service.certificates import certificate_of
 from station.web import language, render
 from station.web.guard import form_of, require_right
@@ -43,32 +42,14 @@ async def search(request: Request, session: Session) -> Response:
     found, head = await run_in_threadpool(_matching_attempts, panel, query)
     more = urlencode({**filters, "before": found[PAGE_SIZE - 1].number}) if len(found) > PAGE_SIZE else ""
     shown = {k: parameters.get(k, "") for k in QUERY_FIELDS}
+    reasons = await run_in_threadpool(_first_reasons, panel, found[:PAGE_SIZE])
+    texts = all_texts()[language.of_request(request)]
+    checks = {k.removeprefix("check_"): v for k, v in sorted(texts.items()) if k.startswith("check_")}
     return render.page(
         *(request, "audit.html", session),
-        asked=shown, found=found[:PAGE_SIZE], more=more, head=head, text=urlencode({**filters, "as": "text"}),
-    )  # fmt: skip
-
-
-@require_right("audit")
-async def unit(request: Request, session: Session) -> Response:
-    """Everything ever done to one serial."""
-    panel: Panel = request.app.state.panel
-    serial, code = request.query_params.get("serial", ""), language.of_request(request)
-    lives = await run_in_threadpool(_unit_history, panel, serial)
-    history = [(a, result(a, "calibration")) for a in lives]
-    history = [(a, fit) for a, fit in history if fit and fit.get("offset") is not None]
-    rows = [
-        (
-            name,
-            [_theta(fit)[i] for _, fit in history],
-            [b["expanded"] for b in (fit["budget"][i] for _, fit in history)],
-        )
-        for i, name in enumerate(coefficients.NAMES)
-    ]
-    return render.page(
-        *(request, "unit.html", session),
-        serial=serial, lives=lives[::-1], history=[a for a, _ in history], rows=rows, chart=_chart(history, code),
-        certified={a["attempt"] for a, _ in history},
+        checks=checks,
+        asked=shown, found=found[:PAGE_SIZE], more=more, reasons=reasons, zone=time_text.zone(),
+        head=head, text=urlencode({**filters, "as": "text"}),
     )  # fmt: skip
 
 
@@ -86,9 +67,21 @@ async def show_certificate(request: Request, session: Session) -> Response:
     return Response(paper, media_type="application/pdf", headers=headers)
 
 
-def file_name(serial: str) -> str:
-    """A certificate's file; a serial may hold what a header or a file system would take for something else."""
-    return f"certificate-{''.join(c if (c.isascii() and c.isalnum()) or c in '-_' else '_' for c in serial)}.pdf"
+@require_right("audit")
+async def evidence_bundle(request: Request, session: Session) -> Response:
+    """One attempt's evidence as one file."""
+    panel: Panel = request.app.state.panel
+    serial, attempt = _unit_and_attempt(dict(request.query_params))
+    words = language.words(language.of_request(request))
+    made = await run_in_threadpool(_bundle, panel, serial, attempt, words)
+    panel.journal.add(session.account.name, "bundle", serial=serial, attempt=attempt)
+    headers = {"Content-Disposition": f'attachment; filename="{file_name(serial, "evidence", "zip")}"'}
+    return Response(made, media_type="application/zip", headers=headers)
+
+
+def file_name(serial: str, what: str = "certificate", ending: str = "pdf") -> str:
+    """A download's name; a serial may hold what a header or a file system would take for something else."""
+    return f"{what}-{''.join(c if (c.isascii() and c.isalnum()) or c in '-_' else '_' for c in serial)}.{ending}"
 
 
 @require_right("audit")
@@ -117,17 +110,15 @@ def _matching_attempts(panel: Panel, query: Query) -> tuple[list[Attempt], dict[
         return log.attempts(query, PAGE_SIZE + 1), asdict(log.head())
 
 
+def _first_reasons(panel: Panel, found: list[Attempt]) -> dict[int, Any]:
+    """Of each attempt that did not pass, by its record number: its reasons."""
+    with panel.log() as log:
+        return log.reasons([a.number for a in found if a.outcome in ("FAIL", "ERROR")])
+
+
 def _serials(panel: Panel, query: Query) -> list[str]:
     with panel.log() as log:
         return sorted({a.serial for a in log.attempts(replace(query, before=None))})
-
-
-def _unit_history(panel: Panel, serial: str) -> list[dict[str, Any]]:
-    with panel.log() as log:
-        found = log.life(Query(serial=serial))
-    if not found:
-        raise LogError("page-no-unit", serial=serial[:40])
-    return found
 
 
 def _attempt(log: LogReader, serial: str, attempt: str) -> Attempt:
@@ -143,7 +134,14 @@ def _unit_and_attempt(parameters: dict[str, str]) -> tuple[str, str]:
 
 def _certificate(panel: Panel, serial: str, attempt: str, code: str) -> Certificate:
     with panel.log() as log:
-        return certificate_of(log, _attempt(log, serial, attempt), language.words(code))
+        chosen = _attempt(log, serial, attempt)
+        require_certifiable(log.attempt(chosen))
+        return certificate_of(log, chosen, language.words(code))
+
+
+def _bundle(panel: Panel, serial: str, attempt: str, words: Words) -> bytes:
+    with panel.log() as log:
+        return evidence.bundle(log, _attempt(log, serial, attempt), words)
 
 
 def _recompute(panel: Panel, serial: str, attempt: str) -> dict[str, Any]:
@@ -154,32 +152,11 @@ def _recompute(panel: Panel, serial: str, attempt: str) -> dict[str, Any]:
     return {**asdict(done), "identical": done.identical}
 
 
-def _theta(fit: dict[str, Any]) -> list[float]:
-    return [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
-
-
-def _chart(history: list[tuple[dict[str, Any], dict[str, Any]]], code: str) -> str:
-    """The offsets from attempt to attempt with their expanded uncertainty; '' for a single one."""
-    if len(history) < 2:
-        return ""
-    names = tuple(a["started"][:16].replace("T", " ") for a, _ in history)
-    x = [float(i) for i in range(len(history))]
-    series = []
-    for axis in range(3):
-        y = [_theta(fit)[axis] for _, fit in history]
-        u = [fit["budget"][axis]["expanded"] for _, fit in history]
-        low, high = [a - b for a, b in zip(y, u, strict=True)], [a + b for a, b in zip(y, u, strict=True)]
-        series.append(Series(x, y, term(coefficients.NAMES[axis], code), "dots", low, high, axis))
-    unit = history[0][1]["budget"][0]["unit"]
-    title = language.sentence(Message("offsets-of-attempts"), code)
-    return svg(Figure(title, "", unit, tuple(series), names))
-
-
 ROUTES = [
     Route("/audit", search, methods=["GET"]),
-    Route("/audit/unit", unit, methods=["GET"]),
     Route("/audit/certificate", show_certificate, methods=["GET"]),
     Route("/audit/certificate.pdf", show_certificate, methods=["GET"]),
+    Route("/audit/bundle", evidence_bundle, methods=["GET"]),
     Route("/audit/recompute", recompute, methods=["POST"]),
     Route("/journal", journal, methods=["GET"]),
 ]

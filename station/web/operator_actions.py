@@ -45,8 +45,9 @@ def scan(panel: Panel, who: Account, form: ActionForm) -> str:
             nest=passed.nest,
         )
     nest = _free_nest(panel)
+    _clear_finished_load(panel)
     panel.journal.add(who.name, "scan", serial=form.serial, nest=nest)
-    panel.queue.put({nest: WaitingUnit(form.serial, panel.screen.load_pid())})
+    panel.queue.put({nest: WaitingUnit(form.serial)})
     return f"{form.serial}: {nest}"
 
 
@@ -60,8 +61,29 @@ def take_again(panel: Panel, who: Account, form: ActionForm) -> str:
     passed, nest = _newest_pass(panel, form.serial), _free_nest(panel)
     of = passed.attempt if passed else ""
     panel.journal.add(who.name, "again", serial=form.serial, nest=nest, reason=form.reason, passed=of)
-    panel.queue.put({nest: WaitingUnit(form.serial, panel.screen.load_pid())})
+    panel.queue.put({nest: WaitingUnit(form.serial)})
     return f"{form.serial}: {nest}"
+
+
+def take_out(panel: Panel, who: Account, form: ActionForm) -> str:
+    """One unit that waits is taken out of its nest again."""
+    if form.serial not in panel.queue.serials():
+        raise UsageError("take-out-not-waiting", serial=form.serial[:40])
+    panel.journal.add(who.name, "take-out", serial=form.serial)
+    panel.queue.take_out(form.serial)
+    return form.serial
+
+
+def acknowledge(panel: Panel, who: Account, _form: ActionForm) -> str:
+    """The failed units of the last load are in the red bin; or, of a load without any, it has been dealt with."""
+    _check_idle(panel)
+    view, load = panel.screen.view(), panel.screen.load_id()
+    if view.state not in ("done", "act"):
+        raise UsageError("acknowledge-nothing")
+    serials = [n["serial"] for n in panel.screen.state().get("nests", ()) if n["nest"] in view.bin]
+    panel.journal.add(who.name, "acknowledge", red_bin=serials)
+    panel.queue.acknowledge(load, all_done=view.why == "fault" or not panel.screen.has_fault())
+    return ", ".join(view.bin)
 
 
 def clear(panel: Panel, who: Account, _form: ActionForm) -> str:
@@ -80,6 +102,7 @@ def resume(panel: Panel, who: Account, _form: ActionForm) -> str:
     if panel.queue.waiting:
         raise UsageError("take-up-other-load")
     serials_of.check_all(list(unfinished.values()), panel.recipe)
+    _clear_finished_load(panel)
     panel.journal.add(who.name, "resume", serials=list(unfinished.values()))
     panel.queue.put({nest: WaitingUnit(serial) for nest, serial in unfinished.items()})
     return ", ".join(unfinished.values())
@@ -93,6 +116,8 @@ def start(panel: Panel, who: Account, _form: ActionForm) -> str:
     if not units:
         raise UsageError("start-without-units")
     serials_of.check_all(list(units.values()), panel.recipe)
+    _check_binned(panel)
+    _clear_finished_load(panel)
     panel.journal.add(who.name, "start", serials=list(units.values()), recipe=panel.order.recipe)
     panel.queue.hand_over(panel.runs.start(units, who.name))
     return ", ".join(units.values())
@@ -118,6 +143,20 @@ def confirm(panel: Panel, who: Account, form: ActionForm) -> str:
         file = companion_file(panel.order.database, Companion.ANSWER)
         raise StoreFault("file-not-written", file=str(file), why=system_reason(exc)) from exc
     return ""
+
+
+def _check_binned(panel: Panel) -> None:
+    """UsageError while failed units of the last load may still lie in their nests."""
+    view = panel.screen.view()
+    if view.bin:
+        raise UsageError("start-before-red-bin", nests=view.bin)
+
+
+def _clear_finished_load(panel: Panel) -> None:
+    """Whoever goes on with other units has dealt with a load that left nothing for the red bin."""
+    view = panel.screen.view()
+    if view.state in ("done", "act") and not view.bin and panel.runs.pid() is None:
+        panel.queue.acknowledge(panel.screen.load_id(), all_done=True)
 
 
 def _check_fits_load(panel: Panel, serial: str) -> None:
@@ -156,6 +195,8 @@ def _check_idle(panel: Panel) -> None:
 ACTIONS: Mapping[str, Callable[[Panel, Account, ActionForm], str]] = {
     "scan": scan,
     "again": take_again,
+    "take-out": take_out,
+    "acknowledge": acknowledge,
     "clear": clear,
     "resume": resume,
     "start": start,

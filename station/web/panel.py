@@ -63,7 +63,7 @@ class Panel:
         self.journal = Journal(companion_file(self.order.database, Companion.JOURNAL))
         self.runs = RunLauncher(self.order)
         self.queue = LoadQueue(companion_file(self.order.database, Companion.QUEUE))
-        self.screen = Screen(self.settings, self.runs, self.queue)
+        self.screen = Screen(self.settings, self.recipe, self.runs, self.queue)
 
     @property
     def people(self) -> Mapping[str, Account]:

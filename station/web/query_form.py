@@ -1,26 +1,37 @@
 """Questions of the audit and chart pages, as they stand in an address → a query on the log."""
 
 from collections.abc import Mapping
-from datetime import datetime, timedelta
 
 from station.domain.core.types import Outcome
 from station.errors import UsageError
-from station.ports.log_reader import Query
+from station.ports.log_reader import Query, serial_filter
+from station.service import time_text
 from station.web.guard import parse_whole_number
 
 #: Fields of the form that are columns of the query as they stand.
-COLUMN_FIELDS = ("station", "nest", "recipe_name", "recipe_hash", "firmware", "lot", "operator", "software")
-QUERY_FIELDS = ("serial", "since", "until", "outcome", *COLUMN_FIELDS)
+COLUMN_FIELDS = (
+    "station",
+    "nest",
+    "recipe_name",
+    "recipe_hash",
+    "firmware",
+    "lot",
+    "operator",
+    "software",
+    "fixture",
+    "check",
+    "reference",
+)
+QUERY_FIELDS = ("serial", "since", "until", "outcome", "recipe_version", *COLUMN_FIELDS)
 
 
 def query_of(parameters: Mapping[str, str]) -> Query:
-    """The query; empty fields do not matter. A serial that ends in `*` is a beginning. Errors: UsageError."""
+    """The query; empty fields do not matter. In a serial, * stands for any text and ? for any character.
+    Errors: UsageError."""
     given = {k: parameters[k].strip() for k in QUERY_FIELDS if parameters.get(k, "").strip()}
-    serial = given.get("serial")
-    begins = serial is not None and serial.endswith("*")
     return Query(
-        serial=None if begins else serial,
-        serial_from=serial[:-1] if serial and begins else None,
+        **serial_filter(given.get("serial")),
+        recipe_version=parse_whole_number(given.get("recipe_version", "")),
         outcome=_outcome(given.get("outcome")),
         since_ns=_time_ns(given.get("since"), next_day=False),
         until_ns=_time_ns(given.get("until"), next_day=True),
@@ -42,9 +53,6 @@ def _time_ns(text: str | None, *, next_day: bool) -> int | None:
     if text is None:
         return None
     try:
-        moment = datetime.fromisoformat(text)
-    except ValueError as exc:
+        return time_text.parse_ns(text, end=next_day)
+    except (time_text.NoTime, OverflowError) as exc:
         raise UsageError("page-not-a-time", text=text[:40]) from exc
-    if next_day and len(text) == len("2026-11-21"):
-        moment += timedelta(days=1)
-    return int(moment.astimezone().timestamp() * 1e9)

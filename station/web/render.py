@@ -16,11 +16,13 @@ from station.domain.records.stored_attempt import utc
 from station.messages import Message, labels
 from station.reporting.number_text import format_number, format_time, format_to_uncertainty
 from station.reporting.words import term
+from station.service import time_text
 from station.web import language
 from station.web.accounts import RIGHTS
 from station.web.sessions import Session
 
 _FOLDER = Path(__file__).parent / "templates"
+THEME_COOKIE, THEMES = "station_theme", ("light", "dark", "hc")
 SYMBOLS = {"PASS": "✔", "FAIL": "✘", "ERROR": "⚠", "ABORTED": "■", "INTERRUPTED": "⏸"}
 
 
@@ -36,6 +38,8 @@ def environment() -> Environment:
         "sentence": _sentence,
         "quoted": format_to_uncertainty,
         "moment": format_time,
+        "local": time_text.local,
+        "local_short": time_text.local_short,
     }
     made.globals["symbols"] = SYMBOLS
     return made
@@ -75,10 +79,20 @@ def page(request: Request, name: str, session: Session | None, status: int = 200
             role=str(account.role) if account else "",
             may={right: bool(account and account.may(right)) for right in RIGHTS},
             csrf=session.csrf if session else "",
+            theme=_theme(request),
+            themes=("auto", *THEMES),
             **values,
         )
     )
     answer = HTMLResponse(html, status)
     if request.query_params.get("language") == code:
         answer.set_cookie(language.LANGUAGE_COOKIE, code, max_age=365 * 86400, samesite="strict")
+    if "theme" in request.query_params:
+        answer.set_cookie(THEME_COOKIE, _theme(request), max_age=365 * 86400, samesite="strict")
     return answer
+
+
+def _theme(request: Request) -> str:
+    """The appearance that was chosen by link and is remembered by cookie; '' is that of the reader's system."""
+    wished = request.query_params.get("theme", request.cookies.get(THEME_COOKIE, ""))
+    return wished if wished in THEMES else ""

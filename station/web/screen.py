@@ -8,17 +8,21 @@ from functools import partial
 from typing import Any
 
 from station.config.settings import Settings
+from station.domain.recipe.recipe import Recipe
 from station.errors import StationError, StoreFault
 from station.messages import Message
+from station.panel_protocol import timeline
 from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.live_state import recipe_label
 from station.panel_protocol.queue import LoadQueue
-from station.reporting.drawing import fixture
 from station.service.golden_register import standings
-from station.web import language
+from station.web import language, load_view, plan
+from station.web.load_view import View
 from station.web.run_launcher import RunLauncher
+from station.web.today import LogGlance
 from station.wiring.bus_status import state_of
 from station.wiring.buses import bus_kind
-from station.wiring.logs import find_log
+from station.wiring.logs import find_log, open_log
 
 #: A value older than this is looked up again, s: the rate at which all screens together look.
 LIVE_MAX_AGE_S = 0.03
@@ -26,21 +30,31 @@ LIVE_MAX_AGE_S = 0.03
 BUS_POLL_S = 0.5
 #: And so often whether the golden units are due, s.
 GOLDEN_POLL_S = 5.0
+Cells = Sequence[Mapping[str, Any]]
+#: Of the live file, where the time line is.
+_LINE_KEYS = ("cell", "cell_since_s", "warm_until_s", "expected_s")
+#: A reading is shown with so many decimals.
+_DECIMALS = 4
 
 
 class Screen:
     """Folds the run's live file, the lock and the queue together. Every look is at most FRESH_S old."""
 
-    def __init__(self, settings: Settings, runs: RunLauncher, queue: LoadQueue) -> None:
+    def __init__(self, settings: Settings, recipe: Recipe, runs: RunLauncher, queue: LoadQueue) -> None:
         self._golden: tuple[float, str] = (-GOLDEN_POLL_S, "")
-        self._settings, self._runs, self._queue = settings, runs, queue
+        self._settings, self._recipe, self._runs, self._queue = settings, recipe, runs, queue
         self._between: tuple[float, dict[str, Any]] = (-BUS_POLL_S, {})
         self._path = companion_file(runs.order.database, Companion.LIVE)
         self._stamp: tuple[int, int] | None = None
         self._live: dict[str, Any] = {}
         self._shown: dict[str, Any] = {}
         self._looked_s = 0.0
-        self._pictures: dict[str, str] = {}
+        self._glance = LogGlance(partial(open_log, runs.order.database))
+        self._planned = timeline.cells_of(recipe)
+        self._own_cells: Cells = timeline.cell_documents(self._planned)
+        self._plans: dict[str, Cells] = {}
+        self._plan_of: tuple[Cells, str] = ((), "")
+        self._load = ""
         self.stopping = False
 
     def shown(self) -> Mapping[str, Any]:
@@ -58,14 +72,29 @@ class Screen:
         found: dict[str, Any] = self._live.get("state", {})
         return found
 
+    def plan(self, wanted: str) -> dict[str, Any]:
+        """The time line of that id, with its pictures; the present one where that is none of the last."""
+        return plan.plan_document(self._plans.get(wanted) or self._cells())
+
     def question(self) -> tuple[str, str]:
         """What the run wants a person to do and confirm, and the mark that the answer must bear; '' where nothing."""
         state = self.state() if self._live.get("pid") == self._runs.pid() else {}
         return language.sentence(state.get("confirm"), "en"), state.get("question", "")
 
-    def load_pid(self) -> int:
-        """Pid of the run whose units are in the nests at this moment, 0 when none is under way."""
-        return self._runs.pid() or 0
+    def view(self) -> View:
+        """The state of the screen, looked up anew."""
+        self._refresh()
+        return self._view(self._runs.pid())
+
+    def has_fault(self) -> bool:
+        """Whether the last run ended for a reason that a person should read."""
+        return bool(self._fault(self.state(), running=self._runs.pid() is not None))
+
+    def load_id(self) -> str:
+        """What names the last load, or the run that never came to one."""
+        if self._never_begun():
+            return f"start-{self._runs.started}"
+        return f"{self._live.get('pid')}-{self._live.get('state', {}).get('began_s', 0.0):.0f}" if self._live else ""
 
     def units_in_progress(self) -> dict[str, str]:
         """Serial → nest of what a run was given and has not ended."""
@@ -90,6 +119,25 @@ class Screen:
         except (OSError, ValueError):
             return
 
+    def _never_begun(self) -> bool:
+        return self._runs.started not in (None, self._live.get("pid"))
+
+    def _view(self, pid: int | None) -> View:
+        running, state = pid is not None, self._live.get("state", {})
+        mine, load = running and self._live.get("pid") == pid, self.load_id()
+        facts = load_view.Facts(
+            nests=[n.name for n in self._settings.nests],
+            running=running,
+            question=mine and bool(state.get("question")),
+            instruction=mine and bool(state.get("instruction")),
+            waiting={nest: w.serial for nest, w in self._queue.waiting.items()},
+            entries=() if self._never_begun() else state.get("nests", ()),
+            fault=bool(self._fault(state, running=running)),
+            cleared=self._queue.is_cleared(load),
+            binned=self._queue.is_binned(load),
+        )
+        return load_view.view(facts)
+
     def _compose(self) -> dict[str, Any]:
         pid = self._runs.pid()
         running = pid is not None
@@ -97,32 +145,59 @@ class Screen:
         unkept = self._settle_queue(pid)
         mine = running and self._live.get("pid") == pid
         self.stopping = self.stopping and running
-        poses, at = self._live.get("poses", ()), state.get("at", -1)
-        now, following = (state.get(k, "") if mine else "" for k in ("position", "following"))
+        view = self._view(pid)
+        self._notice_load(f"{self.load_id()} {running}")
         return {
+            "view": {**asdict(view), "lamp": view.lamp},
             "running": running,
             "stopping": self.stopping,
             "phase": state.get("phase", "") if mine else "begin" if running else "",
-            "position": now,
-            "following": following,
-            "now_svg": self._picture(poses, at, now),
-            "next_svg": self._picture(poses, at + 1, following),
+            "plan": self._plan_id(),
+            "line": self._line(mine=mine),
             "instruction": state.get("instruction") if mine else None,
             "confirm": {k: state.get(k) or "" for k in ("confirm", "question")} if mine else {},
             "waiting": {nest: w.serial for nest, w in self._queue.waiting.items()},
-            "writing": state.get("writing", "") if mine else "",
             "done": state.get("done", 0) if mine or not running else 0,
             "total": state.get("total", 0) if mine or not running else 0,
-            "began_s": state.get("began_s", 0.0) if mine else 0.0,
-            "estimate_s": state.get("estimate_s", 0.0) if mine else 0.0,
             "bus": self._bus(mine=mine),
-            "unit": self._live.get("unit", ""),
-            "recipe": self._live.get("recipe", self._runs.order.recipe),
-            "messages": state.get("messages", []) if mine or not running else [],
+            "unit": self._live.get("unit", self._recipe.unit),
+            "recipe": self._live.get("recipe") if mine else recipe_label(self._recipe),
+            "product": self._live.get("product", "") if mine else self._recipe.product,
+            "today": self._glance.today(),
+            "note": (state.get("messages") or [None])[-1] if mine else None,
             "fault": self._fault(state, running=running) or unkept,
             "golden": self._golden_problem(),
-            **{f"nest {n.name}": self._nest(n.name, state, running=running, mine=mine) for n in self._settings.nests},
+            **self._nests(state, running=running, mine=mine),
         }
+
+    def _notice_load(self, load: str) -> None:
+        """Another load than at the last look: what the log said of its units is asked again."""
+        if load != self._load:
+            self._load = load
+            self._glance.forget()
+
+    def _cells(self) -> Cells:
+        """The cells of the run under way, of whichever recipe; of this page's recipe between runs."""
+        if self._live.get("cells") and self._live.get("pid") == self._runs.pid():
+            found: Cells = self._live["cells"]
+            return found
+        return self._own_cells
+
+    def _plan_id(self) -> str:
+        cells = self._cells()
+        if cells is not self._plan_of[0]:
+            self._plan_of = (cells, plan.plan_id(cells))
+            self._plans = dict([*self._plans.items(), (self._plan_of[1], cells)][-4:])
+        return self._plan_of[1]
+
+    def _line(self, *, mine: bool) -> dict[str, Any]:
+        """Where the time line is: its cell and since when, and how long each cell is expected to take."""
+        same = self._live.get("recipe") == recipe_label(self._recipe)
+        if mine or same:
+            known: dict[str, Any] = {key: self._live[key] for key in _LINE_KEYS if key in self._live}
+            if len(known.get("expected_s", ())) == len(self._cells()):
+                return known if mine else {**known, "cell": -1, "warm_until_s": 0.0}
+        return {"cell": -1, "expected_s": [round(c.expected_s, 2) for c in self._planned]} if not mine else {"cell": -1}
 
     def _settle_queue(self, pid: int | None) -> str:
         """Lets go of the units that the run has begun; '' or why that could not be kept."""
@@ -132,24 +207,42 @@ class Screen:
             return exc.sentence
         return ""
 
+    def _nests(self, state: Mapping[str, Any], *, running: bool, mine: bool) -> dict[str, Any]:
+        """Each nest under `nest NAME`, and its reading, which changes far more often, under `live NAME`."""
+        shown: dict[str, Any] = {}
+        for nest in self._settings.nests:
+            there = self._nest(nest.name, state, running=running, mine=mine)
+            vector = there.pop("vector", None) or ()
+            there.pop("noise", None)
+            live = [round(float(v), _DECIMALS) for v in vector] if running and not there.get("outcome") else []
+            shown |= {f"nest {nest.name}": there, f"live {nest.name}": live}
+        return shown
+
     def _nest(self, name: str, state: Mapping[str, Any], *, running: bool, mine: bool) -> dict[str, Any]:
-        """What is in a nest, and what comes next. A verdict stays until the unit that was scanned after it takes over;
-        one that was scanned during the run waits beside the verdict, because the other unit is still in the nest."""
+        """What is in a nest, and what comes next. Verdicts stay until somebody has dealt with the load; what was
+        scanned meanwhile waits as `next`, because the other unit is still in the nest."""
         waits, handed = self._queue.waiting.get(name), self._queue.handed.get(name)
         entry = next((n for n in state.get("nests", ()) if n["nest"] == name), None)
+        if self._never_begun() or (not running and self._queue.is_cleared(self.load_id())):
+            entry = None
         if running and not mine:
             there = {"serial": handed.serial if handed else "", "scanned": handed is not None}
-        elif not running and waits is not None and waits.beside != self._live.get("pid"):
-            return {"serial": waits.serial, "scanned": True, "next": ""}
+        elif not running and entry is None:
+            return self._with_past({"serial": waits.serial if waits else "", "scanned": waits is not None, "next": ""})
         else:
             there = {**(entry or {"serial": ""}), "scanned": False}
-        return {**there, "next": waits.serial if waits else ""}
+        return self._with_past({**there, "next": waits.serial if waits else ""})
+
+    def _with_past(self, there: dict[str, Any]) -> dict[str, Any]:
+        """With the attempts of this unit before the present one."""
+        past = self._glance.previous(there["serial"]) if there["serial"] and not there.get("outcome") else {}
+        return {**there, "attempts": past.get("attempts", 0), "last": past if past.get("reason") else None}
 
     def _fault(self, state: Mapping[str, Any], *, running: bool) -> Mapping[str, Any] | str:
         """Why there is no run, where it did not end by itself."""
         if running:
             return ""
-        if self._runs.started not in (None, self._live.get("pid")):
+        if self._never_begun():
             return self._runs.last_words() or Message("run-not-begun").document()
         if self._live and not state.get("over", False):
             return self._runs.last_words() or Message("run-ended-silently").document()
@@ -179,14 +272,3 @@ class Screen:
             status = {"name": name, "state": state, "counters": asdict(counters) if counters else None}
             self._between = (time.monotonic(), status)
         return self._between[1]
-
-    def _picture(self, poses: Sequence[Any], number: int, name: str) -> str:
-        """The block at the stop of that number; the same position in another seating is another picture."""
-        if not name:
-            return ""
-        pose = poses[number] if 0 <= number < len(poses) else None
-        key = f"{name} {pose}"
-        if key not in self._pictures:
-            self._pictures = dict(list(self._pictures.items())[-200:])
-            self._pictures[key] = fixture.picture(pose, name)
-        return self._pictures[key]

@@ -97,6 +97,15 @@ class Browser:
         self._chrome("Emulation.clearDeviceMetricsOverride", {})
         path.write_bytes(base64.b64decode(shot["data"]))
 
+    def shot(self) -> bytes:
+        """What the window shows, as PNG."""
+        return base64.b64decode(self._chrome("Page.captureScreenshot", {"format": "png"})["data"])
+
+    def size(self, width: int, height: int) -> None:
+        """A window of that size, in CSS pixels; a narrow one is a phone's."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
+        self._chrome("Emulation.setDeviceMetricsOverride", size)
+
     def device(self, width: int, height: int) -> None:
         """A touch screen of that size, in CSS pixels."""
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}

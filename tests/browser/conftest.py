@@ -41,6 +41,8 @@ def programs() -> tuple[str, str]:
     if not all(map(shutil.which, wanted)):
         for words in (["update"], ["install", "-y", "chromium", "chromium-driver"]):
             _apt_get(words)
+    if not subprocess.run(["fc-list", ":lang=zh"], check=False, capture_output=True).stdout:
+        _apt_get(["install", "-y", "fonts-noto-core", "fonts-wqy-microhei"])
     chromium, chromedriver = map(shutil.which, wanted)
     assert chromium
     assert chromedriver, "the package chromium-driver brings no chromedriver"
@@ -89,7 +91,7 @@ def log_in(open_browser: Callable[..., Browser]) -> Callable[..., Browser]:
         browser.go(site.url)
         browser.type("#name", name)
         browser.type("#password", f"{PASSWORD}\n")
-        browser.wait("document.querySelector('header form')")
+        browser.wait("document.querySelector('header form, #menu')")
         return browser
 
     return make

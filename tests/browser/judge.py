@@ -1,4 +1,4 @@
-"""axe-core's judgement of a page against WCAG 2.1 AA, on every screen that the page is made for."""
+"""axe-core's judgement of a page against WCAG 2.2 AA, on every screen that the page is made for."""
 
 from tests.browser.chrome import Browser
 
@@ -7,7 +7,7 @@ SCREENS = ((1280, 800), (1024, 600), (390, 844))
 
 _JUDGE = """
 const done = arguments[0];
-axe.run(document, { runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"] })
+axe.run(document, { runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"] })
   .then((found) => done(found.violations.map((v) => `${v.id}: ${v.nodes.map((n) => n.html).slice(0, 3).join(" | ")}`)));
 """
 

@@ -102,8 +102,10 @@ def test_a_reseating_waits_for_the_page_and_goes_on_when_it_is_confirmed(
     page.do("start")
     mark = page.wait_for_question()
     assert "turned" in page.shown("confirm")["confirm"]["seating"]
-    before = page.shown("now_svg"), page.shown("next_svg")
-    assert all("<svg" in picture for picture in before)
+    plan, line = page.panel.screen.plan(page.shown("plan")), page.shown("line")
+    cell = plan["cells"][line["cell"]]
+    assert (cell["kind"], page.shown("view")["why"]) == ("turn", "question")
+    assert plan["pictures"][cell["picture"]] != plan["pictures"][cell["before"]]
     assert "no longer open" in page.do("confirm", question="0" * 16)["error"]
     assert page.shown("confirm")["question"] == mark, "a wrong mark confirms nothing"
     with SqliteLogReader(tmp_path / "station.db") as log:

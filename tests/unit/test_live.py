@@ -28,8 +28,9 @@ def test_the_live_file_holds_the_state_after_every_event(tmp_path: Path) -> None
     shown = json.loads((tmp_path / "s.db.live.json").read_text())
     assert (shown["schema"], shown["operator"], shown["unit"]) == ("station.live/1", "anna", "g")
     assert (shown["state"]["position"], shown["state"]["following"]) == ("z-up", "z-down")
-    assert len(shown["state"]["visits"]) == len(shown["poses"]) == 8
-    assert shown["state"]["at"] == 0
+    assert len(shown["state"]["visits"]) == 8
+    assert [c["kind"] for c in shown["cells"]] == ["identify", *["stop"] * 6, "write", "verify"]
+    assert (shown["state"]["at"], shown["cell"], shown["cells"][1]["true"]) == (0, 1, [0.0, 0.0, 1.0])
     assert [p.name for p in tmp_path.iterdir()] == ["s.db.live.json"], "nothing half written is left"
 
 
@@ -72,9 +73,8 @@ def test_a_seating_turns_the_picture_of_the_same_position(tmp_path: Path) -> Non
     live = LiveStateWriter(tmp_path / "s.db", job.recipe, {}, print)
     live.event(BEGUN)
     shown = json.loads((tmp_path / "s.db.live.json").read_text())
-    stops = shown["state"]["visits"]
-    first, again = (i for i, name in enumerate(stops) if name == "x-045" and i < 48)
-    assert shown["poses"][first] != shown["poses"][again], "turned in its nest, the unit shows another face"
+    first, again = [c for c in shown["cells"] if (c["kind"], c["name"]) == ("stop", "x-045")][:2]
+    assert first["pose"] != again["pose"], "turned in its nest, the unit shows another face"
 
 
 def test_a_question_bears_a_mark_and_the_time_it_takes_is_no_progress(tmp_path: Path) -> None:

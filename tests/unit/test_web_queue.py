@@ -14,13 +14,13 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_a_restart_forgets_nothing(path: Path) -> None:
-    LoadQueue(path).put({"A": WaitingUnit("SN1"), "C": WaitingUnit("SN3", 77)})
+    LoadQueue(path).put({"A": WaitingUnit("SN1"), "C": WaitingUnit("SN3")})
     again = LoadQueue(path)
-    assert again.waiting == {"A": WaitingUnit("SN1"), "C": WaitingUnit("SN3", 77)}
+    assert again.waiting == {"A": WaitingUnit("SN1"), "C": WaitingUnit("SN3")}
     again.hand_over(41)
-    again.put({"A": WaitingUnit("SN5", 41)})
+    again.put({"A": WaitingUnit("SN5")})
     once_more = LoadQueue(path)
-    assert (once_more.handed, once_more.serials()) == ({"A": WaitingUnit("SN1"), "C": WaitingUnit("SN3", 77)}, ["SN5"])
+    assert (once_more.handed, once_more.serials()) == ({"A": WaitingUnit("SN1"), "C": WaitingUnit("SN3")}, ["SN5"])
 
 
 def test_two_pages_on_one_log_see_the_same_list(path: Path) -> None:
@@ -66,3 +66,18 @@ def test_what_cannot_be_kept_is_not_taken(tmp_path: Path) -> None:
     with pytest.raises(StoreFault, match="free the disk"):
         queue.put({"A": WaitingUnit("SN1")})
     assert queue.waiting == {}
+
+
+def test_what_a_person_has_dealt_with_survives_a_restart_and_a_start(path: Path) -> None:
+    queue = LoadQueue(path)
+    queue.acknowledge("41-7", all_done=False)
+    assert (queue.is_binned("41-7"), queue.is_cleared("41-7")) == (True, False)
+    queue.acknowledge("41-7", all_done=True)
+    queue.put({"A": WaitingUnit("SN1"), "B": WaitingUnit("SN2")})
+    queue.take_out("SN1")
+    queue.hand_over(42)
+    queue.settle(begun=42, running=42)
+    again = LoadQueue(path)
+    assert again.is_cleared("41-7")
+    assert not again.is_cleared("42-9")
+    assert again.handed == {}

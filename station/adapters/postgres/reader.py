@@ -17,6 +17,7 @@ from station.ports.log_reader import (
     Attempt,
     EventRecord,
     LogChange,
+    LogRecord,
     Query,
     RecentFigures,
     ReducedAttempt,
@@ -37,6 +38,8 @@ _RUNNING = """SELECT a.seq, a.id, a.serial, a.station, a.nest, a.node, a.started
     (SELECT count(*) FROM visit WHERE attempt = a.seq)
     FROM attempt a LEFT JOIN document d ON d.seq = a.product
     WHERE NOT EXISTS (SELECT 1 FROM finish f WHERE f.attempt = a.seq) ORDER BY a.seq"""
+_REASONS = """SELECT DISTINCT ON (attempt) attempt, document::json -> 'reasons' FROM result
+    WHERE attempt = ANY(%s) AND name = 'verdict' ORDER BY attempt, seq DESC"""
 _WRITES = """SELECT object, sub, name, old, written, read_back, value, stage FROM write
     WHERE attempt = %s ORDER BY seq"""
 
@@ -94,6 +97,23 @@ class PostgresLogReader:
         """Everything kept of one attempt."""
         with self._errors_named():
             return questions.life_of(self.db, attempt)
+
+    def reasons(self, numbers: Sequence[int]) -> dict[int, list[dict[str, Any]]]:
+        """The reasons of the verdicts of those attempts, by their record numbers."""
+        with self._errors_named():
+            rows = self.db.execute(_REASONS, [list(numbers)]).fetchall()
+        return {int(number): reasons for number, reasons in rows if reasons}
+
+    def config(self, attempt: Attempt) -> str:
+        """The JSON of the settings of that attempt; "" where none was kept."""
+        query = "SELECT text FROM document WHERE kind = 'config' AND sha256 = %s LIMIT 1"
+        with self._errors_named():
+            row = self.db.execute(query, [attempt.config_hash]).fetchone()
+        return str(row[0]) if row else ""
+
+    def records(self, attempt: Attempt) -> list[LogRecord]:
+        """LogError: the seals of single records follow each other in the station's own log."""
+        raise LogError("evidence-at-station", attempt=attempt.attempt, station=attempt.station)
 
     def running(self) -> Sequence[UnfinishedAttempt]:
         """Attempts that have begun and not ended, with what has been written to their devices."""

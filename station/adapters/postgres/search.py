@@ -1,5 +1,6 @@
 """Finds attempts in PostgreSQL, by the index that suits the question."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any
@@ -12,16 +13,27 @@ _COLUMNS = (
     "a.seq, a.id, a.serial, a.station, a.nest, a.node, a.lot, a.recipe_name, a.recipe_version, a.recipe_hash, "
     "a.config_hash, a.software, a.operator, a.started_ns, f.outcome, f.ended_ns"
 )
+#: What stands for others in a serial's pattern; `[[]` is a bracket as such.
+_GLOB = {"*": ".*", "?": "."}
 FROM = "attempt a LEFT JOIN finish f ON f.attempt = a.seq"
 
 _CONDITIONS = {
-    "serial_from": r"a.serial LIKE %(serial_like)s",
+    "serial_from": "a.serial LIKE %(serial_prefix)s",
     "since_ns": "a.started_ns >= %(since_ns)s",
     "until_ns": "a.started_ns < %(until_ns)s",
     "before": "a.seq < %(before)s",
     "outcome": "f.outcome = %(outcome)s",
     "firmware": """a.seq IN (SELECT attempt FROM result WHERE name = 'identity'
         AND (document::json ->> 'software') = %(firmware)s)""",
+    "serial_like": "a.serial ~ %(serial_pattern)s",
+    "fixture": """a.config_hash IN (SELECT sha256 FROM document WHERE kind = 'config'
+        AND (text::json ->> 'fixture') = %(fixture)s)""",
+    "reference": """a.recipe IN (SELECT seq FROM document WHERE kind = 'recipe' AND jsonb_path_exists(
+        text::jsonb, '$.reference.**?(@.serial == $r || @.certificate == $r || @.item == $r || @.name == $r)',
+        jsonb_build_object('r', %(reference)s::text)))""",
+    "check": """f.outcome IN ('FAIL', 'ERROR') AND EXISTS (SELECT 1 FROM result r,
+        json_array_elements(r.document::json -> 'reasons') e
+        WHERE r.attempt = a.seq AND r.name = 'verdict' AND (e ->> 'check') = %(check)s)""",
 }
 
 
@@ -31,7 +43,11 @@ def where(query: Query) -> tuple[str, dict[str, Any]]:
     conditions = [_CONDITIONS.get(name, f"a.{name} = %({name})s") for name in given]
     if "serial_from" in given:
         escaped = given["serial_from"].replace("\\", r"\\").replace("%", r"\%").replace("_", r"\_")
-        given["serial_like"] = escaped + "%"
+        given["serial_prefix"] = escaped + "%"
+    if "serial_like" in given:
+        given["serial_pattern"] = (
+            "^" + "".join(_GLOB.get(c) or re.escape(c) for c in given["serial_like"].replace("[[]", "[")) + "$"
+        )
     return " AND ".join(["true", *conditions]), given
 
 

@@ -13,6 +13,7 @@ from station.adapters.store import (
     line_records,
     recent,
     reduced,
+    sealed_rows,
     search,
     unfinished,
     verify,
@@ -29,6 +30,7 @@ from station.ports.log_reader import (
     Attempt,
     EventRecord,
     LogChange,
+    LogRecord,
     Query,
     RecentFigures,
     ReducedAttempt,
@@ -127,6 +129,23 @@ class SqliteLogReader:
         with self._errors_named():
             recipe, product = self.db.execute(query, [attempt.number]).fetchone()
         return recipe, product
+
+    def reasons(self, numbers: Sequence[int]) -> dict[int, list[dict[str, Any]]]:
+        """The reasons of the verdicts of those attempts, by their record numbers."""
+        with self._errors_named():
+            return search.reasons(self.db.conn, numbers)
+
+    def records(self, attempt: Attempt) -> list[LogRecord]:
+        """Every sealed record of that attempt, and the documents that it names, in the order of their numbers."""
+        with self._errors_named():
+            return sorted(sealed_rows.of_attempt(self.db.conn, attempt), key=lambda record: record.number)
+
+    def config(self, attempt: Attempt) -> str:
+        """The JSON of the settings of that attempt; "" where none was kept."""
+        query = "SELECT text FROM document WHERE kind = 'config' AND sha256 = ?"
+        with self._errors_named():
+            row = self.db.execute(query, [attempt.config_hash]).fetchone()
+        return row[0] if row else ""
 
     def recent(self, units: int, visits: int) -> RecentFigures:
         """Figures of the newest so many units that passed and of the newest so many visits."""

@@ -1,8 +1,10 @@
 """Finds attempts: one query for every question of containment, by the index that suits it."""
 
+import json
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
+from typing import Any
 
 from station.ports.log_reader import Attempt, Query
 
@@ -24,6 +26,15 @@ _CONDITIONS = {
     "since_ns": "a.started_ns >= :since_ns",
     "until_ns": "a.started_ns < :until_ns",
     "before": "a.seq < :before",
+    "serial_like": "a.serial GLOB :serial_like",
+    "fixture": "a.config_hash IN (SELECT sha256 FROM document WHERE kind = 'config' "
+    "AND json_extract(text, '$.fixture') = :fixture)",
+    "reference": "a.recipe IN (SELECT seq FROM document WHERE kind = 'recipe' AND :reference IN ("
+    "SELECT value FROM json_tree(text, '$.reference') WHERE key IN ('serial', 'certificate', 'item', 'name')))",
+    # Only what did not pass has reasons; a verdict lies between the attempt and its finish.
+    "check": "f.outcome IN ('FAIL', 'ERROR') AND EXISTS (SELECT 1 FROM result r, json_each(r.document, '$.reasons') e "
+    "WHERE r.seq BETWEEN a.seq AND f.seq AND r.attempt = a.seq AND r.name = 'verdict' "
+    "AND json_extract(e.value, '$.check') = :check)",
     "outcome": "f.outcome = :outcome",
     "firmware": f"a.seq IN (SELECT attempt FROM result WHERE {_FIRMWARE})",
 }
@@ -57,3 +68,12 @@ def count(db: sqlite3.Connection, query: Query) -> int:
     condition, parameters = where(query)
     sql = f"SELECT count(*) FROM attempt a LEFT JOIN finish f ON f.attempt = a.seq WHERE {condition}"
     return int(db.execute(sql, parameters).fetchone()[0])
+
+
+def reasons(db: sqlite3.Connection, numbers: Sequence[int]) -> dict[int, list[dict[str, Any]]]:
+    """The reasons of the verdicts of those attempts, by their record numbers."""
+    query = """SELECT json_extract(r.document, '$.reasons')
+        FROM finish f JOIN result r ON r.seq BETWEEN f.attempt AND f.seq
+        WHERE f.attempt = ? AND r.attempt = f.attempt AND r.name = 'verdict' ORDER BY r.seq DESC LIMIT 1"""
+    found = ((number, db.execute(query, [number]).fetchone()) for number in numbers)
+    return {number: json.loads(row[0]) for number, row in found if row and row[0]}

@@ -119,6 +119,7 @@ class SqliteStore:
         with self._transaction("written"):
             recipe = self._document("recipe", begin.recipe_json)
             product = self._document("product", begin.product_json)
+            self._document("config", begin.config_json)
             columns = column_values.columns(begin, attempt, recipe, product)
             number = self._append("attempt", *(columns[name] for name in COLUMNS["attempt"]))
             self._note_head()

@@ -88,6 +88,14 @@ class PhaseEntered(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class WarmUpStarted(Event):
+    """Pass `number` (from 1) waits until its devices are warm."""
+
+    number: int
+    duration_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Identified(Event):
     """A device said who it is, as the product's sheet calls it."""
 

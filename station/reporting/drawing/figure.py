@@ -18,7 +18,8 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 34.0, 46.0
 class Series:
     """One set of points. low and high draw a band (line) or error bars (dots); colour is an index.
 
-    dots are marks a reader may count; a cloud is many small ones in one stroke, faint a paler one behind others; dashes
+    dots are marks a reader may count, each of a shape that tells its series without colour; links: an address for each
+    of them. a cloud is many small ones in one stroke, faint a paler one behind others; dashes
     are level strokes over them.
     """
 
@@ -29,6 +30,8 @@ class Series:
     low: Sequence[float] | None = None
     high: Sequence[float] | None = None
     colour: int = 0
+    mark: Literal["circle", "square", "triangle", "diamond"] = "circle"
+    links: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,11 +152,30 @@ def _series(s: Series, x: Scale, y: Scale) -> list[str]:
         return [_strokes(s.kind, points, colour)]
     parts = _band_or_bars(s, x, y, colour)
     if s.kind == "dots":
-        return [*parts, *(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="2.6" fill="{colour}"/>' for a, b in points)]
+        marks = [mark(s.mark, a, b, colour) for a, b in points]
+        return [*parts, *(_linked(m, s.links[i] if i < len(s.links) else "") for i, m in enumerate(marks))]
     if s.kind == "steps":
         points = [p for (a, b), (c, _) in zip(points, [*points[1:], points[-1]], strict=True) for p in ((a, b), (c, b))]
     path = " ".join(f"{a:.1f},{b:.1f}" for a, b in points)
     return [*parts, f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="1.8"/>']
+
+
+def mark(shape: str, x: float, y: float, colour: str, size: float = 1.0) -> str:
+    """A mark centred at (x, y): each shape is told from the others without colour."""
+    if shape == "circle":
+        return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{2.6 * size:g}" fill="{colour}"/>'
+    h = 4.4 * size
+    corners = {
+        "square": ((-0.8, -0.8), (0.8, -0.8), (0.8, 0.8), (-0.8, 0.8)),
+        "triangle": ((0.0, -1.1), (1.0, 0.8), (-1.0, 0.8)),
+        "diamond": ((0.0, -1.3), (1.2, 0.0), (0.0, 1.3), (-1.2, 0.0)),
+    }[shape]
+    points = " ".join(f"{x + h * a:.1f},{y + h * b:.1f}" for a, b in corners)
+    return f'<polygon points="{points}" fill="{colour}" stroke="#222" stroke-width="0.8"/>'
+
+
+def _linked(drawn: str, address: str) -> str:
+    return f'<a href="{escape(address)}">{drawn}</a>' if address else drawn
 
 
 def _strokes(kind: str, points: Sequence[tuple[float, float]], colour: str) -> str:
@@ -181,7 +203,9 @@ def _legend(figure: Figure) -> list[str]:
     parts, at, down = [], figure.width - _RIGHT, 20.0 if _legend_below_title(figure) else 0.0
     for s in reversed([s for s in figure.series if s.name]):
         at -= text_width(s.name) + 22
-        parts.append(_rect(at, 11 + down, 10, 10, COLOURS[s.colour % len(COLOURS)]))
+        colour = COLOURS[s.colour % len(COLOURS)]
+        shown = s.kind == "dots" and s.mark != "circle"
+        parts.append(mark(s.mark, at + 5, 16 + down, colour) if shown else _rect(at, 11 + down, 10, 10, colour))
         parts.append(svg_text(at + 14, 20 + down, s.name))
     return parts
 

@@ -1,6 +1,7 @@
-"""The fixture as a person in front of it sees it: x to the right, z up, y away; a block with its axes on its faces."""
+"""The unit as a person in front of the fixture sees it: x to the right, z up, y away. A box on its plate, with the
+connector on the +x side and the names of its axes on its faces: no two orientations look alike."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -8,71 +9,135 @@ import numpy as np
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 
-#: Half lengths of the block; it is flat, so that up and sideways cannot be mixed up.
-_HALF = np.array([1.0, 0.75, 0.4])
-#: The viewer stands a little to the right and above.
-_VIEW = rotation.about(np.array([1.0, 0, 0]), 24.0) @ rotation.about(np.array([0, 0, 1.0]), -26.0)
+#: The viewer stands to the right and above.
+_VIEW = rotation.about(np.array([1.0, 0, 0]), 27.0) @ rotation.about(np.array([0, 0, 1.0]), -38.0)
+#: Where the light comes from, station axes: each face shows how far it is turned to it.
+_LIGHT = np.array([-0.35, -0.55, 0.95]) / np.linalg.norm([-0.35, -0.55, 0.95])
 _SIZE, _SCALE = 220.0, 62.0
 #: A face that is seen almost from its edge bears no name; it would lie on its neighbours.
-_SMALLEST_LABEL = 9
-_FILL = {"x": "#cfe3f5", "y": "#fbe3c0", "z": "#d3ecd9"}
+_SMALLEST_LABEL = 12.0
+#: Body, plate and connector in the device's axes: lowest and highest corner; the connector is a cylinder about x.
+_BODY = (np.array([-0.85, -0.68, -0.36]), np.array([0.85, 0.68, 0.44]))
+_PLATE = (np.array([-1.05, -0.74, -0.52]), np.array([1.05, 0.74, -0.36]))
+#: Names on faces, and their size: +x stands on the connector, −z under the plate.
+_BODY_NAMES = {(0, -1): 24.0, (1, 1): 24.0, (1, -1): 24.0, (2, 1): 26.0}
+_PLATE_NAMES = {(2, -1): 26.0}
+_RING_AT, _RING_TO, _RADIUS, _SIDES = 0.85, 1.25, 0.27, 20
+#: Shades from the light to the dark; a page with its own colours overrides them by the classes p0 … p3.
+_SHADES = ("#f7fafc", "#d5dde4", "#b4c0cb", "#97a5b2")
+_FLOOR_Z, _FLOOR = -1.12, 1.25
 
 
 def picture(pose: Sequence[Sequence[float]] | None, title: str) -> str:
-    """SVG of the block in an orientation (device → station rotation, 3 × 3); None: the pose is not known."""
-    parts = [_ground()]
+    """SVG of the unit in an orientation (device → station rotation, 3 × 3); None: the pose is not known."""
+    parts = [_floor()]
     if pose is None:
-        parts.append(_text(_SIZE / 2, _SIZE / 2, "?", 60))
+        parts.append(_label(_SIZE / 2, _SIZE / 2 + 20, "?", 60))
     else:
-        parts += [_face(np.asarray(pose, float), i, s) for i in range(3) for s in (1, -1) if _is_visible(pose, i, s)]
+        parts += _unit(np.asarray(pose, float))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_SIZE:g} {_SIZE:g}" role="img" '
         f'font-family="system-ui, sans-serif"><title>{escape(title)}</title>{"".join(parts)}</svg>'
     )
 
 
-def _is_visible(pose: Sequence[Sequence[float]], axis: int, sign: int) -> bool:
-    """Whether the face looks towards the viewer, who looks along +y."""
-    normal = _VIEW @ np.asarray(pose, float)[:, axis] * sign
-    return bool(normal[1] < -1e-6)
+def _unit(pose: Floats) -> list[str]:
+    """The three solids, those behind first: planes between them say which is in front of which."""
+    towards = pose.T @ _VIEW.T @ np.array([0.0, -1.0, 0.0])  # the way to the viewer, device axes
+    body, plate, connector = _box(pose, _BODY, _BODY_NAMES), _box(pose, _PLATE, _PLATE_NAMES), _connector(pose)
+    upper = [connector, body] if towards[0] < 0 else [body, connector]
+    order = [plate, *upper] if towards[2] > 0 else [*upper, plate]
+    return [part for solid in order for part in solid]
 
 
-def _face(pose: Floats, axis: int, sign: int) -> str:
+def _box(pose: Floats, corners: tuple[Floats, Floats], names: Mapping[tuple[int, int], float]) -> list[str]:
+    """The faces that are seen; names: size of the name on the face (axis, sign)."""
+    found = []
+    for axis in range(3):
+        for sign in (1, -1):
+            normal = np.zeros(3)
+            normal[axis] = sign
+            if not _faces_viewer(pose @ normal):
+                continue
+            a, b = (axis + 1) % 3, (axis + 2) % 3
+            face = []
+            for u, v in ((1, 1), (1, 0), (0, 0), (0, 1)):
+                corner = np.empty(3)
+                corner[axis], corner[a], corner[b] = corners[int(sign > 0)][axis], corners[u][a], corners[v][b]
+                face.append(pose @ corner)
+            found.append(_polygon(face, pose @ normal))
+            if (axis, sign) in names:
+                found.append(_face_name(pose, axis, sign, corners, names[axis, sign]))
+    return found
+
+
+def _connector(pose: Floats) -> list[str]:
+    """A short cylinder along +x: the quads of its side that face the viewer, then its cap."""
+    angles = np.linspace(0, 2 * np.pi, _SIDES + 1)
+    ring = np.stack([np.zeros_like(angles), _RADIUS * np.cos(angles), _RADIUS * np.sin(angles)], axis=1)
+    near, far = ring + np.array([_RING_AT, 0, 0]), ring + np.array([_RING_TO, 0, 0])
+    found = []
+    for i in range(_SIDES):
+        normal = pose @ ((ring[i] + ring[i + 1]) / 2)
+        if _faces_viewer(normal):
+            quad = [pose @ p for p in (near[i], far[i], far[i + 1], near[i + 1])]
+            found.append(_polygon(quad, normal, seam=True, darker=1))
+    if _faces_viewer(pose[:, 0]):
+        found.append(_polygon([pose @ p for p in far[:-1]], pose[:, 0]))
+        corners = np.array([_RING_TO, -_RADIUS, -_RADIUS]), np.array([_RING_TO, _RADIUS, _RADIUS])
+        found.append(_face_name(pose, 0, 1, corners, 15))
+    return found
+
+
+def _faces_viewer(normal: Floats) -> bool:
+    """Whether a face with this outward normal (station axes) is seen by the viewer, who looks along +y."""
+    return bool((_VIEW @ normal)[1] < -1e-6)
+
+
+def _polygon(corners: Sequence[Floats], normal: Floats, *, seam: bool = False, darker: int = 0) -> str:
+    """A face in the shade that the light gives it; seam: without an outline."""
+    lit = float(normal @ _LIGHT) / float(np.linalg.norm(normal))
+    shade = min(3, (0 if lit > 0.7 else 1 if lit > 0.3 else 2 if lit > -0.35 else 3) + darker)
+    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(_project, corners))
+    name, fill = f"p{shade}", _SHADES[shade]
+    line = f'stroke="{fill}" class="{name} seam"' if seam else f'stroke="#22303c" class="{name} edge"'
+    return f'<polygon points="{points}" fill="{fill}" {line} stroke-width="1.4" stroke-linejoin="round"/>'
+
+
+def _face_name(pose: Floats, axis: int, sign: int, corners: tuple[Floats, Floats], size: float) -> str:
+    """The axis' name, lying on its face; '' where the face is too narrow for it."""
     a, b = (axis + 1) % 3, (axis + 2) % 3
-    corners = []
-    for u, v in ((1, 1), (1, -1), (-1, -1), (-1, 1)):
-        corner = np.zeros(3)
-        corner[[axis, a, b]] = sign * _HALF[axis], u * _HALF[a], v * _HALF[b]
-        corners.append(_project(pose @ corner))
-    centre = np.mean(corners, axis=0)
-    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
+    centre = (corners[0] + corners[1]) / 2
+    centre[axis] = corners[int(sign > 0)][axis]
+    sides = [np.eye(3)[a] * sign, np.eye(3)[b]]
+    flat = [_project(pose @ s) - _project(np.zeros(3)) for s in sides]
+    room = abs(float(flat[0][0] * flat[1][1] - flat[0][1] * flat[1][0])) / _SCALE
+    if room < _SMALLEST_LABEL:
+        return ""
+    # Of the four ways to write it on the face, the one that stands the most upright.
+    turns = [(flat[0], flat[1]), (flat[1], -flat[0]), (-flat[0], -flat[1]), (-flat[1], flat[0])]
+    along, upward = max(turns, key=lambda t: t[0][0] / np.linalg.norm(t[0]) - t[1][1] / np.linalg.norm(t[1]))
+    x, y = _project(pose @ centre)
+    matrix = [*(along / _SCALE), *(-upward / _SCALE), x, y]
+    place = " ".join(f"{v:.3f}" for v in matrix)
     name = f"{'+' if sign > 0 else '−'}{'xyz'[axis]}"
-    block = f'<polygon points="{points}" fill="{_FILL["xyz"[axis]]}" stroke="#222" stroke-width="2"/>'
-    size = min(18, round(0.9 * _narrowest(corners)))
-    return block + (_text(centre[0], centre[1] + size / 3, name, size) if size >= _SMALLEST_LABEL else "")
-
-
-def _narrowest(corners: Sequence[Floats]) -> float:
-    """Height of the face over its longer side, px: what room there is for its name."""
-    a, b = corners[1] - corners[0], corners[3] - corners[0]
-    area = abs(float(a[0] * b[1] - a[1] * b[0]))
-    return area / max(float(np.linalg.norm(a)), float(np.linalg.norm(b)), 1e-9)
+    return f'<g transform="matrix({place})">{_label(0, size / 3, name, size)}</g>'
 
 
 def _project(point: Floats) -> Floats:
     x, _, z = _VIEW @ point
-    return np.array([_SIZE / 2 + _SCALE * x, _SIZE / 2 - _SCALE * z])
+    return np.array([_SIZE / 2 + _SCALE * x, _SIZE / 2 - 4 - _SCALE * z])
 
 
-def _ground() -> str:
-    """The floor, and an arrow that says where up is."""
-    arrow = '<path d="M18 62 V22 M11 32 L18 20 L25 32" fill="none" stroke="#222" stroke-width="2.5"/>'
-    floor = f'<line x1="10" x2="{_SIZE - 10:g}" y1="206" y2="206" stroke="#555" stroke-width="3"/>'
-    return floor + arrow + _text(18, 80, "z", 14)
+def _floor() -> str:
+    """The floor under the unit."""
+    corners = [np.array([x * _FLOOR, y * _FLOOR, _FLOOR_Z]) for x, y in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(_project, corners))
+    return f'<polygon class="ground" points="{points}" fill="#dce3e9" stroke="#6b7a87" stroke-width="1"/>'
 
 
-def _text(x: float, y: float, words: str, size: int) -> str:
+def _label(x: float, y: float, words: str, size: float) -> str:
     return (
-        f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size}" font-weight="600" text-anchor="middle" '
-        f'fill="#111">{escape(words)}</text>'
+        f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size:g}" font-weight="700" text-anchor="middle" '
+        f'fill="#14212c">{escape(words)}</text>'
     )

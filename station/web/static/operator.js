@@ -1,184 +1,178 @@
-// The operator's page: events change what is there; nothing is added to the page that is not replaced later.
+// The operator's page: events change what stands there; what a person or a scanner types goes where it belongs.
 "use strict";
 (() => {
-  const byId = (id) => document.getElementById(id);
-  const { symbols, texts } = JSON.parse(byId("texts").textContent);
-  const state = {};
-  const scan = byId("scan"), form = byId("scan-form");
-  let beat = performance.now(), behind = 0, source = null;
+  const { begin, texts, h, fill, say, sound, soundOn } = Parts, View = ScreenView;
+  const byId = (id) => document.getElementById(id), csrf = document.body.dataset.csrf;
+  const state = begin.shown;
+  let plan = begin.plan, beat = performance.now(), behind = begin.shown.now_s - Date.now() / 1000, source = null;
+  let heard = "", since_ms = -1e9, typed = "";
 
-  const say = (node, words) => { if (node.textContent !== words) node.textContent = words; };
-  const list = (node, lines) => {
-    while (node.children.length > lines.length) node.lastChild.remove();
-    lines.forEach((line, i) => {
-      if (i >= node.children.length) node.append(document.createElement("li"));
-      say(node.children[i], line);
-    });
-  };
-  const figure = (v) => (v < 0 ? "−" : "+") + Math.abs(v).toFixed(4);
+  // ---- showing -------------------------------------------------------------------------------------------------
 
-  function showNest(name, nest) {
-    const box = document.querySelector(`[data-nest="${CSS.escape(name)}"]`);
-    const part = (p) => box.querySelector(`[data-part="${p}"]`);
-    const outcome = nest.scanned ? "" : nest.outcome || "";
-    say(part("serial"), nest.serial || "");
-    const words = outcome ? `${symbols[outcome]} ${texts[outcome]}`
-      : nest.scanned ? `◌ ${texts.scanned}` : nest.serial && state.running ? `… ${texts.measuring}` : "–";
-    say(part("verdict"), words);
-    part("verdict").dataset.outcome = outcome;
-    part("verdict").dataset.short = String(words.length < 8);
-    say(part("next"), nest.next ? `${texts.next_unit} ${nest.next}` : "");
-    say(part("device"), nest.device || "");
-    const vector = !outcome && nest.vector && nest.vector.length ? nest.vector.map(figure).join("  ") : "";
-    say(part("vector"), vector && `${vector} ${state.unit}`);
-    say(part("noise"), outcome || nest.noise == null ? "" : `${texts.noise} ${nest.noise.toExponential(1)} ${state.unit}`);
-    list(part("reasons"), outcome ? nest.reasons || [] : []);
-  }
-
-  function show(changed) {
-    Object.assign(state, changed);
-    for (const [key, value] of Object.entries(state)) if (key.startsWith("nest ") && (key in changed || "running" in changed)) showNest(key.slice(5), value);
-    if ("now_svg" in changed) byId("now-picture").innerHTML = state.now_svg;
-    if ("next_svg" in changed) byId("next-picture").innerHTML = state.next_svg;
-    say(byId("now"), state.writing || state.position || "–");
-    say(byId("next"), state.following || "–");
-    say(byId("recipe"), state.recipe);
-    say(byId("instruction"), state.instruction);
-    bus(state.bus || {});
-    people();
-    say(byId("phase"), state.stopping ? texts.stopping : state.running ? texts[`phase_${state.phase}`] || state.phase : texts.idle);
-    byId("bar").max = state.total || 1;
-    byId("bar").value = state.done;
-    say(byId("count"), state.total ? `${state.done} / ${state.total}` : "");
-    byId("fault").hidden = !state.fault;
-    say(byId("fault"), state.fault ? `⚠ ${state.fault}` : "");
-    byId("golden").hidden = !state.golden || state.golden === state.fault;
-    say(byId("golden"), state.golden ? `⚠ ${state.golden}` : "");
-    list(byId("messages"), state.messages);
-    document.querySelector(".messages").hidden = !state.messages.length;
-    document.body.dataset.running = String(state.running);
-    document.body.dataset.hand = String(Boolean(state.instruction || (state.confirm || {}).question));
-    if (form) buttons();
+  function show() {
+    const { view } = state, body = document.body.dataset;
+    body.state = view.state; body.why = view.why; body.running = String(state.running);
+    View.head(state);
+    const anew = View.task(state, plan);
+    View.nests(state, plan); View.foot(state, plan);
     time();
+    const now = `${view.state}/${view.why}/${(state.confirm || {}).question || ""}`;
+    if (now !== heard) { if (heard) changed(view); heard = now; }
+    else if (anew) focus();
   }
 
-  function bus({ name, state: controller, counters }) {
-    const errors = counters ? ` (${texts.bus_sending} ${counters.sending}, ${texts.bus_receiving} ${counters.receiving})` : "";
-    say(byId("bus"), name ? `${name}: ${texts[`bus_${controller}`] || controller}${errors}` : "");
-    byId("bus").classList.toggle("problem", Boolean(name) && !["active", "unknown"].includes(controller));
+  /** The screen is in another state: it is heard, and what is to be done has the focus. */
+  function changed(view) {
+    since_ms = performance.now();
+    if (view.state === "act") sound(view.why === "fault" ? "fail" : "act");
+    if (view.state === "done") sound(view.bin.length || view.again.length ? "fail" : "pass");
+    focus();
   }
 
-  // What a person must do: confirm what the run asks, or change the units for the next load.
-  let asked_ms = 0;
-  function people() {
-    const { confirm, question } = state.confirm || {};
-    if (question !== byId("todo").dataset.question) asked_ms = performance.now();
-    byId("todo").dataset.question = question || "";
-    byId("todo").hidden = !question;
-    say(byId("confirm"), confirm || "");
-    const next = Object.entries(state.waiting || {}).filter(([nest]) => (state[`nest ${nest}`] || {}).next);
-    const change = !state.running && next.length > 0;
-    byId("coming").hidden = !change;
-    say(byId("coming"), change ? `${texts.change_units} ${next.map(([nest, serial]) => `${nest}: ${serial}`).join(" · ")}` : "");
+  function focus() {
+    const there = document.activeElement;
+    if (there && there !== document.body && there.isConnected && there.closest("#menu, .again-form")) return;
+    const target = byId("scan") || byId("primary");
+    if (target) target.focus({ preventScroll: true });
   }
 
-  function buttons() {
-    const nests = Object.entries(state).filter(([k]) => k.startsWith("nest ")).map(([, v]) => v);
-    const open = nests.some((n) => n.serial && !n.scanned && !["PASS", "FAIL"].includes(n.outcome));
-    const waits = Object.keys(state.waiting || {}).length > 0;
-    byId("resume").hidden = state.running || !open || waits;
-    byId("start").disabled = state.running || !waits;
-    byId("clear").disabled = !waits;
-    byId("stop").disabled = !state.running;
-  }
-
-  const clock = (s) => `${Math.floor(s / 60)}:${String(s % 60).padStart(2, "0")}`;
   function time() {
     const lost = performance.now() - beat > 1500;
     byId("lost").hidden = !lost;
     document.body.dataset.lost = String(lost);
-    if (lost && source.readyState === EventSource.CLOSED) connect();
-    const left = state.began_s + state.estimate_s - (Date.now() / 1000 + behind);
-    say(byId("left"), state.running && state.phase !== "done" && state.estimate_s ? clock(Math.max(0, Math.ceil(left))) : "–");
+    if (lost && source && source.readyState === EventSource.CLOSED) connect();
+    View.times(state, plan, Date.now() / 1000 + behind);
+  }
+
+  async function take(changes) {
+    Object.assign(state, changes);
+    if (state.plan !== plan.id) {
+      const answer = await fetch(`/plan?id=${encodeURIComponent(state.plan)}`);
+      if (answer.ok) plan = await answer.json();
+      if (plan.id !== state.plan) return;
+    }
+    show();
   }
 
   function connect() {
     if (source) source.close();
     source = new EventSource("/events");
     source.addEventListener("change", (e) => {
-      const changed = JSON.parse(e.data);
-      behind = changed.now_s - Date.now() / 1000;
+      const changes = JSON.parse(e.data);
+      behind = changes.now_s - Date.now() / 1000;
       beat = performance.now();
-      show(changed);
+      const keys = Object.keys(changes).filter((k) => k !== "now_s");
+      if (state.running && keys.every((k) => k.startsWith("live "))) { Object.assign(state, changes); View.readings(state, plan); } else take(changes);
     });
     source.addEventListener("beat", () => { beat = performance.now(); });
     source.addEventListener("out", () => { location.href = "/login"; });
   }
 
+  // ---- doing ---------------------------------------------------------------------------------------------------
+
   // One after the other: a fast scanner's second answer must not stand under its first. A stop waits for nobody.
   let before = Promise.resolve();
-  const command = (action, more) =>
-    action === "stop" ? send(action) : (before = before.then(() => send(action, more)));
+  const command = (action, more) => action === "stop" ? send(action) : (before = before.then(() => send(action, more)));
 
   async function send(action, more) {
-    const body = new URLSearchParams({ action, csrf: form.dataset.csrf, ...more });
+    const body = new URLSearchParams({ action, csrf, ...more });
     let answer;
     try {
       const response = await fetch("/command", { method: "POST", body, headers: { Accept: "application/json" } });
-      if (response.status === 401) { location.href = "/login"; return false; }
+      if (response.status === 401) { location.href = "/login"; return; }
       answer = await response.json();
     } catch { answer = { error: texts.lost }; }
-    const told = byId("told");
-    told.classList.toggle("problem", Boolean(answer.error));
-    say(told, answer.error ? `⚠ ${answer.error}` : answer.told ? `✔ ${answer.told}` : "");
+    tell(answer.error ? `⚠ ${answer.error}` : "", Boolean(answer.error));
+    if (answer.error) sound("refused");
     onPurpose(answer.again || "");
-    return !answer.error;
+  }
+
+  function tell(words, problem) {
+    const told = byId("told");
+    told.classList.toggle("problem", problem);
+    say(told, words);
+  }
+
+  /** The one thing to do in this state. A key that was on its way before the screen changed is no answer. */
+  function primary(patience_ms = 500) {
+    const { view, confirm } = state;
+    if (performance.now() - since_ms < patience_ms) return;
+    if (view.state === "scan" && Object.keys(state.waiting).length) command("start");
+    if (view.state === "ready") command("start");
+    if (view.state === "act" && view.why === "question") command("confirm", { question: confirm.question });
+    if (view.state === "act" && view.why === "fault") command(view.again.length ? "resume" : "acknowledge");
+    if (view.state === "done") command(!view.bin.length && view.again.length ? "resume" : "acknowledge");
+  }
+
+  /** What was scanned or typed: a unit's serial, or one of the cards. */
+  function scanned(text) {
+    const card = text.toUpperCase();
+    if (card === "START" || card === "DONE" || card === "NEXT") primary();
+    else if (card === "STOP") command("stop");
+    else if (card === "CLEAR") command("clear");
+    else if (text) command("scan", { serial: text });
   }
 
   // A unit that has passed already is taken again only by somebody who may, and who says why.
-  const again = byId("again");
   function onPurpose(serial) {
-    if (again) {
-      again.hidden = !serial;
-      again.dataset.serial = serial;
-      byId("reason").value = "";
-    }
-    (serial ? byId("reason") : scan).focus();
+    const there = byId("again");
+    if (there) { there.remove(); focus(); }
+    if (!serial || !View.may.again) return;
+    const reason = h("input", { id: "reason", autocomplete: "off", minlength: "3", maxlength: "200", required: true });
+    const form = h("form", { id: "again", class: "again-form" }, h("label", { for: "reason" }, texts.why_again), reason, h("button", { class: "second" }, texts.take_again), h("button", { type: "button", id: "leave", class: "out" }, texts.leave_it));
+    form.addEventListener("submit", (e) => { e.preventDefault(); command("again", { serial, reason: reason.value.trim() }); });
+    form.querySelector("#leave").addEventListener("click", () => { tell("", false); onPurpose(""); });
+    byId("task").append(form);
+    reason.focus();
   }
 
-  function confirmed(waited_ms) {
-    const question = byId("todo").dataset.question;
-    if (question && waited_ms > 0) command("confirm", { question });
-  }
-
-  if (form) {
-    form.addEventListener("submit", (e) => {
+  function keyDown(e) {
+    if (e.key === "F2") { e.preventDefault(); if (!e.repeat) primary(); return; }
+    const there = document.activeElement, elsewhere = there.tagName !== "INPUT" && !e.ctrlKey && !e.altKey && !e.metaKey;
+    if (!elsewhere) return;
+    if (e.key === "Enter" && typed) {  // the end of what a scanner typed presses no button
       e.preventDefault();
-      const serial = scan.value.trim();
-      scan.value = "";
-      if (serial) command("scan", { serial });
-    });
-    for (const action of ["start", "stop", "resume", "clear"]) byId(action).addEventListener("click", () => command(action));
-    byId("confirmed").addEventListener("click", () => confirmed(1));
-    if (again) {
-      again.addEventListener("submit", (e) => {
-        e.preventDefault();
-        command("again", { serial: again.dataset.serial, reason: byId("reason").value.trim() });
-      });
-      byId("leave").addEventListener("click", () => { say(byId("told"), ""); onPurpose(""); });
-    }
-    // A scanner types wherever the focus is: its characters belong to the scan field, whatever was touched last.
-    document.addEventListener("keydown", (e) => {
-      if (e.key === "F2" && !e.repeat) {
-        e.preventDefault();
-        confirmed(performance.now() - asked_ms - 500);  // a key that was on its way before the question is no answer
-      }
-      const elsewhere = document.activeElement.tagName !== "INPUT" && !e.ctrlKey && !e.altKey && !e.metaKey;
-      if (elsewhere && e.key.length === 1 && e.key !== " ") scan.focus();
-    });
-    document.addEventListener("click", (e) => { if (!e.target.closest("a, button, input, label, summary")) scan.focus(); });
-    scan.focus();
+      scanned(typed.trim());
+      typed = "";
+    } else if (e.key === "Escape" || e.key === "Tab") { typed = ""; tell("", false); }
+    else if (e.key === "Backspace" && typed) typed = typed.slice(0, -1);
+    else if (e.key.length === 1 && !(e.key === " " && !typed)) {
+      if (byId("scan")) { byId("scan").focus(); return; }
+      e.preventDefault();
+      typed += e.key;
+    } else return;
+    if (typed) tell(`${texts.next_unit} ${typed}`, false);
   }
-  connect();
+
+  function clicked(e) {
+    const button = e.target.closest("button");
+    if (!button) { if (!e.target.closest("a, input, label, summary, .sheet")) focus(); return; }
+    if (button.id === "primary") primary(e.detail === 0 ? 500 : 250);
+    if (button.id === "stop") command("stop");
+    if (button.id === "start") command("start");
+    if (button.id === "resume") command("resume");
+    if (button.classList.contains("out") && button.dataset.serial) command("take-out", { serial: button.dataset.serial });
+  }
+
+  if (csrf !== undefined) {
+    document.addEventListener("submit", (e) => {
+      if (e.target.id !== "scan-form") return;
+      e.preventDefault();
+      const text = byId("scan").value.trim();
+      byId("scan").value = "";
+      scanned(text);
+    });
+    document.addEventListener("keydown", keyDown);
+    document.addEventListener("click", clicked);
+  }
+  const loud = byId("sound");
+  loud.setAttribute("aria-pressed", String(soundOn()));
+  loud.addEventListener("click", () => {
+    localStorage.setItem("sound", soundOn() ? "off" : "on");
+    loud.setAttribute("aria-pressed", String(soundOn()));
+    sound("pass");
+  });
+  document.addEventListener("click", (e) => { if (!e.target.closest("#menu")) byId("menu").open = false; });
+  show(); focus(); connect();
   setInterval(time, 250);
 })();

@@ -1,0 +1,91 @@
+"""One value on the bar of its limits, with its uncertainty, and a closer look where that is small beside the limits."""
+
+from dataclasses import dataclass
+
+from station.reporting.drawing.figure import mark, svg_document, svg_text
+from station.reporting.drawing.scale import tick_label
+
+_WIDTH, _BAR_Y, _ZOOM_Y = 640.0, 74.0, 150.0
+_GREEN, _RED, _INK = "#bcd8c9", "#ae131f", "#14212c"
+#: A closer look is worth its place where the uncertainty is less than this share of the limits' width.
+_CLOSE = 0.08
+
+
+@dataclass(frozen=True, slots=True)
+class LimitBar:
+    """A value with its expanded uncertainty (None: not stated), its target and its limits, all in one unit.
+
+    words: what stands at the lower limit, the target and the upper limit, and in the zone that is allowed.
+    """
+
+    value: float
+    expanded: float | None
+    low: float
+    high: float
+    target: float
+    words: tuple[str, str, str, str]
+
+    @property
+    def inside(self) -> bool:
+        """Whether the value lies within its limits."""
+        return self.low <= self.value <= self.high
+
+
+def draw(bar: LimitBar, title: str) -> str:
+    """SVG of the whole bar, and below it of the surroundings of the value."""
+    low, high = min(bar.low, bar.value - (bar.expanded or 0.0)), max(bar.high, bar.value + (bar.expanded or 0.0))
+    whole = (low - 0.06 * (high - low), high + 0.06 * (high - low))
+    parts = _bar(bar, whole, _BAR_Y, named=True)
+    close = bar.expanded is not None and 0 < bar.expanded < _CLOSE * (bar.high - bar.low)
+    if close and bar.expanded is not None:
+        edge = min((bar.low, bar.high), key=lambda limit: abs(limit - bar.value))
+        reach = max(1.6 * abs(edge - bar.value), 3.0 * bar.expanded)
+        near = (bar.value - reach, bar.value + reach)
+        parts += _lens(bar, whole, near)
+    return svg_document(_WIDTH, 216 if close else 112, title, parts)
+
+
+def _lens(bar: LimitBar, whole: tuple[float, float], near: tuple[float, float]) -> list[str]:
+    left, right = (_x(v, whole) for v in near)
+    lines = [
+        f'<path d="M{a:.1f} {_BAR_Y + 16:g}L{b:.1f} {_ZOOM_Y - 22:g}" stroke="#677683" fill="none"/>'
+        for a, b in ((left, 20.0), (right, _WIDTH - 20))
+    ]
+    return [*lines, *_bar(bar, near, _ZOOM_Y, named=False)]
+
+
+def _x(value: float, across: tuple[float, float]) -> float:
+    return 20 + (_WIDTH - 40) * (value - across[0]) / (across[1] - across[0])
+
+
+def _bar(bar: LimitBar, across: tuple[float, float], y: float, *, named: bool) -> list[str]:
+    low, high = (min(max(_x(v, across), 20.0), _WIDTH - 20) for v in (bar.low, bar.high))
+    at, half = _x(bar.value, across), 13 if named else 20
+    parts = [
+        f'<rect x="20" y="{y - half:g}" width="{_WIDTH - 40:g}" height="{2 * half:g}" fill="#f1f4f6"/>',
+        f'<rect x="{low:.1f}" y="{y - half:g}" width="{high - low:.1f}" height="{2 * half:g}" fill="{_GREEN}"/>',
+    ]
+    for value, words, dash in ((bar.low, 0, ""), (bar.target, 1, "3 3"), (bar.high, 2, "")):
+        if across[0] <= value <= across[1]:
+            parts.append(_level(_x(value, across), y, half, dash))
+            label = f"{bar.words[words]} {tick_label(value)}" if named else tick_label(value)
+            anchor = "start" if _x(value, across) < 60 else "end" if _x(value, across) > _WIDTH - 60 else "middle"
+            parts.append(
+                svg_text(_x(value, across), y - half - 8 if named else y + half + 18, label, anchor, weight=600)
+            )
+    if bar.expanded is not None:
+        parts += _whiskers(_x(bar.value - bar.expanded, across), _x(bar.value + bar.expanded, across), y)
+    colour = "#0b6a3d" if bar.inside else _RED
+    return [*parts, mark("diamond", at, y, colour, 2.0)]
+
+
+def _level(x: float, y: float, half: float, dash: str) -> str:
+    dashed = f' stroke-dasharray="{dash}"' if dash else ""
+    return f'<path d="M{x:.1f} {y - half - 4:g}v{2 * half + 8:g}" stroke="{_INK}" stroke-width="2"{dashed}/>'
+
+
+def _whiskers(left: float, right: float, y: float) -> list[str]:
+    return [
+        f'<path d="M{left:.1f} {y:g}H{right:.1f}M{left:.1f} {y - 7:g}v14M{right:.1f} {y - 7:g}v14" '
+        f'stroke="{_INK}" stroke-width="2.5" fill="none"/>'
+    ]

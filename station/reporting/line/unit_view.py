@@ -1,0 +1,130 @@
+"""What one attempt's page shows first: the value that decided, residuals by position, the neighbours of its day."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+from station.domain.methods import coefficients
+from station.messages import Message
+from station.reporting.drawing import limit_bar
+from station.reporting.drawing.figure import Figure, Series, svg
+from station.reporting.drawing.limit_bar import LimitBar
+from station.reporting.line.statistics import AttemptValues
+from station.reporting.words import Words
+
+#: A decision as the log keeps it, and an attempt as the audit reads it.
+Document = Mapping[str, Any]
+_MARKS = ("circle", "triangle", "square")
+
+
+@dataclass(frozen=True, slots=True)
+class Deciding:
+    """The coefficient that decided: its name, the bar, and in words how far it is from its limit."""
+
+    what: str
+    chart: str
+    margin: str
+
+
+def deciding(fit: Document | None, reasons: Sequence[Document], words: Words) -> Deciding | None:
+    """The coefficient that failed, or the one nearest to its limit; None where none was judged."""
+    judged = [d for d in (fit or {}).get("decisions") or () if d["what"] in coefficients.NAMES]
+    if not judged:
+        return None
+    named = next((str(r["message"].get("coefficient", "")) for r in reasons if r.get("message")), "")
+    chosen = next((d for d in judged if d["what"] == named), min(judged, key=lambda d: d["margin"] / d["limit"]))
+    bar = _bar(chosen, words)
+    name = words.term(chosen["what"])
+    return Deciding(
+        chosen["what"], limit_bar.draw(bar, f"{name}, {_unit(chosen['unit'])}".rstrip(", ")), _margin(chosen, words)
+    )
+
+
+def rest(fit: Document | None, first: str, words: Words) -> list[tuple[str, str]]:
+    """Every other judged coefficient, nearest to its limit first: its name, and the share of its limit that it uses."""
+    judged = [d for d in (fit or {}).get("decisions") or () if d["what"] in coefficients.NAMES and d["what"] != first]
+    judged.sort(key=lambda d: d["margin"] / d["limit"])
+    return [(words.term(d["what"]), f"{100 * abs(d['value']) / d['limit']:.0f} %") for d in judged]
+
+
+def residuals(fit: Document | None, words: Words) -> str:
+    """SVG: what is left of each position's reading, with twice the standard deviation of its mean; '' without a fit."""
+    positions = (fit or {}).get("positions") or ()
+    if not positions:
+        return ""
+    series = []
+    for axis in range(3):
+        x = [i + 0.18 * (axis - 1) for i in range(len(positions))]
+        y = [float(p["residual"][axis]) for p in positions]
+        spread = [2 * float(p.get("std_of_mean", (0.0,) * 3)[axis]) for p in positions]
+        low, high = [a - s for a, s in zip(y, spread, strict=True)], [a + s for a, s in zip(y, spread, strict=True)]
+        series.append(Series(x, y, "xyz"[axis], "dots", low, high, axis, _MARKS[axis]))  # type: ignore[arg-type]
+    unit = str((fit or {}).get("budget", [{}])[0].get("unit", ""))
+    names = tuple(str(p["name"]) for p in positions)
+    title = words.render(Message("residuals-by-position"))
+    return svg(Figure(title, "", unit, tuple(series), names, ((0.0, ""),)))
+
+
+def neighbours(
+    day: Sequence[AttemptValues], own: AttemptValues, what: str, limits: tuple[float, float] | None, words: Words
+) -> str:
+    """SVG of one value of all attempts of the day: those of the same nest, those of others, and this one."""
+    known = [a for a in day if what in a.values and a.started_ns != own.started_ns]
+    if what not in own.values or len(known) < 2:
+        return ""
+    begin = min(a.started_ns for a in [*known, own])
+
+    def hours(a: AttemptValues) -> float:
+        return (a.started_ns - begin) / 3.6e12
+
+    nest, others = [a for a in known if a.nest == own.nest], [a for a in known if a.nest != own.nest]
+    groups = (
+        (others, "other-nests", "circle", 5),
+        (nest, "same-nest", "square", 0),
+        ([own], "this-unit", "diamond", 6),
+    )
+    series = tuple(
+        Series([hours(a) for a in group], [a.values[what] for a in group], words.render(Message(f"neighbours-{name}")),
+               "dots", colour=colour, mark=shape, links=[f"/audit/unit?serial={a.serial}" for a in group])  # type: ignore[arg-type]
+        for group, name, shape, colour in groups if group
+    )  # fmt: skip
+    levels = ((limits[0], "LSL"), (limits[1], "USL")) if limits else ()
+    title = words.render(Message("neighbours-title", coefficient=words.term(what), units=len(known) + 1))
+    return svg(Figure(title, "h", words.term(what), series, levels=levels, zero=False))
+
+
+def nest_sentence(day: Sequence[AttemptValues], own: AttemptValues, what: str, words: Words) -> str:
+    """What other units showed in the same nest that day: the unit or the nest?; '' where there were none."""
+    others = [a.values[what] for a in day if a.nest == own.nest and a.serial != own.serial and what in a.values]
+    if not others:
+        return ""
+    return words.render(Message("nest-of-the-day", nest=own.nest, units=len(others), median=f"{median(others):.5g}"))
+
+
+def limits_of_value(fit: Document | None, what: str) -> tuple[float, float] | None:
+    """Lower and upper limit of a coefficient as it was judged."""
+    for d in (fit or {}).get("decisions") or ():
+        if d["what"] == what:
+            target = float(coefficients.NOMINAL[coefficients.NAMES.index(what)])
+            return target - d["limit"], target + d["limit"]
+    return None
+
+
+def _bar(d: Document, words: Words) -> LimitBar:
+    target = float(coefficients.NOMINAL[coefficients.NAMES.index(d["what"])])
+    names = tuple(words.render(Message(f"bar-{name}")) for name in ("lower", "target", "upper", "allowed"))
+    expanded = d["expanded"]
+    return LimitBar(target + d["value"], expanded, target - d["limit"], target + d["limit"], target, names)  # type: ignore[arg-type]
+
+
+def _margin(d: Document, words: Words) -> str:
+    """How far beyond or within the limit, in units of U where U is known."""
+    beyond, expanded = abs(d["value"]) - d["limit"], d["expanded"]
+    ratio = f"{abs(beyond) / expanded:.1f}" if expanded else "–"
+    id_ = "margin-beyond" if beyond > 0 else "margin-within"
+    return words.render(Message(id_, distance=f"{abs(beyond):.3g}", unit=_unit(d["unit"]), ratio=ratio))
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
