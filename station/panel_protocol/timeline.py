@@ -29,7 +29,7 @@ Rows = Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class TimelineCell:
     """One cell. kind: identify, stop, turn, temperature, motors, warm-up, write or verify; run: number of the pass.
 
     pose: device → station rotation there, None where it is not known; before: that of the seating before a turn.
@@ -45,17 +45,17 @@ class Cell:
     true: tuple[float, ...] | None = None
 
 
-def cells_of(recipe: Recipe) -> tuple[Cell, ...]:
+def cells_of(recipe: Recipe) -> tuple[TimelineCell, ...]:
     """The cells of one load in order. Times are the data sheet's, without moves, until `learned` replaces them."""
     dwell_s = [float(d) for d in adaptive_dwell.dwells_by_sheet_s(recipe)]
-    found, at, seating = [Cell("identify", _IDENTIFY_S)], 0, "home"
+    found, at, seating = [TimelineCell("identify", _IDENTIFY_S)], 0, "home"
     for number, run in enumerate(recipe.runs):
         found += _preparation(recipe, number, seating)
         seating = run.seating
         for planned in tumble_visits(recipe, number):
             found.append(_stop_cell(planned, recipe.settle.time_s + dwell_s[min(at, len(dwell_s) - 1)]))
             at += 1
-    found.append(Cell("write", _WRITE_S))
+    found.append(TimelineCell("write", _WRITE_S))
     verified = verification_visits(recipe)
     if verified:
         each_s = recipe.settle.time_s + sum(dwell_s) / max(len(dwell_s), 1)
@@ -64,20 +64,20 @@ def cells_of(recipe: Recipe) -> tuple[Cell, ...]:
     return tuple(found)
 
 
-def cell_documents(cells: Sequence[Cell]) -> list[dict[str, Any]]:
+def cell_documents(cells: Sequence[TimelineCell]) -> list[dict[str, Any]]:
     """The cells as the live file and the page have them; their times stand beside, because they change."""
     keys = ("kind", "name", "run", "pose", "before", "true")
     return [{key: getattr(cell, key) for key in keys} for cell in cells]
 
 
-def learned(cells: Sequence[Cell], expected_s: Sequence[float]) -> tuple[Cell, ...]:
+def learned(cells: Sequence[TimelineCell], expected_s: Sequence[float]) -> tuple[TimelineCell, ...]:
     """The cells with the times that the last load of this recipe took; unchanged where those are of other cells."""
     if len(expected_s) != len(cells):
         return tuple(cells)
     return tuple(replace(c, expected_s=float(s)) for c, s in zip(cells, expected_s, strict=True))
 
 
-def stops_of(cells: Sequence[Cell]) -> list[int]:
+def stops_of(cells: Sequence[TimelineCell]) -> list[int]:
     """Numbers of the cells that are stops: the stop of number n of a load is in the cell of number stops_of(cells)[n].
     Verification stops share one cell."""
     return [i for i, cell in enumerate(cells) if cell.kind == "stop"]
@@ -88,7 +88,7 @@ class Timeline:
     """Where a load is. at: number of the cell, -1 before; since_s: since when (epoch); warm_until_s: end of a warm-up
     (epoch), 0 without one. A cell that a load has left is expected to take as long the next time."""
 
-    cells: tuple[Cell, ...]
+    cells: tuple[TimelineCell, ...]
     at: int = -1
     since_s: float = 0.0
     warm_until_s: float = 0.0
@@ -141,21 +141,21 @@ class Timeline:
         return replace(self, cells=cells, at=number, since_s=now_s, warm_until_s=0.0)
 
 
-def _preparation(recipe: Recipe, number: int, seating: str) -> list[Cell]:
+def _preparation(recipe: Recipe, number: int, seating: str) -> list[TimelineCell]:
     """What happens before the stops of a pass, in the order in which the load does it."""
     run, found = recipe.runs[number], []
     if run.seating != seating:
         before, pose = _seat(recipe, seating), _seat(recipe, run.seating)
-        found.append(Cell("turn", _HAND_S, run.seating, number, pose, before))
+        found.append(TimelineCell("turn", _HAND_S, run.seating, number, pose, before))
     if run.temperature_offset_degC:
-        found.append(Cell("temperature", _HAND_S, f"{run.temperature_offset_degC:+g} °C", number))
+        found.append(TimelineCell("temperature", _HAND_S, f"{run.temperature_offset_degC:+g} °C", number))
     if run.motors == "off":
-        found.append(Cell("motors", _HAND_S, "", number))
+        found.append(TimelineCell("motors", _HAND_S, "", number))
     return [*found, *_warm_up(run, number)]
 
 
-def _warm_up(run: Run, number: int) -> list[Cell]:
-    return [Cell("warm-up", float(run.prewarm_s), "", number)] if run.prewarm_s else []
+def _warm_up(run: Run, number: int) -> list[TimelineCell]:
+    return [TimelineCell("warm-up", float(run.prewarm_s), "", number)] if run.prewarm_s else []
 
 
 def _seat(recipe: Recipe, seating: str) -> Rows:
@@ -163,14 +163,14 @@ def _seat(recipe: Recipe, seating: str) -> Rows:
     return rows
 
 
-def _stop_cell(planned: PlannedVisit, expected_s: float) -> Cell:
+def _stop_cell(planned: PlannedVisit, expected_s: float) -> TimelineCell:
     known = bool(np.isfinite(planned.true).all())
     pose: Rows | None = np.asarray(planned.nest @ planned.seat).round(6).tolist() if known else None
     true = tuple(round(float(v), 6) for v in planned.true) if known else None
-    return Cell("stop", expected_s, planned.position, planned.run, pose, None, true)
+    return TimelineCell("stop", expected_s, planned.position, planned.run, pose, None, true)
 
 
-def _with_moves(cells: tuple[Cell, ...], estimate_s: float) -> tuple[Cell, ...]:
+def _with_moves(cells: tuple[TimelineCell, ...], estimate_s: float) -> tuple[TimelineCell, ...]:
     """Shares what the estimate of a load holds beyond its stays, the moves, among the stops."""
     measuring = [c for c in cells if c.kind in ("stop", "verify", "warm-up")]
     stops = sum(c.kind == "stop" for c in cells)

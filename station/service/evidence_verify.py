@@ -77,7 +77,7 @@ def _documents(records: list[dict[str, Any]], read: Read) -> Iterator[str]:
                 yield f"{name} is not what record {record['number']} has sealed"
 
 
-def main(words: list[str]) -> int:
+def check_bundle(words: list[str]) -> int:
     """0 where everything agrees, 1 otherwise."""
     place = Path(words[1]) if len(words) > 1 else Path(__file__).parent
     if place.is_dir():
@@ -95,4 +95,4 @@ def main(words: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv))
+    sys.exit(check_bundle(sys.argv))

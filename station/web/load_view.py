@@ -47,7 +47,7 @@ class View:
         return "green" if self.state == "running" else "white"
 
 
-def view(facts: Facts) -> View:
+def view_of(facts: Facts) -> View:
     """The state of the screen."""
     if facts.running:
         why = "question" if facts.question else "turn" if facts.instruction else ""

@@ -74,7 +74,7 @@ def take_out(panel: Panel, who: Account, form: ActionForm) -> str:
     return form.serial
 
 
-def acknowledge(panel: Panel, who: Account, _form: ActionForm) -> str:
+def acknowledge_load(panel: Panel, who: Account, _form: ActionForm) -> str:
     """The failed units of the last load are in the red bin; or, of a load without any, it has been dealt with."""
     _check_idle(panel)
     view, load = panel.screen.view(), panel.screen.load_id()
@@ -196,7 +196,7 @@ ACTIONS: Mapping[str, Callable[[Panel, Account, ActionForm], str]] = {
     "scan": scan,
     "again": take_again,
     "take-out": take_out,
-    "acknowledge": acknowledge,
+    "acknowledge": acknowledge_load,
     "clear": clear,
     "resume": resume,
     "start": start,

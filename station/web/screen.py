@@ -136,7 +136,7 @@ class Screen:
             cleared=self._queue.is_cleared(load),
             binned=self._queue.is_binned(load),
         )
-        return load_view.view(facts)
+        return load_view.view_of(facts)
 
     def _compose(self) -> dict[str, Any]:
         pid = self._runs.pid()

@@ -62,7 +62,7 @@ def _why(chosen: dict[str, Any], day: list[AttemptValues], words: Words) -> dict
         "reasons": reasons,
         "deciding": first,
         "rest": unit_view.rest(fit, first.what if first else "", words),
-        "residuals": unit_view.residuals(fit, words),
+        "residuals": unit_view.residual_figure(fit, words),
         "neighbours": near,
         "nest_sentence": sentence,
         "identity": result(chosen, "identity") or {},

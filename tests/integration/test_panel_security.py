@@ -22,17 +22,20 @@ from tests.fakes import fixture_run
 
 PASSWORD = "correct horse"
 #: Routes that anybody may see; /metrics looks at the address instead.
-OPEN = {"/login", "/health", "/metrics"}
+OPEN = {"/login", "/health", "/metrics", "/light"}
 #: Route → the right it asks for. A new route must be written down here.
 NEEDS = {
     "/": "watch",
     "/events": "watch",
+    "/plan": "watch",
+    "/cards": "run",
     "/command": "run",
     "/logout": "watch",
     "/audit": "audit",
     "/audit/unit": "audit",
     "/audit/certificate": "audit",
     "/audit/certificate.pdf": "audit",
+    "/audit/bundle": "audit",
     "/audit/recompute": "audit",
     "/charts": "charts",
     "/diagnose": "diagnose",

@@ -7,7 +7,7 @@ from station.domain.run.progress import LoadStarted, Phase, PhaseEntered, VisitS
 from station.messages import Message, languages
 from station.panel_protocol import timeline
 from station.reporting.drawing.code128 import code128, symbols
-from station.web.load_view import Facts, view
+from station.web.load_view import Facts, view_of
 from station.web.plan import plan_document
 from station.web.tile import tile_of
 from station.wiring.jobs import load_job
@@ -34,15 +34,15 @@ PASSED, FAILED, LOST = ({"nest": n, "outcome": o} for n, o in (("A", "PASS"), ("
     ],
 )
 def test_the_state_follows_from_the_facts(facts: Facts, state: str, why: str, lamp: str) -> None:
-    found = view(facts)
+    found = view_of(facts)
     assert (found.state, found.why, found.lamp) == (state, why, lamp)
 
 
 def test_the_free_nest_is_scanned_next_and_failed_units_wait_for_the_bin() -> None:
-    assert view(Facts(NESTS, waiting={"A": "1"})).turn == "B"
-    found = view(Facts(NESTS, entries=[PASSED, FAILED]))
+    assert view_of(Facts(NESTS, waiting={"A": "1"})).turn == "B"
+    found = view_of(Facts(NESTS, entries=[PASSED, FAILED]))
     assert (found.bin, found.again) == (("B",), ())
-    assert view(Facts(NESTS, entries=[PASSED, LOST], cleared=True)).again == ("B",)
+    assert view_of(Facts(NESTS, entries=[PASSED, LOST], cleared=True)).again == ("B",)
 
 
 def test_the_time_line_learns_how_long_each_cell_takes() -> None:

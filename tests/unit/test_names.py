@@ -68,7 +68,6 @@ SAME_MEANING = {
     "table": "makes a table",
     "to_plain": "from values to plain bytes or JSON",
     "translate_errors": "a library's complaints as errors of the station",
-    "unit": "one unit's document or page",
     "unit_of": "the unit of measurement of a number",
     "unpack": "from bytes to what was packed",
     "upload": "reads an object over SDO",

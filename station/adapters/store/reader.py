@@ -133,7 +133,7 @@ class SqliteLogReader:
     def reasons(self, numbers: Sequence[int]) -> dict[int, list[dict[str, Any]]]:
         """The reasons of the verdicts of those attempts, by their record numbers."""
         with self._errors_named():
-            return search.reasons(self.db.conn, numbers)
+            return search.verdict_reasons(self.db.conn, numbers)
 
     def records(self, attempt: Attempt) -> list[LogRecord]:
         """Every sealed record of that attempt, and the documents that it names, in the order of their numbers."""

@@ -70,7 +70,7 @@ def count(db: sqlite3.Connection, query: Query) -> int:
     return int(db.execute(sql, parameters).fetchone()[0])
 
 
-def reasons(db: sqlite3.Connection, numbers: Sequence[int]) -> dict[int, list[dict[str, Any]]]:
+def verdict_reasons(db: sqlite3.Connection, numbers: Sequence[int]) -> dict[int, list[dict[str, Any]]]:
     """The reasons of the verdicts of those attempts, by their record numbers."""
     query = """SELECT json_extract(r.document, '$.reasons')
         FROM finish f JOIN result r ON r.seq BETWEEN f.attempt AND f.seq

@@ -48,7 +48,7 @@ def rest(fit: Document | None, first: str, words: Words) -> list[tuple[str, str]
     return [(words.term(d["what"]), f"{100 * abs(d['value']) / d['limit']:.0f} %") for d in judged]
 
 
-def residuals(fit: Document | None, words: Words) -> str:
+def residual_figure(fit: Document | None, words: Words) -> str:
     """SVG: what is left of each position's reading, with twice the standard deviation of its mean; '' without a fit."""
     positions = (fit or {}).get("positions") or ()
     if not positions:
