@@ -41,6 +41,7 @@ class ProcessData:
         self._sensor = sensor
         self._faults = faults
         self._block_s = block_s
+        self._pdo = _pdo_of(objects, sensor)
         self._readings = SignalChain(sensor, faults)
         self._timer, self._slow_timer, self._babble = Timer(), Timer(), Timer()
         self._babble.start(faults.starts_s("babble"), _BABBLE_PERIOD_S)
@@ -57,12 +58,12 @@ class ProcessData:
     def settings(self) -> tuple[int, ...]:
         """The objects that the timers depend on: when they change, the timers start anew."""
         return tuple(
-            self._objects.number(index, sub, 0) for index in (READINGS_TPDO, TEMPERATURE_TPDO) for sub in (1, 2, 5)
+            self._objects.number(index, sub, 0) for index in (self._pdo, TEMPERATURE_TPDO) for sub in (1, 2, 5)
         )
 
     def start(self, now_s: float) -> None:
         """Starts the timers, as when the device becomes operational."""
-        self._timer.start(now_s, self._period_s(READINGS_TPDO))
+        self._timer.start(now_s, self._period_s(self._pdo))
         self._slow_timer.start(now_s, self._period_s(TEMPERATURE_TPDO))
 
     def stop(self) -> None:
@@ -72,9 +73,9 @@ class ProcessData:
 
     def on_sync(self, now_s: float) -> None:
         """A SYNC came: sends a reading where the transmission type says so (CiA 301, 7.5.2.37)."""
-        kind = self._objects.number(READINGS_TPDO, 2, _EVENT_DRIVEN)
+        kind = self._objects.number(self._pdo, 2, _EVENT_DRIVEN)
         self._syncs += 1
-        if kind <= _LAST_SYNCHRONOUS and self._syncs % max(kind, 1) == 0 and not self._is_off(READINGS_TPDO):
+        if kind <= _LAST_SYNCHRONOUS and self._syncs % max(kind, 1) == 0 and not self._is_off(self._pdo):
             self._send_readings(np.array([now_s]))
 
     def produce(self, now_s: float) -> None:
@@ -118,7 +119,7 @@ class ProcessData:
         rate_hz = self._sensor.rate_hz
         timer_ms = self._objects.number(pdo, 5, round(1000 / (rate_hz or 100)))
         # A rate such as 400 Hz is no whole number of milliseconds: it stands until another timer is written.
-        exact = pdo == READINGS_TPDO and rate_hz is not None and timer_ms == round(1000 / rate_hz)
+        exact = pdo == self._pdo and rate_hz is not None and timer_ms == round(1000 / rate_hz)
         period_s = 1 / rate_hz if exact and rate_hz else timer_ms / 1000
         return period_s / self._faults.speed(self._clock.monotonic_s())
 
@@ -133,3 +134,10 @@ class ProcessData:
         if self._block_s <= 0 or math.isinf(next_s):
             return next_s
         return max(next_s, math.ceil(next_s / self._block_s) * self._block_s)
+
+
+def _pdo_of(objects: SimulatedObjects, sensor: SimulatedSensor) -> int:
+    """The PDO that carries the readings: the one with their identifier, else the first."""
+    can_id = sensor.layout.id_of(sensor.layout.sample, objects.dictionary.node)
+    numbers = range(READINGS_TPDO, READINGS_TPDO + 8)
+    return next((n for n in numbers if objects.number(n, 1, 0) & 0x7FF == can_id), READINGS_TPDO)
