@@ -1,5 +1,6 @@
 """`station effects`: the causes that the simulation knows."""
 
+from pathlib import Path
 from typing import Annotated
 
 from typer import Option
@@ -8,16 +9,30 @@ from typer import Option
 def command(
     json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
     markdown: Annotated[bool, Option("--markdown", help="The page docs/effects.md.")] = False,
+    write_hypothesis: Annotated[
+        str | None, Option("--write-hypothesis", help="Adopt a formula of --model as an effect of this name.")
+    ] = None,
+    model: Annotated[Path | None, Option(help="With --write-hypothesis: the file that holds the formula.")] = None,
+    formula: Annotated[str, Option(help="Which of several formulas of the model, for example formula-2.")] = "",
+    into: Annotated[Path | None, Option(help="Folder of the effect file; left out: the station's own.")] = None,
 ) -> int:
     """List the causes that the simulation can switch on and a diagnosis can name.
 
     Each with what it is, its parameter and its typical size:
 
         station effects
+
+    A formula that `diagnose --extend model.yaml` proposed becomes an effect file, to be completed by a person:
+
+        station effects --write-hypothesis thermal-square --model model.yaml
     """
     from station.cli import _output as _face
     from station.model import catalogue
 
+    if write_hypothesis is not None:
+        from station.cli._write_hypothesis import write_hypothesis as write
+
+        return write(write_hypothesis, model, formula, into)
     if markdown:
         _face.print_line(catalogue.page().rstrip("\n"))
         return 0

@@ -69,7 +69,7 @@ class ModelEffect(StrictModel):
     def build(self) -> Effect:
         """The cause, its form as found. InputError names what it does not know."""
         if self.term is not None:
-            return effect_of(self.term.term(), self.effect, _rms(self.parameters), self.term.source)
+            return effect_of(self.term.term(), self.effect, formula_size(self.parameters), self.term.source)
         kind: type[Effect] = plugins.load(EFFECTS, self.effect)
         shape = dict(self.shape)
         for form in kind.forms:
@@ -137,8 +137,8 @@ def _check_parameters(term: ModelTerm, parameters: tuple[ModelParameter, ...]) -
             raise InvalidValue("formula-unit", unit=p.unit[:40], needed=term.unit)
 
 
-def _rms(parameters: tuple[ModelParameter, ...]) -> float:
-    """Rms of the coefficients."""
+def formula_size(parameters: tuple[ModelParameter, ...]) -> float:
+    """Rms of a formula's coefficients; 0 without any."""
     sizes = [float(p.value) for p in parameters if p.name in ("coefficient", "angle") and not isinstance(p.value, str)]
     return float(np.sqrt(np.mean(np.square(sizes)))) if sizes else 0.0
 

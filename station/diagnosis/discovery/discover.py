@@ -12,6 +12,7 @@ import numpy as np
 
 from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.library import libraries
+from station.diagnosis.discovery.price import price
 from station.diagnosis.discovery.scan import Choice, Scan, scan_of, scanned_units
 from station.diagnosis.discovery.term_fit import TermFit, accepted, fit_term, refine, with_levels
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
@@ -28,6 +29,8 @@ from station.model.formula.term import Term
 MAX_TERMS = 3
 #: Families whose constants are refined, and how far behind the best of the scan they may be, nats.
 MOST_REFINED, REFINED_NATS = 20, 9.0
+#: Cosine from which two curves of one input are one.
+SAME_CURVE = 0.998
 #: Formulas so near to the best, nats, are given as one set.
 SET_NATS = 3.0
 #: What a term of the rig's groups, which are not on the grid, must be ahead of chance, nats.
@@ -134,7 +137,7 @@ class _FormulaSearch:
             for f in close
         ]
         again.sort(key=lambda f: -f.score)
-        best = again[0]
+        best = _simplest(again)
         score = best.score + fairer.of(best.term).profile - spaces.of(best.term).profile
         if score < self.threshold or (top < self.threshold and score < self.threshold + GROUP_NATS):
             return None
@@ -218,11 +221,27 @@ def _with_term(problem: ScoringProblem, found: FoundTerm) -> ScoringProblem:
     return refined(problem.beside((*problem.accepted, item)), rounds=2)
 
 
+def _simplest(ranked: Sequence[TermFit]) -> TermFit:
+    """The best, or the simplest of those near it that are the same curve of the same input spelt with less."""
+    best = ranked[0]
+    same = [f for f in ranked if f.score > best.score - SET_NATS and _is_same_curve(f, best)]
+    return min(same, key=lambda f: (price(f.term), -f.score))
+
+
+def _is_same_curve(one: TermFit, two: TermFit) -> bool:
+    """Whether two terms of one input differ by next to nothing: a decay that lasts for ever is a constant."""
+    if one.term.input != two.term.input or one.signal.shape != two.signal.shape:
+        return False
+    lengths = float(np.sum(one.signal**2) * np.sum(two.signal**2)) ** 0.5
+    return lengths > 0 and float(np.sum(one.signal * two.signal)) > SAME_CURVE * lengths
+
+
 def _distinct(near: Sequence[TermFit], best: TermFit) -> tuple[TermFit, ...]:
-    """The best of each family but the leader's own, the simplest first."""
+    """The best of each family but the leader's own, the simplest first; no longer spelling of the leader's curve."""
     found: dict[tuple[str, str], TermFit] = {}
     for f in near:
-        if f.term.family != best.term.family:
+        longer = _is_same_curve(f, best) and price(f.term) > price(best.term)
+        if f.term.family != best.term.family and not longer:
             found.setdefault(f.term.family, f)
     return tuple(sorted(found.values(), key=lambda f: (f.term.size, -f.score)))
 

@@ -6,38 +6,50 @@ from typing import Any
 import numpy as np
 
 from station import plugins
-from station.diagnosis.planning.bench import bench_of
-from station.diagnosis.planning.proposal import CauseHypothesis, CauseTie, MeasuredCampaign, Proposal, propose
+from station.diagnosis.planning.measured import measured_campaign
+from station.diagnosis.planning.proposal import CauseHypothesis, CauseTie, Proposal, propose
 from station.diagnosis.results.diagnose import Cause, Diagnosis
 from station.errors import RecipeError
 from station.model.effect import Effect
 from station.model.model_file import EFFECTS
 
-#: Units that a plan needs at most to know what more units would show.
-MAX_PLANNED_UNITS = 6
-
 
 def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
     """What to measure next, as the document says it, and the recipe; nothing where nothing is tied."""
     tied = [c for c in d.causes if c.finding.indistinguishable_from]
+    if not tied and d.hypotheses is not None:
+        return _formula_run(d)
     if not tied or not d.recipe.pose_known:
         return None, None
     ties = [t for c in tied if (t := _tie(c)) is not None]
     try:
-        found = propose(_campaign(d), ties) if ties else None
+        found = propose(measured_campaign(d), ties) if ties else None
     except RecipeError:
         found = None
     if found is None:
         members = {name for c in tied for name in (c.finding.name, *c.finding.indistinguishable_from)}
         change = next(_tie_breakers(members), "no run of the menu separates them")
         return {"recipe_change": change, "separates": [], "minutes": 0.0, "certainty": 0.0}, None
+    return _document(found), found
+
+
+def _formula_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
+    """What to measure next to part the formulas that were proposed."""
+    # Formulas are planned for only where there are any.
+    from station.diagnosis.planning.formula_run import next_formula_run
+
+    found = next_formula_run(d)
+    return (None, None) if found is None else (_document(found), found)
+
+
+def _document(found: Proposal) -> dict[str, Any]:
     return {
         "recipe_change": found.change,
         "separates": list(found.separates),
         "minutes": round(found.minutes, 1),
         "leaves": list(found.leaves),
         "certainty": found.certainty,
-    }, found
+    }
 
 
 def _tie_breakers(members: Collection[str]) -> Iterator[str]:
@@ -54,11 +66,3 @@ def _tie(c: Cause) -> CauseTie | None:
     size = float(np.sqrt(np.mean(c.estimate.value[c.estimate.item.hit] ** 2)))
     found = CauseHypothesis(c.estimate.item.candidate.effect, c.estimate.item.candidate.of, size)
     return CauseTie(found, c.finding.indistinguishable_from)
-
-
-def _campaign(d: Diagnosis) -> MeasuredCampaign:
-    """What was measured, as a plan sees it."""
-    visits = d.last.view.scene.visits
-    nests = len(visits.group("nest", 1)[1]) if "nest" in visits.groups else 1
-    units = min(len(d.table.unit.names), MAX_PLANNED_UNITS)
-    return MeasuredCampaign(d.recipe, units, nests, d.floor.floor, bench_of(d.last.view.scene))

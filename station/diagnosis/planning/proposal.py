@@ -128,7 +128,7 @@ def propose(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Proposal | 
     now = PlannedRuns.measured(campaign.recipe)
     best: Proposal | None = None
     for _ in range(MAX_RUNS):
-        better = _best(list(_rated_menu(campaign, now, lines_up, best)))
+        better = best_proposal(list(_rated_menu(campaign, now, lines_up, best)))
         if better is None or (best is not None and better.certainty < best.certainty + LEAST_GAIN):
             break
         best, now = better, better.campaign
@@ -142,7 +142,7 @@ def probability_parted(apart: float) -> float:
     return 0.5 * (1 + erf((apart - SEPARATION_95) / sqrt(2)))
 
 
-def _best(found: Sequence[Proposal]) -> Proposal | None:
+def best_proposal(found: Sequence[Proposal]) -> Proposal | None:
     """The shortest of those that are as good as any, to within a gain not worth a minute."""
     most = max((p.certainty for p in found), default=0.0)
     good = [p for p in found if p.certainty >= min(most, SUFFICIENT_CERTAINTY) - LEAST_GAIN / 2]
@@ -170,7 +170,7 @@ def _rated_menu(
     before: Proposal | None,
 ) -> Iterator[Proposal]:
     """The runs of the menu, the shortest first, up to the first that is certain enough."""
-    for text, longer in sorted(run_menu(campaign, now), key=lambda choice: round(_minutes(choice[1]))):
+    for text, longer in sorted(run_menu(campaign, now), key=lambda choice: round(minutes_of(choice[1]))):
         found = _rated(campaign, text, longer, lines_up, before)
         yield found
         if found.certainty >= SUFFICIENT_CERTAINTY:
@@ -186,7 +186,7 @@ def _rated(
 ) -> Proposal:
     """A longer campaign with what it would separate; before: the proposal that it goes on from."""
     change = text if before is None else f"{before.change}, then {text}"
-    minutes = _minutes(longer) + (before.minutes if before else 0.0)
+    minutes = minutes_of(longer) + (before.minutes if before else 0.0)
     ids = tuple(tuple(s.effect.id for s in suspects) for suspects in lines_up)
     return Proposal(longer, change, minutes, _separations(campaign, longer, lines_up), ids)
 
@@ -257,7 +257,7 @@ def _at_form(plan: PlannedCampaign, candidate: Candidate, effect: Effect) -> Can
     return with_form(candidate, effect, plan.problem.view)
 
 
-def _minutes(runs: PlannedRuns) -> float:
+def minutes_of(runs: PlannedRuns) -> float:
     """How long the last run takes, the unit's change and warming included."""
     last = run_timeline(runs.recipe, len(runs.recipe.runs) - 1)
     return (last.duration_s + last.prewarm_s + SimulatedLine().changeover_s) / 60

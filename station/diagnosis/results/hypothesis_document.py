@@ -11,7 +11,7 @@ from station.diagnosis.results.parameter_rows import estimate_rows, gain_documen
 from station.model.effect import unit_in
 from station.model.formula.model_term import ModelTerm
 from station.model.formula.term import Term
-from station.model.formula.text import formula_text
+from station.model.formula.text import formula_mathml, formula_text
 from station.model.model_file import ModelEffect, ModelParameter
 
 
@@ -66,6 +66,7 @@ def _term_row(t: HypothesisTerm, unit: str) -> dict[str, Any]:
     return {
         "name": t.found.name,
         "formula": formula_text(best.term),
+        "mathml": formula_mathml(best.term),
         **term_document(best.term, unit),
         "d": best.d,
         "score": t.found.score,

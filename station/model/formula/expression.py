@@ -37,6 +37,8 @@ VARIABLES: Mapping[str, Dimension] = {
     "t_arrival": SECOND,
     "motor": NUMBER,
 }
+#: Stands for π in a tree, whose numbers are ratios: that of Zu Chongzhi.
+PI = Fraction(355, 113)
 #: Functions: whether they ask for a pure number, and whether they give one.
 FUNCTIONS: Mapping[str, tuple[bool, bool]] = {
     "exp": (True, True),
@@ -171,7 +173,7 @@ def _leaf(
     tree: Number | Variable | Constant, values: Mapping[tuple[str, str], Array], constants: Mapping[str, float]
 ) -> Floats:
     if isinstance(tree, Number):
-        return np.asarray(float(tree.value))
+        return np.asarray(np.pi if tree.value == PI else float(tree.value))
     return np.asarray(constants[tree.field] if isinstance(tree, Constant) else values[tree.name, tree.place])
 
 

@@ -11,7 +11,17 @@ from functools import cache
 from typing import Literal, NamedTuple
 
 from station.model.formula.dimension import DEGREE, HERTZ, READING, SECOND, Dimension
-from station.model.formula.expression import Call, Constant, Expression, Multiplication, Number, Power, Sum, Variable
+from station.model.formula.expression import (
+    PI,
+    Call,
+    Constant,
+    Expression,
+    Multiplication,
+    Number,
+    Power,
+    Sum,
+    Variable,
+)
 
 Layout = Literal["own", "pair", "any"]
 XYZ = ("x", "y", "z")
@@ -143,7 +153,7 @@ def _creep(clock: str) -> Expression:
 
 
 WARMER = _less(Variable("T"), _constant("about_degC"))
-WAVE = Multiplication((Number(Fraction(2)), Number(Fraction(355, 113)), _constant("cycles_hz"), Variable("t")))
+WAVE = Multiplication((Number(Fraction(2)), Number(PI), _constant("cycles_hz"), Variable("t")))
 POWERED, CLAMPED, ARRIVED = ("since_power_s",), ("since_clamp_s",), ("since_arrival_s",)
 
 #: How it is modulated.

@@ -2,6 +2,7 @@
 is ever evaluated."""
 
 from collections.abc import Mapping
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -24,7 +25,7 @@ class ModelTerm(StrictModel):
     constants: Mapping[str, Finite] = Field(default_factory=dict)
     unit: str
     formula: str = ""
-    source: str = ""
+    source: Annotated[str, Field(pattern=r"^[A-Za-z0-9 .,;:%()=+-]{0,100}$")] = ""
 
     @model_validator(mode="after")
     def _is_of_the_grammar(self) -> "ModelTerm":

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from fractions import Fraction
 from html import escape
 
-from station.model.formula.expression import Constant, Expression, Number, Variable
+from station.model.formula.expression import PI, Constant, Expression, Number, Variable
 from station.model.formula.grammar import INPUTS, XYZ, FormulaColumn
 from station.model.formula.term import Term, axis_places
-from station.model.formula.writer import HALF, PI, Writer, split_product, without_minus
+from station.model.formula.writer import HALF, Writer, split_product, without_minus
 
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 #: Signs of variables and constants.

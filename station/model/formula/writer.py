@@ -7,8 +7,6 @@ from typing import assert_never
 from station.model.formula.expression import Call, Constant, Expression, Multiplication, Number, Power, Sum, Variable
 
 MINUS_ONE, HALF = Number(Fraction(-1)), Fraction(1, 2)
-#: π as the grammar has it: the ratio of Zu Chongzhi, right to 1e-7.
-PI = Fraction(355, 113)
 
 
 class Writer(ABC):

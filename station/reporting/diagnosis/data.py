@@ -52,6 +52,20 @@ class DwellSamples:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class FormulaCurve:
+    """One term of a proposed formula on the axis it moves most, by visit (v): the covariate with its label, the level
+    of what the axis feels and what that is, measured with the term left in, and the term; recipe's unit."""
+
+    axis: str
+    label: str
+    what: str
+    at: Floats
+    level: Floats
+    measured: Floats
+    formula: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ReportData:
     """Everything a report shows.
 
@@ -61,7 +75,8 @@ class ReportData:
     with the causes, each unit calibrated; read, expected (v, 3): plain means of the samples as they came, and what an
     ideal unit would read, where gross faults were found; smallest: rms coefficient of each cause that would have been
     seen with 80 % chance; recorded: columns that were in the data; felt (v, 3): resting stimulus in the device's frame
-    where the pose is known; groups: station, nest, lot and operator of the visits. Readings in the recipe's unit.
+    where the pose is known; curves: of a proposed formula's terms; groups: station, nest, lot and operator of the
+    visits. Readings in the recipe's unit.
     """
 
     document: Mapping[str, Any]
@@ -86,6 +101,7 @@ class ReportData:
     groups: Mapping[str, Labels] = field(default_factory=dict)
     spectrum: ToneSpectrum | None = None
     samples: Mapping[str, DwellSamples] = field(default_factory=dict)
+    curves: tuple[FormulaCurve, ...] = ()
 
     @property
     def line(self) -> Mapping[str, Any] | None:

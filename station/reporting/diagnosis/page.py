@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from station.reporting.diagnosis import lead_figure, partial_residual, plots, tables
+from station.reporting.diagnosis import hypothesis_section, lead_figure, partial_residual, plots, tables
 from station.reporting.diagnosis.cause_text import cause_text, drawn_over
 from station.reporting.diagnosis.data import ReportData
 from station.reporting.diagnosis.finding_text import (
@@ -31,7 +31,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class ReportSection:
-    """A heading, sentences, pictures and tables; folded ones open on a click."""
+    """A heading, sentences, formulas (MathML), pictures and tables; folded ones open on a click."""
 
     name: str
     title: str
@@ -39,6 +39,7 @@ class ReportSection:
     pictures: tuple[Picture, ...] = ()
     tables: tuple[ReportTable, ...] = ()
     folded: bool = False
+    math: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +102,7 @@ def _cards(data: ReportData) -> Iterator[tuple[str, str]]:
 
 
 def _sections(data: ReportData) -> Iterator[ReportSection]:
+    yield _formula_section(data)
     yield _indistinguishable_section(data)
     next_run = next_run_sentence(data)
     yield ReportSection("next-run", report_text("section-next-run"), (next_run,) if next_run else ())
@@ -111,6 +113,22 @@ def _sections(data: ReportData) -> Iterator[ReportSection]:
     yield _residuals(data)
     yield _means_section(data)
     yield _limits_section(data)
+
+
+def _formula_section(data: ReportData) -> ReportSection:
+    """The formula proposed for what no cause explains."""
+    drawn = [hypothesis_section.draw_curve(c, data.unit_of_readings) for c in data.curves]
+    caption = report_text("report-formula-caption")
+    pictures = tuple(Picture(f"formula-{i + 1}", svg, caption) for i, svg in enumerate(drawn))
+    table = hypothesis_section.formula_table(data)
+    return ReportSection(
+        "formula",
+        report_text("report-formula-title"),
+        hypothesis_section.formula_sentences(data),
+        pictures,
+        (table,) if table else (),
+        math=hypothesis_section.formula_math(data.document),
+    )
 
 
 def _indistinguishable_section(data: ReportData) -> ReportSection:

@@ -1,0 +1,137 @@
+"""Laws that nobody told the station of: made of numpy alone, without a line of its grammar.
+
+Each law says which family of the grammar it is, as text, where it is one; constants are drawn anywhere, off every grid.
+"""
+
+# ruff: noqa: ARG001, ARG005 - every shape takes the same arguments, whichever it needs
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tests.blind.bench import World
+
+Array = Any
+#: A function of the world and random numbers: (n) for an axis i and another one j.
+Shape = Callable[[World, Any, int, int], Array]
+
+
+@dataclass(frozen=True)
+class Law:
+    """added (n, 3) at size 1; families of its terms, none where the grammar cannot express it; axis it acts on most."""
+
+    name: str
+    added: Array
+    families: tuple[tuple[str, str], ...]
+    axis: int
+
+
+INPUTS: Mapping[str, Shape] = {
+    "one": lambda w, rng, i, j: np.ones(len(w.t)),
+    "own": lambda w, rng, i, j: w.a[:, i],
+    "other": lambda w, rng, i, j: w.a[:, j],
+    "own-squared": lambda w, rng, i, j: w.a[:, i] ** 2,
+    "own-other": lambda w, rng, i, j: w.a[:, i] * w.a[:, j],
+    "others": lambda w, rng, i, j: w.a[:, (i + 1) % 3] * w.a[:, (i + 2) % 3],
+    "own-cubed": lambda w, rng, i, j: w.a[:, i] ** 3,
+    "own-size": lambda w, rng, i, j: np.abs(w.a[:, i]),
+    "other-size": lambda w, rng, i, j: np.abs(w.a[:, j]),
+    "step": lambda w, rng, i, j: (w.before - w.a)[:, i],
+}
+
+
+def _decay(clock: str) -> Shape:
+    def decay(w: World, rng: Any, i: int, j: int) -> Array:
+        span = float(np.ptp(w.t))
+        t = getattr(w, clock)
+        return np.exp(-t / np.exp(rng.uniform(np.log(0.08 * span), np.log(0.8 * span))))
+
+    return decay
+
+
+def _wave(w: World, rng: Any, i: int, j: int) -> Array:
+    f = rng.uniform(1.2 / np.ptp(w.t), 8 / np.ptp(w.t))
+    return np.sin(2 * np.pi * f * w.t + rng.uniform(0, 2 * np.pi))
+
+
+MODULATORS: Mapping[str, Shape] = {
+    "constant": lambda w, rng, i, j: np.ones(len(w.t)),
+    "temperature": lambda w, rng, i, j: w.T - rng.uniform(15, 35),
+    "temperature-squared": lambda w, rng, i, j: (w.T - rng.uniform(18, 30)) ** 2,
+    "temperature-rate": lambda w, rng, i, j: w.rate,
+    "time": lambda w, rng, i, j: w.t,
+    "root-time": lambda w, rng, i, j: np.sqrt(w.t),
+    "decay": _decay("t"),
+    "motor": lambda w, rng, i, j: w.motor,
+    "motor-squared": lambda w, rng, i, j: w.motor**2,
+    "wave": _wave,
+}
+#: What every calibration takes up.
+ABSORBED = {("one", "constant"), ("own", "constant")}
+#: Causes of the library are no unknowns.
+KNOWN = {
+    ("one", "temperature"), ("own", "temperature"), ("one", "temperature-squared"), ("own", "temperature-squared"),
+    ("one", "temperature-rate"), ("one", "time"), ("one", "motor-squared"), ("own-squared", "constant"),
+    ("own-cubed", "constant"), ("own-size", "constant"), ("step", "constant"), ("other", "constant"),
+    ("own-other", "constant"),
+}  # fmt: skip
+FAMILIES = tuple((i, m) for i in INPUTS for m in MODULATORS if (i, m) not in ABSORBED | KNOWN)
+
+
+def _term(w: World, rng: Any, family: tuple[str, str]) -> tuple[Array, int]:
+    """One term: on one axis with one coefficient for all, or on every axis with coefficients of each unit."""
+    axis = int(rng.integers(3))
+    constants = int(rng.integers(1 << 30))
+    added = np.zeros_like(w.a)
+    alone = rng.uniform() < 0.6
+    for i in (axis,) if alone else range(3):
+        j = (i + 1 + int(rng.integers(2))) % 3
+        again = np.random.default_rng(constants)
+        shape = INPUTS[family[0]](w, again, i, j) * MODULATORS[family[1]](w, again, i, j)
+        size = rng.standard_normal(1 if alone else int(w.unit.max()) + 1)
+        added[:, i] = shape * (size[0] if alone else size[w.unit])
+    return added, axis
+
+
+def in_grammar(w: World, rng: Any) -> Law:
+    """One term of the grammar."""
+    family = FAMILIES[int(rng.integers(len(FAMILIES)))]
+    added, axis = _term(w, rng, family)
+    return Law("·".join(family), added, (family,), axis)
+
+
+def two_terms(w: World, rng: Any) -> Law:
+    """Two terms of about one strength."""
+    one, two = (FAMILIES[int(i)] for i in rng.permutation(len(FAMILIES))[:2])
+    (a, axis), (b, _) = _term(w, rng, one), _term(w, rng, two)
+    added = a / np.std(a) + b / np.std(b)
+    return Law("·".join(one) + " + " + "·".join(two), added, (one, two), axis)
+
+
+def _scramble(code: Array, rng: Any) -> Array:
+    """Another number for each code, at random."""
+    return rng.standard_normal(int(code.max()) + 1)[code]
+
+
+INEXPRESSIBLE: Mapping[str, Shape] = {
+    "chirp": lambda w, rng, i, j: w.a[:, i] * np.sin(rng.uniform(8, 14) * (w.t / np.ptp(w.t)) ** 2 * np.pi),
+    "three covariates": lambda w, rng, i, j: w.a[:, j] * (w.T - 26) * (w.motor - 0.4),
+    "position and run": lambda w, rng, i, j: _scramble(w.position + 24 * w.run, rng),
+    "telegraph": lambda w, rng, i, j: np.sign(_scramble(w.visit + 24 * w.run, rng)) * w.a[:, i],
+    "resonance": lambda w, rng, i, j: w.a[:, j] / (1 + ((w.motor - rng.uniform(0.3, 0.7)) / 0.04) ** 2),
+    "order and drive": lambda w, rng, i, j: (w.before - w.a)[:, i] * (w.motor - 0.5) * (2.0 * (w.visit % 2) - 1),
+    "patches": lambda w, rng, i, j: np.sign(np.sin(7 * w.a[:, i] + 5 * w.a[:, j]) * np.sin(w.t / 7 + w.run)),
+    "bursts": lambda w, rng, i, j: np.where(_scramble(w.visit + 24 * w.run + 72 * w.unit, rng) > 1.2, 1.0, 0.0),
+}
+
+
+def not_expressible(w: World, rng: Any) -> Law:
+    """Something that no three terms of the grammar are."""
+    name = list(INEXPRESSIBLE)[int(rng.integers(len(INEXPRESSIBLE)))]
+    axis = int(rng.integers(3))
+    j = (axis + 1 + int(rng.integers(2))) % 3
+    added = np.zeros_like(w.a)
+    added[:, axis] = INEXPRESSIBLE[name](w, rng, axis, j)
+    return Law(name, added, (), axis)

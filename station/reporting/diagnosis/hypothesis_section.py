@@ -1,0 +1,102 @@
+"""The section of a report with a proposed formula: typeset, drawn over its covariate, with what else would fit."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from station.domain.core.types import Array, Floats
+from station.reporting.diagnosis.data import FormulaCurve, ReportData
+from station.reporting.diagnosis.quantity_format import display_unit, format_significant
+from station.reporting.diagnosis.sentences import report_text
+from station.reporting.diagnosis.tables import ReportTable
+from station.reporting.drawing.figure import Figure, Series, svg
+
+#: Groups of visits along the covariate, and points of a drawn curve.
+GROUPS = 8
+
+
+def formula_sentences(data: ReportData) -> tuple[str, ...]:
+    """What was proposed, how sure, and what else would fit; that nothing was found."""
+    found = data.document["unknown"].get("hypotheses")
+    if found is None:
+        return ()
+    if not found:
+        return (report_text("report-formula-none"),)
+    (h,) = found
+    gain, unit = h["gain"], data.unit_of_readings
+    factor, words = display_unit([gain["rms_before"]], unit)
+    before, after = (format_significant(gain[key] * factor) for key in ("rms_before", "rms_after"))
+    text = [report_text("report-formula-whole" if h["complete"] else "report-formula-part")]
+    text.append(report_text("report-formula-gain", before=before, after=after, unit=words))
+    if h["equivalent"]:
+        text.append(report_text("report-formula-tied", formulas=tuple(h["equivalent"])))
+    return tuple(text)
+
+
+def formula_table(data: ReportData) -> ReportTable | None:
+    """Parameters with their 95 % intervals."""
+    found = data.document["unknown"].get("hypotheses")
+    if not found:
+        return None
+    rows = []
+    for p in found[0]["parameters"]:
+        value, wide = format_significant(p["value"]), format_significant(1.96 * (p["std"] or 0))
+        rows.append((p["of"], p["axis"] or "", p["name"], value, wide, p["unit"]))
+    head = (
+        report_text("report-formula-of"),
+        report_text("report-formula-axis"),
+        report_text("report-formula-parameter"),
+        report_text("report-formula-value"),
+        report_text("report-formula-interval"),
+        report_text("report-formula-unit"),
+    )
+    return ReportTable(report_text("report-formula-parameters"), head, tuple(rows), folded=len(rows) > 12)
+
+
+def draw_curve(curve: FormulaCurve, unit: str) -> str:
+    """Measured means with 95 % bars and the formula's curve, at three levels of what the axis feels."""
+    factor, words = display_unit([float(np.abs(curve.measured).max())], unit)
+    series: list[Series] = []
+    for level, (name, rows) in enumerate(_levels(curve)):
+        x, y, wide, line = _grouped(curve, rows)
+        series.append(Series(x.tolist(), (line * factor).tolist(), name, kind="line", colour=level))
+        low, high = ((y + s * wide) * factor for s in (-1, 1))
+        series.append(Series(x.tolist(), (y * factor).tolist(), "", low=low.tolist(), high=high.tolist(), colour=level))
+    title = report_text("report-formula-figure", axis=curve.axis)
+    return svg(Figure(title, curve.label, words, tuple(series), width=760, height=360))
+
+
+def _levels(curve: FormulaCurve) -> Iterator[tuple[str, Array]]:
+    """Visits of a low, a middle and a high level of what the axis feels, or all where it is the same everywhere."""
+    s = curve.level
+    if float(np.ptp(s)) < 1e-9:
+        yield report_text("report-formula-all"), np.ones(len(s), bool)
+        return
+    low, high = (float(q) for q in np.quantile(s, (1 / 3, 2 / 3)))
+    if low == high:
+        low, high = float(s.min()), float(s.max())
+    parts = [s <= low, (s > low) & (s < high), s >= high]
+    for rows in parts:
+        if rows.any():
+            yield (
+                report_text("report-formula-level", what=curve.what, value=format_significant(float(s[rows].mean()))),
+                rows,
+            )
+
+
+def _grouped(curve: FormulaCurve, rows: Array) -> tuple[Floats, Floats, Floats, Floats]:
+    """Covariate, mean measured, 1.96 standard errors and the formula's mean of each group along the covariate."""
+    at = np.flatnonzero(rows)
+    at = at[np.argsort(curve.at[at], kind="stable")]
+    groups = [g for g in np.array_split(at, min(GROUPS, max(1, len(at) // 4))) if len(g)]
+    x, y, line = (np.array([v[g].mean() for g in groups]) for v in (curve.at, curve.measured, curve.formula))
+    rest = curve.measured - curve.formula
+    wide = np.array([1.96 * rest[g].std() / np.sqrt(len(g)) for g in groups])
+    return x, y, wide, line
+
+
+def formula_math(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """The formulas as MathML, of each term."""
+    found = document["unknown"].get("hypotheses") or ()
+    return tuple(t["mathml"] for h in found for t in h["terms"])
