@@ -1,26 +1,36 @@
 """Formulas of laws that nobody wrote down: right family, sets, false alarms, held-out gain, rivals, time.
 
-    python benchmarks/discovery.py [--laws 200] [--nulls 2000] [--rivals 6] [--seed 1] [--only laws nulls rivals]
+    python benchmarks/discovery.py [--laws 200] [--nulls 2000] [--rivals 6] [--seed 1] [--only laws nulls library]
 
 Laws are made by `discovery_laws.py`, which shares no line with the grammar: in the grammar with constants off every
 grid, of two terms, not expressible, and none. Four units go through tilt-24 three times; d is the length of what a law
 leaves in white means of the visits. Readings go through the station's own reduction and calibration; the formula is
-looked for in what that leaves. A law counts as detected where a formula is proposed or more than chance is found.
+looked for in what that leaves. A law counts as detected where a formula is proposed. `library`: each cause of the
+library that moves means, at its usual size, by a station that knows none. `xsens`: a real recording (--data DIR) whose
+simulation has nothing but offset and gains.
 """
 
 import argparse
+import os
 import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import figures
 import numpy as np
 from discovery_laws import Law, in_grammar, not_expressible, two_terms
 
+from station.config.recipes import load_recipe
+from station.diagnosis.data.faults import inspect
 from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.data.stays import recut
 from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.discover import MOST_SCANNED_UNITS, Discovery, discover
 from station.diagnosis.discovery.library import libraries
@@ -28,13 +38,17 @@ from station.diagnosis.discovery.scan import scan_of, scanned_units
 from station.diagnosis.discovery.term_fit import candidate_of
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
+from station.diagnosis.results.remaining_residual import remaining_rms
 from station.diagnosis.search.alarm import NullDistribution
 from station.diagnosis.search.cause_search import build_banks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import marginalise_walks
 from station.domain.core.types import Floats
+from station.model.formula.text import formula_text
 from station.model.model_file import Model
+from station.wiring.sample_files import read_samples
+from tests.blind import rediscovery
 from tests.blind.bench import WHITE, World, readings, strength, table, world
 from tests.blind.inspection import null_of
 from tests.blind.recipes import recipe
@@ -76,9 +90,9 @@ class Bench:
             added = added * (d / max(float(strength(w, w.a, added, WHITE.density)), 1e-300))
         made = table(w, readings(w, w.a, added, WHITE, rng), rng)
         problem = initial_problem(reduce_samples(recipe(), made), FloorAllowance.of(recipe(), Model()))
-        null = self._alarm_of(problem)
+        null = self.alarm_of(problem)
         start = time.process_time()
-        found = discover(problem, null, (), 1, self._threshold_of)
+        found = discover(problem, null, (), 1, self.threshold_of)
         seconds = time.process_time() - start
         count = np.bincount(w.stop)
         means = np.stack([np.bincount(w.stop, c) / count for c in added.T], 1)
@@ -87,12 +101,14 @@ class Bench:
         truth = space.project(problem.view.rows(means[..., None], None))[..., 0].ravel()
         return Trial(law, d, problem, found, truth, space, seconds)
 
-    def _threshold_of(self, problem: Any, fitted: Any, scans: Any) -> float:
+    def threshold_of(self, problem: Any, fitted: Any, scans: Any) -> float:
+        """The score by chance, drawn once."""
         if self.threshold is None:
             self.threshold = chance.threshold(problem, fitted, scans, 1)
         return self.threshold
 
-    def _alarm_of(self, problem: ScoringProblem) -> NullDistribution:
+    def alarm_of(self, problem: ScoringProblem) -> NullDistribution:
+        """The null distribution of the diagnosis' alarm, drawn once."""
         if self.null is None:
             fitted = problem.fit()
             now = marginalise_walks(problem, score_bank(problem, build_banks(problem.view, ()), fitted.floor))
@@ -259,6 +275,45 @@ def rivals(bench: Bench, count: int, seed: int) -> None:
         _row(what, own, goal, own >= best + 0.1, _spread(shares))
 
 
+def library(bench: Bench, seed: int) -> None:
+    """Each cause of the library, found again by a station that knows none."""
+    first = bench.trial(None, 0.0, seed)
+    null = bench.alarm_of(first.problem)
+    right = []
+    for name in rediscovery.FORMS:
+        found = rediscovery.rediscover(name, 11 + seed, null, bench.threshold_of)
+        right.append(rediscovery.is_rediscovered(name, found))
+        if not right[-1]:
+            print(f"      {name} -> {[t.fit.term.family for t in found.terms]}")
+    share = float(np.mean(right))
+    _row(f"{len(right)} library causes at their usual size, found again", share, ">= .90", share >= 0.9, _spread(right))
+
+
+def xsens(folder: Path) -> None:
+    """A real sensor turned by hand: the matrix must be found where the simulation has none."""
+    from tests.integration import test_real_recordings as recordings
+
+    with TemporaryDirectory() as scratch, redirect_stdout(StringIO()):
+        here = Path(scratch)
+        recording = str(folder / "xsens_mti_tumble" / "xsens_acc.mat")
+        scale = repr(1 / recordings.XSENS_SCALE / recordings.XSENS_G)
+        (here / "by-hand.yaml").write_text(recordings.BY_HAND, encoding="utf-8")
+        samples = here / "xsens.parquet"
+        zero = str(recordings.XSENS_ZERO)
+        recordings.station("segment", recording, "--zero", zero, "--scale", scale, "--out", str(samples))
+        kind, made = load_recipe(str(here / "by-hand.yaml")), read_samples(samples)
+    whole = inspect(kind, recut(kind, made.used()).table).table
+    problem = initial_problem(reduce_samples(kind, whole), FloorAllowance.of(kind, Model()))
+    fitted = problem.fit()
+    now = marginalise_walks(problem, score_bank(problem, build_banks(problem.view, ()), fitted.floor))
+    found = discover(problem, null_of(problem, fitted, now), (), 1)
+    for t in found.terms:
+        print(f"      {formula_text(t.fit.term)}")
+    left = 1e3 * remaining_rms(found.problem)
+    _row(f"Xsens, {1e3 * remaining_rms(problem):.3g} mg with offset and gains, with the formula, mg", left, "<= .11",
+         left <= 0.11)  # fmt: skip
+
+
 def _rival_cosine(t: Trial, fit: Callable[[Floats, Floats], Floats]) -> float:
     view, scene = t.problem.view, t.problem.view.scene
     assert t.law is not None
@@ -300,7 +355,10 @@ def main() -> None:
     parser.add_argument("--nulls", type=int, default=2000)
     parser.add_argument("--rivals", type=int, default=6)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", nargs="+", choices=("laws", "nulls", "rivals"), default=("laws", "nulls", "rivals"))
+    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("STATION_REFERENCE_DATA", beside)))
+    parts = ("laws", "nulls", "rivals", "library", "xsens")
+    parser.add_argument("--only", nargs="+", choices=parts, default=parts)
     asked = parser.parse_args()
     print(f"formulas proposed for laws outside the library, seed {asked.seed}")
     bench = Bench()
@@ -310,6 +368,10 @@ def main() -> None:
         nulls(bench, asked.nulls, asked.seed)
     if "laws" in asked.only:
         laws(bench, asked.laws, asked.seed)
+    if "library" in asked.only:
+        library(bench, asked.seed)
+    if "xsens" in asked.only:
+        xsens(asked.data)
     if "rivals" in asked.only:
         rivals(bench, asked.rivals, asked.seed)
 

@@ -43,7 +43,9 @@ FORMS: Mapping[str, Families] = {
 }
 
 
-def rediscover(name: str, seed: int, null: NullDistribution, threshold_of: ThresholdOf | None = None) -> Discovery:
+def rediscover(
+    name: str, seed: int, null: NullDistribution | None, threshold_of: ThresholdOf | None = None
+) -> Discovery:
     """The formula found where a cause of the library acts at its usual size, and no cause is known."""
     kind = recipe()
     units = ("A", "B", "C", "D")

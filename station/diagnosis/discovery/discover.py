@@ -67,12 +67,13 @@ class Discovery:
 
 def discover(
     problem: ScoringProblem,
-    null: NullDistribution,
+    null: NullDistribution | None,
     hidden: Sequence[str],
     seed: int,
     threshold_of: ThresholdOf | None = None,
 ) -> Discovery:
-    """The formula for what a problem leaves. null: of the diagnosis' alarm; hidden: causes that these data cannot show.
+    """The formula for what a problem leaves. null: of the diagnosis' alarm, None where nobody asks whether anything is
+    left; hidden: causes that these data cannot show.
 
     threshold_of: the score by chance, where somebody has it already.
     """
@@ -84,7 +85,7 @@ def discover(
         found.append(best)
         if len(found) > 1:
             problem, found = search.fitted_back(problem, found, first)
-    quiet = bool(found) and _is_quiet(problem, null, hidden)
+    quiet = bool(found) and null is not None and _is_quiet(problem, null, hidden)
     return Discovery(tuple(found), problem, search.threshold, quiet, first)
 
 

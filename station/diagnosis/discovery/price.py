@@ -11,6 +11,8 @@ from station.model.formula.term import Term
 
 #: A node of the tree, a free constant, a level of sharing other than the unit's or everybody's; nats.
 NODE_NATS, CONSTANT_NATS, RARE_LEVEL_NATS = 0.4, 1.0, 1.5
+#: A clock that starts with power or clamp: where all start together, the run's own is the plainer way to say it.
+CLOCK_NATS, CLOCKS = 0.5, frozenset({"since_power_s", "since_clamp_s"})
 
 
 def price(term: Term) -> float:
@@ -18,4 +20,5 @@ def price(term: Term) -> float:
     every = len(columns_of(*term.factors))
     choice = float(np.log(2)) if term.is_whole else float(np.log(2 * every / len(term.axes)))
     rare = 0.0 if term.of in ("unit", "common") else RARE_LEVEL_NATS
-    return NODE_NATS * term.size + CONSTANT_NATS * len(term.fields) + choice + rare
+    clock = CLOCK_NATS * len(CLOCKS & set(term.needs))
+    return NODE_NATS * term.size + CONSTANT_NATS * len(term.fields) + choice + rare + clock
