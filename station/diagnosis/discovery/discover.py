@@ -29,6 +29,8 @@ from station.model.formula.term import Term
 MAX_TERMS = 3
 #: Families whose constants are refined, and how far behind the best of the scan they may be, nats.
 MOST_REFINED, REFINED_NATS = 20, 9.0
+#: Numbers that must be left beside the calibration: of fewer no law can be read.
+LEAST_NUMBERS = 12
 #: Cosine from which two curves of one input are one.
 SAME_CURVE = 0.998
 #: Formulas so near to the best, nats, are given as one set.
@@ -110,6 +112,8 @@ class _FormulaSearch:
         """The best term on what a problem leaves; None where chance does as well."""
         fitted, units = problem.fit(), scanned_units(problem, MOST_SCANNED_UNITS)
         scans = [scan_of(x, problem.view, units, fitted.floor) for x in libraries(problem.view)]
+        if any(s.space.dof < LEAST_NUMBERS or s.space.rest <= 0 for s in scans):
+            return None
         if self._threshold is None:
             self._threshold = self._threshold_of(problem, fitted, scans)
         top, choices = _best_choices(scans)

@@ -12,7 +12,7 @@ from station.domain.core.types import Floats
 from station.model.effect import stimulus_strength
 from station.model.formula.expression import constants, evaluate, variables
 from station.model.formula.grammar import INPUTS, MODULATORS, Factor, FormulaColumn, columns_of
-from station.model.formula.term import Term, variable_values
+from station.model.formula.term import Term, variable_values, without_rounding
 from station.model.forward import sensor_signal
 from station.model.scene import Signal
 
@@ -138,7 +138,7 @@ def _shapes(factor: Factor, grids: "_Grids", signal: Signal) -> Iterator[Shape]:
         pairs = tuple(zip(fields, chosen, strict=True))
         known = dict(pairs)
         shaped = {
-            (*place, phase): np.broadcast_to(evaluate(tree, felt[place], known), n)
+            (*place, phase): np.broadcast_to(without_rounding(evaluate(tree, felt[place], known)), n)
             for place in places
             for phase, tree in factor.forms
         }

@@ -20,6 +20,8 @@ from station.model.formula.grammar import (
 )
 from station.model.scene import Scene, Signal
 
+#: What an axis feels beside others, where it is below this, is the rounding of its pose.
+ROUNDING = 1e-9
 #: Columns of the scene by the variable that they are.
 COVARIATE_OF = {
     "T": "temperature_degC",
@@ -130,7 +132,12 @@ class Term:
         trees = self.tree(column)
         values = variable_values(signal, column.i, column.j, frozenset().union(*(variables(t) for t in trees)))
         one, two = (evaluate(t, values, dict(self.constants)) for t in trees)
-        return np.broadcast_to(one * two, len(signal.scene))
+        return np.broadcast_to(without_rounding(one) * two, len(signal.scene))
+
+
+def without_rounding(values: Floats) -> Floats:
+    """Values of an input, zero where they are but the rounding of poses: at six faces no two axes have a product."""
+    return values if float(np.max(np.abs(values), initial=0.0)) > ROUNDING else np.zeros_like(values)
 
 
 def axis_places(i: int, j: int) -> dict[str, int]:
