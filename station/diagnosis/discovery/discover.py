@@ -29,6 +29,9 @@ from station.model.formula.term import Term
 MAX_TERMS = 3
 #: Families whose constants are refined, and how far behind the best of the scan they may be, nats.
 MOST_REFINED, REFINED_NATS = 20, 9.0
+#: A formula is whole where the next best term is this far below chance, nats, and the rest is not larger than the
+#: visits' own noise by more than this, standard deviations.
+NEARLY_NATS, MOST_EXCESS = 1.0, 1.8
 #: Numbers that must be left beside the calibration: of fewer no law can be read.
 LEAST_NUMBERS = 12
 #: Cosine from which two curves of one input are one.
@@ -87,7 +90,7 @@ def discover(
         found.append(best)
         if len(found) > 1:
             problem, found = search.fitted_back(problem, found, first)
-    quiet = bool(found) and null is not None and _is_quiet(problem, null, hidden)
+    quiet = bool(found) and null is not None and search.is_exhausted(len(found)) and _is_quiet(problem, null, hidden)
     return Discovery(tuple(found), problem, search.threshold, quiet, first)
 
 
@@ -99,11 +102,16 @@ class _FormulaSearch:
         self._threshold_of = threshold_of or self._drawn
         self._levels = _levels_of(problem)
         self._threshold: float | None = None
+        self._last_top = np.inf
 
     @property
     def threshold(self) -> float:
         """The score by chance."""
         return np.inf if self._threshold is None else self._threshold
+
+    def is_exhausted(self, terms: int) -> bool:
+        """Whether the grammar has nothing more to say, not even nearly: what it cannot express it follows a little."""
+        return terms < MAX_TERMS and self._last_top < self.threshold - NEARLY_NATS
 
     def _drawn(self, problem: ScoringProblem, fitted: FittedFloor, scans: Sequence[Scan]) -> float:
         return chance.threshold(problem, fitted, scans, self._seed)
@@ -117,6 +125,7 @@ class _FormulaSearch:
         if self._threshold is None:
             self._threshold = self._threshold_of(problem, fitted, scans)
         top, choices = _best_choices(scans)
+        self._last_top = top
         # Chance was drawn for the grid, whose best is therefore what must beat it; refined, it is better still.
         if top < self.threshold - GROUP_NATS:
             return None
@@ -252,7 +261,21 @@ def _distinct(near: Sequence[TermFit], best: TermFit) -> tuple[TermFit, ...]:
 
 
 def _is_quiet(problem: ScoringProblem, null: NullDistribution, hidden: Sequence[str]) -> bool:
-    """Whether the diagnosis' own alarm finds nothing in what is left."""
+    """Whether what is left is no more than the scatter within the visits makes of their means, and the diagnosis' own
+    alarm finds nothing in it."""
+    if _excess(problem) > MOST_EXCESS:
+        return False
     fitted = problem.fit()
     now = marginalise_walks(problem, score_bank(problem, build_banks(problem.view, hidden), fitted.floor))
     return statistic(null, now.evidence()) <= null.threshold
+
+
+def _excess(problem: ScoringProblem) -> float:
+    """By how many standard deviations the rest is larger than the visits' own noise: of a law that nothing expresses
+    the floor takes up what it can, and only this still shows it."""
+    reduced = problem.view.reduced
+    within = float(reduced.sigma / np.sqrt(reduced.count.sum(1).mean()))
+    if within <= 0:
+        return 0.0
+    space = problem.space(NoiseFloor(within, 0.0, 0.0), moving=False)
+    return (space.rest / space.dof - 1) / float(np.sqrt(2 / space.dof))
