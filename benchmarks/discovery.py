@@ -137,7 +137,7 @@ def cosine(t: Trial, terms: Sequence[Any]) -> float:
         return 0.0
     Z = columns(t, terms)
     onto = Z @ np.linalg.lstsq(Z, t.truth, rcond=1e-9)[0]
-    return float(np.linalg.norm(onto) / max(np.linalg.norm(t.truth), 1e-300))
+    return float(np.linalg.norm(onto)) / max(float(np.linalg.norm(t.truth)), 1e-300)
 
 
 def is_right(t: Trial, terms: Sequence[Any]) -> bool:

@@ -247,7 +247,7 @@ def _is_same_curve(one: TermFit, two: TermFit) -> bool:
     if one.term.input != two.term.input or one.signal.shape != two.signal.shape:
         return False
     lengths = float(np.sum(one.signal**2) * np.sum(two.signal**2)) ** 0.5
-    return lengths > 0 and float(np.sum(one.signal * two.signal)) > SAME_CURVE * lengths
+    return bool(lengths > 0 and float(np.sum(one.signal * two.signal)) > SAME_CURVE * lengths)
 
 
 def _distinct(near: Sequence[TermFit], best: TermFit) -> tuple[TermFit, ...]:
