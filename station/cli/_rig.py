@@ -1,6 +1,7 @@
 """The face of `station rig --simulate`: what a simulated machine tells, line by line."""
 
 from station.cli._output import print_json
+from station.cli._rig_drives import DRIVES
 from station.errors import UsageError
 from station.wiring.rig_machines import MACHINES, Machine
 
@@ -8,7 +9,7 @@ from station.wiring.rig_machines import MACHINES, Machine
 def simulate_machine(name: str, machine: Machine) -> int:
     """Runs the machine until its time is over or Ctrl-C, which is the way to stop it and no failure."""
     if name not in MACHINES:
-        raise UsageError("rig-machine-unknown", name=name[:40], machines=list(MACHINES))
+        raise UsageError("rig-machine-unknown", name=name[:40], machines=[DRIVES, *MACHINES])
     try:
         MACHINES[name](machine, print_json)
     except KeyboardInterrupt:

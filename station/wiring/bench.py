@@ -118,7 +118,7 @@ def open_bench(order: RunOrder) -> Bench:
             for one in used_buses(settings).values():
                 if bus_kind(one).without_units:
                     raise UsageError("bus-without-units", interface=one.interface)
-            units_bus = cache(lambda: _units_bus(settings, document, clock, opened))
+            units_bus = cache(lambda: units_bus_of(settings, document, clock, opened))
             turned_by = connected_positioner(settings, document, clock, units_bus, opened)
             refuse_numbers_for_real_units(settings, turned_by)
             bus = units_bus()
@@ -140,7 +140,7 @@ def open_bench(order: RunOrder) -> Bench:
     raise AssertionError("unreachable: ExitStack swallows nothing")
 
 
-def _units_bus(settings: Settings, document: Document, clock: Clock, opened: ExitStack) -> Bus:
+def units_bus_of(settings: Settings, document: Document, clock: Clock, opened: ExitStack) -> Bus:
     """The units' bus, or all of them as one, owned by this station. Errors: ConfigError, BusFault."""
     for one in used_buses(settings).values():
         if bus_kind(one).interface_of_kernel:

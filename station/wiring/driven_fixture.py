@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
 from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.clock import VirtualClock
 from station.adapters.positioner.cia402 import Cia402Positioner
@@ -13,6 +11,8 @@ from station.config.documents import Document
 from station.config.settings import Settings
 from station.domain.core.types import Floats
 from station.domain.recipe.plan import PlannedVisit
+from station.domain.rig import kinematics
+from station.domain.rig.rig_map import RigMap
 from station.wiring.positioners import positioner_options, refuse_nodes_of_units
 
 #: A move that is longer under way than this ends by itself, s; nobody knows beforehand how long it takes.
@@ -20,7 +20,8 @@ _UNTIL_S = 3600.0
 
 
 class DrivenFixture:
-    """A positioner whose drives turn the simulated plate. moving, arrived: told when a move begins, when it ends."""
+    """A positioner whose drives turn the simulated plate. moving, arrived: told when a move begins, when it
+    ends; mounted: how the rig is built, where it is not as its map says."""
 
     by_hand = False
     turns_nothing = True
@@ -33,12 +34,14 @@ class DrivenFixture:
         bus: SimulatedBus,
         moving: MoveListener,
         arrived: Callable[[float], None],
+        mounted: RigMap | None = None,
     ) -> None:
         options = positioner_options(settings, document)
         self._clock, self._moving, self._arrived = clock, moving, arrived
         self._drives = Cia402Positioner(options, clock, bus)
-        self._map = self._drives.rig
-        refuse_nodes_of_units(settings, self._map)
+        self._options, self._bus = options, bus
+        self._map = mounted or self._drives.rig
+        refuse_nodes_of_units(settings, self._drives.rig)
         self._motors = drives_of(self._map, bus.endpoint, clock)
         for motor in self._motors:
             clock.attach(motor)
@@ -62,10 +65,10 @@ class DrivenFixture:
         """Turns to the parking place. Errors: PositionerFault, BusFault."""
         self._drives.park(timeout_s)
 
+    def of_map(self, rig: RigMap) -> Cia402Positioner:
+        """A positioner of another map, on the same drives."""
+        return Cia402Positioner(self._options, self._clock, self._bus, rig)
+
     def plate(self, time_s: Floats) -> Floats:
         """True nest → station rotations (n, 3, 3) at instants (n)."""
-        if not len(time_s):
-            return np.zeros((0, 3, 3))
-        return np.stack(
-            [self._map.attitude(tuple(angles)) for angles in angles_of(self._map, self._motors, time_s).tolist()]
-        )
+        return kinematics.attitudes(self._map.directions, angles_of(self._map, self._motors, time_s))

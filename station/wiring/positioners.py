@@ -50,17 +50,24 @@ def connected_positioner(
     options = positioner_options(settings, document)
     if options.channel == SIMULATED:
         raise UsageError("rig-without-bus")
-    if options.channel == UNITS:
-        bus = units_bus()
-        refuse_nodes_of_units(settings, load_rig(options.map))
-    else:
-        own = BusSettings(interface=options.interface, channel=options.channel)
-        if bus_kind(own).interface_of_kernel:
-            opened.callback(claim_bus(own, settings.station).release)
-        bus = open_bus(own, document, clock)
-        opened.callback(bus.close)
-    built: Positioner = made(options, clock, bus)
+    built: Positioner = made(options, clock, bus_of_drives(settings, document, clock, units_bus, opened))
     return built
+
+
+def bus_of_drives(
+    settings: Settings, document: Document, clock: Clock, units_bus: Callable[[], Bus], opened: ExitStack
+) -> Bus:
+    """The bus that the drives are on. Errors: ConfigError; BusFault where another station has it."""
+    options = positioner_options(settings, document)
+    if options.channel in (UNITS, settings.bus.channel):
+        refuse_nodes_of_units(settings, load_rig(options.map))
+        return units_bus()
+    own = BusSettings(interface=options.interface, channel=options.channel)
+    if bus_kind(own).interface_of_kernel:
+        opened.callback(claim_bus(own, settings.station).release)
+    bus = open_bus(own, document, clock)
+    opened.callback(bus.close)
+    return bus
 
 
 def refuse_nodes_of_units(settings: Settings, rig: RigMap) -> None:

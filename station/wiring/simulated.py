@@ -22,6 +22,7 @@ from station.config.settings import Settings
 from station.domain.core.types import Frames, NestAssignment
 from station.domain.product.product import serial_of
 from station.domain.recipe.plan import PlannedVisit
+from station.domain.rig.rig_map import RigMap
 from station.errors import ProductError, UsageError
 from station.model.effect import Effect
 from station.model.rig import Rig
@@ -49,14 +50,22 @@ class SimulatedFixture:
 
     timing = Timing(block_s=BLOCK_S)
 
-    def __init__(self, settings: Settings, document: Document, job: Job, source: Source, order: RunOrder) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        document: Document,
+        job: Job,
+        source: Source,
+        order: RunOrder,
+        mounted: RigMap | None = None,
+    ) -> None:
         if source.eds is None:
             raise ProductError("product-without-eds", file=str(source.product))
         self._settings, self._job, self._order = settings, job, order
         self.clock, self.bus = self._world()
         self.positioner: Positioner
         if settings.positioner.kind == "cia402":
-            self.positioner = driven = self._driven(settings, document)
+            self.positioner = driven = self._driven(settings, document, mounted)
             plate = driven.plate
         else:
             numbers = SimulatedPositioner(self._positioner_settings(document), self.clock, self._go)
@@ -76,8 +85,9 @@ class SimulatedFixture:
         self._virtual = SimulatedBus(self._events)
         return self._events, self._virtual
 
-    def _driven(self, settings: Settings, document: Document) -> DrivenFixture:
-        return DrivenFixture(settings, document, self._events, self._virtual, self._go, self._arrived)
+    def _driven(self, settings: Settings, document: Document, mounted: RigMap | None) -> DrivenFixture:
+        told = self._go, self._arrived
+        return DrivenFixture(settings, document, self._events, self._virtual, *told, mounted)
 
     def close(self) -> None:
         """Nothing runs on behind a virtual bus."""
@@ -237,8 +247,8 @@ class Rehearsal(SimulatedFixture):
     def _endpoint(self, _can_ids: tuple[int, ...]) -> Endpoint:
         return self._hub.endpoint()
 
-    def _driven(self, settings: Settings, document: Document) -> DrivenFixture:
-        del document
+    def _driven(self, settings: Settings, document: Document, mounted: RigMap | None) -> DrivenFixture:
+        del document, mounted
         raise UsageError("rehearsal-positioner", kind=settings.positioner.kind)
 
     def _break_wire(self, fault: str) -> None:

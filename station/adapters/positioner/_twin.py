@@ -2,6 +2,7 @@
 
 from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.simulated_device.drive.node import drives_of
+from station.adapters.simulated_device.grbl import GrblStub
 from station.domain.rig.rig_map import RigMap
 from station.errors import UsageError
 from station.ports.bus import Bus
@@ -16,3 +17,26 @@ def twin_bus(rig: RigMap, clock: Clock) -> Bus:
     for drive in drives_of(rig, bus.endpoint, clock):
         clock.attach(drive)
     return bus
+
+
+class TwinPort:
+    """A serial port with a simulated GRBL controller behind it, on the clock of whoever asks."""
+
+    def __init__(self, stub: GrblStub, clock: Clock) -> None:
+        self.stub, self._clock = stub, clock
+
+    def write(self, data: bytes) -> None:
+        """To the controller."""
+        self.stub.feed(data, self._clock.monotonic_s())
+
+    def read(self, _size: int) -> bytes:
+        """From it."""
+        return self.stub.answers(self._clock.monotonic_s())
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def twin_port(rig: RigMap, clock: Clock) -> TwinPort:
+    """A controller of the rig's acceleration."""
+    return TwinPort(GrblStub(min(axis.acceleration_deg_s2 for axis in rig.axes)), clock)

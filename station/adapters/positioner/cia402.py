@@ -28,6 +28,8 @@ START_S, HOP_S = 0.10, 0.015
 ACKNOWLEDGE_S = 0.5
 #: A move may take so much longer than its trapezium of speed.
 _LATE_FACTOR, _LATE_S = 1.5, 0.5
+#: How far an axis is sent to prove that it stops by itself, degrees.
+WATCHED_DEG = 8.0
 #: Between target reached and the reading that proves it, s: an axis that creeps on has left its window by then.
 _PROOF_S = 0.01
 
@@ -66,8 +68,14 @@ class Cia402Positioner:
         interface: str = "socketcan"
         channel: str = "simulated"
 
-    def __init__(self, settings: "Cia402Positioner.Settings", clock: Clock, bus: Bus | None = None) -> None:
-        self.rig: RigMap = load_rig(settings.map)
+    def __init__(
+        self,
+        settings: "Cia402Positioner.Settings",
+        clock: Clock,
+        bus: Bus | None = None,
+        rig: RigMap | None = None,
+    ) -> None:
+        self.rig: RigMap = rig or load_rig(settings.map)
         self.turns_nothing = settings.channel == "simulated"
         self._clock, self._bus = clock, bus
         self._opened: DriveLink | None = None
@@ -116,6 +124,20 @@ class Cia402Positioner:
     def turn_to(self, angles_deg: tuple[float, ...], timeout_s: float) -> None:
         """Turns the axes to these angles, as `move` does. Errors: PositionerFault, BusFault."""
         self._turn_to([angles_deg], self._clock.monotonic_s() + timeout_s, Message("place-angles", angles=angles_deg))
+
+    def prove_watch(self) -> None:
+        """Shows that the drives stop by themselves when the station falls silent in a move: each axis begins one of a
+        few degrees, and hears nothing more. Errors: PositionerFault."""
+        with self._stopping():
+            self._prepare()
+            for number, drive in enumerate(self.link.drives):
+                power.prove_watch(self.link, drive, self._away_from_limit(number))
+                power.switch_off(self.link, drive)
+
+    def _away_from_limit(self, number: int) -> float:
+        """A place of an axis a few degrees from here, on the side of the middle of its travel."""
+        here, (low, high) = self._angles()[number], self.rig.limits[number]
+        return here + (WATCHED_DEG if here < (low + high) / 2 else -WATCHED_DEG)
 
     def close(self) -> None:
         """Leaves the bus."""

@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
-from station.adapters.simulated_device.device import SimulatedDevice
 from station.domain.core.types import Frames
 from station.ports.bus import Endpoint
-from station.ports.clock import Clock
+from station.ports.clock import Actor, Clock
 
 #: How long the loop may wait before it looks whether it is to go on.
 POLL_S = 0.05
@@ -56,7 +55,7 @@ class _Tap:
         self._frames.clear()
 
 
-def serve(hub: Hub, devices: Sequence[SimulatedDevice], clock: Clock, go_on: Callable[[], bool]) -> None:
+def serve(hub: Hub, devices: Sequence[Actor], clock: Clock, go_on: Callable[[], bool]) -> None:
     """Lets the devices live in real time for as long as `go_on()`; it is asked at least every LOOK_S seconds."""
     while go_on():
         now_s = clock.monotonic_s()

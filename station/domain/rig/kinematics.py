@@ -37,6 +37,14 @@ def attitude(axes: Sequence[Floats], angles_deg: Sequence[float]) -> Floats:
     return R
 
 
+def attitudes(axes: Sequence[Floats], angles_deg: Floats) -> Floats:
+    """Nest → station rotations (n, 3, 3) at many angles (n, axes)."""
+    R = np.broadcast_to(np.eye(3), (len(angles_deg), 3, 3))
+    for axis, column in zip(axes, np.deg2rad(angles_deg).T, strict=True):
+        R = R @ rotation.from_vector(column[:, None] * axis)
+    return np.asarray(R)
+
+
 def poses(axes: Sequence[Floats], nest: Floats, tolerance_deg: float) -> list[Pose]:
     """Angles that bring up what `nest` (nest → station) brings up, within a tolerance; the full attitude first.
 

@@ -88,6 +88,10 @@ class DriveLink:
             if self.clock.monotonic_s() >= deadline_s:
                 return False
 
+    def fall_silent(self, duration_s: float) -> None:
+        """Sends no heartbeat so long."""
+        self.network.wait(lambda: False, self.clock.monotonic_s() + duration_s)
+
     def watched(self, drive: Drive) -> int:
         """What the node of a drive watches (0x1016:01); it names the station that set it up last."""
         return int.from_bytes(drive.upload(0x1016, 1), "little")

@@ -11,6 +11,8 @@ from station.errors import PositionerFault
 
 #: How long a drive may take for a step of its state machine or for another mode.
 STEP_S = 1.0
+#: How long the station is silent to see whether a drive stops.
+SILENT_S = 0.45
 
 
 def enable(link: DriveLink, drive: Drive, mode: int = profile.PROFILE_POSITION) -> None:
@@ -86,6 +88,25 @@ def home(link: DriveLink, drive: Drive, watch: MotionWatch) -> None:
     switch_off(link, drive)
     if off_deg > drive.axis.window_deg + 1.0:
         raise PositionerFault("homing-elsewhere", axis=drive.name, off_deg=off_deg, home_deg=homing.home_deg)
+
+
+def prove_watch(link: DriveLink, drive: Drive, goal_deg: float) -> None:
+    """Begins a move and falls silent: the drive must stop short of its goal. Errors: PositionerFault."""
+    enable(link, drive)
+    drive.settle(profile.TARGET, drive.axis.counts(goal_deg))
+    link.arm()
+    link.command({drive.name: profile.ENABLE | profile.START})
+    link.fall_silent(SILENT_S)
+    word, here = drive.fresh_word(), drive.counts()
+    link.wait(lambda: False, 0.05)
+    stands = abs(drive.counts() - here) <= 1
+    off_deg = abs(drive.axis.angle_deg(here) - goal_deg)
+    link.disarm()
+    if drive_state(word) is DriveState.ENABLED or not stands or off_deg < drive.axis.window_deg:
+        raise PositionerFault("drive-does-not-watch", axis=drive.name, word=word)
+    if drive_state(word) is DriveState.FAULT:
+        drive.write(profile.CONTROLWORD, profile.DISABLE_VOLTAGE)
+        drive.write(profile.CONTROLWORD, profile.FAULT_RESET)
 
 
 def _failed(drive: Drive) -> bool:
