@@ -61,18 +61,20 @@ class Server:
 
     def restart(self) -> None:
         """Serves, at the same address as before; returns when it answers."""
-        while True:
+        for _ in range(1500):
             if self._process is None or self._process.poll() is not None:  # children of a killed one still end
-                self._process = subprocess.Popen(
-                    [self._program, "-D", self.folder, "-k", self.folder, "-h", "", *self.options],
-                    user=self._user, cwd=self.folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                )  # fmt: skip
+                with (self.folder / "log").open("ab") as log:
+                    words = [self._program, "-D", self.folder, "-k", self.folder, "-h", "", *self.options]
+                    self._process = subprocess.Popen(
+                        words, user=self._user, cwd=self.folder, stdout=subprocess.DEVNULL, stderr=log
+                    )
             try:
                 psycopg.connect(self.uri, connect_timeout=5).close()
             except psycopg.Error:
                 Event().wait(0.02)
             else:
                 return
+        raise AssertionError((self.folder / "log").read_text())
 
     def stop(self) -> None:
         """Its data are thrown away."""

@@ -1,5 +1,6 @@
 """One PostgreSQL for all of these tests, from a wheel; each test has a database of its own."""
 
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -10,11 +11,13 @@ from tests.fakes.plant import FakePlant, FakeStation, Server
 
 
 @pytest.fixture(scope="session")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    one = Server(tmp_path_factory.mktemp("postgres"))
-    one.start()
-    yield one
-    one.stop()
+def server() -> Iterator[Server]:
+    # Not in pytest's folder, which every session shuts to all but its own user; PostgreSQL never runs as root.
+    with tempfile.TemporaryDirectory(prefix="station-pg-", ignore_cleanup_errors=True) as folder:
+        one = Server(Path(folder))
+        one.start()
+        yield one
+        one.stop()
 
 
 @pytest.fixture

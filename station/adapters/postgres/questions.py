@@ -121,7 +121,7 @@ def yields(db: psycopg.Connection, query: Query, by: str) -> list[Yield]:
         f"count(*) FILTER (WHERE outcome = '{o}')" for o in ("PASS", "FAIL", "ERROR", "ABORTED", "INTERRUPTED")
     )
     rows = db.execute(
-        f"""WITH picked AS (SELECT {GROUPS[by]} COLLATE "C" AS g, f.outcome, f.ended_ns - a.started_ns AS took,
+        f"""WITH picked AS (SELECT ({GROUPS[by]}) COLLATE "C" AS g, f.outcome, f.ended_ns - a.started_ns AS took,
                 NOT EXISTS ({_OTHER} < a.seq) AS first, NOT EXISTS ({_OTHER} > a.seq) AS last
             FROM attempt a JOIN finish f ON f.attempt = a.seq WHERE {condition})
         SELECT g, count(*), {outcomes}, count(*) FILTER (WHERE first),

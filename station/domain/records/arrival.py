@@ -94,50 +94,54 @@ class Arrival:
     def take(self, records: Sequence[WireRecord]) -> None:
         """The next records; `taken`, `tip` and `refusal` say what became of them."""
         settled = self.tip
+        number, seal, signed = settled.number, settled.seal, bool(settled.signature)
         for record in records:
-            reason = self._next(record)
+            reason = RefusalReason.GAP if record.number != number + 1 else self._next(record, seal, signed=signed)
             if reason is not None:
-                number = self.tip.number + 1 if reason is RefusalReason.GAP else record.number
-                self.refusal = refuse(reason, self.tip.station, number)
+                self.refusal = refuse(reason, settled.station, number + 1)
                 break
-            if not self._waiting:
+            number, seal, signed = record.number, record.hash, bool(record.signature)
+            if signed:
+                self.taken += self._waiting
+                self._waiting.clear()
                 settled = self.tip
-        if self._waiting and self.refusal is None:
-            self.refusal = refuse(RefusalReason.UNSIGNED, self.tip.station, self._waiting[0].number)
+        else:
+            if self._waiting:
+                self.refusal = refuse(RefusalReason.UNSIGNED, settled.station, self._waiting[0].number)
+        if self.taken:
+            last = self.taken[-1]
+            settled = replace(settled, number=last.number, seal=last.hash, signature=last.signature)
         self.tip = settled
 
-    def _next(self, record: WireRecord) -> RefusalReason | None:
-        tip = self.tip
-        if record.number != tip.number + 1:
-            return RefusalReason.GAP
-        if link(tip.seal, record.body) != record.hash:
+    def _next(self, record: WireRecord, seal: bytes, *, signed: bool) -> RefusalReason | None:
+        """seal, signed: of the record before."""
+        if link(seal, record.body) != record.hash:
             return RefusalReason.TAMPERED
         try:
             table, values = parse(record.body)
         except ValueError:
             table, values = "", {}
-        if reason := self._signature(record, table, values):
+        if reason := self._signature(record, table, values, signed=signed):
             return reason
         row = row_of(table, values)
         if row is None:
             return RefusalReason.NEWER_SCHEMA
-        if table == "attempt" and values["station"] not in (self.tip.names or {tip.station}):
+        if table == "attempt" and values["station"] not in (self.tip.names or {self.tip.station}):
             return RefusalReason.OTHER_STATION
-        self.tip = replace(self.tip, number=record.number, seal=record.hash, signature=record.signature)
         self._waiting.append(ArrivedRecord(record.number, table, record.hash, record.signature, row))
-        if record.signature:
-            self.taken += self._waiting
-            self._waiting.clear()
         return None
 
-    def _signature(self, record: WireRecord, table: str, values: Mapping[str, Value]) -> RefusalReason | None:
+    def _signature(
+        self, record: WireRecord, table: str, values: Mapping[str, Value], *, signed: bool
+    ) -> RefusalReason | None:
         if not record.signature:
-            return RefusalReason.UNSIGNED if self.tip.signature else None
+            return RefusalReason.UNSIGNED if signed else None
         if table == "event" and "attempt" not in values and values.get("kind") in (KEY_EVENT, REVOKED_EVENT):
             self._change_key(str(values["kind"]), str(values.get("detail", "")))
         if not self.verify(self.tip.key, record.signature, record.hash):
             return RefusalReason.FORGED
-        if record.number > self.tip.revoked.get(self.tip.key.hex(), record.number):
+        revoked = self.tip.revoked
+        if revoked and record.number > revoked.get(self.tip.key.hex(), record.number):
             return RefusalReason.REVOKED
         return None
 

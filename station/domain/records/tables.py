@@ -43,6 +43,10 @@ TABLES: dict[str, tuple[Column, ...]] = {table: _columns(text) for table, text i
 #: Names alone.
 COLUMNS: dict[str, tuple[str, ...]] = {table: tuple(c.name for c in columns) for table, columns in TABLES.items()}
 
+#: Of a record without nulls, and of any: the types of its values.
+_TYPES = {table: tuple(c.type for c in columns) for table, columns in TABLES.items()}
+_MAY_BE_NULL = {table: tuple(not c.required for c in columns) for table, columns in TABLES.items()}
+
 #: What a signed 64-bit column holds.
 _MOST = 2**63
 
@@ -50,23 +54,25 @@ _MOST = 2**63
 def row_of(table: str, values: dict[str, Value]) -> tuple[Value, ...] | None:
     """The values in the order of the table's columns; None where this version knows no such record: another table,
     a further column, another type, a missing value, or what no database holds (NUL in a text, more than 64 bits)."""
-    columns = TABLES.get(table)
-    if columns is None:
+    names = COLUMNS.get(table)
+    if names is None:
         return None
-    row = tuple(values.get(c.name) for c in columns)
-    if sum(v is not None for v in row) != len(values):
-        return None
-    order = list(values)
-    if order != [c.name for c, v in zip(columns, row, strict=True) if v is not None]:
-        return None
-    return row if all(map(_fits, columns, row)) else None
+    if tuple(values) == names:
+        row = tuple(values.values())
+        known = tuple(map(type, row)) == _TYPES[table]
+    else:
+        row = tuple(map(values.get, names))
+        known = list(values) == [n for n, v in zip(names, row, strict=True) if v is not None] and all(
+            map(_fits, row, _TYPES[table], _MAY_BE_NULL[table])
+        )
+    return row if known and all(map(_storable, row)) else None
 
 
-def _fits(column: Column, value: Value) -> bool:
-    if value is None:
-        return not column.required
-    if type(value) is not column.type:
-        return False
+def _fits(value: Value, kind: type, may_be_null: bool) -> bool:
+    return may_be_null if value is None else type(value) is kind
+
+
+def _storable(value: Value) -> bool:
     if type(value) is int:
         return -_MOST <= value < _MOST
     return "\x00" not in value if type(value) is str else True

@@ -7,7 +7,7 @@ read it.
 """
 
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from station.domain.records.chain import Value
@@ -63,31 +63,36 @@ def _records(data: bytes, at: int) -> Iterator[WireRecord]:
 
 def parse(body: bytes) -> tuple[str, dict[str, Value]]:
     """Table and values by name of a record's canonical bytes, in their order. Errors: ValueError."""
-    at = body.index(b":")
+    at, size, index = body.index(b":"), len(body), body.index
     start, at = at + 1, at + 1 + int(body[:at])
     table, values = body[start:at].decode(), dict[str, Value]()
-    while at < len(body):
-        equals = body.index(b"=", at)
-        colon = body.index(b":", equals)
-        name, end = body[at:equals].decode(), colon + 1 + int(body[equals + 2 : colon])
-        value = body[colon + 1 : end]
-        if len(value) != end - colon - 1 or name in values:
+    while at < size:
+        equals = index(b"=", at)
+        colon = index(b":", equals)
+        end = colon + 1 + int(body[equals + 2 : colon])
+        name = body[at:equals].decode()
+        if end > size or name in values:
             raise ValueError("cut off")
-        values[name] = _decoded(body[equals + 1], value)
+        values[name] = _DECODERS[body[equals + 1]](body[colon + 1 : end])
         at = end
     return table, values
 
 
-def _decoded(tag: int, value: bytes) -> Value:
-    if tag == _INTEGER:
-        return int(value)
-    if tag == _TEXT:
-        return value.decode()
-    if tag == _BYTES:
-        return value
-    if tag == _FLOAT and len(value) == _DOUBLE.size:
+def _as_is(value: bytes) -> bytes:
+    return value
+
+
+def _float(value: bytes) -> float:
+    try:
         return float(_DOUBLE.unpack(value)[0])
+    except struct.error as error:
+        raise ValueError("no double") from error
+
+
+def _unknown(_: bytes) -> Value:
     raise ValueError("unknown type")
 
 
-_INTEGER, _TEXT, _BYTES, _FLOAT = b"isbf"
+_DECODERS: list[Callable[[bytes], Value]] = [_unknown] * 256
+_DECODERS[ord("i")], _DECODERS[ord("s")] = int, bytes.decode
+_DECODERS[ord("b")], _DECODERS[ord("f")] = _as_is, _float
