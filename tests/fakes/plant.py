@@ -64,7 +64,16 @@ class Server:
         for _ in range(1500):
             if self._process is None or self._process.poll() is not None:  # children of a killed one still end
                 with (self.folder / "log").open("ab") as log:
-                    words = [self._program, "-D", self.folder, "-k", self.folder, "-h", "", *self.options]
+                    words: list[str | Path] = [
+                        self._program,
+                        "-D",
+                        self.folder,
+                        "-k",
+                        self.folder,
+                        "-h",
+                        "",
+                        *self.options,
+                    ]
                     self._process = subprocess.Popen(
                         words, user=self._user, cwd=self.folder, stdout=subprocess.DEVNULL, stderr=log
                     )

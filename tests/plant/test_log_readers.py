@@ -20,6 +20,7 @@ from station.cli.app import main
 from station.domain.records.framepack import plain
 from station.errors import LogError, UsageError
 from station.ports.log_reader import LogReader, Query
+from station.ports.store import WriteRecord
 from station.service.line_statistics import gather_statistics
 from station.service.recompute import recompute
 from station.wiring.logs import open_log
@@ -58,7 +59,7 @@ def station(tmp_path_factory: pytest.TempPathFactory) -> FakeStation:
         store.event("", "odd % text", {"what": "100 %", "unicode": "°C µg 校准"})
         attempt = store.begin(logs.begin("SN0099"))
         store.visit([attempt], [logs.visit(0, np.random.default_rng(1), "rejected")])
-        store.write(attempt, logs.WriteRecord(0x2101, 1, "gain", b"\0\1", b"\2", None, None))
+        store.write(attempt, WriteRecord(0x2101, 1, "gain", b"\0\1", b"\2", None, None))
     return one
 
 
@@ -248,10 +249,10 @@ def test_frames_are_retired_by_outcome_and_age_and_the_chain_stays_whole(plant: 
     assert retire(plant.connections, objects, (5.0, None), STARTED_NS + 21 * DAY_NS)[0] == 0
     with plant.reader() as log:
         assert list(log.findings()) == []
-        for attempt in log.attempts(Query()):
-            if attempt.serial == "SN0":
+        for found in log.attempts(Query()):
+            if found.serial == "SN0":
                 with pytest.raises(LogError, match="they were retired"):
-                    log.frames(attempt)
+                    log.frames(found)
             else:
-                assert len(log.frames(attempt)) == 1
+                assert len(log.frames(found)) == 1
         assert asdict(log.head())["number"] == len(station.records())

@@ -46,6 +46,9 @@ _ARRIVED_AFTER_ALL = """UPDATE quarantine SET resolved_ns = %s, resolved_by = 'p
     WHERE station = %s AND log_id = %s AND number <= %s AND number >= %s AND resolved_ns IS NULL
     AND reason NOT IN ('fork', 'older', 'other-log', 'other-station')"""
 
+_KEEP_OBJECT = """INSERT INTO object (sha256, bytes, kept_ns) VALUES (%s, %s, %s)
+    ON CONFLICT (sha256) DO UPDATE SET retired_ns = NULL"""
+
 _QUARANTINE = """INSERT INTO quarantine (station, log_id, number, reason, message, seal, records, first_ns, last_ns)
     VALUES (%s, %s, %s, %s, %s, %s, %s, %s, %s)
     ON CONFLICT (station, log_id, number, reason, seal) DO UPDATE
@@ -145,27 +148,23 @@ class PostgresArrivingLog:
 
     def _copy(self, log: int, records: Sequence[ArrivedRecord], first_seq: int, known: "_Known", at_ns: int) -> None:
         rows: dict[str, list[tuple[Value, ...]]] = {}
+        objects = list[tuple[bytes, int, int]]()
         for seq, record in enumerate(records, first_seq):
             values = known.resolved(record)
             if record.table == "archive":
-                values = (*values[:2], self._keep_object(values[2], at_ns))
+                data = values[2]
+                assert isinstance(data, bytes)
+                objects.append((self._objects.put(data), len(data), at_ns))
+                values = (*values[:2], objects[-1][0])
             head = (seq, log, record.number, record.hash, record.signature or None)
             rows.setdefault(record.table, []).append((*head, *values))
         with self._connection.cursor() as cursor:
+            if objects:
+                cursor.executemany(_KEEP_OBJECT, objects)
             for table, found in rows.items():
                 with cursor.copy(_COPY[table]) as copy:
                     for row in found:
                         copy.write_row(row)
-
-    def _keep_object(self, data: Value, at_ns: int) -> bytes:
-        assert isinstance(data, bytes)
-        sha256 = self._objects.put(data)
-        self._connection.execute(
-            "INSERT INTO object (sha256, bytes, kept_ns) VALUES (%s, %s, %s) ON CONFLICT (sha256) DO UPDATE "
-            "SET retired_ns = NULL",
-            [sha256, len(data), at_ns],
-        )
-        return sha256
 
     def _first_unstorable(self, tip: Tip, records: Sequence[ArrivedRecord], claim: Claim, at_ns: int) -> int:
         """By halves: how many of the first records can be kept."""
