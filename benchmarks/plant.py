@@ -14,16 +14,15 @@ import argparse
 import os
 import statistics
 import tempfile
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from station.adapters.clock import SystemClock
-from station.adapters.store.outbox import LogOutbox
 from station.domain.records.wire import decode, encode
 from station.ports.log_reader import Query
 from station.ports.plant import Claim
@@ -92,9 +91,7 @@ def receive(server: Server, folder: Path, units: int, repeats: int) -> None:
     _figure("the same, PostgreSQL's processor counted too", both, 5000, at_least=True)
     day = STATIONS * UNITS_A_DAY * RECORDS_A_UNIT
     drained = [day / (2 * rate) / 60 for rate in both]
-    print(
-        f"  a day of {STATIONS} stations: {STATIONS * UNITS_A_DAY} units, {a_unit:.1f} records each = {day / 1e6:.2f} M"
-    )
+    print(f"  a day of {STATIONS} stations: {STATIONS * UNITS_A_DAY} units, {day / 1e6:.2f} M records")
     _figure("24 h outage of 8 stations drained by two cores, min (from the rate)", drained, 10, at_least=False)
 
 
@@ -103,10 +100,7 @@ def cost(server: Server, folder: Path, stops: int) -> None:
     plant, station = FakePlant(server.database(), folder / "objects-cost"), FakeStation("cost", folder)
     rng = np.random.default_rng(1)
     with station.store() as store:
-        outbox = LogOutbox(station.path)
-        shipment = Shipment(outbox, DirectReceiver(plant, station), SystemClock(), ShippingStatus("plant"), 1 << 20)
-        go, over = threading.Event(), threading.Event()
-        follower = os.fork() if hasattr(os, "fork") else 0
+        follower = os.fork()
         if follower == 0:
             _follow(station, plant.address, folder)
         took: tuple[list[float], list[float]] = ([], [])
@@ -122,8 +116,6 @@ def cost(server: Server, folder: Path, stops: int) -> None:
             time.sleep(0.02)
         os.kill(follower, 9)
         os.waitpid(follower, 0)
-        outbox.close()
-        _ = shipment, go, over
     plant.connections.close()
     without, with_ = (statistics.median(t) for t in took)
     spread = statistics.stdev(took[0]) / without / len(took[0]) ** 0.5 * 1.25
@@ -161,7 +153,8 @@ def ask(server: Server, folder: Path, attempts: int) -> None:
         _figure(
             "serial, its whole life, p99, ms", [_p99(lambda s: log.life(Query(serial=s)), serials)], 20, at_least=False
         )
-        lot = [_timed(lambda n=n: log.attempts(Query(lot=f"L{n}", nest="B"))) for n in range(1, 6)]
+        lots = [Query(lot=f"L{n}", nest="B") for n in range(1, 6)]
+        lot = [_timed(partial(log.attempts, query)) for query in lots]
         found = len(log.attempts(Query(lot="L1", nest="B")))
         _figure(f"containment: a lot in a nest ({found} attempts), s", lot, 1, at_least=False)
         newest = log.attempts(Query(), 1)[0]
@@ -242,7 +235,7 @@ def _timed(work: Callable[[], object]) -> float:
 
 def _p99(work: Callable[[str], object], serials: list[str]) -> float:
     work(serials[0])
-    return float(np.percentile([_timed(lambda s=s: work(s)) for s in serials], 99) * 1e3)
+    return float(np.percentile([_timed(partial(work, serial)) for serial in serials], 99) * 1e3)
 
 
 def _figure(name: str, values: list[float], goal: float, *, at_least: bool) -> None:

@@ -6,8 +6,8 @@ clock, while records are on their way; then asks whether each record arrived, on
 Everything runs for real: the station's log is written by one process and shipped by another over TCP, through a relay,
 to a plant that keeps it in a PostgreSQL of its own. A kill is SIGKILL. A full disk is a limit on the size of files,
 which the kernel enforces on the running processes (EFBIG), lifted after a while. The clock of a station that starts
-again is up to an hour off. At the end the writers rest, and the plant must have every log, record for record and in order, with
-nothing set apart. Each victim is struck in turn, at an instant drawn from the time between two of its records.
+again is up to an hour off. At the end the writers rest, and the plant must have every log, record for record and in
+order, with nothing set apart. Each victim is struck in turn, at an instant drawn from the time between two of its records.
 """
 
 import argparse
@@ -111,11 +111,19 @@ class World:
                 child.start()
 
     def _plant(self) -> None:
-        made = FakePlant(self.address, self.folder / "objects")
+        made = self._open_plant()
         tokens = {token_hash(s.name): s.registered for s in self.stations}
         face = PlantFace(made.receiver, made.store, Entrances(tokens, {}), SystemClock(), None, 1 << 27)
         listener = socket.create_server(("127.0.0.1", self.port))
         uvicorn.Server(uvicorn.Config(create_plant_app(face), log_level="critical")).run([listener])
+
+    def _open_plant(self) -> FakePlant:
+        """As its service manager: starts it again until its database answers."""
+        while True:
+            try:
+                return FakePlant(self.address, self.folder / "objects")
+            except StationError:
+                time.sleep(0.05)
 
     def _relay(self) -> None:
         door = socket.create_server(("127.0.0.1", self.relay_port))

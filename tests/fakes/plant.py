@@ -2,7 +2,7 @@
 
 import subprocess
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -180,7 +180,7 @@ class DirectReceiver:
     def seals(self, log_id: str, first: int, last: int) -> list[bytes]:
         return self.plant.receiver.seals(self.station.registered, log_id, first, last)
 
-    def send(self, log_id: str, records: list[WireRecord], claim: Claim) -> ReceiverAnswer:
+    def send(self, log_id: str, records: Sequence[WireRecord], claim: Claim) -> ReceiverAnswer:
         return _answer(self.plant.receiver.receive(self.station.registered, log_id, records, claim))
 
 
