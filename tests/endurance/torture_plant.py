@@ -7,7 +7,7 @@ Everything runs for real: the station's log is written by one process and shippe
 to a plant that keeps it in a PostgreSQL of its own. A kill is SIGKILL. A full disk is a limit on the size of files,
 which the kernel enforces on the running processes (EFBIG), lifted after a while. The clock of a station that starts
 again is up to an hour off. At the end the writers rest, and the plant must have every log, record for record and in
-order, with nothing set apart. Each victim is struck in turn, at an instant drawn from the time between two of its records.
+order, with nothing set apart. Each victim is struck in turn, at a random instant.
 """
 
 import argparse
