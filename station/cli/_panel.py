@@ -19,6 +19,7 @@ from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from station.wiring.rehearsal import is_rehearsal
+from station.wiring.shipping import shipping_beside
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,8 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
             raise ConfigError("panel-nobody", file=str(people))
         _add_demo_account(people)
     panel = Panel(settings, job.recipe, order, people, secure=listen.secure, host_names=listen.host_names)
-    with serving(order.database), suppress(KeyboardInterrupt):  # Ctrl-C is the way to stop it, and no failure
+    # Ctrl-C is the way to stop it, and no failure.
+    with serving(order.database), shipping_beside(order.database, settings), suppress(KeyboardInterrupt):
         _serve(panel, listen)
     return 0
 

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
 
@@ -10,7 +9,7 @@ from station.cli import _output
 from station.config.settings import Settings, load_settings
 from station.errors import ConfigError
 from station.messages import Message, render
-from station.service.shipping import SCHEMA, ShippingState, ShippingStatus
+from station.service.shipping import SCHEMA, ShippingState, ShippingStatus, sentence_of
 from station.wiring.shipping import Shipping, read_statuses
 
 _EXIT_CODES = {ShippingState.AWAY: 3, ShippingState.PARKED: 1}
@@ -53,16 +52,3 @@ def _show(statuses: Sequence[ShippingStatus], *, as_json: bool) -> int:
     for s in () if as_json else statuses:
         _output.print_message(sentence_of(s))
     return max((_EXIT_CODES.get(s.state, 0) for s in statuses), default=0)
-
-
-def sentence_of(status: ShippingStatus) -> Message:
-    """One line about one plant."""
-    since = datetime.fromtimestamp(status.since_ns / 1e9, UTC).astimezone()
-    return Message(
-        f"shipping-state-{status.state}",
-        receiver=status.receiver,
-        number=status.number,
-        behind=max(status.newest - status.number, 0),
-        since=f"{since:%Y-%m-%d %H:%M:%S}",
-        reason=status.message or "",
-    )

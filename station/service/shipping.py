@@ -7,6 +7,7 @@ left out.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
@@ -57,6 +58,19 @@ class ShippingStatus:
         numbers = {name: int(document[name]) for name in ("number", "newest", "since_ns", "sent_ns", "refused")}
         message = Message.of(document["message"]) if document["message"] else None
         return ShippingStatus(str(document["receiver"]), ShippingState(document["state"]), message=message, **numbers)
+
+
+def sentence_of(status: ShippingStatus) -> Message:
+    """One line about one plant."""
+    since = datetime.fromtimestamp(status.since_ns / 1e9, UTC).astimezone()
+    return Message(
+        f"shipping-state-{status.state}",
+        receiver=status.receiver,
+        number=status.number,
+        behind=max(status.newest - status.number, 0),
+        since=f"{since:%Y-%m-%d %H:%M:%S}",
+        reason=status.message or "",
+    )
 
 
 class Shipment:

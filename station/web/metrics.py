@@ -16,9 +16,11 @@ from station.errors import StationError
 from station.messages import Message
 from station.ports.log_reader import LogReader
 from station.service.golden_register import standings
+from station.service.shipping import ShippingState
 from station.web.guard import RequestRefusal, session_of
 from station.web.panel import Panel
 from station.wiring.logs import find_log
+from station.wiring.shipping import read_statuses
 
 #: States of a controller, as station.ports.bus names them.
 STATES = ("active", "warning", "passive", "bus-off", "down", "unknown")
@@ -57,6 +59,7 @@ def gather(panel: Panel) -> CollectorRegistry:
     )
     _bus(registry, shown["bus"])
     _golden(registry, panel)
+    _shipping(registry, panel)
     if panel.order.database.exists():
         with panel.log() as log:
             _of_log(registry, log)
@@ -108,6 +111,27 @@ def _golden(registry: CollectorRegistry, panel: Panel) -> None:
         bad.labels(s.serial, s.kind).set(bool(s.problem))
         if s.age_s is not None:
             age.labels(s.serial, s.kind).set(s.age_s)
+
+
+def _shipping(registry: CollectorRegistry, panel: Panel) -> None:
+    """How far each plant has the log; an age of 0 where nothing is held up."""
+    found = read_statuses(panel.order.database) if panel.settings.receivers else []
+    gauges = {
+        name: Gauge(f"station_shipping_{name}", meaning, ["plant"], registry=registry)
+        for name, meaning in (
+            ("behind_records", "records of the log that the plant has not yet"),
+            ("parked", "1 while the plant refuses a record"),
+            ("away", "1 while the plant cannot be reached"),
+            ("held_seconds", "for how long it has refused a record or been away"),
+            ("last_sent_timestamp_seconds", "when it took records last"),
+        )
+    }
+    for s in found:
+        gauges["behind_records"].labels(s.receiver).set(max(s.newest - s.number, 0))
+        gauges["parked"].labels(s.receiver).set(s.state == ShippingState.PARKED)
+        gauges["away"].labels(s.receiver).set(s.state == ShippingState.AWAY)
+        gauges["held_seconds"].labels(s.receiver).set(time.time() - s.since_ns / 1e9 if s.since_ns else 0)
+        gauges["last_sent_timestamp_seconds"].labels(s.receiver).set(s.sent_ns / 1e9)
 
 
 def _gauge(registry: CollectorRegistry, name: str, description: str) -> Gauge:

@@ -16,6 +16,7 @@ from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.live_state import recipe_label
 from station.panel_protocol.queue import LoadQueue
 from station.service.golden_register import standings
+from station.service.shipping import ShippingState, sentence_of
 from station.web import language, load_view, plan
 from station.web.load_view import View
 from station.web.run_launcher import RunLauncher
@@ -23,11 +24,14 @@ from station.web.today import LogGlance
 from station.wiring.bus_status import state_of
 from station.wiring.buses import bus_kind
 from station.wiring.logs import find_log, open_log
+from station.wiring.shipping import read_statuses
 
 #: A value older than this is looked up again, s: the rate at which all screens together look.
 LIVE_MAX_AGE_S = 0.03
 #: So often the kernel is asked for the state of the bus between runs, s.
 BUS_POLL_S = 0.5
+#: And so often how far the plants have the log, s.
+SHIPPING_POLL_S = 2.0
 #: And so often whether the golden units are due, s.
 GOLDEN_POLL_S = 5.0
 Cells = Sequence[Mapping[str, Any]]
@@ -41,6 +45,7 @@ class Screen:
     """Folds the run's live file, the lock and the queue together. Every look is at most FRESH_S old."""
 
     def __init__(self, settings: Settings, recipe: Recipe, runs: RunLauncher, queue: LoadQueue) -> None:
+        self._shipping: tuple[float, Mapping[str, Any] | str] = (-SHIPPING_POLL_S, "")
         self._golden: tuple[float, str] = (-GOLDEN_POLL_S, "")
         self._settings, self._recipe, self._runs, self._queue = settings, recipe, runs, queue
         self._between: tuple[float, dict[str, Any]] = (-BUS_POLL_S, {})
@@ -167,6 +172,7 @@ class Screen:
             "note": (state.get("messages") or [None])[-1] if mine else None,
             "fault": self._fault(state, running=running) or unkept,
             "golden": self._golden_problem(),
+            "shipping": self._shipping_problem(),
             **self._nests(state, running=running, mine=mine),
         }
 
@@ -258,6 +264,16 @@ class Screen:
             except StationError as exc:
                 problem = exc.sentence
             self._golden = (time.monotonic(), problem)
+        return problem
+
+    def _shipping_problem(self) -> Mapping[str, Any] | str:
+        """Which plant has refused a record or has been away, and since when; '' when all is well."""
+        at_s, problem = self._shipping
+        if time.monotonic() - at_s > SHIPPING_POLL_S:
+            found = read_statuses(self._runs.order.database) if self._settings.receivers else []
+            held = [sentence_of(s) for s in found if s.state in (ShippingState.PARKED, ShippingState.AWAY)]
+            problem = Message("shipping-held", plants=held).document() if held else ""
+            self._shipping = (time.monotonic(), problem)
         return problem
 
     def _bus(self, *, mine: bool) -> dict[str, Any]:

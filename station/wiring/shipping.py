@@ -2,8 +2,8 @@
 
 import json
 import ssl
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event, Lock, Thread
@@ -12,7 +12,7 @@ from station.adapters.clock import SystemClock
 from station.adapters.shipping.client import PlantClient
 from station.adapters.store.outbox import LogOutbox
 from station.config.settings import ReceiverSettings, Settings
-from station.errors import ConfigError, StationError
+from station.errors import ConfigError, StationError, StoreFault
 from station.files.owner import OwnerLock
 from station.files.replace import replace_text
 from station.files.system_errors import os_error_reason
@@ -137,3 +137,19 @@ class Shipping:
             document = {"schema": SCHEMA, "at_ns": clock.epoch_ns(), "receivers": rows}
             with suppress(OSError):  # a full disk stops no shipping
                 replace_text(companion_file(self.database, Companion.SHIPPING), json.dumps(document))
+
+
+@contextmanager
+def shipping_beside(database: Path, settings: Settings) -> Iterator[None]:
+    """While the block lasts, the log is shipped by this process, unless another one does. Errors: ConfigError."""
+    shipping = Shipping(database, settings) if settings.receivers else None
+    try:
+        if shipping is not None:
+            shipping.start()
+    except StoreFault:  # `station ship` does
+        shipping = None
+    try:
+        yield
+    finally:
+        if shipping is not None:
+            shipping.stop()

@@ -6,15 +6,25 @@ import json
 import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
 from cryptography.hazmat.primitives import serialization
+from prometheus_client.exposition import generate_latest
 
 from station.cli.app import main
+from station.config.settings import load_settings
+from station.messages import Message, render
 from station.ports.log_reader import Query
+from station.web.metrics import gather
+from station.web.panel import Panel
+from station.web.run_launcher import LaunchOptions
+from station.wiring.jobs import load_job
+from station.wiring.shipping import read_statuses, shipping_beside
 from tests.fakes import logs
 from tests.fakes.certificates import Authority
 from tests.fakes.plant import FakeStation, Server
@@ -220,6 +230,36 @@ def test_a_restored_backup_is_parked_with_its_age_until_a_person_decides(
     with open_log(served.address) as log:
         assert {a.serial for a in log.attempts(Query())} == {"SN0000", "SN0001", "SN0100", "SN0200"}
         assert list(log.findings()) == []
+
+
+def test_the_page_ships_and_says_what_is_held_up_and_since_when(
+    served: Served, new_station: NewStation, tmp_path: Path
+) -> None:
+    station = new_station()
+    token = register(served, station)
+    served.start()
+    config = station_config(
+        station,
+        f"{{name: near, url: '{served.url}', token_file: {token}}}",
+        f"{{name: far, url: 'http://127.0.0.1:9', token_file: {token}}}",
+    )
+    settings = load_settings(config)
+    with shipping_beside(station.path, settings), shipping_beside(station.path, settings):  # the second one yields
+        until = time.monotonic() + 30
+        while time.monotonic() < until:
+            found = {s.receiver: s.state for s in read_statuses(station.path)}
+            if found == {"near": "up-to-date", "far": "away"}:
+                break
+            threading.Event().wait(0.02)
+    panel = Panel(
+        settings, load_job("six-point")[0].recipe, LaunchOptions(station.path, "six-point", config, simulate=True),
+        tmp_path / "accounts.json",
+    )  # fmt: skip
+    shown = render(Message.of(panel.screen.shown()["shipping"]))
+    assert shown.startswith("far: away since 2")
+    text = generate_latest(gather(panel)).decode()
+    assert 'station_shipping_away{plant="far"} 1.0' in text
+    assert 'station_shipping_behind_records{plant="near"} 0.0' in text
 
 
 WRONG = {

@@ -262,6 +262,7 @@ const ScreenView = (() => {
     byId("bus").title = counters ? `${bus.name}: ${texts.bus_sending} ${counters.sending}, ${texts.bus_receiving} ${counters.receiving}` : bus.name || "";
     byId("bus").classList.toggle("problem", wrong);
     byId("light").dataset.lamp = view.lamp; byId("light").setAttribute("aria-label", `${texts.stack_light}: ${texts[`lamp_${view.lamp}`]}`);
+    byId("shipping").hidden = !state.shipping; say(byId("shipping"), state.shipping ? `⚠ ${state.shipping}` : "");
     byId("golden").hidden = !state.golden; say(byId("golden"), state.golden ? `⚠ ${state.golden}` : "");
   }
 
