@@ -10,6 +10,9 @@ def command(
     samples: Annotated[Path | None, Option(help="Samples table to write: .parquet or .csv.")] = None,
     results: Annotated[Path | None, Option(help="One row an attempt to write: .parquet, .csv or .json.")] = None,
     frames: Annotated[Path | None, Option(help="Raw CAN frames to write: .log (candump) or .blf, with marks.")] = None,
+    parquet: Annotated[
+        Path | None, Option(help="Folder of tables for a fleet, by product and day: attempts, coefficients, visits.")
+    ] = None,
     json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
     db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
     config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
@@ -33,10 +36,15 @@ def command(
 
         station export --serial SN0042 --frames SN0042.log
 
+    Everything as tables for DuckDB, Polars and pandas, from the station's log or from the plant (docs/fleet-tables.md):
+
+        station export --parquet fleet --db postgresql:///plant
+
     Beside each file stands FILE.export.json with the file's SHA-256 and the head of the log it came from.
     """
     from station.cli import _export
     from station.cli._log_options import open_named_log, parse_outcome, parse_time_ns
+    from station.errors import UsageError
     from station.ports.log_reader import Query
 
     query = Query(
@@ -50,5 +58,11 @@ def command(
     )
     wanted = _export.ExportFiles(samples, results, frames)
     with open_named_log(db, config) as log:
+        if parquet is not None and samples is results is frames is None:
+            from station.cli._fleet_tables import export_fleet
+
+            return export_fleet(log, _export.select_attempts(log, query, serial or [], attempt or []), parquet, json)
+        if parquet is not None:
+            raise UsageError("export-parquet-alone")
         found = _export.select_attempts(log, query, serial or [], attempt or [])
         return _export.export(log, found, wanted, as_json=json)

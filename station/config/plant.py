@@ -1,9 +1,9 @@
 """plant.yaml → frozen settings of a plant (schema `station.plant/1`)."""
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from station.config.documents import load_document, validate
 from station.config.settings import PathText
@@ -57,6 +57,12 @@ class PlantSettings(StrictModel):
     stations: Annotated[tuple[PlantStation, ...], Field(max_length=1000)] = ()
     retention: RetentionSettings = RetentionSettings()
     most_portion_bytes: Annotated[int, Field(ge=65_536, le=1_073_741_824)] = 134_217_728
+
+    @field_validator("stations", mode="before")
+    @classmethod
+    def _none_yet(cls, value: Any) -> Any:
+        """`stations:` with nothing behind it."""
+        return () if value is None else value
 
     @model_validator(mode="after")
     def _stations_differ(self) -> Self:

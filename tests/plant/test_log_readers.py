@@ -208,7 +208,7 @@ def test_a_person_sees_her_stations_and_products_alone_whatever_she_asks_with(
     plant.take_all(new_station("bench-2", 3))
     other = FakeStation("bench-3", tmp_path)
     with other.store() as store:
-        logs.unit(store, "MAG1", station="bench-3", product_json='{"name":"magnetometer"}')
+        logs.unit(store, "MAG1", station="bench-3", product_json='{"product":{"name":"magnetometer"}}')
     plant.take_all(other)
     grant(plant.connections, "anna", ["bench-2"], [])
     grant(plant.connections, "boris", [], ["magnetometer"])

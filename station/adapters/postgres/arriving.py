@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import psycopg
 from psycopg import errors, sql
 
+from station.domain.product import product_record
 from station.domain.records.arrival import REFERENCES, ArrivedRecord, RecordRefusal, RefusalReason, Tip, refuse
 from station.domain.records.chain import Value
 from station.domain.records.tables import COLUMNS
@@ -243,7 +244,7 @@ class _Known:
             query = "SELECT seq, text FROM document WHERE seq = ANY(%s)"
             rows = self._connection.execute(query, [sorted(missing)]).fetchall()
             texts |= {int(missing[seq] or 0): text for seq, text in rows}
-        return {number: _name_in(texts.get(int(number or 0), "")) for number in wanted}
+        return {number: product_record.name_in(texts.get(int(number or 0), "")) for number in wanted}
 
 
 _REFERRED = ("attempt", "document")
@@ -257,12 +258,3 @@ def _referred(records: Sequence[ArrivedRecord], table: str) -> set[int]:
         for at, of in REFERENCES[r.table]
         if of == table and isinstance(number := r.values[at], int)
     }
-
-
-def _name_in(product: str) -> str:
-    """What a product's document calls it; "" where it has none."""
-    try:
-        name = json.loads(product).get("name", "")
-    except (ValueError, AttributeError):
-        return ""
-    return name.replace("\x00", "") if isinstance(name, str) else ""

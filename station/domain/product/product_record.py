@@ -30,6 +30,15 @@ def load(text: str) -> tuple[Product, SensorLayout]:
     return product, SensorLayout(product.frames, sample, slow, others)
 
 
+def name_in(text: str) -> str:
+    """What a kept product is called; "" where the text says nothing of the kind."""
+    try:
+        name = json.loads(text)["product"]["name"]
+    except (ValueError, KeyError, TypeError):
+        return ""
+    return name.replace("\x00", "") if isinstance(name, str) else ""
+
+
 def _frame(document: dict[str, Any]) -> FrameLayout:
     signals = tuple(SignalLayout(**{**s, "selected_by": tuple(s["selected_by"])}) for s in document["signals"])
     return FrameLayout(**{**document, "signals": signals})
