@@ -16,13 +16,16 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+from cryptography.hazmat.primitives import serialization
 
 from station.adapters.clock import SystemClock
+from station.cli.app import main as main_of_station
 from station.domain.records.wire import decode, encode
 from station.ports.log_reader import Query
 from station.ports.plant import Claim
@@ -140,7 +143,7 @@ def _follow(station: FakeStation, address: str, folder: Path) -> None:
 
 def ask(server: Server, folder: Path, attempts: int) -> None:
     """Questions to a plant of so many attempts."""
-    plant, station = FakePlant(server.database(), folder / "objects-ask"), _station(folder, "bench-0", 1)
+    plant, station = FakePlant(server.database(), folder / "objects-ask"), _real_station(folder)
     with plant.connections.one() as db:
         db.execute("UPDATE counter SET partition_records = %s", [max(attempts, 1000)])
     plant.take_all(station)
@@ -206,6 +209,20 @@ def _station(folder: Path, name: str, units: int) -> FakeStation:
     with station.store() as store:
         for number in range(units):
             logs.unit(store, f"SN{number:08d}", station=name)
+    return station
+
+
+def _real_station(folder: Path) -> FakeStation:
+    """A log of one unit as a run writes it, signed."""
+    station = FakeStation("bench-0", folder)
+    pem = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    (folder / "key.pem").write_bytes(station.key.private_bytes(*pem))
+    (folder / "config.yaml").write_text(
+        f"schema: station.config/1\nstation: bench-0\nnests: [{{name: A, node: 17}}]\n"
+        f"database: {station.path}\nsigning_key: {folder / 'key.pem'}\n"
+    )
+    with suppress(SystemExit):
+        main_of_station(["run", "--simulate", "--quiet", "--seed", "3", "--config", str(folder / "config.yaml")])
     return station
 
 
