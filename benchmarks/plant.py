@@ -107,15 +107,17 @@ def cost(server: Server, folder: Path, stops: int) -> None:
         if follower == 0:
             _follow(station, plant.address, folder)
         took: tuple[list[float], list[float]] = ([], [])
+        used: tuple[list[float], list[float]] = ([], [])
         attempts = [store.begin(logs.begin(f"SN{n}", station="cost", node=n + 1)) for n in range(4)]
         switch = folder / "ship"
         for number in range(stops):
             shipping = number // 10 % 2
             switch.touch() if shipping else switch.unlink(missing_ok=True)
             visits = [replace(logs.visit(number, rng), position=f"p{number}") for _ in range(4)]
-            begun = time.perf_counter()
+            begun, busy = time.perf_counter(), time.process_time()
             store.visit(attempts, visits)
             took[shipping].append(time.perf_counter() - begun)
+            used[shipping].append(time.process_time() - busy)
             time.sleep(0.02)
         os.kill(follower, 9)
         os.waitpid(follower, 0)
@@ -127,6 +129,8 @@ def cost(server: Server, folder: Path, stops: int) -> None:
     )
     _figure("cost of shipping on a stop's commit, %", [(with_ / without - 1) * 100], 1, at_least=False)
     print(f"  (standard error of the comparison {spread * 141:.1f} %)")
+    own = [statistics.median(u) for u in used]
+    print(f"  processor of the same commits: {own[0] * 1e6:.0f} µs without, {own[1] * 1e6:.0f} µs with shipping")
     _figure("the same on a cycle of 28 s with 24 stops, %", [(with_ - without) * 24 / 28 * 100], 0.1, at_least=False)
 
 
@@ -144,8 +148,6 @@ def _follow(station: FakeStation, address: str, folder: Path) -> None:
 def ask(server: Server, folder: Path, attempts: int) -> None:
     """Questions to a plant of so many attempts."""
     plant, station = FakePlant(server.database(), folder / "objects-ask"), _real_station(folder)
-    with plant.connections.one() as db:
-        db.execute("UPDATE counter SET partition_records = %s", [max(attempts, 1000)])
     plant.take_all(station)
     begun = time.perf_counter()
     _multiply(plant, attempts)
@@ -163,6 +165,8 @@ def ask(server: Server, folder: Path, attempts: int) -> None:
         newest = log.attempts(Query(), 1)[0]
         week = Query(since_ns=newest.started_ns - 86_400 * 10**9)
         count = log.count(week)
+        counted = [_timed(lambda: log.yields(week, "cell")) for _ in range(3)]
+        print(f"  of which the yields: {statistics.median(counted):.3f} s")
         shown = [_timed(lambda: gather_statistics(log, week, 200)) for _ in range(3)]
         _figure(f"dashboard of the last day ({count} attempts), s", shown, 1, at_least=False)
         recent = [_timed(lambda: log.recent(50, 200)) for _ in range(3)]
