@@ -47,6 +47,11 @@ _ARRIVED_AFTER_ALL = """UPDATE quarantine SET resolved_ns = %s, resolved_by = 'p
     WHERE station = %s AND log_id = %s AND number <= %s AND number >= %s AND resolved_ns IS NULL
     AND reason NOT IN ('fork', 'older', 'other-log', 'other-station')"""
 
+_NOTE_REPEATS = """INSERT INTO repeat SELECT a.seq, e.seq FROM attempt a CROSS JOIN LATERAL (
+        SELECT max(b.seq) AS seq FROM attempt b WHERE b.serial = a.serial AND b.recipe_name = a.recipe_name
+        AND b.seq < a.seq) e
+    WHERE a.seq BETWEEN %s AND %s AND e.seq IS NOT NULL"""
+
 _KEEP_OBJECT = """INSERT INTO object (sha256, bytes, kept_ns) VALUES (%s, %s, %s)
     ON CONFLICT (sha256) DO UPDATE SET retired_ns = NULL"""
 
@@ -115,6 +120,8 @@ class PostgresArrivingLog:
             if (stranger := known.first_stranger(records)) is not None:
                 return refuse(RefusalReason.UNKNOWN_ATTEMPT, self._station, stranger)
             self._copy(row.id, records, first_seq, known, at_ns)
+            if any(record.table == "attempt" for record in records):
+                self._connection.execute(_NOTE_REPEATS, (first_seq, last))
             self._connection.execute(
                 _ADD_PORTION,
                 (row.id, records[0].number, tip.number, first_seq, tip.seal, tip.signature, at_ns),

@@ -109,9 +109,6 @@ GROUPS = {
 }
 GROUPS["cell"] = f" || '{YIELD_SEPARATOR}' || ".join(GROUPS[name] for name in YIELD_CELL)
 
-_ENDS = """SELECT min(b.seq) AS first, max(b.seq) AS last FROM attempt b
-    WHERE b.serial = a.serial AND b.recipe_name = a.recipe_name"""
-
 
 def yields(db: psycopg.Connection, query: Query, by: str) -> list[Yield]:
     """See LogReader.yields. Errors: UsageError."""
@@ -123,8 +120,9 @@ def yields(db: psycopg.Connection, query: Query, by: str) -> list[Yield]:
     )
     rows = db.execute(
         f"""WITH picked AS (SELECT ({GROUPS[by]}) COLLATE "C" AS g, f.outcome, f.ended_ns - a.started_ns AS took,
-                e.first = a.seq AS first, e.last = a.seq AS last
-            FROM attempt a JOIN finish f ON f.attempt = a.seq CROSS JOIN LATERAL ({_ENDS}) e WHERE {condition})
+                n.seq IS NULL AS first, e.seq IS NULL AS last
+            FROM attempt a JOIN finish f ON f.attempt = a.seq LEFT JOIN repeat n ON n.seq = a.seq
+            LEFT JOIN repeat e ON e.earlier = a.seq WHERE {condition})
         SELECT g, count(*), {outcomes}, count(*) FILTER (WHERE first),
             count(*) FILTER (WHERE first AND outcome = 'PASS'), count(*) FILTER (WHERE last),
             count(*) FILTER (WHERE last AND outcome = 'PASS'), (avg(took) / 1e9)::double precision
