@@ -204,3 +204,28 @@ def test_the_stream_buffer_holds_a_second_of_a_full_bus(bus: SocketCan) -> None:
     used = struct.unpack("=9I", stream._sock.getsockopt(socket.SOL_SOCKET, 55, 36))[0]
     assert used > 0
     assert size / used > 9009
+
+
+def test_the_kernel_repeats_a_frame_until_it_is_closed(bus: SocketCan) -> None:
+    stream = bus.stream((0x080,))
+    sync = bus.repeat(0x080, b"", 0.01)
+    frames = collect(stream, 20)
+    sync.close()
+    sync.close()
+    assert set(rows_of(frames)) == {(0x080, b"")}
+    assert 0.008 < float(np.median(np.diff(frames.time_ns))) / 1e9 < 0.02
+    stream.receive(0.05)
+    assert not len(stream.receive(0.1))
+
+
+def test_fd_frames_come_among_classic_ones(bus: SocketCan) -> None:
+    data = np.zeros((3, 64), np.uint8)
+    data[0, :8], data[1, :20], data[2, :3] = 7, np.arange(20), 9
+    lengths = np.array([8, 20, 3], np.uint8)
+    sent = Frames(np.arange(3, dtype=np.int64), np.array([0x181, 0x182, 0x183], np.uint32), lengths, data)
+    stream, sender = bus.stream((0x181, 0x182, 0x183)), bus.service((0x7FF,))
+    sender.send_many(sent)
+    assert rows_of(collect(stream, 3)) == rows_of(sent)
+    sender.send_many(sent[[0, 2]])
+    narrow = collect(stream, 2)
+    assert narrow.data.shape == (2, 8)
