@@ -236,7 +236,57 @@ def babble(rig: DeviceRig) -> None:
     assert len([1 for can_id, _ in rig.heard() if can_id == 0x001]) == pytest.approx(5000, abs=1)
 
 
+def early(rig: DeviceRig) -> None:
+    """What nobody has asked for yet is dropped, and the right answer taken."""
+    assert rig.station.upload(0x1018, 1) == (0xCA1B0).to_bytes(4, "little")
+    assert rig.station.upload(0x1018, 2) == (0xACC).to_bytes(4, "little")
+    assert rig.station.sdo.dropped == 1
+
+
+def other_id(rig: DeviceRig) -> None:
+    with pytest.raises(DeviceSilent):
+        rig.station.upload(0x1000, 0)
+    assert [can_id for can_id, _ in rig.heard() if can_id & 0x780 == 0x580] == [0x580 + rig.node + 1]
+
+
+def holds(rig: DeviceRig) -> None:
+    assert rig.station.upload(0x1800, 5) == bytes(2)
+    assert not len(got(rig, 0.5).readings)
+
+
+def forgets(rig: DeviceRig) -> None:
+    rig.station.download(0x2106, 0, b"\0")
+    rig.station.download(0x1010, 1, b"save", 5.0)
+    rig.station.nmt("reset-node")
+    rig.station.wait_boot_up(1.0)
+    assert rig.station.upload(0x2106, 0) == b"\1"
+
+
+def remap(rig: DeviceRig) -> None:
+    before = [rig.station.upload(0x1A00, sub) for sub in (3, 4)]
+    rig.clock.sleep(2.0)
+    assert [rig.station.upload(0x1A00, sub) for sub in (4, 3)] == before
+
+
+def not_operational(rig: DeviceRig) -> None:
+    assert not len(got(rig, 0.5).readings)
+    rig.clock.sleep(1.1)
+    assert rig.station.state() == "pre-operational"
+
+
+def falls_back(rig: DeviceRig) -> None:
+    assert len(got(rig, 2.0).readings) == pytest.approx(1000, abs=300)
+    assert rig.station.state() == "pre-operational"
+
+
 CASES: dict[str, Check] = {
+    "early:at=1,times=1": early,
+    "other-id:at=1,times=1": other_id,
+    "holds:index=0x1800,sub=5,value=0": holds,
+    "forgets:index=0x2106": forgets,
+    "remap:after_s=1": remap,
+    "not-operational": not_operational,
+    "falls-back:after_s=1": falls_back,
     "deaf": deaf,
     "silent:index=0x2101,access=write": silent,
     "late:index=0x2101,sub=1,seconds=0.85": late,
