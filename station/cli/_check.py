@@ -1,6 +1,7 @@
 """The work of `station check`: one function a section, each with a document for programs and lines for people."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 
 from station.cli import _budget_table, _output
 from station.config.recipes import load_recipe, recipe_path
+from station.config.settings import load_settings
 from station.domain.core.types import Floats
 from station.domain.evaluation.pipeline import NO_ROUNDING
 from station.domain.methods import coefficients, method, rank
@@ -18,8 +20,9 @@ from station.domain.planning.forecast import forecast
 from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
-from station.messages import render
+from station.messages import Message, render
 from station.wiring.jobs import load_job
+from station.wiring.logs import open_log
 
 SCHEMA = "station.check/1"
 #: A pipe has no width; this holds a budget on one line.
@@ -36,29 +39,40 @@ class CheckSection:
 
 
 @dataclass(frozen=True, slots=True)
+class CheckRequest:
+    """See the command's options; design: so many positions are to be proposed."""
+
+    recipe: str
+    design: int | None = None
+    config: Path | None = None
+    db: Path | None = None
+    order: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class CheckSubject:
     """What is checked: a recipe that stands, its file, and how its product rounds coefficients (12)."""
 
     recipe: Recipe
     path: Path
     rounding: Floats
+    request: CheckRequest
 
 
-def check_recipe(name: str, count: int | None, *, order: bool, config: Path | None, as_json: bool) -> int:
-    """Checks and prints; 0 when the recipe stands. Errors: InputError."""
-    if count is not None and order:
+def check_recipe(request: CheckRequest, *, as_json: bool) -> int:
+    """Checks and prints; 0 when the recipe is sound. Errors: InputError."""
+    name, count = request.recipe, request.design
+    if count is not None and request.order:
         raise UsageError("check-design-or-order")
-    if config is not None and not order:
-        raise UsageError("check-config-needs-order")
     recipe = load_recipe(name)
     if recipe.product is not None:
         load_job(name)  # refuses a map, EDS and DBC that contradict each other
-    subject = CheckSubject(recipe, recipe_path(name), _rounding(recipe, recipe_path(name)))
+    subject = CheckSubject(recipe, recipe_path(name), _rounding(recipe, recipe_path(name)), request)
     if count is None:
         design.check(recipe)
     chosen = SECTIONS if count is None else (_proposal(count),)
-    if order:
-        chosen = (partial(_order, config),)
+    if request.order:
+        chosen = (partial(_order, request.config),)
     sections = [s for s in (make(subject) for make in chosen) if s is not None]
     if as_json:
         head = {"schema": SCHEMA, "recipe": {"name": recipe.name, "version": recipe.version}}
@@ -87,15 +101,16 @@ def _summary(subject: CheckSubject) -> CheckSection:
 
 
 def _cycle_time(subject: CheckSubject) -> CheckSection:
-    """Moves as the simulated line makes them; the bench's own positioner may be slower."""
-    from station.model.timeline import run_timeline
+    """By the station's own log where it has one."""
+    from station.service.cycle_time import forecast_cycle
 
-    rounds = [run_timeline(subject.recipe, run) for run in range(len(subject.recipe.runs))]
-    tumble = sum(r.duration_s + r.prewarm_s for r in rounds)
-    sentence = f"cycle time: {tumble:.0f} s" + (
-        "" if len(rounds) == 1 else f" in {len(rounds)} runs, prewarming included"
-    )
-    return CheckSection("cycle_s", tumble, (sentence,))
+    path = subject.request.db or Path(load_settings(subject.request.config).database)
+    log = None if subject.request.db is None and not path.exists() else open_log(path)
+    with nullcontext() if log is None else log:
+        found = forecast_cycle(subject.recipe, log)
+    source = "cycle-time-same" if found.same else "cycle-time-others" if found.attempts else "cycle-time-usual"
+    message = Message(source, cycle_s=found.cycle_s, attempts=found.attempts, log=str(path))
+    return CheckSection("cycle_s", found.cycle_s, (render(message),))
 
 
 def _observability(subject: CheckSubject) -> CheckSection | None:

@@ -31,6 +31,7 @@ RECIPES: Mapping[str, str] = {
 MOST_PROPOSALS = 9
 
 CONFIG = """\
+# yaml-language-server: $schema=schemas/config.json
 # A rehearsal bench: bus, rig and devices are simulated. On a real bench name the interface and what turns the fixture.
 schema: station.config/1
 station: rehearsal
@@ -155,7 +156,11 @@ def _from_files(request: InitRequest) -> DraftFiles:
 
 
 def _with_config(request: InitRequest, recipe: str, texts: dict[Path, bytes]) -> Mapping[Path, bytes]:
-    """A rehearsal bench where there is no bench yet."""
+    """A rehearsal bench where there is no bench yet, and the schemas that the files name for editors."""
+    for kind in ("recipe", "product", "config"):
+        place = Path("schemas") / f"{kind}.json"
+        if not (request.folder / place).exists():
+            texts[place] = (shipped_folder() / place).read_bytes()
     if not (request.folder / "config.yaml").exists():
         texts[Path("config.yaml")] = CONFIG.replace("RECIPE", recipe).encode()
     return texts

@@ -112,7 +112,13 @@ def run_command(args: list[str]) -> int:
     return _run(name, rest)
 
 
-def _run(name: str, args: list[str]) -> int:
+def options_of(name: str) -> tuple[str, ...]:
+    """The long options of a command, in the order of its help."""
+    return tuple(o for p in _command(name).params for o in (*p.opts, *p.secondary_opts) if o.startswith("--"))
+
+
+def _command(name: str) -> Any:
+    """What typer makes of a command's function."""
     import typer
     from typer.main import get_command
 
@@ -121,8 +127,14 @@ def _run(name: str, args: list[str]) -> int:
     function = importlib.import_module(f"station.cli.{module}").command
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.command(name, help=_help(function))(function)
+    return get_command(app)
+
+
+def _run(name: str, args: list[str]) -> int:
+    import typer
+
     try:
-        code = get_command(app).main(args, prog_name=f"station {name}", standalone_mode=False)
+        code = _command(name).main(args, prog_name=f"station {name}", standalone_mode=False)
     except typer.TyperException as exc:
         why = " ".join(exc.format_message().split()).rstrip(".")
         raise UsageError("command-line-wrong", command=name, why=why) from exc

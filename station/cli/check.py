@@ -7,14 +7,14 @@ from typer import Argument, Option
 
 
 def command(
-    recipe: Annotated[str, Argument(help="Recipe: a file, or its name in recipes/.")],
+    recipe: Annotated[str | None, Argument(help="Recipe: a file, or its name in recipes/.")] = None,
+    product: Annotated[str | None, Option(help="Check a product alone: a file, or its name in dbc/.")] = None,
     design: Annotated[
         int | None, Option(min=3, max=200, help="Propose that many positions for the recipe's method.")
     ] = None,
     order: Annotated[bool, Option("--order", help="Put the positions into the order of least moving time.")] = False,
-    config: Annotated[
-        Path | None, Option(help="config.yaml whose positioner tells the moving times; with --order.")
-    ] = None,
+    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    db: Annotated[Path | None, Option(help="The log that tells the cycle time; left out: as config.yaml says.")] = None,
     json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
 ) -> int:
     """Check a recipe before anything moves: coefficients, uncertainty, limits, cycle time, what to add.
@@ -30,7 +30,18 @@ def command(
     The positions of a recipe in the order of least moving time, as YAML to paste:
 
         station check tilt-24 --order
-    """
-    from station.cli._check import check_recipe
 
-    return check_recipe(recipe, design, order=order, config=config, as_json=json)
+    A product without a recipe: roles of the signals, device map against the EDS:
+
+        station check --product accelerometer
+    """
+    from station.cli._check import CheckRequest, check_recipe
+    from station.cli._check_product import check_product_alone
+    from station.errors import UsageError
+
+    if (recipe is None) == (product is None):
+        raise UsageError("check-recipe-or-product")
+    if product is not None:
+        return check_product_alone(product, as_json=json)
+    assert recipe is not None
+    return check_recipe(CheckRequest(recipe, design, config, db, order=order), as_json=json)

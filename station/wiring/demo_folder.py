@@ -34,6 +34,7 @@ FACES: Mapping[str, Sequence[float]] = {
 }  # fmt: skip
 
 CONFIG = """\
+# yaml-language-server: $schema=schemas/config.json
 # A rehearsal bench: bus, rig and devices are simulated, so every command works as on a bench, without one.
 schema: station.config/1
 station: rehearsal
@@ -78,12 +79,12 @@ def create_empty_logs() -> None:
 
 
 def _write_files(folder: Path) -> None:
-    for name in ("recipes", "dbc"):
+    for name in ("recipes", "dbc", "schemas"):
         shutil.copytree(shipped_folder() / name, folder / name)
     (folder / "config.yaml").write_text(CONFIG, encoding="utf-8")
     tighter = (folder / "recipes" / "six-point.yaml").read_text(encoding="utf-8")
     tighter = tighter.replace("name: six-point", "name: six-point-tighter").replace("offset: 0.08", "offset: 0.05")
-    (folder / "six-point-tighter.yaml").write_text(tighter, encoding="utf-8")
+    (folder / "six-point-tighter.yaml").write_text(tighter.replace("../schemas", "schemas"), encoding="utf-8")
     for name in KEYS:
         _write_key(folder / f"{name}.key")
     _write_recordings(folder)

@@ -39,12 +39,10 @@ def load_job(name: str | Path) -> tuple[Job, Source]:
     except RecipeError as exc:
         raise RecipeError("file-reason", file=str(path), reason=exc.message) from None
     where = product_path(recipe.product, path)
-    product = validate(load_document(where, ProductError), Product, ProductError)
-    dbc = where.parent / product.frames.dbc
-    layout = resolve(product.frames, read_layouts(dbc, used_signals(product.frames)))
+    product, layout, dbc = _load_product(where)
     layout = layout.scaled(_unit_factors(dbc, recipe, layout), recipe.unit)
     _check_fit(path, recipe, where, product)
-    eds = None if product.eds is None else where.parent / product.eds
+    eds = _eds(where, product)
     _check_map(where, product, eds)
     job = Job(
         recipe=recipe,
@@ -55,6 +53,25 @@ def load_job(name: str | Path) -> tuple[Job, Source]:
         layout=layout,
     )
     return job, Source(path, where, dbc, eds)
+
+
+def check_product(name: str) -> tuple[Product, SensorLayout, Source]:
+    """A product by name or path without a recipe: roles, signals, and map against EDS. Errors: ProductError."""
+    where = Path(name) if name.endswith((".yaml", ".yml")) else product_path(name)
+    product, layout, dbc = _load_product(where)
+    eds = _eds(where, product)
+    _check_map(where, product, eds)
+    return product, layout, Source(where, where, dbc, eds)
+
+
+def _load_product(where: Path) -> tuple[Product, SensorLayout, Path]:
+    product = validate(load_document(where, ProductError), Product, ProductError)
+    dbc = where.parent / product.frames.dbc
+    return product, resolve(product.frames, read_layouts(dbc, used_signals(product.frames))), dbc
+
+
+def _eds(where: Path, product: Product) -> Path | None:
+    return None if product.eds is None else where.parent / product.eds
 
 
 def _check_fit(path: Path, recipe: Recipe, where: Path, product: Product) -> None:

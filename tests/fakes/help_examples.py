@@ -63,6 +63,12 @@ def guide_examples(page: Path) -> list[str]:
     ]
 
 
+def words_of(line: str) -> list[str]:
+    """The words of a line, up to where a shell would write its output into a file."""
+    words = shlex.split(line, comments=True)
+    return words[: words.index(">")] if ">" in words else words
+
+
 def serves(line: str) -> bool:
     """Whether it goes on until Ctrl-C."""
     words = shlex.split(line, comments=True)
@@ -71,7 +77,7 @@ def serves(line: str) -> bool:
 
 def try_example(line: str, folder: Path) -> Tried:
     """Runs one line as a process in the folder."""
-    words = shlex.split(line, comments=True)
+    words = words_of(line)
     if words[0] == "station":
         words = [sys.executable, "-m", *words]
     if serves(line):

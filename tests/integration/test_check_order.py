@@ -51,7 +51,6 @@ def test_the_positioner_of_a_config_tells_its_own_times(capsys: pytest.CaptureFi
     ("arguments", "printed"),
     [
         (["six-point", "--order", "--design", "6"], "use one at a time"),
-        (["six-point", "--config", "config.yaml"], "add --order"),
         (["hand-held", "--order"], "--order needs known poses"),
     ],
 )

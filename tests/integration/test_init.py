@@ -66,7 +66,8 @@ def test_in_a_pipe_it_asks_nothing_and_answers_in_json(here: Path, capsys: pytes
     assert document["schema"] == "station.init/1"
     assert document["problem"] is None
     assert sorted(Path(f).name for f in document["files"]) == [
-        "config.yaml", "gyroscope-six-point.yaml", "gyroscope.dbc", "gyroscope.eds", "gyroscope.yaml",
+        "config.json", "config.yaml", "gyroscope-six-point.yaml", "gyroscope.dbc", "gyroscope.eds", "gyroscope.yaml",
+        "product.json", "recipe.json",
     ]  # fmt: skip
 
 

@@ -7,7 +7,6 @@ import contextlib
 import io
 import random
 import re
-import shlex
 import shutil
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from station.cli import _demo
 from station.cli.app import commands, run_command
 from station.errors import UsageError
 from tests.conftest import SEED
-from tests.fakes.help_examples import Tried, serves
+from tests.fakes.help_examples import Tried, serves, words_of
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -83,6 +82,6 @@ def test_every_quick_example_runs_there_in_any_order(
     assert len(quick) > 35
     random.Random(SEED).shuffle(quick)
     for line in quick:
-        code = run_command(shlex.split(line)[1:])
+        code = run_command(words_of(line)[1:])
         tried = Tried(line, code, capsys.readouterr().err)
         assert tried.right, tried

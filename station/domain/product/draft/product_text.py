@@ -59,6 +59,7 @@ def scalar(text: str) -> str:
 
 
 def _head(draft: ProductDraft) -> Iterator[str]:
+    yield "# yaml-language-server: $schema=../schemas/product.json"
     yield f"# Drafted by `station init` from {draft.source}. `check` marks a guess: compare it with the data sheet."
     yield "schema: station.product/1"
     yield f"name: {scalar(draft.name)}"
@@ -151,6 +152,9 @@ def _singles(single: Mapping[str, ObjectEntry]) -> Iterator[str]:
     for key in ("output", "valid"):
         if (entry := single.get(key)) is not None:
             yield f"  {key}: {{index: 0x{entry.index:04X}, type: {entry.type_name}, {texts[key].replace('}}', '}')}"
+    if "output" not in single:
+        yield "  output: none  # check: no object of the EDS looks like a switch between raw and compensated readings"
+        yield "  sends: raw  # check: or compensated"
     if (entry := single.get("temperature")) is not None:
         yield f"  temperature: {{index: 0x{entry.index:04X}, type: {entry.type_name}}}  # degC at the calibration"
     if (entry := single.get("record")) is not None:

@@ -16,8 +16,9 @@ _LIMIT = re.compile(r"^(\s*(?:residual|noise|limit): )([0-9.eE+-]+)", re.MULTILI
 
 def recipe_text(draft: ProductDraft, template: str, name: str, unit: str) -> str:
     """The file recipes/NAME.yaml. template: the shipped recipe; unit: the sensor's."""
-    first = f"# Drafted by `station init` from {draft.source}, after the shipped recipe of this kind of sensor.\n"
-    text = re.sub(r"^#.*\n", "", template, count=1)
+    first = "# yaml-language-server: $schema=../schemas/recipe.json\n"
+    first += f"# Drafted by `station init` from {draft.source}, after the shipped recipe of this kind of sensor.\n"
+    text = re.sub(r"\A(#.*\n)+", "", template)
     text = re.sub(r"^name: .*$", f"name: {scalar(name)}", text, count=1, flags=re.MULTILINE)
     text = re.sub(r"^product: .*$", f"product: {scalar(draft.name)}", text, count=1, flags=re.MULTILINE)
     lsb, full_scale = _resolution(draft, unit)
