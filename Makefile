@@ -10,7 +10,7 @@ PROCESSES ?= $(shell echo $$(($$(nproc) + 2)))
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: validation release drawing help run demo test check lock blind torture bench bench-diagnosis pictures clean
+.PHONY: docs validation release drawing help run demo test check lock blind torture bench bench-diagnosis pictures clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -70,6 +70,9 @@ blind: $(VENV)/.dev  ## hide new causes (make blind SEED=7) and see whether the 
 
 pictures: $(VENV)/.dev  ## renew the guide's pictures of the page, as the tests see it
 	STATION_PICTURES=docs/pictures $(BIN)/python -m pytest tests/browser
+
+docs: $(VENV)/.dev  ## the documentation as a static site with a search, into build/site; a dead link ends it
+	PYTHONPATH=. $(BIN)/python docs/site/build.py build/site
 
 drawing: $(VENV)/.dev  ## renew the picture of the rooms in docs/architecture.md from the imports
 	$(BIN)/python docs/draw_architecture.py
