@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -63,13 +64,21 @@ def _of_json(path: Path, text: str) -> Annotations:
         raise LogError("file-nested-too-deep", file=str(path)) from None
 
 
+def _whole_rows(path: Path, rows: "csv.DictReader[str]") -> Iterator[dict[str, str]]:
+    """The rows. Errors: LogError where one is no CSV."""
+    try:
+        yield from rows
+    except csv.Error:
+        raise LogError("samples-line-not-csv", file=str(path), line=rows.line_num + 1) from None
+
+
 def _of_csv(path: Path, text: str) -> Annotations:
     rows = csv.DictReader(text.splitlines())
     missing = [c for c in COLUMNS[:-1] if c not in (rows.fieldnames or ())]
     if missing:
         raise LogError("marks-columns-missing", file=str(path), missing=missing, columns=COLUMNS)
     marks = []
-    for row in rows:
+    for row in _whole_rows(path, rows):
         cells: dict[str, Any] = {c: row[c] for c in COLUMNS if row.get(c)}
         try:
             marks.append(Annotation.model_validate(cells))

@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -113,27 +113,45 @@ def _tolerance(request: MsaRequest, order: RunOrder) -> float:
 
 
 def _readings_of_table(request: MsaRequest) -> Floats:
-    """Readings of a CSV: (n), or (parts, appraisers, trials)."""
-    assert request.samples is not None
+    """Readings of a CSV: (n), or (parts, appraisers, trials). Errors: UsageError with file and line."""
+    path = request.samples
+    assert path is not None
+    columns = ("value",) if request.study == "type1" else ("part", "appraiser", "trial", "value")
+    rows = list(_table_rows(path, columns))
+    values = [_finite(path, line, row["value"]) for line, row in rows]
+    if request.study == "type1":
+        return np.array(values)
+    cells: dict[StudyCell, list[float]] = {}
+    for (_, row), value in zip(rows, values, strict=True):
+        cells.setdefault((row["part"], row["appraiser"]), []).append(value)
+    return crossed_readings(cells, min(map(len, cells.values()), default=0), str(path))
+
+
+def _table_rows(path: Path, columns: Sequence[str]) -> Iterator[tuple[int, dict[str, str]]]:
+    """(line, cells) of every row. Errors: UsageError."""
     try:
-        with request.samples.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-        values = [float(row["value"]) for row in rows]
-        if request.study == "type1":
-            return np.array(values)
-        cells: dict[StudyCell, list[float]] = {}
-        for row, value in zip(rows, values, strict=True):
-            cells.setdefault((row["part"], row["appraiser"]), []).append(value)
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, restval="")
+            missing = tuple(c for c in columns if c not in (reader.fieldnames or ()))
+            if missing:
+                raise UsageError("msa-samples-columns", path=str(path), columns=",".join(columns), missing=missing)
+            yield from ((reader.line_num, row) for row in reader)
     except OSError as exc:
-        raise UsageError(
-            "option-not-read", option="--samples", path=str(request.samples), why=system_reason(exc)
-        ) from exc
-    except (KeyError, ValueError, TypeError) as exc:
-        columns = "value" if request.study == "type1" else "part,appraiser,trial,value"
-        raise UsageError(
-            "msa-samples-columns", path=str(request.samples), columns=columns, why=" ".join(str(exc).split())
-        ) from exc
-    return crossed_readings(cells, min(map(len, cells.values()), default=0), str(request.samples))
+        raise UsageError("option-not-read", option="--samples", path=str(path), why=system_reason(exc)) from exc
+    except UnicodeDecodeError as exc:
+        raise UsageError("file-not-utf8", file=str(path), byte=exc.start) from exc
+    except csv.Error as exc:
+        raise UsageError("samples-line-not-csv", file=str(path), line=reader.line_num + 1) from exc
+
+
+def _finite(path: Path, line: int, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise UsageError("msa-samples-value", path=str(path), line=line, value=text[:40])
+    return value
 
 
 def _readings_of_log(order: RunOrder, request: MsaRequest) -> Floats:

@@ -92,16 +92,26 @@ def explain_csv(path: Path, wanted: list[str], refusal: Exception) -> Message:
     """Why the fast reader refused a CSV: the slow one looks for the first wrong cell."""
     with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
         reader = csv.reader(file)
-        header = [name.strip() for name in next(reader)]
-        for row in reader:
-            place = Message("samples-line", file=str(path), line=reader.line_num)
-            if row and len(row) != len(header):
-                return Message("samples-cells-in-row", place=place, cells=len(row), columns=len(header))
-            for name, cell in zip(header, row, strict=False):
-                if name in wanted and not _reads(name, cell):
-                    id_ = "samples-not-whole" if name in INTEGER_COLUMNS else "samples-not-number"
-                    return Message(id_, place=place, column=name, cell=cell[:40])
-    return Message("samples-no-csv", file=str(path), why=" ".join(str(refusal).split())[:120])
+        try:
+            header = [name.strip() for name in next(reader)]
+            found = next(
+                filter(None, (_wrong_cell(path, reader.line_num, header, row, wanted) for row in reader)), None
+            )
+        except csv.Error:
+            return Message("samples-line-not-csv", file=str(path), line=reader.line_num + 1)
+    return found or Message("samples-no-csv", file=str(path), why=" ".join(str(refusal).split())[:120])
+
+
+def _wrong_cell(path: Path, line: int, header: list[str], row: list[str], wanted: list[str]) -> Message | None:
+    """What is wrong with a row, if anything."""
+    place = Message("samples-line", file=str(path), line=line)
+    if row and len(row) != len(header):
+        return Message("samples-cells-in-row", place=place, cells=len(row), columns=len(header))
+    for name, cell in zip(header, row, strict=False):
+        if name in wanted and not _reads(name, cell):
+            id_ = "samples-not-whole" if name in INTEGER_COLUMNS else "samples-not-number"
+            return Message(id_, place=place, column=name, cell=cell[:40])
+    return None
 
 
 def _reads(name: str, cell: str) -> bool:

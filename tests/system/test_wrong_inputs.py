@@ -1,0 +1,36 @@
+"""Wrong files and command lines: one sentence of ours that names the file, the right exit code, never an exception.
+
+A small share of each kind; tests/endurance/wrong_inputs.py tries 200 of every command.
+"""
+
+import io
+import random
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import SEED
+from tests.fakes.wrong_inputs import FILES, all_commands, complaint, wrong_files, wrong_lines
+
+EACH = 9
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to work in, and nobody at the keyboard."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    return tmp_path
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_wrong_files(kind: str, here: Path) -> None:
+    found = [complaint(w) for w in wrong_files(kind, here, random.Random(f"{SEED}{kind}"), EACH)]
+    assert [c for c in found if c is not None] == []
+
+
+def test_wrong_command_lines(here: Path) -> None:
+    rng = random.Random(SEED)
+    found = [complaint(w) for name in all_commands() for w in wrong_lines(name, rng, 3)]
+    assert len(found) > 70
+    assert [c for c in found if c is not None] == []
