@@ -39,7 +39,7 @@ class CheckSection:
 
 
 @dataclass(frozen=True, slots=True)
-class CheckRequest:
+class RecipeCheckRequest:
     """See the command's options; design: so many positions are to be proposed."""
 
     recipe: str
@@ -56,10 +56,10 @@ class CheckSubject:
     recipe: Recipe
     path: Path
     rounding: Floats
-    request: CheckRequest
+    request: RecipeCheckRequest
 
 
-def check_recipe(request: CheckRequest, *, as_json: bool) -> int:
+def check_recipe(request: RecipeCheckRequest, *, as_json: bool) -> int:
     """Checks and prints; 0 when the recipe is sound. Errors: InputError."""
     name, count = request.recipe, request.design
     if count is not None and request.order:

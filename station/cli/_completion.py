@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from station.cli.app import commands, options_of
+from station.cli.app import commands, long_options
 from station.errors import UsageError
 
 _BASH = """\
@@ -20,7 +20,7 @@ complete -o filenames -F _station station
 
 def script(shell: str) -> str:
     """The script for a shell. Errors: UsageError."""
-    found = {name: options_of(name) for name in commands()}
+    found = {name: long_options(name) for name in commands()}
     if shell == "fish":
         return _fish(found)
     if shell not in ("bash", "zsh"):

@@ -112,7 +112,7 @@ def run_command(args: list[str]) -> int:
     return _run(name, rest)
 
 
-def options_of(name: str) -> tuple[str, ...]:
+def long_options(name: str) -> tuple[str, ...]:
     """The long options of a command, in the order of its help."""
     return tuple(o for p in _command(name).params for o in (*p.opts, *p.secondary_opts) if o.startswith("--"))
 

@@ -35,7 +35,7 @@ def command(
 
         station check --product accelerometer
     """
-    from station.cli._check import CheckRequest, check_recipe
+    from station.cli._check import RecipeCheckRequest, check_recipe
     from station.cli._check_product import check_product_alone
     from station.errors import UsageError
 
@@ -44,4 +44,4 @@ def command(
     if product is not None:
         return check_product_alone(product, as_json=json)
     assert recipe is not None
-    return check_recipe(CheckRequest(recipe, design, config, db, order=order), as_json=json)
+    return check_recipe(RecipeCheckRequest(recipe, design, config, db, order=order), as_json=json)

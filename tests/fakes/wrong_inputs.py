@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from station.cli.app import commands, options_of, run_command
+from station.cli.app import commands, long_options, run_command
 from station.config.search_path import shipped_folder
 from station.errors import InputError, StationError
 
@@ -75,7 +75,7 @@ def _of_sentence(wrong: WrongInput, exc: StationError) -> Complaint | None:
 
 def wrong_lines(name: str, rng: random.Random, count: int) -> Iterator[WrongInput]:
     """Command lines of a command that no parser should take."""
-    options = [o for o in options_of(name) if o != "--help"]
+    options = [o for o in long_options(name) if o != "--help"]
     for _ in range(count):
         option = rng.choice(options or ["--json"])
         kinds = (
