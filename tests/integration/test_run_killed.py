@@ -21,7 +21,7 @@ DEATHS = [
     ("device", "download", 9),
     ("device", "download", -15),
     ("store", "write", -21),
-    ("device", "download", -23),
+    ("device", "download", -22),
     ("device", "nmt", -2),
     ("store", "finish", 1),
     ("store", "finish", -1),
