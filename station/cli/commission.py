@@ -1,0 +1,40 @@
+"""`station commission`: node ids for the fresh devices of a fixture."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+
+def command(
+    serial: Annotated[list[str] | None, Option(help="Scanned label of a unit; one per --nest, repeatable.")] = None,
+    nest: Annotated[list[str] | None, Option(help="The nest that this unit is in, as config.yaml names it.")] = None,
+    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    recipe: Annotated[
+        str | None, Option(help="A recipe of the units, by name or path; left out: as config.yaml.")
+    ] = None,
+    simulate: Annotated[bool, Option("--simulate", help="Fresh simulated devices, nothing real.")] = False,
+    device_state: Annotated[
+        Path | None, Option(help="--simulate: folder where the devices keep their node ids; left out: fresh each time.")
+    ] = None,
+    json_: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+) -> int:
+    """Give the devices of a fixture their node ids by LSS (CiA 305), though they all have the same or none.
+
+    Units with scanned labels get the id of their nest; the others are found one at a time by a fast scan and get the
+    ids that are left, in the order of the nests. Each id is stored and proven by a read of 0x1018. Killed at any
+    moment, it leaves no two devices with one id, and the same command goes on.
+
+    On fresh simulated devices; without --simulate on those of the bench:
+
+        station commission --simulate --serial SN0042 --nest A --serial SN0043 --nest B
+
+    Nobody has scanned anything:
+
+        station commission --simulate --json
+    """
+    from station.cli._commission import commission_and_print
+    from station.wiring.commission import CommissionOrder
+
+    order = CommissionOrder(config, recipe, simulate, tuple(serial or ()), tuple(nest or ()), device_state)
+    return commission_and_print(order, json=json_)

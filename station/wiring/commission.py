@@ -1,0 +1,155 @@
+"""`station commission`: the buses and the LSS master of a fixture, or fresh simulated devices in their place."""
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from station.adapters.bus.simulated import SimulatedBus
+from station.adapters.canopen import eds
+from station.adapters.canopen.canopen_device import CanopenDevice
+from station.adapters.canopen.lss_master import LSS_ANSWER, CanopenLssMaster
+from station.adapters.canopen.network import ServiceNetwork, service_ids
+from station.adapters.clock import SystemClock, VirtualClock
+from station.adapters.simulated_device.device import SimulatedDevice, received_ids
+from station.adapters.simulated_device.lss import LSS_RECEIVED, LssDevice, LssSlave
+from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
+from station.adapters.simulated_device.stream import SimulatedSensor
+from station.config.settings import Settings, load_config
+from station.domain.product.object_dictionary import ObjectDictionary
+from station.domain.product.product import serial_of
+from station.errors import ProductError, UsageError
+from station.messages import Message
+from station.ports.bus import Bus, Endpoint
+from station.ports.clock import Actor, Clock, EventClock
+from station.ports.lss import LssIdentity
+from station.service.commission import Commissioned, CommissioningBench, NodeSeat, assign_nodes
+from station.service.station import Job
+from station.wiring.bench import units_bus_of
+from station.wiring.jobs import Source, load_job
+from station.wiring.rehearsal import is_rehearsal
+
+_IDENTITY = 0x1018
+
+
+@dataclass(frozen=True, slots=True)
+class CommissionOrder:
+    """serials, nests: scanned labels and the nests they are in, in pairs; device_state: where simulated devices keep
+    their node ids; None: they are fresh at each start."""
+
+    config: Path | None = None
+    recipe: str | None = None
+    simulate: bool = False
+    serials: tuple[str, ...] = ()
+    nests: tuple[str, ...] = ()
+    device_state: Path | None = None
+
+
+def commission_fixture(order: CommissionOrder, tell: Callable[[Message], None]) -> Commissioned:
+    """Addresses the fixture's devices. Errors: InputError before anything is sent; those of assign_nodes."""
+    settings, document = load_config(order.config)
+    job, source = load_job(order.recipe or settings.recipe)
+    if settings.buses:
+        raise UsageError("commission-one-bus")
+    simulate = order.simulate or is_rehearsal(settings)
+    if order.device_state is not None and not simulate:
+        raise UsageError("option-needs-simulate", option="--device-state")
+    product = _product_identity(source)
+    seats = _seats(settings, job, order, product)
+    with ExitStack() as opened:
+        if simulate:
+            clock, bus = _simulated(settings, job, source, order, product)
+        else:
+            clock = SystemClock()
+            bus = units_bus_of(settings, document, clock, opened)
+        opened.callback(bus.close)
+        bench = commissioning_bench(bus, clock, [s.node for s in seats], settings.timeouts.boot_s)
+        return assign_nodes(bench, seats, product, tell)
+    raise AssertionError("unreachable: ExitStack swallows nothing")
+
+
+def commissioning_bench(bus: Bus, clock: Clock, nodes: Sequence[int], boot_s: float) -> CommissioningBench:
+    """The LSS master of a bus, and the devices at these node ids or any other."""
+    network = ServiceNetwork(bus.service((LSS_ANSWER, *service_ids(tuple(nodes)))), clock)
+    device = cache(lambda node: CanopenDevice(network, node, answer_s=0.1))
+    return CommissioningBench(CanopenLssMaster(network), device, clock, boot_s)
+
+
+def _product_identity(source: Source) -> LssIdentity:
+    """Vendor, product and revision as product file and EDS know them; serial 0."""
+    if source.eds is None:
+        raise ProductError("product-without-eds", file=str(source.product))
+    entries = eds.load(source.eds, 1, frozenset()).entries
+    defaults = [entries[_IDENTITY, sub].default if (_IDENTITY, sub) in entries else 0 for sub in range(1, 4)]
+    vendor, product, revision = (value if isinstance(value, int) else 0 for value in defaults)
+    return LssIdentity(vendor, product, revision, 0)
+
+
+def _seats(settings: Settings, job: Job, order: CommissionOrder, product: LssIdentity) -> list[NodeSeat]:
+    if len(order.serials) != len(order.nests):
+        raise UsageError("commission-pairs", serials=len(order.serials), nests=len(order.nests))
+    known = tuple(nest.name for nest in settings.nests)
+    for nest in order.nests:
+        if nest not in known:
+            raise UsageError("commission-nest-unknown", nest=nest[:40], known=known)
+    for name, values in (("--nest", order.nests), ("--serial", order.serials)):
+        if len(set(values)) < len(values):
+            raise UsageError("commission-twice", option=name)
+    labels = dict(zip(order.nests, order.serials, strict=True))
+    return [
+        NodeSeat(n.name, n.node, _labelled(job, product, labels[n.name]) if n.name in labels else None)
+        for n in settings.nests
+    ]
+
+
+def _labelled(job: Job, product: LssIdentity, label: str) -> LssIdentity:
+    """The identity of the unit with this label. Errors: UsageError where the product's label does not tell 0x1018:4."""
+    place = job.product.map.serial_object
+    number = serial_of(job.product.map, label)
+    if place is None or place.address != (_IDENTITY, 4) or not isinstance(number, int):
+        raise UsageError("commission-label-elsewhere", product=job.product.name)
+    return LssIdentity(product.vendor, product.product, product.revision, number)
+
+
+def _simulated(
+    settings: Settings, job: Job, source: Source, order: CommissionOrder, product: LssIdentity
+) -> tuple[Clock, Bus]:
+    """A bus with a fresh device for every nest: those with the scanned labels, then SN0001, SN0002 …"""
+    clock = VirtualClock(SystemClock().epoch_ns())
+    bus = SimulatedBus(clock)
+    missing = len(settings.nests) - len(order.serials)
+    others = [s for s in (f"SN{i:04d}" for i in range(1, 1000)) if s not in order.serials][:missing]
+    for serial in (*order.serials, *others):
+        memory = (
+            None if order.device_state is None else NonVolatileMemory.of_serial(order.device_state, f"{serial}.lss")
+        )
+        number = serial_of(job.product.map, serial)
+        identity = LssIdentity(
+            product.vendor, product.product, product.revision, number if isinstance(number, int) else 0
+        )
+        slave = LssSlave(identity, memory or NonVolatileMemory())
+        clock.attach(fresh_device(bus, clock, job, source, slave))
+    return clock, bus
+
+
+def fresh_device(bus: SimulatedBus, clock: EventClock, job: Job, source: Source, slave: LssSlave) -> LssDevice:
+    """A simulated device of the product behind this slave, at rest; its serial object is the slave's serial."""
+
+    @cache
+    def dictionary(node: int) -> ObjectDictionary:
+        assert source.eds is not None
+        made = eds.load(source.eds, node, frozenset())
+        own = {(_IDENTITY, sub): number for sub, number in enumerate(slave.identity.numbers, start=1)}
+        entries = {a: replace(e, default=own.get(a, e.default)) for a, e in made.entries.items()}
+        return ObjectDictionary(node, entries)
+
+    def build(node: int) -> tuple[Actor, Endpoint]:
+        channel = bus.endpoint(received_ids(node))
+        sensor = SimulatedSensor(job.layout, lambda at: np.tile([0.0, 0.0, 1.0], (len(at), 1)), lambda _: 23.0)
+        serial = slave.identity.serial
+        return SimulatedDevice(channel, clock, dictionary(node), job.product.map, sensor, serial=serial), channel
+
+    return LssDevice(slave, bus.endpoint(LSS_RECEIVED), clock, build)
