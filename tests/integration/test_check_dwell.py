@@ -26,5 +26,5 @@ def test_dwells_and_coefficients_are_predicted(tmp_path: Path, capsys: pytest.Ca
 
 def test_a_longest_dwell_that_cannot_suffice_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     printed = " ".join(checked(tmp_path, capsys, max_s=0.5).split())
-    assert "s a stop" in printed
+    assert "s a visit" in printed
     assert "times the target of dwell.until_std 5e-05 g: raise dwell.max_s (0.5 s) or add positions" in printed
