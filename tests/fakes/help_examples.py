@@ -20,7 +20,7 @@ _SERVERS = ("panel", "witness", "device")
 #: Commands that only a shell, a superuser or the repository's own Makefile can run.
 _NOT_TRIED = ("make ", "sudo ", "ip ", "cd ", "source ", "#")
 #: Exit code 1 is an answer: a diagnosis found something, a bad unit failed, a unit holds a mixture.
-ANSWERS = {"diagnose": (0, 1), "recover": (0, 1)}
+ANSWERS = {"diagnose": (0, 1), "recover": (0, 1), "watch": (0, 1)}
 KNOWN_BAD = "SN9002"
 #: A server says where it is within this time.
 START_S = 60.0

@@ -1,0 +1,88 @@
+"""`station watch` over a log: the nest that tilts, since when, which units, and silence once it is put right."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from station.adapters.store.reader import SqliteLogReader
+from station.cli.app import main
+from station.service.watch import Watch
+from tests.fakes import watched_log
+
+Out = pytest.CaptureFixture[str]
+SEED, BEGIN, RIGHTED, LAST = 5, 81, 101, 120
+
+
+def tilted(load: int, nest: str) -> tuple[float, float, float]:
+    """Nest B stands askew by 2 mrad about its x from load 81 to load 100."""
+    return (2e-3 if nest == "B" and BEGIN <= load < RIGHTED else 0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("watch")
+    watched_log.write(made / "quiet.db", range(1, 61), lambda load, nest: (0.0, 0.0, 0.0), SEED)
+    watched_log.write(made / "worn.db", range(1, RIGHTED), tilted, SEED)
+    return made
+
+
+def watch(capsys: Out, *args: str, code: int) -> Any:
+    with pytest.raises(SystemExit) as ended:
+        main(["watch", *args])
+    shown = capsys.readouterr()
+    assert ended.value.code == code, shown.err
+    return shown
+
+
+def test_a_quiet_line_is_silent(folder: Path, capsys: Out) -> None:
+    shown = watch(capsys, "--db", str(folder / "quiet.db"), "--json", code=0)
+    assert shown.out == ""
+    assert "Nothing begins to go wrong in 60 loads." in shown.err
+
+
+def test_a_tilted_nest_is_named_with_its_beginning_size_and_units(folder: Path, capsys: Out) -> None:
+    shown = watch(capsys, "--db", str(folder / "worn.db"), "--json", code=1)
+    (alert,) = [json.loads(line) for line in shown.out.splitlines()]
+    assert (alert["schema"], alert["effect"], alert["nest"]) == ("station.watch/1", "nest-tilt", "B")
+    assert abs(alert["begin"]["load"] - BEGIN) <= 2
+    assert alert["ended"] is None
+    # About x the part turns by 2 mrad; the units' own matrices scatter: 4 of the stated deviations, one in 16,000.
+    assert abs(alert["size"]["vector"][0] - 2e-3) < 4 * alert["size"]["std"]
+    assert alert["units"] == RIGHTED - alert["begin"]["load"]
+    assert set(alert["serials"]) == {f"B{n:05d}" for n in range(alert["begin"]["load"], RIGHTED)}
+    text = watch(capsys, "--db", str(folder / "worn.db"), code=1).out
+    assert "Nest B of bench-1 tilts by" in text
+    assert "station contain --station bench-1 --nest B --since" in text
+
+
+def test_the_containment_command_lists_the_same_units(folder: Path, capsys: Out) -> None:
+    db = str(folder / "worn.db")
+    (alert,) = [json.loads(line) for line in watch(capsys, "--db", db, "--json", code=1).out.splitlines()]
+    words = alert["containment"].split()
+    with pytest.raises(SystemExit):
+        main([*words[1:], "--db", db, "--json"])
+    assert [u["serial"] for u in json.loads(capsys.readouterr().out)["units"]] == alert["serials"]
+
+
+def test_new_loads_are_read_as_they_come_and_the_alert_ends_when_it_is_put_right(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "station.db"
+    watched_log.write(path, range(1, BEGIN), tilted, SEED)
+    with SqliteLogReader(path) as log:
+        watched = Watch(log, 1000)
+        assert watched.read() == []
+        watched_log.write(path, range(BEGIN, RIGHTED), tilted, SEED)
+        (raised,) = watched.read()
+        assert raised.alert.place.nest == "B"
+        watched_log.write(path, range(RIGHTED, LAST + 1), tilted, SEED)
+        assert watched.read() == []
+        (ended,) = watched.findings()
+        assert ended.alert.ended is not None
+        assert abs(ended.alert.ended - RIGHTED) <= 2
+
+
+def test_a_log_of_few_loads_says_that_the_watch_still_learns(tmp_path: Path, capsys: Out) -> None:
+    watched_log.write(tmp_path / "new.db", range(1, 4), lambda load, nest: (0.0, 0.0, 0.0), SEED)
+    shown = watch(capsys, "--db", str(tmp_path / "new.db"), code=0)
+    assert "still learns: 3 loads in the log" in shown.err

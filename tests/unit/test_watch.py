@@ -1,0 +1,117 @@
+"""The watch's parts against answers known beforehand, and its promise on false alarms against chance."""
+
+import math
+
+import numpy as np
+import pytest
+
+from station.config.recipes import load_recipe
+from station.domain.core.types import Floats
+from station.domain.recipe.blocks import Limits
+from station.domain.watch import change_point
+from station.domain.watch.bank import LoadValues, WatchBank, WatchedPlace
+from station.domain.watch.e_detector import SHIFTS, RankScores, ShiftDetector
+from station.domain.watch.load import load_values
+from station.domain.watch.signals import WatchedSignal, projector
+from station.domain.watch.size import drift_of
+from tests.fakes.watched_log import visits
+
+SEED = 11
+
+
+def test_a_nest_askew_is_the_rotation_that_it_was_turned_by() -> None:
+    rng = np.random.default_rng(SEED)
+    turn = np.array([1e-3, -2e-3, 0.5e-3])
+    units = [visits(rng, turn) for _ in range(200)]
+    made = projector(load_recipe("six-point"), units[0])
+    assert made is not None
+    found = np.mean([made.values(u)[WatchedSignal("nest-tilt")] for u in units], axis=0)
+    # Antisymmetric part of matrices whose entries scatter by 3e-4, and noise of 1e-4 in two readings of each.
+    std = math.sqrt((3e-4**2 + 1e-4**2 / 2) / 2 / 200)
+    assert np.abs(found - turn).max() < 4.5 * std
+
+
+def test_scores_of_any_distribution_are_standard_normal_and_independent() -> None:
+    rng, ranks, n = np.random.default_rng(SEED), RankScores("a"), 4000
+    scores = np.array([ranks.add(v) for v in rng.standard_cauchy(n)])
+    assert abs(scores.mean()) < 4.5 / math.sqrt(n)
+    assert abs(scores.var() - 1) < 4.5 * math.sqrt(2 / n)
+    assert abs(np.mean(scores[1:] * scores[:-1])) < 4.5 / math.sqrt(n)
+
+
+def test_scores_of_values_that_are_all_the_same_are_still_normal() -> None:
+    ranks, n = RankScores("b"), 4000
+    scores = np.array([ranks.add(0.0) for _ in range(n)])
+    assert abs(scores.mean()) < 4.5 / math.sqrt(n)
+    assert abs(scores.var() - 1) < 4.5 * math.sqrt(2 / n)
+
+
+def test_the_evidence_follows_the_recursion_of_shiryaev_and_roberts() -> None:
+    detector = ShiftDetector()
+    scores = [0.3, -1.2, 2.0]
+    # Written out: the sum over beginnings of the product of the likelihood ratios since then.
+    ratios = [np.exp(SHIFTS * z - SHIFTS**2 / 2) for z in scores]
+    expected = sum(np.prod(ratios[k:], axis=0) for k in range(3))
+    for z in scores:
+        detector.add(z)
+    assert detector.evidence == pytest.approx(float(np.mean(expected)), rel=1e-12)
+
+
+def quiet_alarm(seed: int, loads: int, run_length: float) -> bool:
+    """Whether a bank of 12 streams with heavy tails, that hang together, alarms within so many quiet loads."""
+    rng = np.random.default_rng([SEED, seed])
+    bank = WatchBank(12, run_length)
+    for load in range(1, loads + 1):
+        common = rng.standard_t(3)
+        values = {WatchedPlace(WatchedSignal("offset"), n): common + rng.standard_t(3, 3) for n in "ABCD"}
+        if bank.add(LoadValues(load, values))[0]:
+            return True
+    return False
+
+
+def test_false_alarms_come_no_more_often_than_is_stated() -> None:
+    runs, loads, run_length = 150, 60, 60.0
+    alarms = sum(quiet_alarm(seed, loads, run_length) for seed in range(runs))
+    bound = (loads - 30) / (2 * run_length)  # the first 30 loads are learnt
+    assert alarms / runs <= bound + 4.5 * math.sqrt(bound * (1 - bound) / runs)
+
+
+def shifted(begin: int, n: int, size: float) -> Floats:
+    x = np.random.default_rng([SEED, begin]).normal(0, 1, n)
+    x[begin:] += size
+    return x
+
+
+@pytest.mark.parametrize("begin", [20, 300, 580])
+def test_the_beginning_of_a_jump_is_found(begin: int) -> None:
+    change = change_point.find(shifted(begin, 600, 5.0).tolist())
+    assert change is not None
+    assert abs(change.begin - begin) <= 2
+    assert change.low <= change.begin <= change.high
+    assert abs(change.after - change.before - 5.0) < 4.5 * change.size_std
+    assert change.slope == 0
+
+
+def test_a_drift_is_known_from_a_jump_and_meets_the_limit_when_it_does() -> None:
+    signals = {WatchedSignal("offset"): np.zeros(3)}
+    rng, bank = np.random.default_rng(SEED), WatchBank()
+    for load in range(1, 241):
+        drift = 0.001 * max(0, load - 200)
+        value = {s: v + rng.normal(0, 0.002, 3) + [drift, 0, 0] for s, v in signals.items()}
+        bank.add(load_values(load, {"A": value}, 1))
+    (alert,) = bank.open
+    bank.refresh(alert)
+    found = drift_of(alert, Limits(offset=0.1))
+    assert found is not None
+    steepest = alert.changes[0]
+    assert abs(found.per_load - 0.001) < 4.5 * steepest.slope_std + 0.0001  # the beginning is estimated, too
+    assert found.loads_to_limit == pytest.approx(60, rel=0.15)
+
+
+def test_one_wild_unit_raises_no_alarm() -> None:
+    rng, bank = np.random.default_rng(SEED), WatchBank(3)
+    raised = []
+    for load in range(1, 101):
+        value = rng.normal(0, 1, 3) + (1e6 if load == 60 else 0)
+        raised += bank.add(load_values(load, {"A": {WatchedSignal("offset"): value}}, 1))[0]
+    assert raised == []
