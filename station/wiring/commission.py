@@ -24,7 +24,7 @@ from station.domain.product.product import serial_of
 from station.errors import ProductError, UsageError
 from station.messages import Message
 from station.ports.bus import Bus, Endpoint
-from station.ports.clock import Actor, Clock, EventClock
+from station.ports.clock import Actor, Clock
 from station.ports.lss import LssIdentity
 from station.service.commission import Commissioned, CommissioningBench, NodeSeat, assign_nodes
 from station.service.station import Job
@@ -131,11 +131,13 @@ def _simulated(
             product.vendor, product.product, product.revision, number if isinstance(number, int) else 0
         )
         slave = LssSlave(identity, memory or NonVolatileMemory())
-        clock.attach(fresh_device(bus, clock, job, source, slave))
+        clock.attach(fresh_device(bus.endpoint, clock, job, source, slave))
     return clock, bus
 
 
-def fresh_device(bus: SimulatedBus, clock: EventClock, job: Job, source: Source, slave: LssSlave) -> LssDevice:
+def fresh_device(
+    endpoint: Callable[[tuple[int, ...]], Endpoint], clock: Clock, job: Job, source: Source, slave: LssSlave
+) -> LssDevice:
     """A simulated device of the product behind this slave, at rest; its serial object is the slave's serial."""
 
     @cache
@@ -147,9 +149,9 @@ def fresh_device(bus: SimulatedBus, clock: EventClock, job: Job, source: Source,
         return ObjectDictionary(node, entries)
 
     def build(node: int) -> tuple[Actor, Endpoint]:
-        channel = bus.endpoint(received_ids(node))
+        channel = endpoint(received_ids(node))
         sensor = SimulatedSensor(job.layout, lambda at: np.tile([0.0, 0.0, 1.0], (len(at), 1)), lambda _: 23.0)
         serial = slave.identity.serial
         return SimulatedDevice(channel, clock, dictionary(node), job.product.map, sensor, serial=serial), channel
 
-    return LssDevice(slave, bus.endpoint(LSS_RECEIVED), clock, build)
+    return LssDevice(slave, endpoint(LSS_RECEIVED), clock, build)

@@ -70,7 +70,7 @@ class Fleet:
             if one.stored is not None:
                 memory.store({"node": one.stored})
             slave = LssSlave(one.identity, memory, one.factory, one.fault)
-            device = fresh_device(self.bus, self.clock, job, source, slave)
+            device = fresh_device(self.bus.endpoint, self.clock, job, source, slave)
             self.devices.append(device)
             self.clock.attach(device)
         self.clock.sleep(0.3)

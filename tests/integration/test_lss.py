@@ -3,17 +3,24 @@
 import json
 import queue
 import random
+import threading
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from canopen.lss import LssMaster as IndependentMaster
 
+from station.adapters.bus.python_can import PythonCan
+from station.adapters.clock import SystemClock
+from station.adapters.simulated_device.live import Hub, serve
 from station.adapters.simulated_device.lss import LssSlave
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.cli.app import run_command
 from station.errors import BusFault, DeviceSilent, UnitFault, UsageError
+from station.ports.bus import Endpoint
 from station.ports.lss import UNCONFIGURED, LssIdentity
+from station.service.commission import assign_nodes
+from station.wiring.commission import commissioning_bench, fresh_device
 from tests.fakes.lss_fleet import (
     PRODUCT,
     WIRE_S,
@@ -21,6 +28,7 @@ from tests.fakes.lss_fleet import (
     Member,
     killed_and_repeated,
     mistakes,
+    product,
     random_fleet,
     seats_of,
 )
@@ -155,6 +163,30 @@ def test_the_bit_rate_is_configured_stored_and_refused_outside_the_table() -> No
     assert fleet.devices[0].slave.bit_timing == 4
     with pytest.raises(UsageError, match="42 kbit/s is not in the table"):
         master.configure_bit_rate(42)
+
+
+def test_devices_on_a_real_multicast_bus_are_addressed_in_real_time() -> None:
+    """Real sockets, the devices in a thread of their own; half of them by label."""
+    clock, settings = SystemClock(), PythonCan.Settings(driver="udp_multicast", options={"port": 43_305})
+    near, far = (PythonCan.open("239.74.163.5", clock, settings) for _ in range(2))
+    hub = Hub(cast(Endpoint, far.service(())))
+    slaves = [LssSlave(identity(serial), NonVolatileMemory()) for serial in (0x5555, 0x5556, 7, 8)]
+    devices = [fresh_device(lambda _ids: hub.endpoint(), clock, *product(), slave) for slave in slaves]
+    ended = threading.Event()
+    served = threading.Thread(target=serve, args=(hub, devices, clock, lambda: not ended.is_set()))
+    served.start()
+    try:
+        seats = seats_of(NODES[:4], [identity(8), None, identity(7), None])
+        found = assign_nodes(commissioning_bench(near, clock, NODES[:4], 5.0), seats, PRODUCT)
+    finally:
+        ended.set()
+        served.join(5.0)
+        near.close()
+        far.close()
+    assert [(d.node, d.how) for d in found.devices] == list(
+        zip(NODES[:4], ("label", "scan", "label", "scan"), strict=True)
+    )
+    assert {d.node: d.identity for d in found.devices} == {s.node: s.identity for s in slaves}
 
 
 class _Wire:

@@ -12,6 +12,7 @@ from station.ports.lss import UNCONFIGURED, LssIdentity
 
 #: Identifiers that the endpoint of an LssDevice must receive: NMT and the LSS master's.
 LSS_RECEIVED = (0x000, 0x7E5)
+_NMT, _MASTER = LSS_RECEIVED
 _ANSWER = 0x7E4
 _NODE_KEY, _BIT_KEY = "node", "bit_timing"
 _RESETS = (0x81, 0x82)
@@ -149,9 +150,9 @@ class LssDevice:
 
     def _hear(self, can_id: int, data: bytes, now_s: float) -> None:
         slave = self.slave
-        if can_id == 0:
-            if len(data) >= 2 and data[0] in _RESETS and data[1] in (0, slave.node):
-                self._activate()
+        if can_id == _NMT and len(data) >= 2 and data[0] in _RESETS and data[1] in (0, slave.node):
+            self._activate()
+        if can_id != _MASTER:
             return
         for answer in slave.take(data):
             self._agenda.at(now_s + self._turnaround_s, partial(self._channel.send, _ANSWER, answer))
