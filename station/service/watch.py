@@ -56,7 +56,7 @@ class Watch:
         self._lines: dict[tuple[str, str], _Line] = {}
         #: By station: when each load began; the load's number is its place, from 1.
         self._began: dict[str, list[int]] = {}
-        self._newest_ns: int | None = None
+        self._newest_ns: dict[str, int] = {}
         self._alerts: list[tuple[tuple[str, str], Alert]] = []
 
     @property
@@ -92,17 +92,22 @@ class Watch:
         return containment.touched(self._log, finding.query)
 
     def _finished_loads(self) -> list[list[Attempt]]:
-        """Loads that began after the newest one read, oldest first, up to the first that is still running."""
-        since = None if self._newest_ns is None else self._newest_ns + 1
+        """Loads that began after the newest read of their station, oldest first, up to its first that still runs."""
+        known = dict(self._newest_ns)
+        since = min(known.values()) + 1 if known else None
         found: dict[tuple[int, str, str], list[Attempt]] = {}
         for attempt in reversed(self._log.attempts(Query(since_ns=since))):
-            found.setdefault((attempt.started_ns, attempt.station, attempt.recipe_hash), []).append(attempt)
+            if attempt.started_ns > known.get(attempt.station, -1):
+                key = attempt.started_ns, attempt.station, attempt.recipe_hash
+                found.setdefault(key, []).append(attempt)
         finished: list[list[Attempt]] = []
+        running: set[str] = set()
         for key in sorted(found):
             if any(a.outcome is None for a in found[key]):
-                break
-            finished.append(found[key])
-            self._newest_ns = key[0]
+                running.add(key[1])
+            if key[1] not in running:
+                finished.append(found[key])
+                self._newest_ns[key[1]] = key[0]
         return finished
 
     def _add(self, load: Sequence[Attempt], rows: dict[int, ReducedAttempt]) -> None:

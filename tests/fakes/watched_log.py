@@ -35,15 +35,15 @@ def visits(rng: np.random.Generator, tilt: Floats) -> ReducedVisits:
     cov = np.tile(np.eye(3) * 1e-8, (v, 1, 1))
     count = np.full(v, 100, np.int64)
     number, zero = np.arange(v, dtype=np.int32), np.zeros(v, np.int32)
-    plain, time_s = np.zeros((v, 3)), np.arange(v) * 2.0
+    plain, time_s = np.zeros((v, 3)), number.astype(np.float64)
     return ReducedVisits(
         names, ("home",) * v, zero, number, mean, cov, plain, plain + 99, true, std, count, np.full(v, 90.0), time_s,
         np.full(v, np.nan),
     )  # fmt: skip
 
 
-def write(path: Path, loads: range, tilt: Tilt, seed: int) -> None:
-    """Appends these loads, one unit in each nest."""
+def write(path: Path, loads: range, tilt: Tilt, seed: int, station: str = "bench-1") -> None:
+    """Appends these loads of a station, one unit in each nest."""
     recipe = load_recipe(RECIPE).model_dump_json(by_alias=True)
     with SqliteStore(path) as store:
         for load in loads:
@@ -51,7 +51,7 @@ def write(path: Path, loads: range, tilt: Tilt, seed: int) -> None:
             for nest in NESTS:
                 at = FIRST_NS + load * STEP_NS
                 attempt = store.begin(
-                    logs.begin(f"{nest}{load:05d}", nest=nest, started_ns=at, recipe_json=recipe, product_json="")
+                    logs.begin(f"{nest}{load:05d}", station=station, nest=nest, started_ns=at, recipe_json=recipe)
                 )
                 store.result(attempt, "stops", to_document(visits(rng, np.array(tilt(load, nest)))))
                 store.result(attempt, "calibration", {"outcome": "PASS", "offset": None, "matrix": None, "checks": []})

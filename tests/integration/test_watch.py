@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 
 from station.adapters.store.reader import SqliteLogReader
+from station.adapters.store.sqlite import SqliteStore
 from station.cli.app import main
 from station.service.watch import Watch
-from tests.fakes import watched_log
+from tests.fakes import logs, watched_log
 
 Out = pytest.CaptureFixture[str]
 SEED, BEGIN, RIGHTED, LAST = 5, 81, 101, 120
@@ -80,6 +81,20 @@ def test_new_loads_are_read_as_they_come_and_the_alert_ends_when_it_is_put_right
         (ended,) = watched.findings()
         assert ended.alert.ended is not None
         assert abs(ended.alert.ended - RIGHTED) <= 2
+
+
+def test_a_load_that_still_runs_is_waited_for_at_its_own_station_only(tmp_path: Path) -> None:
+    path, at = tmp_path / "station.db", watched_log.FIRST_NS + 2 * watched_log.STEP_NS
+    watched_log.write(path, range(1, 2), tilted, SEED)
+    watched_log.write(path, range(1, 5), tilted, SEED, "bench-2")
+    with SqliteStore(path) as store, SqliteLogReader(path) as log:
+        watched = Watch(log, 1000)
+        running = store.begin(logs.begin("A00002", started_ns=at, recipe_json=""))
+        watched.read()
+        assert watched.loads == 5
+        store.finish(running, "ABORTED", at + 1)
+        watched.read()
+        assert watched.loads == 6
 
 
 def test_a_log_of_few_loads_says_that_the_watch_still_learns(tmp_path: Path, capsys: Out) -> None:
