@@ -24,7 +24,7 @@ _FOUND, _QUIET = 1, 0
 
 @dataclass(frozen=True, slots=True)
 class WatchRequest:
-    """every_s: between two readings of the log; None: once over it. since_ns: alerts raised then or later."""
+    """every_s: between two readings of the log; None: once over it. since_ns: what ended before is left out."""
 
     run_length: int
     since_ns: int | None
@@ -35,7 +35,7 @@ def run_watch(log: LogReader, request: WatchRequest, *, as_json: bool) -> int:
     """Prints the alerts; 1 when there was any. Errors: LogError."""
     watch = Watch(log, request.run_length)
     watch.read()
-    found = [f for f in watch.findings() if request.since_ns is None or f.raised_ns >= request.since_ns]
+    found = [f for f in watch.findings() if f.ended_ns is None or f.ended_ns >= (request.since_ns or 0)]
     for finding in found:
         _show(watch, finding, request, as_json=as_json)
     if not found:

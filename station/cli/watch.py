@@ -10,7 +10,7 @@ def command(
     db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
     config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
     follow: Annotated[bool, Option("--follow", help="Go on: watch each load as it comes, until Ctrl-C.")] = False,
-    since: Annotated[str | None, Option(help="Only alerts raised then or later: 2026-11-21, 7d.")] = None,
+    since: Annotated[str | None, Option(help="Only what lasts, or ended then or later: 2026-11-21, 7d.")] = None,
     run_length: Annotated[
         int, Option(min=10, max=1_000_000, help="Loads between false alarms, on average, at least.")
     ] = 1000,

@@ -58,6 +58,15 @@ def test_a_tilted_nest_is_named_with_its_beginning_size_and_units(folder: Path, 
     assert "station contain --station bench-1 --nest B --since" in text
 
 
+def test_since_leaves_out_what_was_put_right_before_and_nothing_else(tmp_path: Path, capsys: Out) -> None:
+    path = tmp_path / "station.db"
+    watched_log.write(path, range(1, RIGHTED), tilted, SEED)
+    assert "Nest B" in watch(capsys, "--db", str(path), "--since", "2030-01-01", code=1).out
+    watched_log.write(path, range(RIGHTED, LAST + 1), tilted, SEED)
+    assert "Put right with load" in watch(capsys, "--db", str(path), code=1).out
+    assert watch(capsys, "--db", str(path), "--since", "2030-01-01", code=0).out == ""
+
+
 def test_the_containment_command_lists_the_same_units(folder: Path, capsys: Out) -> None:
     db = str(folder / "worn.db")
     (alert,) = [json.loads(line) for line in watch(capsys, "--db", db, "--json", code=1).out.splitlines()]
