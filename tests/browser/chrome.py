@@ -74,8 +74,14 @@ class Browser:
         return str(self.script("return document.querySelector(arguments[0]).innerText", css))
 
     def click(self, css: str) -> None:
-        """A real click: refused where something lies over the element."""
-        self._call("POST", f"{self._url}/element/{self._find(css)}/click", {})
+        """A real click: refused where something lies over the element. One that the page draws anew is found again."""
+        for last in (False, True):
+            try:
+                self._call("POST", f"{self._url}/element/{self._find(css)}/click", {})
+                return
+            except AssertionError as refused:
+                if last or "stale element" not in str(refused):
+                    raise
 
     def type(self, css: str, words: str) -> None:
         """Types into an element."""

@@ -83,6 +83,10 @@ class UdpBus:
         """Nobody can tell."""
         return "unknown"
 
+    def repeat(self, can_id: int, data: bytes, period_s: float) -> None:
+        """No device on this bus asks for a SYNC."""
+        raise NotImplementedError(f"{can_id:#x} {data.hex()} every {period_s:g} s")
+
     def close(self) -> None:
         """Closes the sockets."""
         for channel in self._open:
@@ -215,7 +219,7 @@ def measure(seconds: float, buffer: int, *, idle: bool) -> dict[str, Any]:
     process.start()
     bus = UdpBus(ports[1], ports[2], ports[0], buffer)
     wiring: Any = bench
-    wiring.open_bus = lambda *_args, **_options: bus
+    wiring.open_buses = lambda *_args, **_options: bus
     wiring.refuse_numbers_for_real_units = lambda _settings, _built: None  # behind this bus stands nobody
     outcomes: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as name, ExitStack() as opened:

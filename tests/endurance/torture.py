@@ -142,7 +142,7 @@ PARTS = (
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """A part that has been run. told: its own JSON, None when it broke off."""
+    """A part that has been run. shown: its own JSON, None when it broke off."""
 
     code: int
     shown: Report | None

@@ -227,12 +227,6 @@ def test_a_gold_reference_is_the_truth_and_when_it_dies_nothing_counts(tmp_path:
     assert "Gold reference G1 (node 5) sent 0 of 100 readings at 'x-up'" in shown
 
 
-def test_a_simulated_bus_without_simulated_units(tmp_path: Path) -> None:
-    file = fixture_run.config(tmp_path, bus={"interface": "simulated", "channel": "x"})
-    assert "add --simulate" in refused(tmp_path, UsageError, config=file, simulate=False)
-    assert not (tmp_path / "station.db").exists()
-
-
 @pytest.mark.parametrize(("where", "what"), [("", "it is a folder"), ("pipe", "it is not a regular file")])
 def test_a_log_that_is_no_file(tmp_path: Path, where: str, what: str) -> None:
     os.mkfifo(tmp_path / "pipe")

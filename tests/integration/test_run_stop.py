@@ -181,9 +181,6 @@ def broken(name: str, method: str, number: int, error: Exception) -> Callable[[B
 def test_what_cannot_be_recorded_is_never_passed(tmp_path: Path, method: str, number: int) -> None:
     full = StoreFault("the log cannot be written: no space left on device; make room and start again")
     ran = fixture_run.run(tmp_path, units=2, wrap=broken("store", method, number, full))
-    if (method, number) == ("event", 3):
-        assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}, "a good run's events are its seatings"
-        return
     late = method == "finish" and number >= 2
     assert all(r.outcome is Outcome.ERROR for r in ran.results.values()) or late
     assert ran.parked

@@ -94,7 +94,7 @@ def test_a_log_that_commits_without_an_fsync_is_caught() -> None:
 
 def test_the_table_says_what_was_tried_what_came_of_it_and_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     stored = tmp_path / "torture.json"
-    other = {"code": 1, "told": None, "took_s": 2.0, "seed": 7, "scale": 1.0}
+    other = {"code": 1, "shown": None, "took_s": 2.0, "seed": 7, "scale": 1.0}
     stored.write_text(json.dumps({"kill": other}))
     command = [
         sys.executable,
