@@ -16,7 +16,7 @@ import pytest
 from tests.schedule import ByFile, rank
 
 # The same examples on every machine and in every run; `--hypothesis-profile=explore` looks for new ones.
-hypothesis.settings.register_profile("fixed", derandomize=True)
+hypothesis.settings.register_profile("fixed", derandomize=True, deadline=None)
 hypothesis.settings.register_profile("explore", derandomize=False)
 hypothesis.settings.load_profile("fixed")
 
