@@ -9,7 +9,7 @@ from xdist.scheduler import LoadScopeScheduling
 #: Folders whose tests share something that is started once.
 TOGETHER = ("tests/vcan", "tests/plant")
 #: Folders whose tests share nothing, and last long.
-APART = ("tests/browser",)
+APART = ("tests/browser", "tests/blind")
 #: What lasts longest begins first, so that no process sits at the end with one long file alone.
 FIRST = (*TOGETHER, *APART, "tests/system/test_torture.py", "tests/integration", "tests/system", "tests/blind")
 

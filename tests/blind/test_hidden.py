@@ -14,6 +14,7 @@ from station.model.model_file import Model
 from tests.blind.bench import FULL, WHITE, hide
 from tests.blind.hidden import ANOTHER_OFFSET, KNOWN, TEMPERATURE_BUMP, UNKNOWN, WRONG_FORM
 from tests.blind.inspection import diagnosis_of
+from tests.blind.portion import portion
 from tests.blind.recipes import recipe
 
 SEED = int(os.environ.get("SEED", "1"))
@@ -21,7 +22,7 @@ SEED = int(os.environ.get("SEED", "1"))
 FAINT = {"cubic", "cross-quadratic", "bias-drift"}
 
 
-@pytest.mark.parametrize("name", sorted(KNOWN))
+@pytest.mark.parametrize("name", portion(KNOWN))
 def test_a_known_cause_is_named_sized_paid_for_and_then_silent(name: str) -> None:
     table, truth = hide(recipe(), KNOWN[name], 1000 + SEED, floor=FULL, d=16.0 if name in FAINT else None)
     found = diagnosis_of(recipe(), table)
@@ -36,7 +37,7 @@ def test_a_known_cause_is_named_sized_paid_for_and_then_silent(name: str) -> Non
         assert diagnosis_of(recipe(), table, model).verdict == "none"
 
 
-@pytest.mark.parametrize("name", sorted(WRONG_FORM))
+@pytest.mark.parametrize("name", portion(WRONG_FORM))
 def test_a_cause_of_another_form_is_named_all_the_same(name: str) -> None:
     right, hidden = WRONG_FORM[name]
     table, _ = hide(recipe(), hidden, 2000 + SEED, floor=WHITE, d=16.0)
@@ -54,7 +55,7 @@ def test_a_cause_that_explains_nothing_is_not_named_for_an_alarm_of_something_el
     assert found.verdict == ("unknown" if found.search_result.findings else "none")
 
 
-@pytest.mark.parametrize("name", sorted(UNKNOWN))
+@pytest.mark.parametrize("name", portion(UNKNOWN))
 def test_what_nobody_knows_is_called_unknown_and_says_on_what_it_depends(name: str) -> None:
     words, hidden = UNKNOWN[name]
     table, _ = hide(recipe(), hidden, 3000 + SEED, floor=WHITE, d=24.0)

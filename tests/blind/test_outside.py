@@ -14,6 +14,7 @@ from tests.blind.bench import WHITE, hide
 from tests.blind.hidden import KNOWN, per_unit
 from tests.blind.inspection import diagnosis_of
 from tests.blind.outside import OUTSIDE
+from tests.blind.portion import portion
 from tests.blind.recipes import recipe
 
 SEED = int(os.environ.get("SEED", "1"))
@@ -63,7 +64,7 @@ def test_two_causes_at_once_are_found_where_no_pose_is_known() -> None:
     assert found.verdict == "named"
 
 
-@pytest.mark.parametrize("name", CHOSEN)
+@pytest.mark.parametrize("name", portion(CHOSEN))
 def test_what_is_a_product_or_a_bend_of_covariates_is_never_named_alone(name: str) -> None:
     words, hidden = OUTSIDE[name]
     table, _ = hide(recipe(), hidden, 300 + SEED, floor=WHITE, d=24.0)
