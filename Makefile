@@ -5,8 +5,8 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 SEED   ?= 1
 SCALE  ?= 1
-# Two more than cores: some tests wait for a browser, a guest kernel or real time.
-PROCESSES ?= $(shell echo $$(($$(nproc) + 2)))
+# One process a core: more would starve the tests that keep real time.
+PROCESSES ?= auto
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
 

@@ -81,7 +81,11 @@ def test_every_quick_example_runs_there_in_any_order(
     monkeypatch.setattr("sys.stdin", io.StringIO())
     lines = documented()
     assert all(any(line.startswith(start) for line in lines) for start in SLOW[:-1]), "SLOW names what is no example"
-    quick = [line for line in lines if not line.startswith((*SLOW, *ELSEWHERE)) and not serves(line)]
+    quick = [
+        line
+        for line in lines
+        if not line.startswith((*SLOW, *ELSEWHERE)) and "postgresql://" not in line and not serves(line)
+    ]
     assert len(quick) > 35
     random.Random(SEED).shuffle(quick)
     for line in quick:
