@@ -204,7 +204,7 @@ def test_a_panel_that_dies_hurts_no_run_and_finds_it_again(serve: Serve, log_in:
     again.wait(f"{verdict('A')} === 'ABORTED' && document.body.dataset.running === 'false'", 20)
 
 
-def test_a_thousand_updates_leave_nothing_behind(serve: Serve, log_in: LogIn, tmp_path: Path) -> None:
+def test_hundreds_of_updates_leave_nothing_behind(serve: Serve, log_in: LogIn, tmp_path: Path) -> None:
     site = serve()
     live = Path(f"{site.database}.live.json")
     nests = [
@@ -234,7 +234,7 @@ def test_a_thousand_updates_leave_nothing_behind(serve: Serve, log_in: LogIn, tm
         return page.memory()
 
     before = rounds(1, 60)
-    after = rounds(60, 1060)
+    after = rounds(60, 360)
     assert after["Nodes"] <= before["Nodes"] + 50
     assert after["JSEventListeners"] <= before["JSEventListeners"]
     assert after["JSHeapUsedSize"] < before["JSHeapUsedSize"] + 300_000
