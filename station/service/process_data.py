@@ -26,6 +26,8 @@ from station.service.unit import RunSetting, Unit
 
 #: PDOs that are looked through for those that carry readings.
 MOST_PDOS = 8
+#: An event timer counts milliseconds (CiA 301, sub-index 5 of the communication parameters).
+FASTEST_TIMER_HZ = 1000.0
 
 
 def read(unit: Unit, job: Job, store: Store) -> None:
@@ -104,7 +106,9 @@ def _changes(
         return
     kind = pdo.transmission
     timed = any(s.address == (COMMUNICATION + pdo.number, EVENT_TIMER) and s.wanted is not None for s in own)
-    if kind >= EVENT and pdo.event_timer is not None and pdo.event_timer_ms == 0 and not timed:
+    # Faster than its unit of a millisecond no timer sends: such a device has another event of its own.
+    silent = pdo.event_timer is not None and pdo.event_timer_ms == 0 and rate_hz <= FASTEST_TIMER_HZ
+    if kind >= EVENT and pdo.event_timer is not None and silent and not timed:
         wanted = max(1, round(1000 / rate_hz)).to_bytes(2, "little")
         yield _setting(pdo, EVENT_TIMER, pdo.event_timer, wanted, may_refuse=True)
     if pdo.is_off:
