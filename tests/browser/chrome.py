@@ -12,6 +12,7 @@ from typing import Any
 import httpx2 as httpx
 
 _ELEMENT = "element-6066-11e4-a52e-4f735466cecf"
+_CLICKS = 10
 _OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--js-flags=--expose-gc",
             "--enable-precise-memory-info", "--hide-scrollbars", "--no-first-run", "--lang=en")  # fmt: skip
 
@@ -74,13 +75,14 @@ class Browser:
         return str(self.script("return document.querySelector(arguments[0]).innerText", css))
 
     def click(self, css: str) -> None:
-        """A real click: refused where something lies over the element. One that the page draws anew is found again."""
-        for last in (False, True):
+        """A real click: refused where something lies over the element. One that the page draws anew is found again: on a
+        busy machine the page may draw several times between finding and clicking."""
+        for tries_left in reversed(range(_CLICKS)):
             try:
                 self._call("POST", f"{self._url}/element/{self._find(css)}/click", {})
                 return
             except AssertionError as refused:
-                if last or "stale element" not in str(refused):
+                if not tries_left or "stale element" not in str(refused):
                     raise
 
     def type(self, css: str, words: str) -> None:
