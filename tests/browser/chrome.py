@@ -75,8 +75,8 @@ class Browser:
         return str(self.script("return document.querySelector(arguments[0]).innerText", css))
 
     def click(self, css: str) -> None:
-        """A real click: refused where something lies over the element. One that the page draws anew is found again: on a
-        busy machine the page may draw several times between finding and clicking."""
+        """A real click: refused where something lies over the element. One that the page draws anew is found again:
+        on a busy machine the page may draw several times between finding and clicking."""
         for tries_left in reversed(range(_CLICKS)):
             try:
                 self._call("POST", f"{self._url}/element/{self._find(css)}/click", {})
@@ -84,6 +84,12 @@ class Browser:
             except AssertionError as refused:
                 if not tries_left or "stale element" not in str(refused):
                     raise
+
+    def hold(self, css: str) -> None:
+        """Presses the mouse's button over an element and does not let it go."""
+        where = {"type": "pointerMove", "x": 0, "y": 0, "origin": {_ELEMENT: self._find(css)}}
+        device = {"type": "pointer", "id": "mouse", "actions": [where, {"type": "pointerDown", "button": 0}]}
+        self._call("POST", f"{self._url}/actions", {"actions": [device]})
 
     def type(self, css: str, words: str) -> None:
         """Types into an element."""

@@ -56,6 +56,8 @@ def test_a_shift(serve: Serve, log_in: LogIn, pictures: Path) -> None:
     page.wait("document.querySelector('#told').textContent.includes('listed twice')")
     state(page, "ready")
     press(page)
+    page.wait("document.querySelector('#stop')", 20)
+    page.script("document.querySelector('#stop').dataset.first = 'yes'")
     # One fails early, with its reason; the others go on.
     page.wait(f"{verdict('B')} === 'FAIL'", 60)
     page.wait("document.querySelector('.pose svg') && document.querySelector('.following svg')", 20)
@@ -63,10 +65,13 @@ def test_a_shift(serve: Serve, log_in: LogIn, pictures: Path) -> None:
     assert len(page.text("[data-nest=B] .why")) > 10
     page.wait("document.querySelector('[data-nest=A] .live').textContent.includes(' g')", 20)
     page.picture(pictures / "operator.png")
+    # Positions went by, and Stop is still the same button: a press in that instant is not lost.
+    assert page.script("return document.querySelector('#stop').dataset.first === 'yes'")
     # Reload in the middle: within a second the page knows as much as before.
     page.go(site.url)
     page.wait(f"{verdict('B')} === 'FAIL' && document.body.dataset.running === 'true'", 1.0)
-    page.click("#stop")
+    # Stop acts when it is pressed; nobody has to let go first.
+    page.hold("#stop")
     page.wait(f"{verdict('A')} === 'ABORTED' && document.body.dataset.running === 'false'", 20)
     assert "STOPPED" in page.text("[data-nest=A] .verdict")
     page.go(site.url)

@@ -205,14 +205,15 @@ const ScreenView = (() => {
 
   function foot(state, plan) {
     const look = state.view.state, line = state.line || {}, stop = state.running && !state.stopping;
-    const signature = [look, plan.id, line.cell, stop, look === "done" && [state.view, state.waiting], state.running, may];
+    // The Stop button stays the same element for the whole run: a press must not get lost when the next position begins.
+    put("halt", [stop], () => [stop && may.run && h("button", { type: "button", id: "stop", class: "stop" }, icon("square"), texts.stop)]);
+    const signature = [look, plan.id, line.cell, look === "done" && [state.view, state.waiting], state.running, may];
     return put("foot", signature, () => {
       if (look === "done") return doneFoot(state);
       const box = h("div", { class: "clockbox" }, h("small", { id: "left-name" }), h("strong", { id: "left" }), h("span", { id: "left-more" }));
       const cells = plan.cells.map((cell, i) => h("li", { "data-is": i < line.cell ? "done" : i === line.cell ? "now" : "next", "data-hand": hand(cell) || null, "aria-current": i === line.cell ? "step" : null, title: cellName(cell) },
         cell.kind === "stop" ? svg(plan.pictures[cell.picture]) : cellPicture(plan, cell).firstElementChild, h("span", { class: "name" }, cellName(cell)), h("span", { class: "track", "aria-hidden": "true" }, h("i", i === line.cell ? { id: "track" } : {}))));
-      return [box, h("ol", { class: `line${cells.length > 12 ? " tight" : ""}${cells.length > 22 ? " dense" : ""}`, "aria-label": texts.progress }, cells),
-        stop && may.run ? h("button", { type: "button", id: "stop", class: "stop" }, icon("square"), texts.stop) : ""];
+      return [box, h("ol", { class: `line${cells.length > 12 ? " tight" : ""}${cells.length > 22 ? " dense" : ""}`, "aria-label": texts.progress }, cells)];
     });
   }
 

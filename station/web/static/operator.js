@@ -5,7 +5,7 @@
   const byId = (id) => document.getElementById(id), csrf = document.body.dataset.csrf;
   const state = begin.shown;
   let plan = begin.plan, beat = performance.now(), behind = begin.shown.now_s - Date.now() / 1000, source = null;
-  let heard = "", since_ms = -1e9, typed = "";
+  let heard = "", since_ms = -1e9, pressed_ms = -1e9, typed = "";
 
   // ---- showing -------------------------------------------------------------------------------------------------
 
@@ -144,11 +144,18 @@
     if (typed) tell(`${texts.next_unit} ${typed}`, false);
   }
 
+  /** Stop acts when it is pressed, not when it is let go; the click that follows says the same and is passed over. */
+  function pressed(e) {
+    if (e.button !== 0 || !e.target.closest("#stop")) return;
+    pressed_ms = performance.now();
+    command("stop");
+  }
+
   function clicked(e) {
     const button = e.target.closest("button");
     if (!button) { if (!e.target.closest("a, input, label, summary, .sheet")) focus(); return; }
     if (button.id === "primary") primary(e.detail === 0 ? 500 : 250);
-    if (button.id === "stop") command("stop");
+    if (button.id === "stop" && performance.now() - pressed_ms > 1000) command("stop");
     if (button.id === "start") command("start");
     if (button.id === "resume") command("resume");
     if (button.classList.contains("out") && button.dataset.serial) command("take-out", { serial: button.dataset.serial });
@@ -163,6 +170,7 @@
       scanned(text);
     });
     document.addEventListener("keydown", keyDown);
+    document.addEventListener("pointerdown", pressed);
     document.addEventListener("click", clicked);
   }
   const loud = byId("sound");
