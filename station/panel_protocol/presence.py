@@ -17,7 +17,7 @@ def serving(database: Path) -> Iterator[None]:
     try:
         handle = lock.open_shared(path)
     except OSError as exc:
-        raise StationFault(f"{path} cannot be made ({exc.strerror}); the page keeps its lock beside the log") from exc
+        raise StationFault("presence-not-made", path=str(path), reason=exc.strerror or "") from exc
     try:
         yield
     finally:

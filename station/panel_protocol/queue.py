@@ -122,7 +122,7 @@ class LoadQueue:
         try:
             replace_text(self._path, json.dumps({"schema": SCHEMA, **asdict(lists)}), durable=True)
         except OSError as exc:
-            raise StoreFault(f"{self._path} cannot be written ({exc.strerror}); free the disk, then try again") from exc
+            raise StoreFault("queue-not-written", path=str(self._path), reason=exc.strerror or "") from exc
         self._stamp, self._state = _file_stamp(self._path), lists
 
 

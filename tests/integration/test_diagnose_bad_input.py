@@ -74,7 +74,7 @@ def test_one_stop_left_of_a_unit_tells_nothing(tmp_path: Path, capsys: pytest.Ca
     # Each face puts an axis at 1 g, so only a fixture's tilt spares a stop here and there.
     code, shown = diagnosed(path, capsys)
     assert code == 2
-    assert "34 of 36 stops are clipped, and nothing can be told from the rest" in shown
+    assert "34 of 36 visits are clipped, and nothing can be told from the rest" in shown
     assert shown.count("\n") == 1
 
 

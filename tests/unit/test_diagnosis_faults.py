@@ -134,7 +134,7 @@ def test_a_saturated_unit_is_found_and_its_stops_are_left_out() -> None:
 
 def test_where_every_stop_is_clipped_nothing_is_diagnosed() -> None:
     made, _ = hide(recipe(1), KNOWN["group-offset"], 77_000_020, d=20)
-    with pytest.raises(SamplesError, match=r"^(\d+) of \1 stops are clipped, and nothing can be told from the rest"):
+    with pytest.raises(SamplesError, match=r"^(\d+) of \1 visits are clipped, and nothing can be told from the rest"):
         diagnosis_of(recipe(1), made)
 
 

@@ -34,10 +34,7 @@ def check_unclipped(table: SampleTable, rest: SampleTable) -> None:
     first = _first_rows(rest) if len(rest) else np.zeros(0, np.intp)
     every, whole = len(_first_rows(table)), len(first)
     if np.bincount(rest.unit.code[first]).max(initial=0) < 2:
-        raise SamplesError(
-            f"{every - whole} of {every} stops are clipped, and nothing can be told from the rest; measure in a range "
-            "that holds the readings, or correct the columns' unit"
-        )
+        raise SamplesError("samples-mostly-clipped", clipped=every - whole, visits=every)
 
 
 def _first_rows(table: SampleTable) -> NDArray[np.intp]:

@@ -73,13 +73,13 @@ def type1(
     """
     x = np.asarray(readings, float)
     if len(x) < 2 or tolerance <= 0:
-        raise UsageError(f"a type-1 study needs at least two readings and a tolerance; there are {len(x)} readings")
+        raise UsageError("type-1-too-few", readings=len(x))
     from scipy.stats import t as student
 
     n, mean, s = len(x), float(x.mean()), float(x.std(ddof=1))
     bias = mean - reference
     if s == 0:
-        raise UsageError("all readings of the type-1 study are the same; the resolution is too coarse to judge")
+        raise UsageError("type-1-all-equal")
     t = bias / (s / math.sqrt(n))
     return Type1(
         n=n,
@@ -156,7 +156,7 @@ def xbar_r(readings: Floats, tolerance: float | None = None) -> GaugeStudy:
     p, a, r = x.shape
     for count, table, what in ((r, K1, "trials"), (a, K23, "appraisers"), (p, K23, "parts")):
         if count not in table:
-            raise UsageError(f"the X̄-R method has constants for {min(table)} to {max(table)} {what}, not {count}")
+            raise UsageError(f"gauge-xbar-r-{what}", least=min(table), most=max(table), count=count)
     ev = float(np.ptp(x, axis=2).mean()) * K1[r]
     difference = float(np.ptp(x.mean((0, 2)))) * K23[a]
     av2 = max(0.0, difference**2 - ev**2 / (p * r))
@@ -167,7 +167,7 @@ def xbar_r(readings: Floats, tolerance: float | None = None) -> GaugeStudy:
 def _crossed(readings: Floats) -> Floats:
     x = np.asarray(readings, float)
     if x.ndim != 3 or min(x.shape) < 2:
-        raise UsageError(f"a gauge study needs at least 2 parts, 2 appraisers and 2 trials; this one is {x.shape}")
+        raise UsageError("gauge-too-few", shape=" × ".join(map(str, x.shape)))
     return x
 
 
@@ -177,7 +177,7 @@ def _summary(
     grr2 = repeatability + appraiser + interaction
     total = math.sqrt(grr2 + part)
     if total == 0:
-        raise UsageError("all readings of the gauge study are the same; there is no variation to share out")
+        raise UsageError("gauge-all-equal")
     grr, pv = math.sqrt(grr2), math.sqrt(part)
     return GaugeStudy(
         method=method,

@@ -121,5 +121,5 @@ def _runs(beyond: NDArray[np.bool_], window: int, wanted: int) -> NDArray[np.int
 def _shape(groups: Floats) -> tuple[int, int]:
     m, n = groups.shape
     if m < 2 or n < 1:
-        raise UsageError(f"a control chart needs at least two subgroups; there are {m}")
+        raise UsageError("chart-too-few-subgroups", subgroups=m)
     return m, n

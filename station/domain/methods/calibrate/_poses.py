@@ -27,12 +27,16 @@ def faces(recipe: Recipe) -> tuple[str, ...]:
     return tuple(out)
 
 
-def require_positions(recipe: Recipe, count: int, what: str) -> None:
-    """RecipeError when the recipe has another number of positions than the method is made for."""
+def require_poses(recipe: Recipe) -> None:
+    """RecipeError when a method that needs known poses has none."""
     if not recipe.pose_known:
-        raise RecipeError(f"{recipe.method} needs known poses; use method: norm where only the magnitude is known")
+        raise RecipeError("method-needs-poses", method=recipe.method)
+
+
+def require_positions(recipe: Recipe, count: int) -> None:
+    """RecipeError when the recipe has another number of positions than the method is made for."""
+    require_poses(recipe)
     if len(recipe.positions) != count and recipe.reference.source != "gold":
         raise RecipeError(
-            f"{recipe.method} is made for {what}, but recipe {recipe.name} has {len(recipe.positions)} positions; "
-            f"list {count} or use method: n-point"
+            f"{recipe.method}-positions", recipe=recipe.name, positions=len(recipe.positions), count=count
         )

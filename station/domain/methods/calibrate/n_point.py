@@ -5,11 +5,10 @@ from typing import ClassVar
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.methods.calibrate import _linear
+from station.domain.methods.calibrate import _linear, _poses
 from station.domain.methods.calibrate.three_point import ThreePoint
 from station.domain.methods.method import Fit, FitProblem
 from station.domain.recipe.recipe import Recipe
-from station.errors import RecipeError
 
 
 class NPoint:
@@ -24,8 +23,7 @@ class NPoint:
 
     def check(self, recipe: Recipe) -> None:
         """Any positions whose pose is known."""
-        if not recipe.pose_known:
-            raise RecipeError("n-point needs known poses; use method: norm where only the magnitude is known")
+        _poses.require_poses(recipe)
 
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
         """One regression, the same for each axis; for offset and gain, three lines."""

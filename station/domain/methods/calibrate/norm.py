@@ -40,10 +40,7 @@ class Norm:
         """Any positions with a stimulus; how many are enough is the design's question."""
         for position in recipe.positions if recipe.pose_known else ():
             if not np.any(recipe.true_vector(position)):
-                raise RecipeError(
-                    f"norm fits magnitudes, and position {position.name!r} of recipe {recipe.name} has none; "
-                    f"take it out or use method: n-point"
-                )
+                raise RecipeError("norm-no-magnitude", position=position.name, recipe=recipe.name)
 
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
         """One row a visit, nine columns."""

@@ -18,7 +18,7 @@ class OnePoint:
 
     def check(self, recipe: Recipe) -> None:
         """One position."""
-        _poses.require_positions(recipe, 1, "one position")
+        _poses.require_positions(recipe, 1)
 
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
         """The offset is seen at every visit."""

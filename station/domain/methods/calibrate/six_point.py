@@ -22,13 +22,10 @@ class SixPoint:
 
     def check(self, recipe: Recipe) -> None:
         """The six faces, each once."""
-        _poses.require_positions(recipe, 6, "the six faces up: +x, -x, +y, -y, +z, -z")
+        _poses.require_positions(recipe, 6)
         missing = [face for face in _poses.FACES if face not in _poses.faces(recipe)]
         if missing and recipe.reference.source != "gold":
-            raise RecipeError(
-                f"six-point wants the six faces, and recipe {recipe.name} has none with up: {', '.join(missing)}; "
-                f"turn a position there or use method: n-point"
-            )
+            raise RecipeError("six-point-faces", recipe=recipe.name, missing=", ".join(missing))
 
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
         """One regression, the same for each axis."""

@@ -25,14 +25,11 @@ class ThreePoint:
 
     def check(self, recipe: Recipe) -> None:
         """Three positions, one along each axis."""
-        _poses.require_positions(recipe, 3, "three positions, one along each axis")
+        _poses.require_positions(recipe, 3)
         axes = {face[1:] for face in _poses.faces(recipe)} - {""}
         if recipe.reference.source != "gold" and len(axes) < 3:
             missing = ", ".join(f"up: +{a}" for a in "xyz" if a not in axes)
-            raise RecipeError(
-                f"three-point wants one position along each axis, and recipe {recipe.name} has none for {missing}; "
-                f"turn a position there or use method: n-point"
-            )
+            raise RecipeError("three-point-axes", recipe=recipe.name, missing=missing)
 
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
         """Three lines, block by block."""
