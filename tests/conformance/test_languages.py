@@ -3,35 +3,31 @@
 import ast
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-import station
 from station import errors
 from station.domain.methods import coefficients
 from station.messages import Message, labels, languages, templates
 from station.reporting.line.statistics import CYCLE_PARTS, VALUE_NAMES
 from station.reporting.words import words_of
 from station.web import language
+from tests.source import PACKAGE, calls
 
-ROOT = Path(station.__file__).parent
 ERRORS = {n for n, kind in vars(errors).items() if isinstance(kind, type) and issubclass(kind, errors.StationError)}
 
 
 def checks() -> set[str]:
     """Every code that a verdict's reason can bear."""
     found = {"offset", "gain", "cross-axis", "residual", "tilt", "consistency"}
-    for path in [*(ROOT / "domain").rglob("*.py"), *(ROOT / "service").rglob("*.py")]:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("Reason", "Reason.text", "_largest"):
-                given = [k.value for k in node.keywords if k.arg == "check"] or node.args[4:5] or node.args[:1]
-                if isinstance(given[0], ast.Call):
-                    given = given[0].args[:1]
-                constants = [part.value for part in given if isinstance(part, ast.Constant)]
-                found |= {value for value in constants if isinstance(value, str)}
-    from station import errors
-
+    for path, node in calls():
+        room = path.relative_to(PACKAGE).parts[0]
+        if room in ("domain", "service") and ast.unparse(node.func) in ("Reason", "Reason.text", "_largest"):
+            given = [k.value for k in node.keywords if k.arg == "check"] or node.args[4:5] or node.args[:1]
+            if isinstance(given[0], ast.Call):
+                given = given[0].args[:1]
+            constants = [part.value for part in given if isinstance(part, ast.Constant)]
+            found |= {value for value in constants if isinstance(value, str)}
     kinds = [v for v in vars(errors).values() if isinstance(v, type) and issubclass(v, errors.StationError)]
     run_time = [k for k in kinds if not issubclass(k, errors.InputError) and k is not errors.StationError]
     return found | {re.sub("(?<!^)([A-Z])", r"-\1", kind.__name__).lower() for kind in run_time}
@@ -53,22 +49,18 @@ def test_every_reason_has_a_name_in_every_language() -> None:
 
 
 def literal_sentences() -> Iterator[str]:
-    """`room: line` of every error, reason or notice with words of its own instead of an id."""
-    for path in sorted(ROOT.rglob("*.py")):
-        room = str(path.relative_to(ROOT).parent) if path.parent != ROOT else path.stem
-        if room == "messages":
+    """Place of every error, reason or notice with words of its own instead of an id."""
+    for path, node in calls():
+        if path.is_relative_to(PACKAGE / "messages") or not node.args:
             continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if not isinstance(node, ast.Call) or not node.args:
-                continue
-            name, first = ast.unparse(node.func), node.args[0]
-            text = name in ("Reason.text", "Message.text") and isinstance(first, ast.Constant | ast.JoinedStr)
-            words = isinstance(first, ast.Constant) and isinstance(first.value, str) and " " in first.value
-            sentence = isinstance(first, ast.JoinedStr) and any(
-                isinstance(part, ast.Constant) and " " in str(part.value) for part in first.values
-            )
-            if text or (name in ERRORS and (words or sentence)):
-                yield f"{room}: {path.name}:{node.lineno}"
+        name, first = ast.unparse(node.func), node.args[0]
+        text = name in ("Reason.text", "Message.text") and isinstance(first, ast.Constant | ast.JoinedStr)
+        words = isinstance(first, ast.Constant) and isinstance(first.value, str) and " " in first.value
+        sentence = isinstance(first, ast.JoinedStr) and any(
+            isinstance(part, ast.Constant) and " " in str(part.value) for part in first.values
+        )
+        if text or (name in ERRORS and (words or sentence)):
+            yield f"{path.relative_to(PACKAGE)}:{node.lineno}"
 
 
 def test_no_sentence_stands_in_the_code() -> None:
@@ -101,9 +93,12 @@ def test_a_recorded_message_is_rendered_and_an_older_sentence_stands_as_it_was(c
 
 
 def test_every_deed_in_the_journal_has_a_name() -> None:
-    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in (ROOT / "web").glob("*.py")]
-    calls = [n for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Call)]
-    added = [n for n in calls if isinstance(n.func, ast.Attribute) and ast.unparse(n.func).endswith("journal.add")]
+    web = PACKAGE / "web"
+    added = [
+        n
+        for path, n in calls()
+        if path.parent == web and isinstance(n.func, ast.Attribute) and ast.unparse(n.func).endswith("journal.add")
+    ]
     constants = [n.args[1].value for n in added if isinstance(n.args[1], ast.Constant)]
     actions = {value for value in constants if isinstance(value, str)}
     assert {"log-in", "scan", "again", "confirm", "certificate"} <= actions

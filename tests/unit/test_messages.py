@@ -4,14 +4,13 @@ import ast
 import pickle
 import string
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from station import errors
 from station.messages import Message, languages, render, templates
+from tests.source import PACKAGE, calls
 
-PACKAGE = Path(errors.__file__).parent
 ERRORS = {name for name, kind in vars(errors).items() if isinstance(kind, type) and issubclass(kind, Exception)}
 
 
@@ -21,18 +20,17 @@ def parameters(template: str) -> set[str]:
 
 def sent() -> Iterator[tuple[str, str, set[str]]]:
     """Where, id and parameter names of every message that the code makes with words of its own."""
-    for path in sorted(PACKAGE.rglob("*.py")):
-        for call in (n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)):
-            name = call.func.id if isinstance(call.func, ast.Name) else ""
-            if (name not in ("Message", "report_text") and name not in ERRORS) or not call.args:
-                continue
-            first = call.args[0]
-            if not isinstance(first, ast.Constant) or not isinstance(first.value, str) or " " in first.value:
-                continue
-            if any(k.arg is None for k in call.keywords):
-                continue  # **parameters: checked where they are put together
-            known = {str(k.arg) for k in call.keywords} - {"code"}
-            yield f"{path.relative_to(PACKAGE)}:{call.lineno}", first.value, known
+    for path, call in calls():
+        name = call.func.id if isinstance(call.func, ast.Name) else ""
+        if (name not in ("Message", "report_text") and name not in ERRORS) or not call.args:
+            continue
+        first = call.args[0]
+        if not isinstance(first, ast.Constant) or not isinstance(first.value, str) or " " in first.value:
+            continue
+        if any(k.arg is None for k in call.keywords):
+            continue  # **parameters: checked where they are put together
+        known = {str(k.arg) for k in call.keywords} - {"code"}
+        yield f"{path.relative_to(PACKAGE)}:{call.lineno}", first.value, known
 
 
 @pytest.mark.parametrize("language", languages())

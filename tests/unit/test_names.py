@@ -2,13 +2,10 @@
 
 import ast
 from collections import defaultdict
-from pathlib import Path
 
 import pytest
 
-import station
-
-PACKAGE = Path(station.__file__).parent
+from tests.source import PACKAGE, trees
 
 #: Functions that several modules define, each called through its module (`codec.pack`), with their one meaning.
 SAME_MEANING = {
@@ -82,8 +79,8 @@ SAME_MEANING = {
 def definitions(kind: type[ast.stmt] | tuple[type[ast.stmt], ...]) -> dict[str, list[str]]:
     """Public names at the top of modules that more than one file defines, with the files."""
     found: dict[str, list[str]] = defaultdict(list)
-    for path in sorted(PACKAGE.rglob("*.py")):
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+    for path, tree in trees().items():
+        for node in tree.body:
             name = getattr(node, "name", "_")
             if isinstance(node, kind) and not name.startswith("_"):
                 found[name].append(str(path.relative_to(PACKAGE)))
@@ -105,11 +102,11 @@ def test_the_list_of_same_meanings_holds_no_more_than_it_needs() -> None:
 
 @pytest.mark.parametrize("word", ["told", "deeds", "laid", "alike", "hero", "crowd"])
 def test_no_module_class_or_public_function_bears_a_private_word(word: str) -> None:
-    files = [str(p.relative_to(PACKAGE)) for p in PACKAGE.rglob("*.py") if word in p.stem.split("_")]
+    files = [str(path.relative_to(PACKAGE)) for path in trees() if word in path.stem.split("_")]
     names = [
         node.name
-        for path in PACKAGE.rglob("*.py")
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        for tree in trees().values()
+        for node in tree.body
         if isinstance(node, ast.ClassDef | ast.FunctionDef)
         and not node.name.startswith("_")
         and word in node.name.lower().split("_")
