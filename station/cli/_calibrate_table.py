@@ -90,7 +90,7 @@ def _larger(recipe: Recipe, models: Sequence[LargerModel]) -> Iterator[str]:
 
 
 def _table(recipe: Recipe, results: Sequence[CalibrationResult]) -> "Table":
-    """Three rows a unit: x, y, z."""
+    """A row for each axis of a unit."""
     from rich.table import Table
 
     title = f"{recipe.name} version {recipe.version}, {recipe.method}"
@@ -100,9 +100,9 @@ def _table(recipe: Recipe, results: Sequence[CalibrationResult]) -> "Table":
     for title in (f"offset, {recipe.unit}", "± 95 %", "gain", "± 95 %", f"residual, {recipe.unit}", "worst tilt, deg"):
         shown.add_column(title, justify="right")
     for r in results:
-        for i, axis in enumerate("xyz"):
+        for i, axis in enumerate("xyz"[: recipe.axes]):
             head = (r.serial, _outcome(recipe, r)) if i == 0 else ("", "")
-            shown.add_row(*head, axis, *_cells(r, i), end_section=i == 2)
+            shown.add_row(*head, axis, *_cells(r, i), end_section=i == recipe.axes - 1)
     return shown
 
 

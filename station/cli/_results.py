@@ -56,7 +56,8 @@ def print_results(rows: Sequence[Row], recipe: Recipe) -> None:
     shown = Table(title=title, title_justify="left", **_output.table_style())
     for name in ("serial", "nest", "verdict"):
         shown.add_column(name, no_wrap=True)
-    for name in ("offset x y z", "gain x y z", "noise", "time"):
+    axes = " ".join("xyz"[: recipe.axes])
+    for name in (f"offset {axes}", f"gain {axes}", "noise", "time"):
         shown.add_column(name, justify="right")
     digits = max(0, 4 - int(np.log10(max(recipe.reference.strength(), 1.0))))
     for r in rows:
@@ -65,8 +66,8 @@ def print_results(rows: Sequence[Row], recipe: Recipe) -> None:
             r.serial,
             r.place,
             f"[{colour}]{symbol} {r.outcome}[/{colour}]",
-            "" if r.calibration is None else _format_numbers(r.calibration.offset, f"+.{digits}f"),
-            "" if r.calibration is None else _format_numbers(np.diagonal(r.calibration.matrix), ".4f"),
+            "" if r.calibration is None else _format_numbers(r.calibration.offset[: recipe.axes], f"+.{digits}f"),
+            "" if r.calibration is None else _format_numbers(np.diagonal(r.calibration.matrix)[: recipe.axes], ".4f"),
             "" if r.noise is None else f"{r.noise:.1e}",
             f"{r.duration_s:.1f}",
         )

@@ -95,8 +95,12 @@ def signal_during_moves(signal: Signal, moving: NDArray[np.bool_], plate: Floats
     rows = scene.visit[moving]
     remaining_R = np.einsum("mji,mjk->mik", plate, visits.nest_R[rows])
     seated = np.einsum("mji,mjk,mkl->mil", visits.seat_R[rows], remaining_R, visits.seat_R[rows])
-    true = signal.true.copy()
-    true[moving] = np.einsum("mij,mj->mi", seated, true[moving])
+    recipe, true = scene.recipe, signal.true.copy()
+    if recipe.converts:
+        felt = _felt(scene, NO_EFFECTS, stimulus_in_nest(scene))[rows]
+        true[moving] = recipe.perfect_reading(np.einsum("mij,mj->mi", seated, felt))
+    else:
+        true[moving] = np.einsum("mij,mj->mi", seated, true[moving])
     return replace(signal, true=true, moving=True)
 
 
@@ -105,6 +109,11 @@ def resting_stimulus(scene: Scene, active: ActiveEffects = NO_EFFECTS) -> Floats
     at_nest = (
         stimulus_in_nest(scene, active) if scene.visits.gold is None else scene.visits.gold - gold_error(scene, active)
     )
+    return scene.recipe.perfect_reading(_felt(scene, active, at_nest))
+
+
+def _felt(scene: Scene, active: ActiveEffects, at_nest: Floats) -> Floats:
+    """The stimulus (v, 3) of the nests' frames in those of the devices."""
     seated = np.einsum("vji,vj->vi", scene.visits.seat_R, at_nest)
     return _turned_back(scene, active, "device", seated)
 

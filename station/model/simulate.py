@@ -218,6 +218,8 @@ def device_output(job: SimulationJob, signal: Signal, base: BaseResponse, active
 def by_data_sheet(recipe: Recipe, reading: Floats) -> Floats:
     """The reading as a device that keeps its data sheet gives it: within its full scale, on its grid."""
     sheet = recipe.device
+    if recipe.axes < 3:
+        reading = np.where(np.arange(3) < recipe.axes, reading, 0.0)
     if sheet.full_scale is not None:
         reading = np.clip(reading, -sheet.full_scale, sheet.full_scale)
     return np.asarray(np.round(reading / sheet.lsb) * sheet.lsb) if sheet.lsb > 0 else reading

@@ -11,7 +11,6 @@ from station.domain.can.sensor_layout import SensorLayout, resolve, used_signals
 from station.domain.methods import method
 from station.domain.product import map_check, product_record
 from station.domain.product.product import Product
-from station.domain.recipe import sensor
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import quantities
 from station.errors import ProductError, RecipeError
@@ -80,9 +79,8 @@ def _check_fit(path: Path, recipe: Recipe, where: Path, product: Product) -> Non
             "recipe-product-sensor", file=str(path), sensor=recipe.sensor, product=str(where), other=product.sensor
         )
 
-    named, allowed = len(product.frames.sample.axes), getattr(sensor.of(recipe), "axes", (3,))
-    if named not in allowed:
-        raise ProductError("axes-of-sensor", file=str(where), sensor=product.sensor, named=named, allowed=allowed)
+    if (named := len(product.frames.sample.axes)) != recipe.axes:
+        raise ProductError("axes-of-sensor", file=str(where), sensor=product.sensor, named=named, wanted=recipe.axes)
 
 
 def _check_map(where: Path, product: Product, eds: Path | None) -> None:

@@ -7,11 +7,15 @@ import pytest
 
 from station import plugins
 from station.domain.methods import contributions, method
-from station.domain.recipe import references, sensor
+from station.domain.recipe import readings, references, sensor
+from station.domain.recipe.blocks import DeviceSheet
 from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
 KINDS = plugins.names(sensor.PACKAGE)
+#: Kinds that read the components of their stimulus, and those that make something else of it, such as angles.
+DIRECT = tuple(kind for kind in KINDS if readings.converting_kind(kind) is None)
+CONVERTING = tuple(kind for kind in KINDS if kind not in DIRECT)
 
 
 def bench(kind: str, **reference: Any) -> Recipe:
@@ -29,10 +33,10 @@ def stops(recipe: Recipe) -> tuple[tuple[str, ...], tuple[str, ...], Any]:
 def test_it_says_what_it_is(kind: str) -> None:
     found: Any = plugins.load(sensor.PACKAGE, kind)
     assert found.unit and found.quantity
-    assert {"gold"} < set(found.sources)
+    assert found.sources
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", DIRECT)
 def test_a_recipe_in_another_unit_or_with_another_stimulus_is_refused(kind: str) -> None:
     own: Any = plugins.load(sensor.PACKAGE, kind)
     other = next(plugins.load(sensor.PACKAGE, k) for k in KINDS if k != kind)
@@ -43,7 +47,7 @@ def test_a_recipe_in_another_unit_or_with_another_stimulus_is_refused(kind: str)
         tumble.recipe("n-point", kind, reference={"source": wrong})
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", DIRECT)
 def test_its_errors_of_the_truth_are_patterns_over_the_stops(kind: str) -> None:
     recipe = bench(kind, magnitude_std=0.01)
     names, seats, true = stops(recipe)
@@ -55,7 +59,7 @@ def test_its_errors_of_the_truth_are_patterns_over_the_stops(kind: str) -> None:
         assert np.isfinite(patterns).all()
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", DIRECT)
 def test_an_uncertain_magnitude_is_the_same_share_of_every_gain(kind: str, rng: np.random.Generator) -> None:
     """A stimulus wrong by 1 % makes every gain wrong by 1 %, and no offset."""
     plain, unsure = bench(kind), bench(kind)
@@ -74,7 +78,7 @@ def test_an_uncertain_magnitude_is_the_same_share_of_every_gain(kind: str, rng: 
     assert np.abs(part[:3]).max() < 1e-12 * largest
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", DIRECT)
 def test_a_gold_reference_brings_its_own_uncertainty(kind: str, rng: np.random.Generator) -> None:
     size = float(np.linalg.norm(tumble.truths(bench(kind)), axis=1).max())
     gold = {"serial": "G1", "due": "2030-01-01", "offset_std": 0.002 * size, "gain_std": 0.001, "seat_std_deg": 0.05}
@@ -96,6 +100,43 @@ def test_a_gold_reference_brings_its_own_uncertainty(kind: str, rng: np.random.G
     matrix = std[3:].reshape(3, 3)
     assert np.diagonal(matrix) == pytest.approx(np.full(3, 0.001), rel=1e-6)
     assert matrix[0, 1] == pytest.approx(np.deg2rad(0.05), rel=1e-6)
+
+
+def sheets(kind: str) -> list[DeviceSheet]:
+    """A data sheet for each number of axes and each definition that a converting kind knows."""
+    own: Any = readings.converting_kind(kind)
+    return [DeviceSheet(axes=n, convention=c) for n in own.axes for c in own.conventions]
+
+
+@pytest.mark.parametrize("kind", CONVERTING)
+def test_a_converted_reading_is_finite_and_nothing_where_there_is_no_axis(kind: str, rng: np.random.Generator) -> None:
+    felt = rng.standard_normal((50, 3))
+    for sheet in sheets(kind):
+        found = readings.perfect(kind, sheet, felt)
+        assert np.isfinite(found).all()
+        assert not found[:, readings.axis_count(kind, sheet) :].any()
+        assert found[:, 0].any()
+
+
+@pytest.mark.parametrize("kind", CONVERTING)
+def test_small_changes_of_what_is_felt_change_the_reading_to_first_order(kind: str, rng: np.random.Generator) -> None:
+    """Against the difference itself; the second order of 1e-4 is below 1e-3 of it away from the poles."""
+    felt = np.array([[0.3, 0.2, 0.9], [-0.2, 0.4, 0.8]])
+    small = 1e-4 * rng.standard_normal((3, 2, 3))
+    for sheet in sheets(kind):
+        by_derivative = readings.reading_changes(kind, sheet, felt, small)
+        itself = readings.perfect(kind, sheet, felt + small) - readings.perfect(kind, sheet, felt)
+        np.testing.assert_allclose(by_derivative, itself, rtol=2e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", CONVERTING)
+def test_a_method_that_cannot_calibrate_it_is_refused(kind: str) -> None:
+    own: Any = readings.converting_kind(kind)
+    wrong = next(m for m in plugins.names("station.domain.methods.calibrate") if m not in own.methods)
+    base = {"schema": "station.recipe/1", "name": "r", "version": 1, "sensor": kind, "unit": own.unit}
+    more = {"reference": {"source": own.sources[0]}, "positions": [{"name": "a", "up": "+z"}]}
+    with pytest.raises(ValueError, match=f"method {wrong} does not go with sensor {kind}"):
+        Recipe.model_validate({**base, **more, "method": wrong})
 
 
 def _problem(recipe: Recipe, true: Any, rng: np.random.Generator, size: float) -> method.FitProblem:

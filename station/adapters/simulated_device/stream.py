@@ -73,7 +73,7 @@ class SignalChain:
         self._count = 0
 
     def raw(self, times_s: Floats) -> Floats:
-        """Readings (n, 3) as the converter gives them: multiples of its step, within its range."""
+        """Readings (n, 3) as the converter gives them: multiples of its step, within its range; 0 for no axis."""
         return self._physical(self._converted(times_s))
 
     def corrected(self, raw: Floats, correction: Correction) -> Floats:
@@ -84,8 +84,8 @@ class SignalChain:
         return self._physical(self.counts(np.asarray(np.linalg.solve(matrix, (raw - offset).T).T, np.float64)))
 
     def counts(self, readings: Floats) -> Array:
-        """Readings (n, 3) as raw values of their signals: integers, unless the DBC sends floats."""
-        columns = zip(readings.T, self._layout.axes, strict=True)
+        """Readings (n, 3) as raw values (n, axes) of their signals: integers, unless the DBC sends floats."""
+        columns = zip(readings.T, self._layout.axes, strict=False)
         return np.stack([encode.to_raw(values, axis) for values, axis in columns], axis=1)
 
     def frames(self, times_s: Floats, time_ns: NDArray[np.int64], correction: Correction, settled_s: float) -> Frames:
@@ -106,7 +106,8 @@ class SignalChain:
 
     def _physical(self, counts: Array) -> Floats:
         columns = zip(counts.T, self._layout.axes, strict=True)
-        return np.asarray(np.stack([signals.physical(c, axis) for c, axis in columns], axis=1), np.float64)
+        found = np.stack([signals.physical(c, axis) for c, axis in columns], axis=1)
+        return np.pad(np.asarray(found, np.float64), ((0, 0), (0, 3 - found.shape[1])))
 
     def _clipped(self, counts: Array) -> NDArray[np.bool_]:
         endless = (-math.inf, math.inf)

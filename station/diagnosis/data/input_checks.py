@@ -23,7 +23,7 @@ def check(recipe: Recipe, table: SampleTable) -> None:
     _check_visit_count(table, first)
     _check_one_position_per_visit(table, first)
     _check_time_advances(table, first)
-    _check_axes_vary(table)
+    _check_axes_vary(recipe, table)
     if recipe.pose_known and recipe.reference.source != "gold":
         _check_same_unit_of_measure(recipe, table)
 
@@ -80,12 +80,12 @@ def _check_time_advances(table: SampleTable, first: NDArray[np.intp]) -> None:
             )
 
 
-def _check_axes_vary(table: SampleTable) -> None:
+def _check_axes_vary(recipe: Recipe, table: SampleTable) -> None:
     """Every axis of every unit must read more than one value."""
     units, begins = np.unique(table.unit.code, return_index=True)
     place = np.zeros(len(table.unit.names), np.intp)
     place[units] = begins
-    for i, axis in enumerate("xyz"):
+    for i, axis in enumerate("xyz"[: recipe.axes]):
         off = np.abs(table.reading[:, i] - table.reading[place[table.unit.code], i])
         dead = np.flatnonzero(np.bincount(table.unit.code, off, len(place))[units] == 0)
         if len(dead) == len(units):

@@ -144,8 +144,8 @@ def _calibration(
     fit, u = fitted
     used = ~fit.disturbed[u]
     square = (fit.residual[u][used] ** 2).sum(axis=1)
-    # Of a hand-held visit only the magnitude can be off: one number, not three.
-    rms = np.sqrt(square.mean() / (3 if recipe.pose_known else 1))
+    # Of a hand-held visit only the magnitude can be off: one number, not one an axis.
+    rms = np.sqrt(square.mean() / (recipe.axes if recipe.pose_known else 1))
     return Calibration(
         method=recipe.method,
         unit=recipe.unit,

@@ -45,7 +45,7 @@ def notes(recipe: Recipe, dwells: UnitDwells) -> tuple[Message, ...]:
 
 
 def _stuck(recipe: Recipe, visits: ReducedVisits) -> Iterator[Reason]:
-    for i, axis in enumerate("xyz"):
+    for i, axis in enumerate("xyz"[: recipe.axes]):
         poses = {(p, s) for p, s in zip(visits.position, visits.seating, strict=True)}
         if len(poses) > 1 and not visits.std[:, i].any() and np.ptp(visits.mean[:, i]) == 0:
             value = float(visits.mean[0, i])
@@ -66,14 +66,14 @@ def _clipped(recipe: Recipe, dwells: UnitDwells) -> Iterator[Reason]:
 def _without_resolution(recipe: Recipe, dwells: UnitDwells) -> Iterator[Reason]:
     """Readings that never change are known no better than their step, which somebody must state."""
     d = dwells.dwells
-    constant = (d.high == d.low).all(axis=0) & (d.count > 1).any()
+    constant = (d.high == d.low).all(axis=0) & (d.count > 1).any() & (np.arange(3) < recipe.axes)
     if recipe.device.lsb == 0 and (constant & (dwells.step == 0)).any():
         yield Reason(Message("readings-without-resolution"), None, None, recipe.unit, "resolution")
 
 
 def _flat(recipe: Recipe, dwells: UnitDwells) -> Iterator[Reason]:
     """Dwells at the end of the range, which no data sheet need state: see dwell_statistics.flat_topped."""
-    for v, i in np.argwhere(flat_topped(dwells.dwells)):
+    for v, i in np.argwhere(flat_topped(dwells.dwells)[:, : recipe.axes]):
         value = float(dwells.dwells.mean[v, i])
         shown = Message("axis-flat-topped", axis="xyz"[i], value=value, unit=recipe.unit, position=dwells.position[v])
         yield Reason(shown, value, None, recipe.unit, "clipped")
@@ -144,7 +144,7 @@ def _rejected(dwells: UnitDwells) -> Iterator[Message]:
 
 
 def _coarse(recipe: Recipe, dwells: UnitDwells) -> Iterator[Message]:
-    for i, axis in enumerate("xyz"):
+    for i, axis in enumerate("xyz"[: recipe.axes]):
         rounding, noise = float(dwells.quantisation[:, i].max()), float(dwells.dwells.variance[:, i].max())
         if rounding > noise and dwells.step[i] > 0:
             error = float(np.sqrt(3 * rounding))

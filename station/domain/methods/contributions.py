@@ -95,11 +95,10 @@ def position(problem: FitProblem, fit: Fit, std_rad: Floats) -> Floats:
     if not problem.pose_known or not std_rad.any():
         return np.zeros((u, 12, 12))
     matrix = coefficients.matrix_of(fit.theta)[:, None]
-    turned = np.cross(np.eye(3)[None, :, None], problem.true[:, None])
-    effect = np.einsum("uivk,uavk->uiav", fit.jacobian, turned @ matrix.transpose(0, 1, 3, 2))
+    effect = np.einsum("uivk,uavk->uiav", fit.jacobian, problem.turns() @ matrix.transpose(0, 1, 3, 2))
     each = by_pose(problem, effect) * std_rad[:, None, None]
     total = each @ each.transpose(0, 2, 1)
-    if fit.tilt is None:
+    if fit.tilt is None and problem.turned is None:
         along = np.einsum("uivk,uavk->uiav", fit.jacobian, problem.true[:, None] @ matrix.transpose(0, 1, 3, 2))
         short = by_pose(problem, along) * std_rad[:, None, None] ** 2
         common = SHORTENING * short.sum(axis=2, keepdims=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from station import plugins
 from station.domain.core.types import Array, Floats, ReducedVisits
 from station.domain.methods import rank
-from station.domain.recipe import assumptions, references, sensor
+from station.domain.recipe import assumptions, readings, references, sensor
 from station.domain.recipe.recipe import Recipe
 from station.messages import Message
 
@@ -31,7 +31,8 @@ class FitProblem:
     seating, same pose; pose_std_rad: expected error of a pose about each axis; scatter_pose, scatter_visit (u): further
     variance of a reading, common to the visits of a pose or each visit's own; patterns (k, v, 3): stated errors of the
     truth that all visits share, and of coefficients that the method takes for granted, one standard deviation each;
-    nuisance (v, q): see Sensor.nuisance; model: matrix | offset-gain; pose_known: whether `true` is known.
+    nuisance (v, q): see Sensor.nuisance; model: matrix | offset-gain; pose_known: whether `true` is known; axes: how
+    many readings there are; turned (3, v, 3): see references.turned, of a kind whose readings are no components.
     """
 
     mean: Floats
@@ -49,10 +50,18 @@ class FitProblem:
     nuisance: Floats
     model: str
     pose_known: bool
+    axes: int = 3
+    turned: Floats | None = None
 
     def visits_of_pose(self) -> NDArray[np.intp]:
         """How many visits share the pose of each visit (v)."""
         return np.bincount(self.pose)[self.pose]
+
+    def turns(self) -> Floats:
+        """What turning a pose by one radian about each axis of the device does to the truth: (u or 1, 3, v, 3)."""
+        if self.turned is not None:
+            return self.turned[None]
+        return np.asarray(np.cross(np.eye(3)[None, :, None], self.true[:, None]))
 
     def scatter(self) -> Floats:
         """Variance (u, v) that weights are to know of beside noise, as `visits_of_pose` visits share a pose's."""
@@ -190,7 +199,7 @@ def fit_problem(recipe: Recipe, units: Sequence[ReducedVisits]) -> FitProblem:
         dof=np.stack([s.dof for s in units]),
         temperature_degC=np.stack([s.temperature_degC for s in units]),
         true=true,
-        magnitude=np.linalg.norm(true, axis=2) if known else np.full(true.shape[:2], recipe.reference.strength()),
+        magnitude=_magnitude(recipe, true),
         pose=np.array([number[k] for k in keys], np.intp) if known else np.arange(len(keys)),
         scatter_pose=np.zeros(len(units)),
         scatter_visit=np.zeros(len(units)),
@@ -199,7 +208,17 @@ def fit_problem(recipe: Recipe, units: Sequence[ReducedVisits]) -> FitProblem:
         nuisance=nuisance(recipe, first.position, first.seating, first.true),
         model=recipe.model,
         pose_known=known,
+        axes=recipe.axes,
+        turned=references.turned(recipe, first.position, first.seating) if known else None,
     )
+
+
+def _magnitude(recipe: Recipe, true: Floats) -> Floats:
+    """Magnitude (u, v) of the truth; of a kind that converts how far its readings move in a turn of one radian."""
+    kind = readings.converting_kind(recipe.sensor)
+    if kind is not None:
+        return np.full(true.shape[:2], kind.unit_per_rad)
+    return np.linalg.norm(true, axis=2) if recipe.pose_known else np.full(true.shape[:2], recipe.reference.strength())
 
 
 def _stated_patterns(recipe: Recipe, visits: ReducedVisits) -> Floats:
@@ -220,7 +239,8 @@ def _method_patterns(recipe: Recipe, visits: ReducedVisits) -> Floats:
     std = assumptions.unestimated_std(recipe)[3:].reshape(3, 3)
     if recipe.method != "one-point":
         std = std * (1 - np.eye(3))
-    out = np.einsum("ij,vj,ik->ijvk", std, visits.true, np.eye(3)).reshape(9, len(visits), 3)
+    there = np.where(np.arange(3) < recipe.axes, 1.0, 0.0)
+    out = np.einsum("ij,vj,ik->ijvk", std * there[:, None], visits.true, np.eye(3)).reshape(9, len(visits), 3)
     return np.asarray(out[out.any(axis=(1, 2))])
 
 

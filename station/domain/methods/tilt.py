@@ -26,7 +26,8 @@ def of(problem: FitProblem, fit: Fit) -> tuple[Floats, Floats]:
     inverse = linear_algebra.inverse(coefficients.matrix_of(fit.theta))
     off = fit.residual @ inverse.transpose(0, 2, 1) / size[..., None]
     along = problem.true / size[..., None]
-    toward = (along * off).sum(axis=2)
+    # A difference of angles is the tilt itself; one of vectors is, as far as it lies across them.
+    toward = (along * off).sum(axis=2) if problem.turned is None else np.zeros(size.shape)
     across = (off - along * toward[..., None]) * directed[..., None]
     leverage = leverages(problem, fit)
     still = np.maximum(1 - leverage, 0.0)

@@ -152,7 +152,7 @@ def _pose_shape(problem: FitProblem, fit: Fit) -> Floats:
     average. Of either kind of scatter, each reading gets the larger variance. A fit of magnitudes feels no poses.
     """
     u, _, v, _ = fit.jacobian.shape
-    if fit.tilt is not None or not problem.pose_known:
+    if fit.tilt is not None or not problem.pose_known or problem.turned is not None:
         return np.ones((u, v, 3))
     size = np.maximum(problem.magnitude, 1e-300)[..., None]
     across = np.clip(1 - (problem.true / size) ** 2, 0.0, 1.0)

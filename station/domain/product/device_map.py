@@ -77,11 +77,13 @@ class CoefficientBlock(NumberObject):
     """A block of coefficients: `sub` is the first one's, the others follow; `each` lists exceptions by name.
 
     kept = sign · (value − nominal if from_nominal) / scale. `scale` is the value of one count (of one unit of
-    the point, for Qm.n) in the recipe's unit; `limits` are those of the value, which an EDS often cannot say.
+    the point, for Qm.n) in the recipe's unit; `limits` are those of the value, which an EDS often cannot say. axes: how
+    many the device keeps coefficients of.
     """
 
     type: Format = "REAL32"
     from_nominal: bool = False
+    axes: Annotated[int, Field(ge=1, le=3)] = 3
     each: dict[str, CoefficientOverride] = Field(default_factory=dict)
 
     def number(self, cell: str, sub: int) -> NumberObject:
@@ -99,23 +101,23 @@ class CoefficientBlock(NumberObject):
 
 
 class OffsetBlock(CoefficientBlock):
-    """Three offsets, x y z."""
+    """An offset for each axis, x y z."""
 
     sub: Sub = 1
 
     @model_validator(mode="after")
     def _named(self) -> Self:
-        _check_cells(self.each, tuple(AXES))
+        _check_cells(self.each, tuple(AXES[: self.axes]))
         return self
 
     def cells(self) -> Iterator[tuple[str, NumberObject]]:
         """(axis, number) in the order of writing."""
-        for i, axis in enumerate(AXES):
+        for i, axis in enumerate(AXES[: self.axes]):
             yield axis, self.number(axis, self.sub + i)
 
 
 class MatrixBlock(CoefficientBlock):
-    """Nine coefficients row by row or column by column, or three gains (`diagonal`)."""
+    """The coefficients of each pair of axes row by row or column by column, or gains alone (`diagonal`)."""
 
     sub: Sub = 1
     order: Literal["row", "column", "diagonal"] = "row"
@@ -128,9 +130,11 @@ class MatrixBlock(CoefficientBlock):
     @property
     def names(self) -> tuple[str, ...]:
         """Cells in the device's order; xy is row x, column y."""
+        there = AXES[: self.axes]
         if self.order == "diagonal":
-            return ("xx", "yy", "zz")
-        return CELLS if self.order == "row" else tuple(cell[::-1] for cell in CELLS)
+            return tuple(axis * 2 for axis in there)
+        cells = tuple(cell for cell in CELLS if set(cell) <= set(there))
+        return cells if self.order == "row" else tuple(cell[::-1] for cell in cells)
 
     def cells(self) -> Iterator[tuple[str, NumberObject]]:
         """(cell, number) in the order of writing."""

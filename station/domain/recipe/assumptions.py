@@ -91,7 +91,7 @@ def _stated_or(stated: float | None, default: float) -> float:
 def listing(recipe: Recipe) -> tuple[Assumption, ...]:
     """Every contribution that the recipe states or leaves to a default, for `check` and the certificate."""
     r, device = recipe.reference, recipe.device
-    found = [_magnitude(recipe)] if r.source != "gold" else []
+    found = [_magnitude(recipe)] if r.source != "gold" and not recipe.converts else []
     if recipe.pose_known and r.source != "gold":
         found.append(
             _of("reference.pose_std_deg", r.pose_std_deg, 0.0, "deg", Message("assumed-pose", fallback=POSE_DEG))

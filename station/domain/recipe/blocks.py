@@ -36,7 +36,8 @@ class DeviceSheet(StrictModel):
     lsb, full_scale and noise_density in the recipe's unit (noise per √Hz). Typical sizes (one standard deviation)
     for the uncertainty budget: offset_tempco in unit/°C, gain_tempco in 1/°C, g_sensitivity in unit/g; gain_std and
     cross_std of what a method takes for granted; turn_on_std of the offset from one run to the next, in the unit.
-    rounding: what its converter does with the rest of a step.
+    rounding: what its converter does with the rest of a step. axes, convention: how many readings a device has whose
+    kind leaves that open, and which definition they follow; left out: the kind's usual ones.
     """
 
     rate_hz: Positive = 100.0
@@ -52,6 +53,8 @@ class DeviceSheet(StrictModel):
     cross_std: NotNegative | None = None
     turn_on_std: NotNegative | None = None
     rounding: Literal["nearest", "truncating", "unknown"] = "unknown"
+    axes: Annotated[int, Field(ge=1, le=3)] | None = None
+    convention: Name | None = None
 
 
 class Settle(StrictModel):

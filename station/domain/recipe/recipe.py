@@ -8,14 +8,15 @@ from pydantic import Field, model_validator
 
 from station import plugins
 from station.domain.core.types import Floats
-from station.domain.recipe import gravity
+from station.domain.recipe import gravity, readings
 from station.domain.recipe.blocks import DeviceSheet, DwellRule, Limits, Run, Settle, VerifyBlock
 from station.domain.recipe.fields import Name, StrictModel, one_of
 from station.domain.recipe.position import Position, Turn
+from station.domain.recipe.readings import SENSORS
 from station.domain.recipe.reference_block import Reference, Reproducibility
 from station.errors import InvalidValue
 
-SENSORS, METHODS = "station.domain.recipe.sensors", "station.domain.methods.calibrate"
+METHODS = "station.domain.methods.calibrate"
 
 
 def _units() -> list[str]:
@@ -51,6 +52,7 @@ class Recipe(StrictModel):
     @model_validator(mode="after")
     def _hangs_together(self) -> Self:
         _check_unit(self)
+        _check_sheet(self)
         _check_names(self)
         _check_poses(self)
         return self
@@ -94,8 +96,26 @@ class Recipe(StrictModel):
         speed = float(np.linalg.norm(axis))
         return np.asarray(earth if speed == 0 else axis * (axis @ earth) / speed**2)
 
+    @property
+    def axes(self) -> int:
+        """How many readings the device has; the others are 0."""
+        return readings.axis_count(self.sensor, self.device)
+
+    @property
+    def converts(self) -> bool:
+        """Whether readings are something else than components of what is felt, such as angles."""
+        return readings.converting_kind(self.sensor) is not None
+
+    def perfect_reading(self, felt: Floats) -> Floats:
+        """What a perfect device reads (…, 3) of what it feels (…, 3) in its own frame."""
+        return readings.perfect(self.sensor, self.device, felt)
+
     def true_vector(self, position: Position, seating: str = "home") -> Floats:
-        """True vector (3) in the device's frame: Rᵀ · stimulus, R = R_position · R_seating."""
+        """What a perfect device reads (3) there: of most kinds what it feels."""
+        return self.perfect_reading(self.felt_vector(position, seating))
+
+    def felt_vector(self, position: Position, seating: str = "home") -> Floats:
+        """Stimulus (3) in the device's frame: Rᵀ · stimulus, R = R_position · R_seating."""
         if not self.pose_known:
             return np.full(3, np.nan)
         if self.reference.source == "rate":
@@ -111,6 +131,20 @@ def _check_unit(recipe: Recipe) -> None:
     if recipe.reference.source not in kind.sources:
         source = recipe.reference.source
         raise InvalidValue("source-not-of-sensor", source=source, sensor=recipe.sensor, allowed=kind.sources)
+
+
+def _check_sheet(recipe: Recipe) -> None:
+    """What the kind leaves open must be one of its choices; what it does not leave open must not be stated."""
+    kind = readings.converting_kind(recipe.sensor)
+    choices = {
+        "device.axes": (recipe.device.axes, () if kind is None else kind.axes),
+        "device.convention": (recipe.device.convention, () if kind is None else kind.conventions),
+        "method": (None if kind is None else recipe.method, () if kind is None else kind.methods),
+    }
+    for key, (given, allowed) in choices.items():
+        if given is not None and given not in allowed:
+            id_ = "key-not-of-sensor" if allowed else "key-settled-by-sensor"
+            raise InvalidValue(id_, key=key, given=given, sensor=recipe.sensor, allowed=allowed)
 
 
 def _check_names(recipe: Recipe) -> None:

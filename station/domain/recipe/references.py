@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.recipe import assumptions, sensor
+from station.domain.recipe import assumptions, readings, sensor
 from station.domain.recipe.recipe import Recipe
 from station.domain.recipe.reference_block import GoldReference
 from station.errors import RecipeError, ReferenceOverdue
@@ -18,10 +18,23 @@ def true_vectors(recipe: Recipe, position: tuple[str, ...], seating: tuple[str, 
     """Nominal stimulus (v, 3) in the device's frame for visits by name; NaN where the pose is unknown."""
     if not recipe.pose_known:
         return np.full((len(position), 3), np.nan)
+    return recipe.perfect_reading(_felt_vectors(recipe, position, seating))
+
+
+def _felt_vectors(recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
     known = {
-        key: recipe.true_vector(recipe.position(key[0]), key[1]) for key in set(zip(position, seating, strict=True))
+        key: recipe.felt_vector(recipe.position(key[0]), key[1]) for key in set(zip(position, seating, strict=True))
     }
     return np.array([known[key] for key in zip(position, seating, strict=True)])
+
+
+def turned(recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats | None:
+    """What turning each pose by one radian about each axis of the device does to the readings (3, v, 3), to first
+    order; None for a kind that reads what it feels."""
+    if not recipe.converts:
+        return None
+    felt = _felt_vectors(recipe, position, seating)
+    return readings.reading_changes(recipe.sensor, recipe.device, felt, np.cross(np.eye(3)[:, None], felt[None]))
 
 
 def gold_vectors(recipe: Recipe, reading: tuple[Floats, Floats], seating: tuple[str, ...]) -> tuple[Floats, Floats]:
@@ -61,19 +74,25 @@ def direction_errors(
     station's. A turn ω of the nest moves the stimulus n in its frame by n × ω, one of the station that of the station.
     """
     seat = np.array([recipe.seating(s) for s in seating])
+    if recipe.converts:
+        true = _felt_vectors(recipe, position, seating)
     found = {}
     if angles_deg.get("nest"):
         nest = np.einsum("vij,vj->vi", seat, true)
-        turned = np.cross(nest[None], np.eye(3)[:, None])
-        found["nest tilt"] = np.deg2rad(angles_deg["nest"]) * np.einsum("vij,kvi->kvj", seat, turned)
+        moved = np.cross(nest[None], np.eye(3)[:, None])
+        found["nest tilt"] = np.deg2rad(angles_deg["nest"]) * np.einsum("vij,kvi->kvj", seat, moved)
     if recipe.reference.source == "rate":
         return found
     pose = np.array([recipe.position(p).matrix() for p in position]) @ seat
     station = np.einsum("vij,vj->vi", pose, true)
     for name, line in (("base", "base tilt"), ("field", "field direction")):
         if angles_deg.get(name):
-            turned = np.cross(station[None], np.eye(3)[:, None])
-            found[line] = np.deg2rad(angles_deg[name]) * np.einsum("vij,kvi->kvj", pose, turned)
+            moved = np.cross(station[None], np.eye(3)[:, None])
+            found[line] = np.deg2rad(angles_deg[name]) * np.einsum("vij,kvi->kvj", pose, moved)
+    if recipe.converts:
+        return {
+            line: readings.reading_changes(recipe.sensor, recipe.device, true, each) for line, each in found.items()
+        }
     return found
 
 
@@ -103,6 +122,6 @@ def gold_errors(recipe: Recipe, true: Floats, seating: tuple[str, ...]) -> Float
     seat_deg = assumptions.NEST_DEG if gold.seat_std_deg is None else gold.seat_std_deg
     offset = offset_std * back.transpose(2, 0, 1)
     gain = gain_std * np.einsum("vik,vk->kvi", back, nest)
-    turned = np.cross(np.eye(3)[:, None, :], nest[None])
-    seat = np.deg2rad(seat_deg) * np.einsum("vij,kvj->kvi", back, turned)
+    moved = np.cross(np.eye(3)[:, None, :], nest[None])
+    seat = np.deg2rad(seat_deg) * np.einsum("vij,kvj->kvi", back, moved)
     return np.concatenate([offset, gain, seat])

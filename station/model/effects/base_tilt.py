@@ -27,5 +27,5 @@ class BaseTilt(PoseEffect):
     parameter = Parameter(
         "angle", "rad", 5e-4, 1e-4, 2e-3, "a bench levelled with a bubble, .1–2 mrad (1″ is 4.85 µg); unchecked"
     )
-    quantities = ("acceleration", "magnetic field")
+    quantities = ("acceleration", "magnetic field", "inclination")
     size: float = parameter.typical

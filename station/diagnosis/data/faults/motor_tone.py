@@ -334,9 +334,11 @@ def _fault(tone: Tone, d: WhiteDwells, sigma: Floats, nats: float, recipe: Recip
         FaultParameter("amplitude", axis, "common", float(a), float(s), recipe.unit)
         for axis, a, s in zip("xyz", along * sigma, std, strict=True)
     ]
+    # An axis that is not there has no noise.
+    phase_std = std / np.maximum(sigma * np.hypot(*c), 1e-300)
     frequency_std = float(1 / np.sqrt(max(float(np.sum(tone.bend**2)), 1e-300)))
     numbers.append(FaultParameter("frequency", None, "common", frequency_hz, frequency_std, "Hz"))
-    numbers.append(FaultParameter("phase", None, "common", phase, float((std / (sigma * np.hypot(*c)))[strong]), "rad"))
+    numbers.append(FaultParameter("phase", None, "common", phase, float(phase_std[strong]), "rad"))
     sentence = f"a tone of {frequency_hz:.3f} Hz follows the motors"
     return GrossFault("motor-tone", "common", tuple(numbers), sentence, nats, gain=gain)
 

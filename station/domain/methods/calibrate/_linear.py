@@ -21,8 +21,12 @@ OFFSET_ONLY = ((0,), (0,), (0,))
 OFFSET_GAIN = ((0, 1), (0, 2), (0, 3))
 MATRIX = ((0, 1, 2, 3),) * 3
 COLUMNS_OF_MODEL = {"matrix": MATRIX, "offset-gain": OFFSET_GAIN}
-#: What each column of a full regression determines, for all three axes together.
-MATRIX_NAMES = ("offset x, y, z", *(f"gain {a} and cross-axis from {a}" for a in "xyz"))
+
+
+def matrix_names(axes: int) -> tuple[str, ...]:
+    """What each column of a full regression determines, for all axes together."""
+    there = "xyz"[:axes]
+    return (f"offset {', '.join(there)}", *(f"gain {a} and cross-axis from {a}" for a in there))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +42,7 @@ class _Regressions:
 
 def fit_shared(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit | None:
     """The short way (`_even`), right for units that it calls consistent; None where for none."""
-    if problem.nuisance.shape[1] or not _one_truth(problem) or not _all_poses_differ(problem):
+    if problem.nuisance.shape[1] or problem.axes < 3 or not _one_truth(problem) or not _all_poses_differ(problem):
         return None
     variance, even = _variances_of_first_visit(problem) if weighted else _mean_variances(problem)
     even &= (problem.scatter_pose == 0) & (problem.scatter_visit == 0)
@@ -53,6 +57,7 @@ def solve(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit:
     weighted: weights are inverse variances of noise and declared pose error; otherwise all visits count alike.
     """
     noise, pose = variances(problem)
+    columns = _of_axes(columns, problem.axes)
     if not weighted:
         noise, pose = _spread(noise), _spread(pose)
     variance = noise + pose * problem.visits_of_pose()[:, None] + problem.scatter()[..., None]
@@ -66,7 +71,13 @@ def solve(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit:
             break
         keep = np.where(worst, 0.0, keep)
     fit = _fit(problem, columns, axes, (noise, pose), keep)
-    return replace(fit, explained=_shared_fit.scatter_basis(explained))
+    return replace(fit, explained=_shared_fit.scatter_basis(explained[..., : problem.axes]))
+
+
+def _of_axes(columns: Columns, axes: int) -> Columns:
+    """The columns of a device of so many axes; one that is not there and reads 0 goes along with the first."""
+    there = tuple(tuple(c for c in own if c <= axes) for own in columns[:axes])
+    return (*there, *there[:1] * (3 - axes))
 
 
 def _explained(problem: FitProblem, columns: Columns) -> Floats:
@@ -117,6 +128,9 @@ def variances(problem: FitProblem, visits: slice = slice(None)) -> tuple[Floats,
     noise = np.maximum(np.einsum("uvii->uvi", problem.cov[:, visits]), (1e-9 * scale) ** 2)
     if problem.pose_std_rad == 0:
         return noise, np.broadcast_to(0.0, noise.shape)
+    if problem.turned is not None:
+        across = (problem.turned[:, visits] ** 2).sum(axis=0)
+        return noise, np.broadcast_to(problem.pose_std_rad**2 * across, noise.shape)
     square = problem.true[:, visits] ** 2
     across = problem.magnitude[:, visits, None] ** 2 - square
     # Along itself the truth is shortened by |φ|²/2, whose mean square is 2δ⁴.
@@ -153,7 +167,7 @@ def _readings(problem: FitProblem, columns: Columns) -> Floats:
 
 
 def _parameters(columns: Columns, problem: FitProblem) -> int:
-    return sum(len(c) for c in columns) + 3 * int(problem.nuisance.shape[1])
+    return sum(len(c) for c in columns[: problem.axes]) + problem.axes * int(problem.nuisance.shape[1])
 
 
 def _fit(
@@ -167,7 +181,7 @@ def _fit(
     theta = np.tile(coefficients.NOMINAL, (u, 1))
     jacobian = np.zeros((u, 12, v, 3))
     free = np.zeros(12, bool)
-    for i, own in enumerate(columns):
+    for i, own in enumerate(columns[: problem.axes]):
         at = _shared_fit.coefficients_of(i, own)
         theta[:, at] = axes.b[:, i, : len(at)]
         jacobian[:, at, :, i] = axes.G[:, i % axes.G.shape[1], : len(at)].transpose(1, 0, 2)
@@ -179,9 +193,9 @@ def _fit(
         residual=axes.r,
         tilt=None,
         disturbed=keep == 0,
-        misfit=axes.r,
-        noise=variance[0],
-        pose_variance=variance[1],
+        misfit=axes.r[..., : problem.axes],
+        noise=variance[0][..., : problem.axes],
+        pose_variance=variance[1][..., : problem.axes],
         parameters=_parameters(columns, problem),
         explained=np.zeros((0, v, 3)),
         consistent=np.zeros(u, bool),

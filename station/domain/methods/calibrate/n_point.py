@@ -29,10 +29,10 @@ class NPoint:
         """One regression, the same for each axis; for offset and gain, three lines."""
         if recipe.model == "offset-gain":
             rows, names = ThreePoint().design(true, recipe, nuisance)
-            more = np.kron(np.eye(3), nuisance)
+            more = np.kron(np.eye(recipe.axes), nuisance)
             return np.column_stack([rows, more]), (*names, *("g-sensitivity",) * more.shape[1])
-        rows = np.column_stack([np.ones(len(true)), true, nuisance])
-        return rows, (*_linear.MATRIX_NAMES, *("g-sensitivity",) * nuisance.shape[1])
+        rows = np.column_stack([np.ones(len(true)), true[:, : recipe.axes], nuisance])
+        return rows, (*_linear.matrix_names(recipe.axes), *("g-sensitivity",) * nuisance.shape[1])
 
     def together(self, problem: FitProblem) -> Fit | None:
         """By one solution for all units whose visits count alike."""

@@ -29,7 +29,7 @@ class SixPoint:
 
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
         """One regression, the same for each axis."""
-        return np.column_stack([np.ones(len(true)), true]), _linear.MATRIX_NAMES
+        return np.column_stack([np.ones(len(true)), true]), _linear.matrix_names(3)
 
     def together(self, problem: FitProblem) -> Fit | None:
         """By one solution for all units that went through the same visits."""

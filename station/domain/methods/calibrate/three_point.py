@@ -33,11 +33,11 @@ class ThreePoint:
 
     def design(self, true: Floats, recipe: Recipe, nuisance: Floats) -> tuple[Floats, tuple[str, ...]]:
         """Three lines, block by block."""
-        v = len(true)
-        rows = np.zeros((3, v, 6))
-        for i in range(3):
-            rows[i, :, i], rows[i, :, 3 + i] = 1.0, true[:, i]
-        return rows.reshape(3 * v, 6), NAMES
+        v, axes = len(true), recipe.axes
+        rows = np.zeros((axes, v, 2 * axes))
+        for i in range(axes):
+            rows[i, :, i], rows[i, :, axes + i] = 1.0, true[:, i]
+        return rows.reshape(axes * v, 2 * axes), (*NAMES[:axes], *NAMES[3 : 3 + axes])
 
     def together(self, problem: FitProblem) -> Fit | None:
         """By one solution for all units that went through the same visits."""

@@ -16,7 +16,6 @@ class Accelerometer:
     unit: ClassVar[str] = "g"
     quantity: ClassVar[str] = "acceleration"
     sources: ClassVar[tuple[str, ...]] = ("gravity", "gold")
-    axes: ClassVar[tuple[int, ...]] = (3,)
     feels_earth_rate: ClassVar[bool] = False
     large_offset: ClassVar[bool] = False
 

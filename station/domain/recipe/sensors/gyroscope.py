@@ -20,7 +20,6 @@ class Gyroscope:
     unit: ClassVar[str] = "deg/s"
     quantity: ClassVar[str] = "rate"
     sources: ClassVar[tuple[str, ...]] = ("rate", "gold")
-    axes: ClassVar[tuple[int, ...]] = (3,)
     feels_earth_rate: ClassVar[bool] = True
     large_offset: ClassVar[bool] = False
 

@@ -16,7 +16,6 @@ class Magnetometer:
     unit: ClassVar[str] = "uT"
     quantity: ClassVar[str] = "magnetic field"
     sources: ClassVar[tuple[str, ...]] = ("field", "gold")
-    axes: ClassVar[tuple[int, ...]] = (3,)
     feels_earth_rate: ClassVar[bool] = False
     large_offset: ClassVar[bool] = True
 
