@@ -5,15 +5,16 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from station.cli import _budget_table, _output
-from station.config.recipes import load_recipe, recipe_path
+from station.config.recipes import load_recipe, recipe_hash, recipe_path
 from station.config.settings import load_settings
 from station.domain.core.types import Floats
 from station.domain.evaluation.pipeline import NO_ROUNDING
+from station.domain.line_quality.history import NOTHING, History
 from station.domain.methods import coefficients, method, rank
 from station.domain.planning import design, optimal
 from station.domain.planning.forecast import forecast
@@ -23,6 +24,9 @@ from station.errors import UsageError
 from station.messages import Message, render
 from station.wiring.jobs import load_job
 from station.wiring.logs import open_log
+
+if TYPE_CHECKING:
+    from station.ports.log_reader import LogReader
 
 SCHEMA = "station.check/1"
 #: A pipe has no width; this holds a budget on one line.
@@ -51,12 +55,14 @@ class RecipeCheckRequest:
 
 @dataclass(frozen=True, slots=True)
 class CheckSubject:
-    """What is checked: a recipe that stands, its file, and how its product rounds coefficients (12)."""
+    """What is checked: a recipe that stands, with what the log knows of its process and reproducibility, its file, and
+    how its product rounds coefficients (12)."""
 
     recipe: Recipe
     path: Path
     rounding: Floats
     request: RecipeCheckRequest
+    history: History
 
 
 def check_recipe(request: RecipeCheckRequest, *, as_json: bool) -> int:
@@ -67,7 +73,10 @@ def check_recipe(request: RecipeCheckRequest, *, as_json: bool) -> int:
     recipe = load_recipe(name)
     if recipe.product is not None:
         load_job(name)  # refuses a map, EDS and DBC that contradict each other
-    subject = CheckSubject(recipe, recipe_path(name), _rounding(recipe, recipe_path(name)), request)
+    found = _learnt(recipe, request)
+    subject = CheckSubject(
+        found.applied(recipe), recipe_path(name), _rounding(recipe, recipe_path(name)), request, found
+    )
     if count is None:
         design.check(recipe)
     chosen = SECTIONS if count is None else (_proposal(count),)
@@ -84,6 +93,25 @@ def check_recipe(request: RecipeCheckRequest, *, as_json: bool) -> int:
             wide = None if console.is_terminal or isinstance(line, str) else PIPE_WIDTH
             console.print(line, markup=not isinstance(line, str), width=wide)
     return 0
+
+
+def _own_log(request: RecipeCheckRequest) -> "tuple[Path, LogReader | None]":
+    """The log that is named, or the station's own where there is one."""
+    path = request.db or Path(load_settings(request.config).database)
+    return path, None if request.db is None and not path.exists() else open_log(path)
+
+
+def _learnt(recipe: Recipe, request: RecipeCheckRequest) -> History:
+    """What the next run will have learnt from the log."""
+    from station.config.products import load_product
+    from station.service import history
+
+    _, log = _own_log(request)
+    if log is None:
+        return NOTHING
+    with log:
+        device = None if recipe.product is None else load_product(recipe.product, recipe_path(request.recipe)).map
+        return history.learnt(log, recipe_hash(recipe), device, load_settings(request.config))
 
 
 def _rounding(recipe: Recipe, path: Path) -> Floats:
@@ -104,13 +132,18 @@ def _cycle_time(subject: CheckSubject) -> CheckSection:
     """By the station's own log where it has one."""
     from station.service.cycle_time import forecast_cycle
 
-    path = subject.request.db or Path(load_settings(subject.request.config).database)
-    log = None if subject.request.db is None and not path.exists() else open_log(path)
+    path, log = _own_log(subject.request)
     with nullcontext() if log is None else log:
         found = forecast_cycle(subject.recipe, log)
     source = "cycle-time-same" if found.same else "cycle-time-others" if found.attempts else "cycle-time-usual"
     message = Message(source, cycle_s=found.cycle_s, attempts=found.attempts, log=str(path))
     return CheckSection("cycle_s", found.cycle_s, (render(message),))
+
+
+def _history(subject: CheckSubject) -> CheckSection:
+    """Process and reproducibility as the log's own results show them."""
+    found = subject.history
+    return CheckSection("history", found.document(), tuple(render(m) for m in found.messages(subject.recipe)))
 
 
 def _observability(subject: CheckSubject) -> CheckSection | None:
@@ -237,5 +270,6 @@ SECTIONS: tuple[Callable[[CheckSubject], CheckSection | None], ...] = (
     _observability,
     _uncertainty,
     _assumptions,
+    _history,
     _causes,
 )

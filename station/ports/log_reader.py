@@ -9,7 +9,7 @@ from station.domain.core.types import Frames
 from station.domain.records.chain import IntegrityFinding
 from station.domain.records.head import SealedHead
 from station.messages import Message
-from station.ports.store import LogHead, UnfinishedAttempt
+from station.ports.store import LogHead, StoredCalibration, UnfinishedAttempt
 
 #: The finest grouping of yields, and what parts the names of one of its groups.
 YIELD_CELL, YIELD_SEPARATOR = ("station", "nest", "recipe", "day"), "\x1f"
@@ -272,6 +272,9 @@ class LogReader(Protocol):
 
     def reduced(self, numbers: Sequence[int]) -> list[ReducedAttempt]:
         """Those of the attempts that came to a calibration, in the order of their records."""
+
+    def calibrations(self, recipe_hash: str, newest: int) -> Sequence[StoredCalibration]:
+        """Of the newest so many attempts with this recipe those that came to a calibration, oldest first."""
 
     def document(self, number: int) -> str:
         """The text that a document record holds."""

@@ -110,6 +110,19 @@ class LogHead:
     hash: str
 
 
+@dataclass(frozen=True, slots=True)
+class StoredCalibration:
+    """A finished attempt's calibration. fit: JSON of its offset, matrix and budget, each null where there is none."""
+
+    serial: str
+    station: str
+    nest: str
+    software: str
+    started_ns: int
+    outcome: str
+    fit: str
+
+
 class Store(Protocol):
     """Where attempts go. Every method is one durable transaction. Errors: StoreFault when it cannot be kept."""
 
@@ -126,8 +139,8 @@ class Store(Protocol):
         """Keeps stages of object writes: the intent before, the fact after, and with it the intent of the next."""
 
     def result(self, attempt: str, name: str, document: Mapping[str, Any]) -> None:
-        """Keeps a named result: identity, old-calibration, stops, calibration, dwell, write-plan, device-state,
-        verification, verdict."""
+        """Keeps a named result: identity, old-calibration, stops, history, calibration, dwell, write-plan,
+        device-state, verification, verdict."""
 
     def finish(self, attempt: str, outcome: str, ended_ns: int) -> None:
         """Closes the attempt with its outcome; what follows can only be another attempt."""
@@ -147,6 +160,9 @@ class Store(Protocol):
     def dwells(self, recipe_hash: str, newest: int) -> Sequence[Mapping[str, Any]]:
         """Results `dwell` of the newest so many attempts with this recipe, oldest first; attempts without one count,
         and are left out."""
+
+    def calibrations(self, recipe_hash: str, newest: int) -> Sequence[StoredCalibration]:
+        """Of the newest so many attempts with this recipe those that came to a calibration, oldest first."""
 
     def station_events(self, kind: str, newest: int) -> Sequence[tuple[int, int, Mapping[str, Any]]]:
         """The newest events of the station itself of one kind, oldest first: number, ns since 1970, detail."""

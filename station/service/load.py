@@ -7,6 +7,7 @@ from station.domain.can.sensor_layout import SYNC
 from station.domain.capture import thermometer
 from station.domain.core.types import NestAssignment, Outcome
 from station.domain.evaluation import calibration_document, reduced_visits_document
+from station.domain.line_quality.history import NOTHING
 from station.domain.product import writeback
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.run.progress import (
@@ -39,7 +40,7 @@ from station.errors import (
 )
 from station.messages import Message
 from station.ports.bus import Repeated
-from station.service import compute, process_data, record
+from station.service import compute, history, process_data, record
 from station.service.bus_errors import with_bus_state
 from station.service.capture import Capture
 from station.service.identify import identify, make_ready, read_old_values, restore_as_found, set_for_run
@@ -67,6 +68,7 @@ class Load:
         self._parked = True
         self._fault: StationError | None = None
         self._sync: Repeated | None = None
+        self._history = NOTHING
 
     def run(self, seats: Sequence[NestAssignment]) -> Iterator[Event]:
         """Everything from the first record to the parked fixture."""
@@ -249,6 +251,10 @@ class Load:
         self._stop.check()
 
     def _judge(self) -> Iterator[Event]:
+        station, job = self._station, self._job
+        device, settings = job.product.map, station.settings
+        found = history.learnt(station.store, job.recipe_hash, device, settings, simulated=station.simulated)
+        self._history, self._job = found, replace(job, recipe=found.applied(job.recipe))
         yield from self._each(self._judge_one)
 
     def _judge_one(self, unit: Unit) -> Iterator[Event]:
@@ -262,6 +268,8 @@ class Load:
         )  # the log keeps the readings; a long batch must not keep them in memory too
         if fit.visits is not None:  # what `station backtest` computes from: raw frames of a whole fleet take hours
             self._station.store.result(unit.attempt, "stops", reduced_visits_document.to_document(fit.visits))
+        if self._history != NOTHING:
+            self._station.store.result(unit.attempt, "history", self._history.document())
         self._station.store.result(unit.attempt, "calibration", calibration_document.unit(fit))
         if self._capture is not None and (dwell := self._capture.pace.document(unit.seat.serial)):
             self._station.store.result(unit.attempt, "dwell", dwell)

@@ -11,6 +11,7 @@ from station.domain.capture.visit import CapturedVisit
 from station.domain.core.types import Frames, NestAssignment
 from station.domain.evaluation import calibration_document
 from station.domain.evaluation.pipeline import CalibrationResult
+from station.domain.line_quality import history
 from station.domain.methods import uncertainty
 from station.domain.noise import noise_document
 from station.domain.product import product_record
@@ -89,12 +90,14 @@ def refit_attempt(
     product: tuple[Product, SensorLayout],
     record: Mapping[str, Any],
 ) -> CalibrationResult:
-    """The run's own computation over stored visits, on its day, with its prior of the noise; record: the attempt's."""
+    """The run's own computation over stored visits, on its day, with what was known of noise, process and
+    reproducibility; record: the attempt's."""
     seat = NestAssignment(attempt.serial, attempt.nest, attempt.node)
     decoded = compute.decode_visits(attempt.node, visits, recipe, product[1])
     table = compute.samples_of(seat, decoded, recipe, product[1], {})
     prior = noise_document.to_prior(stored_attempt.result(record, "dwell"))
-    return compute.refit(table, recipe, product[0], judged_ns(record), prior)
+    known = history.of_document(stored_attempt.result(record, "history"))
+    return compute.refit(table, known.applied(recipe), product[0], judged_ns(record), prior)
 
 
 def judged_ns(record: Mapping[str, Any]) -> int:

@@ -43,7 +43,7 @@ def within(limits: Limits, offset: float, std: float, dof: float = 1e9) -> decis
 def known(t: decision_rule.LimitedCoefficients) -> risk.Measured:
     """Coefficients that err by themselves, of a process of which nothing is stated."""
     count = len(t.index)
-    return risk.Measured(t.deviation, t.std, t.dof, np.eye(count), np.zeros(count), np.full(count, np.inf))
+    return risk.Measured(t.deviation, t.std, t.dof, np.eye(count), risk.Prior.unknown(count))
 
 
 def test_the_guard_band_of_each_rule() -> None:

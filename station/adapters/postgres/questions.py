@@ -21,6 +21,7 @@ from station.ports.log_reader import (
     ReducedAttempt,
     Yield,
 )
+from station.ports.store import StoredCalibration
 
 _VISITS = """SELECT seq AS record, run, visit, "position", seating, kind, arrived_ns, left_ns, frame_count,
     frames_sha256, statistics FROM visit WHERE attempt = %s ORDER BY seq"""
@@ -173,3 +174,18 @@ def reduced(db: psycopg.Connection, numbers: Sequence[int]) -> Iterator[ReducedA
     for number, attempt, serial, product, stops, fit in db.execute(_REDUCED, [list(numbers)]):
         before = json.dumps([fit.get(name) for name in ("outcome", "offset", "matrix", "checks")])
         yield ReducedAttempt(number, attempt, serial, product, stops, before)
+
+
+_CALIBRATIONS = """SELECT a.serial, a.station, a.nest, a.software, a.started_ns, f.outcome, c.document::json
+    FROM (SELECT * FROM attempt WHERE recipe_hash = %s ORDER BY started_ns DESC LIMIT %s) a
+    JOIN finish f ON f.attempt = a.seq
+    JOIN result c ON c.attempt = a.seq AND c.name = 'calibration' ORDER BY a.seq"""
+
+
+def query_calibrations(db: psycopg.Connection, recipe_hash: str, newest: int) -> list[StoredCalibration]:
+    """See LogReader.calibrations."""
+    rows = db.execute(_CALIBRATIONS, [recipe_hash, newest]).fetchall()
+    return [
+        StoredCalibration(*row[:-1], json.dumps([row[-1].get(k) for k in ("offset", "matrix", "budget")]))
+        for row in rows
+    ]

@@ -26,7 +26,7 @@ from station.ports.log_reader import (
     ignore_progress,
 )
 from station.ports.objects import ObjectStore
-from station.ports.store import LogHead, UnfinishedAttempt, WriteRecord
+from station.ports.store import LogHead, StoredCalibration, UnfinishedAttempt, WriteRecord
 
 _NEWEST_PORTION = "SELECT first_seq + last - first, seal FROM batch ORDER BY first_seq DESC LIMIT 1"
 _EVENTS = """SELECT e.seq, coalesce(a.id, ''), e.at_ns, e.kind, e.detail FROM event e
@@ -173,6 +173,11 @@ class PostgresLogReader:
         """Those of the attempts that came to a calibration, in the order of their records."""
         with self._errors_named():
             return list(questions.reduced(self.db, numbers))
+
+    def calibrations(self, recipe_hash: str, newest: int) -> list[StoredCalibration]:
+        """Of the newest so many attempts with this recipe those that came to a calibration, oldest first."""
+        with self._errors_named():
+            return questions.query_calibrations(self.db, recipe_hash, newest)
 
     def document(self, number: int) -> str:
         """The text that a document record holds."""

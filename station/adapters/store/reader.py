@@ -38,7 +38,7 @@ from station.ports.log_reader import (
     Yield,
     ignore_progress,
 )
-from station.ports.store import LogHead, UnfinishedAttempt
+from station.ports.store import LogHead, StoredCalibration, UnfinishedAttempt
 
 
 class SqliteLogReader:
@@ -156,6 +156,11 @@ class SqliteLogReader:
         """Those of the attempts that came to a calibration, in the order of their records."""
         with self._errors_named():
             return reduced.read(self.db.conn, numbers)
+
+    def calibrations(self, recipe_hash: str, newest: int) -> list[StoredCalibration]:
+        """Of the newest so many attempts with this recipe those that came to a calibration, oldest first."""
+        with self._errors_named():
+            return reduced.read_calibrations(self.db.conn, recipe_hash, newest)
 
     def document(self, number: int) -> str:
         """The text that a document record holds."""

@@ -1,4 +1,4 @@
-"""Reduced stops and what was made of them, many attempts a query: what a backtest reads."""
+"""Reduced stops and what was made of them, many attempts a query: what a backtest reads, and what a run learns from."""
 
 import json
 import sqlite3
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from station.ports.log_reader import ReducedAttempt
+from station.ports.store import StoredCalibration
 
 _BEFORE = "json_extract(c.document, '$.outcome', '$.offset', '$.matrix', '$.checks')"
 
@@ -23,6 +24,14 @@ _DWELLS = """
     CROSS JOIN result r ON r.seq BETWEEN a.seq AND f.seq AND +r.attempt = a.seq AND +r.name = 'dwell'
     ORDER BY a.seq DESC"""
 
+_CALIBRATIONS = """
+    SELECT a.serial, a.station, a.nest, a.software, a.started_ns, f.outcome,
+        json_extract(c.document, '$.offset', '$.matrix', '$.budget')
+    FROM (SELECT * FROM attempt WHERE recipe_hash = ? ORDER BY started_ns DESC LIMIT ?) a
+    CROSS JOIN finish f ON f.attempt = a.seq
+    CROSS JOIN result c ON c.seq BETWEEN a.seq AND f.seq AND +c.attempt = a.seq AND +c.name = 'calibration'
+    ORDER BY a.seq DESC"""
+
 
 def read(db: sqlite3.Connection, numbers: Sequence[int]) -> list[ReducedAttempt]:
     """Those of the attempts that came to a calibration, in the order of their records."""
@@ -33,6 +42,12 @@ def dwells(db: sqlite3.Connection, recipe_hash: str, newest: int) -> list[dict[s
     """See Store.dwells."""
     rows = db.execute(_DWELLS, (recipe_hash, newest)).fetchall()
     return [json.loads(text) for (text,) in reversed(rows)]
+
+
+def read_calibrations(db: sqlite3.Connection, recipe_hash: str, newest: int) -> list[StoredCalibration]:
+    """See Store.calibrations."""
+    rows = db.execute(_CALIBRATIONS, (recipe_hash, newest)).fetchall()
+    return [StoredCalibration(*row) for row in reversed(rows)]
 
 
 def document(db: sqlite3.Connection, number: int) -> str:

@@ -39,7 +39,15 @@ from station.domain.records.merkle import Tree
 from station.errors import StationError, StoreFault
 from station.files.owner import OwnerLock
 from station.messages import Message, render
-from station.ports.store import AttemptStart, LogHead, SuspectAttempt, UnfinishedAttempt, VisitRecord, WriteRecord
+from station.ports.store import (
+    AttemptStart,
+    LogHead,
+    StoredCalibration,
+    SuspectAttempt,
+    UnfinishedAttempt,
+    VisitRecord,
+    WriteRecord,
+)
 
 _INSERT = {
     table: f"INSERT INTO {table} (seq, previous, hash, signature, {', '.join(columns)}) "
@@ -206,6 +214,11 @@ class SqliteStore:
         """Results `dwell` of the newest attempts with a recipe, oldest first."""
         with self._turn, translate_errors(StoreFault, self.path, "read"):
             return reduced.dwells(self._db, recipe_hash, newest)
+
+    def calibrations(self, recipe_hash: str, newest: int) -> Sequence[StoredCalibration]:
+        """Calibrations of the newest attempts with a recipe, oldest first."""
+        with self._turn, translate_errors(StoreFault, self.path, "read"):
+            return reduced.read_calibrations(self._db, recipe_hash, newest)
 
     def station_events(self, kind: str, newest: int) -> Sequence[tuple[int, int, Mapping[str, Any]]]:
         """The newest events of the station itself of one kind, oldest first."""

@@ -14,6 +14,10 @@ from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 from station.messages import Message, Value
 
+#: Lines of the budget that are each unit's own; the others are the station's, the same for every unit.
+OF_THE_UNIT = ("noise", "quantisation", "method", "runs", "reproducibility")
+#: Of the variance of results at least this share is the process'.
+MIN_PROCESS_SHARE = 0.01
 #: An axis is across the stimulus when it feels less than this share of it.
 ACROSS = 0.05
 
@@ -87,14 +91,29 @@ def guard_band(limits: Limits, std: Floats, dof: Floats) -> Floats:
 def measured(limits: Limits, t: LimitedCoefficients, budget: Budget) -> risk.Measured:
     """What the risks are computed from."""
     process = limits.process or Process()
+    mean, std = _prior(process)
+    shared = np.zeros(12)
+    if process.of_results:  # the spread of results holds their random errors, and cannot show what they share
+        of_unit = sum((budget.std(cause) ** 2 for cause in OF_THE_UNIT if cause in budget.parts), np.zeros(12))
+        std = np.sqrt(np.maximum(std**2 - of_unit, MIN_PROCESS_SHARE * std**2))
+        shared = np.sqrt(np.maximum(budget.std() ** 2 - of_unit, 0.0))
+    root = np.maximum(budget.std(), 1e-300)
+    correlation = (budget.total / root[:, None] / root)[np.ix_(t.index, t.index)]
+    prior = risk.Prior(mean[t.index], std[t.index], shared[t.index])
+    return risk.Measured(t.deviation, t.std, t.dof, correlation, prior)
+
+
+def _prior(process: Process) -> tuple[Floats, Floats]:
+    """Mean and standard deviation (12) of the process; infinite where nothing is stated."""
     mean, std = np.zeros(12), np.full(12, np.inf)
     kinds = ((coefficients.OFFSETS, process.offset), (coefficients.GAINS, process.gain))
     for which, stated in (*kinds, (coefficients.CROSS, process.cross_axis)):
         if stated is not None:
             mean[which], std[which] = stated
-    root = np.maximum(budget.std(), 1e-300)
-    correlation = (budget.total / root[:, None] / root)[np.ix_(t.index, t.index)]
-    return risk.Measured(t.deviation, t.std, t.dof, correlation, mean[t.index], std[t.index])
+    for i, own in enumerate(process.each or ()):
+        if own is not None:
+            mean[i], std[i] = own
+    return mean, std
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,35 +18,51 @@ NEGLIGIBLE = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """The process before a unit is measured: mean and standard deviation (c) of deviations, infinite where nothing is
+    known. shared (c): part of the standard uncertainty that the process was learnt with, too, so that it says nothing
+    of it; 0 where the process is one of true values."""
+
+    mean: Floats
+    std: Floats
+    shared: Floats
+
+    @staticmethod
+    def unknown(count: int) -> "Prior":
+        """Anything is as likely."""
+        return Prior(np.zeros(count), np.full(count, np.inf), np.zeros(count))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """Deviations (c) from nominal as measured, standard uncertainty, degrees of freedom, correlation (c, c); process
-    mean and standard deviation (c), infinite where nothing is stated."""
+    """Deviations (c) from nominal as measured, standard uncertainty, degrees of freedom, correlation (c, c), and what
+    was known before."""
 
     deviation: Floats
     std: Floats
     dof: Floats
     correlation: Floats
-    process_mean: Floats
-    process_std: Floats
+    prior: Prior
 
     def take(self, c: int) -> "Measured":
         """One coefficient by itself."""
         one = slice(c, c + 1)
-        parts = (self.deviation[one], self.std[one], self.dof[one], self.correlation[one, one])
-        return Measured(*parts, self.process_mean[one], self.process_std[one])
+        prior = Prior(self.prior.mean[one], self.prior.std[one], self.prior.shared[one])
+        return Measured(self.deviation[one], self.std[one], self.dof[one], self.correlation[one, one], prior)
 
-    def believed(self) -> tuple[Floats, Floats]:
-        """Mean and standard deviation (c) of the true deviation given result and process (JCGM 106, eq. 17–18)."""
-        share = 1 / (1 + (np.maximum(self.std, 1e-300) / self.process_std) ** 2)
-        return share * self.deviation + (1 - share) * self.process_mean, np.sqrt(share) * self.std
+    def believed(self, *, again: bool = False) -> tuple[Floats, Floats]:
+        """Mean and standard deviation (c) of the true deviation given result and process (JCGM 106, eq. 17–18); again:
+        of another result, which has an error of its own, and shares the rest with this one."""
+        own = np.sqrt(np.maximum(self.std**2 - self.prior.shared**2, 0.0))
+        share = 1 / (1 + (np.maximum(own, 1e-300) / self.prior.std) ** 2)
+        mean = share * self.deviation + (1 - share) * self.prior.mean
+        return mean, np.sqrt(share * own**2 + (own if again else self.prior.shared) ** 2)
 
 
 def beyond(measured: Measured, limit: Floats, *, again: bool = False) -> float:
     """Probability that any true deviation is beyond its limit (c); again: that any result of another measurement is,
     which has the error of this one and its own."""
-    mean, std = measured.believed()
-    if again:
-        std = np.hypot(std, measured.std)
+    mean, std = measured.believed(again=again)
     std, dof = np.maximum(std, 1e-300), np.clip(measured.dof, 1.0, coverage.MANY)
     above, below = (limit - mean) / std, (-limit - mean) / std
     each = np.clip(scipy.special.stdtr(dof, -above) + scipy.special.stdtr(dof, below), 0.0, 1.0)

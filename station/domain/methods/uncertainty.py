@@ -15,7 +15,7 @@ from station.domain.recipe.recipe import Recipe
 #: The budget line for what visits differ by beyond noise and declared pose errors (station.domain.methods.scatter).
 SCATTER = "scatter"
 #: Edition of the rules by which budgets are made; it stands in every record, because another edition gives other bits.
-RULES = 2
+RULES = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)

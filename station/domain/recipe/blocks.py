@@ -86,11 +86,17 @@ class DwellRule(StrictModel):
 
 
 class Process(StrictModel):
-    """What the process makes: mean and standard deviation of the deviation from nominal, by kind of coefficient."""
+    """What the process makes: mean and standard deviation of the deviation from nominal, by kind of coefficient, or for
+    each of the twelve (offset x y z, then the matrix row by row; null where nothing is known), which goes first.
+
+    of_results: they are of this station's results, which share its systematic errors, and not of true values.
+    """
 
     offset: tuple[Finite, Positive] | None = None
     gain: tuple[Finite, Positive] | None = None
     cross_axis: tuple[Finite, Positive] | None = None
+    each: Annotated[tuple[tuple[Finite, Positive] | None, ...], Field(min_length=12, max_length=12)] | None = None
+    of_results: bool = False
 
 
 class Limits(StrictModel):
@@ -99,7 +105,7 @@ class Limits(StrictModel):
     offset, residual, consistency, noise: the recipe's unit; gain, cross_axis: 1; tilt_deg: degrees.
     rule: simple (no guard band) | guard-band (w = U for 95 %) | false-accept (w so that the probability of a
     false accept at the limit is at most `false_accept`). process: what units are like before they are measured, by
-    which risks are computed (JCGM 106); left out: anything, which overstates them.
+    which risks are computed (JCGM 106); left out: as the log's newest units were, or anything, which overstates them.
     """
 
     rule: Literal["simple", "guard-band", "false-accept"] = "simple"

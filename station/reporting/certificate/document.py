@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from station.domain.line_quality import history
+from station.domain.line_quality.history import History
 from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
@@ -63,7 +65,7 @@ def build(
     fit, verdict = stored_attempt.result(stored, "calibration"), stored_attempt.result(stored, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
         raise LogError("certificate-no-calibration", attempt=str(stored["attempt"]), serial=str(stored["serial"]))
-    w = _Writer(words)
+    w, known = _Writer(words), history.of_document(stored_attempt.result(stored, "history"))
     visits = ("cert_position", "cert_tilt", "cert_tilt_u", "cert_residual")
     sections = (
         w.table("certificate-issue", (), _issue(w, content)),
@@ -77,7 +79,7 @@ def build(
         w.table("certificate-adjustment", _ADJUSTMENT, _adjustment(content)),
         w.section("cert_reference", (), _reference(w, recipe)),
         w.table("certificate-traceability", _TRACEABILITY, _traceability(content)),
-        w.table("certificate-assumptions", _ASSUMPTIONS, _assumptions(w, recipe)),
+        w.table("certificate-assumptions", _ASSUMPTIONS, _assumptions(w, recipe, known)),
         w.section("cert_provenance", (), _provenance(w, stored, asdict(head))),
     )
     filled = tuple(s for s in sections if s.rows)
@@ -240,10 +242,15 @@ def _traceability(content: Mapping[str, Any]) -> Rows:
     return tuple((r["item"], r["number"] or "–", r["due"], r["issuer"] or "–") for r in content["references"])
 
 
-def _assumptions(w: _Writer, recipe: Recipe) -> Rows:
-    return tuple(
-        (a.key, f"{format_number(a.value, 3)} {a.unit if a.unit != '1' else ''}".strip(), w.render(a.source))
-        for a in assumptions.listing(recipe)
+def _assumptions(w: _Writer, recipe: Recipe, known: History) -> Rows:
+    process, again = known.messages(known.applied(recipe))
+    return (
+        *(
+            (a.key, f"{format_number(a.value, 3)} {a.unit if a.unit != '1' else ''}".strip(), w.render(a.source))
+            for a in assumptions.listing(recipe)
+        ),
+        ("limits.process", "", w.render(process)),
+        ("reproducibility", "", w.render(again)),
     )
 
 

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from station.domain.core.types import Outcome
+from station.domain.line_quality import history
 from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
@@ -28,6 +29,8 @@ def of_attempt(stored: Mapping[str, Any], recipe: Recipe, head: LogHead, issuer:
     if not fit or not verdict or fit.get("offset") is None:
         raise LogError("certificate-no-calibration", attempt=str(stored["attempt"]), serial=str(stored["serial"]))
     identity = stored_attempt.result(stored, "identity") or {}
+    known = history.of_document(stored_attempt.result(stored, "history"))
+    recipe = known.applied(recipe)
     return {
         "schema": SCHEMA,
         "number": f"{stored['station']}-{stored['attempt']}",
@@ -60,6 +63,7 @@ def of_attempt(stored: Mapping[str, Any], recipe: Recipe, head: LogHead, issuer:
             {"key": a.key, "std": a.value, "unit": a.unit, "stated": a.stated, "source": render(a.source)}
             for a in assumptions.listing(recipe)
         ],
+        "history": [render(message) for message in known.messages(recipe)],
         "log": {"attempt": stored["attempt"], "seal": stored["seal"], "head": asdict(head),
                 "config": stored["config_hash"]},
     }  # fmt: skip

@@ -1,0 +1,90 @@
+"""A run learns process and reproducibility from the station's log, keeps what it learnt, and is refitted by it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from station.adapters.store.reader import SqliteLogReader
+from station.cli.app import main
+from station.domain.methods import coefficients
+from station.domain.records import stored_attempt
+from station.domain.run.progress import Event, LoadStarted
+from station.ports.log_reader import Query
+from station.ports.store import AttemptStart
+from station.service.recompute import recompute
+from station.service.stop_request import StopRequest
+from station.wiring.bench import Bench
+from tests.fakes import fixture_run
+
+GOLDEN, SCATTER, SOFTWARE = "SN9001", 0.002, "0+simulated"
+
+
+def past(bench: Bench, serial: str, number: int, rng: np.random.Generator) -> None:
+    """A finished attempt with the bench's recipe, its coefficients drawn here."""
+    store, job = bench.station.store, bench.job
+    attempt = store.begin(
+        AttemptStart(
+            serial, "S", "ABCD"[number % 4], 17, job.recipe.name, 1, job.recipe_hash, job.recipe_json, "",
+            SOFTWARE, "", bench.station.clock.epoch_ns() - 86_400_000_000_000 * (30 - number),
+        )
+    )  # fmt: skip
+    theta = coefficients.NOMINAL + SCATTER * rng.standard_normal(12)
+    budget = [{"coefficient": n, "parts": {"noise": 1e-5}} for n in coefficients.NAMES]
+    fit = {"offset": theta[:3].tolist(), "matrix": theta[3:].reshape(3, 3).tolist(), "budget": budget}
+    store.result(attempt, "calibration", fit)
+    store.finish(attempt, "PASS", bench.station.clock.epoch_ns())
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> fixture_run.Ran:
+    folder = tmp_path_factory.mktemp("history")
+    register = {
+        "serial": GOLDEN,
+        "kind": "golden",
+        "recipe": "",
+        "outcome": "PASS",
+        "values": {},
+        "checks": [],
+        "due": "",
+    }
+    (folder / "golden.json").write_text(json.dumps({"units": [register]}))
+    golden = {"file": str(folder / "golden.json"), "every_h": 8}
+    config = fixture_run.config(folder, golden=golden, database=str(folder / "station.db"))
+    rng = np.random.default_rng(5)
+
+    def teach(event: Event, _stop: StopRequest, bench: Bench) -> None:
+        if isinstance(event, LoadStarted):
+            for number in range(30):
+                past(bench, GOLDEN if number < 10 else f"P{number}", number, rng)
+
+    return fixture_run.run(folder, [GOLDEN], config=config, hook=teach)
+
+
+def test_the_budget_holds_what_golden_units_showed(ran: fixture_run.Ran) -> None:
+    """Ten results of one unit on ten days in four nests, 2e-3 apart: 9 degrees of freedom."""
+    own = next(life for life in ran.lives(GOLDEN) if life["software"] != SOFTWARE)
+    history, fit = stored_attempt.result(own, "history"), stored_attempt.result(own, "calibration")
+    again = history["reproducibility"]
+    # σ of 27 squares: 2e-3 · (1 ± 3/√54).
+    assert again["dof"] == 9 and again["offset"] == pytest.approx(SCATTER, rel=3 / 54**0.5)
+    assert (history["repeats"], history["golden"], history["days"], history["nests"]) == (10, 1, 10, 4)
+    assert history["units"] == 20 and history["process"]["of_results"]
+    assert {b["parts"]["reproducibility"] for b in fit["budget"][:3]} == {again["offset"]}
+
+
+def test_the_refit_knows_what_the_run_knew(ran: fixture_run.Ran) -> None:
+    with SqliteLogReader(ran.folder / "station.db") as log:
+        own = next(a for a in log.attempts(Query(serial=GOLDEN)) if a.software != SOFTWARE)
+        found = recompute(log, own)
+    assert found.compared > 500 and found.identical
+
+
+def test_check_shows_it(ran: fixture_run.Ran, capsys: pytest.CaptureFixture[str]) -> None:
+    where = ("--db", str(ran.folder / "station.db"), "--config", str(ran.folder / "config.yaml"))
+    with pytest.raises(SystemExit) as ended:
+        main(["check", "six-point", *where])
+    shown = " ".join(capsys.readouterr().out.split())
+    assert ended.value.code == 0
+    assert "the newest results of 20 units" in shown and "11 results of 1 golden unit, 11 days, 5 nests" in shown
+    assert "reproducibility, % of u²" in shown
