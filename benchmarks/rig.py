@@ -14,12 +14,11 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from station.domain.rig.axis_errors import estimate_axis_errors
 from station.domain.rig.paths import safe_way
 from tests.fakes.driven_rig import DrivenRig, frames_of_a_life, killed_life, visit
 from tests.fakes.mountings import drawn, wrong
 from tests.integration.test_drive_faults import DRIVES_ASTRAY, HOMES, HOMING, OUTCOMES
-from tests.unit.test_rig_axis_errors import ANGLES, RIG, campaign
+from tests.unit.test_rig_axis_errors import ANGLES, campaign, estimated
 
 SEED = 20261122
 FACES = ("+x", "-y", "-x", "+y", "-z", "+z")
@@ -132,7 +131,7 @@ def axis_errors() -> tuple[str, str]:
     worst, covered, tried = 0.0, 0, 0
     for _ in range(60):
         true, readings = campaign(rng, ANGLES)
-        for error, value in zip(estimate_axis_errors(RIG, ANGLES, readings).errors, true.tolist(), strict=True):
+        for error, value in zip(estimated(ANGLES, readings).errors, true.tolist(), strict=True):
             if error.value is not None and error.interval is not None:
                 worst = max(worst, abs(error.value - value))
                 covered += abs(error.value - value) <= error.interval

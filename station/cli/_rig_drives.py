@@ -1,6 +1,5 @@
-"""The face of `station rig check`, and of simulated drives."""
+"""The face of `station rig check`."""
 
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,13 +7,12 @@ from typing import Any
 import yaml
 
 from station.cli._output import print_json, print_line, print_message, print_remark
+from station.domain.rig.rig_map import RigMap
 from station.errors import UsageError
 from station.files.replace import replace_text
 from station.messages import Message, render
 from station.service.rig_check import RigCheck
 
-#: What `--simulate` calls them.
-DRIVES = "cia402"
 SCHEMA = "station.rig-check/1"
 
 
@@ -31,20 +29,6 @@ class CheckRequest:
     json: bool
 
 
-def serve_drives(rig: str, channel: str, faults: tuple[str, ...], seconds: float | None) -> int:
-    """Serves until the time is over, or Ctrl-C, which is the way to stop it and no failure."""
-    from station.wiring.live_rig import LiveRig
-
-    live = LiveRig.open(rig, channel, faults)
-    print_json({"rig": live.rig.name, "axes": [a.name for a in live.rig.axes], "channel": channel})
-    until_s = None if seconds is None else time.monotonic() + seconds
-    try:
-        live.live(lambda: until_s is None or time.monotonic() < until_s)
-    except KeyboardInterrupt:
-        print_remark("the drives left the bus")
-    return 0
-
-
 def check(request: CheckRequest) -> int:
     """Commissions; exit code 0 where the rig is mounted as its map says, else 1."""
     from station.wiring.rig_check import commission
@@ -52,17 +36,27 @@ def check(request: CheckRequest) -> int:
 
     if request.mounted and not request.bench:
         raise UsageError("option-needs-simulate", option="--mounted")
-    order = RunOrder(recipe=request.recipe, config=request.config, simulate=request.bench)
-    found = commission(order, request.mounted, request.speed_deg_s, lambda m: print_remark(render(m)))
+    order = RunOrder(recipe=request.recipe, config=request.config, simulate=request.bench, mounted=request.mounted)
+    found = commission(order, request.speed_deg_s, lambda m: print_remark(render(m)))
     if request.correct is not None:
-        document = found.corrected.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-        text = yaml.safe_dump({"schema": "station.rig/1", **document}, sort_keys=False, allow_unicode=True)
-        replace_text(request.correct, text)
+        write_map(request.correct, found.corrected)
     if request.json:
         print_json(_document(found))
     else:
         _print_findings(found, request.correct)
     return 1 if found.findings else 0
+
+
+def write_map(path: Path, rig: RigMap) -> None:
+    """Writes a map that a person may go on editing: without the defaults."""
+    document = rig.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    text = yaml.safe_dump({"schema": "station.rig/1", **document}, sort_keys=False, allow_unicode=True)
+    replace_text(path, text)
+
+
+def map_document(rig: RigMap) -> dict[str, Any]:
+    """The whole map, for a program."""
+    return rig.model_dump(mode="json", by_alias=True)
 
 
 def _print_findings(found: RigCheck, corrected: Path | None) -> None:
@@ -100,5 +94,5 @@ def _document(found: RigCheck) -> dict[str, Any]:
         "axes": axes,
         "findings": [render(m) for m in found.findings],
         "messages": [m.document() for m in found.findings],
-        "corrected": found.corrected.model_dump(mode="json", by_alias=True),
+        "corrected": map_document(found.corrected),
     }

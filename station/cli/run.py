@@ -1,42 +1,29 @@
 """`station run`: the main job."""
 
-from pathlib import Path
-from typing import Annotated
-
-from typer import Option
+from station.cli import _run_options as given
 
 
 def command(
-    recipe: Annotated[str | None, Option(help="Recipe: a file, or its name in recipes/.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
-    simulate: Annotated[bool, Option("--simulate", help="Virtual bus, simulated rig and devices.")] = False,
-    units: Annotated[int | None, Option(min=1, max=100_000, help="How many units.")] = None,
-    serial: Annotated[list[str] | None, Option(help="Serial of a unit; repeatable, one per nest.")] = None,
-    nest: Annotated[list[str] | None, Option(help="Nest of each --serial, in its order; left out: one by one.")] = None,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
-    effect: Annotated[list[str] | None, Option(help="With --simulate: switch on a cause, ID or ID=SIZE.")] = None,
-    fault: Annotated[
-        list[str] | None, Option(help="With --simulate: what is wrong with a device, KIND[:key=value,...].")
-    ] = None,
-    seed: Annotated[int, Option(help="With --simulate: seed of everything random.")] = 1,
-    model: Annotated[
-        Path | None,
-        Option(help="Model of `diagnose --extend`: the calibration takes in what is the device's own; simulated too."),
-    ] = None,
-    device_state: Annotated[
-        Path | None, Option(help="With --simulate: folder of the devices' non-volatile memory.")
-    ] = None,
-    pace: Annotated[
-        float | None, Option(min=0.01, help="With --simulate: so many times real time, to watch it; left out: at once.")
-    ] = None,
-    interface: Annotated[str | None, Option(help="Bus interface, in place of config.yaml's.")] = None,
-    channel: Annotated[str | None, Option(help="Bus channel, in place of config.yaml's.")] = None,
-    operator: Annotated[str | None, Option(help="Who runs it, for the record.")] = None,
-    lot: Annotated[str | None, Option(help="Lot of the units, for the record.")] = None,
-    ask_at_page: Annotated[
-        bool, Option("--ask-at-page", help="What a person has to do is confirmed at `station panel`, not here.")
-    ] = False,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    recipe: given.Recipe = None,
+    config: given.Config = None,
+    simulate: given.Simulate = False,
+    units: given.Units = None,
+    serial: given.Serials = None,
+    nest: given.Nests = None,
+    db: given.Database = None,
+    effect: given.Effects = None,
+    fault: given.Faults = None,
+    seed: given.Seed = 1,
+    model: given.Model = None,
+    device_state: given.DeviceState = None,
+    mounted: given.Mounted = None,
+    pace: given.Pace = None,
+    interface: given.Interface = None,
+    channel: given.Channel = None,
+    operator: given.Operator = None,
+    lot: given.Lot = None,
+    ask_at_page: given.AskAtPage = False,
+    json: given.AsJson = False,
 ) -> int:
     """Take units through the recipe: calibrate, judge, write back, verify, log.
 
@@ -67,6 +54,7 @@ def command(
         channel=channel,
         operator=operator,
         lot=lot,
+        mounted=mounted,
     )
     if pace is not None and not simulate and not rehearsing(config):
         raise UsageError("option-needs-simulate", option="--pace")

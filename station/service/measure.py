@@ -15,6 +15,7 @@ from station.domain.product.emergency_codes import concerns_unit, emergency
 from station.domain.recipe import plan
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.records.framepack.plain import PlainFrames
+from station.domain.records.stored_attempt import AXIS_ANGLES
 from station.domain.run.progress import Event, VisitDone, VisitRejected, VisitStarted
 from station.errors import PositionerFault
 from station.messages import Message, render
@@ -41,6 +42,7 @@ class VisitMeasurement:
 
     def __init__(self, station: Station, job: Job, stop: StopRequest, capture: Capture) -> None:
         self._station, self._job, self._stop, self._capture = station, job, stop, capture
+        self._angles_deg: tuple[float, ...] = ()
 
     def at_visit(
         self, units: Sequence[Unit], planned: PlannedVisit, place: tuple[int, int], kind: str
@@ -89,7 +91,8 @@ class VisitMeasurement:
         where = self._station.positioner.where()
         if where is None:
             return
-        off = self._off_deg(where, planned)
+        self._angles_deg = where.angles_deg
+        off = self._off_deg(where.attitude, planned)
         if off > settings.arrival_tolerance_deg:
             raise PositionerFault("positioner-off", angle_deg=off, position=planned.position)
 
@@ -161,7 +164,8 @@ class VisitMeasurement:
         for unit in units:
             visit, reasons = found[unit.seat.serial]
             captured, encoded = collector.captured(unit, planned), collector.encoded(unit)
-            records.append(_visit_record(captured, encoded, "rejected" if reasons else kind, visit, reasons))
+            record = _visit_record(captured, encoded, "rejected" if reasons else kind, visit, reasons)
+            records.append(record if not self._angles_deg else _with_angles(record, self._angles_deg))
             if not reasons:
                 (unit.visits if kind == "tumble" else unit.verify_visits).append(visit)
                 unit.last_mean = visit.readings.mean(axis=0)
@@ -199,6 +203,11 @@ def _visit_record(
         statistics={**statistics(visit), **more},
         encoded=encoded,
     )
+
+
+def _with_angles(record: VisitRecord, angles_deg: tuple[float, ...]) -> VisitRecord:
+    """With what the encoders of the axes read there: what `station rig axes` compares the readings with."""
+    return replace(record, statistics={**record.statistics, AXIS_ANGLES: list(angles_deg)})
 
 
 def _mean(visit: Visit) -> tuple[float, ...]:

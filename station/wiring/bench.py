@@ -181,6 +181,7 @@ def _check_simulation_options(order: RunOrder) -> None:
         "--effect": order.effects,
         "--fault": order.faults,
         "--device-state": order.device_state,
+        "--mounted": order.mounted,
     }
     for option, value in given.items():
         if value and not order.simulate:

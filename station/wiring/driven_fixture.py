@@ -13,6 +13,7 @@ from station.domain.core.types import Floats
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.rig import kinematics
 from station.domain.rig.rig_map import RigMap
+from station.ports.positioner import MeasuredPose
 from station.wiring.positioners import positioner_options, refuse_nodes_of_units
 
 #: A move that is longer under way than this ends by itself, s; nobody knows beforehand how long it takes.
@@ -53,8 +54,8 @@ class DrivenFixture:
         self._drives.move(stop, timeout_s)
         self._arrived(self._clock.monotonic_s())
 
-    def where(self) -> Floats | None:
-        """Nest → station rotation (3, 3) by the encoders."""
+    def where(self) -> MeasuredPose | None:
+        """By the encoders."""
         return self._drives.where()
 
     def estimate_s(self, origin: PlannedVisit | None, stop: PlannedVisit) -> float:

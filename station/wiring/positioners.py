@@ -19,6 +19,8 @@ from station.wiring.buses import bus_kind, open_bus
 from station.wiring.options import options_of
 
 POSITIONERS = "station.adapters.positioner"
+#: Those whose `map` is one of axes (rigs/).
+AXIS_KINDS = ("cia402", "gcode")
 #: Words for `positioner.channel`: drives inside this process; drives on the units' bus. Any other is a channel.
 SIMULATED, UNITS = "simulated", "units"
 

@@ -30,8 +30,8 @@ SETTLE_S, READ_S = 0.5, 0.5
 _MIN_READINGS = 8
 
 
-def commission(order: RunOrder, mounted: str | None, speed_deg_s: float, tell: Callable[[Message], None]) -> RigCheck:
-    """Commissions the rig. mounted: with `simulate`, a map of how it is really built.
+def commission(order: RunOrder, speed_deg_s: float, tell: Callable[[Message], None]) -> RigCheck:
+    """Commissions the rig.
 
     Errors: UsageError, ConfigError, RecipeError before anything moves; PositionerFault, BusFault, DeviceSilent.
     """
@@ -46,8 +46,7 @@ def commission(order: RunOrder, mounted: str | None, speed_deg_s: float, tell: C
     nodes = [nest.node for nest in settings.nests]
     with ExitStack() as opened:
         if order.simulate:
-            true = None if mounted is None else load_rig(mounted)
-            fixture = SimulatedFixture(settings, document, job, source, order, true)
+            fixture = SimulatedFixture(settings, document, job, source, order)
             fixture.place([NestAssignment(f"SN{i + 1:04d}", n.name, n.node) for i, n in enumerate(settings.nests)])
             clock: Clock = fixture.clock
             bus: Bus = fixture.bus

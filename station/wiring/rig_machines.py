@@ -1,51 +1,87 @@
 """Simulated machines around a station, each served in a process of its own until its time is over."""
 
 import asyncio
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from station.adapters.modbus import load_map
+from station.adapters.simulated_device import grbl
+from station.adapters.simulated_device.grbl_port import GrblPort
 from station.adapters.simulated_plc import CellLoads, SimulatedPlc, parse_fault
 from station.adapters.simulated_plc.devices import serve_printer, serve_scanner
 from station.adapters.simulated_plc.retentive import RetentiveFile
 from station.adapters.simulated_plc.server import PlcServer
+from station.config.rigs import load_rig
 from station.errors import StationFault, UsageError
 from station.messages import system_reason
 from station.wiring.line import coming_loads
+from station.wiring.live_rig import LiveRig
 
 Tell = Callable[[Mapping[str, Any]], None]
+#: The maps as shipped.
+_RIG, _CELL = "two-axis", "cell"
 
 
 @dataclass(frozen=True, slots=True)
-class Machine:
-    """What is simulated and how; see `station rig --help`."""
+class CellOptions:
+    """A cell around a simulated machine; see `station rig --help`."""
 
-    host: str = "127.0.0.1"
-    port: int = 0
-    plc_map: str = "cell"
     nests: int = 4
     loads: int | None = None
     change_s: float = 1.0
     scanner_port: int | None = None
     memory: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """What is simulated and how; see `station rig --help`. map: None for the one as shipped."""
+
+    channel: str = "vcan1"
+    host: str = "127.0.0.1"
+    port: int = 0
+    map: str | None = None
     labels: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
     seconds: float | None = None
+    cell: CellOptions = CellOptions()
+
+
+def simulate_drives(machine: Machine, tell: Tell) -> None:
+    """The drives of a rig on a CAN interface."""
+    live = LiveRig.open(machine.map or _RIG, machine.channel, machine.faults)
+    tell({"rig": live.rig.name, "axes": [a.name for a in live.rig.axes], "channel": machine.channel})
+    live.live(_until(machine.seconds))
+
+
+def simulate_grbl(machine: Machine, tell: Tell) -> None:
+    """A GRBL controller behind a pseudo-terminal."""
+    fault = machine.faults[0] if machine.faults else ""
+    if len(machine.faults) > 1 or fault not in ("", *grbl.FAULTS):
+        raise UsageError("grbl-fault-unknown", faults=list(machine.faults), known=list(grbl.FAULTS))
+    rig = load_rig(machine.map or _RIG)
+    stub = grbl.GrblStub(min(axis.acceleration_deg_s2 for axis in rig.axes), fault)
+    with GrblPort(stub) as port:
+        tell({"grbl": port.name, "rig": rig.name})
+        port.serve(_until(machine.seconds))
 
 
 def simulate_plc(machine: Machine, tell: Tell) -> None:
     """A PLC with its cell, and a scanner of the labels in its nests."""
-    loads = CellLoads(iter(()), machine.change_s)
-    memory = RetentiveFile(Path(machine.memory)) if machine.memory else None
+    cell = machine.cell
+    loads = CellLoads(iter(()), cell.change_s)
+    memory = RetentiveFile(Path(cell.memory)) if cell.memory else None
     if memory is not None:
         memory.restore(loads)
-    rest = None if machine.loads is None else max(0, machine.loads - loads.load)
-    loads.coming = coming_loads(rest, machine.nests, loads.load * machine.nests + 1)
+    rest = None if cell.loads is None else max(0, cell.loads - loads.load)
+    loads.coming = coming_loads(rest, cell.nests, loads.load * cell.nests + 1)
     faults = [parse_fault(text) for text in machine.faults]
-    plc = SimulatedPlc(load_map(machine.plc_map), faults=faults, loads=loads, nests=machine.nests)
+    plc = SimulatedPlc(load_map(machine.map or _CELL), faults=faults, loads=loads, nests=cell.nests)
     if memory is not None:
         plc.starts = memory.starts
     watch = _Watch(plc, loads, memory, tell)
@@ -53,9 +89,9 @@ def simulate_plc(machine: Machine, tell: Tell) -> None:
 
     async def serve() -> None:
         jobs = [server.serve(machine.host, machine.port, lambda port: tell({"plc": port}))]
-        if machine.scanner_port is not None:
+        if cell.scanner_port is not None:
             read = _labels_of(loads)
-            jobs.append(serve_scanner(machine.host, machine.scanner_port, read, lambda port: tell({"scanner": port})))
+            jobs.append(serve_scanner(machine.host, cell.scanner_port, read, lambda port: tell({"scanner": port})))
         await asyncio.gather(*jobs)
 
     _run(serve(), machine)
@@ -78,10 +114,18 @@ def simulate_printer(machine: Machine, tell: Tell) -> None:
 
 
 MACHINES: Mapping[str, Callable[[Machine, Tell], None]] = {
+    "cia402": simulate_drives,
+    "grbl": simulate_grbl,
     "plc": simulate_plc,
     "scanner": simulate_scanner,
     "printer": simulate_printer,
 }
+
+
+def _until(seconds: float | None) -> Callable[[], bool]:
+    """Whether its time is not over."""
+    end_s = inf if seconds is None else time.monotonic() + seconds
+    return lambda: time.monotonic() < end_s
 
 
 def _run(serving: Any, machine: Machine) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 class RunOrder:
     """What the command line or the page asks for; None: as config.yaml says.
 
+    mounted: with `simulate`, a map of how the rig is really built.
     effects: `ID` or `ID=SIZE`; faults: `KIND[:key=value,…]`, of every unit, or of one as `SERIAL/KIND…`.
     """
 
@@ -24,3 +25,4 @@ class RunOrder:
     channel: str | None = None
     operator: str | None = None
     lot: str | None = None
+    mounted: str | None = None

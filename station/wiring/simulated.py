@@ -18,11 +18,11 @@ from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.adapters.simulated_device.stream import SimulatedSensor
 from station.config.documents import Document
 from station.config.models import load_model
+from station.config.rigs import load_rig
 from station.config.settings import Settings
 from station.domain.core.types import Frames, NestAssignment
 from station.domain.product.product import serial_of
 from station.domain.recipe.plan import PlannedVisit
-from station.domain.rig.rig_map import RigMap
 from station.errors import ProductError, UsageError
 from station.model.effect import Effect
 from station.model.rig import Rig
@@ -57,7 +57,6 @@ class SimulatedFixture:
         job: Job,
         source: Source,
         order: RunOrder,
-        mounted: RigMap | None = None,
     ) -> None:
         if source.eds is None:
             raise ProductError("product-without-eds", file=str(source.product))
@@ -65,8 +64,10 @@ class SimulatedFixture:
         self.clock, self.bus = self._world()
         self.positioner: Positioner
         if settings.positioner.kind == "cia402":
-            self.positioner = driven = self._driven(settings, document, mounted)
+            self.positioner = driven = self._driven(settings, document)
             plate = driven.plate
+        elif order.mounted:
+            raise UsageError("mounted-without-drives", kind=settings.positioner.kind)
         else:
             numbers = SimulatedPositioner(self._positioner_settings(document), self.clock, self._go)
             self.positioner, plate = numbers, numbers.plate
@@ -85,8 +86,9 @@ class SimulatedFixture:
         self._virtual = SimulatedBus(self._events)
         return self._events, self._virtual
 
-    def _driven(self, settings: Settings, document: Document, mounted: RigMap | None) -> DrivenFixture:
+    def _driven(self, settings: Settings, document: Document) -> DrivenFixture:
         told = self._go, self._arrived
+        mounted = load_rig(self._order.mounted) if self._order.mounted else None
         return DrivenFixture(settings, document, self._events, self._virtual, *told, mounted)
 
     def close(self) -> None:
@@ -247,8 +249,8 @@ class Rehearsal(SimulatedFixture):
     def _endpoint(self, _can_ids: tuple[int, ...]) -> Endpoint:
         return self._hub.endpoint()
 
-    def _driven(self, settings: Settings, document: Document, mounted: RigMap | None) -> DrivenFixture:
-        del document, mounted
+    def _driven(self, settings: Settings, document: Document) -> DrivenFixture:
+        del document
         raise UsageError("rehearsal-positioner", kind=settings.positioner.kind)
 
     def _break_wire(self, fault: str) -> None:

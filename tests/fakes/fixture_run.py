@@ -95,7 +95,7 @@ def run(
                     ran.fault = ran.fault or event.fault
                     ran.results |= {r.seat.serial: r for r in event.results}
             where = bench.station.positioner.where()
-            ran.parked = where is None or bool(abs(where.trace() - 3.0) < 1e-9)
+            ran.parked = where is None or bool(abs(where.attitude.trace() - 3.0) < 1e-9)
             if ran.fault is not None:
                 break
     return ran

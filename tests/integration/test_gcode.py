@@ -1,11 +1,9 @@
 """GRBL over a serial port: `ok` is not arrival, an alarm is never unlocked, whatever ends a move holds the feed."""
 
-import os
 import threading
 import time
-import tty
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
 import pytest
 
@@ -13,6 +11,7 @@ from station.adapters.clock import SystemClock, VirtualClock
 from station.adapters.positioner._twin import TwinPort
 from station.adapters.positioner.gcode import GcodePositioner
 from station.adapters.simulated_device.grbl import FAULTS, GrblStub
+from station.adapters.simulated_device.grbl_port import GrblPort
 from station.errors import Aborted, PositionerFault, StationError
 from tests.fakes.driven_rig import visit
 
@@ -101,29 +100,15 @@ def test_a_stop_holds_the_feed_at_once_and_the_rig_parks_without_losing_its_plac
 @contextmanager
 def controller_on_a_pty() -> Iterator[tuple[str, GrblStub]]:
     """A controller behind a real pseudo-terminal, served by a thread."""
-    ours, theirs = os.openpty()
-    tty.setraw(theirs)
-    os.set_blocking(ours, False)
-    stub, running = GrblStub(100_000.0), threading.Event()
-    running.set()
-
-    def serve() -> None:
-        while running.is_set():
-            with suppress(BlockingIOError):
-                stub.feed(os.read(ours, 4096), time.monotonic())
-            if said := stub.answers(time.monotonic()):
-                os.write(ours, said)
-            time.sleep(0.001)
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    try:
-        yield os.ttyname(theirs), stub
-    finally:
-        running.clear()
-        thread.join()
-        os.close(ours)
-        os.close(theirs)
+    stub, over = GrblStub(100_000.0), threading.Event()
+    with GrblPort(stub) as port:
+        thread = threading.Thread(target=port.serve, args=(lambda: not over.is_set(),))
+        thread.start()
+        try:
+            yield port.name, stub
+        finally:
+            over.set()
+            thread.join()
 
 
 def test_it_turns_over_a_real_serial_port() -> None:

@@ -139,7 +139,7 @@ def test_whoever_stops_listening_leaves_a_finished_record_and_a_parked_fixture(w
             running.close()
             where = bench.station.positioner.where()
             assert where is not None
-            assert abs(where.trace() - 3.0) < 1e-9
+            assert abs(where.attitude.trace() - 3.0) < 1e-9
         ran = Ran(folder)
         assert ran.life("SN0001")["outcome"] in ("ABORTED", "PASS")
         assert len(ran.coefficients("SN0001")) in (0, 12)

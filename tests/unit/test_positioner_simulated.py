@@ -47,7 +47,7 @@ def test_each_arrival_is_off_by_the_declared_error() -> None:
     off = []
     for _ in range(400):
         positioner.move(stop("+x"), 60)
-        off.append(rotation.to_vector(positioner.where() @ stop("+x").nest.T))
+        off.append(rotation.to_vector(positioner.where().attitude @ stop("+x").nest.T))
     # 1200 draws: the standard deviation is known to 1/sqrt(2400) = 2 %; 5 standard deviations.
     assert np.std(off) == pytest.approx(np.deg2rad(0.1), rel=0.102)
 
@@ -57,7 +57,7 @@ def test_equal_seeds_give_equal_places() -> None:
     for up in ("+x", "-z", "+y"):
         first.move(stop(up), 60)
         second.move(stop(up), 60)
-        assert np.array_equal(first.where(), second.where())
+        assert np.array_equal(first.where().attitude, second.where().attitude)
 
 
 @pytest.mark.parametrize("fault", ["stuck", "slow"])
@@ -74,7 +74,7 @@ def test_at_the_wrong_place_its_encoders_say_so() -> None:
     positioner, _ = made(fault="wrong-place")
     positioner.move(stop("+x"), 10)
     positioner.move(stop("+x"), 10)
-    assert np.linalg.norm(rotation.to_vector(positioner.where() @ stop("+x").nest.T)) > 1.0
+    assert np.linalg.norm(rotation.to_vector(positioner.where().attitude @ stop("+x").nest.T)) > 1.0
 
 
 @pytest.mark.parametrize("pair", [("+x", "-x"), ("+y", "-y"), ("+z", "-z"), ("-y", "+y")])
@@ -82,5 +82,5 @@ def test_a_half_turn_arrives_upside_down(pair: tuple[str, str]) -> None:
     positioner, clock = made()
     for up in pair:
         positioner.move(stop(up), 60)
-        assert np.allclose(positioner.where(), stop(up).nest, atol=1e-9)
+        assert np.allclose(positioner.where().attitude, stop(up).nest, atol=1e-9)
     assert clock.monotonic_s() > 180 / 90

@@ -10,7 +10,6 @@ from station.adapters.positioner._cia402.link import DriveLink
 from station.adapters.positioner._cia402.watch import MotionWatch, stop_all
 from station.adapters.positioner._twin import twin_bus
 from station.config.rigs import load_rig
-from station.domain.core.types import Floats
 from station.domain.recipe.fields import StrictModel
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.rig import drive_profile as profile
@@ -20,6 +19,7 @@ from station.errors import Aborted, BusFault, PositionerFault, StationError
 from station.messages import Message
 from station.ports.bus import Bus
 from station.ports.clock import Clock
+from station.ports.positioner import MeasuredPose
 
 #: What the station itself needs besides the drives' own motion, s: to set the drives up and energise them from the
 #: parked place; for the handshake of one hop.
@@ -88,11 +88,12 @@ class Cia402Positioner:
         goals = self._goals(stop)
         self._turn_to(goals, self._clock.monotonic_s() + timeout_s, Message("place-position", position=stop.position))
 
-    def where(self) -> Floats | None:
-        """Nest → station rotation (3, 3) by the encoders, read now; None before the axes know where they are."""
+    def where(self) -> MeasuredPose | None:
+        """By the encoders, read now; None before the axes know where they are."""
         if not self._homed:
             return None
-        return self.rig.attitude(self._angles())
+        angles = self._angles()
+        return MeasuredPose(self.rig.attitude(angles), angles)
 
     def estimate_s(self, origin: PlannedVisit | None, stop: PlannedVisit) -> float:
         """Time of the quickest safe way, and of the handshakes. Errors: PositionerFault where there is none."""

@@ -10,7 +10,6 @@ from pydantic import Field
 
 from station.adapters.positioner._twin import twin_port
 from station.config.rigs import load_rig
-from station.domain.core.types import Floats
 from station.domain.recipe.fields import StrictModel
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.rig.paths import safe_way
@@ -18,6 +17,7 @@ from station.domain.rig.rig_map import RigMap
 from station.errors import Aborted, PositionerFault, UsageError
 from station.messages import Message, system_reason
 from station.ports.clock import Clock
+from station.ports.positioner import MeasuredPose
 
 #: How often the state is read in a move, s, and how long an answer may take.
 POLL_S, ANSWER_S = 0.02, 1.0
@@ -79,9 +79,12 @@ class GcodePositioner:
         """Turns to the stop and proves that it is there. Errors: PositionerFault."""
         self._turn_to(self._goals(stop), timeout_s, Message("place-position", position=stop.position))
 
-    def where(self) -> Floats | None:
-        """Nest → station rotation (3, 3) as the controller counts its steps; None before it was found in order."""
-        return self.rig.attitude(self._status().angles_deg) if self._ready else None
+    def where(self) -> MeasuredPose | None:
+        """As the controller counts its steps; None before it was found in order."""
+        if not self._ready:
+            return None
+        angles = self._status().angles_deg
+        return MeasuredPose(self.rig.attitude(angles), angles)
 
     def estimate_s(self, origin: PlannedVisit | None, stop: PlannedVisit) -> float:
         """Time of the quickest safe way. Errors: PositionerFault where there is none."""

@@ -19,6 +19,7 @@ from station.domain.recipe.plan import PlannedVisit
 from station.errors import PlcFault, PositionerFault
 from station.messages import Message
 from station.ports.clock import Clock
+from station.ports.positioner import MeasuredPose
 
 Quaternion = tuple[int, int, int, int]
 
@@ -83,10 +84,11 @@ class PlcPositioner:
         """Turns to the identity, where units are loaded. Errors: PositionerFault."""
         self._travel(np.eye(3), timeout_s, Message("place-parking"))
 
-    def where(self) -> Floats | None:
-        """Nest → station rotation (3, 3) as the PLC measures it. Errors: PositionerFault."""
+    def where(self) -> MeasuredPose | None:
+        """As the PLC measures it. Errors: PositionerFault."""
         try:
-            return self._link.begin().attitude()
+            attitude = self._link.begin().attitude()
+            return None if attitude is None else MeasuredPose(attitude)
         except PlcFault as fault:
             raise PositionerFault(fault.message) from fault
 

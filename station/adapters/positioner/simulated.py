@@ -15,6 +15,7 @@ from station.domain.recipe.plan import PlannedVisit
 from station.errors import PositionerFault
 from station.messages import Message
 from station.ports.clock import Clock
+from station.ports.positioner import MeasuredPose
 
 #: Told of each move as it begins: the stop, when it departs and when it arrives, monotonic s.
 MoveListener = Callable[[PlannedVisit, float, float], None]
@@ -73,11 +74,11 @@ class SimulatedPositioner:
         self._commanded = stop.nest
         self._go(goal, stop)
 
-    def where(self) -> Floats:
-        """Nest → station rotation (3, 3) as the encoders read it."""
+    def where(self) -> MeasuredPose:
+        """As the encoders read it."""
         error = self._rng.normal(0.0, math.radians(self._settings.encoder_deg), 3)
         attitude = self._commanded if self._settings.encoder_lies else self.at(self._clock.monotonic_s())
-        return np.asarray(rotation.from_vector(error) @ attitude)
+        return MeasuredPose(np.asarray(rotation.from_vector(error) @ attitude))
 
     def estimate_s(self, origin: PlannedVisit | None, stop: PlannedVisit) -> float:
         """Time of the move by the trapezium of speed."""

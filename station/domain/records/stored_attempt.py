@@ -6,6 +6,8 @@ from typing import Any
 
 #: What the software of an attempt ends with when rig and devices were simulated.
 SIMULATED = "+simulated"
+#: What the encoders of the fixture's axes read at a visit: a key of its statistics, degrees, outer axis first.
+AXIS_ANGLES = "axis_angles_deg"
 
 
 def is_simulated(stored: Mapping[str, Any]) -> bool:

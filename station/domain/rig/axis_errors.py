@@ -8,7 +8,7 @@ projection).
 The diagnosis names such errors position by position (`index-error`) or as `base-tilt`; here they are those of two axes.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,13 +16,17 @@ from scipy import stats
 
 from station.domain.core import rotation
 from station.domain.core.types import Floats
-from station.domain.rig.commissioning import with_axes
+from station.domain.rig.commissioning import TIMES_STD, with_axes
 from station.domain.rig.kinematics import VERTICAL
 from station.domain.rig.rig_map import RigMap
 
 #: Directions of errors that change the readings less than this, relative to the strongest, cannot be told apart.
 _SINGULAR = 1e-6
 _ROUNDS = 4
+#: What is worth a correction: an error that moves a place of the axis by so much, degrees.
+WORTH_DEG = 0.01
+#: A place half a turn away, by which an error of scale is judged, degrees.
+_HALF_TURN_DEG = 180.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +41,19 @@ class AxisError:
     interval: float | None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitOnAxes:
+    """One unit's visits: angles_deg (v, axes) as the encoders read, readings (v, 3) means in g, seats (v, 3, 3)
+    device → nest."""
+
+    angles_deg: Floats
+    readings: Floats
+    seats: Floats
+
+
 @dataclass(frozen=True, slots=True)
 class AxisErrors:
-    """Every error; residual_g: what is left of a reading; angles (v, axes): the visits' commanded angles."""
+    """Every error; residual_g: what is left of a reading; dof: readings less everything that was estimated."""
 
     errors: tuple[AxisError, ...]
     residual_g: float
@@ -80,20 +94,18 @@ def felt(rig: RigMap, angles_deg: Floats, errors: Floats, seats: Floats | None =
     return np.asarray(np.einsum("vij,i->vj", R, VERTICAL))
 
 
-def estimate_axis_errors(rig: RigMap, angles_deg: Floats, readings: Floats, seats: Floats | None = None) -> AxisErrors:
-    """Errors of the axes. angles_deg (v, axes) commanded; readings (units, v, 3) means in g; seats (v, 3, 3):
-    device → nest, left out: at home.
+def estimate_axis_errors(rig: RigMap, units: Sequence[UnitOnAxes]) -> AxisErrors:
+    """Errors of the axes, from one unit at least.
 
-    Standard deviations hold for whatever of the errors these positions can show; the others are None.
+    Standard deviations hold for whatever of the errors these visits can show; the others are None.
     """
     kinds = kinds_of(rig)
     errors = np.zeros(len(kinds))
     for _ in range(_ROUNDS):
-        design, left = _projected(lambda e: felt(rig, angles_deg, e, seats), readings, errors)
-        step, shown, covariance = _solve(design, left)
+        step, shown, covariance = _solve(*_projected(rig, units, errors))
         errors = errors + step
-    design, left = _projected(lambda e: felt(rig, angles_deg, e, seats), readings, errors)
-    dof = readings.size - 12 * len(readings) - int(shown.sum())
+    _, left = _projected(rig, units, errors)
+    dof = len(left) - 12 * len(units) - int(shown.sum())
     variance = float(left @ left) / max(dof, 1)
     std = np.sqrt(np.diag(covariance) * variance)
     factor = float(stats.t.ppf(0.975, max(dof, 1)))
@@ -122,8 +134,15 @@ def corrected_by_errors(rig: RigMap, found: AxisErrors) -> RigMap:
     return with_axes(rig, axes)
 
 
+def worth_telling(error: AxisError) -> bool:
+    """Whether it is far beyond its uncertainty, and moves a place within half a turn by `WORTH_DEG` or more."""
+    moved_deg = abs(_significant(error)) * (_HALF_TURN_DEG if error.kind == "scale" else 1.0)
+    return moved_deg >= WORTH_DEG
+
+
 def _significant(error: AxisError) -> float:
-    if error.value is None or error.interval is None or abs(error.value) <= error.interval:
+    """Nine errors are judged at once: an interval of 95 % would find one by chance in every third rig."""
+    if error.value is None or error.std is None or abs(error.value) <= TIMES_STD * error.std:
         return 0.0
     return error.value
 
@@ -135,26 +154,26 @@ def _normal(rig: RigMap) -> Floats:
     return np.asarray(normal / np.linalg.norm(normal))
 
 
-def _projected(model: Callable[[Floats], Floats], readings: Floats, errors: Floats) -> tuple[Floats, Floats]:
+def _projected(rig: RigMap, units: Sequence[UnitOnAxes], errors: Floats) -> tuple[Floats, Floats]:
     """Derivatives (units · v · 3, errors) and residuals, both without what the units' own coefficients explain."""
-    up = model(errors)
-    own = np.column_stack([up, np.ones(len(up))])
-    Q, _ = np.linalg.qr(own)
-    slopes = np.stack([_slope(model, errors, i) for i in range(len(errors))], axis=-1)
     blocks, left = [], []
-    for unit in readings:
-        M = np.linalg.lstsq(own, unit, rcond=None)[0][:3].T
+    for unit in units:
+        own = np.column_stack([felt(rig, unit.angles_deg, errors, unit.seats), np.ones(len(unit.readings))])
+        Q, _ = np.linalg.qr(own)
+        slopes = np.stack([_slope(rig, unit, errors, i) for i in range(len(errors))], axis=-1)
+        M = np.linalg.lstsq(own, unit.readings, rcond=None)[0][:3].T
         J = np.einsum("ij,vjk->vik", M, slopes)
         J = J - np.einsum("vq,qik->vik", Q, np.einsum("vq,vik->qik", Q, J))
         blocks.append(J.reshape(-1, len(errors)))
-        left.append((unit - Q @ (Q.T @ unit)).ravel())
+        left.append((unit.readings - Q @ (Q.T @ unit.readings)).ravel())
     return np.vstack(blocks), np.concatenate(left)
 
 
-def _slope(function: Callable[[Floats], Floats], at: Floats, index: int) -> Floats:
-    step = np.zeros(len(at))
+def _slope(rig: RigMap, unit: UnitOnAxes, errors: Floats, index: int) -> Floats:
+    step = np.zeros(len(errors))
     step[index] = 1e-4
-    return np.asarray((function(at + step) - function(at - step)) / 2e-4)
+    ahead, behind = (felt(rig, unit.angles_deg, errors + way * step, unit.seats) for way in (1, -1))
+    return np.asarray((ahead - behind) / 2e-4)
 
 
 def _solve(design: Floats, left: Floats) -> tuple[Floats, Floats, Floats]:
@@ -169,19 +188,3 @@ def _solve(design: Floats, left: Floats) -> tuple[Floats, Floats, Floats]:
     shown = seen & (hidden < 1e-3)
     step = np.where(shown, inverse @ (U[:, keep].T @ left) / size, 0.0)
     return step, shown, (inverse @ inverse.T) / np.outer(size, size)
-
-
-def angles_of_visits(rig: RigMap, nests: Sequence[Floats]) -> Floats:
-    """Commanded angles (v, axes) of visits by their nest → station rotations, in order, each the nearest to the one
-    before."""
-    at, found = rig.park_deg, []
-    for nest in nests:
-        goals = rig.goals(nest)
-        at = min(goals, key=lambda goal: rig.space.hop_s(at, goal))
-        found.append(at)
-    return np.array(found)
-
-
-def by_unit(readings: Mapping[str, Floats]) -> Floats:
-    """Readings (units, v, 3) in the order of the units' names."""
-    return np.stack([readings[unit] for unit in sorted(readings)])
