@@ -13,7 +13,7 @@ from station.cli._fold import folded
 from station.domain.core.types import Outcome
 from station.domain.evaluation.model_comparison import LargerModel
 from station.domain.evaluation.pipeline import CalibrationResult
-from station.domain.methods import coefficients, decision_rule
+from station.domain.methods import coefficients, decision
 from station.domain.recipe.recipe import Recipe
 from station.messages import Message, render
 
@@ -163,5 +163,5 @@ def _summary(recipe: Recipe, summary: CalibrationSummary) -> str:
     if passed:
         worst = summary.worst_false_accept
         chance = "below 1e-6" if worst < 1e-6 else f"at most {worst:.2g}"
-        text += f"; probability of a false accept {chance}; rule {render(decision_rule.rule_of(limits))}"
+        text += f"; probability of a false accept {chance}; rule {render(decision.rule_of(limits))}"
     return text

@@ -1,7 +1,7 @@
 """What a unit's kept visits come to: calibration, verdict, and the proof through its own output."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -74,7 +74,12 @@ def verify(unit: Unit, job: Job, visits: Sequence[PlannedVisit]) -> tuple[tuple[
     if job.plain is not None:
         for position, before in zip(positions, _without_model(unit, job, job.plain, found), strict=True):
             position["error_before"] = before.error
-    shown: dict[str, Any] = {"limit": job.recipe.verify.limit, "unit": job.recipe.unit, "positions": positions}
+    shown: dict[str, Any] = {
+        "limit": job.recipe.verify.limit,
+        "unit": job.recipe.unit,
+        "positions": positions,
+        "decisions": [asdict(d) | {"margin": d.margin} for d in verification.verify_decisions(found, job.recipe)],
+    }
     if job.compensated_causes:
         shown["takes_in"] = list(job.compensated_causes)
     unit.verification = shown
@@ -110,11 +115,12 @@ def _verified(visit: Visit, true: Floats, strength: float, unit: Unit, job: Job)
     if job.product.map.switch is None and job.product.map.sends != "compensated":
         output = fit.calibration.correct(output)
     cov = verification.error_covariance(fit, job.recipe, true, output)
-    return verification.VerifiedPosition(visit.position, np.asarray(output.mean(axis=0)), true, strength, cov)
+    own = verification.measured_covariance(fit, job.recipe, (visit.position, visit.seating), true, output)
+    return verification.VerifiedPosition(visit.position, np.asarray(output.mean(axis=0)), true, strength, cov, own)
 
 
 def _document(v: verification.VerifiedPosition) -> dict[str, Any]:
     """A verify position for the record; its error's forecast as standard deviations of the axes."""
     std = None if v.cov is None else np.sqrt(np.diagonal(v.cov)).tolist()
     measured = {"name": v.position, "mean": v.mean.tolist(), "true": v.true.tolist(), "error": v.error}
-    return {**measured, "forecast_std": std, "chance": v.chance}
+    return {**measured, "std": v.std, "forecast_std": std, "chance": v.chance}

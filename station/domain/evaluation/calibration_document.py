@@ -7,7 +7,7 @@ import numpy as np
 
 from station.domain.core.types import Calibration, ReducedVisits
 from station.domain.evaluation.pipeline import CalibrationResult
-from station.domain.methods import decision_rule, uncertainty
+from station.domain.methods import decision, uncertainty, visit_limits
 from station.domain.recipe.recipe import Recipe
 from station.messages import render
 
@@ -26,7 +26,7 @@ def head(recipe: Recipe) -> dict[str, Any]:
         "recipe": {"name": recipe.name, "version": recipe.version},
         "method": recipe.method,
         "unit": recipe.unit,
-        "rule": render(decision_rule.rule_of(recipe.limits)),
+        "rule": render(decision.rule_of(recipe.limits)),
     }
 
 
@@ -69,7 +69,7 @@ def coefficients(found: Calibration, visits: ReducedVisits) -> dict[str, Any]:
         "matrix": found.matrix.tolist(),
         "covariance": found.covariance.tolist(),
         "residual_rms": found.residual_rms,
-        "consistency": decision_rule.consistency(visits, found.disturbed),
+        "consistency": visit_limits.consistency(visits, found.disturbed)[0],
         "positions": [_position(found, visits, v) for v in range(len(visits))],
     }
 

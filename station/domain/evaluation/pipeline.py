@@ -11,7 +11,8 @@ from station.domain.evaluation import quality
 from station.domain.evaluation.unit_dwells import UnitDwells, reduce_table, reduce_visits
 from station.domain.methods import method, rank, scatter, tilt, uncertainty
 from station.domain.methods.coefficients import matrix_of, offset_of
-from station.domain.methods.decision_rule import Decision, decisions, judge
+from station.domain.methods.decision import Decision
+from station.domain.methods.decision_rule import decisions, judge
 from station.domain.methods.method import Fit
 from station.domain.methods.scatter import SolvedUnits
 from station.domain.methods.uncertainty import Budget

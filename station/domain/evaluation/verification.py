@@ -7,11 +7,15 @@ import scipy
 
 from station.domain.core.types import Calibration, Floats, Reason
 from station.domain.evaluation.pipeline import CalibrationResult
+from station.domain.methods.decision import Decision, decide_limit
 from station.domain.noise import resolution
 from station.domain.noise.dwell_statistics import measure
+from station.domain.recipe import assumptions, references
 from station.domain.recipe.recipe import Recipe
 from station.messages import Message
 
+#: What decisions on verify positions are called, before the position's name.
+WHAT = "verification"
 #: An error that chance would make this rarely tells of something between calibration and output that is not right.
 MIN_P_VALUE = 1e-6
 
@@ -19,13 +23,15 @@ MIN_P_VALUE = 1e-6
 @dataclass(frozen=True, slots=True, eq=False)
 class VerifiedPosition:
     """One verify position: mean (3) of the compensated output, true (3) stimulus (NaN where the pose is unknown)
-    and its magnitude, in the recipe's unit; cov (3, 3): how far off the mean is forecast to be, or None."""
+    and its magnitude, in the recipe's unit; cov (3, 3): how far off the mean is forecast to be, or None; measured
+    (3, 3): covariance of the error as it was measured, by dwell and stimulus, or None."""
 
     position: str
     mean: Floats
     true: Floats
     strength: float
     cov: Floats | None = None
+    measured: Floats | None = None
 
     @property
     def error(self) -> float:
@@ -33,6 +39,18 @@ class VerifiedPosition:
         if not np.isfinite(self.true).all():
             return abs(float(np.linalg.norm(self.mean)) - self.strength)
         return float(np.linalg.norm(self.mean - self.true))
+
+    @property
+    def std(self) -> float:
+        """Standard uncertainty of the error, along it; of one too small to have a direction, the largest there is."""
+        if self.measured is None:
+            return 0.0
+        known = np.isfinite(self.true).all()
+        off = self.mean - self.true if known else self.mean
+        along = off / max(float(np.linalg.norm(off)), 1e-300)
+        widest = float(np.linalg.eigvalsh(self.measured)[-1])
+        own = float(along @ self.measured @ along)
+        return float(np.sqrt(widest if known and self.error**2 < widest else own))
 
     @property
     def chance(self) -> float | None:
@@ -64,6 +82,28 @@ def error_covariance(found: CalibrationResult, recipe: Recipe, true: Floats, rea
     return np.asarray(fitted + _of_dwell(reading, recipe.device.lsb) + pose)
 
 
+def measured_covariance(
+    found: CalibrationResult, recipe: Recipe, at: tuple[str, str], true: Floats, reading: Floats
+) -> Floats | None:
+    """Covariance (3, 3) of an error as it was measured: of the dwell, of this pose, and of the stimulus itself.
+
+    at: position and seating; true (3) or NaN; reading (n, 3) of the verify dwell. What the stimulus may be wrong by the
+    calibration shares, so that it does not show as an error, and is in what the device puts out all the same.
+    """
+    if found.calibration is None or len(reading) < 2:
+        return None
+    of_dwell = _of_dwell(reading, recipe.device.lsb)
+    if not np.isfinite(true).all():
+        mean = np.asarray(reading.mean(axis=0))
+        return np.asarray(of_dwell + assumptions.magnitude_relative_std(recipe) ** 2 * np.outer(mean, mean))
+    pose = _pose_variance(found.calibration, recipe) * (true @ true * np.eye(3) - np.outer(true, true))
+    position, seating = (at[0],), (at[1],)
+    stated = references.truth_errors(recipe, position, seating, true[None])
+    turned = references.direction_errors(recipe, position, seating, true[None], assumptions.directions_deg(recipe))
+    shared = [pattern[:, 0] for pattern in (*stated.values(), *turned.values())]
+    return np.asarray(of_dwell + pose + sum((p.T @ p for p in shared), np.zeros((3, 3))))
+
+
 def _pose_variance(calibration: Calibration, recipe: Recipe) -> float:
     """Variance of a pose about each axis, rad²: as declared, or as the tilts of the fit show it if that is more."""
     tilts = np.deg2rad(calibration.tilt_deg[~calibration.disturbed])
@@ -80,24 +120,29 @@ def _of_dwell(reading: Floats, lsb: float) -> Floats:
     return np.asarray(root[:, None] * dwell.correlation[0] * root + rounding + 1e-30 * np.eye(3))
 
 
-def check(verified: tuple[VerifiedPosition, ...], recipe: Recipe) -> tuple[Reason, ...]:
-    """A reason for each verify position whose error is beyond the recipe's limit; without one, beyond the forecast."""
-    limit = recipe.verify.limit
+def verify_decisions(verified: tuple[VerifiedPosition, ...], recipe: Recipe) -> tuple[Decision, ...]:
+    """What the recipe's limit came to at each verify position, by the rule of all limits; none without a limit."""
+    limit, limits, unit = recipe.verify.limit, recipe.limits, recipe.unit
     if limit is None:
+        return ()
+    return tuple(decide_limit(limits, (f"{WHAT} {v.position}", unit), v.error, v.std, limit) for v in verified)
+
+
+def check(verified: tuple[VerifiedPosition, ...], recipe: Recipe) -> tuple[Reason, ...]:
+    """A reason for each verify position whose error is not accepted; without a limit, is beyond the forecast."""
+    if recipe.verify.limit is None:
         return tuple(
             _unexpected_error(v, recipe.unit) for v in verified if v.chance is not None and v.chance < MIN_P_VALUE
         )
-    return tuple(
-        Reason(
-            Message("output-beyond-limit", position=v.position, value=v.error, unit=recipe.unit, limit=limit),
-            v.error,
-            limit,
-            recipe.unit,
-            check="verify",
-        )
-        for v in verified
-        if not v.error <= limit
+    decided = zip(verified, verify_decisions(verified, recipe), strict=True)
+    return tuple(_refused(v, d) for v, d in decided if not d.accepted)
+
+
+def _refused(v: VerifiedPosition, d: Decision) -> Reason:
+    message = Message(
+        "output-beyond-limit", position=v.position, value=d.value, unit=d.unit, limit=d.limit, guard=d.guard
     )
+    return Reason(message, d.value, d.limit - d.guard, d.unit, check="verify")
 
 
 def _unexpected_error(v: VerifiedPosition, unit: str) -> Reason:

@@ -189,13 +189,8 @@ def _truth(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits)
         gain = np.where(coefficients.OFFSETS, 0.0, fit.theta) * relative
         return {"magnitude": gain[:, :, None] * gain[:, None, :]}
     found = dict(references.truth_errors(recipe, visits.position, visits.seating, visits.true))
-    if recipe.reference.source != "gold" or recipe.reference.nest_std_deg is not None:
-        degrees = {
-            "nest": assumptions.nest_deg(recipe),
-            "base": assumptions.base_deg(recipe),
-            "field": assumptions.field_deg(recipe),
-        }
-        found |= references.direction_errors(recipe, visits.position, visits.seating, visits.true, degrees)
+    degrees = assumptions.directions_deg(recipe)
+    found |= references.direction_errors(recipe, visits.position, visits.seating, visits.true, degrees)
     return {name: contributions.patterns(fit, pattern) for name, pattern in found.items()}
 
 

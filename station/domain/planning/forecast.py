@@ -11,7 +11,7 @@ import numpy as np
 from station.domain.capture.rest_detection import expected_noise
 from station.domain.core.types import Floats
 from station.domain.methods import coefficients, method, uncertainty
-from station.domain.methods.decision_rule import guard_band
+from station.domain.methods.decision import guard_band
 from station.domain.methods.uncertainty import Budget
 from station.domain.planning import adaptive_dwell, nominal_visits
 from station.domain.recipe.recipe import Recipe

@@ -66,6 +66,13 @@ def field_deg(recipe: Recipe) -> float:
     return _stated_or(recipe.reference.field_std_deg, FIELD_DEG if recipe.reference.source == "field" else 0.0)
 
 
+def directions_deg(recipe: Recipe) -> dict[str, float]:
+    """Of nest, base and field, for references.direction_errors; a gold reference knows its own direction."""
+    if recipe.reference.source == "gold" and recipe.reference.nest_std_deg is None:
+        return {}
+    return {"nest": nest_deg(recipe), "base": base_deg(recipe), "field": field_deg(recipe)}
+
+
 def pose_deg(recipe: Recipe, residual_dof: float) -> float:
     """Error of each pose by itself, about each axis; where nothing is stated, residuals show it if they can."""
     return _stated_or(recipe.reference.pose_std_deg, 0.0 if residual_dof >= MIN_RESIDUAL_DOF else POSE_DEG)

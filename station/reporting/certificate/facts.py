@@ -29,6 +29,7 @@ def of_attempt(stored: Mapping[str, Any], recipe: Recipe, head: LogHead, issuer:
     if not fit or not verdict or fit.get("offset") is None:
         raise LogError("certificate-no-calibration", attempt=str(stored["attempt"]), serial=str(stored["serial"]))
     identity = stored_attempt.result(stored, "identity") or {}
+    verified = stored_attempt.result(stored, "verification")
     known = history.of_document(stored_attempt.result(stored, "history"))
     recipe = known.applied(recipe)
     return {
@@ -46,10 +47,10 @@ def of_attempt(stored: Mapping[str, Any], recipe: Recipe, head: LogHead, issuer:
         "unit": recipe.unit,
         "coefficients": coefficients(fit),
         "covariance": fit["covariance"],
-        "decisions": fit.get("decisions", []),
+        "decisions": [*fit.get("decisions", []), *(verified or {}).get("decisions", [])],
         "rule": verdict.get("rule"),
         "risks": {key: verdict.get(key) for key in ("false_accept", "false_reject")},
-        "verification": stored_attempt.result(stored, "verification"),
+        "verification": verified,
         "adjustment": [
             {key: write.get(key) for key in ("name", "object", "old", "written", "read_back")}
             for write in stored["writes"]
