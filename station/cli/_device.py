@@ -15,7 +15,6 @@ def serve_devices(wanted: Population, seconds: float | None) -> int:
     """Serves until the time is over, or Ctrl-C, which is the way to stop it and no failure."""
     devices = LiveDevices.open(wanted)
     bodies = {s: {"offset": b.offset.tolist(), "matrix": b.matrix.tolist()} for s, b in devices.bodies.items()}
-    print_json({"schema": "station.device/1", "units": bodies})
     commands = _Commands(devices.world)
     until_s = None if seconds is None else time.monotonic() + seconds
 
@@ -24,6 +23,7 @@ def serve_devices(wanted: Population, seconds: float | None) -> int:
         return until_s is None or time.monotonic() < until_s
 
     try:
+        print_json({"schema": "station.device/1", "units": bodies})
         devices.live(go_on)
     except KeyboardInterrupt:
         print_remark("the devices left the bus")

@@ -1,6 +1,7 @@
 """The face of the plant: settings in, then a server until it is stopped; and what a person decides about it."""
 
 import ssl
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,8 @@ def serve(config: Path, host: str, port: int) -> int:
     import uvicorn
 
     settings = load_plant(config)
-    with open_plant(settings) as plant, listening(host, port) as listener:
+    # Ctrl-C is the way to stop it, and no failure.
+    with open_plant(settings) as plant, listening(host, port) as listener, suppress(KeyboardInterrupt):
         scheme = "https" if settings.tls else "http"
         at = f"{scheme}://{host}:{listener.getsockname()[1]}"
         _output.print_message(Message("plant-serving", url=at, stations=len(settings.stations)))

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from threading import Event
 
@@ -30,7 +31,9 @@ def ship(db: Path | None, config: Path | None, *, once: bool, as_json: bool) -> 
         else:
             for receiver in settings.receivers:
                 _output.print_remark(render(Message("shipping-to", path=str(database), url=receiver.url)))
-            Event().wait()
+            with suppress(KeyboardInterrupt):  # Ctrl-C is the way to stop it, and no failure
+                Event().wait()
+            return 0
     finally:
         shipping.stop()
     return _show(shipping.statuses(), as_json=as_json)

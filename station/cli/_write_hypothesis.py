@@ -30,6 +30,7 @@ def write_hypothesis(name: str, model: Path | None, formula: str, into: Path | N
     source = chosen.term.source or "found in data"
     text = effect_source(chosen.term.term(), name, formula_size(chosen.parameters) or 1.0, source)
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         replace_text(path, text)
     except OSError as exc:
         raise UsageError("option-not-written", option="--into", path=str(path), why=system_reason(exc)) from exc

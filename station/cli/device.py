@@ -10,6 +10,7 @@ def command(
     node: Annotated[list[str], Option(help="Node id of a device, such as 0x11; repeatable.")],
     serial: Annotated[list[str], Option(help="Its printed serial, one per --node.")],
     channel: Annotated[str, Option(help="CAN interface.")] = "vcan0",
+    interface: Annotated[str, Option(help="The kind of bus that --channel is on.")] = "socketcan",
     product: Annotated[str, Option(help="Product file in dbc/, by name.")] = "accelerometer",
     rate_hz: Annotated[float | None, Option(min=0.1, max=1000, help="Readings a second; left out: as the EDS.")] = None,
     seed: Annotated[int, Option(min=0, help="Seed of the units' errors and noise.")] = 1,
@@ -22,9 +23,10 @@ def command(
 ) -> int:
     """Put simulated devices on a CAN interface: real CANopen slaves, to try a station or another program on.
 
-    Two devices on vcan0 until Ctrl-C; `station run` in another window calibrates them:
+    A device until Ctrl-C, on CAN frames by multicast; with --channel vcan0 alone, on that CAN interface. `station run`
+    in another window, with the same bus in its config.yaml, calibrates it:
 
-        station device --channel vcan0 --node 0x11 --serial SN0042 --node 0x12 --serial SN0043
+        station device --interface udp_multicast --channel 239.74.163.2 --node 0x11 --serial SN0042
 
     Lines on standard input turn the world they feel: `up +x`, `true 0 0 -1`, `temperature 31`. The first line of
     standard output tells their true errors as JSON, once they are on the bus.
@@ -35,6 +37,7 @@ def command(
     wanted = Population(
         product=product,
         channel=channel,
+        interface=interface,
         nodes=tuple(map(parse_node_id, node)),
         serials=tuple(serial),
         rate_hz=rate_hz,

@@ -24,7 +24,7 @@ def command(
 
     A formula that `diagnose --extend model.yaml` proposed becomes an effect file, to be completed by a person:
 
-        station effects --write-hypothesis thermal-square --model model.yaml
+        station effects --write-hypothesis thermal-square --model hypothesis.yaml --into effects
     """
     from station.cli import _output as _face
     from station.model import catalogue

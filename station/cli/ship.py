@@ -19,9 +19,9 @@ def command(
 
         receivers: [{url: "https://plant:8443", token_file: plant.token, authority: plant-ca.pem}]
 
-    In the background, beside runs and page:
+    In the background, beside runs and page, until Ctrl-C:
 
-        station ship
+        station ship --config shipping.yaml
 
     Exit code 1 of --once and --status: a plant refused a record, 3: it is away; nothing is lost, the log has it all.
     """

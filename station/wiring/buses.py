@@ -67,6 +67,13 @@ def open_bus(bus: BusSettings, document: Document, clock: Clock, block: tuple[st
     return bus_kind(bus).open(bus.channel, clock, bus_options(bus, document, block))
 
 
+def open_interface(bus: BusSettings, clock: Clock) -> Bus:
+    """A bus that the command line names, without options of its own. Errors: ConfigError."""
+    kind = bus_kind(bus)
+    own = bus.interface in plugins.names(BUSES)
+    return kind.open(bus.channel, clock, kind.Settings.model_validate({} if own else {"driver": bus.interface}))
+
+
 def used_buses(settings: Settings) -> dict[str, BusSettings]:
     """The fixture's buses by name; the one of `bus` has none."""
     return dict(settings.buses) or {"": settings.bus}

@@ -16,6 +16,7 @@ from station.domain.core.types import Floats
 from station.errors import UsageError
 from station.messages import system_reason
 from station.wiring.logs import open_store
+from station.wiring.plant import new_token
 
 #: Private keys, each with its public half as .pub.
 KEYS = ("station", "new", "stolen", "witness")
@@ -33,6 +34,8 @@ FACES: Mapping[str, Sequence[float]] = {
     "y-down": (0, -1, 0),
 }  # fmt: skip
 
+#: Address at which the plant of plant.yaml and a station find each other.
+PLANT_URL = "http://127.0.0.1:8443"
 CONFIG = """\
 # yaml-language-server: $schema=schemas/config.json
 # A rehearsal bench: bus, rig and devices are simulated, so every command works as on a bench, without one.
@@ -57,6 +60,32 @@ certificate:
   laboratory: {name: Example Ltd, street: Main Street 1, city: Bonn, post_code: "53111", country: DE}
   customer: {name: Customer Ltd, city: Zug, country: CH}
   signatory: A. Metrologist
+line: {cell: {kind: simulated}, opcua: {port: 4840}, modbus: {port: 5502}}
+"""
+#: config.yaml with something more: simulated drives that turn the fixture; a plant that gets the log.
+DRIVES = "positioner: {kind: cia402}\n"
+SHIPPING = f"receivers: [{{url: '{PLANT_URL}', token_file: plant.token}}]\n"
+#: PostgreSQL is found by the usual variables, PGHOST and so on.
+PLANT = """\
+schema: station.plant/1
+database: "postgresql:///plant"
+stations:
+  - {{name: rehearsal, public_key: station.pub, token_sha256: {digest}}}
+"""
+#: A formula that a diagnosis proposed.
+HYPOTHESIS = """\
+schema: station.model/1
+effects:
+- effect: formula-1
+  parameters: [{name: coefficient, axis: z, of: common, value: 2.0e-05, unit: 1/(g·degC)}]
+  term:
+    input: own-squared
+    modulator: temperature
+    axes: [z]
+    of: common
+    constants: {about_degC: 25.0}
+    unit: 1/(g·degC)
+    source: not yet explained
 """
 
 
@@ -81,7 +110,17 @@ def create_empty_logs() -> None:
 def _write_files(folder: Path) -> None:
     for name in ("recipes", "dbc", "schemas"):
         shutil.copytree(shipped_folder() / name, folder / name)
-    (folder / "config.yaml").write_text(CONFIG, encoding="utf-8")
+    token, digest = new_token()
+    texts = {
+        "config.yaml": CONFIG,
+        "drives.yaml": CONFIG + DRIVES,
+        "shipping.yaml": CONFIG + SHIPPING,
+        "plant.yaml": PLANT.format(digest=digest),
+        "plant.token": token + "\n",
+        "hypothesis.yaml": HYPOTHESIS,
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
     tighter = (folder / "recipes" / "six-point.yaml").read_text(encoding="utf-8")
     tighter = tighter.replace("name: six-point", "name: six-point-tighter").replace("offset: 0.08", "offset: 0.05")
     (folder / "six-point-tighter.yaml").write_text(tighter.replace("../schemas", "schemas"), encoding="utf-8")

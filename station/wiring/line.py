@@ -23,6 +23,8 @@ from station.wiring.bench import Bench
 from station.wiring.options import options_of
 from station.wiring.run_order import RunOrder
 
+#: Word for `line.cell.kind`: a cell of this process, its loads and its labels with it.
+SIMULATED = "simulated"
 CELLS, SCANNERS, PRINTERS = "station.adapters.cell", "station.adapters.scanner", "station.adapters.label_printer"
 
 
@@ -43,9 +45,9 @@ def open_line(bench: Bench, order: RunOrder, loads: int | None, faults: Sequence
     settings, document = load_config(order.config)
     if len(settings.nests) > MOST_NESTS:
         raise ConfigError("line-too-many-nests", count=len(settings.nests), limit=MOST_NESTS)
-    if settings.line is None:
-        if not order.simulate:
-            raise ConfigError("line-without-block")
+    if settings.line is None and not order.simulate:
+        raise ConfigError("line-without-block")
+    if settings.line is None or settings.line.cell.kind == SIMULATED:
         return _simulated(bench, settings, loads or 3, faults)
     line, part = settings.line, document.part("line")
     clock = SystemClock()
@@ -73,7 +75,7 @@ def _simulated(bench: Bench, settings: Settings, loads: int, faults: Sequence[st
     cell_loads = CellLoads(coming_loads(loads, len(nests), last * len(nests) + 1), load=last, taken=last)
     plc = SimulatedPlc(plc_map, faults=[parse_fault(text) for text in faults], loads=cell_loads, nests=len(nests))
     cell = PlcCell(PlcCell.Settings(host="simulated"), clock, PlcLink(MemoryRegisters(plc, clock), plc_map, clock))
-    line = LineSettings(starved_s=2.0, after_crash="continue")
+    line = (settings.line or LineSettings()).model_copy(update={"starved_s": 2.0, "after_crash": "continue"})
     return LineParts(line, cell, _SimulatedLabels(cell_loads, nests), None, clock, simulated=True)
 
 

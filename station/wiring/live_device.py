@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from station.adapters.bus.socketcan import SocketCan
 from station.adapters.canopen import eds
 from station.adapters.clock import SystemClock
 from station.adapters.dbc import read_layouts
@@ -16,12 +15,14 @@ from station.adapters.simulated_device.live import Hub, serve
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.adapters.simulated_device.stream import SimulatedSensor
 from station.config.products import load_product, product_path
+from station.config.settings import BusSettings
 from station.domain.can.sensor_layout import SensorLayout, resolve, used_signals
 from station.domain.core.types import Floats
 from station.domain.product.product import serial_of
 from station.domain.recipe.position import UP
 from station.errors import ProductError, UsageError
 from station.ports.bus import Endpoint
+from station.wiring.buses import open_interface
 
 #: Spread of the units: gain and cross-axis, 1; offset and noise, as fractions of full scale.
 _GAIN_STD, _OFFSET_STD, _NOISE_STD = 0.01, 0.01, 0.0002
@@ -44,6 +45,7 @@ class Population:
     faults: tuple[str, ...] = ()
     flash_s: float = Timing().flash_s
     block_s: float = 0.0
+    interface: str = "socketcan"
 
 
 class World:
@@ -107,7 +109,8 @@ class LiveDevices:
         """The devices on their CAN interface."""
         _check(wanted)
         product_path(wanted.product)
-        return cls(wanted, SocketCan(wanted.channel).service(population_ids(wanted)))
+        bus = open_interface(BusSettings(interface=wanted.interface, channel=wanted.channel), SystemClock())
+        return cls(wanted, bus.service(population_ids(wanted)))
 
     def live(self, go_on: Callable[[], bool]) -> None:
         """Serves the bus for as long as `go_on()`, then leaves it."""

@@ -3,13 +3,14 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from station.adapters.bus.socketcan import SocketCan
 from station.adapters.clock import SystemClock
 from station.adapters.simulated_device.drive import drive_fault
 from station.adapters.simulated_device.drive.node import SimulatedDrive, drives_of, heard_ids
 from station.adapters.simulated_device.live import Hub, serve
 from station.config.rigs import load_rig
+from station.config.settings import BusSettings
 from station.domain.rig.rig_map import RigMap
+from station.wiring.buses import open_interface
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,14 +23,14 @@ class LiveRig:
     close: Callable[[], None]
 
     @classmethod
-    def open(cls, name: str, channel: str, faults: Sequence[str]) -> "LiveRig":
+    def open(cls, name: str, bus: BusSettings, faults: Sequence[str]) -> "LiveRig":
         """The drives of a rig by name. Errors: ConfigError for map and interface, UsageError for a fault."""
         rig = load_rig(name)
         parsed = [drive_fault.parse(text) for text in faults]
         ids = sorted({i for axis in rig.axes for i in heard_ids(axis.node, rig.station_node)})
-        socket = SocketCan(channel).service(tuple(ids))
-        hub = Hub(socket)
-        return cls(rig, drives_of(rig, lambda _ids: hub.endpoint(), SystemClock(), parsed), hub, socket.close)
+        channel = open_interface(bus, SystemClock()).service(tuple(ids))
+        hub = Hub(channel)
+        return cls(rig, drives_of(rig, lambda _ids: hub.endpoint(), SystemClock(), parsed), hub, channel.close)
 
     def live(self, go_on: Callable[[], bool]) -> None:
         """Serves the bus for as long as `go_on()`, then leaves it."""

@@ -37,10 +37,15 @@ def find_log(path: Path) -> LogReader | None:
 def plant_address(path: Path | str) -> str:
     """The address of PostgreSQL that stands in the place of a file; "" for a file.
 
-    A path takes the two slashes after the colon for one, and a socket's folder in the query as it is.
+    A path has one slash of the two or three after the colon left. A single word there is then the database of this
+    machine's own server, `postgresql:///plant`, not a host without a database.
     """
     scheme, _, rest = str(path).partition(":/")
-    return f"postgresql://{rest.lstrip('/')}" if scheme in ("postgresql", "postgres") else ""
+    if scheme not in ("postgresql", "postgres"):
+        return ""
+    if isinstance(path, str):
+        return f"postgresql:/{rest}"
+    return f"postgresql://{rest}" if "/" in rest.partition("?")[0] else f"postgresql:///{rest}"
 
 
 def _open_plant_log(address: str) -> LogReader:

@@ -21,6 +21,7 @@ from station.service.station import Job
 from station.wiring.bench import units_bus_of
 from station.wiring.jobs import load_job
 from station.wiring.positioners import SIMULATED, bus_of_drives, positioner_options
+from station.wiring.rehearsal import is_rehearsal
 from station.wiring.run_order import RunOrder
 from station.wiring.simulated import SimulatedFixture
 
@@ -45,7 +46,7 @@ def commission(order: RunOrder, speed_deg_s: float, tell: Callable[[Message], No
     rig = load_rig(options.map)
     nodes = [nest.node for nest in settings.nests]
     with ExitStack() as opened:
-        if order.simulate:
+        if order.simulate or is_rehearsal(settings):
             fixture = SimulatedFixture(settings, document, job, source, order)
             fixture.place([NestAssignment(f"SN{i + 1:04d}", n.name, n.node) for i, n in enumerate(settings.nests)])
             clock: Clock = fixture.clock

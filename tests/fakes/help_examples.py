@@ -12,15 +12,22 @@ from pathlib import Path
 from station.cli.app import commands
 
 ROOT = Path(__file__).resolve().parents[2]
+_CLI = ROOT / "station" / "cli"
 GUIDES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 _BLOCK = re.compile(r"^```(?:sh|bash|)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _HELP_LINE = re.compile(r"^ {6}((?:station|openssl) .*)$", re.MULTILINE)
 #: Ended by Ctrl-C, once they have said where they are.
-_SERVERS = ("panel", "witness", "device")
-#: Commands that only a shell, a superuser or the repository's own Makefile can run.
-_NOT_TRIED = ("make ", "sudo ", "ip ", "cd ", "source ", "#")
-#: Exit code 1 is an answer: a diagnosis found something, a bad unit failed, a unit holds a mixture.
-ANSWERS = {"diagnose": (0, 1), "recover": (0, 1), "watch": (0, 1)}
+_SERVERS = (
+    ("panel",),
+    ("witness",),
+    ("device",),
+    ("ship",),
+    ("plant", "serve"),
+    ("rig", "--simulate"),
+    ("line", "--serve"),
+)
+#: Exit code 1 is an answer: a diagnosis found something, a unit holds a mixture, a log waits for a decision.
+ANSWERS = {"diagnose": (0, 1), "recover": (0, 1), "watch": (0, 1), "plant": (0, 1)}
 KNOWN_BAD = "SN9002"
 #: A server says where it is within this time.
 START_S = 60.0
@@ -55,12 +62,20 @@ def all_help_examples() -> list[str]:
     return [line for name in commands() for line in help_examples(name)]
 
 
+def all_documented() -> list[str]:
+    """The same as the docstrings have them, without starting a process."""
+    files = [_CLI / f"{name.replace('-', '_')}{'_' if name == 'import' else ''}.py" for name in commands()]
+    lines = [
+        line for file in files for line in re.findall(r"^ {8}(station .*)$", file.read_text("utf-8"), re.MULTILINE)
+    ]
+    return [line for line in lines if not line.startswith("station demo")]
+
+
 def guide_examples(page: Path) -> list[str]:
     """Command lines in the blocks of a guide, in its order."""
     lines = [line for block in _BLOCK.findall(page.read_text(encoding="utf-8")) for line in block.splitlines()]
-    return [
-        line for line in lines if line.startswith(("station ", "openssl ")) and not line.startswith(("station demo",))
-    ]
+    known = {"openssl", *(f"station {name}" for name in commands() if name != "demo")}
+    return [line for line in lines if {line.split(" ")[0], " ".join(line.split(" ")[:2])} & known and "→" not in line]
 
 
 def words_of(line: str) -> list[str]:
@@ -72,7 +87,12 @@ def words_of(line: str) -> list[str]:
 def serves(line: str) -> bool:
     """Whether it goes on until Ctrl-C."""
     words = shlex.split(line, comments=True)
-    return words[1] in _SERVERS and "--add" not in words
+    return any(set(server) <= set(words) for server in _SERVERS) and "--add" not in words
+
+
+def needs_plant(line: str) -> bool:
+    """Whether it needs a PostgreSQL; tests/plant has one."""
+    return line.startswith("station plant") or "postgresql://" in line
 
 
 def try_example(line: str, folder: Path) -> Tried:
@@ -91,14 +111,13 @@ def try_example(line: str, folder: Path) -> Tried:
 def _try_server(line: str, words: list[str], folder: Path) -> Tried:
     """Starts it, waits for its first line, presses Ctrl-C."""
     with subprocess.Popen(
-        words, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        words, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     ) as server:
         assert server.stdout is not None
-        assert server.stderr is not None
         late = threading.Timer(START_S, server.kill)
         late.start()
-        server.stdout.readline()
+        first = server.stdout.readline()
         late.cancel()
         server.send_signal(signal.SIGINT)
-        errors = server.communicate(timeout=60)[1]
-    return Tried(line, server.returncode, errors)
+        rest = server.communicate(timeout=60)[0]
+    return Tried(line, server.returncode, first + rest)

@@ -1,6 +1,7 @@
 """The tour, and the folder it leaves: examples of the helps run there as they stand, in any order.
 
-What takes long or serves until Ctrl-C is tried by tests/endurance/help_examples.py, with every block of the guides.
+What takes long is tried by tests/endurance/help_examples.py, with every block of every guide; what needs a plant, by
+tests/plant.
 """
 
 import contextlib
@@ -13,10 +14,19 @@ from pathlib import Path
 import pytest
 
 from station.cli import _demo
-from station.cli.app import commands, run_command
+from station.cli.app import run_command
 from station.errors import UsageError
 from tests.conftest import SEED
-from tests.fakes.help_examples import Tried, serves, words_of
+from tests.fakes.help_examples import (
+    GUIDES,
+    Tried,
+    all_documented,
+    guide_examples,
+    needs_plant,
+    serves,
+    try_example,
+    words_of,
+)
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -29,20 +39,11 @@ SLOW = (
     "station check six-point --design",
     "station run --simulate",
     "station init",
+    "station line",
+    "station rig check",
 )
-
-#: A rehearsal bench has no cell, no drives, no plant and no cause that nobody knows: their own tests try these.
-ELSEWHERE = ("station line", "station rig", "station plant", "station ship", "station effects --write-hypothesis")
-
-
-def documented() -> list[str]:
-    """Every example, as the docstrings of the commands have it."""
-    folder = Path(_demo.__file__).parent
-    files = [folder / f"{name.replace('-', '_')}{'_' if name == 'import' else ''}.py" for name in commands()]
-    lines = [
-        line for file in files for line in re.findall(r"^ {8}(station .*)$", file.read_text("utf-8"), re.MULTILINE)
-    ]
-    return [line for line in lines if not line.startswith("station demo")]
+#: Guides whose blocks take a few seconds in all; the endurance program runs every guide's.
+GUIDES_TRIED = ("bench-in-15-minutes", "good-calibration", "watch")
 
 
 @pytest.fixture(scope="module")
@@ -79,16 +80,40 @@ def test_every_quick_example_runs_there_in_any_order(
     shutil.copytree(tour[0], folder)
     monkeypatch.chdir(folder)
     monkeypatch.setattr("sys.stdin", io.StringIO())
-    lines = documented()
+    lines = all_documented()
     assert all(any(line.startswith(start) for line in lines) for start in SLOW[:-1]), "SLOW names what is no example"
-    quick = [
-        line
-        for line in lines
-        if not line.startswith((*SLOW, *ELSEWHERE)) and "postgresql://" not in line and not serves(line)
-    ]
+    quick = [line for line in lines if not (line.startswith(SLOW) or needs_plant(line) or serves(line))]
     assert len(quick) > 35
     random.Random(SEED).shuffle(quick)
     for line in quick:
         code = run_command(words_of(line)[1:])
         tried = Tried(line, code, capsys.readouterr().err)
+        assert tried.right, tried
+
+
+def test_every_example_that_serves_starts_and_ends_by_ctrl_c(tour: tuple[Path, str], tmp_path: Path) -> None:
+    folder = tmp_path / "copy"
+    shutil.copytree(tour[0], folder)
+    lines = [line for line in all_documented() if serves(line) and not needs_plant(line)]
+    assert len(lines) >= 9
+    for line in lines:
+        tried = try_example(line, folder)
+        assert tried.right, tried
+
+
+@pytest.mark.parametrize("name", GUIDES_TRIED)
+def test_the_blocks_of_a_guide_run_in_their_order(
+    name: str,
+    tour: tuple[Path, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (page,) = (page for page in GUIDES if page.stem == name)
+    folder = tmp_path / "copy"
+    shutil.copytree(tour[0], folder)
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    for line in guide_examples(page):
+        tried = Tried(line, run_command(words_of(line)[1:]), capsys.readouterr().err)
         assert tried.right, tried
