@@ -29,9 +29,9 @@ def ship(db: Path | None, config: Path | None, *, once: bool, as_json: bool) -> 
         if once:
             shipping.wait_until_settled(time.monotonic() + _ONCE_S)
         else:
-            for receiver in settings.receivers:
-                _output.print_remark(render(Message("shipping-to", path=str(database), url=receiver.url)))
             with suppress(KeyboardInterrupt):  # Ctrl-C is the way to stop it, and no failure
+                for receiver in settings.receivers:
+                    _output.print_remark(render(Message("shipping-to", path=str(database), url=receiver.url)))
                 Event().wait()
             return 0
     finally:

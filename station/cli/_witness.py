@@ -20,14 +20,18 @@ def serve_witness(key: Path, heads: Path, stations: Sequence[str], host: str, po
     from station.web.witness import create_witness_app
     from station.wiring.logs import open_witness
 
-    with open_witness(heads, key, _named_keys(stations)) as witness, listening(host, port) as listener:
+    # Ctrl-C is the way to stop it, and no failure.
+    with (
+        open_witness(heads, key, _named_keys(stations)) as witness,
+        listening(host, port) as listener,
+        suppress(KeyboardInterrupt),
+    ):
         at = f"http://{host}:{listener.getsockname()[1]}"
         _output.print_line(render(Message("witness-serving", url=at, heads=str(heads))))
         options = uvicorn.Config(
             create_witness_app(witness), log_level="warning", limit_concurrency=MOST_CONNECTIONS, timeout_keep_alive=5
         )
-        with suppress(KeyboardInterrupt):  # Ctrl-C is the way to stop it, and no failure
-            uvicorn.Server(options).run([listener])
+        uvicorn.Server(options).run([listener])
     return 0
 
 

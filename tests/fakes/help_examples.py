@@ -28,6 +28,8 @@ _SERVERS = (
 )
 #: Exit code 1 is an answer: a diagnosis found something, a unit holds a mixture, a log waits for a decision.
 ANSWERS = {"diagnose": (0, 1), "recover": (0, 1), "watch": (0, 1), "plant": (0, 1)}
+#: What a server's line has that says where it is: an address, or a JSON document.
+_READY = re.compile(r"://|^\{", re.MULTILINE)
 KNOWN_BAD = "SN9002"
 #: A server says where it is within this time.
 START_S = 60.0
@@ -109,15 +111,17 @@ def try_example(line: str, folder: Path) -> Tried:
 
 
 def _try_server(line: str, words: list[str], folder: Path) -> Tried:
-    """Starts it, waits for its first line, presses Ctrl-C."""
+    """Starts it, waits until it says where it is, presses Ctrl-C."""
     with subprocess.Popen(
         words, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     ) as server:
         assert server.stdout is not None
         late = threading.Timer(START_S, server.kill)
         late.start()
-        first = server.stdout.readline()
+        output = ""
+        while (read := server.stdout.readline()) and not _READY.search(output := output + read):
+            pass
         late.cancel()
         server.send_signal(signal.SIGINT)
-        rest = server.communicate(timeout=60)[0]
-    return Tried(line, server.returncode, first + rest)
+        output += server.communicate(timeout=60)[0]
+    return Tried(line, server.returncode, output)
