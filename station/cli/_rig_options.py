@@ -12,6 +12,7 @@ Simulate = Annotated[
     str | None, Option(help="What to simulate: cia402 (drives), grbl, plc (with its cell), scanner or printer.")
 ]
 Channel = Annotated[str, Option(help="cia402: the CAN interface.")]
+Interface = Annotated[str, Option(help="cia402: the kind of bus that --channel is on.")]
 Host = Annotated[str, Option(help="Address to listen at.")]
 Port = Annotated[int, Option(min=0, max=65535, help="Port to listen at; 0: any, printed first.")]
 Map = Annotated[

@@ -7,6 +7,7 @@ def command(
     action: given.Action = "",
     simulate: given.Simulate = None,
     channel: given.Channel = "vcan1",
+    interface: given.Interface = "socketcan",
     host: given.Host = "127.0.0.1",
     port: given.Port = 0,
     map: given.Map = None,  # noqa: A002
@@ -34,16 +35,18 @@ def command(
     With units in the nests, nobody near the rig and a hand on the emergency stop: moves each axis a little, then slowly
     all around, and compares the encoders with the gravity that the units feel; the same without anything real:
 
-        station rig check --config config.yaml --correct corrected.yaml
-        station rig check --bench
+        station rig check --config drives.yaml --correct corrected.yaml
+        station rig check --config drives.yaml --bench
 
     Zeros, scales, non-orthogonality and index errors of the axes, from what eight or more units measured on them:
 
-        station rig axes --since 7d --correct corrected.yaml
+        station run --config drives.yaml --units 8
+        station rig axes --config drives.yaml --since 7d --correct corrected.yaml
 
-    Two simulated drives on vcan1 until Ctrl-C; a PLC with its cell, and a door that opens in the third move:
+    Two simulated drives until Ctrl-C, on CAN frames by multicast (with --channel vcan1 alone, there); a PLC with its
+    cell, and a door that opens in the third move:
 
-        station rig --simulate cia402 --channel vcan1
+        station rig --simulate cia402 --interface udp_multicast --channel 239.74.163.2
         station rig --simulate plc --port 5020 --scanner-port 9004 --loads 10 --fault door-opened:at=3,seconds=2
     """
     faults = tuple(fault or ())
@@ -58,5 +61,5 @@ def command(
     from station.cli._rig import CellOptions, Machine, simulate_machine
 
     cell = CellOptions(nests, loads, change_s, scanner_port, memory)
-    machine = Machine(channel, host, port, map, tuple(label or ()), faults, seconds, cell)
+    machine = Machine((interface, channel), host, port, map, tuple(label or ()), faults, seconds, cell)
     return simulate_machine(action, simulate, machine)

@@ -17,6 +17,7 @@ from station.adapters.simulated_plc.devices import serve_printer, serve_scanner
 from station.adapters.simulated_plc.retentive import RetentiveFile
 from station.adapters.simulated_plc.server import PlcServer
 from station.config.rigs import load_rig
+from station.config.settings import BusSettings
 from station.errors import StationFault, UsageError
 from station.messages import system_reason
 from station.wiring.line import coming_loads
@@ -40,9 +41,9 @@ class CellOptions:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """What is simulated and how; see `station rig --help`. map: None for the one as shipped."""
+    """What is simulated and how; see `station rig --help`. bus: interface and channel; map: None: as shipped."""
 
-    channel: str = "vcan1"
+    bus: tuple[str, str] = ("socketcan", "vcan1")
     host: str = "127.0.0.1"
     port: int = 0
     map: str | None = None
@@ -54,8 +55,9 @@ class Machine:
 
 def simulate_drives(machine: Machine, tell: Tell) -> None:
     """The drives of a rig on a CAN interface."""
-    live = LiveRig.open(machine.map or _RIG, machine.channel, machine.faults)
-    tell({"rig": live.rig.name, "axes": [a.name for a in live.rig.axes], "channel": machine.channel})
+    interface, channel = machine.bus
+    live = LiveRig.open(machine.map or _RIG, BusSettings(interface=interface, channel=channel), machine.faults)
+    tell({"rig": live.rig.name, "axes": [a.name for a in live.rig.axes], "channel": channel})
     live.live(_until(machine.seconds))
 
 

@@ -41,6 +41,8 @@ SLOW = (
     "station init",
     "station line",
     "station rig check",
+    "station rig axes",
+    "station run --config drives.yaml",
 )
 #: Guides whose blocks take a few seconds in all; the endurance program runs every guide's.
 GUIDES_TRIED = ("bench-in-15-minutes", "good-calibration", "watch")
