@@ -10,7 +10,6 @@ import os
 import resource
 import tempfile
 import time
-from functools import partial
 from pathlib import Path
 
 import bulk_log
@@ -19,11 +18,14 @@ import yaml
 from audit import one_run
 
 from station.adapters.store.reader import SqliteLogReader
+from station.cli._fleet import FleetRequest, computed
 from station.config.recipes import load_recipe
 from station.config.search_path import shipped_folder
 from station.ports.log_reader import Query
-from station.service.backtest import run
+from station.service import backtest
+from station.service.fleet import FleetJob
 from station.service.recompute import recompute
+from station.wiring.fleet import code_version
 
 GOAL_S = 120
 STORED = {"attempt", "finish"}
@@ -49,10 +51,12 @@ def main() -> None:
         visits = sum(table == "visit" for table, _ in whole.rows)
         size = path.stat().st_size / 1e9
         print(f"{options.units} units of recipe {recipe.name}, {visits} stops each; {size:.1f} GB")
-        with SqliteLogReader(path) as log:
-            begun, used = time.perf_counter(), _cpu_s()
-            found = run(partial(SqliteLogReader, log.path), log.attempts(Query()), tighter, processes=options.processes)
-            took, used = time.perf_counter() - begun, _cpu_s() - used
+        begun, used = time.perf_counter(), _cpu_s()
+        job = FleetJob("backtest", tighter, Query(), code_version())
+        request = FleetRequest((path,), options.processes)
+        with computed(request, job, backtest.compare_portion, backtest.COLUMNS) as (planned, results):
+            found = backtest.totals(planned, results)
+        took, used = time.perf_counter() - begun, _cpu_s() - used
     each = took / options.units
     print(f"row 11: {options.units} units on {options.processes} processes: {took:.0f} s, {each * 1e3:.2f} ms a unit")
     print(f"  processor time {used:.0f} s, {used / options.units * 1e3:.2f} ms a unit; load {os.getloadavg()[0]:.1f}")

@@ -27,7 +27,7 @@ from station.domain.methods.method import FitProblem
 from station.domain.methods.scatter import SolvedUnits
 from station.domain.recipe import directions
 from station.domain.recipe.recipe import Recipe
-from station.service.backtest import PORTION
+from station.service.fleet import PORTION
 from tests.fakes import tumble
 
 NOISE = 1e-4

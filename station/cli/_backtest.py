@@ -1,21 +1,17 @@
 """The work of `station backtest`."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 from station.cli import _output
+from station.cli._fleet import FleetRequest, computed, describe, recipes_in_use
 from station.config.recipes import recipe_hash
-from station.domain.evaluation import backtest
-from station.domain.evaluation.backtest import BacktestResult
+from station.domain.evaluation.backtest import BacktestTotals
 from station.domain.recipe.recipe import Recipe
-from station.errors import LogError
-from station.ports.log_reader import Attempt, LogReader, Query
-from station.service.backtest import run
-from station.service.recompute import parse_recipe_and_product
-from station.wiring.logs import open_log
+from station.ports.log_reader import Query
+from station.service import backtest
+from station.service.fleet import FleetJob
+from station.wiring.fleet import code_version
 
 _MOST_LISTED = 20
 
@@ -27,26 +23,19 @@ class BacktestRequest:
     recipe: Recipe
     query: Query
     from_frames: bool
-    processes: int | None
+    fleet: FleetRequest
 
 
-def run_backtest(log: LogReader, request: BacktestRequest, *, as_json: bool) -> int:
-    """Prints what would change. Errors: LogError, RecipeError."""
-    attempts = log.attempts(request.query)
-    if not attempts:
-        raise LogError("backtest-no-attempts", log=log.location, recipe=str(request.query.recipe_name))
-    from_frames = request.from_frames or _windows_differ(log, attempts, request.recipe)
-    with _output.progress() as bar:
-        task = bar.add_task("computing again", total=len(attempts))
-        compared = run(
-            partial(open_log, Path(log.location)),
-            attempts,
-            request.recipe,
-            from_frames=from_frames,
-            processes=request.processes,
-            progress=lambda done: bar.advance(task, done),
-        )
-    document = _document(log, request, attempts, compared, "frames" if from_frames else "stops")
+def run_backtest(request: BacktestRequest, *, as_json: bool) -> int:
+    """Prints what would change. Errors: LogError, RecipeError, StoreFault, StationFault."""
+    recipe, sources = request.recipe, request.fleet.sources
+    used = recipes_in_use(sources, request.query)
+    backtest.check(recipe)
+    from_frames = request.from_frames or backtest.dwells_differ(used, recipe)
+    job = FleetJob("backtest", recipe, request.query, code_version(), from_frames)
+    with computed(request.fleet, job, backtest.compare_portion, backtest.COLUMNS) as (planned, results):
+        compared = backtest.totals(planned, results)
+    document = _document(request, planned.attempts, compared, "frames" if from_frames else "stops")
     if as_json:
         _output.print_json(document)
     else:
@@ -54,30 +43,22 @@ def run_backtest(log: LogReader, request: BacktestRequest, *, as_json: bool) -> 
     return 0
 
 
-def _windows_differ(log: LogReader, attempts: Sequence[Attempt], changed: Recipe) -> bool:
-    """Whether any of the recipes in use then cut its dwells otherwise."""
-    one_of_each = {a.recipe_hash: a for a in attempts}.values()
-    used = (parse_recipe_and_product(*log.recipe_and_product(a))[0] for a in one_of_each)
-    return any(backtest.dwells_differ(old, changed) for old in used)
-
-
-def _document(
-    log: LogReader, request: BacktestRequest, attempts: Sequence[Attempt], compared: BacktestResult, computed_from: str
-) -> dict[str, Any]:
-    done = compared.verdicts.total()
+def _document(request: BacktestRequest, attempts: int, compared: BacktestTotals, computed_from: str) -> dict[str, Any]:
+    done, sources = compared.verdicts.total(), describe(request.fleet.sources)
     return {
         "schema": "station.backtest/1",
-        "log": log.location,
-        "head": asdict(log.head()),
+        "log": sources[0]["location"],
+        "head": sources[0]["head"],
+        "sources": sources,
         "recipe": {"name": request.recipe.name, "version": request.recipe.version, "hash": recipe_hash(request.recipe)},
         "of": request.query.recipe_name,
         "computed_from": computed_from,
-        "attempts": len(attempts),
+        "attempts": attempts,
         "compared": done,
-        "without_calibration": len(attempts) - done,
+        "without_calibration": attempts - done,
         "verdicts": [{"before": b, "after": a, "count": n} for (b, a), n in sorted(compared.verdicts.items())],
         "changed": [asdict(change) for change in compared.changes],
-        "coefficients": backtest.summary(compared, request.recipe),
+        "coefficients": compared.summary(request.recipe.unit),
     }
 
 

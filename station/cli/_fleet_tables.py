@@ -8,7 +8,7 @@ from station.errors import UsageError
 from station.messages import Message, system_reason
 from station.ports.log_reader import Attempt, LogReader
 from station.service.fleet_rows import fleet_rows
-from station.wiring.sample_files import FLEET_SCHEMA, FleetWriter
+from station.wiring.sample_files import FLEET_SCHEMA, FLEET_TABLES, FleetWriter
 
 
 def export_fleet(log: LogReader, attempts: Sequence[Attempt], folder: Path, as_json: bool) -> int:
@@ -21,7 +21,7 @@ def export_fleet(log: LogReader, attempts: Sequence[Attempt], folder: Path, as_j
         with _output.progress() as bar:
             task = bar.add_task("tables", total=len(attempts))
             for rows in fleet_rows(log, attempts):
-                for table in ("attempts", "coefficients", "visits"):
+                for table in FLEET_TABLES:
                     writer.add(table, rows.product, rows.day, getattr(rows, table))
                 bar.advance(task)
         writer.finish()

@@ -13,13 +13,20 @@ def command(
         bool, Option("--from-frames", help="Compute from raw frames; by itself where settle or dwell changed.")
     ] = False,
     json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    db: Annotated[
+        list[Path] | None,
+        Option(help="A log, postgresql://…, or a folder of `export --parquet`; repeatable; left out: config.yaml's."),
+    ] = None,
     config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
     nest: Annotated[str | None, Option(help="Only attempts in this nest.")] = None,
     lot: Annotated[str | None, Option(help="Only attempts of this lot.")] = None,
     since: Annotated[str | None, Option(help="Begun then or later: 2026-11-21, 2026-11-21T13:00, 7d.")] = None,
     until: Annotated[str | None, Option(help="Begun before.")] = None,
     processes: Annotated[int | None, Option(min=1, max=256, help="Left out: one a processor.")] = None,
+    scheduler: Annotated[str | None, Option(help="A Dask cluster's scheduler: tcp://… or tls://… .")] = None,
+    results: Annotated[
+        Path | None, Option(help="Folder that keeps the results as Parquet; a new start goes on.")
+    ] = None,
 ) -> int:
     """Compute stored units again under a changed recipe, method or limits, and show what would change.
 
@@ -27,11 +34,16 @@ def command(
 
         station backtest --recipe six-point-tighter.yaml --of six-point --since 30d
 
+    A fleet's units at the plant, on a cluster (docs/cluster.md), so that a stopped command goes on where it was:
+
+        station backtest --recipe six-point --db postgresql:///plant --scheduler tcp://host:8786 --results fleet
+
     Reduced visits (means with their covariances) are computed from where settling and dwell are as they were; then
     what only raw samples show, such as clipping, is taken over as it was found.
     """
     from station.cli import _backtest
-    from station.cli._log_options import open_named_log, parse_time_ns
+    from station.cli._fleet import FleetRequest, named_sources
+    from station.cli._log_options import parse_time_ns
     from station.config.recipes import load_recipe
     from station.ports.log_reader import Query
 
@@ -43,6 +55,5 @@ def command(
         since_ns=parse_time_ns(since, "--since"),
         until_ns=parse_time_ns(until, "--until"),
     )
-    with open_named_log(db, config) as log:
-        request = _backtest.BacktestRequest(changed, query, from_frames=from_frames, processes=processes)
-        return _backtest.run_backtest(log, request, as_json=json)
+    fleet = FleetRequest(named_sources(db, config), processes, scheduler, results)
+    return _backtest.run_backtest(_backtest.BacktestRequest(changed, query, from_frames, fleet), as_json=json)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 from station.domain.core.types import Frames
 from station.domain.records.chain import IntegrityFinding
@@ -35,6 +35,14 @@ class Attempt:
     started_ns: int
     outcome: str | None
     ended_ns: int | None
+
+
+class SelectedAttempt(NamedTuple):
+    """The least of an attempt that has ended: of a million, each must be small."""
+
+    number: int
+    attempt: str
+    outcome: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,6 +211,7 @@ def ignore_progress(_number: int) -> None:
     """Progress that nobody follows."""
 
 
+@runtime_checkable
 class LogReader(Protocol):
     """A log opened for reading. Every call sees what was committed before it. Errors: LogError."""
 
@@ -278,6 +287,12 @@ class LogReader(Protocol):
 
     def document(self, number: int) -> str:
         """The text that a document record holds."""
+
+    def selection(self, query: Query) -> Iterator[SelectedAttempt]:
+        """Attempts that the query names and that have ended, one at a time, in the order of their records."""
+
+    def recipes(self, query: Query) -> list[str]:
+        """The JSON of every recipe that those attempts were made with; "" where none was kept."""
 
     def anchors(self, trust: Trust = NO_EXTRA_TRUST) -> dict[str, AnchorState]:
         """What each place that keeps a head of the log says of it, the file beside it first."""

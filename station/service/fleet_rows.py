@@ -24,6 +24,7 @@ class FleetRows:
     attempts: list[dict[str, Any]]
     coefficients: list[dict[str, Any]]
     visits: list[dict[str, Any]]
+    reduced: list[dict[str, Any]]
 
 
 def fleet_rows(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[FleetRows]:
@@ -38,7 +39,15 @@ def fleet_rows(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[FleetRow
             [common | _attempt(attempt, stored)],
             [common | row for row in _coefficients(stored)],
             [common | _visit(visit) for visit in stored["visits"]],
+            [common | row for row in _reduced(log, attempt)],
         )
+
+
+def _reduced(log: LogReader, attempt: Attempt) -> Iterator[dict[str, Any]]:
+    """What `station backtest` and `calibrate` read of a fleet's tables."""
+    recipe, product = log.recipe_and_product(attempt)
+    for row in log.reduced([attempt.number]):
+        yield {"stops": row.stops, "before": row.before, "recipe": recipe, "product_json": product}
 
 
 def _attempt(attempt: Attempt, stored: dict[str, Any]) -> dict[str, Any]:

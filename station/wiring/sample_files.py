@@ -3,10 +3,12 @@
 from station.adapters.samples import by_units, join, read_samples, rows_about, write_parts, write_samples
 from station.adapters.samples.checks import PieceOrigin
 from station.adapters.samples.fleet import SCHEMA as FLEET_SCHEMA
+from station.adapters.samples.fleet import TABLES as FLEET_TABLES
 from station.adapters.samples.fleet import FleetWriter
 
 __all__ = [
     "FLEET_SCHEMA",
+    "FLEET_TABLES",
     "FleetWriter",
     "PieceOrigin",
     "by_units",

@@ -1,7 +1,6 @@
 """`station backtest`: nothing changes where nothing was changed, and every change is shown."""
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from station.domain.evaluation import backtest
 from station.domain.evaluation.reduced_visits_document import from_document, to_document
 from station.errors import LogError, RecipeError
 from station.ports.log_reader import Query
-from station.service.backtest import run
+from station.service.backtest import check
 from tests.fakes import fixture_run
 
 Out = pytest.CaptureFixture[str]
@@ -94,23 +93,11 @@ def test_other_dwells_are_computed_from_frames_by_themselves(folder: Path, capsy
     assert max(c["max_change"] for c in report["coefficients"]) > 0
 
 
-def test_two_processes_give_what_one_gives(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("station.service.backtest.PORTION", 2)
-    tight = load_recipe(fixture_run.recipe(folder, limits={"offset": 0.03}))
-    done: list[int] = []
-    with SqliteLogReader(folder / "station.db") as log:
-        one = run(partial(SqliteLogReader, log.path), log.attempts(Query()), tight, processes=1)
-        two = run(partial(SqliteLogReader, log.path), log.attempts(Query()), tight, processes=2, progress=done.append)
-    assert (one.verdicts, one.changes) == (two.verdicts, two.changes)
-    assert one.moved.tobytes() == two.moved.tobytes()
-    assert sum(done) == 4
-
-
 def test_wrong_orders_end_in_one_sentence(folder: Path, capsys: Out) -> None:
     assert "name the recipe of the attempts with --of" in requested(capsys, folder, "--recipe", "tilt-24", code=2)
     few = load_recipe("six-point").model_copy(update={"positions": load_recipe("six-point").positions[:2]})
-    with SqliteLogReader(folder / "station.db") as log, pytest.raises(RecipeError):
-        run(partial(SqliteLogReader, log.path), log.attempts(Query()), few)
+    with pytest.raises(RecipeError):
+        check(few)
 
 
 def test_reduced_stops_come_back_bit_for_bit_and_without_what_the_recipe_leaves_out() -> None:

@@ -21,6 +21,7 @@ from station.ports.log_reader import (
     Query,
     RecentFigures,
     ReducedAttempt,
+    SelectedAttempt,
     Trust,
     Yield,
     ignore_progress,
@@ -184,6 +185,16 @@ class PostgresLogReader:
         with self._errors_named():
             row = self.db.execute("SELECT text FROM document WHERE seq = %s", [number]).fetchone()
         return str(row[0]) if row else ""
+
+    def selection(self, query: Query) -> Iterator[SelectedAttempt]:
+        """Attempts that the query names and that have ended, one at a time, in the order of their records."""
+        with self._errors_named():
+            yield from search.selection(self.db, query)
+
+    def recipes(self, query: Query) -> list[str]:
+        """The JSON of every recipe that those attempts were made with; "" where none was kept."""
+        with self._errors_named():
+            return search.recipes(self.db, query)
 
     def anchors(self, trust: Trust = NO_EXTRA_TRUST) -> dict[str, AnchorState]:  # noqa: ARG002
         """Nothing: a plant's anchors are the stations' logs, which are compared whenever records come."""

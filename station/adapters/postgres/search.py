@@ -7,7 +7,7 @@ from typing import Any
 
 import psycopg
 
-from station.ports.log_reader import Attempt, Query
+from station.ports.log_reader import Attempt, Query, SelectedAttempt
 
 _COLUMNS = (
     "a.seq, a.id, a.serial, a.station, a.nest, a.node, a.lot, a.recipe_name, a.recipe_version, a.recipe_hash, "
@@ -15,6 +15,8 @@ _COLUMNS = (
 )
 #: What stands for others in a serial's pattern; `[[]` is a bracket as such.
 _GLOB = {"*": ".*", "?": "."}
+#: Rows that come from the server at a time where all are wanted.
+_ROWS = 10_000
 FROM = "attempt a LEFT JOIN finish f ON f.attempt = a.seq"
 
 _CONDITIONS = {
@@ -67,3 +69,22 @@ def count(db: psycopg.Connection, query: Query) -> int:
     row = db.execute(f"SELECT count(*) FROM {FROM} WHERE {condition}".encode(), parameters).fetchone()
     assert row
     return int(row[0])
+
+
+def selection(db: psycopg.Connection, query: Query) -> Iterator[SelectedAttempt]:
+    """See LogReader.selection. The rows come portion by portion from a cursor at the server."""
+    condition, parameters = where(query)
+    sql = f"SELECT a.seq, a.id, f.outcome FROM attempt a JOIN finish f ON f.attempt = a.seq WHERE {condition}"
+    with db.transaction(), db.cursor("selection") as cursor:
+        cursor.itersize = _ROWS
+        for row in cursor.execute(f"{sql} ORDER BY a.seq".encode(), parameters):
+            yield SelectedAttempt(*row)
+
+
+def recipes(db: psycopg.Connection, query: Query) -> list[str]:
+    """See LogReader.recipes."""
+    condition, parameters = where(query)
+    sql = f"""SELECT coalesce(d.text, '') FROM (SELECT min(a.recipe) AS recipe FROM attempt a
+        JOIN finish f ON f.attempt = a.seq WHERE {condition} GROUP BY a.recipe_hash) u
+        LEFT JOIN document d ON d.seq = u.recipe ORDER BY u.recipe"""
+    return [str(text) for (text,) in db.execute(sql.encode(), parameters)]

@@ -13,7 +13,8 @@ from station.files.replace import replacing
 
 SCHEMA = "station.fleet/1"
 #: Rows of one row group: some ten megabytes, far below what a reader holds at once.
-_GROUP_ROWS = 65_536
+_GROUP_ROWS = {"reduced": 1024}
+_MOST_GROUP_ROWS = 65_536
 
 _TIME = pa.timestamp("us", tz="UTC")
 _COMMON = [
@@ -62,6 +63,7 @@ TABLES = {
             ("temperature_degC", pa.float64()),
         ]
     ),
+    "reduced": pa.schema([*_COMMON, *((name, pa.string()) for name in ("stops", "before", "recipe", "product_json"))]),
 }
 
 
@@ -83,7 +85,7 @@ class FleetWriter:
         self.counts[table] += len(rows)
         waiting = self._rows.setdefault((table, product), [])
         waiting += rows
-        if len(waiting) >= _GROUP_ROWS:
+        if len(waiting) >= _GROUP_ROWS.get(table, _MOST_GROUP_ROWS):
             self._flush(table, product)
 
     def finish(self) -> None:

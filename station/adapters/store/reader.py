@@ -34,6 +34,7 @@ from station.ports.log_reader import (
     Query,
     RecentFigures,
     ReducedAttempt,
+    SelectedAttempt,
     Trust,
     Yield,
     ignore_progress,
@@ -166,6 +167,16 @@ class SqliteLogReader:
         """The text that a document record holds."""
         with self._errors_named():
             return reduced.document(self.db.conn, number)
+
+    def selection(self, query: Query) -> Iterator[SelectedAttempt]:
+        """Attempts that the query names and that have ended, one at a time, in the order of their records."""
+        with self._errors_named():
+            yield from search.selection(self.db.conn, query)
+
+    def recipes(self, query: Query) -> list[str]:
+        """The JSON of every recipe that those attempts were made with; "" where none was kept."""
+        with self._errors_named():
+            return search.recipes(self.db.conn, query)
 
     def anchors(self, trust: Trust = NO_EXTRA_TRUST) -> dict[str, AnchorState]:
         """What each place that keeps a head of the log says of it, the file beside it first."""

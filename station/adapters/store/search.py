@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from typing import Any
 
-from station.ports.log_reader import Attempt, Query
+from station.ports.log_reader import Attempt, Query, SelectedAttempt
 
 _COLUMNS = (
     "a.seq, a.id, a.serial, a.station, a.nest, a.node, a.lot, a.recipe_name, a.recipe_version, a.recipe_hash, "
@@ -68,6 +68,22 @@ def count(db: sqlite3.Connection, query: Query) -> int:
     condition, parameters = where(query)
     sql = f"SELECT count(*) FROM attempt a LEFT JOIN finish f ON f.attempt = a.seq WHERE {condition}"
     return int(db.execute(sql, parameters).fetchone()[0])
+
+
+def selection(db: sqlite3.Connection, query: Query) -> Iterator[SelectedAttempt]:
+    """See LogReader.selection."""
+    condition, parameters = where(query)
+    sql = f"SELECT a.seq, a.id, f.outcome FROM attempt a JOIN finish f ON f.attempt = a.seq WHERE {condition}"
+    return (SelectedAttempt(*row) for row in db.execute(f"{sql} ORDER BY a.seq", parameters))
+
+
+def recipes(db: sqlite3.Connection, query: Query) -> list[str]:
+    """See LogReader.recipes."""
+    condition, parameters = where(query)
+    sql = f"""SELECT coalesce(d.text, '') FROM (SELECT min(a.recipe) AS recipe FROM attempt a
+        JOIN finish f ON f.attempt = a.seq WHERE {condition} GROUP BY a.recipe_hash) u
+        LEFT JOIN document d ON d.seq = u.recipe ORDER BY u.recipe"""
+    return [str(text) for (text,) in db.execute(sql, parameters)]
 
 
 def verdict_reasons(db: sqlite3.Connection, numbers: Sequence[int]) -> dict[int, list[dict[str, Any]]]:

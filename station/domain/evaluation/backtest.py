@@ -39,48 +39,78 @@ class VerdictChange:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BacktestResult:
-    """Of n attempts: how often which verdict became which, those that changed, and by how much coefficients moved.
+class ComparedAttempts:
+    """Attempts as they were and as they come out now, one a row. reasons: of the new verdict.
 
-    moved, in_std (m, 12): new − old, and that over the new standard uncertainty, where both are known.
+    moved, shift_in_std (n, 12): new − old, and that over the new standard uncertainty; NaN where one of the two came
+    to no coefficients.
     """
 
-    verdicts: Counter[tuple[str, str]]
-    changes: tuple[VerdictChange, ...]
+    attempt: tuple[str, ...]
+    serial: tuple[str, ...]
+    before: tuple[str, ...]
+    after: tuple[str, ...]
+    reasons: tuple[tuple[str, ...], ...]
     moved: Floats
     shift_in_std: Floats
 
-    @staticmethod
-    def join(parts: "Sequence[BacktestResult]") -> "BacktestResult":
-        """All parts as one."""
-        empty = np.zeros((0, 12))
-        return BacktestResult(
-            sum((p.verdicts for p in parts), Counter()),
-            tuple(change for p in parts for change in p.changes),
-            np.concatenate([empty, *(p.moved for p in parts)]),
-            np.concatenate([empty, *(p.shift_in_std for p in parts)]),
-        )
+
+class BacktestTotals:
+    """What many portions come to, whatever their number: added up in the order in which they are given."""
+
+    def __init__(self) -> None:
+        self.verdicts: Counter[tuple[str, str]] = Counter()
+        self.changes: list[VerdictChange] = []
+        self._known = 0
+        self._squares, self._largest, self._largest_in_std = np.zeros(12), np.zeros(12), np.zeros(12)
+
+    def add(self, part: ComparedAttempts) -> None:
+        """One portion more."""
+        self.verdicts.update(zip(part.before, part.after, strict=True))
+        rows = zip(part.attempt, part.serial, part.before, part.after, part.reasons, strict=True)
+        self.changes += [VerdictChange(*row) for row in rows if row[2] != row[3]]
+        known = np.isfinite(part.moved).all(axis=1)
+        self._known += int(known.sum())
+        self._squares += (part.moved[known] ** 2).sum(axis=0)
+        self._largest = np.maximum(self._largest, np.abs(part.moved[known]).max(axis=0, initial=0.0))
+        in_std = np.abs(part.shift_in_std[known]).max(axis=0, initial=0.0)
+        self._largest_in_std = np.maximum(self._largest_in_std, in_std)
+
+    def summary(self, unit: str) -> list[dict[str, object]]:
+        """Each coefficient's change over all attempts: root mean square and largest, and the latter in uncertainties.
+        unit: of the readings."""
+        rms = np.sqrt(self._squares / max(self._known, 1))
+        return [
+            {
+                "name": name,
+                "unit": coefficients.unit_of(i, unit),
+                "rms_change": float(rms[i]),
+                "max_change": float(self._largest[i]),
+                "max_change_in_std": float(self._largest_in_std[i]),
+            }
+            for i, name in enumerate(coefficients.NAMES)
+        ]
 
 
 def compare(
     before: Sequence[PreviousResult], after: Sequence[CalibrationResult], *, from_samples: bool
-) -> BacktestResult:
+) -> ComparedAttempts:
     """Attempts as they were and as they come out now; from_samples: raw samples were looked at again."""
-    verdicts: Counter[tuple[str, str]] = Counter()
-    changes, moved, in_std = [], [], []
-    for old, new in zip(before, after, strict=True):
-        outcome, reasons = _outcome(old, new, from_samples=from_samples)
-        verdicts[old.outcome, outcome] += 1
-        if outcome != old.outcome:
-            changes.append(VerdictChange(old.attempt, old.serial, old.outcome, outcome, reasons))
+    outcomes = [_outcome(old, new, from_samples=from_samples) for old, new in zip(before, after, strict=True)]
+    moved, in_std = np.full((len(before), 12), np.nan), np.full((len(before), 12), np.nan)
+    for i, (old, new) in enumerate(zip(before, after, strict=True)):
         if old.theta is not None and new.calibration is not None:
-            shift = np.concatenate([new.calibration.offset, new.calibration.matrix.ravel()]) - old.theta
+            moved[i] = np.concatenate([new.calibration.offset, new.calibration.matrix.ravel()]) - old.theta
             std = np.sqrt(np.diagonal(new.calibration.covariance))
-            moved.append(shift)
-            in_std.append(np.divide(shift, std, out=np.zeros(12), where=std > 0))
-    empty = np.zeros((0, 12))
-    return BacktestResult(
-        verdicts, tuple(changes), np.array(moved) if moved else empty, np.array(in_std) if moved else empty
+            in_std[i] = np.divide(moved[i], std, out=np.zeros(12), where=std > 0)
+    return ComparedAttempts(
+        tuple(old.attempt for old in before),
+        tuple(old.serial for old in before),
+        tuple(old.outcome for old in before),
+        tuple(outcome for outcome, _ in outcomes),
+        tuple(reasons for _, reasons in outcomes),
+        moved,
+        in_std,
     )
 
 
@@ -113,20 +143,3 @@ def recut_dwells(visits: Sequence[CapturedVisit], old: Recipe, new: Recipe) -> l
         to_ns = v.to_ns if lasts_ns is None else from_ns + lasts_ns
         made.append(replace(v, from_ns=from_ns, to_ns=to_ns))
     return made
-
-
-def summary(compared: BacktestResult, recipe: Recipe) -> list[dict[str, object]]:
-    """Each coefficient's change over all attempts: root mean square and largest, and the latter in uncertainties."""
-    rows: list[dict[str, object]] = []
-    for i, name in enumerate(coefficients.NAMES):
-        column = compared.moved[:, i]
-        rows.append(
-            {
-                "name": name,
-                "unit": coefficients.unit_of(i, recipe.unit),
-                "rms_change": float(np.sqrt((column**2).mean())) if len(column) else 0.0,
-                "max_change": float(np.abs(column).max(initial=0.0)),
-                "max_change_in_std": float(np.abs(compared.shift_in_std[:, i]).max(initial=0.0)),
-            }
-        )
-    return rows

@@ -45,7 +45,14 @@ class CalibrationResult:
     calibration: Calibration | None = None
     budget: Budget | None = None
     dwells: UnitDwells | None = None
-    decisions: tuple[Decision, ...] = ()
+    recipe: Recipe | None = None
+
+    @property
+    def decisions(self) -> tuple[Decision, ...]:
+        """Every limit as it was decided; computed when it is wanted, which of a fleet it is not."""
+        if self.recipe is None or self.calibration is None or self.budget is None or self.visits is None:
+            return ()
+        return decisions(self.recipe, self.calibration, self.budget, self.visits)
 
 
 def calibrate(
@@ -135,8 +142,7 @@ def _result(
         found = replace(found, notes=(*found.notes, *quality.notes(recipe, measured)))
         unsound = quality.reasons(recipe, measured, visits)
     verdict = judge(recipe, found, budget, visits, (*_invalid_fit_reasons(found, broken), *unsound))
-    shown = decisions(recipe, found, budget, visits)
-    return CalibrationResult(serial, verdict, visits, found, budget, measured, shown)
+    return CalibrationResult(serial, verdict, visits, found, budget, measured, recipe)
 
 
 def _calibration(

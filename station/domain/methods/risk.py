@@ -4,6 +4,7 @@ Before it is measured, a coefficient's deviation is what the process makes: norm
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import scipy
@@ -89,17 +90,23 @@ def _both(a: float, b: float, correlation: float) -> float:
     if correlation <= 0 or not np.isfinite(a + b):
         return 0.0
     root = np.sqrt(max(1 - correlation**2, 1e-12))
-    node, weight = np.polynomial.legendre.leggauss(NODES)
+    node, weight = _legendre(NODES)
     low = min(max(a, -SPAN), SPAN)
     x = low + (node + 1) / 2 * SPAN
     density = np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi)
     return float((weight * density * scipy.special.ndtr((correlation * x - b) / root)).sum() * SPAN / 2)
 
 
+@cache
+def _legendre(count: int) -> tuple[Floats, Floats]:
+    """Nodes and weights of Gauss–Legendre, found once: they are the eigenvalues of a matrix."""
+    return np.polynomial.legendre.leggauss(count)
+
+
 def of_process(mean: float, std: float, uncertainty: float, limit: float, guard: float) -> tuple[float, float]:
     """Global consumer's and producer's risk (JCGM 106, eq. 24 and 26): that a unit of this process is beyond ± limit
     and accepted, and that it is within and rejected. guard: w of the decision rule."""
-    node, weight = np.polynomial.legendre.leggauss(NODES * 8)
+    node, weight = _legendre(NODES * 8)
     true = mean + SPAN * std * node
     share = weight * SPAN * np.exp(-((SPAN * node) ** 2) / 2) / np.sqrt(2 * np.pi)
     room, u = max(limit - guard, 0.0), max(uncertainty, 1e-300)
