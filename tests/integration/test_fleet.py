@@ -130,7 +130,7 @@ def test_tables_of_a_fleet_are_a_source_and_a_unit_in_two_sources_counts_once(
             main([str(word) for word in words])
         shown = capsys.readouterr()
         assert ended.value.code == code, shown.err
-        return shown.out if code == 0 else shown.err
+        return shown.out if code in (0, 1) else shown.err
 
     db, fleet = folder / "station.db", tmp_path / "fleet"
     command("export", "--parquet", fleet, "--db", db)
@@ -141,6 +141,10 @@ def test_tables_of_a_fleet_are_a_source_and_a_unit_in_two_sources_counts_once(
         assert answers[0][name] == answers[1][name], name
     both = json.loads(command("backtest", *same, "--db", db, "--db", fleet))
     assert both["attempts"] == 4
+    calibrated = [json.loads(command("calibrate", *same[:4], "--db", at, "--json", "-", code=1)) for at in (db, fleet)]
+    assert calibrated[0]["outcomes"] == calibrated[1]["outcomes"]
+    assert calibrated[0]["coefficients"] == calibrated[1]["coefficients"]
+    assert "either a table" in command("calibrate", "--recipe", recipe, code=2)
     assert "raw frames" in command("backtest", *same, "--db", fleet, "--from-frames", code=2)
     (tmp_path / "empty").mkdir()
     assert "no tables of a fleet" in command("backtest", *same, "--db", tmp_path / "empty", code=2)

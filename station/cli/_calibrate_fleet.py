@@ -1,0 +1,65 @@
+"""The work of `station calibrate --db`: a fleet's stored units, in portions."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from station.cli import _output
+from station.cli._fleet import FleetRequest, computed, describe, recipes_in_use
+from station.config.recipes import load_recipe, recipe_hash
+from station.domain.core.types import Outcome
+from station.domain.planning import design
+from station.errors import InputError, UsageError
+from station.files.replace import replace_text
+from station.messages import system_reason
+from station.ports.log_reader import Query
+from station.service import fleet_calibration
+from station.service.fleet import FleetJob
+from station.wiring.fleet import code_version
+
+_EXIT_CODES = {Outcome.ERROR: InputError.exit_code, Outcome.FAIL: 1, Outcome.PASS: 0}
+
+
+def calibrate_fleet(recipe_name: str, of: str | None, fleet: FleetRequest, json_path: Path | None) -> int:
+    """Calibrates and tells; the exit code. of: the name of the recipe that they were made with.
+
+    Errors: InputError, StoreFault, StationFault."""
+    recipe = load_recipe(recipe_name)
+    design.check(recipe)
+    query = Query(recipe_name=of or recipe.name)
+    recipes_in_use(fleet.sources, query)
+    job = FleetJob("calibrate", recipe, query, code_version())
+    with computed(fleet, job, fleet_calibration.calibrate_portion, fleet_calibration.COLUMNS) as (planned, results):
+        found = fleet_calibration.totals(planned, results)
+    document: dict[str, Any] = {
+        "schema": "station.fleet-calibration/1",
+        "sources": describe(fleet.sources),
+        "recipe": {"name": recipe.name, "version": recipe.version, "hash": recipe_hash(recipe)},
+        "attempts": planned.attempts,
+        "outcomes": dict(sorted(found.outcomes.items())),
+        "coefficients": found.summary(recipe.unit),
+    }
+    _write(json_path, document)
+    if str(json_path) != "-":
+        _show(document)
+    return _EXIT_CODES[Outcome(found.exit_outcome())]
+
+
+def _write(path: Path | None, document: dict[str, Any]) -> None:
+    if path is None:
+        return
+    if str(path) == "-":
+        _output.print_json(document)
+        return
+    try:
+        replace_text(path, json.dumps(document, ensure_ascii=False))
+    except OSError as exc:
+        raise UsageError("option-not-written", option="--json", path=str(path), why=system_reason(exc)) from exc
+
+
+def _show(d: dict[str, Any]) -> None:
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in d["outcomes"].items()) or "none calibrated"
+    _output.print_line(f"{d['attempts']} attempts with recipe {d['recipe']['name']}: {counts}")
+    _output.print_line("  coefficient                  mean     spread  uncertainty")
+    for c in d["coefficients"]:
+        _output.print_line(f"  {c['name']:<22} {c['mean']:>10.5f} {c['spread']:>10.2g} {c['std']:>12.2g} {c['unit']}")
