@@ -55,7 +55,7 @@ def main() -> None:
         job = FleetJob("backtest", tighter, Query(), code_version())
         request = FleetRequest((path,), options.processes)
         with computed(request, job, backtest.compare_portion, backtest.COLUMNS) as (planned, results):
-            found = backtest.totals(planned, results)
+            found = backtest.sum_backtest(planned, results)
         took, used = time.perf_counter() - begun, _cpu_s() - used
     each = took / options.units
     print(f"row 11: {options.units} units on {options.processes} processes: {took:.0f} s, {each * 1e3:.2f} ms a unit")

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from station.cli import _output
-from station.cli._fleet import FleetRequest, computed, describe, recipes_in_use
+from station.cli._fleet import FleetRequest, computed, describe_sources, recipes_in_use
 from station.config.recipes import recipe_hash
 from station.domain.evaluation.backtest import BacktestTotals
 from station.domain.recipe.recipe import Recipe
@@ -31,10 +31,10 @@ def run_backtest(request: BacktestRequest, *, as_json: bool) -> int:
     recipe, sources = request.recipe, request.fleet.sources
     used = recipes_in_use(sources, request.query)
     backtest.check(recipe)
-    from_frames = request.from_frames or backtest.dwells_differ(used, recipe)
+    from_frames = request.from_frames or backtest.any_dwells_differ(used, recipe)
     job = FleetJob("backtest", recipe, request.query, code_version(), from_frames)
     with computed(request.fleet, job, backtest.compare_portion, backtest.COLUMNS) as (planned, results):
-        compared = backtest.totals(planned, results)
+        compared = backtest.sum_backtest(planned, results)
     document = _document(request, planned.attempts, compared, "frames" if from_frames else "stops")
     if as_json:
         _output.print_json(document)
@@ -44,7 +44,7 @@ def run_backtest(request: BacktestRequest, *, as_json: bool) -> int:
 
 
 def _document(request: BacktestRequest, attempts: int, compared: BacktestTotals, computed_from: str) -> dict[str, Any]:
-    done, sources = compared.verdicts.total(), describe(request.fleet.sources)
+    done, sources = compared.verdicts.total(), describe_sources(request.fleet.sources)
     return {
         "schema": "station.backtest/1",
         "log": sources[0]["location"],

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from station.cli import _output
-from station.cli._fleet import FleetRequest, computed, describe, recipes_in_use
+from station.cli._fleet import FleetRequest, computed, describe_sources, recipes_in_use
 from station.config.recipes import load_recipe, recipe_hash
 from station.domain.core.types import Outcome
 from station.domain.planning import design
@@ -30,10 +30,10 @@ def calibrate_fleet(recipe_name: str, of: str | None, fleet: FleetRequest, json_
     recipes_in_use(fleet.sources, query)
     job = FleetJob("calibrate", recipe, query, code_version())
     with computed(fleet, job, fleet_calibration.calibrate_portion, fleet_calibration.COLUMNS) as (planned, results):
-        found = fleet_calibration.totals(planned, results)
+        found = fleet_calibration.sum_calibrations(planned, results)
     document: dict[str, Any] = {
         "schema": "station.fleet-calibration/1",
-        "sources": describe(fleet.sources),
+        "sources": describe_sources(fleet.sources),
         "recipe": {"name": recipe.name, "version": recipe.version, "hash": recipe_hash(recipe)},
         "attempts": planned.attempts,
         "outcomes": dict(sorted(found.outcomes.items())),

@@ -12,7 +12,7 @@ from station.errors import LogError
 from station.messages import Message, render
 from station.ports.fleet import Columns, ColumnType, PortionResults
 from station.ports.log_reader import Query
-from station.service.fleet import FleetJob, FleetPlan, FleetWork, compute_missing, plan
+from station.service.fleet import FleetJob, FleetPlan, FleetWork, compute_missing, plan_portions
 from station.wiring.fleet import open_engine, open_results, open_source, openers
 
 
@@ -35,7 +35,7 @@ def named_sources(db: Sequence[Path] | None, config: Path | None) -> tuple[Path,
     return (Path(load_settings(config).database),)
 
 
-def describe(sources: Sequence[Path]) -> list[dict[str, Any]]:
+def describe_sources(sources: Sequence[Path]) -> list[dict[str, Any]]:
     """Where the units come from, with the newest record of each log. Errors: LogError."""
     found = []
     for path in sources:
@@ -66,14 +66,14 @@ def computed(
     """
     with _output.progress() as bar:
         task = bar.add_task("reading", total=None)
-        planned = plan(job, openers(request.sources))
+        planned = plan_portions(job, openers(request.sources))
         bar.update(task, description="computing", total=planned.attempts)
         about = {
             "name": job.name,
             "recipe": {"name": job.recipe.name, "version": job.recipe.version, "hash": recipe_hash(job.recipe)},
             "query": {name: value for name, value in asdict(job.query).items() if value is not None},
             "code": job.code,
-            "sources": describe(request.sources),
+            "sources": describe_sources(request.sources),
         }
         with open_results(request.results, job, types, about) as results:
             present = sum(results.has(portion.key) for portion in planned.portions)

@@ -32,7 +32,7 @@ def check(recipe: Recipe) -> None:
     design.check(recipe)
 
 
-def dwells_differ(used: list[str], changed: Recipe) -> bool:
+def any_dwells_differ(used: list[str], changed: Recipe) -> bool:
     """Whether any of the recipes in use (JSON) cut its dwells otherwise. Errors: LogError where one was not kept."""
     if not all(used):
         raise LogError("attempt-without-recipe")
@@ -45,7 +45,7 @@ def compare_portion(work: FleetWork) -> Columns:
     return to_columns(backtest.compare([_before(row) for row in rows], results, from_samples=work.from_frames))
 
 
-def totals(planned: FleetPlan, results: PortionResults) -> BacktestTotals:
+def sum_backtest(planned: FleetPlan, results: PortionResults) -> BacktestTotals:
     """What all portions come to. Errors: StoreFault."""
     found = BacktestTotals()
     for portion in planned.portions:

@@ -70,7 +70,7 @@ class InProcess:
             yield portion.key, function(portion.work)
 
 
-def plan(job: FleetJob, sources: Sequence[OpenSource]) -> FleetPlan:
+def plan_portions(job: FleetJob, sources: Sequence[OpenSource]) -> FleetPlan:
     """Cuts the attempts of all sources into portions. A portion's key follows from the attempts in it: a log that has
     grown keeps the results of all but its last portion. What is in several sources counts once. Errors: LogError."""
     size, recipe = PORTION_OF_FRAMES if job.from_frames else PORTION, job.recipe_json

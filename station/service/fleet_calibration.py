@@ -72,7 +72,7 @@ class CalibrationTotals:
         return next((o for o in (Outcome.ERROR, Outcome.FAIL) if self.outcomes[o]), Outcome.PASS)
 
 
-def totals(planned: FleetPlan, results: PortionResults) -> CalibrationTotals:
+def sum_calibrations(planned: FleetPlan, results: PortionResults) -> CalibrationTotals:
     """What all portions come to. Errors: StoreFault."""
     found = CalibrationTotals()
     for portion in planned.portions:

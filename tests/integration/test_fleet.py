@@ -16,7 +16,7 @@ from station.errors import InputError, RecipeError, StationFault
 from station.ports.fleet import Columns, Portion
 from station.ports.log_reader import Query
 from station.service import backtest
-from station.service.fleet import FleetJob, FleetPlan, InProcess, compute_missing, plan
+from station.service.fleet import FleetJob, FleetPlan, InProcess, compute_missing, plan_portions
 from station.wiring.fleet import code_version, open_results, open_source
 from tests.fakes import fixture_run, fleet_work
 
@@ -46,7 +46,7 @@ def job(folder: Path, monkeypatch: pytest.MonkeyPatch) -> FleetJob:
 
 
 def planned_of(job: FleetJob, folder: Path) -> FleetPlan:
-    return plan(job, [partial(open_source, folder / "station.db")])
+    return plan_portions(job, [partial(open_source, folder / "station.db")])
 
 
 def tables(place: Path) -> dict[str, list[dict[str, Any]]]:
@@ -60,7 +60,7 @@ def run(
     planned = planned_of(job, folder)
     with open_results(place, job, backtest.COLUMNS, {"name": job.name}) as results:
         compute_missing(planned, function, engine, results, done.append)
-        return backtest.totals(planned, results), done
+        return backtest.sum_backtest(planned, results), done
 
 
 def test_a_cluster_that_loses_a_worker_gives_the_bits_of_one_process(

@@ -9,6 +9,8 @@ from tests.source import PACKAGE, trees
 
 #: Functions that several modules define, each called through its module (`codec.pack`), with their one meaning.
 SAME_MEANING = {
+    "recipes": "the recipes that the attempts of a query were made with",
+    "selection": "the attempts that a query names, in the order of their records",
     "attempts": "the attempts that a query names",
     "calibrate": "from samples to calibration and verdict: of one unit, of every unit of a table",
     "drawn_over": "what the residual of an effect is drawn against",
