@@ -63,5 +63,6 @@ def test_new_data_meet_a_scan_as_they_meet_its_columns(
             bank = build_bank(list(bank.candidates), layout, moving=False)
         (seen,) = projected_bank.project_bank(bank, layout, [space], axes=True)
         light = null_simulation.SinglePrecisionBank(seen)
-        results.append(light.scores(white.astype(np.float32), space.covariance.runs.single_precision(), None))
+        drawn = null_simulation.NullNoise.of(white.astype(np.float32), space.covariance.runs.single_precision())
+        results.append(light.scores([drawn], None))
     assert np.allclose(results[0][0], results[1][0], rtol=1e-3, atol=1e-3)

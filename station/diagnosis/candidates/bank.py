@@ -32,6 +32,8 @@ AMPLITUDE_LIMIT_FACTOR = 20.0
 MAX_JUMP_TIMES = 32
 #: Times between two of them that are tried at most.
 MAX_REFINED_JUMP_TIMES = 12
+#: Units whose columns are in memory at once.
+UNITS_AT_ONCE = 8
 #: Over a smaller range of temperature than this, degC, a curve is a straight line.
 MIN_BENT_RANGE_DEGC = 8.0
 #: Levels whose groups belong to one unit each.
@@ -295,7 +297,8 @@ class Bank:
     has none, as it needs none (`visit_scan.py`).
 
     moving: whether the candidates change within a stop; codes (v) of each one's groups, and how many groups, within a
-    unit; place of each among the columns.
+    unit; place of each among the columns; laid: the columns of all units, None of a fleet, whose rows are laid out part
+    by part when they are needed.
     """
 
     moving: bool
@@ -304,14 +307,23 @@ class Bank:
     groups: tuple[int, ...]
     place: tuple[slice, ...]
     made: tuple[BankColumns, ...]
+    laid: DataColumns | None = None
 
     def only(self, chosen: Sequence[int]) -> "Bank":
         """The same with some of the candidates."""
-        picked = [(self.candidates[i], self.codes[i], self.groups[i]) for i in chosen]
-        return _assemble_bank(picked, moving=self.moving)
+        if len(chosen) == len(self.candidates):
+            return self
+        bank = _assemble_bank([(self.candidates[i], self.codes[i], self.groups[i]) for i in chosen], moving=self.moving)
+        if self.laid is None or not bank.made:
+            return bank
+        place = {id(c): at for c, at in zip(self.candidates, self.place, strict=True)}
+        columns = np.concatenate([np.r_[place[id(m.candidate)]] for m in bank.made])
+        return replace(bank, laid=self.laid.only(columns))
 
     def rows(self, layout: RowLayout, units: slice) -> DataColumns:
         """The columns of some units."""
+        if self.laid is not None:
+            return self.laid.of_units(units)
         stops = layout.grid.part(units)[1]
         parts = [m.candidate.stop[stops] for m in self.made]
         stop = self._scatter_to_groups(layout.keep[stops] @ np.concatenate(parts, axis=2), stops)
@@ -329,6 +341,10 @@ class Bank:
         row, end = np.arange(len(columns))[:, None], 0
         for made in self.made:
             start, end = end, end + made.candidate.axes
+            if made.at.stop - made.at.start == made.candidate.axes:
+                # One group: its columns are whole.
+                out[..., made.at] = columns[..., start:end]
+                continue
             at = made.at.start + made.code[stops, None] * made.candidate.axes + np.arange(made.candidate.axes)
             out.transpose(0, 2, 1)[row, at] = columns[..., start:end].transpose(0, 2, 1)
         return out
@@ -338,7 +354,11 @@ def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -
     """The candidates that move within a stop, or those that do not."""
     chosen = [c for c in items if (c.dwell is not None) == moving]
     local = {(c.of, id(c.code)): c.local_codes(layout) for c in chosen}
-    return _assemble_bank([(c, *local[c.of, id(c.code)]) for c in chosen], moving=moving)
+    bank = _assemble_bank([(c, *local[c.of, id(c.code)]) for c in chosen], moving=moving)
+    if not bank.made or layout.grid.units > UNITS_AT_ONCE:
+        return bank
+    # Few units are looked at under many floors: their rows are the same under each.
+    return replace(bank, laid=bank.rows(layout, slice(0, layout.grid.units)))
 
 
 def _assemble_bank(items: Sequence[tuple[Candidate, NDArray[np.int32], int]], *, moving: bool) -> Bank:

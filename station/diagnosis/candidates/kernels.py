@@ -25,6 +25,8 @@ COVARIATES = ("time", "position", "temperature", "input", "dwell-phase", "order"
 FACTORS = ("time", "temperature", "motor", "order", "input")
 #: All kernels.
 KERNEL_NAMES = (*COVARIATES, *("*".join(pair) for pair in combinations(FACTORS, 2)))
+#: The kernel of what changes within the dwells.
+MOVING_KERNEL = "dwell-phase"
 #: Range of temperature below which nothing can be laid to it, degC.
 MIN_TEMPERATURE_RANGE = 0.2
 #: Waves of the slow and of the fast kernel of time, half periods in a run.
@@ -139,7 +141,7 @@ def _phase(view: ResidualView) -> Iterator[Candidate]:
         rows = np.einsum("bp,vi,ij->vbipj", pulse, size, np.eye(3)).reshape(len(a), len(blocks), 3, -1)
         stop, dwell = mean_and_contrasts(rows, r.count)
         for of in _levels(view, "unit", "common"):
-            yield _kernel("dwell-phase", of, view, stop, dwell)
+            yield _kernel(MOVING_KERNEL, of, view, stop, dwell)
 
 
 def _unit(view: ResidualView) -> Iterator[Candidate]:

@@ -126,7 +126,7 @@ def accepted_columns(item: AcceptedCause, view: ResidualView) -> tuple[DataColum
         number = np.full(len(c.names), -1)
         number[chosen] = np.arange(len(chosen))
         column = np.where(item.hit[:, None], number[:, None] * c.axes + axes, -1)
-        return _select_columns(rows, (chosen[:, None] * c.axes + axes).ravel()), CoefficientIndex(
+        return rows.only((chosen[:, None] * c.axes + axes).ravel()), CoefficientIndex(
             own=False, unit=np.zeros_like(column), column=column
         )
     unit, first = c.where(view.layout)
@@ -134,14 +134,10 @@ def accepted_columns(item: AcceptedCause, view: ResidualView) -> tuple[DataColum
     number = np.full(int(first.max()) + 1, -1)
     number[used] = np.arange(len(used))
     column = np.where(item.hit[:, None], number[first][:, None] * c.axes + axes, -1)
-    rows = _select_columns(rows, (used[:, None] * c.axes + axes).ravel())
+    rows = rows.only((used[:, None] * c.axes + axes).ravel())
     return _zero_inactive(rows, unit, column), CoefficientIndex(
         own=True, unit=np.repeat(unit[:, None], c.axes, 1), column=column
     )
-
-
-def _select_columns(rows: DataColumns, columns: NDArray[np.intp]) -> DataColumns:
-    return DataColumns(rows.stop[..., columns], None if rows.dwell is None else rows.dwell[..., columns])
 
 
 def _zero_inactive(rows: DataColumns, unit: NDArray[np.intp], column: NDArray[np.intp]) -> DataColumns:

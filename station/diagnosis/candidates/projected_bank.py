@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.candidates.bank import AMPLITUDE_LIMIT_FACTOR, Bank
+from station.diagnosis.candidates.bank import AMPLITUDE_LIMIT_FACTOR, UNITS_AT_ONCE, Bank
 from station.diagnosis.candidates.visit_scan import NormalProducts, VisitColumns, VisitSpace, visit_columns
 from station.diagnosis.linear.evidence import (
     GROUP_AXES,
@@ -26,8 +26,6 @@ from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.projection import ResidualSpace
 from station.domain.core.types import Array, Floats
 
-#: Units whose columns are in memory at once.
-UNITS_AT_ONCE = 8
 #: Candidates of one shape that are gone through together.
 CANDIDATES_AT_ONCE = 8
 
@@ -195,7 +193,8 @@ def _candidate_fits(
     can = spectrum(space, np.where(visible, m, 0.0), turn @ cross, kind.pattern, most)
     u = can.components((turn @ readings[..., None])[..., 0][:, None], sets)
     likelihood = can.likelihoods(u, sets) if scan else can.likelihood(can.terms(u, sets), sets)
-    evidence = log_mean_exp(can.spread(likelihood) if scan else likelihood)[:, 0]
+    odds = log_mean_exp(likelihood)
+    evidence = (log_mean_exp(can.spread(odds)) if scan else odds)[:, 0]
     for i, which in enumerate(kind.which):
         axes = None if drawn is None else drawn.axes(bank, which, E[i])
         one = can.of(i) if axes is not None else can.without_cross().of(i)

@@ -63,6 +63,16 @@ class ResidualView:
             return self.reduced.reduce_fine(forward(self.reduced.fine, self.base, self.active))
         return forward(self.scene, self.base, self.active), np.zeros_like(self.reduced.contrast)
 
+    def simulates_nearly(self, other: "ResidualView", share: float) -> bool:
+        """Whether two views of the same stops simulate the same readings, to a share of the stimulus."""
+        if self is other:
+            return True
+        if self.reduced is not other.reduced:
+            return False
+        strength = float(np.max(np.linalg.norm(resting_stimulus(self.scene), axis=1), initial=0.0))
+        pairs = zip(self.simulated(), other.simulated(), strict=True)
+        return all(float(np.max(np.abs(a - b), initial=0.0)) <= share * strength for a, b in pairs)
+
     def readings(self) -> DataColumns:
         """Measured − simulated, one column; contrasts in units of their noise."""
         mean, contrast = self.simulated()

@@ -144,15 +144,14 @@ class EigenSpectrum:
                 ..., None, :, :
             ]
             return np.concatenate([drop[..., None], bent], axis=-1)
-        return self.spread(self.likelihoods(u, sets))
+        return self.spread(np.moveaxis(_log_mean_exp_in_place(self._by_group(u, sets)), -1, self.batch_axes))
 
     @staticmethod
-    def spread(likelihoods: Floats) -> Floats:
-        """Log-likelihood (b, n, shares) of a scan, whose groups' L (b, n, U, G, ρ) are given, if such a share of them
+    def spread(odds: Floats) -> Floats:
+        """Log-likelihood (b, n, shares) of a scan whose groups have such log odds (b, n, U, G), if such a share of them
         is hit."""
-        odds = log_mean_exp(likelihoods)
         odds = odds.reshape(*odds.shape[:-2], -1)
-        share = np.array(HIT_SHARES).reshape(-1, *[1] * odds.ndim)
+        share = np.array(HIT_SHARES, odds.dtype).reshape(-1, *[1] * odds.ndim)
         return np.asarray(np.moveaxis(np.logaddexp(np.log1p(-share), np.log(share) + odds).sum(axis=-1), 0, -1))
 
     def judged(self, terms: Floats, sets: DataSets) -> Floats:
@@ -171,11 +170,15 @@ class EigenSpectrum:
         return np.asarray(self._ratio(drop, rest) - 0.5 * total)
 
     def likelihoods(self, u: Floats, sets: DataSets) -> Floats:
-        """L (b, n, U, G, ρ) of each group of a scan. A copy of the units has its share of the sum of squares."""
-        b = self.batch_axes
-        drop = np.moveaxis(np.moveaxis(u**2, b, -2) @ self.weight, -2, b)
-        rest = _expand_axes((self.space.copies * sets.rest)[:, None], 2)
-        return np.asarray(self._ratio(drop, rest) - 0.5 * np.expand_dims(self.logdet, b))
+        """L (b, n, U, G, ρ) of each group of a scan."""
+        return np.moveaxis(self._by_group(u, sets), -2, self.batch_axes)
+
+    def _by_group(self, u: Floats, sets: DataSets) -> Floats:
+        """The same as (b, U, G, n, ρ). A copy of the units has its share of the sum of squares."""
+        drop = np.moveaxis(u**2, self.batch_axes, -2) @ self.weight
+        found = self._ratio(drop, (self.space.copies * sets.rest).astype(drop.dtype)[:, None])
+        found -= 0.5 * self.logdet[..., None, :]
+        return found
 
     def _flat(self, values: Floats) -> Floats:
         """Units and axes (b, U, K, x) in one row (b, U·K, x)."""
@@ -183,9 +186,11 @@ class EigenSpectrum:
 
     def _ratio(self, drop: Floats, rest: Floats) -> Floats:
         """−½ n·log(1 − drop / rest)."""
-        share = drop / rest
+        share = np.asarray(drop / -rest)
         most = MAX_EXPLAINED_SHARE_SINGLE if share.dtype == np.float32 else MAX_EXPLAINED_SHARE
-        return np.asarray(-0.5 * self.space.dof * np.log1p(-np.minimum(share, most)))
+        np.log1p(np.maximum(share, -most, out=share), out=share)
+        share *= -0.5 * self.space.dof
+        return share
 
     def _bordered(self, bent: Floats, sets: DataSets) -> tuple[Floats, Floats]:
         """What the known shared columns change for each ρ: the drop of the sum of squares (b, n, ρ) and the
@@ -241,5 +246,11 @@ def visible_directions(m: Floats, grouped: int = 1) -> NDArray[np.bool_]:
 
 def log_mean_exp(values: Array) -> Floats:
     """log of the mean of e^values over the last axis."""
+    return _log_mean_exp_in_place(values.copy())
+
+
+def _log_mean_exp_in_place(values: Array) -> Floats:
+    """The same; the values are lost."""
     top = values.max(axis=-1, keepdims=True)
-    return np.asarray(top[..., 0] + np.log(np.mean(np.exp(values - top), axis=-1)))
+    values -= top
+    return np.asarray(top[..., 0] + np.log(np.mean(np.exp(values, out=values), axis=-1)))

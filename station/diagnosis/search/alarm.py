@@ -22,7 +22,7 @@ from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-NULL_CACHE_VERSION = 7
+NULL_CACHE_VERSION = 8
 #: Chance of any alarm in data without a cause.
 FAMILY_WISE_LEVEL = 0.01
 #: A cause worth fewer nats than this, odds of three to one, explains no alarm.
@@ -94,16 +94,25 @@ def bootstrap(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, s
 
 
 def fit_null(scores: Mapping[str, Floats]) -> NullDistribution:
-    """The null distribution from each cause's scores (n) in the same null data sets."""
+    """The null distribution from each cause's scores (n) in the same null data sets.
+
+    How rare a set looks is judged by the other half of the sets for the threshold: by its own tails no set looks as
+    rare as a new one does.
+    """
+    halves = [{name: s[i::2] for name, s in scores.items()} for i in (0, 1)]
+    surprise = [_tails_of(one).surprise(other) for one, other in (halves, halves[::-1])]
+    return replace(_tails_of(scores), threshold=float(np.quantile(np.concatenate(surprise), 1 - FAMILY_WISE_LEVEL)))
+
+
+def _tails_of(scores: Mapping[str, Floats]) -> NullDistribution:
+    """The null distribution without a threshold."""
     quantiles = {name: np.quantile(s, TAIL_START * QUANTILE_GRID) for name, s in scores.items()}
     start = {name: float(q[-1]) for name, q in quantiles.items()}
     beyond = {name: s[s > start[name]] - start[name] for name, s in scores.items()}
     scale = {name: max(float(np.mean(x)), 0.05) if len(x) else 1.0 for name, x in beyond.items()}
     # A tail bends towards that of every log Bayes factor; a few sets beyond its start do not show yet how far it goes.
     usual = float(np.median(list(scale.values())))
-    scale = {name: max(x, usual) for name, x in scale.items()}
-    null = NullDistribution(quantiles, start, scale, 0.0)
-    return replace(null, threshold=float(np.quantile(null.surprise(scores), 1 - FAMILY_WISE_LEVEL)))
+    return NullDistribution(quantiles, start, {name: max(x, usual) for name, x in scale.items()}, 0.0)
 
 
 def statistic(null: NullDistribution, evidence: Mapping[str, float]) -> float:

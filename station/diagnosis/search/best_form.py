@@ -1,7 +1,7 @@
 """The form of each promising cause at its best: its time constant, its frequency, its time of a jump."""
 
 from station.diagnosis.candidates.bank import Candidate, build_bank
-from station.diagnosis.candidates.kernels import KERNEL_NAMES
+from station.diagnosis.candidates.kernels import KERNEL_NAMES, MOVING_KERNEL
 from station.diagnosis.candidates.shape import (
     evidence_of,
     has_jump,
@@ -27,15 +27,17 @@ def tune_forms(problem: ScoringProblem, ranks: dict[str, RankedCause]) -> dict[s
     """The same with the form of each promising cause at its best."""
     top = max((r.evidence for r in ranks.values()), default=0.0)
     leads = any(r.evidence == top for name, r in ranks.items() if name in KERNEL_NAMES)
+    # What rings changes within the dwells: where no course within them is left, there is nothing to look for.
+    rings = leads and MOVING_KERNEL in ranks and ranks[MOVING_KERNEL].evidence > 0
     for name, r in ranks.items():
         if r.best is None or r.best.effect is None:
             continue
         # Without its waves a cause that rings explains next to nothing.
-        if r.evidence < PROMISING_SHARE * top and not (leads and may_ring(r.best.effect)):
+        if r.evidence < PROMISING_SHARE * top and not (rings and may_ring(r.best.effect)):
             continue
         space = problem.space(r.at.floor, moving=r.best.dwell is not None)
         best = _with_best_form(r.best, problem.view, space)
-        if leads and may_ring(r.best.effect):
+        if rings and may_ring(r.best.effect):
             ringing = _with_best_form(with_ringing(r.best, problem.view, space), problem.view, space)
             quiet, loud = (evidence_of(c, problem.view, space) for c in (best, ringing))
             # A frequency is one more thing to choose: it must pay for itself.

@@ -8,6 +8,7 @@ import numpy as np
 from station.diagnosis.candidates import kernels as generic
 from station.diagnosis.candidates.bank import (
     Bank,
+    Candidate,
     build_bank,
     candidates,
     cause_library,
@@ -45,7 +46,6 @@ from station.diagnosis.search.rank import (
 )
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import WalkMarginal, marginalise_walks, score_over_walks
-from station.model.effects.disturbed_visit import DisturbedVisit
 
 NullFactory = Callable[[ScoringProblem, FittedFloor, WalkMarginal], NullDistribution]
 
@@ -54,6 +54,8 @@ NullFactory = Callable[[ScoringProblem, FittedFloor, WalkMarginal], NullDistribu
 MAX_CHAIN, MAX_STARTS, CHOICE_NATS = 3, 3, 3.0
 #: A cause beside a grown floor must gain so many nats to come before it.
 EVIDENT_NATS = 6.0
+#: Where two simulations differ by less than this share of the stimulus a cause looks alike in both, but for that share.
+SAME_SIGNATURE_SHARE = 1e-3
 #: Causes and kernels looked for at most, and how often one and the same may be found.
 MAX_ROUNDS, MAX_REPEATS = 6, 2
 
@@ -90,12 +92,21 @@ class SearchResult:
         return self.rest, dict.fromkeys(causes, 0.0)
 
 
+def all_candidates(view: ResidualView) -> tuple[Candidate, ...]:
+    """Every cause and kernel that these data could show."""
+    effects = [e for e in cause_library(view.scene.recipe) if is_testable(e, view)]
+    items = [c for e in effects for c in candidates(e, view)]
+    return (*items, *generic.kernel_candidates(view), *disturbed_readings(view))
+
+
 def build_banks(view: ResidualView, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:
     """The still and the moving candidates, without the causes that are hidden from these data."""
-    effects = [e for e in cause_library(view.scene.recipe) if e.id not in hidden and is_testable(e, view)]
-    items = [c for e in effects for c in candidates(e, view)] + generic.kernel_candidates(view)
-    items += [] if DisturbedVisit.id in hidden else disturbed_readings(view)
-    return build_bank(items, view.layout, moving=False), build_bank(items, view.layout, moving=True)
+    return _banks_of(all_candidates(view), view, hidden)
+
+
+def _banks_of(items: Sequence[Candidate], view: ResidualView, hidden: Collection[str]) -> tuple[Bank, Bank]:
+    chosen = [c for c in items if c.name not in hidden]
+    return build_bank(chosen, view.layout, moving=False), build_bank(chosen, view.layout, moving=True)
 
 
 def _drop_undetectable(problem: ScoringProblem, now: ScoredBank) -> tuple[ScoredBank, tuple[str, ...]]:
@@ -173,6 +184,7 @@ class _Search:
         self._null_of = null_of
         self._null: NullDistribution | None = None
         self.undetectable: tuple[str, ...] = ()
+        self._made: tuple[ResidualView, tuple[Candidate, ...]] = problem.view, all_candidates(problem.view)
         self.first = self.state(problem)
 
     @property
@@ -180,12 +192,18 @@ class _Search:
         """What scores look like when nothing is wrong."""
         return self._null
 
+    def _banks(self, view: ResidualView) -> tuple[Bank, Bank]:
+        """The bank in a view. Its signatures are those of another view where that simulates nearly the same."""
+        if not view.simulates_nearly(self._made[0], SAME_SIGNATURE_SHARE):
+            self._made = view, all_candidates(view)
+        return _banks_of(self._made[1], view, self.undetectable)
+
     def state(self, problem: ScoringProblem) -> _State:
         """The whole bank with everything accepted."""
         if self._null is not None and problem is self.first.problem:
             return self.first
         fitted = problem.fit()
-        now = score_bank(problem, build_banks(problem.view, self.undetectable), fitted.floor)
+        now = score_bank(problem, self._banks(problem.view), fitted.floor)
         if self._null is None:
             now, self.undetectable = _drop_undetectable(problem, now)
         around = marginalise_walks(problem, now)
@@ -224,7 +242,7 @@ class _Search:
     def _judged_with_others(self, problem: ScoringProblem, i: int, finding: CauseFinding) -> CauseFinding:
         bare = problem.without(i)
         fitted = bare.fit()
-        now = score_bank(bare, build_banks(bare.view, self.undetectable), fitted.floor)
+        now = score_bank(bare, self._banks(bare.view), fitted.floor)
         state = replace(self.first, problem=bare, now=now, around=marginalise_walks(bare, now))
         ranks = self.ranks(state, [])
         if finding.name not in ranks or ranks[finding.name].best is None:

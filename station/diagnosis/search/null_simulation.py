@@ -5,8 +5,10 @@ the sums of the copies are dealt in other orders, so that every set gets other c
 sum of c copies is then known to √(c / SETS) of its spread.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +21,9 @@ from station.diagnosis.search.scoring import Scores, ScoringProblem
 from station.diagnosis.search.walk_marginal import WalkMarginal, replicate_units
 from station.domain.core.types import Array, Floats
 
-#: Null data sets, and in how many floors drawn from the estimate's uncertainty.
-NULL_SETS, NULL_FLOORS = 2048, 16
+#: Null data sets, and in how many floors drawn from the estimate's uncertainty: the more the better, but for copies of
+#: units, which are dealt anew within one floor. Floors whose sets are judged at once.
+NULL_SETS, NULL_FLOORS, COPIED_FLOORS, FLOORS_AT_ONCE = 1024, 64, 16, 16
 #: The most units that are drawn one by one.
 MAX_DRAWN_UNITS = 32
 
@@ -33,9 +36,11 @@ def scores(problem: ScoringProblem, fitted: FittedFloor, like: WalkMarginal, see
     chosen = np.sort(rng.permutation(units)[: units // copies])
     now = replicate_units(problem, like, chosen, copies)
     banks = [[SinglePrecisionBank(s) for s in stage.projected] for stage in now.stages]
-    for noise, true in _noise(problem, fitted, now, rng):
-        orders = copy_orders(len(noise), copies, rng) if copies > 1 else None
-        scored = [[light.scores(noise, true, orders) for light in stage] for stage in banks]
+    floors, at_once = (NULL_FLOORS, FLOORS_AT_ONCE) if copies == 1 else (COPIED_FLOORS, 1)
+    noise = _noise(problem, fitted, now, rng, floors)
+    while drawn := list(islice(noise, at_once)):
+        orders = copy_orders(len(drawn[0].noise), copies, rng) if copies > 1 else None
+        scored = [[light.scores(drawn, orders) for light in stage] for stage in banks]
         yield now.scores(
             [
                 Scores(np.concatenate([e for e, _ in stage], axis=1), np.stack([f for _, f in stage], axis=1))
@@ -51,17 +56,32 @@ def copy_orders(sets: int, copies: int, rng: np.random.Generator) -> Array:
 
 
 def _noise(
-    problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, rng: np.random.Generator
-) -> Iterator[tuple[Array, RunFilter]]:
-    """White noise (n, U, ·) of the widest space, and the floor that it is of."""
+    problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, rng: np.random.Generator, floors: int
+) -> Iterator["NullNoise"]:
+    """White noise of the widest space, floor by floor."""
     mean, spread = fitted.floor.variances, fitted.covariance
     root = np.linalg.cholesky(spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
     spaces = [s.space for stage in now.stages for s in stage.projected]
-    live = max(spaces, key=lambda space: space.live.shape[1]).live
-    for _ in range(NULL_FLOORS):
+    live, member = max(spaces, key=lambda space: space.live.shape[1]).live, spaces[0].covariance.runs.member
+    for _ in range(floors):
         variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
         true = problem.structure.covariance(variances).runs.single_precision()
-        yield rng.standard_normal((NULL_SETS // NULL_FLOORS, *live.shape), dtype=np.float32) * live, true
+        noise = rng.standard_normal((NULL_SETS // floors, *live.shape), dtype=np.float32)
+        yield NullNoise.of(noise * live, replace(true, member=member))
+
+
+class NullNoise(NamedTuple):
+    """White noise (n, U, ·) of everything, and what a floor makes of the visits' part of it (U, R, m, n)."""
+
+    noise: Array
+    visits: Array
+
+    @staticmethod
+    def of(noise: Array, true: RunFilter) -> "NullNoise":
+        """Noise of a true floor."""
+        (U, R), m = true.member.shape, true.rows
+        white = noise[:, :, : R * m].reshape(len(noise), U, R, m).transpose(1, 2, 3, 0)
+        return NullNoise(noise, true.coloured(np.ascontiguousarray(white)))
 
 
 class SinglePrecisionBank:
@@ -79,17 +99,17 @@ class SinglePrecisionBank:
         self.dense = np.concatenate(dense, axis=2) if dense else np.zeros((*projected.space.data.shape, 0), np.float32)
         self.ends = np.cumsum([x.shape[2] for x in dense])[:-1]
 
-    def scores(self, noise: Array, true: RunFilter, orders: Array | None) -> tuple[Floats, Floats]:
+    def scores(self, drawn: Sequence[NullNoise], orders: Array | None) -> tuple[Floats, Floats]:
         """Log evidence (n, candidates) and log-likelihood (n) without any, of noise that is whitened as the space
         does; orders (copies, n) of the sets."""
-        data = self._whitened(noise, true)
+        data = np.concatenate([self._whitened(*one) for one in drawn])
         sets = DataSets.of(self.space, data)
         total = sets.sum_over_copies(orders)
         found = []
         for s, product in zip(self.spectra, self._products(data.transpose(1, 0, 2)), strict=True):
             u = s.components(product.sum(1) if s.pattern == "shared" else product, sets)
             found.append(s.judged(_sum_over_copies(s.terms(u, sets), orders), total))
-        return np.stack(found, axis=1) if found else np.zeros((len(noise), 0)), total.fits
+        return np.stack(found, axis=1) if found else np.zeros((len(data), 0)), total.fits
 
     def _products(self, data: Array) -> Iterator[Array]:
         """The products (n, U, K) of data (U, n, M) with the axes of each candidate."""
@@ -103,12 +123,11 @@ class SinglePrecisionBank:
             else:
                 yield next(dense)
 
-    def _whitened(self, noise: Array, true: RunFilter) -> Array:
+    def _whitened(self, noise: Array, visits: Array) -> Array:
         """White noise (n, U, ·) of a true floor as the space whitens it."""
-        member, m, space, n = self.runs.member, self.runs.rows, self.space, len(noise)
-        U, R = member.shape
-        white = noise[:, :, : R * m].reshape(n, U, R, m).transpose(1, 2, 3, 0)
-        stops = self.runs.whiten(replace(true, member=member).coloured(np.ascontiguousarray(white)))
+        m, space, n = self.runs.rows, self.space, len(noise)
+        U, R = self.runs.member.shape
+        stops = self.runs.whiten(visits)
         inside = noise[:, :, R * m : R * m + space.dwell]
         priors = noise[:, :, noise.shape[2] - (space.live.shape[1] - R * m - space.dwell) :]
         rows = np.concatenate([stops.transpose(3, 0, 1, 2).reshape(n, U, R * m), inside, priors], axis=2)
