@@ -1,6 +1,7 @@
 """The work of `station certificate`."""
 
 import json
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -19,6 +20,7 @@ from station.reporting.certificate import dcc, document, facts, signature, wsjf
 from station.reporting.certificate.issuer import Issuer
 from station.reporting.certificate.pdf import pdf
 from station.reporting.words import words_of
+from station.service.golden_register import refuse_clock_behind
 
 if TYPE_CHECKING:
     from station.ports.log_reader import Attempt, LogReader
@@ -45,6 +47,7 @@ def write_certificate(
     _check(files)
     with open_named_log(db, config) as log:
         _require_whole(log)
+        refuse_clock_behind(log, time.time())
         chosen = _attempt(log, serial, attempt)
         stored = log.attempt(chosen)
         facts.require_certifiable(stored)

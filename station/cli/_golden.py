@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from station.cli import _output
+from station.cli._golden_trend import show_trend
 from station.config.settings import load_settings
 from station.domain.line_quality.golden import RegisteredUnit
 from station.errors import ConfigError, ReferenceOverdue, UsageError
@@ -15,12 +16,13 @@ from station.wiring.logs import find_log, open_log
 
 @dataclass(frozen=True, slots=True)
 class RegisterOptions:
-    """Options of `register`."""
+    """Options of `register`; svg: of `trend`."""
 
     bad: bool
     within: float
     due: str
     values: tuple[str, ...] = ()
+    svg: Path | None = None
 
 
 def manage_golden_units(
@@ -33,6 +35,10 @@ def manage_golden_units(
         raise ConfigError("golden-not-configured")
     database, register = db or Path(settings.database), Path(settings.golden.file)
     units = golden_register.load(register)
+    if action == "trend":
+        chosen = _registered(units, serial, action)
+        with open_log(database) as log:
+            return show_trend(log, chosen, options.svg, as_json=as_json)
     if action in ("register", "remove"):
         _update_register(units, action, serial, options, database)
         golden_register.save(register, units)
@@ -61,8 +67,16 @@ def _update_register(
             units[serial] = golden_register.expect(
                 log, serial, bad=options.bad, share=options.within, due=_parse_day(options.due)
             )
-    elif units.pop(serial, None) is None:
+    else:
+        del units[_registered(units, serial, action).serial]
+
+
+def _registered(units: dict[str, RegisteredUnit], serial: str | None, action: str) -> RegisteredUnit:
+    if serial is None:
+        raise UsageError("golden-without-serial", action=action)
+    if serial not in units:
         raise UsageError("golden-not-registered", serial=serial, serials=tuple(units))
+    return units[serial]
 
 
 def _parse_day(text: str) -> str:

@@ -7,8 +7,8 @@ from typer import Argument, Option
 
 
 def command(
-    action: Annotated[str, Argument(help="register, remove, check or list.")],
-    serial: Annotated[str | None, Argument(help="The unit (register, remove).")] = None,
+    action: Annotated[str, Argument(help="register, remove, check, trend or list.")],
+    serial: Annotated[str | None, Argument(help="The unit (register, remove, trend).")] = None,
     bad: Annotated[bool, Option("--bad", help="register: it must FAIL, for the same reasons.")] = False,
     within: Annotated[float, Option(min=0.001, max=1, help="register: half-width, as a share of the limits.")] = 0.1,
     value: Annotated[
@@ -16,6 +16,7 @@ def command(
         Option(help="register: NAME=VALUE:U of its certificate, as 'gain z=1.0021:0.0004'; Eₙ decides."),
     ] = None,
     due: Annotated[str, Option(help="register: day by which the unit itself is due, 2027-01-31.")] = "",
+    svg: Annotated[Path | None, Option(help="trend: drawing to write.")] = None,
     json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
     db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
     config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
@@ -36,9 +37,13 @@ def command(
 
         station run --serial SN9001 --serial SN9002
         station golden check
+
+    How Eₙ went over every attempt of a certified unit, and when a drift reaches 1:
+
+        station golden trend SN9001 --svg trend.svg
     """
     from station.cli._golden import RegisterOptions, manage_golden_units
 
     return manage_golden_units(
-        action, serial, RegisterOptions(bad, within, due, tuple(value or ())), (db, config), as_json=json
+        action, serial, RegisterOptions(bad, within, due, tuple(value or ()), svg), (db, config), as_json=json
     )

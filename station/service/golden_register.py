@@ -9,16 +9,25 @@ from pathlib import Path
 from typing import Any
 
 from station.config.settings import Settings
-from station.domain.line_quality.golden import GoldenStatus, LatestResult, RegisteredUnit, golden_status
+from station.domain.line_quality.golden import (
+    EnTrend,
+    GoldenStatus,
+    LatestResult,
+    RegisteredUnit,
+    en_trends,
+    golden_status,
+)
 from station.domain.methods import coefficients
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
-from station.errors import ConfigError, LogError, ReferenceOverdue, UsageError
+from station.errors import ConfigError, LogError, ReferenceOverdue, StationFault, UsageError
 from station.files.replace import replace_text
 from station.messages import system_reason
 from station.ports.log_reader import Attempt, LogReader, Query
 
 SCHEMA = "station.golden/1"
+#: Clocks that are set by NTP step by less; simulated time runs ahead by as much as its loads last.
+CLOCK_TOLERANCE_S = 3600.0
 
 #: Opens the log; None where nothing was ever run.
 FindLog = Callable[[], LogReader | None]
@@ -97,14 +106,23 @@ def standings(settings: Settings, find_log: FindLog) -> list[GoldenStatus]:
     if not units:
         return []
     results: dict[str, LatestResult | None] = dict.fromkeys(units)
-    log = find_log()
+    log, now_s = find_log(), time.time()
     if log is not None:
         with log:
+            refuse_clock_behind(log, now_s)
             for serial, unit in units.items():
                 attempt = _newest(log, serial, unit.recipe or None)
                 results[serial] = None if attempt is None else _golden_result(log, attempt)
-    now_s, today = time.time(), date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall here
+    today = date.fromtimestamp(now_s).isoformat()  # noqa: DTZ012 - a due date is a day on the wall here
     return [golden_status(u, results[s], now_s, today, settings.golden.every_h) for s, u in units.items()]
+
+
+def trends(log: LogReader, unit: RegisteredUnit) -> tuple[EnTrend, ...]:
+    """Eₙ of each certified value over every judged attempt of the unit. Errors: LogError, UsageError."""
+    if not unit.external:
+        raise UsageError("golden-without-certificate", serial=unit.serial)
+    found = [a for a in log.attempts(Query(serial=unit.serial)) if a.outcome in ("PASS", "FAIL")]
+    return en_trends(unit, [_golden_result(log, attempt) for attempt in reversed(found)])
 
 
 def refuse_unless_checked(settings: Settings, find_log: FindLog, serials: Sequence[str]) -> None:
@@ -120,6 +138,14 @@ def refuse_unless_checked(settings: Settings, find_log: FindLog, serials: Sequen
     problems = [s.problem for s in standings(settings, find_log) if s.problem]
     if problems:
         raise ReferenceOverdue("; ".join(problems))
+
+
+def refuse_clock_behind(log: LogReader, now_s: float) -> None:
+    """StationFault where the clock stands before what the log has already: due dates by it would say nothing."""
+    newest = log.attempts(Query(), 1)
+    behind_s = newest[0].started_ns / 1e9 - now_s if newest else 0.0
+    if behind_s > CLOCK_TOLERANCE_S:
+        raise StationFault("clock-behind", behind_s=behind_s, log=log.location)
 
 
 def _newest(log: LogReader, serial: str, recipe: str | None) -> Attempt | None:

@@ -102,7 +102,7 @@ def open_bench(order: RunOrder) -> Bench:
     job, source = load_job(order.recipe or settings.recipe)
     _check_simulation_options(order)
     job, learnt = with_model(job, order.model)
-    _check_gold(job, settings)
+    _check_references(job, settings)
     retain_freed_memory()
     with ExitStack() as opened:
         if order.simulate:
@@ -188,8 +188,10 @@ def _check_simulation_options(order: RunOrder) -> None:
             raise UsageError("option-needs-simulate", option=option)
 
 
-def _check_gold(job: Job, settings: Settings) -> None:
-    """A gold reference must be there to be read, and not be overdue. Errors: RecipeError, ReferenceOverdue."""
+def _check_references(job: Job, settings: Settings) -> None:
+    """No reference may be overdue, and a gold one must be there to be read. Errors: RecipeError, ReferenceOverdue."""
+    today = datetime.fromtimestamp(SystemClock().epoch_ns() / 1e9, UTC).date().isoformat()
+    references.check_due(job.recipe, today)
     gold = job.recipe.reference.gold
     if job.recipe.reference.source != "gold" or gold is None:
         return
@@ -198,8 +200,6 @@ def _check_gold(job: Job, settings: Settings) -> None:
     for nest in settings.nests:
         if nest.node == gold.node:
             raise RecipeError("gold-node-of-nest", node=gold.node, nest=nest.name)
-    today = datetime.fromtimestamp(SystemClock().epoch_ns() / 1e9, UTC).date().isoformat()
-    references.check_due(job.recipe, today)
 
 
 def _devices(

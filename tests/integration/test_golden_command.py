@@ -56,6 +56,33 @@ def test_a_check_that_is_too_old_locks(folder: Path, monkeypatch: pytest.MonkeyP
     assert station("run", "--simulate", "--serial", "SN0001") == 3
 
 
+def test_the_trend_of_a_certified_unit(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fixture_run.run(folder, ["SN9001"])
+    assert station("golden", "register", "SN9001") == 0
+    assert station("golden", "trend", "SN9001") == 2
+    assert "needs the values and U of a certificate" in capsys.readouterr().err
+    assert station("golden", "register", "SN9001", "--value", "gain z=1.5:0.01", "--value", "offset x=0:0.5") == 0
+    capsys.readouterr()
+    assert station("golden", "trend", "SN9001", "--json", "--svg", "trend.svg") == 0
+    gain, offset = json.loads(capsys.readouterr().out)["trends"]
+    assert gain["points"][0]["score"] < -1 and abs(offset["points"][0]["score"]) < 1
+    drawing = (folder / "trend.svg").read_text()
+    assert drawing.startswith("<svg") and "gain z" in drawing and "offset x" in drawing
+    assert station("golden", "trend", "SN9001") == 0
+    assert "gain z" in capsys.readouterr().out
+
+
+def test_a_clock_behind_the_log_decides_no_due_date(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fixture_run.run(folder, ["SN9001"])
+    assert station("golden", "register", "SN9001", "--due", "2099-01-31") == 0
+    now_s = time.time()
+    monkeypatch.setattr("station.service.golden_register.time.time", lambda: now_s - 30 * 86400)
+    assert station("golden", "check") == 3
+    assert "behind the newest record" in capsys.readouterr().err
+
+
 def test_wrong_questions_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words, shown in (
         (("golden", "polish"), "There is no action"),

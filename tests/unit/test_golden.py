@@ -2,7 +2,17 @@
 
 from dataclasses import replace
 
-from station.domain.line_quality.golden import LatestResult, RegisteredUnit, golden_status, normalised_error
+import numpy as np
+import pytest
+from scipy.stats import linregress, t
+
+from station.domain.line_quality.golden import (
+    LatestResult,
+    RegisteredUnit,
+    en_trends,
+    golden_status,
+    normalised_error,
+)
 
 GOLD = RegisteredUnit("G1", "golden", "six-point", "PASS", {"offset x": (0.02, 0.004)}, (), "2027-01-31")
 BAD = RegisteredUnit("B1", "known-bad", "six-point", "FAIL", {}, ("stuck",), "")
@@ -47,3 +57,30 @@ def test_a_certified_unit_is_decided_by_both_uncertainties() -> None:
     assert normalised_error(0.0035, 0.004, 0.003) == 0.7
     assert problem(certified, here) == ""
     assert "Eₙ of offset x is +1.20" in problem(certified, replace(here, values={"offset x": 0.026}))
+
+
+def attempts(values: list[float]) -> list[LatestResult]:
+    """One a day, each with U = 0.003."""
+    return [LatestResult(86400.0 * d, "PASS", {"offset x": v}, (), {"offset x": 0.003}) for d, v in enumerate(values)]
+
+
+CERTIFIED = RegisteredUnit("G1", "golden", "", "PASS", {"offset x": (0.02, 0.004)}, (), "", external=True)
+
+
+def test_a_drift_is_told_with_the_day_on_which_it_reaches_one(rng: np.random.Generator) -> None:
+    """0.0001 a day is 0.02 of Eₙ a day: from 0 on 50 days."""
+    values = 0.02 + 1e-4 * np.arange(20) + 2e-4 * rng.standard_normal(20)
+    (found,) = en_trends(CERTIFIED, attempts(values.tolist()))
+    scores = (values - 0.02) / 0.005
+    assert [p.score for p in found.points] == pytest.approx(scores.tolist())
+    line = linregress(np.arange(20), scores)
+    assert found.drift_per_day == pytest.approx(line.slope)
+    assert found.drift_half == pytest.approx(t.ppf(0.975, 18) * line.stderr)
+    assert found.days_to_limit == pytest.approx((1 - line.intercept - 19 * line.slope) / line.slope)
+
+
+def test_scatter_alone_is_no_drift() -> None:
+    (found,) = en_trends(CERTIFIED, attempts([0.02, 0.021, 0.02, 0.021, 0.02, 0.021]))
+    assert found.days_to_limit is None
+    (few,) = en_trends(CERTIFIED, attempts([0.02, 0.021, 0.022]))
+    assert few.days_to_limit is None and len(few.points) == 3

@@ -1,9 +1,15 @@
 """Golden and known-bad units: what each must come out as, and whether its last run says so. Pure."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
+
+import numpy as np
+import scipy
+
+#: A line through fewer points has no scatter to speak of.
+MIN_TREND = 4
 
 GoldenKind = Literal["golden", "known-bad"]
 
@@ -70,6 +76,59 @@ def _problem(
     if age_s > every_h * 3600:
         return f"the check of {name} is {age_s / 3600:.1f} h old and due every {every_h:g} h; run it alone, then go on"
     return ""
+
+
+@dataclass(frozen=True, slots=True)
+class EnPoint:
+    """One coefficient of one attempt against the certificate: when (epoch), value here, its U, and Eₙ."""
+
+    at_s: float
+    value: float
+    expanded: float
+    score: float
+
+
+@dataclass(frozen=True, slots=True)
+class EnTrend:
+    """Eₙ of one coefficient over time. drift_per_day with its 95 % half-width; days_to_limit: from the newest point on
+    until ± 1, None where no drift is evident."""
+
+    name: str
+    points: tuple[EnPoint, ...]
+    drift_per_day: float
+    drift_half: float
+    days_to_limit: float | None
+
+
+def en_trends(expected: RegisteredUnit, results: Sequence[LatestResult]) -> tuple[EnTrend, ...]:
+    """Of each certified value, over results (oldest first) that have it."""
+    return tuple(
+        _trend(name, tuple(_point(r, name, *certified) for r in results if name in r.values))
+        for name, certified in expected.values.items()
+    )
+
+
+def _point(result: LatestResult, name: str, value: float, expanded: float) -> EnPoint:
+    own = result.expanded.get(name, 0.0)
+    got = result.values[name]
+    return EnPoint(result.at_s, got, own, normalised_error(got - value, expanded, own))
+
+
+def _trend(name: str, points: tuple[EnPoint, ...]) -> EnTrend:
+    """A straight line through all points; evident where zero is outside its 95 % interval."""
+    day = np.array([p.at_s for p in points]) / 86400
+    if len(points) < MIN_TREND or np.ptp(day) == 0:
+        return EnTrend(name, points, 0.0, math.inf, None)
+    score = np.array([p.score for p in points])
+    about = day - day.mean()
+    square = float(about @ about)
+    slope = float(about @ score / square)
+    rest = score - score.mean() - slope * about
+    half = float(scipy.special.stdtrit(len(points) - 2, 0.975) * np.sqrt(rest @ rest / (len(points) - 2) / square))
+    if abs(slope) <= half:
+        return EnTrend(name, points, slope, half, None)
+    now = float(score.mean() + slope * about[-1])
+    return EnTrend(name, points, slope, half, max(0.0, (math.copysign(1, slope) - now) / slope))
 
 
 def normalised_error(difference: float, expanded: float, own_expanded: float) -> float:

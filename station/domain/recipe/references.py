@@ -59,7 +59,10 @@ def gold_of(recipe: Recipe) -> GoldReference:
 
 
 def check_due(recipe: Recipe, today: str) -> None:
-    """ReferenceOverdue when the recipe takes its truth from a gold sensor past its due date; `today` is ISO 8601."""
+    """ReferenceOverdue when a reference that the recipe names is past its due date; `today` is ISO 8601."""
+    for own in recipe.reference.certificates:
+        if own.due < today[:10]:
+            raise ReferenceOverdue("reference-overdue", item=own.item, number=own.number, due=own.due, today=today[:10])
     gold = recipe.reference.gold
     if recipe.reference.source == "gold" and gold is not None and gold.due < today[:10]:
         raise ReferenceOverdue("gold-overdue", serial=gold.serial, due=gold.due, today=today[:10])
