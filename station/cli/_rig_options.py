@@ -9,7 +9,11 @@ Action = Annotated[
     str, Argument(help="check: commission the drives of config.yaml. axes: the axes' own errors, from the log.")
 ]
 Simulate = Annotated[
-    str | None, Option(help="What to simulate: cia402 (drives), grbl, plc (with its cell), scanner or printer.")
+    str | None,
+    Option(
+        help="What to simulate: cia402 (drives), grbl, plc (with its cell), io (remote I/O with its cell), light, "
+        "scanner or printer."
+    ),
 ]
 Channel = Annotated[str, Option(help="cia402: the CAN interface.")]
 Interface = Annotated[str, Option(help="cia402: the kind of bus that --channel is on.")]
@@ -19,11 +23,11 @@ Map = Annotated[
     str | None,
     Option(help="plc: its registers, a file or a name in cells/. cia402, grbl, axes: the rig, likewise in rigs/."),
 ]
-Nests = Annotated[int, Option(min=1, max=16, help="plc: nests of the fixture.")]
-Loads = Annotated[int | None, Option(min=0, help="plc: so many loads come; left out: without end.")]
-Change = Annotated[float, Option(min=0, help="plc: how long units are changed for.")]
+Nests = Annotated[int, Option(min=1, max=16, help="plc, io: nests of the fixture.")]
+Loads = Annotated[int | None, Option(min=0, help="plc, io: so many loads come; left out: without end.")]
+Change = Annotated[float, Option(min=0, help="plc, io: how long units are changed for.")]
 ScannerPort = Annotated[
-    int | None, Option(min=0, max=65535, help="plc: a scanner of the cell's labels listens here too.")
+    int | None, Option(min=0, max=65535, help="plc, io: a scanner of the cell's labels listens here too.")
 ]
 Memory = Annotated[str | None, Option(help="plc: file of its retentive memory, which outlives the process.")]
 Label = Annotated[list[str] | None, Option(help="scanner: NEST=TEXT that it reads; repeatable.")]
@@ -31,7 +35,7 @@ Fault = Annotated[
     list[str] | None,
     Option(
         help="What is wrong with it; repeatable. plc: KIND[:at=3,after_s=0.2,seconds=5]; "
-        "cia402: KIND[:axis=0,after_s=0.3,move=1]; grbl, printer: KIND."
+        "cia402: KIND[:axis=0,after_s=0.3,move=1]; grbl, io, printer: KIND."
     ),
 ]
 Seconds = Annotated[float | None, Option(min=0, help="Stop after this time; left out: at Ctrl-C.")]

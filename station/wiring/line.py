@@ -53,6 +53,9 @@ def open_line(bench: Bench, order: RunOrder, loads: int | None, faults: Sequence
     clock = SystemClock()
     cell: Cell = _built(CELLS, "cell", line.cell, part, clock)
     opened.callback(cell.close)
+    places = getattr(cell, "places", len(settings.nests))
+    if places != len(settings.nests):
+        raise ConfigError("line-cell-places", places=places, nests=len(settings.nests))
     scanner: Scanner = _built(SCANNERS, "scanner", line.scanner, part)
     opened.callback(scanner.close)
     printer: LabelPrinter | None = _built(PRINTERS, "printer", line.printer, part) if line.printer else None

@@ -2,18 +2,19 @@
 
 import asyncio
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import Any
 
+from station.adapters.cell.remote_io import RemoteIoCell
 from station.adapters.modbus import load_map
 from station.adapters.simulated_device import grbl
 from station.adapters.simulated_device.grbl_port import GrblPort
-from station.adapters.simulated_plc import CellLoads, SimulatedPlc, parse_fault
-from station.adapters.simulated_plc.devices import serve_printer, serve_scanner
+from station.adapters.simulated_plc import CellLoads, IoWiring, SimulatedPlc, SimulatedRemoteIo, parse_fault
+from station.adapters.simulated_plc.devices import PRINTER_FAULTS, serve_printer, serve_scanner
 from station.adapters.simulated_plc.retentive import RetentiveFile
 from station.adapters.simulated_plc.server import PlcServer
 from station.config.rigs import load_rig
@@ -92,11 +93,34 @@ def simulate_plc(machine: Machine, tell: Tell) -> None:
     async def serve() -> None:
         jobs = [server.serve(machine.host, machine.port, lambda port: tell({"plc": port}))]
         if cell.scanner_port is not None:
-            read = _labels_of(loads)
+            read = _labels_of(lambda: loads.nests)
             jobs.append(serve_scanner(machine.host, cell.scanner_port, read, lambda port: tell({"scanner": port})))
         await asyncio.gather(*jobs)
 
     _run(serve(), machine)
+
+
+def simulate_io(machine: Machine, tell: Tell) -> None:
+    """A remote I/O as `cell: {kind: remote-io}` is wired by default, with a cell and a scanner of the labels in it."""
+    cell, fault = machine.cell, machine.faults[0] if machine.faults else ""
+    coming = coming_loads(cell.loads, cell.nests)
+    device = SimulatedRemoteIo(wiring_of(RemoteIoCell.Settings(), cell.nests), coming, fault, cell.change_s)
+    watch = _IoWatch(device, tell)
+    server = PlcServer(device, watch.scan)
+
+    async def serve() -> None:
+        jobs = [server.serve(machine.host, machine.port, lambda port: tell({"io": port}))]
+        if cell.scanner_port is not None:
+            read = _labels_of(lambda: device.nests)
+            jobs.append(serve_scanner(machine.host, cell.scanner_port, read, lambda port: tell({"scanner": port})))
+        await asyncio.gather(*jobs)
+
+    _run(serve(), machine)
+
+
+def simulate_light(machine: Machine, tell: Tell) -> None:
+    """A stack light with its sounder at a remote I/O; no units come."""
+    simulate_io(replace(machine, cell=replace(machine.cell, loads=0)), tell)
 
 
 def simulate_scanner(machine: Machine, tell: Tell) -> None:
@@ -112,13 +136,18 @@ def simulate_scanner(machine: Machine, tell: Tell) -> None:
 
 def simulate_printer(machine: Machine, tell: Tell) -> None:
     """A label printer that tells what it would print."""
-    _run(serve_printer(machine.host, machine.port, tell, lambda port: tell({"printer": port})), machine)
+    wants = machine.faults[0] if machine.faults else ""
+    if wants not in ("", *PRINTER_FAULTS):
+        raise UsageError("printer-fault-unknown", kind=wants[:40], kinds=list(PRINTER_FAULTS))
+    _run(serve_printer(machine.host, machine.port, tell, lambda port: tell({"printer": port}), wants), machine)
 
 
 MACHINES: Mapping[str, Callable[[Machine, Tell], None]] = {
     "cia402": simulate_drives,
     "grbl": simulate_grbl,
     "plc": simulate_plc,
+    "io": simulate_io,
+    "light": simulate_light,
     "scanner": simulate_scanner,
     "printer": simulate_printer,
 }
@@ -145,14 +174,43 @@ async def _limited(serving: Any, seconds: float | None) -> None:
     await asyncio.wait_for(serving, seconds)
 
 
-def _labels_of(loads: CellLoads) -> Callable[[str], str | None]:
+def _labels_of(nests: Callable[[], Sequence[str]]) -> Callable[[str], str | None]:
     """Nests by letter (A, B, …) or by number from 1."""
 
     def read(nest: str) -> str | None:
         place = int(nest) - 1 if nest.isdigit() else ord(nest[:1].upper() or "?") - ord("A")
-        return (loads.nests[place] or None) if 0 <= place < len(loads.nests) else None
+        serials = nests()
+        return (serials[place] or None) if 0 <= place < len(serials) else None
 
     return read
+
+
+def wiring_of(given: RemoteIoCell.Settings, nests: int) -> IoWiring:
+    """A remote I/O that is wired as the settings say, for the first so many nests."""
+    bits = given.parts[:nests], given.clamped[:nests], given.clamps[:nests]
+    return IoWiring(given.inputs_at, given.outputs_at, *bits, given.start, given.acknowledge, given.lamps)
+
+
+class _IoWatch:
+    """Tells what happens around a remote I/O: loads, units that leave, lamps."""
+
+    def __init__(self, device: SimulatedRemoteIo, tell: Tell) -> None:
+        self._device, self._tell = device, tell
+        self._load, self._left, self._lamps = 0, 0, frozenset[str]()
+
+    def scan(self, _now_s: float) -> None:
+        """Looks after each scan."""
+        device = self._device
+        if device.load != self._load:
+            self._load = device.load
+            self._tell({"load": device.load, "serials": device.nests})
+        while self._left < len(device.taken):
+            taken = device.taken[self._left]
+            self._left += 1
+            self._tell({"left": taken.serial, "load": taken.load, "acknowledged": taken.acknowledged})
+        if device.lamps != self._lamps:
+            self._lamps = device.lamps
+            self._tell({"lamps": sorted(self._lamps)})
 
 
 class _Watch:

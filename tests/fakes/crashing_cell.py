@@ -112,7 +112,7 @@ class CrashingRegisters(MemoryRegisters):
 
     def __init__(self, plc: SimulatedPlc, clock: VirtualClock, chance: Chance) -> None:
         super().__init__(plc, clock)
-        self._chance, self._time = chance, clock
+        self._plc, self._chance, self._time = plc, chance, clock
 
     def read(self, table: Table, address: int, count: int) -> list[int]:
         """As the PLC answers."""
@@ -129,7 +129,7 @@ class CrashingRegisters(MemoryRegisters):
         self._time.sleep(0.005)
         if self._chance.rng.random() < 0.3 / self._chance.between:
             self._chance.restarts += 1
-            self.plc.restart(self._time.monotonic_s())
+            self._plc.restart(self._time.monotonic_s())
         if self._chance.strikes():
             raise Crash
 

@@ -15,6 +15,7 @@ import pytest
 from pymodbus.client import ModbusTcpClient
 
 from station.adapters.cell.plc import PlcCell
+from station.adapters.cell.remote_io import RemoteIoCell
 from station.adapters.clock import SystemClock
 from station.adapters.label_printer.zpl import ZplPrinter
 from station.adapters.line_servers import modbus, opcua
@@ -23,14 +24,17 @@ from station.adapters.modbus import ModbusRegisters
 from station.adapters.positioner.plc import PlcPositioner
 from station.adapters.scanner.network import NetworkScanner
 from station.adapters.scanner.serial_port import SerialPortScanner
-from station.adapters.simulated_plc import CellLoads, SimulatedPlc, parse_fault
+from station.adapters.simulated_plc import CellLoads, SimulatedPlc, SimulatedRemoteIo, parse_fault
 from station.adapters.simulated_plc.devices import serve_printer, serve_scanner
 from station.adapters.simulated_plc.server import PlcServer
+from station.domain.cell.handover import Bin
 from station.domain.cell.packml import Command, State
 from station.domain.cell.register_map import RegisterMap
 from station.errors import PlcFault, PositionerFault, StationFault
 from station.ports.cell import UnitLabel
+from station.wiring.rig_machines import wiring_of
 from tests.fakes.plc_faults import stop
+from tests.fakes.waiting import until
 
 
 @contextmanager
@@ -120,6 +124,23 @@ def test_a_write_is_sent_once() -> None:
     with served(serve) as port, pytest.raises(PlcFault, match=r"no answer within 0\.1 s"):
         ModbusRegisters("127.0.0.1", port, 1, 0.1).write(5, [1])
     assert len([r for r in requests if r]) == 1
+
+
+def test_a_cell_without_a_plc_on_a_real_socket(tmp_path: Path) -> None:
+    given = RemoteIoCell.Settings(
+        host="127.0.0.1", parts=(0, 1), clamped=(4, 5), clamps=(0, 1), memory=str(tmp_path / "memory.json")
+    )
+    io = SimulatedRemoteIo(wiring_of(given, 2), iter([("SN1", "SN2")]), change_s=0.3)
+    with served(lambda ready: PlcServer(io).serve("127.0.0.1", 0, ready)) as port:
+        cell = RemoteIoCell(given.model_copy(update={"port": port}), SystemClock())
+        cell.show(State.EXECUTE, frozenset({"green"}))
+        until(lambda: cell.view().ready, "a load")
+        cell.give(1, {0: Bin.GOOD, 1: Bin.REJECT})
+        until(lambda: not cell.view().ready and len(io.taken) == 1, "the good unit is taken")
+        until(lambda: cell.view().present == frozenset() and len(io.taken) == 2, "the reject is taken")
+        assert io.lamps >= {"green"}
+        cell.close()
+    assert [(t.serial, t.acknowledged) for t in io.taken] == [("SN1", False), ("SN2", True)]
 
 
 def test_a_load_through_a_plc_on_a_real_socket() -> None:

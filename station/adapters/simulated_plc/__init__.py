@@ -4,5 +4,19 @@ from station.adapters.simulated_plc.faults import KINDS, PlcFaultSpec, parse_fau
 from station.adapters.simulated_plc.loads import CellLoads, Handed
 from station.adapters.simulated_plc.memory import MemoryRegisters
 from station.adapters.simulated_plc.program import Motion, SimulatedPlc
+from station.adapters.simulated_plc.remote_io import IO_KINDS, IoWiring, SimulatedRemoteIo, Taken
 
-__all__ = ["KINDS", "CellLoads", "Handed", "MemoryRegisters", "Motion", "PlcFaultSpec", "SimulatedPlc", "parse_fault"]
+__all__ = [
+    "IO_KINDS",
+    "KINDS",
+    "CellLoads",
+    "Handed",
+    "IoWiring",
+    "MemoryRegisters",
+    "Motion",
+    "PlcFaultSpec",
+    "SimulatedPlc",
+    "SimulatedRemoteIo",
+    "Taken",
+    "parse_fault",
+]

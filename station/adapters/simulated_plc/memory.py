@@ -1,6 +1,8 @@
 """A simulated PLC in this process: its registers without a wire, its wire's faults as the station would meet them."""
 
-from station.adapters.simulated_plc.program import SimulatedPlc
+from collections.abc import Sequence
+from typing import Protocol
+
 from station.errors import PlcFault
 from station.messages import Message
 from station.ports.clock import Clock
@@ -10,24 +12,40 @@ from station.ports.registers import Table
 TIMEOUT_S = 0.3
 
 
+class RegisterDevice(Protocol):
+    """A simulated device with registers: a PLC, a remote I/O."""
+
+    def read(self, address: int, count: int, now_s: float) -> list[int]:
+        """Registers as they are at an instant."""
+
+    def write(self, address: int, words: Sequence[int], now_s: float) -> None:
+        """Sets registers."""
+
+    def scan(self, now_s: float) -> None:
+        """Brings everything up to an instant."""
+
+    def wire_fault(self, now_s: float) -> str:
+        """What is wrong with its wire; '' for nothing."""
+
+
 class MemoryRegisters:
     """Implements `ports.registers.Registers` on virtual or real time."""
 
-    def __init__(self, plc: SimulatedPlc, clock: Clock) -> None:
-        self.plc, self._clock = plc, clock
+    def __init__(self, device: RegisterDevice, clock: Clock) -> None:
+        self._device, self._clock = device, clock
         self._dropped = False
 
     def read(self, table: Table, address: int, count: int) -> list[int]:  # noqa: ARG002 - one table
         """Registers, as the wire lets them through."""
         self._arrive()
-        found = self.plc.read(address, count, self._clock.monotonic_s())
+        found = self._device.read(address, count, self._clock.monotonic_s())
         self._answer()
         return found
 
     def write(self, address: int, words: list[int]) -> None:
         """Registers, as the wire lets them through: a late answer comes after the PLC has acted."""
         self._arrive()
-        self.plc.write(address, words, self._clock.monotonic_s())
+        self._device.write(address, words, self._clock.monotonic_s())
         self._answer()
 
     def close(self) -> None:
@@ -35,8 +53,8 @@ class MemoryRegisters:
 
     def _arrive(self) -> None:
         now_s = self._clock.monotonic_s()
-        self.plc.scan(now_s)
-        kind = self.plc.wire_fault(now_s)
+        self._device.scan(now_s)
+        kind = self._device.wire_fault(now_s)
         if kind == "killed":
             raise PlcFault("plc-not-reached", host="simulated", port=0)
         if kind == "dropped" and not self._dropped:
@@ -48,7 +66,7 @@ class MemoryRegisters:
             raise PlcFault("plc-exception", host="simulated", port=0, code=4, address=0)
 
     def _answer(self) -> None:
-        kind = self.plc.wire_fault(self._clock.monotonic_s())
+        kind = self._device.wire_fault(self._clock.monotonic_s())
         if kind == "slow":
             self._clock.sleep(0.05)
         if kind == "late":

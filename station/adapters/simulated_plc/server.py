@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from station.adapters.simulated_plc.program import SimulatedPlc
+from station.adapters.simulated_plc.memory import RegisterDevice
 
 _HEADER = struct.Struct(">HHHB")
 _READ, _WRITE_ONE, _WRITE_MANY = (3, 4), 6, 16
@@ -19,9 +19,9 @@ SCAN_S = 0.01
 
 
 class PlcServer:
-    """Serves one PLC until it is stopped. on_scan: called after each scan with the present instant."""
+    """Serves one PLC or remote I/O until it is stopped. on_scan: called after each scan with the present instant."""
 
-    def __init__(self, plc: SimulatedPlc, on_scan: Callable[[float], None] = lambda _: None) -> None:
+    def __init__(self, plc: RegisterDevice, on_scan: Callable[[float], None] = lambda _: None) -> None:
         self._plc, self._on_scan = plc, on_scan
         self._dropped = False
         self._open: set[asyncio.StreamWriter] = set()
