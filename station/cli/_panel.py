@@ -17,6 +17,7 @@ from station.web import accounts
 from station.web.accounts import Account, Role
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
+from station.wiring.alerts import watching_beside
 from station.wiring.jobs import load_job
 from station.wiring.rehearsal import is_rehearsal
 from station.wiring.shipping import shipping_beside
@@ -96,7 +97,8 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
         _add_demo_account(people)
     panel = Panel(settings, job.recipe, order, people, secure=listen.secure, host_names=listen.host_names)
     # Ctrl-C is the way to stop it, and no failure.
-    with serving(order.database), shipping_beside(order.database, settings), suppress(KeyboardInterrupt):
+    watched = watching_beside(order.database, where.config, settings)
+    with serving(order.database), shipping_beside(order.database, settings), watched, suppress(KeyboardInterrupt):
         _serve(panel, listen)
     return 0
 

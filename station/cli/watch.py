@@ -24,12 +24,13 @@ def command(
         station watch --db station.db
 
     Watched are tilt, offset, gain, residual and noise of each nest and of all nests, the base, and each position. The
-    first 30 loads of a recipe are learnt. An alert ends by itself once its cause is put right.
+    first 30 loads of a recipe are learnt. An alert ends by itself once its cause is put right. With --follow and
+    `alerts:` in config.yaml, alerts go to webhooks, by mail and onto the page; the next load seals them into the log.
     """
     from station.cli import _watch
     from station.cli._log_options import open_named_log, parse_time_ns
 
     since_ns = parse_time_ns(since, "--since")
-    with open_named_log(db, config) as log:
+    with open_named_log(db, config) as log, _watch.alert_desk(db, config, follow=follow) as desk:
         request = _watch.WatchRequest(run_length, since_ns, every if follow else None)
-        return _watch.run_watch(log, request, as_json=json)
+        return _watch.run_watch(log, request, desk, as_json=json)

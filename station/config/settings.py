@@ -74,6 +74,10 @@ class AnchorSettings(StrictModel):
     write_once: bool = False
 
 
+WebAddress = Annotated[str, Field(max_length=2000, pattern=r"^https?://[^\x00-\x20\x7f]+$")]
+MailAddress = Annotated[str, Field(max_length=254, pattern=r"^[^\x00-\x20\x7f@<>,;]+@[^\x00-\x20\x7f@<>,;]+$")]
+
+
 class WitnessSettings(StrictModel):
     """A witness of the log: its address, its public key (PEM), and how long the station waits for it."""
 
@@ -98,6 +102,26 @@ class ReceiverSettings(StrictModel):
     timeout_s: Positive = 30.0
     portion_bytes: Annotated[int, Field(ge=4096, le=8_388_608)] = 1_048_576
     bytes_per_s: Positive | None = None
+
+
+class MailSettings(StrictModel):
+    """Mail by SMTP. security: starttls, tls, or none on a network of one's own; password_file: holds that of `user`."""
+
+    host: Annotated[str, Field(min_length=1, max_length=253, pattern=r"^[^\x00-\x20\x7f]+$")]
+    port: Annotated[int, Field(ge=1, le=65535)] = 587
+    security: Literal["starttls", "tls", "none"] = "starttls"
+    user: ShortText = ""
+    password_file: PathText = ""
+    sender: MailAddress
+    to: Annotated[tuple[MailAddress, ...], Field(min_length=1, max_length=20)]
+
+
+class AlertSettings(StrictModel):
+    """Where alerts of the watch go beside the log and the page. run_length: loads to a false alarm, on average."""
+
+    webhooks: Annotated[tuple[WebAddress, ...], Field(max_length=8)] = ()
+    mail: MailSettings | None = None
+    run_length: Annotated[int, Field(ge=10, le=1_000_000)] = 1000
 
 
 class PartySettings(StrictModel):
@@ -152,6 +176,7 @@ class Settings(StrictModel):
     anchors: Annotated[tuple[AnchorSettings, ...], Field(max_length=8)] = ()
     witness: WitnessSettings | None = None
     receivers: Annotated[tuple[ReceiverSettings, ...], Field(max_length=8)] = ()
+    alerts: AlertSettings | None = None
     arrival_tolerance_deg: Positive = 2.0
     timeouts: Timeouts = Timeouts()
     golden: GoldenSettings | None = None

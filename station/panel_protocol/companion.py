@@ -19,6 +19,7 @@ class Companion(StrEnum):
     JOURNAL = ".panel.jsonl"  # station.panel-journal/1, by the page: who did what
     SHIPPING = ".shipping.json"  # station.shipping/1, by whoever ships: how far the plants have the log
     SHIPPER = ".ship.lock"  # lock of the process that ships
+    ALERTS = ".alerts.json"  # station.alerts/1, by `station watch --follow`: alerts, and who has got them
     LINE = ".line.json"  # station.line/1, by `station line`: its outer state, load and counts
     LINE_COMMAND = ".line-command.json"  # station.line-command/1, by who serves or steers the line: a PackML command
     DIAGNOSES = ".diagnoses"  # folder of the page's diagnoses

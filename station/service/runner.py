@@ -5,6 +5,7 @@ from collections.abc import Callable, Generator, Sequence
 from station.domain.core.types import NestAssignment
 from station.domain.run.progress import Event
 from station.messages import Message
+from station.service.alerts import record_alerts
 from station.service.load import Load
 from station.service.station import Job, Station
 from station.service.stop_request import StopRequest
@@ -32,4 +33,6 @@ class Runner:
             yield from load.run(seats)
         finally:
             load.leave()
-            self._station.store.tidy()  # the operator is changing the units meanwhile
+            # The operator is changing the units meanwhile.
+            record_alerts(self._station.store, self._station.alerts())
+            self._station.store.tidy()

@@ -13,6 +13,7 @@ from station.ports.device import Device
 from station.ports.foreign_traffic import ForeignTraffic
 from station.ports.positioner import Positioner
 from station.ports.store import Store
+from station.service.alerts import AlertBook
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ class Job:
 @dataclass(frozen=True, slots=True)
 class Station:
     """What it is done with. device: node id → the device there; foreign: who else commands the devices; simulated: rig
-    and devices are."""
+    and devices are; alerts: of the watch, which the log is to hold."""
 
     settings: Settings
     config_hash: str
@@ -58,3 +59,4 @@ class Station:
     device: Callable[[int], Device]
     foreign: ForeignTraffic
     simulated: bool = False
+    alerts: Callable[[], AlertBook] = AlertBook

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from station.domain.core.types import Floats
 from station.domain.evaluation import reduced_visits_document
@@ -15,13 +16,16 @@ from station.ports.log_reader import Attempt, LogReader, Query, ReducedAttempt
 from station.service import containment
 from station.service.containment import TouchedUnit
 
+#: Loads whose pace tells when the next ones come.
+_PACE_LOADS = 21
 #: Attempts read together.
 _PORTION = 512
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Finding:
-    """One alert with the times of its loads, in ns since 1970; ended_ns: None while it lasts."""
+    """One alert with the times of its loads, in ns since 1970; ended_ns: None while it lasts; newest_ns: of the newest
+    load; load_ns: from load to load of late, the median."""
 
     station: str
     recipe: Recipe
@@ -29,6 +33,8 @@ class Finding:
     begin_ns: int
     raised_ns: int
     ended_ns: int | None
+    newest_ns: int
+    load_ns: int
 
     @property
     def query(self) -> Query:
@@ -133,7 +139,8 @@ class Watch:
     def _finding(self, key: tuple[str, str], alert: Alert) -> Finding:
         began = self._began[key[0]]
         ended = None if alert.ended is None else began[alert.ended - 1]
-        times = began[alert.begin - 1], began[alert.raised - 1], ended
+        pace = sorted(later - earlier for earlier, later in pairwise(began[-_PACE_LOADS:]))
+        times = began[alert.begin - 1], began[alert.raised - 1], ended, began[-1], pace[len(pace) // 2] if pace else 0
         return Finding(key[0], self._lines[key].recipe, alert, *times)
 
 

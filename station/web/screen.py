@@ -21,6 +21,7 @@ from station.web import language, load_view, plan
 from station.web.load_view import View
 from station.web.run_launcher import RunLauncher
 from station.web.today import LogGlance
+from station.wiring.alerts import read_book
 from station.wiring.bus_status import state_of
 from station.wiring.buses import bus_kind
 from station.wiring.logs import find_log, open_log
@@ -32,6 +33,8 @@ LIVE_MAX_AGE_S = 0.03
 BUS_POLL_S = 0.5
 #: And so often how far the plants have the log, s.
 SHIPPING_POLL_S = 2.0
+#: And so often what the watch has found, s.
+WATCH_POLL_S = 2.0
 #: And so often whether the golden units are due, s.
 GOLDEN_POLL_S = 5.0
 Cells = Sequence[Mapping[str, Any]]
@@ -46,6 +49,7 @@ class Screen:
 
     def __init__(self, settings: Settings, recipe: Recipe, runs: RunLauncher, queue: LoadQueue) -> None:
         self._shipping: tuple[float, Mapping[str, Any] | str] = (-SHIPPING_POLL_S, "")
+        self._watched: tuple[float, Mapping[str, Any] | str] = (-WATCH_POLL_S, "")
         self._golden: tuple[float, str] = (-GOLDEN_POLL_S, "")
         self._settings, self._recipe, self._runs, self._queue = settings, recipe, runs, queue
         self._between: tuple[float, dict[str, Any]] = (-BUS_POLL_S, {})
@@ -173,6 +177,7 @@ class Screen:
             "fault": self._fault(state, running=running) or unkept,
             "golden": self._golden_problem(),
             "shipping": self._shipping_problem(),
+            "watch": self._watch_alerts(),
             **self._nests(state, running=running, mine=mine),
         }
 
@@ -275,6 +280,15 @@ class Screen:
             problem = Message("shipping-held", plants=held).document() if held else ""
             self._shipping = (time.monotonic(), problem)
         return problem
+
+    def _watch_alerts(self) -> Mapping[str, Any] | str:
+        """What the watch has found and is not put right; '' when all is well."""
+        at_s, alerts = self._watched
+        if time.monotonic() - at_s > WATCH_POLL_S:
+            standing = read_book(self._runs.order.database).standing() if self._settings.alerts else []
+            alerts = Message("watch-standing", alerts=standing).document() if standing else ""
+            self._watched = (time.monotonic(), alerts)
+        return alerts
 
     def _bus(self, *, mine: bool) -> dict[str, Any]:
         """State and error counters: as the run tells them, and between runs as the kernel does for its interface."""

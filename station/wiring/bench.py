@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol
@@ -32,6 +32,7 @@ from station.service.itinerary import check_reach
 from station.service.learnt_model import with_model
 from station.service.recovery import close_unfinished
 from station.service.station import Job, Station
+from station.wiring.alerts import read_book
 from station.wiring.bus_owner import claim_bus
 from station.wiring.buses import bus_kind, bus_options, open_buses, used_buses
 from station.wiring.jobs import Source, load_job
@@ -129,7 +130,8 @@ def open_bench(order: RunOrder) -> Bench:
         opened.callback(store.close)
         device, foreign = _devices(bus, clock, settings, job)
         config_hash = content_hash(settings)
-        station = Station(settings, config_hash, bus, turned_by, store, clock, device, foreign, order.simulate)
+        alerts = partial(read_book, database)
+        station = Station(settings, config_hash, bus, turned_by, store, clock, device, foreign, order.simulate, alerts)
         said = [bus.limits] if isinstance(bus, TellsLimits) else []
         if isinstance(fixture, Rehearsal):
             said.append(Message("rehearsal", bus=bus.name))

@@ -264,6 +264,7 @@ const ScreenView = (() => {
     byId("bus").classList.toggle("problem", wrong);
     byId("light").dataset.lamp = view.lamp; byId("light").setAttribute("aria-label", `${texts.stack_light}: ${texts[`lamp_${view.lamp}`]}`);
     byId("shipping").hidden = !state.shipping; say(byId("shipping"), state.shipping ? `⚠ ${state.shipping}` : "");
+    byId("watch").hidden = !state.watch; say(byId("watch"), state.watch ? `⚠ ${state.watch}` : "");
     byId("golden").hidden = !state.golden; say(byId("golden"), state.golden ? `⚠ ${state.golden}` : "");
   }
 

@@ -1,0 +1,1 @@
+"""Ways by which an alert of the watch reaches people: a webhook, and mail by SMTP."""
