@@ -13,7 +13,8 @@ from station.domain.capture.annotations import Annotation, Annotations
 from station.errors import LogError
 from station.messages import Message, system_reason
 
-COLUMNS = ("unit", "node", "run", "visit", "position", "start_s", "end_s", "seating")
+REQUIRED = ("unit", "node", "run", "visit", "position", "start_s", "end_s")
+COLUMNS = (*REQUIRED, "seating", "attempt", "simulated")
 #: Beyond this a file holds no marks.
 MOST_BYTES = 50_000_000
 
@@ -74,7 +75,7 @@ def _whole_rows(path: Path, rows: "csv.DictReader[str]") -> Iterator[dict[str, s
 
 def _of_csv(path: Path, text: str) -> Annotations:
     rows = csv.DictReader(text.splitlines())
-    missing = [c for c in COLUMNS[:-1] if c not in (rows.fieldnames or ())]
+    missing = [c for c in REQUIRED if c not in (rows.fieldnames or ())]
     if missing:
         raise LogError("marks-columns-missing", file=str(path), missing=missing, columns=COLUMNS)
     marks = []

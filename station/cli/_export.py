@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from station.cli import _output
+from station.domain.records.stored_attempt import MARK, is_simulated
 from station.errors import LogError, UsageError
 from station.files.replace import replacing
 from station.messages import system_reason
@@ -84,6 +85,7 @@ def _file(log: LogReader, attempts: Sequence[Attempt], path: Path, write: Any) -
         "log": log.location,
         "head": asdict(log.head()),
         "attempts": [a.attempt for a in attempts],
+        "simulated": [a.attempt for a in attempts if is_simulated(a.software)],
     }
     sidecar = path.with_name(path.name + ".export.json")
     with _atomic_file(sidecar) as unfinished:
@@ -149,10 +151,15 @@ def _frames(log: LogReader, attempts: Sequence[Attempt], path: Path, marks_file:
     from station.wiring.recordings import write_log, write_marks
 
     found, marks = stored_attempts.frames(log, attempts)
-    write_log(path, found)
+    write_log(path, found, _channel(attempts))
     with _atomic_file(marks_file) as unfinished:
         write_marks(unfinished, marks)
     return "frames", len(found)
+
+
+def _channel(attempts: Sequence[Attempt]) -> str:
+    """What a log of frames calls its bus: frames of simulated devices say so in every line."""
+    return next((MARK for a in attempts if is_simulated(a.software)), "can0")
 
 
 def _marks_of(path: Path) -> Path:

@@ -15,7 +15,7 @@ from station.domain.capture import position_matching
 from station.domain.capture.annotations import Annotations
 from station.domain.core.types import ERROR, Frames, Outcome
 from station.errors import LogError, UsageError
-from station.messages import system_reason
+from station.messages import Message, system_reason
 from station.service.replay import ReplayedUnit, replay
 from station.service.station import Job
 from station.wiring.jobs import load_job
@@ -27,11 +27,14 @@ def replay_log(log: Path, recipe: str | None, marks: Path | None, *, as_json: bo
     """Calibrates every unit of a log; the exit code."""
     job, frames, marked = open_recording(log, recipe, marks)
     units = list(replay(frames, marked, job))
+    simulated = any(mark.simulated for mark in marked.marks)
     if as_json:
-        _output.print_json(_document(units, job))
+        _output.print_json(_document(units, job) | {"simulated": simulated})
     else:
         print_results([_row(u) for u in units], job.recipe)
         _output.print_line(f"{len(frames)} frames of {log}; nothing was written to a device")
+        if simulated:
+            _output.print_message(Message("simulated-units"))
     outcomes = {u.outcome for u in units}
     return 3 if Outcome.ERROR in outcomes else 1 if Outcome.FAIL in outcomes else 0
 

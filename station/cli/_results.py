@@ -114,10 +114,11 @@ def unit_document(r: Row) -> dict[str, Any]:
     }
 
 
-def run_document(results: Sequence[UnitResult], recipe: Recipe) -> dict[str, Any]:
+def run_document(results: Sequence[UnitResult], recipe: Recipe, *, simulated: bool) -> dict[str, Any]:
     """A run as `station.run/1`."""
     return {
         "schema": "station.run/1",
+        "simulated": simulated,
         "recipe": {"name": recipe.name, "version": recipe.version},
         "method": recipe.method,
         "unit": recipe.unit,

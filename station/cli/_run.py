@@ -80,9 +80,11 @@ def run_units(order: RunOrder, given: Sequence[str], units: int | None, face: Ru
         place = {serial: i for i, serial in enumerate(serials)}
         results.sort(key=lambda r: place[r.seat.serial])
         if face.as_json:
-            _output.print_json(run_document(results, bench.job.recipe))
+            _output.print_json(run_document(results, bench.job.recipe, simulated=bench.simulated))
         else:
             print_results([run_row(r) for r in results], bench.job.recipe)
+            if bench.simulated:
+                _output.print_message(Message("simulated-units"))
             _output.print_line(f"log: {bench.database}")
     if fault is not None:
         _output.print_remark(f"station: {fault.sentence}")

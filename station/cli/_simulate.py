@@ -10,6 +10,7 @@ from station.cli import _output
 from station.config.models import load_model
 from station.config.recipes import load_recipe, recipe_path
 from station.config.settings import load_settings
+from station.domain.records.stored_attempt import MARK
 from station.errors import UsageError
 from station.messages import system_reason
 from station.model import truth
@@ -80,7 +81,7 @@ def _write_table(out: Path, job: SimulationJob) -> dict[str, Any]:
             task = bar.add_task("simulating", total=len(job.units))
             for part in simulate_in_parts(job):
                 known.add(SimulatedUnits(part.units, part.base, part.active, part.scene.without_rows()))
-                yield part.table
+                yield part.table.labelled({"simulated": MARK})
                 bar.advance(task, len(part.units))
 
     write_parts(tables(), out)
@@ -93,8 +94,9 @@ def _write_log(out: Path, job: SimulationJob, name: str, product: str | None) ->
     from station.wiring.recordings import write_log, write_marks
 
     recorded = simulate_frames(job, _layout(job, name, product))
-    write_log(out, recorded.frames)
-    write_marks(out.with_name(f"{out.name}.marks.csv"), recorded.marks)
+    write_log(out, recorded.frames, MARK)
+    marks = tuple(mark.model_copy(update={"simulated": MARK}) for mark in recorded.marks.marks)
+    write_marks(out.with_name(f"{out.name}.marks.csv"), recorded.marks.model_copy(update={"marks": marks}))
     return truth.document(job, [recorded.made])
 
 

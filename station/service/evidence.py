@@ -10,6 +10,7 @@ from typing import Any
 
 from station.domain.core.types import Frames, Outcome
 from station.domain.records.framepack.plain import to_bytes
+from station.domain.records.stored_attempt import mark_of
 from station.ports.log_reader import Attempt, LogReader, LogRecord
 from station.reporting.certificate.pdf import pdf
 from station.reporting.words import Words
@@ -32,13 +33,14 @@ def bundle(log: LogReader, attempt: Attempt, words: Words) -> bytes:
 
 def _files(log: LogReader, attempt: Attempt, words: Words) -> Iterator[tuple[str, bytes]]:
     records = log.records(attempt)
-    yield "attempt.json", _json({"schema": SCHEMA, "head": log.head().hash, **log.attempt(attempt)})
+    mark = mark_of(attempt.software)
+    yield "attempt.json", _json({"schema": SCHEMA, "simulated": mark, "head": log.head().hash, **log.attempt(attempt)})
     yield "records.jsonl", b"".join(_record(r) + b"\n" for r in records)
     visits = [r for r in records if r.kind == "visit"]
     for record, frames in zip(visits, log.frames(attempt), strict=True):
         yield f"frames/{record.number}.bin", to_bytes(frames)
         position = "".join(c if c.isalnum() or c in "-_" else "_" for c in str(record.fields["position"]))
-        yield f"frames/{record.number}-{position}.log", _candump(frames)
+        yield f"frames/{record.number}-{position}.log", _candump(frames, mark or "can0")
     for record in records:
         if record.kind == "document":
             yield _DOCUMENTS[str(record.fields["kind"])], _text(record).encode()
@@ -66,20 +68,21 @@ def _plain(value: int | float | str | bytes | None) -> Any:
     return {"base64": base64.b64encode(value).decode()} if isinstance(value, bytes) else value
 
 
-def _candump(frames: Frames) -> bytes:
+def _candump(frames: Frames, channel: str) -> bytes:
     """Frames as candump -l writes them, to be read by a person and by other tools."""
     lines = []
     for time_ns, can_id, length, data in zip(frames.time_ns, frames.can_id, frames.length, frames.data, strict=True):
         shown = f"{int(can_id) & 0x1FFFFFFF:08X}" if int(can_id) > 0x7FF else f"{int(can_id):03X}"
         stamp = f"({int(time_ns) // 10**9}.{int(time_ns) % 10**9 // 1000:06d})"
-        lines.append(f"{stamp} can0 {shown}#{bytes(data[: int(length)]).hex().upper()}\n")
+        lines.append(f"{stamp} {channel} {shown}#{bytes(data[: int(length)]).hex().upper()}\n")
     return "".join(lines).encode()
 
 
 def _readme(attempt: Attempt) -> bytes:
     passed = attempt.outcome == Outcome.PASS
     return (
-        f"Evidence of attempt {attempt.attempt} of unit {attempt.serial}: {attempt.outcome}.\n\n"
+        ("SIMULATED: rig and device were simulated; no unit was measured.\n\n" if mark_of(attempt.software) else "")
+        + f"Evidence of attempt {attempt.attempt} of unit {attempt.serial}: {attempt.outcome}.\n\n"
         "python verify.py        checks every seal and every frame; needs Python 3.9 or later and nothing else\n"
         "attempt.json            everything that the log keeps of the attempt, to be read\n"
         "records.jsonl           the same as sealed records\n"

@@ -33,6 +33,7 @@ def fleet_rows(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[FleetRow
         stored = log.attempt(attempt)
         product = product_record.name_in(log.recipe_and_product(attempt)[1]) or "unknown"
         common = {name: getattr(attempt, name) for name in _COMMON} | {"started": _utc(attempt.started_ns)}
+        common["simulated"] = stored_attempt.mark_of(attempt.software)
         yield FleetRows(
             product,
             f"{_utc(attempt.started_ns):%Y-%m-%d}",

@@ -33,17 +33,14 @@ def learnt(
         return NOTHING
     rows = log.calibrations(recipe_hash, NEWEST)
     if simulated is None:
-        simulated = bool(rows) and _is_simulated(rows[-1])
-    results = [r for row in rows if _is_simulated(row) == simulated and (r := _result(row)) is not None]
+        simulated = bool(rows) and stored_attempt.is_simulated(rows[-1].software)
+    own = [row for row in rows if stored_attempt.is_simulated(row.software) == simulated]
+    results = [r for row in own if (r := _result(row)) is not None]
     if not results:
         return NOTHING
     free = np.any([part for r in results for part in r.parts.values()], axis=0)
     golden = {} if settings.golden is None else golden_register.load(Path(settings.golden.file))
     return history.learn_history(results, free, [unit.serial for unit in golden.values() if unit.kind == "golden"])
-
-
-def _is_simulated(row: StoredCalibration) -> bool:
-    return row.software.endswith(stored_attempt.SIMULATED)
 
 
 def _result(row: StoredCalibration) -> PastResult | None:

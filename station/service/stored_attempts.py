@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from station.domain.capture.annotations import Annotation, Annotations, annotate_visits
 from station.domain.capture.assemble import run_starts_ns, sample_table
 from station.domain.capture.visit import CapturedVisit, decode_visit
-from station.domain.core.types import Floats, Frames, Labels, NestAssignment, SampleTable
+from station.domain.core.types import Floats, Frames, NestAssignment, SampleTable
 from station.domain.methods import coefficients
 from station.domain.records import stored_attempt
 from station.errors import UsageError
@@ -28,7 +28,7 @@ def samples(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[SampleTable
     A serial that was tried again goes on counting its runs; `started_s` is on one clock, zero at the first attempt.
     """
     zero_ns = min((a.started_ns for a in attempts), default=0)
-    wanted = _columns(log, attempts)
+    wanted, marked = _columns(log, attempts), any(stored_attempt.is_simulated(a.software) for a in attempts)
     runs: dict[str, int] = {}
     for attempt in attempts:
         recipe, _, layout = parse_recipe_and_product(*log.recipe_and_product(attempt))
@@ -37,6 +37,7 @@ def samples(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[SampleTable
         if not visits:
             continue
         labels = {"station": attempt.station, "nest": attempt.nest, "lot": attempt.lot, "operator": attempt.operator}
+        labels |= {"simulated": stored_attempt.mark_of(attempt.software)} if marked else {}
         bits = recipe.device.counter_bits
         decoded = [decode_visit(visit, layout, attempt.node) for visit in visits]
         table = sample_table(attempt.serial, decoded, layout.counter_values, counter_bits=bits, everything=True)
@@ -60,7 +61,12 @@ def frames(log: LogReader, attempts: Sequence[Attempt]) -> tuple[Frames, Annotat
     names = {a.recipe_name for a in attempts}
     count = Counter(a.serial for a in attempts)
     made = tuple(
-        mark.model_copy(update={"attempt": a.attempt}) if count[a.serial] > 1 else mark
+        mark.model_copy(
+            update={
+                "attempt": a.attempt if count[a.serial] > 1 else "",
+                "simulated": stored_attempt.mark_of(a.software),
+            }
+        )
         for a, visits in dwells
         for mark in _marks(log, a, visits, zero_ns)
     )
@@ -102,10 +108,9 @@ def _complete(
     table: SampleTable, labels: dict[str, str], wanted: Sequence[str], runs: int, late_s: float
 ) -> SampleTable:
     n = len(table)
-    texts = {k: Labels((text,), np.zeros(n, np.int32)) for k, text in labels.items()}
     values: dict[str, Floats] = {name: table.values.get(name, np.full(n, np.nan)) for name in wanted}
     values["started_s"] = values["started_s"] + late_s
-    return replace(table, run=table.run + np.int32(runs), labels={**table.labels, **texts}, values=values)
+    return replace(table, run=table.run + np.int32(runs), values=values).labelled(labels)
 
 
 def _marks(log: LogReader, attempt: Attempt, visits: Sequence[CapturedVisit], zero_ns: int) -> list[Annotation]:
@@ -134,6 +139,7 @@ def _result(attempt: Attempt, stored: dict[str, Any]) -> dict[str, Any]:
         "serial": attempt.serial,
         "attempt": attempt.attempt,
         "outcome": attempt.outcome,
+        "simulated": stored_attempt.mark_of(attempt.software),
         "started": stored["started"],
         "ended": stored["ended"],
         **{k: getattr(attempt, k) for k in ("station", "nest", "node", "lot", "operator", "software")},

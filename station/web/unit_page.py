@@ -9,7 +9,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from station.domain.methods import coefficients
-from station.domain.records.stored_attempt import result
+from station.domain.records.stored_attempt import is_simulated, result
 from station.errors import LogError
 from station.ports.log_reader import Attempt, LogReader, Query
 from station.reporting.line import unit_view
@@ -60,6 +60,7 @@ def _why(chosen: dict[str, Any], day: list[AttemptValues], words: Words) -> dict
         sentence = unit_view.nest_sentence(day, own, first.what, words)
     return {
         "reasons": reasons,
+        "simulated": is_simulated(chosen["software"]),
         "deciding": first,
         "rest": unit_view.rest(fit, first.what if first else "", words),
         "residuals": unit_view.residual_figure(fit, words),

@@ -58,11 +58,13 @@ def write_log(path: Path, frames: Frames, channel: str = "can0") -> None:
         raise UsageError("recording-not-written", file=str(path), why=system_reason(error)) from None
 
 
-def _write_blf(path: Path, frames: Frames, _channel: str) -> None:
+def _write_blf(path: Path, frames: Frames, channel: str) -> None:
     from station.adapters.bus._messages import to_message
     from station.adapters.bus._python_can import can
 
     columns = frames.time_ns.tolist(), frames.can_id.tolist(), frames.length.tolist(), frames.data
     with can.BLFWriter(path) as writer:
+        if len(frames):
+            writer.log_event(channel, int(frames.time_ns[0]) / 1e9)
         for time_ns, can_id, length, data in zip(*columns, strict=True):
             writer.on_message_received(to_message(can_id, data[:length].tobytes(), time_ns / 1e9, length))

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA = "station.samples/1"
-TEXT_COLUMNS = ("unit", "position", "station", "nest", "lot", "operator", "seating")
+TEXT_COLUMNS = ("unit", "position", "station", "nest", "lot", "operator", "seating", "simulated")
 INTEGER_COLUMNS = ("run", "visit")
 NUMBER_COLUMNS = (
     *("time_s", "x", "y", "z", "temperature_degC", "since_power_s", "since_clamp_s", "motor", "started_s", "counter"),

@@ -23,6 +23,7 @@ _COMMON = [
     ("recipe_hash", pa.string()),
     ("outcome", pa.string()),
     ("started", _TIME),
+    ("simulated", pa.string()),
 ]
 _FLOATS = ("mean_x", "mean_y", "mean_z", "std_x", "std_y", "std_z")
 _COUNTS = ("count", "gaps", "lost", "kernel_drops", "crc_errors", "late", "repeats")

@@ -17,7 +17,7 @@ ASSUMED_GAP_S = 0.001
 
 class Annotation(StrictModel):
     """One dwell. start_s (with) and end_s (without) count from the log's first frame; node: of the unit's device;
-    attempt: which one, where the marks hold several of one unit."""
+    attempt: which one, where the marks hold several of one unit; simulated: SIMULATED where rig and device were."""
 
     unit: Name
     node: Annotated[int, Field(ge=1, le=127)]
@@ -28,6 +28,7 @@ class Annotation(StrictModel):
     end_s: Finite
     seating: Name = "home"
     attempt: str = ""
+    simulated: str = ""
 
 
 class Annotations(StrictModel):

@@ -98,7 +98,7 @@ class SampleTable:
     """Decoded, uncalibrated samples of any number of units: schema station.samples/1, one row a sample.
 
     unit, position (Labels); run, visit (n) int32; time_s (n) since the start of the run; reading (n, 3) in
-    the recipe's unit; labels: any of station, nest, lot, operator, seating; values: any of temperature_degC,
+    the recipe's unit; labels: any of station, nest, lot, operator, seating, simulated; values: any of temperature_degC,
     since_power_s, since_clamp_s, motor, started_s, counter (n); gold (n, 3) or None.
     Rows of one unit and run are in the order of time.
     """
@@ -128,6 +128,11 @@ class SampleTable:
             {k: v[rows] for k, v in self.values.items()},
             None if self.gold is None else self.gold[rows],
         )
+
+    def labelled(self, texts: Mapping[str, str]) -> "SampleTable":
+        """The same samples with columns more, whose rows all say the same."""
+        rows = np.zeros(len(self), np.int32)
+        return replace(self, labels={**self.labels, **{name: Labels((text,), rows) for name, text in texts.items()}})
 
     def used(self) -> "SampleTable":
         """The same samples, without the names of units, positions and the like that no row has any more."""

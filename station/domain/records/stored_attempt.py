@@ -10,9 +10,18 @@ SIMULATED = "+simulated"
 AXIS_ANGLES = "axis_angles_deg"
 
 
-def is_simulated(stored: Mapping[str, Any]) -> bool:
-    """Whether rig and devices were simulated."""
-    return str(stored["software"]).endswith(SIMULATED)
+#: The mark of what was simulated, in every file that leaves the log.
+MARK = "SIMULATED"
+
+
+def is_simulated(software: str) -> bool:
+    """Whether rig and devices were simulated, by an attempt's software."""
+    return software.endswith(SIMULATED)
+
+
+def mark_of(software: str) -> str:
+    """MARK, or nothing for what is real."""
+    return MARK if is_simulated(software) else ""
 
 
 def result(stored: Mapping[str, Any], name: str) -> Any:

@@ -36,7 +36,7 @@ def of_attempt(stored: Mapping[str, Any], recipe: Recipe, head: LogHead, issuer:
         "schema": SCHEMA,
         "number": f"{stored['station']}-{stored['attempt']}",
         "issued": issued,
-        "simulated": stored_attempt.is_simulated(stored),
+        "simulated": stored_attempt.is_simulated(stored["software"]),
         "issuer": {**asdict(issuer), "laboratory_address": issuer.laboratory.address},
         "item": {"serial": stored["serial"], "identity": identity, "lot": stored["lot"]},
         "outcome": verdict["outcome"],
