@@ -9,7 +9,8 @@ from station.domain.core.types import Floats
 PROBABILITY = 0.95
 #: More degrees of freedom than this change no digit.
 MANY = 1e6
-NORMAL = float(scipy.special.ndtri((1 + PROBABILITY) / 2))
+#: The same quantile of the normal distribution, Φ⁻¹(0.975); a number, since scipy takes a quarter of a second to load.
+NORMAL = 1.959963984540054
 
 
 def factor(dof: Floats) -> Floats:
