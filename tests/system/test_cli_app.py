@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from station.cli.app import commands
+from station.cli.app import commands, main
 
 STATION = [sys.executable, "-m", "station"]
 
@@ -37,13 +37,15 @@ def test_a_run_loads_no_table_library() -> None:
     assert done.stdout == "none\n", done.stderr
 
 
-def test_every_command_has_help_with_an_example_to_paste() -> None:
+def test_every_command_has_help_with_an_example_to_paste(capfd: pytest.CaptureFixture[str]) -> None:
     for name, line in commands().items():
-        done = station(name, "--help")
-        assert done.returncode == 0, name
+        with pytest.raises(SystemExit) as ended:
+            main([name, "--help"])
+        output = capfd.readouterr().out
+        assert ended.value.code == 0, name
         assert line, name
-        assert line.rstrip(".") in " ".join(done.stdout.split()), name
-        assert f"station {name}" in done.stdout.split("Options:")[0].split("\n", 1)[1], f"{name} shows no example"
+        assert line.rstrip(".") in " ".join(output.split()), name
+        assert f"station {name}" in output.split("Options:")[0].split("\n", 1)[1], f"{name} shows no example"
 
 
 def test_no_command_shows_the_list_and_is_a_usage_error() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from station.cli.app import main
 from tests.fakes import fixture_run
 
 STATION = [sys.executable, "-m", "station"]
@@ -28,10 +29,10 @@ def station(folder: Path, *args: str, stdin: str | None = None) -> subprocess.Co
     )
 
 
-def one_sentence(done: subprocess.CompletedProcess[str]) -> str:
-    assert done.stdout == ""
-    assert "Traceback" not in done.stderr
-    (line,) = done.stderr.splitlines()
+def one_sentence(output: str, errors: str) -> str:
+    assert output == ""
+    assert "Traceback" not in errors
+    (line,) = errors.splitlines()
     assert line.startswith("station: ")
     return line
 
@@ -73,7 +74,7 @@ def test_exit_codes_follow_the_worst_unit(tmp_path: Path) -> None:
 def test_an_interface_that_is_not_there_is_said_before_anything_is_asked(tmp_path: Path) -> None:
     done = station(tmp_path, "run", "--interface", "socketcan", "--channel", "nocan9", stdin="SN0042\n")
     assert done.returncode in (2, 3)
-    printed = one_sentence(done)
+    printed = one_sentence(done.stdout, done.stderr)
     assert "nocan9" in printed or "This kernel has no CAN" in printed
 
 
@@ -91,10 +92,18 @@ def test_an_interface_that_is_not_there_is_said_before_anything_is_asked(tmp_pat
         (["--model", "absent.yaml"], "absent.yaml cannot be read"),
     ],
 )
-def test_what_cannot_be_is_one_sentence_and_exit_2(tmp_path: Path, args: list[str], words: str) -> None:
-    done = station(tmp_path, "run", "--simulate", *args)
-    assert done.returncode == 2
-    assert words in one_sentence(done)
+def test_what_cannot_be_is_one_sentence_and_exit_2(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    args: list[str],
+    words: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(["run", "--simulate", *args])
+    assert ended.value.code == 2
+    assert words in one_sentence(*capfd.readouterr())
     log = tmp_path / "station.db"
     assert not log.exists() or not fixture_run.Ran(tmp_path).lives("SN0001")
 
@@ -102,7 +111,7 @@ def test_what_cannot_be_is_one_sentence_and_exit_2(tmp_path: Path, args: list[st
 def test_simulation_options_want_simulate(tmp_path: Path) -> None:
     done = station(tmp_path, "run", "--effect", "cross-axis", "--serial", "SN0001")
     assert done.returncode == 2
-    assert "--effect applies to simulated units only: add --simulate" in one_sentence(done)
+    assert "--effect applies to simulated units only: add --simulate" in one_sentence(done.stdout, done.stderr)
 
 
 def test_a_second_station_on_the_same_log_is_refused_with_the_first_ones_name(tmp_path: Path) -> None:
@@ -116,7 +125,7 @@ def test_a_second_station_on_the_same_log_is_refused_with_the_first_ones_name(tm
         _wait_for(tmp_path / "station.db")
         second = station(tmp_path, "run", "--simulate", "--units", "1")
         assert second.returncode == 3
-        assert "bench-1" in one_sentence(second)
+        assert "bench-1" in one_sentence(second.stdout, second.stderr)
     finally:
         first.send_signal(signal.SIGINT)
         _, shown = first.communicate(timeout=60)
@@ -165,7 +174,7 @@ def test_recover_is_a_command(tmp_path: Path) -> None:
     assert again.returncode == 0
     assert "there is nothing to recover" in again.stdout
     both = station(tmp_path, "recover", "SN0001", "--restore", "--continue")
-    assert "choose one" in one_sentence(both)
+    assert "choose one" in one_sentence(both.stdout, both.stderr)
 
 
 def _wait_for(path: Path) -> None:

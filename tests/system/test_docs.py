@@ -1,15 +1,15 @@
 """Documents cannot go stale: every command line they show exists, every help has an example, links lead somewhere."""
 
+import contextlib
+import io
 import re
 import shlex
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 
 import pytest
 
-from station.cli.app import commands
+from station.cli.app import commands, main
 from station.config.recipes import load_recipe
 from station.domain.recipe.recipe import Recipe
 from station.domain.recipe.reference_block import Reference
@@ -21,10 +21,10 @@ BLOCK = re.compile(r"^```[a-z]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 @cache
 def help_of(command: str) -> str:
-    done = subprocess.run(
-        [sys.executable, "-m", "station", command, "--help"], capture_output=True, text=True, check=True
-    )
-    return done.stdout
+    shown = io.StringIO()
+    with contextlib.redirect_stdout(shown), pytest.raises(SystemExit):
+        main([command, "--help"])
+    return shown.getvalue()
 
 
 def shown(page: Path) -> list[list[str]]:
