@@ -1,8 +1,13 @@
 """One device on the bus: object access as calls with a time-out and a result, and its life cycle."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Protocol
+
+from station.errors import DeviceRefused
+
+#: Longer texts are cut.
+LONGEST_TEXT = 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,3 +67,33 @@ class Device(Protocol):
 
     def boot_ups(self) -> int:
         """Boot-up messages seen so far: a rise without a reset of ours means the device rebooted by itself."""
+
+
+def read_identity(upload: Callable[[int, int], bytes], asked: Collection[tuple[int, int]]) -> Identity:
+    """The identity objects by reading them; one that is not among the `asked` and is refused reads as 0 or ''."""
+
+    def read(index: int, sub: int) -> bytes:
+        try:
+            return upload(index, sub)
+        except DeviceRefused:
+            if (index, sub) in asked:
+                raise
+            return b""
+
+    def number(index: int, sub: int) -> int:
+        return int.from_bytes(read(index, sub), "little")
+
+    def text(index: int) -> str:
+        found = read(index, 0).decode("latin-1").partition("\0")[0]
+        return "".join(c for c in found if c.isprintable())[:LONGEST_TEXT]
+
+    return Identity(
+        device_type=number(0x1000, 0),
+        vendor=number(0x1018, 1),
+        product=number(0x1018, 2),
+        revision=number(0x1018, 3),
+        serial=number(0x1018, 4),
+        name=text(0x1008),
+        hardware=text(0x1009),
+        software=text(0x100A),
+    )

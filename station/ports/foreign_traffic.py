@@ -6,21 +6,20 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class ForeignCommand:
-    """A command that changes a device and that the station did not send: an SDO write or an NMT command."""
+    """A command that changes a device and that the station did not send: a write or an NMT command.
+
+    written: index and sub-index of what is written.
+    """
 
     time_ns: int
     can_id: int
     data: bytes
+    written: tuple[int, int] = (0, 0)
 
     @property
     def is_write(self) -> bool:
-        """Whether it is an SDO write; otherwise it is an NMT command."""
+        """Whether it is a write; otherwise it is an NMT command."""
         return self.can_id != 0x000
-
-    @property
-    def address(self) -> tuple[int, int]:
-        """Index and sub-index of an SDO write."""
-        return int.from_bytes(self.data[1:3], "little"), self.data[3]
 
 
 class ForeignTraffic(Protocol):

@@ -158,5 +158,5 @@ def check_no_foreign_master(unit: Unit, foreign: ForeignTraffic) -> None:
         return
     first = commands[0]
     if first.is_write:
-        raise ForeignMaster("foreign-write", unit=unit.label, object=address(*first.address), count=len(commands))
+        raise ForeignMaster("foreign-write", unit=unit.label, object=address(*first.written), count=len(commands))
     raise ForeignMaster("foreign-nmt", unit=unit.label, command=f"0x{first.data[0]:02X}", count=len(commands))

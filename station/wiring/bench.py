@@ -1,7 +1,7 @@
 """The station as it stands in front of a person: ports, job, nests, and how units come into the nests."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -12,9 +12,7 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
-from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.canopen.foreign_traffic import ForeignTrafficWatch
-from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import SystemClock
 from station.adapters.malloc_tuning import retain_freed_memory
 from station.config.documents import Document, content_hash
@@ -35,6 +33,7 @@ from station.service.station import Job, Station
 from station.wiring.alerts import read_book
 from station.wiring.bus_owner import claim_bus
 from station.wiring.buses import bus_kind, bus_options, open_buses, used_buses
+from station.wiring.devices import open_devices
 from station.wiring.jobs import Source, load_job
 from station.wiring.logs import open_store
 from station.wiring.positioners import connected_positioner, refuse_numbers_for_real_units
@@ -207,12 +206,8 @@ def _check_references(job: Job, settings: Settings) -> None:
 def _devices(
     bus: Bus, clock: Clock, settings: Settings, job: Job
 ) -> tuple[Callable[[int], Device], ForeignTrafficWatch]:
-    """One device a node for as long as the bus is open, and who else commands them: boot-ups and quarantines outlive a
-    fixture load."""
+    """The devices of all nests and of a gold reference, and who else commands them."""
     gold = () if job.gold_node is None else (job.gold_node,)
-    nodes = (*(nest.node for nest in settings.nests), *gold)
-    foreign = ForeignTrafficWatch(bus, nodes)
-    network = ServiceNetwork(bus.service(service_ids(nodes)), clock, foreign.sent)
-    timeouts: Mapping[tuple[int, int], float] = job.product.map.timeouts()
-    made = {node: CanopenDevice(network, node, answer_s=settings.timeouts.sdo_s, timeouts_s=timeouts) for node in nodes}
-    return (lambda node: made[node]), foreign
+    return open_devices(
+        bus, clock, (*(nest.node for nest in settings.nests), *gold), job.product, settings.timeouts.sdo_s
+    )

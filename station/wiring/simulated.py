@@ -31,6 +31,7 @@ from station.ports.bus import Bus, Endpoint
 from station.ports.clock import Clock
 from station.ports.positioner import Positioner
 from station.service.station import Job
+from station.wiring.devices import seed_key
 from station.wiring.driven_fixture import DrivenFixture
 from station.wiring.jobs import Source
 from station.wiring.options import options_of
@@ -157,7 +158,7 @@ class SimulatedFixture:
         memory: NonVolatileMemory,
         faults: list[device_fault.InjectedFault],
     ) -> "tuple[SimulatedDevice, _DisturbedEndpoint]":
-        channel = _DisturbedEndpoint(self._endpoint(received_ids(node)), self._rig, nest)
+        channel = _DisturbedEndpoint(self._endpoint(_received_ids(self._job, node)), self._rig, nest)
         device = SimulatedDevice(
             channel,
             self.clock,
@@ -168,6 +169,7 @@ class SimulatedFixture:
             serial=serial,
             memory=memory,
             faults=faults,
+            key=seed_key(self._job.product.map),
         )
         return device, channel
 
@@ -205,7 +207,7 @@ class Rehearsal(SimulatedFixture):
     ) -> None:
         self._near, self._far_bus = near, far
         nodes = [nest.node for nest in settings.nests] + ([] if job.gold_node is None else [job.gold_node])
-        can_ids = tuple(sorted({i for node in nodes for i in received_ids(node)}))
+        can_ids = tuple(sorted({i for node in nodes for i in _received_ids(job, node)}))
         self._hub = Hub(cast(Endpoint, far.service(can_ids)))
         self._served: list[SimulatedDevice] = []
         self._changing, self._ended = threading.Lock(), threading.Event()
@@ -282,6 +284,10 @@ class _DisturbedEndpoint:
     def close(self) -> None:
         """Leaves the bus."""
         self._channel.close()
+
+
+def _received_ids(job: Job, node: int) -> tuple[int, ...]:
+    return received_ids(node, job.product.map, job.product.frames.node_of_dbc)
 
 
 def _effect(text: str, job: Job) -> Effect:

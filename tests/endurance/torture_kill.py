@@ -1,7 +1,7 @@
 """Kills a run with SIGKILL at every commit point, every SDO exchange and every save, and at random instants; then
 asks the log, the device's flash and the next start whether they agree.
 
-    python tests/endurance/torture_kill.py [--points N] [--instants N] [--seed S] [--json]
+    python tests/endurance/torture_kill.py [--points N] [--instants N] [--seed S] [--recipe FILE] [--json]
 
 A point lies before and after each call of the store, each SDO frame that is sent, each SDO transfer and NMT command,
 and each save of the device's flash. --points: so many of all points, spread evenly (0: every one). Each trial is a
@@ -36,6 +36,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.canopen.network import ServiceNetwork
+from station.adapters.object_access.device import ObjectDevice
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
@@ -51,10 +52,13 @@ from station.wiring.bench import open_bench
 from station.wiring.run_order import RunOrder
 
 SERIAL = "SN0001"
+#: Of every run; another product is another way to the device (docs/device-map.md, `protocol`).
+RECIPE: list[str | None] = [None]
 #: What is a point: before and after each of these calls.
 CALLS: Sequence[tuple[type, tuple[str, ...]]] = (
     (SqliteStore, ("begin", "event", "visit", "write", "result", "finish", "tidy")),
     (CanopenDevice, ("upload", "download", "nmt", "wait_boot_up")),
+    (ObjectDevice, ("upload", "download", "nmt", "wait_boot_up")),
     (ServiceNetwork, ("send",)),
     (NonVolatileMemory, ("store",)),
 )
@@ -142,7 +146,9 @@ def forked(work: Callable[[int], None]) -> Iterator[tuple[int, int]]:
 def run(folder: Path, seed: int, *, torn: bool = False, until: Phase | None = None, death: Death | None = None) -> None:
     """A whole simulated run, or one that the operator stops on entering the phase `until`."""
     faults = ("save-torn",) if torn else ()
-    order = RunOrder(simulate=True, database=folder / "station.db", device_state=folder / "devices", seed=seed)
+    order = RunOrder(
+        simulate=True, database=folder / "station.db", device_state=folder / "devices", seed=seed, recipe=RECIPE[0]
+    )
     stop = StopRequest()
     with open_bench(replace(order, faults=faults)) as bench:
         (seats,) = bench.loads([SERIAL])
@@ -361,8 +367,10 @@ def main() -> int:
     parser.add_argument("--points", type=int, default=0)
     parser.add_argument("--instants", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--recipe", help="in place of six-point; another product is another protocol")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
+    RECIPE[0] = given.recipe
     report = torture(given.points, given.instants, given.seed)
     good = not (report["lost"] or report["contradicting"] or report["unrecognised"] or report["not_reached"])
     if given.json:

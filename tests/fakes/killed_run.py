@@ -1,4 +1,4 @@
-"""`python -m tests.fakes.killed_run FOLDER PORT METHOD N`: a simulated run that dies, as by SIGKILL, at the n-th call.
+"""`python -m tests.fakes.killed_run FOLDER PORT METHOD N [RECIPE]`: a simulated run that dies at the n-th call.
 
 PORT and METHOD name what is called (store write, device download …); death comes before the call (N > 0) or just
 after it (N < 0). Exit code 137 says that it died, 0 that the run ended before.
@@ -10,10 +10,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from station.adapters.canopen.canopen_device import CanopenDevice
+from station.adapters.object_access.device import ObjectDevice
 from station.adapters.store.sqlite import SqliteStore
 from tests.fakes import fixture_run
 
-PORTS = {"store": SqliteStore, "device": CanopenDevice}
+PORTS = {"store": SqliteStore, "device": CanopenDevice, "object-device": ObjectDevice}
 
 
 def deadly(call: Callable[..., object], number: int) -> Callable[..., object]:
@@ -35,10 +36,10 @@ def deadly(call: Callable[..., object], number: int) -> Callable[..., object]:
 
 def main() -> None:
     """See the top of the file."""
-    folder, port, method, number = sys.argv[1:]
+    folder, port, method, number, *recipe = sys.argv[1:]
     kind = PORTS[port]
     setattr(kind, method, deadly(getattr(kind, method), int(number)))
-    fixture_run.run(Path(folder), seed=2)
+    fixture_run.run(Path(folder), seed=2, **{"recipe": recipe[0]} if recipe else {})
 
 
 if __name__ == "__main__":

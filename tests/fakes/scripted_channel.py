@@ -12,26 +12,27 @@ Line = tuple[str | None, Sequence[str | tuple[float, str]]]
 
 
 class ScriptedChannel:
-    """Implements ports.bus.Channel and ports.clock.Clock for one node: requests go to 0x600, answers come from 0x580.
+    """Implements ports.bus.Channel and ports.clock.Clock for one node: requests go to 0x600, answers come from 0x580,
+    or to and from the identifiers of `ids`.
 
     Frames are written as hex with spaces. An answer without a delay comes at once.
     """
 
-    def __init__(self, node: int, *script: Line) -> None:
-        self._node = node
+    def __init__(self, node: int, *script: Line, ids: tuple[int, int] | None = None) -> None:
+        self._request_id, self._response_id = ids or (0x600 + node, 0x580 + node)
         self._script = deque(script)
         self._coming: list[tuple[float, int, bytes]] = []
         self._now_s = 100.0
 
     def send(self, can_id: int, data: bytes) -> None:
         """Must be the next line's frame."""
-        assert can_id == 0x600 + self._node, f"sent to 0x{can_id:03X}"
+        assert can_id == self._request_id, f"sent to 0x{can_id:03X}"
         assert self._script, f"sent {data.hex(' ')} after the end of the script"
         sent, answers = self._script.popleft()
         assert data.hex(" ") == sent, f"sent {data.hex(' ')}, the script says {sent}"
         for answer in answers:
             delay_s, frame = (0.0, answer) if isinstance(answer, str) else answer
-            self.come(delay_s, 0x580 + self._node, bytes.fromhex(frame))
+            self.come(delay_s, self._response_id, bytes.fromhex(frame))
 
     def come(self, delay_s: float, can_id: int, data: bytes) -> None:
         """Lets a frame come after a delay."""

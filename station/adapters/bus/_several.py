@@ -10,9 +10,8 @@ from station.ports.bus import Bus, Channel, ErrorCounters, Repeated
 
 #: How long one bus may keep the call while the others wait, s.
 _SLICE_S = 0.002
-_NMT, _NODES, _LONGEST = 0x000, 0x7F, 0x7FF
-#: LSS addresses devices by their identity (CiA 305).
-_LSS = (0x7E4, 0x7E5)
+#: Identifiers up to the last SDO request name a node; UDS and vendors' protocols go their own ways, on all buses.
+_NMT, _NODES, _LAST_NAMED = 0x000, 0x7F, 0x67F
 #: States of a controller, the worst last.
 _WORSE = ("active", "unknown", "warning", "passive", "bus-off", "down")
 
@@ -60,7 +59,7 @@ class SeveralBuses:
     def _targets(self, can_id: int, data: bytes) -> Sequence[str]:
         """By the predefined connection set (CiA 301, 7.3.3) the low bits of an identifier are the node."""
         node = data[1] if can_id == _NMT and len(data) > 1 else can_id & _NODES
-        bus = self._bus_of_node.get(node) if can_id <= _LONGEST and can_id not in _LSS else None
+        bus = self._bus_of_node.get(node) if can_id <= _LAST_NAMED else None
         return tuple(self._parts) if bus is None else (bus,)
 
 

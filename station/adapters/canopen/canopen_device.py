@@ -8,8 +8,8 @@ from canopen.nmt import NMT_COMMANDS, NMT_STATES
 
 from station.adapters.canopen.network import ServiceNetwork
 from station.adapters.canopen.sdo_client import SdoClient
-from station.errors import DeviceRefused, DeviceSilent, UsageError
-from station.ports.device import Emergency, Identity
+from station.errors import DeviceSilent, UsageError
+from station.ports.device import Emergency, Identity, read_identity
 
 _COMMANDS = {
     "start": NMT_COMMANDS["OPERATIONAL"],
@@ -19,7 +19,6 @@ _COMMANDS = {
     "reset-communication": NMT_COMMANDS["RESET COMMUNICATION"],
 }
 _BOOT_UP = 0x00
-_LONGEST_NAME = 80
 #: The latest ones are kept when nobody takes them.
 _MOST_EMERGENCIES = 1000
 
@@ -53,32 +52,7 @@ class CanopenDevice:
 
     def identify(self, asked: Collection[tuple[int, int]] = ((0x1000, 0),)) -> Identity:
         """Reads the identity objects; one that is not among the `asked` and is refused reads as 0 or ''."""
-
-        def read(index: int, sub: int) -> bytes:
-            try:
-                return self.upload(index, sub)
-            except DeviceRefused:
-                if (index, sub) in asked:
-                    raise
-                return b""
-
-        def number(index: int, sub: int) -> int:
-            return int.from_bytes(read(index, sub), "little")
-
-        def text(index: int) -> str:
-            found = read(index, 0).decode("latin-1").partition("\0")[0]
-            return "".join(c for c in found if c.isprintable())[:_LONGEST_NAME]
-
-        return Identity(
-            device_type=number(0x1000, 0),
-            vendor=number(0x1018, 1),
-            product=number(0x1018, 2),
-            revision=number(0x1018, 3),
-            serial=number(0x1018, 4),
-            name=text(0x1008),
-            hardware=text(0x1009),
-            software=text(0x100A),
-        )
+        return read_identity(self.upload, asked)
 
     def upload(self, index: int, sub: int, timeout_s: float | None = None) -> bytes:
         """Raw value of an object. Errors: DeviceSilent, DeviceRefused, BusFault."""

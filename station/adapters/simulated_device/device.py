@@ -9,24 +9,28 @@ from dataclasses import dataclass
 from functools import partial
 
 from station.adapters.simulated_device.device_fault import InjectedFault
+from station.adapters.simulated_device.link import link_of, request_id_of
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
+from station.adapters.simulated_device.object_server import ObjectServer, SdoRequest
 from station.adapters.simulated_device.objects import SimulatedObjects
 from station.adapters.simulated_device.pdo import READINGS_TPDO, ProcessData
 from station.adapters.simulated_device.sdo import Agenda, SdoService
 from station.adapters.simulated_device.sdo_faults import SdoFaults
-from station.adapters.simulated_device.sdo_server import SdoRequest
+from station.adapters.simulated_device.sdo_server import SdoServer
 from station.adapters.simulated_device.stream import SimulatedSensor, Timer
 from station.adapters.simulated_device.stream_faults import StreamFaults
-from station.domain.core.types import ERROR, EXTENDED, REMOTE
+from station.adapters.simulated_device.template_server import TemplateServer
+from station.adapters.simulated_device.uds_server import SeedKey, UdsServer
+from station.domain.core.types import ERROR, REMOTE
 from station.domain.product.device_map import DeviceMap
 from station.domain.product.object_dictionary import Address, ObjectDictionary, Value
 from station.ports.bus import Endpoint
 from station.ports.clock import Clock
 
 BOOTING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
-_NMT, _SYNC, _EMCY, _SDO_ANSWER, _SDO_REQUEST, _HEARTBEAT = 0x000, 0x080, 0x080, 0x580, 0x600, 0x700
+_NMT, _SYNC, _EMCY, _HEARTBEAT = 0x000, 0x080, 0x080, 0x700
 _NMT_STATES = {0x01: OPERATIONAL, 0x02: STOPPED, 0x80: PRE_OPERATIONAL}
-_RESET_NODE, _RESET_COMMUNICATION = 0x81, 0x82
+_START, _RESET_NODE, _RESET_COMMUNICATION = 0x01, 0x81, 0x82
 _HEARTBEAT_TIME = 0x1017
 _FIRST_MAPPING = 0x1A00
 
@@ -42,16 +46,18 @@ class Timing:
     block_s: float = 0.05
 
 
-def received_ids(node: int) -> tuple[int, ...]:
-    """Identifiers that the device's channel must receive: NMT, SYNC and its SDO requests."""
-    return _NMT, _SYNC, _SDO_REQUEST + node
+def received_ids(node: int, device_map: DeviceMap | None = None, node_of_dbc: int = 1) -> tuple[int, ...]:
+    """Identifiers that the device's channel must receive: its requests, and of CANopen (no map says so) NMT, SYNC."""
+    device_map = device_map or DeviceMap()
+    request_id = request_id_of(device_map, node, node_of_dbc)
+    return (_NMT, _SYNC, request_id) if device_map.protocol == "canopen" else (request_id,)
 
 
 class SimulatedDevice:
     """One device with the node id of its `dictionary`.
 
     channel: its own endpoint on the bus; device_map: of its product; sensor: its physical side; serial: as the
-    serial object keeps it; memory: what was saved; faults: what is wrong with it.
+    serial object keeps it; memory: what was saved; faults: what is wrong with it; key: of a UDS device that is locked.
     """
 
     def __init__(
@@ -66,6 +72,7 @@ class SimulatedDevice:
         memory: NonVolatileMemory | None = None,
         timing: Timing = Timing(),
         faults: Sequence[InjectedFault] = (),
+        key: SeedKey | None = None,
     ) -> None:
         self.node = dictionary.node
         self.state = BOOTING
@@ -93,8 +100,11 @@ class SimulatedDevice:
         )
         self._pdo = ProcessData(channel, clock, self.objects, sensor, self._stream_faults, block_s=timing.block_s)
         self._pdo.settled_s = self._now_s + timing.warm_up_s
+        self._managed = device_map.protocol == "canopen"
+        self._link = link_of(device_map, self.node, sensor.layout.map.node_of_dbc, channel.send)
         self._sdo = SdoService(
             self.objects,
+            self._server(device_map, key),
             self,
             self._agenda,
             self._sdo_faults,
@@ -138,15 +148,22 @@ class SimulatedDevice:
         self.reset()
 
     def send_answers(self, answers: tuple[bytes, ...], off: int = 0) -> None:
-        """Sends SDO answers; off: by how much the node id in them is wrong."""
+        """Sends answers; off: by how much the node id in them is wrong."""
         for answer in answers:
-            self._channel.send(_SDO_ANSWER + self.node + off, answer)
+            self._link.answer(answer, off)
+
+    def _server(self, device_map: DeviceMap, key: SeedKey | None) -> ObjectServer:
+        if device_map.uds is not None:
+            return UdsServer(self.objects, device_map.uds, key)
+        if device_map.template is not None:
+            return TemplateServer(self.objects, device_map.template, self.node)
+        return SdoServer(self.objects)
 
     def _run(self, now_s: float) -> None:
         self._external_events.run(now_s)
         self._agenda.run(now_s)
         stopped = self._stream_faults.active("heartbeat-stops", now_s)
-        if len(self._heartbeat.due(now_s)) and not stopped:
+        if len(self._heartbeat.due(now_s)) and not stopped and self._managed:
             self._channel.send(_HEARTBEAT + self.node, bytes([self.state]))
 
     def _fall_silent(self) -> None:
@@ -157,8 +174,13 @@ class SimulatedDevice:
         self._heartbeat.stop()
 
     def _boot_up(self) -> None:
+        silent = self._sdo_faults.fires("no-boot-up", SdoRequest(0, 0, "write", starts=False, segment=False))
+        if not self._managed:
+            if not silent:
+                self._obey(_START)
+            return
         self.state = PRE_OPERATIONAL
-        if not self._sdo_faults.fires("no-boot-up", SdoRequest(0, 0, "write", starts=False, segment=False)):
+        if not silent:
             self._channel.send(_HEARTBEAT + self.node, bytes([BOOTING]))
         self._start_heartbeat()
 
@@ -166,14 +188,17 @@ class SimulatedDevice:
         self._heartbeat.start(self._now_s, self.objects.number(_HEARTBEAT_TIME, 0, 0) / 1000)
 
     def _hear(self, can_id: int, data: bytes) -> None:
-        if not self._powered or self.state == BOOTING or can_id & (ERROR | REMOTE | EXTENDED):
+        if not self._powered or self.state == BOOTING or can_id & (ERROR | REMOTE):
             return
-        if can_id == _NMT and len(data) >= 2 and data[1] in (0, self.node):
+        if can_id == self._link.request_id and self.state != STOPPED:
+            for request in self._link.hear(data):
+                self._serve(request)
+        elif not self._managed:
+            return
+        elif can_id == _NMT and len(data) >= 2 and data[1] in (0, self.node):
             self._obey(data[0])
         elif can_id == _SYNC and self.state == OPERATIONAL:
             self._pdo.on_sync(self._now_s)
-        elif can_id == _SDO_REQUEST + self.node and self.state != STOPPED:
-            self._serve(data)
 
     def _obey(self, command: int) -> None:
         if command in (_RESET_NODE, _RESET_COMMUNICATION):
@@ -226,7 +251,7 @@ class SimulatedDevice:
             self._agenda.at(self._now_s + fault.seconds, partial(self._emergency, fault))
 
     def _emergency(self, fault: InjectedFault) -> None:
-        if self.state in (PRE_OPERATIONAL, OPERATIONAL):
+        if self._managed and self.state in (PRE_OPERATIONAL, OPERATIONAL):
             code = fault.code.to_bytes(4, "little")[:2]
             self._channel.send(_EMCY + self.node, code + bytes([fault.register & 0xFF]) + bytes(5))
 

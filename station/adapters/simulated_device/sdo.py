@@ -1,4 +1,4 @@
-"""SDO of a simulated device in time: one request after the other, a turnaround, flash that takes its time, faults."""
+"""Objects of a simulated device served in time: one request after the other, a turnaround, slow flash, faults."""
 
 import heapq
 import math
@@ -9,9 +9,9 @@ from typing import Protocol
 from canopen.sdo import constants as sdo
 
 from station.adapters.simulated_device.device_fault import InjectedFault
+from station.adapters.simulated_device.object_server import ObjectServer, SdoRequest
 from station.adapters.simulated_device.objects import SimulatedObjects
 from station.adapters.simulated_device.sdo_faults import SdoFaults
-from station.adapters.simulated_device.sdo_server import SdoRequest, SdoServer
 
 
 class Agenda:
@@ -45,7 +45,7 @@ class DeviceControl(Protocol):
     """What the server's faults and commands can do to the device."""
 
     def send_answers(self, answers: tuple[bytes, ...], off: int = 0) -> None:
-        """Sends SDO answers now; off: by how much the node id in them is wrong."""
+        """Sends answers now; off: by how much the node id in them is wrong."""
 
     def reset(self) -> None:
         """Starts again, as after NMT reset node."""
@@ -60,6 +60,7 @@ class SdoService:
     def __init__(
         self,
         objects: SimulatedObjects,
+        server: ObjectServer,
         body: DeviceControl,
         agenda: Agenda,
         faults: SdoFaults,
@@ -68,7 +69,7 @@ class SdoService:
         flash_s: float,
     ) -> None:
         self._objects = objects
-        self._server = SdoServer(objects)
+        self._server = server
         self._device_control = body
         self._agenda = agenda
         self._faults = faults
@@ -85,9 +86,8 @@ class SdoService:
 
     def take(self, data: bytes, now_s: float) -> None:
         """A request came in."""
-        if len(data) == 8:
-            self._waiting.append(data)
-            self._work(now_s)
+        self._waiting.append(data)
+        self._work(now_s)
 
     def _work(self, now_s: float) -> None:
         while self._waiting and not self._busy:
@@ -100,14 +100,17 @@ class SdoService:
         elif self._faults.fires("reboot", about):
             self._device_control.reset()
         elif not self._unheard(about):
-            answers = self._faults.spoil(self._answers(data, about), about)
+            answers = self._faults.spoil(self._answers(data, about), about, self._server)
             late = self._faults.fires("late", about)
             command, self._objects.command = self._objects.command, None
             due_s = now_s + self._turnaround_s + (late.seconds if late else 0.0)
             if command is not None:
                 self._flash(command, about, answers, due_s)
-            elif answers:
-                self._agenda.at(due_s, self._sender(answers, about))
+            else:
+                if answers:
+                    self._agenda.at(due_s, self._sender(answers, about))
+                if self._server.wants_restart():
+                    self._agenda.at(due_s, self._device_control.reset)
 
     def _sender(self, answers: tuple[bytes, ...], about: SdoRequest) -> Callable[[], None]:
         """Sends the answers, under the node id that a fault may make another one."""
@@ -124,7 +127,8 @@ class SdoService:
     def _answers(self, data: bytes, about: SdoRequest) -> tuple[bytes, ...]:
         refusal = self._faults.fires("refuse", about)
         if refusal and data[0] != sdo.REQUEST_ABORTED:
-            return (self._server.refuse(data, refusal.code),)
+            refused = self._server.refuse(data, refusal.code)
+            return (refused,) if refused else ()
         return self._server.handle(data)
 
     def _flash(self, command: str, about: SdoRequest, answers: tuple[bytes, ...], due_s: float) -> None:

@@ -1,4 +1,4 @@
-"""The faults of a simulated device's SDO server: which request a fault meets, and what becomes of the answers."""
+"""The faults of what serves a simulated device's objects: which request a fault meets, and what becomes of answers."""
 
 from collections.abc import Sequence
 
@@ -7,11 +7,10 @@ from canopen.sdo import constants as sdo
 from station.adapters.canopen.sdo_transfer import COMMAND_MASK
 from station.adapters.simulated_device.device_fault import InjectedFault
 from station.adapters.simulated_device.nonvolatile import SavedObjects, address_of
-from station.adapters.simulated_device.sdo_server import SdoRequest
+from station.adapters.simulated_device.object_server import ObjectServer, SdoRequest
 
 #: These happen once unless `times` says otherwise.
 _ONCE = frozenset({"reboot", "power-cut", "other-unit", "save-torn", "lost-segment"})
-_INITIATING_ANSWERS = (sdo.RESPONSE_UPLOAD, sdo.RESPONSE_DOWNLOAD)
 _SEGMENT_ANSWERS = (sdo.RESPONSE_SEGMENT_UPLOAD, sdo.RESPONSE_SEGMENT_DOWNLOAD)
 
 
@@ -34,15 +33,15 @@ class SdoFaults:
                     acting = acting or fault
         return acting
 
-    def spoil(self, answers: tuple[bytes, ...], about: SdoRequest) -> tuple[bytes, ...]:
+    def spoil(self, answers: tuple[bytes, ...], about: SdoRequest, server: ObjectServer) -> tuple[bytes, ...]:
         """What is sent in place of these answers."""
         previous, self._previous = self._previous, answers or self._previous
         if len(answers) > 1:
             answers = tuple(answer for answer in answers if not self.fires("lost-segment", about))
         else:
-            answers = tuple(self._spoilt(answer, about) for answer in answers)
+            answers = tuple(self._spoilt(answer, about, server) for answer in answers)
         if len(answers) == 1 and self.fires("early", about):
-            answers = (answers[0], _next_answer(answers[0]))
+            answers = (answers[0], server.of_next_object(answers[0]))
         if self.fires("stale", about):
             answers = previous + answers
         if self.fires("twice", about):
@@ -57,19 +56,14 @@ class SdoFaults:
             for key, value in wanted.items()
         }
 
-    def _spoilt(self, answer: bytes, about: SdoRequest) -> bytes:
+    def _spoilt(self, answer: bytes, about: SdoRequest, server: ObjectServer) -> bytes:
         kind = answer[0] & COMMAND_MASK
-        initiating = about.starts and kind in _INITIATING_ANSWERS
-        if initiating and (fault := self.fires("wrong-object", about)):
-            return answer[:1] + (int(fault.value) & 0xFFFF).to_bytes(2, "little") + answer[3:]
+        names_object = about.starts and server.of_other_object(answer, 0xFFFF) != answer
+        if names_object and (fault := self.fires("wrong-object", about)):
+            return server.of_other_object(answer, int(fault.value))
         if not about.starts and kind in _SEGMENT_ANSWERS and self.fires("wrong-toggle", about):
             return bytes([answer[0] ^ sdo.TOGGLE_BIT]) + answer[1:]
         ends_block = answer[0] & 0xE3 == sdo.RESPONSE_BLOCK_UPLOAD | sdo.END_BLOCK_TRANSFER
         if not about.starts and ends_block and self.fires("bad-block-crc", about):
             return bytes([answer[0], answer[1] ^ 0xFF]) + answer[2:]
         return answer
-
-
-def _next_answer(answer: bytes) -> bytes:
-    """The same answer as it would be to a request for the next sub-index."""
-    return answer[:3] + bytes([(answer[3] + 1) & 0xFF]) + answer[4:]

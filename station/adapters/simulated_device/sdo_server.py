@@ -4,27 +4,14 @@ Source: CiA 301 7.2.4.3. The transfers themselves are generators in `sdo_serving
 what a write means is the business of `Objects`.
 """
 
-from dataclasses import dataclass
-
 from canopen.sdo import constants as sdo
 
 from station.adapters.canopen.sdo_transfer import COMMAND_MASK, initiate_header
 from station.adapters.simulated_device import sdo_serving
+from station.adapters.simulated_device.object_server import SdoRequest
 from station.adapters.simulated_device.sdo_serving import Objects, SdoAbort, Serving
 
-
-@dataclass(frozen=True, slots=True)
-class SdoRequest:
-    """What a request is about: the object of the transfer that it starts or continues, and the direction.
-
-    access: read or write; starts: it starts a transfer; segment: it is one of a block's segments.
-    """
-
-    index: int
-    sub: int
-    access: str
-    starts: bool
-    segment: bool
+_INITIATING_ANSWERS = (sdo.RESPONSE_UPLOAD, sdo.RESPONSE_DOWNLOAD)
 
 
 class SdoServer:
@@ -84,6 +71,20 @@ class SdoServer:
     def reset(self) -> None:
         """Ends the transfer under way."""
         self._serving, self._in_block = None, False
+
+    def wants_restart(self) -> bool:
+        """SDO cannot ask for it."""
+        return False
+
+    def of_other_object(self, answer: bytes, index: int) -> bytes:
+        """The same answer for another index, where it names one."""
+        if answer[0] & COMMAND_MASK not in _INITIATING_ANSWERS:
+            return answer
+        return answer[:1] + (index & 0xFFFF).to_bytes(2, "little") + answer[3:]
+
+    def of_next_object(self, answer: bytes) -> bytes:
+        """The same answer as it would be to a request for the next sub-index."""
+        return answer[:3] + bytes([(answer[3] + 1) & 0xFF]) + answer[4:]
 
     def _starts(self, data: bytes) -> bool:
         kind = data[0] & COMMAND_MASK

@@ -10,6 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from station.domain.product import number_format
+from station.domain.product.access import TemplateAccess, UdsAccess
 from station.domain.product.sdo_codes import address
 from station.domain.recipe.fields import Finite, Positive, StrictModel
 from station.errors import InvalidValue
@@ -231,9 +232,13 @@ class DeviceMap(StrictModel):
 
     Without matrix and offset nothing is written: the device is measured and certified. output `none`: it has no switch,
     and `sends` says whether its readings are raw or compensated by what it keeps. serial `label`: the device keeps
-    none, so that the label alone says which unit it is.
+    none, so that the label alone says which unit it is. protocol: how objects are reached; `uds` and `template` say the
+    rest in a block of that name.
     """
 
+    protocol: Literal["canopen", "uds", "template"] = "canopen"
+    uds: UdsAccess | None = None
+    template: TemplateAccess | None = None
     stores: Literal["forward", "inverse", "inverse-add"] = "forward"
     matrix: MatrixBlock | None = None
     offset: OffsetBlock | None = None
@@ -272,6 +277,9 @@ class DeviceMap(StrictModel):
             raise InvalidValue("sends-without-output-none")
         if len(set(self.order)) != len(self.order):
             raise InvalidValue("order-step-twice")
+        for protocol in ("uds", "template"):
+            if (getattr(self, protocol) is not None) != (self.protocol == protocol):
+                raise InvalidValue("protocol-block", protocol=self.protocol, block=protocol)
         owner: dict[tuple[int, int], str] = {}
         for name, number in self.coefficients():
             if number.address in owner:

@@ -21,6 +21,11 @@ def addresses(device_map: DeviceMap) -> frozenset[tuple[int, int]]:
     return frozenset(part.address for _, part, _ in _parts(device_map))
 
 
+def objects_of(device_map: DeviceMap) -> Iterator[DeviceObject]:
+    """Every object that the map uses."""
+    return (part for _, part, _ in _parts(device_map))
+
+
 def _mismatches(device_map: DeviceMap, dictionary: ObjectDictionary) -> Iterator[Message]:
     for name, part, is_written in _parts(device_map):
         where = {"name": name, "object": address(*part.address)}

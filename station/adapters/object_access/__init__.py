@@ -1,0 +1,1 @@
+"""Devices that keep objects and speak no CANopen: UDS, and vendors' protocols by frame templates."""
