@@ -28,7 +28,7 @@ SESSION: Line = ("02 10 03", ["06 50 03 00 32 01 f4"])
 
 def key_of(level: int, seed: bytes) -> bytes:
     """A maker's secret, for these tests."""
-    return bytes((byte + level) ^ 0x5A for byte in seed)
+    return bytes((byte + level) & 0xFF ^ 0x5A for byte in seed)
 
 
 def client(*script: Line, **options: Any) -> tuple[ObjectClient, ScriptedChannel]:
@@ -182,7 +182,7 @@ def foreign_client(key: Callable[[int, bytes], bytes] | None = None) -> Client:
     )
     security = None if key is None else UdsSecurity(level=1, algorithm="test")
     server = UdsServer(objects, UdsAccess(request=0x741, response=0x761, security=security), key)
-    config = {
+    config: Any = {
         "data_identifiers": {0xF18C: ">I", 0x3011: ">f", 0x3060: "B"},
         "security_algo": lambda level, seed, params: key_of(level, seed),
         "use_server_timing": False,

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from station.adapters.canopen.network import ServiceNetwork
-from station.adapters.object_access.request import ObjectProtocol, ObjectRequest, Pending, ObjectRefusal, Transport
+from station.adapters.object_access.request import ObjectProtocol, ObjectRefusal, ObjectRequest, Pending, Transport
 from station.domain.product import sdo_codes
 from station.errors import BusFault, DeviceRefused, DeviceSilent
 from station.messages import Message, Value

@@ -2,7 +2,7 @@
 
 from collections.abc import Generator, Mapping
 
-from station.adapters.object_access.request import Answer, ObjectRequest, ObjectRefusal
+from station.adapters.object_access.request import Answer, ObjectRefusal, ObjectRequest
 from station.domain.product.access import TemplateAccess, TemplateExchange
 from station.domain.product.frame_pattern import parse_pattern
 from station.messages import Message

@@ -17,7 +17,7 @@ from udsoncan.services.SecurityAccess import SecurityAccess
 from udsoncan.services.TesterPresent import TesterPresent
 from udsoncan.services.WriteDataByIdentifier import WriteDataByIdentifier
 
-from station.adapters.object_access.request import Answer, ObjectRequest, Pending, ObjectRefusal
+from station.adapters.object_access.request import Answer, ObjectRefusal, ObjectRequest, Pending
 from station.domain.product.uds_codes import data_identifier, negative_response
 
 #: Makes the key of a security level from its seed.
