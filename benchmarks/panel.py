@@ -26,10 +26,9 @@ import bulk_log
 import httpx2 as httpx
 import painted
 
-from station.panel_protocol import timeline
+from station.panel_protocol import accounts, timeline
+from station.panel_protocol.accounts import Account, Role
 from station.panel_protocol.companion import Companion, companion_file
-from station.web import accounts
-from station.web.accounts import Account, Role
 from station.wiring.jobs import load_job
 
 PASSWORD = "only for this benchmark"

@@ -11,12 +11,13 @@ from pydantic import ValidationError
 from station.config.validation_messages import mistakes
 from station.domain.capture.annotations import Annotation, Annotations
 from station.errors import LogError
+from station.files.json_text import parse_json
 from station.messages import Message, system_reason
 
 REQUIRED = ("unit", "node", "run", "visit", "position", "start_s", "end_s")
 COLUMNS = (*REQUIRED, "seating", "attempt", "simulated")
-#: Beyond this a file holds no marks.
-MOST_BYTES = 50_000_000
+#: Beyond these a file holds no marks: 127 nests, 24 positions, 4 runs come to 12,192 marks of some 150 bytes.
+MOST_BYTES, MOST_MARKS = 5_000_000, 20_000
 
 
 def find_marks_file(log: Path) -> Path | None:
@@ -54,15 +55,18 @@ def write_marks(path: Path, marks: Annotations) -> None:
 
 def _of_json(path: Path, text: str) -> Annotations:
     try:
-        return Annotations.model_validate(json.loads(text))
+        document = parse_json(text)
+        _check_count(path, len(document["marks"]) if isinstance(document, dict) and "marks" in document else 0)
     except json.JSONDecodeError as exc:
         why = Message("line-not-json", why=exc.msg)
         raise LogError("line-of-file", file=str(path), line=exc.lineno, reason=why) from None
+    except (ValueError, TypeError):
+        raise LogError("file-nested-too-deep", file=str(path)) from None
+    try:
+        return Annotations.model_validate(document)
     except ValidationError as exc:
         reasons = mistakes(exc, Annotations)
         raise LogError("document-mistakes", file=str(path), mistakes=reasons) from None
-    except RecursionError:
-        raise LogError("file-nested-too-deep", file=str(path)) from None
 
 
 def _whole_rows(path: Path, rows: "csv.DictReader[str]") -> Iterator[dict[str, str]]:
@@ -73,8 +77,15 @@ def _whole_rows(path: Path, rows: "csv.DictReader[str]") -> Iterator[dict[str, s
         raise LogError("samples-line-not-csv", file=str(path), line=rows.line_num + 1) from None
 
 
+def _check_count(path: Path, marks: int) -> None:
+    if marks > MOST_MARKS:
+        raise LogError("marks-too-many", file=str(path), marks=marks, limit=MOST_MARKS)
+
+
 def _of_csv(path: Path, text: str) -> Annotations:
-    rows = csv.DictReader(text.splitlines())
+    lines = text.splitlines()
+    _check_count(path, len(lines))
+    rows = csv.DictReader(lines)
     missing = [c for c in REQUIRED if c not in (rows.fieldnames or ())]
     if missing:
         raise LogError("marks-columns-missing", file=str(path), missing=missing, columns=COLUMNS)

@@ -1,6 +1,6 @@
 """Answers of `station audit`: gathered as one document, then printed as JSON or for a person."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +10,7 @@ from station.errors import LogError, UsageError
 from station.ports.log_reader import Query
 
 if TYPE_CHECKING:
+    from station.domain.records.chain import IntegrityFinding
     from station.ports.log_reader import LogReader
 
 #: Something is wrong with the data: an edited log, or coefficients that do not come out again.
@@ -65,11 +66,24 @@ def _verify(log: "LogReader", request: AuditRequest) -> dict[str, Any]:
     with _output.progress() as bar:
         task = bar.add_task("checking the chain", total=max(head.number, 1))
         findings = [f.document() for f in log.findings(trust, lambda number: bar.update(task, completed=number))]
+    journal, unsealed = _check_journal(log)
+    findings += [f.document() for f in unsealed]
     anchors = [
         {"place": place, "number": state.number, "state": state.what} for place, state in log.anchors(trust).items()
     ]
     whole = {"records": head.number, "whole": not findings, "findings": findings}
-    return {**whole, "anchors": anchors, "acknowledged": log.acknowledgements()}
+    return {**whole, "anchors": anchors, "acknowledged": log.acknowledgements(), "journal": journal}
+
+
+def _check_journal(log: "LogReader") -> tuple[dict[str, int] | None, "Sequence[IntegrityFinding]"]:
+    """How far the log vouches for the page's journal beside it, and what is wrong with that; a plant has none."""
+    from station.panel_protocol.journal_seal import journal_findings
+    from station.wiring.logs import plant_address
+
+    if plant_address(log.location):
+        return None, ()
+    state, found = journal_findings(log, Path(log.location))
+    return asdict(state), found
 
 
 def _attempts(log: "LogReader", request: AuditRequest) -> dict[str, Any]:

@@ -6,7 +6,8 @@ from itertools import chain
 from typing import Any
 
 from station.cli import _output
-from station.domain.records.stored_attempt import utc
+from station.domain.records.stored_attempt import signatures, utc
+from station.messages import Message, render
 from station.service import time_text
 
 Document = Mapping[str, Any]
@@ -83,6 +84,8 @@ def _show_check(check: Document) -> None:
         _line(f"{finding['what']}: {finding['sentence']}")
     for anchor in check["anchors"]:
         _line(f"compared with {anchor['place']}: record {anchor['number']}, {anchor['state']}")
+    if check["journal"] and check["journal"]["lines"]:
+        _line(render(Message("journal-state", **check["journal"])))
     for entry in check["acknowledged"]:
         what = "; ".join(f"{f['place']} {f['what']}" for f in entry["findings"])
         _line(f"acknowledged {utc(entry['at_ns'])} by {entry['by']}: {entry['reason']} ({what})")
@@ -134,6 +137,9 @@ def _show_attempt(number: int, a: Document) -> None:
     _show_verification(results.get("verification"))
     _show_verdict(results.get("verdict"))
     print_table("events", ("at_ns", "kind", "detail"), [[e["at_ns"], e["kind"], e["detail"]] for e in a["events"]])
+    for one in signatures(a):
+        signed = Message("signed-line", at=utc(one["at_ns"]), meaning=one["meaning"], by=one["by"], role=one["role"])
+        _line(f"  {render(signed)}" + (f": {one['comment']}" if one["comment"] else ""))
     if a["seal"]:
         _line(f"  sealed {a['seal']['number']}:{a['seal']['hash']}")
     _line()

@@ -18,6 +18,7 @@ from station.domain.recipe import serial as serials_of
 from station.domain.run.progress import LoadDone, Notice, UnitDone
 from station.errors import StationError, UsageError
 from station.messages import Message, render
+from station.panel_protocol.journal_seal import sealing_journal
 from station.panel_protocol.line_state import LineCommands, LineStateWriter, send_line_command
 from station.panel_protocol.live_state import LiveStateWriter
 from station.service.golden_register import refuse_unless_checked
@@ -57,6 +58,7 @@ def run_line(order: RunOrder, request: LineRequest) -> int:
     with stop_signals(stop), ExitStack() as opened:
         with stop:
             bench = opened.enter_context(open_bench(order))
+            opened.enter_context(sealing_journal(bench.station.store, bench.database))
         parts = open_line(bench, order, request.loads, request.faults, opened)
         for sentence in bench.notices:
             _output.print_remark(sentence)

@@ -12,9 +12,9 @@ from station.cli import _output
 from station.config.settings import Settings, load_settings
 from station.errors import ConfigError, StationFault, UsageError
 from station.messages import Message, render, system_reason
+from station.panel_protocol import accounts
+from station.panel_protocol.accounts import Account, Role
 from station.panel_protocol.presence import serving
-from station.web import accounts
-from station.web.accounts import Account, Role
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring.alerts import watching_beside

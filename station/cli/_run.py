@@ -31,6 +31,7 @@ from station.domain.run.progress import (
 from station.domain.run.run_state import rejection, with_unit
 from station.errors import Aborted, StationError, UsageError
 from station.messages import Message, render
+from station.panel_protocol.journal_seal import sealing_journal
 from station.panel_protocol.live_state import LiveStateWriter
 from station.service.golden_register import refuse_unless_checked
 from station.service.runner import Runner
@@ -68,6 +69,7 @@ def run_units(order: RunOrder, given: Sequence[str], units: int | None, face: Ru
     with stop_signals(stop), ExitStack() as opened:
         with stop:  # nothing has begun: a signal may end it at once
             bench = opened.enter_context(open_bench(order))
+            opened.enter_context(sealing_journal(bench.station.store, bench.database))
             serials = ask_serials(bench, given, units)
         serials_of.check_all(serials, bench.job.recipe)
         _check_faults(order, serials)

@@ -23,13 +23,14 @@ def _no_line(_place: KeyPath) -> int:
 
 def mistakes(exc: ValidationError, model: type[BaseModel], line: Callable[[KeyPath], int] = _no_line) -> list[Message]:
     """One message a mistake, in the order of the file: 'line 7, key `dwell.time`: …'; line 0 is not named."""
-    rows: dict[tuple[int, str, Message], None] = {}
-    for error in exc.errors(include_url=False):
-        place = tuple(error["loc"])
-        rows[line(place), _dotted(place), _reason(error, model, place)] = None
-    ordered = [_at(*row) for row in sorted(rows, key=lambda row: row[:2])]
-    more = len(ordered) - MOST_MISTAKES
-    return ordered if more <= 0 else [*ordered[:MOST_MISTAKES], Message("more-mistakes", count=more)]
+    found = [(tuple(error["loc"]), error) for error in exc.errors(include_url=False)]
+    found.sort(key=lambda row: (line(row[0]), _dotted(row[0])))
+    rows: dict[Message, None] = {}
+    for number, (place, error) in enumerate(found):
+        if len(rows) == MOST_MISTAKES:
+            return [*rows, Message("more-mistakes", count=len(found) - number)]
+        rows[_at(line(place), _dotted(place), _reason(error, model, place))] = None
+    return list(rows)
 
 
 def _at(line: int, key: str, reason: Message) -> Message:

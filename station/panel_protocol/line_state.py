@@ -10,6 +10,7 @@ from typing import Any
 from station.domain.cell.handover import LoadJournal
 from station.domain.cell.packml import Command, State
 from station.domain.cell.state_times import StateTimes
+from station.files.json_text import parse_json
 from station.files.replace import replace_text
 from station.messages import Message
 from station.panel_protocol.companion import Companion, companion_file
@@ -52,7 +53,7 @@ class LineStateWriter:
 def read_line_state(database: Path) -> dict[str, Any] | None:
     """The line's last word; None where it has said nothing, or nothing readable."""
     try:
-        found = json.loads(companion_file(database, Companion.LINE).read_bytes())
+        found = parse_json(companion_file(database, Companion.LINE).read_bytes())
     except (OSError, ValueError):
         return None
     return found if isinstance(found, dict) and found.get("schema") == STATE_SCHEMA else None
@@ -81,7 +82,7 @@ class LineCommands:
 
     def _read(self) -> tuple[int, str]:
         try:
-            document = json.loads(self._path.read_bytes())
+            document = parse_json(self._path.read_bytes())
             return int(document["number"]), str(document["command"])
         except (OSError, ValueError, KeyError, TypeError):
             return 0, ""

@@ -12,6 +12,7 @@ from typing import Any
 from station.domain.recipe.recipe import Recipe
 from station.domain.run.progress import Event, LiveReading
 from station.domain.run.run_state import RunState
+from station.files.json_text import parse_json
 from station.files.replace import replace_text
 from station.messages import Message
 from station.panel_protocol import timeline
@@ -109,7 +110,7 @@ def expected_s(database: Path, recipe: Recipe) -> list[float]:
     """How long each cell of the time line is expected to take, s, after the last load of this recipe on this log;
     empty where the file beside the log knows none."""
     try:
-        document = json.loads(companion_file(database, Companion.LIVE).read_bytes())
+        document = parse_json(companion_file(database, Companion.LIVE).read_bytes())
         return [float(s) for s in document["expected_s"]] if document["recipe"] == recipe_label(recipe) else []
     except (OSError, ValueError, KeyError, TypeError):
         return []

@@ -1,8 +1,8 @@
 """Which process writes a log right now, whoever started it."""
 
-import json
 from pathlib import Path
 
+from station.files.json_text import parse_json
 from station.panel_protocol.companion import Companion, companion_file
 
 
@@ -14,7 +14,7 @@ def owner_pid(database: Path) -> int | None:
     """
     lock = companion_file(database, Companion.OWNER)
     try:
-        pid = int(json.loads(lock.read_bytes())["pid"])
+        pid = int(parse_json(lock.read_bytes())["pid"])
         handles = list(Path(f"/proc/{pid}/fd").iterdir())
     except (OSError, ValueError, KeyError, TypeError):
         return None

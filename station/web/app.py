@@ -16,7 +16,7 @@ from starlette.staticfiles import StaticFiles
 
 from station.errors import InputError, StationError
 from station.messages import Message
-from station.web import audit, charts_page, diagnosis, language, login, metrics, operator, render, unit_page
+from station.web import audit, charts_page, diagnosis, language, login, metrics, operator, render, signing, unit_page
 from station.web.guard import RequestRefusal, SecurityMiddleware, session_of
 from station.web.panel import Panel
 
@@ -29,6 +29,7 @@ def create_app(panel: Panel) -> Starlette:
             *operator.ROUTES,
             *audit.ROUTES,
             *unit_page.ROUTES,
+            *signing.ROUTES,
             *diagnosis.ROUTES,
             *charts_page.ROUTES,
             *metrics.ROUTES,

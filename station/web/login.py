@@ -5,7 +5,9 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
-from station.web import accounts, render
+from station.panel_protocol import accounts
+from station.panel_protocol.accounts import Account
+from station.web import render
 from station.web.guard import SESSION_COOKIE, form_of, require_right, session_of
 from station.web.panel import Panel
 from station.web.sessions import Session
@@ -22,10 +24,22 @@ async def log_in(request: Request) -> Response:
     """Checks name and password; a cookie that no script reads, or the form again with the reason."""
     panel: Panel = request.app.state.panel
     form = await form_of(request, None)
-    name, password = (
-        str(form.get("name", ""))[: accounts.MAX_LENGTH],
-        str(form.get("password", ""))[: accounts.MAX_LENGTH],
-    )
+    account = await person_of(request, str(form.get("name", "")), str(form.get("password", "")), "log-in-refused")
+    if account is None:
+        return render.page(request, "login.html", None, 401, error="wrong_password")
+    panel.journal.add(account.name, "log-in", role=str(account.role))
+    inside = RedirectResponse("/", 303)
+    panel.sessions.end(request.cookies.get(SESSION_COOKIE, ""))  # whoever was logged in here before is no more
+    token = panel.sessions.begin(account).token
+    inside.set_cookie(SESSION_COOKIE, token, httponly=True, samesite="strict", secure=panel.secure, path="/")
+    return inside
+
+
+async def person_of(request: Request, name: str, password: str, refusal: str) -> Account | None:
+    """Whose name and password these are; None, after a while, where they are nobody's. refusal: how the journal calls
+    that."""
+    panel: Panel = request.app.state.panel
+    name, password = name[: accounts.MAX_LENGTH], password[: accounts.MAX_LENGTH]
     keys = (f"name {name}", f"address {request.client.host if request.client else ''}")
     guessing = panel.login_throttle.guessing(*keys)
     # Counted before it is known: tries that come at the same time all count.
@@ -35,16 +49,11 @@ async def log_in(request: Request) -> Response:
     lane = panel.hashing_of_guessers if guessing else panel.hashing
     right = await to_thread.run_sync(accounts.verify_password, password, stored_hash, limiter=lane)
     if account is None or not right:
-        panel.journal.add(name, "log-in-refused")
+        panel.journal.add(name, refusal)
         await sleep(panel.login_throttle.delay_s(*keys))
-        return render.page(request, "login.html", None, 401, error="wrong_password")
+        return None
     panel.login_throttle.clear_failures(*keys)
-    panel.journal.add(name, "log-in", role=str(account.role))
-    inside = RedirectResponse("/", 303)
-    panel.sessions.end(request.cookies.get(SESSION_COOKIE, ""))  # whoever was logged in here before is no more
-    token = panel.sessions.begin(account).token
-    inside.set_cookie(SESSION_COOKIE, token, httponly=True, samesite="strict", secure=panel.secure, path="/")
-    return inside
+    return account
 
 
 @require_right("watch")

@@ -8,12 +8,12 @@ from station.domain.recipe import serial as serials_of
 from station.domain.records.stored_attempt import utc
 from station.errors import StoreFault, UsageError
 from station.messages import system_reason
+from station.panel_protocol.accounts import Account
 from station.panel_protocol.answer import write_answer
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.queue import WaitingUnit
 from station.ports.log_reader import Attempt, Query
 from station.service import golden_register
-from station.web.accounts import Account
 from station.web.panel import Panel
 
 LONGEST_REASON = 200

@@ -13,11 +13,11 @@ from anyio import CapacityLimiter
 from station.config.settings import Settings
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError
+from station.panel_protocol.accounts import Account, load
 from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.journal import Journal
 from station.panel_protocol.queue import LoadQueue
 from station.ports.log_reader import LogReader
-from station.web.accounts import Account, load
-from station.web.journal import Journal
 from station.web.line_cache import LineCache
 from station.web.run_launcher import LaunchOptions, RunLauncher
 from station.web.screen import Screen

@@ -1,6 +1,5 @@
 """What every screen shows right now, as one flat mapping: screens are sent the keys whose values changed."""
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -10,6 +9,7 @@ from typing import Any
 from station.config.settings import Settings
 from station.domain.recipe.recipe import Recipe
 from station.errors import StationError, StoreFault
+from station.files.json_text import parse_json
 from station.messages import Message
 from station.panel_protocol import timeline
 from station.panel_protocol.companion import Companion, companion_file
@@ -121,7 +121,7 @@ class Screen:
             stat = self._path.stat()
             stamp = (stat.st_ino, stat.st_mtime_ns)
             if stamp != self._stamp:
-                self._live = json.loads(self._path.read_bytes())
+                self._live = parse_json(self._path.read_bytes())
                 self._stamp = stamp
         except FileNotFoundError:
             self._live, self._stamp = {}, None

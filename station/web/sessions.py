@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from station.web.accounts import Account
+from station.panel_protocol.accounts import Account
 
 #: Beyond so many names and addresses, those without a recent failure are forgotten.
 _MOST_KEYS = 10_000

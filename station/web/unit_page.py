@@ -9,8 +9,9 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from station.domain.methods import coefficients
-from station.domain.records.stored_attempt import is_simulated, result
+from station.domain.records.stored_attempt import is_simulated, result, signatures
 from station.errors import LogError
+from station.panel_protocol.signature import Meaning
 from station.ports.log_reader import Attempt, LogReader, Query
 from station.reporting.line import unit_view
 from station.reporting.line.statistics import AttemptValues, values_of
@@ -69,6 +70,8 @@ def _why(chosen: dict[str, Any], day: list[AttemptValues], words: Words) -> dict
         "identity": result(chosen, "identity") or {},
         "verdict": verdict,
         "local": time_text.local(chosen["started_ns"]),
+        "signatures": signatures(chosen),
+        "meanings": tuple(Meaning),
     }
 
 

@@ -1,6 +1,5 @@
 """The witness over HTTP: `GET /heads/STATION` gives the newest head, `POST /heads` takes the next one or refuses it."""
 
-import json
 from typing import Any
 
 from starlette.applications import Starlette
@@ -10,6 +9,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from station.domain.records.tree_head import TreeHead
+from station.files.json_text import parse_json
 from station.service.witness import Refusal, Witness
 
 #: A proof over 2⁶⁴ records is shorter.
@@ -46,7 +46,7 @@ async def _body(request: Request) -> bytes:
 
 
 def _submission(data: bytes) -> tuple[TreeHead, int, list[bytes], str]:
-    document: dict[str, Any] = json.loads(data)
+    document: dict[str, Any] = parse_json(data)
     proof = [bytes.fromhex(step) for step in document["proof"]]
     if len(proof) > _MOST_STEPS or any(len(step) != 32 for step in proof):
         raise ValueError("no proof")

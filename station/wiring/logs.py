@@ -90,6 +90,12 @@ def open_store(
     )
 
 
+def open_store_now(path: Path, settings: Settings) -> SqliteStore:
+    """The same by the clock of this machine, for what people seal into a log that exists. Errors: LogError as well."""
+    open_log(path).close()
+    return open_store(path, settings, SystemClock().epoch_ns)
+
+
 def _witness(settings: Settings, signer: keys.Signer) -> WitnessClient | None:
     at = settings.witness
     if at is None:
@@ -139,9 +145,8 @@ def rotate_key(path: Path, settings: Settings, new: str) -> str:
 
 def revoke_key(path: Path, settings: Settings, key: Path, beyond: int, by: str, reason: str) -> None:
     """Seals into the log that a key is not trusted beyond a record. Errors: LogError, ConfigError, StoreFault."""
-    open_log(path).close()
     public = keys.load_public_key(key)
-    with open_store(path, settings, SystemClock().epoch_ns) as store:
+    with open_store_now(path, settings) as store:
         detail = {"public_key": public.hex(), "beyond": beyond, "by": by, "reason": reason}
         store.event("", keys.REVOKED_EVENT, detail)
 

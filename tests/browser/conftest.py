@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from station.web import accounts
-from station.web.accounts import Account, Role
+from station.panel_protocol import accounts
+from station.panel_protocol.accounts import Account, Role
 from tests.browser.chrome import Browser, driver
 
 PASSWORD = "correct horse"

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from station.adapters.store.reader import SqliteLogReader
+from station.panel_protocol.journal import Journal
 from station.ports.log_reader import Query
-from station.web.journal import Journal
 from tests.browser.chrome import Browser
 from tests.browser.conftest import Site
 from tests.browser.judge import SCREENS, judged

@@ -27,8 +27,8 @@ from urllib.parse import urlencode
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from station.web import accounts
-from station.web.accounts import Account, Role
+from station.panel_protocol import accounts
+from station.panel_protocol.accounts import Account, Role
 
 PASSWORD = "correct horse"
 #: Guessers at work at the same time, and how long anybody waits for an answer, s.

@@ -97,6 +97,11 @@ def needs_plant(line: str) -> bool:
     return line.startswith("station plant") or "postgresql://" in line
 
 
+def needs_person(line: str) -> bool:
+    """Whether somebody must type a password; tests/integration/test_signatures.py does."""
+    return line.startswith("station sign")
+
+
 def try_example(line: str, folder: Path) -> Tried:
     """Runs one line as a process in the folder."""
     words = words_of(line)

@@ -1,6 +1,7 @@
 """Whatever people, scanners, devices and files hand in: taken, or refused in one sentence, within seconds."""
 
 import gc
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,12 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from station.adapters.bus import _mf4, read_log
+from station.adapters.annotations import read_marks
+from station.adapters.bus import read_log
+from station.adapters.samples import read_samples
+from station.cli.app import run_command
 from station.config.recipes import load_recipe
 from station.domain.recipe import serial
-from station.errors import LogError, UsageError
-from tests.endurance import torture_input
+from station.errors import LogError, StationError, UsageError
+from station.files import limited_process
+from tests.endurance import hostile_files, torture_input
 from tests.endurance.torture_input import TOKENS, Target
+from tests.fakes import hostile
 
 FILES = ("recipe", "config", "product", "model", "dbc", "eds")
 NAMES = (*FILES, "samples.csv", "samples.parquet", "candump", "blf", "asc")
@@ -108,8 +114,10 @@ def test_a_recording_that_crashes_its_reader_is_one_sentence(
     reading: Mapping[str, Target], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (folder / "crash.mf4").write_bytes(reading["mf4"].good)
-    monkeypatch.setattr(_mf4, "_CODE", "import os, signal, sys; sys.path[:] = {path!r}; os.kill(os.getpid(), 11)")
-    with pytest.raises(LogError, match=r"crash\.mf4 is not a readable \.mf4 log, it crashes the reader"):
+    monkeypatch.setattr(
+        limited_process, "_CODE", "import os, signal, sys; sys.path[:] = {path!r}; os.kill(os.getpid(), 11)"
+    )
+    with pytest.raises(LogError, match=r"crash\.mf4 is not a readable recording, it crashes the reader"):
         read_log(folder / "crash.mf4")
 
 
@@ -135,3 +143,49 @@ def test_a_damaged_recording_is_one_sentence_and_its_reader_says_nothing_beside_
     assert capfd.readouterr() == ("", "")
     assert "BytesIO" not in refused.value.sentence
     assert "object at 0x" not in refused.value.sentence
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("mat cell dims", "needs more than 210 MB of memory"),
+        ("mat deep cells", "holds no table of numbers"),
+        ("parquet repeated text", "needs more than 210 MB of memory"),
+        ("parquet zeros", "unfolds to 192 MB"),
+        ("rate-comment-rows.csv", "at rest"),
+        ("long-name.csv", "name of column 4 is longer than 200 characters"),
+    ],
+)
+def test_a_recording_made_to_exhaust_its_reader_is_one_sentence(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, name: str, sentence: str
+) -> None:
+    """Some of those that `make torture` hands to the real commands, with less memory and with what fills it sooner."""
+    monkeypatch.setattr(limited_process, "LEAST_MEMORY", 200 << 20)
+    place = folder / name.replace(" ", "-")
+    place.mkdir()
+    (file,) = (f for f in hostile.every(hostile_files.shipped()) if f.name in (name, f"import {name}"))
+    file.make(place)
+    began_s = time.process_time()
+    with pytest.raises(StationError, match=sentence):
+        run_command(["import", str(next(place.iterdir()))])
+    assert time.process_time() - began_s < 3
+
+
+@pytest.mark.parametrize("name", ["marks many", "marks deep", "marks digits", "marks keys", "marks table"])
+def test_marks_made_to_exhaust_their_reader_are_one_sentence(folder: Path, name: str) -> None:
+    place = folder / name.replace(" ", "-")
+    place.mkdir()
+    (file,) = (f for f in hostile.every(hostile_files.shipped()) if f.name == name)
+    file.make(place)
+    (path,) = place.glob("*.marks.*")
+    began_s = time.process_time()
+    with pytest.raises(LogError):
+        read_marks(path)
+    assert time.process_time() - began_s < 3
+
+
+def test_a_name_of_a_megabyte_is_no_unit(folder: Path) -> None:
+    path = folder / "long.csv"
+    path.write_text(f"{hostile.SAMPLES_HEADER}\n{'u' * 1_000_000},0,0,z-up,0,0,0,1\n")
+    with pytest.raises(StationError, match=r"line 2.* longer than 200 characters|longer"):
+        read_samples(path)

@@ -9,12 +9,13 @@ from starlette.testclient import TestClient
 
 from station.adapters.store.reader import SqliteLogReader
 from station.config.settings import load_settings
+from station.panel_protocol import accounts
+from station.panel_protocol.accounts import Account, Role
 from station.ports.log_reader import Query
 from station.reporting.certificate import document
 from station.reporting.certificate.pdf import pdf
 from station.service.certificates import certificate_of
-from station.web import accounts, language
-from station.web.accounts import Account, Role
+from station.web import language
 from station.web.app import create_app
 from station.web.panel import Panel
 from station.web.query_form import query_of

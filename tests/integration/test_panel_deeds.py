@@ -9,11 +9,11 @@ from starlette.testclient import TestClient
 
 from station.adapters.store.reader import SqliteLogReader
 from station.config.settings import load_settings
+from station.panel_protocol import accounts
+from station.panel_protocol.accounts import Account, Role
 from station.panel_protocol.presence import serving
 from station.panel_protocol.queue import WaitingUnit
 from station.ports.log_reader import Query
-from station.web import accounts
-from station.web.accounts import Account, Role
 from station.web.app import create_app
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions

@@ -6,8 +6,8 @@ import pytest
 from starlette.testclient import TestClient
 
 from station.config.settings import load_settings
-from station.web import accounts
-from station.web.accounts import Account, Role
+from station.panel_protocol import accounts
+from station.panel_protocol.accounts import Account, Role
 from station.web.app import create_app
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions

@@ -10,9 +10,10 @@ from starlette.routing import Mount, Route
 from starlette.testclient import TestClient
 
 from station.config.settings import load_settings
+from station.panel_protocol import accounts
+from station.panel_protocol.accounts import RIGHTS, Account, Role
 from station.ports.log_reader import Query
-from station.web import accounts, audit
-from station.web.accounts import RIGHTS, Account, Role
+from station.web import audit
 from station.web.app import create_app
 from station.web.guard import MOST_BODY_BYTES
 from station.web.panel import Panel

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from station.errors import ConfigError, UsageError
-from station.web import accounts, sessions
-from station.web.accounts import Account, Role
+from station.panel_protocol import accounts
+from station.panel_protocol.accounts import Account, Role
+from station.web import sessions
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from station.errors import LogError, StoreFault
-from station.web.journal import Journal
+from station.panel_protocol.journal import Journal
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from station.adapters.bus import _candump, _mf4
+from station.adapters.bus import _candump, _limited
 from station.adapters.bus._recorded import BLOCK, by_python_can
 from station.domain.core.types import Frames
 from station.errors import LogError, UsageError
@@ -11,6 +11,8 @@ from station.messages import system_reason
 
 #: What python-can reads for us; each keeps times to about 0.25 µs.
 READ_BY_PYTHON_CAN = (".blf", ".asc", ".mf4")
+#: No larger file needs no limits: DEFLATE packs 1032 : 1 at most (zlib technical details), so it unfolds to 64 MB.
+SMALL_BYTES = 64 << 10
 
 
 def read_blocks(path: Path, channel: str | None = None) -> Iterator[Frames]:
@@ -34,7 +36,9 @@ def read_blocks(path: Path, channel: str | None = None) -> Iterator[Frames]:
 def _blocks(path: Path, suffix: str, channel: str | None) -> Iterator[Frames]:
     if suffix == ".log":
         return _candump.read(path, channel, BLOCK)
-    return _mf4.read(path, channel) if suffix == ".mf4" else by_python_can(path, channel)
+    if suffix == ".mf4" or path.stat().st_size > SMALL_BYTES:
+        return _limited.read(path, channel)
+    return by_python_can(path, channel)
 
 
 def read_log(path: Path, channel: str | None = None) -> Frames:

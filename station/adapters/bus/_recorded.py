@@ -8,7 +8,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from station.adapters.bus._blf_limit import MOST_CONTAINER, unfolds_too_far
 from station.domain.core.types import Frames
 from station.errors import LogError
 
@@ -25,8 +24,6 @@ def by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
     """Frames by python-can's own reader for the ending, in blocks. Errors: LogError."""
     from station.adapters.bus._messages import to_frames
 
-    if path.suffix.lower() == ".blf" and unfolds_too_far(path):
-        raise LogError("recording-unfolds", file=str(path), most_mb=MOST_CONTAINER >> 20)
     kind, mode, errors = _reader(path.suffix.lower())
     with path.open(mode) as file:  # opened here: a reader that fails to start leaves its file open
         try:

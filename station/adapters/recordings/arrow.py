@@ -5,21 +5,26 @@ from typing import Any
 
 import numpy as np
 
-from station.adapters.recordings.limits import check_shape
+from station.adapters.recordings.limits import check_names, check_shape, check_unfolded
 from station.domain.core.types import Array, Labels
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
 
 
-def read_parquet(path: Path) -> RawTable:
-    """The columns of a Parquet file that are numbers, times or text. Errors: SamplesError."""
+def read_parquet(path: Path) -> list[RawTable]:
+    """One table: the columns of a Parquet file that are numbers, times or text. Errors: SamplesError."""
     import pyarrow as pa
     from pyarrow import parquet
 
     try:
         with parquet.ParquetFile(str(path)) as file:
-            check_shape(str(path), file.metadata.num_rows, file.metadata.num_columns)
-            table = file.read()
+            shape = file.metadata.num_rows, file.metadata.num_columns
+            check_shape(str(path), *shape)
+            check_names(str(path), file.schema_arrow.names)
+            groups = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
+            unfolded = max(sum(group.total_byte_size for group in groups), 8 * shape[0] * shape[1])
+            check_unfolded(str(path), path.stat().st_size, unfolded)
+            table = file.read(use_threads=False)
     except (pa.ArrowException, UnicodeDecodeError) as exc:
         reason = " ".join(str(exc).split())[:120]
         raise SamplesError("recording-not-parsed", file=str(path), reason=reason) from exc
@@ -33,7 +38,7 @@ def read_parquet(path: Path) -> RawTable:
         columns.append(RawColumn(name, values, text, unit))
     if not columns:
         raise SamplesError("no-table-of-numbers", file=str(path))
-    return RawTable(str(path), tuple(columns))
+    return [RawTable(str(path), tuple(columns))]
 
 
 def column(cells: Any) -> tuple[Array | None, Labels | None, str]:

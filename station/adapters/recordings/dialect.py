@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 
+from station.adapters.recordings.limits import check_names
 from station.errors import SamplesError
 
 _NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
@@ -12,8 +13,8 @@ _RATE = re.compile(r"(?:sampl\w*|update|data)[ _-]*(?:rate|freq\w*)\D{0,12}?(\d+
 _UNIT = re.compile(r"[\[(<]([^\])>]*)[\])>]")
 _KEYED = re.compile(r"^\s*(?:[A-Za-z]\w*\s*[:=]\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?[,;\s]*){3,}$")
 _KEY = re.compile(r"([A-Za-z]\w*)\s*[:=]\s*")
-#: Lines that show the dialect, and the fewest of names and values.
-HEAD, LEAST_KEYED = 400, 8
+#: Lines that show the dialect, the fewest of names and values, and characters of a remark that may state the rate.
+HEAD, LEAST_KEYED, LONGEST_REMARK = 400, 8, 300
 DELIMITERS = (";", "\t", ",", "|", " ")
 
 
@@ -45,8 +46,8 @@ def recognise(file: str, lines: list[str]) -> Dialect:
     )
     data = [cells for i, cells in rows if i >= first]
     decimal = "," if delimiter != "," and any("," in c and _NUMBER.match(c) for cells in data for c in cells) else "."
-    names, units = _header(lines, first, delimiter, columns)
-    stated = [m for line in lines[:first] if (m := _RATE.search(line))]
+    names, units = _header(file, lines[:first], delimiter, columns)
+    stated = [m for line in lines[:first] if (m := _RATE.search(line[:LONGEST_REMARK]))]
     return Dialect(delimiter, decimal, first, names, units, columns, float(stated[0][1]) if stated else None)
 
 
@@ -96,14 +97,15 @@ def _numeric_share(rows: list[list[str]]) -> float:
 
 
 def _header(
-    lines: list[str], first: int, delimiter: str, columns: int
+    file: str, lines: list[str], delimiter: str, columns: int
 ) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
     """Names and units of the columns by the lines above the data; a comment may be the header."""
-    above = [line for line in lines[:first] if line.strip()][-2:]
+    above = [line for line in lines if line.strip()][-2:]
     rows = [split(_COMMENT.sub("", line), delimiter) for line in above]
     heads = [cells for cells in rows if len(cells) == columns and not any(is_number(c) for c in cells)]
     if not heads:
         return None, ("",) * columns
+    check_names(file, (name for cells in heads for name in cells))
     names, more = heads[0], heads[1] if len(heads) == 2 else []
     if more and not _are_units(more):
         names, more = more, []

@@ -12,7 +12,7 @@ from station.domain.core.types import Array
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
 
-_CORRUPT = (ValueError, TypeError, KeyError, IndexError, EOFError, OSError, OverflowError, MemoryError, zlib.error)
+_CORRUPT = (ValueError, TypeError, KeyError, IndexError, EOFError, OSError, OverflowError, zlib.error)
 #: Names of scalars that state the rate.
 RATES = ("fs", "rate", "rate_hz", "sample_rate", "samplerate", "sampling_rate", "fsamp", "frequency")
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from station.adapters.recordings import arrow, matlab, mf4_signals, text
+from station.adapters.recordings import limited, text
 from station.adapters.recordings.limits import MOST_BYTES
 from station.domain.recognition.raw_table import RawTable
 from station.errors import SamplesError
@@ -29,9 +29,9 @@ def _read(path: Path, head: bytes) -> list[RawTable]:
     if not head:
         raise SamplesError("recording-empty", file=str(path))
     if head.startswith(b"PAR1"):
-        return [arrow.read_parquet(path)]
+        return limited.read(path, "parquet")
     if head.startswith((b"MDF  ", b"UnFinMF ", b"MDF")):
-        return mf4_signals.read(path)
+        return limited.read(path, "mf4")
     if head.startswith((b"MATLAB", b"\x89HDF")) or (path.suffix.lower() == ".mat" and b"\0" in head):
-        return matlab.read(path)
+        return limited.read(path, "matlab")
     return [text.read(path)]

@@ -13,6 +13,8 @@ from station.messages import Message
 
 #: A run or visit beyond this is a slip of the pen.
 LARGEST = 1_000_000
+#: Characters of a name: of a unit, a position, a lot, a person.
+LONGEST_TEXT = 200
 #: Frames overtake each other now and then; more of them than this, and rows are out of order.
 BACKWARDS = 0.1
 
@@ -44,6 +46,10 @@ def check_cells(table: SampleTable, place: PieceOrigin) -> SampleTable:
         for empty in np.flatnonzero([not n.strip() for n in column.names]):
             row = int(np.flatnonzero(column.code == empty)[0])
             raise SamplesError("samples-cell-empty", place=place.of(row), column=name)
+    for name, column in (("unit", table.unit), ("position", table.position), *table.labels.items()):
+        for long in np.flatnonzero([len(n) > LONGEST_TEXT for n in column.names]):
+            row = int(np.flatnonzero(column.code == long)[0])
+            raise SamplesError("samples-text-too-long", place=place.of(row), column=name, limit=LONGEST_TEXT)
     _rising(table, place)
     return SampleTable(
         unit=table.unit,

@@ -23,9 +23,11 @@ from station.adapters.samples.columns import (
 )
 from station.domain.core.types import Labels, SampleTable
 from station.errors import SamplesError
+from station.files.limited_process import memory_ceiling
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from pyarrow import parquet
 
 #: Rows of one piece of Parquet, bytes of one block of CSV text, and rows of one portion of whole units.
 PIECE = 1 << 16
@@ -34,6 +36,8 @@ PORTION = 100_000
 #: Noise does not compress: measured tables come to a fifth, runs and names in them to nothing. A file that unfolds to
 #: more than so many times its size, and to more than so many bytes, was made to fill memory.
 MOST_UNFOLDING, LEAST_UNFOLDED = 50, 64_000_000
+#: Bytes that one piece may take while it is read.
+MOST_MEMORY = 400 << 20
 
 
 def read_samples(path: Path) -> SampleTable:
@@ -168,20 +172,30 @@ def _parquet(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.Record
         with parquet.ParquetFile(str(path), pre_buffer=False, read_dictionary=text) as file:
             names = file.schema_arrow.names
             check_width(path, len(names))
-            _check_unfolded(path, file.metadata.num_rows * len(names))
+            _check_unfolded(path, file.metadata)
             schema = (file.schema_arrow.metadata or {}).get(b"schema", SCHEMA.encode()).decode(errors="replace")
             if schema != SCHEMA:
                 raise SamplesError("samples-other-schema", file=str(path), schema=schema, expected=SCHEMA)
             check_columns(path, names)
-            for batch in file.iter_batches(PIECE, columns=[n for n in (columns or ALL_COLUMNS) if n in names]):
+            batches = file.iter_batches(
+                PIECE, columns=[n for n in (columns or ALL_COLUMNS) if n in names], use_threads=False
+            )
+            while (batch := _next(path, batches)) is not None:
                 yield _cast(path, batch)
     except (pa.ArrowException, UnicodeDecodeError, OSError) as exc:
         raise SamplesError("samples-no-parquet", file=str(path)) from exc
 
 
-def _check_unfolded(path: Path, cells: int) -> None:
-    """SamplesError for a file whose cells, as numbers, take far more memory than any measurement compresses to."""
-    size, unfolded = path.stat().st_size, 8 * cells
+def _next(path: Path, batches: "Iterator[pa.RecordBatch]") -> "pa.RecordBatch | None":
+    """The next piece, within a limit of memory: what a file says of the size of its pages may be a lie."""
+    with memory_ceiling(path, MOST_MEMORY, SamplesError):
+        return next(batches, None)
+
+
+def _check_unfolded(path: Path, content: "parquet.FileMetaData") -> None:
+    """SamplesError for a file whose cells take far more memory than any measurement compresses to."""
+    pages = sum(content.row_group(i).total_byte_size for i in range(content.num_row_groups))
+    size, unfolded = path.stat().st_size, max(8 * content.num_rows * content.num_columns, pages)
     if unfolded > max(LEAST_UNFOLDED, MOST_UNFOLDING * size):
         raise SamplesError("samples-unfolds", file=str(path), size_mb=size / 1e6, unfolded_mb=unfolded / 1e6)
 

@@ -1,7 +1,6 @@
 """A plant as its stations reach it: one connection that is kept, a token or a certificate (RecordReceiver)."""
 
 import http.client
-import json
 import ssl
 from collections.abc import Sequence
 from contextlib import suppress
@@ -9,6 +8,7 @@ from typing import Any
 from urllib.parse import quote, urlsplit
 
 from station.domain.records.wire import WireRecord, encode
+from station.files.json_text import parse_json
 from station.messages import Message
 from station.ports.plant import Claim
 from station.ports.shipping import ReceiverAnswer
@@ -81,7 +81,7 @@ class PlantClient:
         response = self._connection.getresponse()
         data = response.read(_MOST_BYTES)
         try:
-            document = json.loads(data)
+            document = parse_json(data)
         except ValueError as error:
             raise OSError(f"it answers {response.status} {response.reason}") from error
         if not isinstance(document, dict):

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from station.errors import ConfigError, UsageError
+from station.files.json_text import parse_json
 from station.files.replace import replace_text
 from station.messages import system_reason
 
@@ -60,7 +61,7 @@ class NonVolatileMemory:
 
 def _read(path: Path) -> SavedObjects:
     try:
-        objects: SavedObjects = json.loads(path.read_text(encoding="utf-8"))["objects"]
+        objects: SavedObjects = parse_json(path.read_text(encoding="utf-8"))["objects"]
         return dict(objects)
     except (OSError, ValueError, KeyError, TypeError) as exc:
         raise ConfigError("memory-damaged", file=str(path)) from exc

@@ -102,7 +102,7 @@ def foreign_objects(db: Database, steps: Migrations) -> list[str]:
     A trigger, view or index that somebody added can swallow a record or show another; one that is altered, too.
     SQLite keeps every definition as text in sqlite_master, so the texts are compared.
     """
-    made = _definitions(_reference(steps))
+    made = _made_by(steps)
     found = _definitions(db)
     return sorted(
         f"{kind} {name}"
@@ -116,12 +116,16 @@ _OF_SQLITE = frozenset({"sqlite_stat1", "sqlite_stat4", "sqlite_sequence"})
 
 
 @cache
-def _reference(steps: Migrations) -> Database:
+def _made_by(steps: Migrations) -> dict[tuple[str, str], str]:
+    """What these migrations define; kept as text, for a connection belongs to its thread."""
     from sqlite_utils import Database
 
     made = Database(memory=True, execute_plugins=False)
-    steps.apply(made)
-    return made
+    try:
+        steps.apply(made)
+        return _definitions(made)
+    finally:
+        made.close()
 
 
 def _definitions(db: Database) -> dict[tuple[str, str], str]:

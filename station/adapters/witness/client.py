@@ -10,6 +10,7 @@ from urllib.parse import quote
 from station.domain.records.head import SealedHead
 from station.domain.records.merkle import Tree
 from station.domain.records.tree_head import TreeHead, WitnessReceipt, receipt_statement
+from station.files.json_text import parse_json
 
 #: No answer of a witness is longer.
 _MOST_BYTES = 1 << 20
@@ -84,7 +85,7 @@ class WitnessClient:
         request = urllib.request.Request(self._url + path, data, {"content-type": "application/json"})
         try:
             with urllib.request.urlopen(request, timeout=self._timeout_s) as answer:
-                document = json.loads(answer.read(_MOST_BYTES))
+                document = parse_json(answer.read(_MOST_BYTES))
         except urllib.error.HTTPError as error:
             raise WitnessRefused(error.read(1000).decode("utf-8", "replace") or str(error)) from error
         except ValueError as error:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from station.domain.records.tree_head import TreeHead
 from station.errors import StoreFault
+from station.files.json_text import parse_json
 from station.files.lock import take
 from station.files.system_errors import os_error_reason
 
@@ -32,7 +33,7 @@ class TreeHeadFile:
             raise StoreFault("witness-file", path=str(self.path), reason=os_error_reason(error)) from error
         for number, line in enumerate(data[:whole].splitlines(), 1):
             try:
-                self._remember(TreeHead.of(json.loads(line)["head"]))
+                self._remember(TreeHead.of(parse_json(line)["head"]))
             except (ValueError, KeyError, TypeError) as error:
                 raise StoreFault("witness-file-damaged", path=str(self.path), line=number) from error
 

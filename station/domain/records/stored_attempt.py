@@ -8,6 +8,8 @@ from typing import Any
 SIMULATED = "+simulated"
 #: What the encoders of the fixture's axes read at a visit: a key of its statistics, degrees, outer axis first.
 AXIS_ANGLES = "axis_angles_deg"
+#: Kind of the event that holds a person's signature under an attempt.
+SIGNED = "signed"
 
 
 #: The mark of what was simulated, in every file that leaves the log.
@@ -27,6 +29,11 @@ def mark_of(software: str) -> str:
 def result(stored: Mapping[str, Any], name: str) -> Any:
     """The newest result of that name in a stored attempt, or None."""
     return next((r["document"] for r in reversed(stored["results"]) if r["name"] == name), None)
+
+
+def signatures(stored: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Who signed a stored attempt, oldest first: at_ns, by, role, meaning, comment; record and seal of the end."""
+    return [{"at_ns": e["at_ns"], **e["detail"]} for e in stored["events"] if e["kind"] == SIGNED]
 
 
 def utc(time_ns: int) -> str:

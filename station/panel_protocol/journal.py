@@ -11,6 +11,7 @@ from typing import IO, Any
 
 from station.errors import LogError, StoreFault
 from station.files import lock
+from station.files.json_text import parse_json
 from station.messages import system_reason
 
 SCHEMA = "station.panel-journal/1"
@@ -63,7 +64,7 @@ class Journal:
 def _parse_line(raw: bytes, previous: str) -> dict[str, Any]:
     """A line; one that is none stands as torn, and whether it always did, the line after it tells."""
     try:
-        line: dict[str, Any] = json.loads(raw)
+        line: dict[str, Any] = parse_json(raw)
         return {"at": "", "person": "", "deed": "", "detail": {}, "previous": "", **line}
     except (ValueError, TypeError):
         text = raw.decode("utf-8", "replace")[:200]

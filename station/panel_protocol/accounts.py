@@ -10,6 +10,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from station.errors import ConfigError, UsageError
+from station.files.json_text import parse_json
 from station.files.replace import replace_text
 
 #: RFC 7914 and OWASP's floor: N = 2¹⁷, r = 8, p = 1, about 0.2 s and 128 MiB for one guess.
@@ -35,6 +36,7 @@ RIGHTS = {
     "charts": frozenset({Role.AUDITOR, Role.ENGINEER}),
     "again": frozenset({Role.ENGINEER}),
     "diagnose": frozenset({Role.ENGINEER}),
+    "sign": frozenset({Role.AUDITOR, Role.ENGINEER}),
 }
 
 
@@ -79,7 +81,7 @@ def load(path: Path) -> dict[str, Account]:
     if not path.exists():
         return {}
     try:
-        rows = json.loads(path.read_text(encoding="utf-8"))["accounts"]
+        rows = parse_json(path.read_text(encoding="utf-8"))["accounts"]
         return {r["name"]: Account(r["name"], Role(r["role"]), r["password"]) for r in rows}
     except (OSError, ValueError, KeyError, TypeError) as exc:
         raise ConfigError("accounts-unreadable", file=str(path), why=" ".join(str(exc).split())) from exc

@@ -1,0 +1,95 @@
+"""The page's journal sealed into the log: whoever cuts or edits it afterwards is found by `station audit --verify`.
+
+Each line of the journal holds the hash of the one before, so the hash of one line vouches for all up to it. A run seals
+the newest line when it opens the log and before it closes it, a signature as well: as an event of the station.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from station.domain.records.chain import IntegrityFinding
+from station.errors import LogError, StationError
+from station.messages import Message
+from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.journal import Journal
+from station.ports.log_reader import LogReader
+from station.ports.store import Store
+
+SEALED_EVENT = "journal-sealed"
+#: More seals than any log holds.
+_ALL = 1 << 40
+
+
+@dataclass(frozen=True, slots=True)
+class JournalState:
+    """lines: how many the journal has; sealed: how many of them the log vouches for."""
+
+    lines: int
+    sealed: int
+
+
+@contextmanager
+def sealing_journal(store: Store, database: Path) -> Iterator[None]:
+    """Seals the journal now and at the end, while the log is open. Errors: StoreFault of the beginning."""
+    seal_journal(store, database)
+    try:
+        yield
+    finally:
+        with suppress(StationError):  # a log that cannot be written has said so already
+            seal_journal(store, database)
+
+
+def seal_journal(store: Store, database: Path) -> None:
+    """Seals the newest line, where there is a new one. Errors: StoreFault."""
+    hashes = list(_hashes(companion_file(database, Companion.JOURNAL)))
+    newest = {"lines": len(hashes), "sha256": hashes[-1] if hashes else ""}
+    before = store.station_events(SEALED_EVENT, 1)
+    if dict(before[-1][2] if before else {"lines": 0, "sha256": ""}) != newest:
+        store.event("", SEALED_EVENT, newest)
+
+
+def journal_findings(log: LogReader, database: Path) -> tuple[JournalState, list[IntegrityFinding]]:
+    """How far the log vouches for the journal, and where the journal is not what was sealed. Errors: LogError."""
+    path = companion_file(database, Companion.JOURNAL)
+    hashes = list(_hashes(path))
+    seals = [(event.number, _detail(event.detail)) for event in log.station_events(SEALED_EVENT, _ALL)]
+    found = [*_chain(path), *(f for number, seal in seals for f in _against(path, number, seal, hashes))]
+    sealed = max((seal["lines"] for _, seal in seals), default=0)
+    return JournalState(len(hashes), min(sealed, len(hashes))), found[:1]  # the others follow from the first
+
+
+def _chain(path: Path) -> Iterator[IntegrityFinding]:
+    """The journal against itself."""
+    try:
+        for _ in Journal(path).lines():
+            pass
+    except LogError as error:
+        yield IntegrityFinding("edited", "journal", 0, error.message)
+
+
+def _against(path: Path, number: int, seal: Mapping[str, Any], hashes: list[str]) -> Iterator[IntegrityFinding]:
+    """The journal against one seal, of that record."""
+    lines = seal["lines"]
+    where = {"file": str(path), "lines": lines, "number": number}
+    if lines > len(hashes):
+        yield IntegrityFinding("truncated", "journal", number, Message("journal-cut", **where, left=len(hashes)))
+    elif lines and hashes[lines - 1] != seal["sha256"]:
+        yield IntegrityFinding("edited", "journal", number, Message("journal-not-as-sealed", **where))
+
+
+def _detail(text: str) -> dict[str, Any]:
+    stored = json.loads(text)
+    return {"lines": int(stored["lines"]), "sha256": str(stored["sha256"])}
+
+
+def _hashes(path: Path) -> Iterator[str]:
+    """SHA-256 of each whole line."""
+    with suppress(FileNotFoundError), path.open("rb") as file:
+        for line in file:
+            if line.endswith(b"\n"):
+                yield hashlib.sha256(line).hexdigest()
