@@ -36,7 +36,7 @@ _CODE = (
 Block = tuple[bytes, bytes | bytearray]
 
 
-def read_blocks(
+def receive_blocks(
     reader: Callable[..., None], path: Path, *words: str, error: type[StationError]
 ) -> Iterator[tuple[bytes, bytearray]]:
     """What a module's function `reader` sends by `send_blocks` out of a process of its own that reads `path`.

@@ -8,7 +8,7 @@ from station.adapters.bus._recorded import by_python_can
 from station.domain.core.types import Frames
 from station.domain.records.framepack import plain
 from station.errors import LogError
-from station.files.limited_process import read_blocks, send_blocks
+from station.files.limited_process import receive_blocks, send_blocks
 
 _FRAMES = b"F"
 
@@ -16,7 +16,7 @@ _FRAMES = b"F"
 def read(path: Path, channel: str | None) -> Iterator[Frames]:
     """Its frames in order, in blocks. Errors: LogError, also when its reader crashes or goes beyond its limits."""
     words = [] if channel is None else [channel]
-    for _, data in read_blocks(run_reader_process, path, *words, error=LogError):
+    for _, data in receive_blocks(run_reader_process, path, *words, error=LogError):
         yield plain.from_bytes(data)
 
 

@@ -13,7 +13,7 @@ from station.adapters.recordings.limits import check_names, check_unfolded
 from station.domain.core.types import Array, Labels
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
-from station.files.limited_process import Block, read_blocks, send_blocks
+from station.files.limited_process import Block, receive_blocks, send_blocks
 
 _TABLE, _COLUMN = b"T", b"C"
 READERS = {"parquet": arrow.read_parquet, "matlab": matlab.read, "mf4": mf4_signals.read}
@@ -22,7 +22,7 @@ READERS = {"parquet": arrow.read_parquet, "matlab": matlab.read, "mf4": mf4_sign
 def read(path: Path, kind: str) -> list[RawTable]:
     """The tables of a file of one of the kinds in READERS. Errors: SamplesError."""
     tables: list[tuple[dict[str, Any], list[Array]]] = []
-    for block, data in read_blocks(run_reader_process, path, kind, error=SamplesError):
+    for block, data in receive_blocks(run_reader_process, path, kind, error=SamplesError):
         if block == _TABLE:
             tables.append((json.loads(data), []))
         else:
