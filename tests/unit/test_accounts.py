@@ -46,7 +46,7 @@ def test_a_broken_accounts_file_is_one_sentence(tmp_path: Path, text: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("role", "rights"), [("operator", {"watch", "run"}), ("auditor", {"watch", "audit", "charts"})]
+    ("role", "rights"), [("operator", {"watch", "run"}), ("auditor", {"watch", "audit", "charts", "sign"})]
 )
 def test_each_role_has_its_own_rights(role: str, rights: set[str], hashed: str) -> None:
     person = Account("p", Role(role), hashed)
