@@ -59,6 +59,8 @@ def _guarded(args: list[str]) -> int:
     except BrokenPipeError:
         _discard_output()
         return _NOBODY_READS_CODE
+    except MemoryError:
+        return _fail(render(Message("out-of-memory")), StationFault.exit_code)
     except Exception as exc:  # noqa: BLE001 - the last face: a bug becomes a sentence and a file
         if isinstance(exc, OSError) and exc.errno in _OUTPUT_ERRORS:
             _discard_output()

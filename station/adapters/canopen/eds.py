@@ -24,9 +24,10 @@ logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 #: What `canopen` and the parser of sections raise where a text is not as they expect.
 _REFUSED = (configparser.Error, ValueError, KeyError, AttributeError, TypeError, IndexError)
-_MOST_BYTES = 4_000_000
+_MOST_BYTES, _MOST_OBJECTS = 4_000_000, 15_000
 _EMPTY: dict[str, Value] = {"STRING": "", "OCTETS": b"", "DOMAIN": b"", "REAL32": 0.0, "REAL64": 0.0}
 _STORE_EDS = 0x1021
+_COMPACT = re.compile(r"^\s*CompactSubObj\s*=\s*(0x[0-9A-Fa-f]{1,4}|[0-9]{1,5})", re.MULTILINE | re.IGNORECASE)
 _OBJECT_SECTION = re.compile(r"\[[0-9A-Fa-f]{4}\]")
 
 
@@ -88,9 +89,13 @@ def _text(path: Path) -> str:
     try:
         if path.stat().st_size > _MOST_BYTES:
             raise ProductError("eds-too-long", file=str(path), limit=_MOST_BYTES)
-        return path.read_text(encoding="latin-1")
+        text = path.read_text(encoding="latin-1")
     except OSError as exc:
         raise ProductError("eds-no-access", file=str(path), why=system_reason(exc)) from exc
+    objects = text.count("\n[") + sum(int(count, 0) for count in _COMPACT.findall(text))
+    if objects > _MOST_OBJECTS:
+        raise ProductError("eds-too-many-objects", file=str(path), count=objects, limit=_MOST_OBJECTS)
+    return text
 
 
 def _variables(text: str, *, lenient: bool) -> Iterator[ODVariable]:

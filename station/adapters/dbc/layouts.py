@@ -16,6 +16,8 @@ from station.messages import Message, system_reason
 
 #: Beyond this a file is not one product's DBC but an accident, and parsing it takes longer than anybody waits.
 MOST_BYTES = 4_000_000
+#: Messages and signals together: those of a whole car come to some ten thousand.
+MOST_DEFINITIONS = 25_000
 #: A page of mistakes helps nobody; the rest shows after these are mended.
 MOST_FINDINGS = 10
 # cantools warns of double names in its log; here they are errors, reported once.
@@ -35,6 +37,8 @@ def read_layouts(path: Path, used: Used | None = None) -> Mapping[str, FrameLayo
     Errors: ProductError with file, line, message, signal and remedy of each mistake.
     """
     text = _text(path)
+    if (count := sum(1 for _ in _STARTS.finditer(text))) > MOST_DEFINITIONS:
+        raise ProductError("dbc-too-many-definitions", file=str(path), count=count, limit=MOST_DEFINITIONS)
     layouts = [_frame(m, used) for m in _messages(path, text, used)]
     issues = lint(layouts, used)
     if issues:

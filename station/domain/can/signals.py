@@ -80,6 +80,8 @@ def decode(frames: Frames, layout: FrameLayout) -> DecodedMessage:
     """All signals of the frames that carry `layout`; other, remote, error and too short frames are left out."""
     rows = np.flatnonzero((frames.can_id == np.uint32(layout.can_id)) & (frames.length >= layout.length))
     data = frames.data[rows]
+    if data.shape[1] < layout.length:  # frames of CAN FD are looked for where none is
+        rows, data = rows[:0], np.zeros((0, layout.length), np.uint8)
     values = {s.name: physical(raw(data, s), s) for s in layout.signals}
     present = {s.name: _present(data, layout, s) for s in layout.signals if s.selector is not None}
     return DecodedMessage(rows, values, present)

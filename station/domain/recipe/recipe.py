@@ -55,6 +55,7 @@ class Recipe(StrictModel):
         _check_sheet(self)
         _check_names(self)
         _check_poses(self)
+        _check_length(self)
         return self
 
     @property
@@ -122,6 +123,16 @@ class Recipe(StrictModel):
             return np.asarray(self.seating(seating).T @ self.stimulus(position))
         R = position.matrix() @ self.seating(seating)
         return np.asarray(R.T @ self.stimulus(position))
+
+
+#: Readings of one visit: five and a half hours at 100 Hz. More is a slip of the pen, and memory for it is not there.
+MOST_READINGS = 2_000_000
+
+
+def _check_length(recipe: Recipe) -> None:
+    lasts_s = recipe.settle.time_s + recipe.dwell.longest_s
+    if lasts_s * recipe.device.rate_hz > MOST_READINGS:
+        raise InvalidValue("visit-too-long", lasts_s=lasts_s, limit_s=MOST_READINGS / recipe.device.rate_hz)
 
 
 def _check_unit(recipe: Recipe) -> None:
