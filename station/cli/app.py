@@ -59,14 +59,19 @@ def _guarded(args: list[str]) -> int:
     except BrokenPipeError:
         _discard_output()
         return _NOBODY_READS_CODE
-    except MemoryError:
-        return _fail(render(Message("out-of-memory")), StationFault.exit_code)
     except Exception as exc:  # noqa: BLE001 - the last face: a bug becomes a sentence and a file
-        if isinstance(exc, OSError) and exc.errno in _OUTPUT_ERRORS:
-            _discard_output()
-            return _fail(render(Message("output-not-written", reason=system_reason(exc))), StationFault.exit_code)
-        return _fail(_write_crash_report(exc, args), _BUG_CODE)
+        return _fail(*_unexpected(exc, args))
     return code
+
+
+def _unexpected(exc: Exception, args: list[str]) -> tuple[str, int]:
+    """Sentence and exit code of what no face expects: the machine has run out of something, or a bug."""
+    if isinstance(exc, MemoryError):
+        return render(Message("out-of-memory")), StationFault.exit_code
+    if isinstance(exc, OSError) and exc.errno in _OUTPUT_ERRORS:
+        _discard_output()
+        return render(Message("output-not-written", reason=system_reason(exc))), StationFault.exit_code
+    return _write_crash_report(exc, args), _BUG_CODE
 
 
 def _discard_output() -> None:
