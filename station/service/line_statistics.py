@@ -1,6 +1,7 @@
 """Figures of the line out of the log, gathered once for the page and for the report."""
 
 from collections import Counter
+from dataclasses import replace
 from typing import Protocol
 
 from station.domain.recipe.recipe import Recipe
@@ -26,9 +27,14 @@ class StatisticsCache(Protocol):
 
 
 def gather_statistics(log: LogReader, query: Query, most: int, known: StatisticsCache | None = None) -> LineStatistics:
-    """The newest `most` finished attempts that the query names. known: what is remembered of the log, where the query
-    spans whole days up to now. Errors: LogError."""
-    found = _finished(log, query, most)
+    """The newest `most` finished attempts that the query names, of one recipe: the named one, else the newest's; the
+    yields are of all. known: what is remembered of the log, where the query spans whole days up to now.
+    Errors: LogError."""
+    newest = log.attempts(query, 1)
+    one_recipe = query
+    if newest and query.recipe_name is None:  # values of two recipes are no one process
+        one_recipe = replace(query, recipe_name=newest[0].recipe_name, recipe_version=newest[0].recipe_version)
+    found = _finished(log, one_recipe, most)
     lives = [known.measured(log, a) if known else values_and_checks(log.attempt(a)) for a in reversed(found)]
     reasons = Counter(check for _, checks in lives for check in checks)
     recipe = Recipe.model_validate_json(log.recipe_and_product(found[0])[0]) if found else None

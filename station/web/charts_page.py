@@ -1,7 +1,10 @@
 """The engineer's page: the line in charts."""
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
+from urllib.parse import urlencode
 
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
@@ -10,7 +13,9 @@ from starlette.routing import Route
 
 from station.errors import StationError, UsageError
 from station.reporting.line import charts
+from station.reporting.line.process_view import Chosen, ProcessView, view
 from station.reporting.line.statistics import VALUE_NAMES, LineStatistics
+from station.service import time_text
 from station.service.line_statistics import gather_statistics
 from station.web import language, render
 from station.web.guard import parse_whole_number, require_right
@@ -21,6 +26,7 @@ from station.web.sessions import Session
 
 #: The page looks at so many of the newest attempts, and over so many days where it is not told.
 MOST_CHARTED, DEFAULT_DAYS = 200, 7
+CHOICE_FIELDS = ("first", "last", "change")
 FILTER_FIELDS = ("since", "until", "station", "nest", "recipe_name", "lot")
 
 
@@ -28,20 +34,42 @@ FILTER_FIELDS = ("since", "until", "station", "nest", "recipe_name", "lot")
 async def show(request: Request, session: Session) -> Response:
     """Charts of the attempts that the address asks for."""
     filters = {k: request.query_params.get(k, "") for k in FILTER_FIELDS}
-    value, size = (
-        request.query_params.get("value", VALUE_NAMES[0]),
-        parse_whole_number(request.query_params.get("size", "1")),
-    )
+    value = request.query_params.get("value", VALUE_NAMES[0])
+    size = parse_whole_number(request.query_params.get("size", "1"))
     if size is None:
         raise UsageError("subgroup-size")
+    first, last, change = (parse_whole_number(request.query_params.get(k, "")) or 0 for k in CHOICE_FIELDS)
     panel: Panel = request.app.state.panel
+    words = language.words(language.of_request(request))
     line = await run_in_threadpool(_statistics, panel, filters)
-    drawn = await run_in_threadpool(charts.draw, line, value, size, language.words(language.of_request(request)))
+
+    def draw() -> tuple[charts.Charts, ProcessView, str]:
+        drawn = charts.draw(line, value, size, words, overview=False)
+        seen = view(line, value, Chosen(first, last, change), _short_local, words)
+        return drawn, seen, charts.draw_pareto(line, words, partial(_audit_address, filters))
+
+    drawn, seen, pareto = await run_in_threadpool(draw)
     return render.page(
         *(request, "charts.html", session),
-        asked=filters, value=value, size=size, values=VALUE_NAMES, charts=drawn,
-        count=len(line.attempts), days=DEFAULT_DAYS,
+        asked=filters, value=value, size=size, values=VALUE_NAMES, charts=drawn, view=seen, pareto=pareto,
+        recipe=line.recipe, chosen={"first": first, "last": last, "change": change},
+        count=len(line.attempts), days=DEFAULT_DAYS, audit=_audit_address(filters, "", seen), zone=time_text.zone(),
     )  # fmt: skip
+
+
+def _short_local(time_ns: int) -> str:
+    """Day and minute, for an axis."""
+    return time_text.local_short(time_ns)[5:16]
+
+
+def _audit_address(filters: Mapping[str, str], check: str, seen: ProcessView | None = None) -> str:
+    """The audit page of the attempts that failed a check, or of those chosen in the chart."""
+    asked = {k: v for k, v in filters.items() if v} | ({"check": check} if check else {})
+    if seen is not None and seen.selected:
+        times = [attempt.started_ns for _, attempt in seen.selected]
+        begin, end = (time_text.local_short(t).replace(" ", "T") for t in (min(times), max(times) + 1_000_000_000))
+        asked |= {"since": begin, "until": end}
+    return f"/audit?{urlencode(asked)}"
 
 
 def warm_cache(panel: Panel) -> None:

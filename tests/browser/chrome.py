@@ -91,6 +91,14 @@ class Browser:
         device = {"type": "pointer", "id": "mouse", "actions": [where, {"type": "pointerDown", "button": 0}]}
         self._call("POST", f"{self._url}/actions", {"actions": [device]})
 
+    def drag(self, css: str, from_px: int, to_px: int) -> None:
+        """Drags across an element with the mouse, from and to a distance from its middle."""
+        origin = {_ELEMENT: self._find(css)}
+        moves = [{"type": "pointerMove", "x": x, "y": 0, "origin": origin} for x in (from_px, to_px)]
+        actions = [moves[0], {"type": "pointerDown", "button": 0}, moves[1], {"type": "pointerUp", "button": 0}]
+        device = {"type": "pointer", "id": "mouse", "actions": actions}
+        self._call("POST", f"{self._url}/actions", {"actions": [device]})
+
     def type(self, css: str, words: str) -> None:
         """Types into an element."""
         self._call("POST", f"{self._url}/element/{self._find(css)}/value", {"text": words})

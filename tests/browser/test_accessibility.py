@@ -96,5 +96,3 @@ def test_an_auditor_finds_a_unit_and_computes_it_again(
     page.click("a[href^='/audit/certificate']")
     page.wait("document.querySelector('h1').textContent.includes('certificate SN0001')")
     page.picture(pictures / "certificate.png")
-    page.go(f"{site.url}/charts?size=1&value=gain+z")
-    page.picture(pictures / "charts.png")

@@ -72,10 +72,11 @@ def _parts(figure: Figure) -> list[str]:
 def svg_document(width: float, height: float, title: str, parts: Iterable[str]) -> str:
     """An SVG element around parts, with the title as text and for screen readers."""
     body = "\n".join(parts)
+    role = "group" if "<a " in body else "img"  # what leads somewhere is no mere picture
     style = 'font-family="system-ui, sans-serif" font-size="12" fill="#222"'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}" '
-        f'height="{height:g}" role="img" {style}>\n<title>{escape(title)}</title>\n'
+        f'height="{height:g}" role="{role}" {style}>\n<title>{escape(title)}</title>\n'
         f'<rect width="{width:g}" height="{height:g}" fill="#fff"/>\n{svg_text(12, 20, title, weight=600, size=14)}\n'
         f"{body}\n</svg>\n"
     )

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
 
 from station.reporting.drawing.figure import COLOURS, svg_document, svg_text
 from station.reporting.drawing.scale import text_width as width_of
@@ -21,6 +23,34 @@ def bar_chart(title: str, rows: Sequence[tuple[str, float]], unit: str = "", wid
         parts.append(f'<rect x="{names + 6}" y="{y + 2}" width="{long:.1f}" height="16" fill="{COLOURS[0]}"/>')
         parts.append(svg_text(names + 12 + long, y + 14, f"{tick_label(float(f'{value:.3g}'))} {unit}".strip()))
     return svg_document(width, height, title, parts)
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """How often something happened; address: where the single cases stand, '' for nowhere."""
+
+    name: str
+    count: int
+    address: str = ""
+
+
+def pareto(title: str, rows: Sequence[Count], running: str, width: int = 480) -> str:
+    """Bars from the most frequent on, each with its count and the running sum in per cent; a bar leads to its cases."""
+    ordered = sorted(rows, key=lambda row: -row.count)
+    whole = sum(row.count for row in ordered)
+    names = 12 + max((width_of(row.name) for row in ordered), default=0.0)
+    room, parts, so_far = width - names - 130, [svg_text(width - 12, 42, running, "end")], 0
+    for i, row in enumerate(ordered):
+        y, so_far = 52 + 32 * i, so_far + row.count
+        long = room * row.count / ordered[0].count
+        drawn = (
+            f'{svg_text(12, y + 16, row.name)}<rect x="{names + 8:.0f}" y="{y}" width="{room:.1f}" height="24" '
+            f'fill="#e4e9ed"/><rect x="{names + 8:.0f}" y="{y}" width="{long:.1f}" height="24" fill="#0a5aa8"/>'
+        )
+        parts.append(f'<a href="{escape(row.address)}">{drawn}</a>' if row.address else drawn)
+        parts.append(svg_text(names + 16 + room, y + 16, str(row.count), weight=600))
+        parts.append(svg_text(width - 12, y + 16, f"{100 * so_far / whole:.0f} %", "end"))
+    return svg_document(width, 64 + 32 * len(ordered), title, parts)
 
 
 def heat_map(

@@ -13,7 +13,8 @@ from station.domain.records.stored_attempt import utc
 from station.errors import UsageError
 from station.messages import Message
 from station.reporting.drawing.figure import Figure, Series, svg
-from station.reporting.drawing.tables import bar_chart
+from station.reporting.drawing.tables import Count, bar_chart, pareto
+from station.reporting.line import process_view
 from station.reporting.line.statistics import CYCLE_PARTS, VALUE_NAMES, YIELD_SPLITS, LineStatistics, limits_of
 from station.reporting.number_text import format_number
 from station.reporting.words import Words
@@ -42,15 +43,16 @@ class Charts:
 Translate = Callable[[str], str]
 
 
-def draw(line: LineStatistics, value: str, size: int, words: Words) -> Charts:
-    """All figures. value: what the control chart follows, in subgroups of `size` attempts."""
+def draw(line: LineStatistics, value: str, size: int, words: Words, *, overview: bool = True) -> Charts:
+    """All figures. value: what the control chart follows, in subgroups of `size` attempts; overview: with the figures
+    of process_view and the Pareto chart, which the page draws by themselves."""
 
     say = words.term
     control, capability, problem = _control(line, value, size, say)
     figures = [
         _yield(line, say),
         _effectiveness(line, say),
-        _pareto(line, words),
+        *(_overview(line, value, words) if overview else ()),
         _cycle(line, say),
         *control,
         *_tilts(line, say),
@@ -128,12 +130,18 @@ def _shares(x: Sequence[float], shares: Sequence[float], name: str, colour: int)
     return Series([a for a, _ in measured], [b for _, b in measured], name, "dots", colour=colour)
 
 
-def _pareto(line: LineStatistics, words: Words) -> str:
-    """Reasons by their names in the reader's language; one that it has no name for, by its code."""
+def _overview(line: LineStatistics, value: str, words: Words) -> tuple[str, ...]:
+    seen = process_view.view(line, value, process_view.Chosen(), lambda ns: utc(ns)[:16].replace("T", " "), words)
+    return draw_pareto(line, words), seen.chart, seen.boxes, seen.change
+
+
+def draw_pareto(line: LineStatistics, words: Words, address: Callable[[str], str] = lambda _check: "") -> str:
+    """Reasons by their names in the reader's language; one that it has no name for, by its code. address: where the
+    attempts that a check failed stand."""
     names = words.texts
-    rows = [(names.get(f"check_{check}", check), float(count)) for check, count in line.reasons.items()]
+    rows = [Count(names.get(f"check_{check}", check), n, address(check)) for check, n in line.reasons.items()]
     title = words.term("Reasons of attempts that did not pass")
-    return bar_chart(title, rows, words.term("attempts")) if rows else ""
+    return pareto(title, rows, words.term("running sum")) if rows else ""
 
 
 def _cycle(line: LineStatistics, say: Translate) -> str:
@@ -159,7 +167,8 @@ def _control(
     groups = np.array([v for _, v in used]).reshape(count, size)
     unit = line.recipe.unit if line.recipe and value.split(maxsplit=1)[0] in ("offset", "residual", "noise") else ""
     unit = "s" if value == "cycle time" else unit
-    drawn = [_chart(chart, value, unit, size, say) for chart in spc.charts(groups)]
+    shown = spc.charts(groups)[1:] if size == 1 else spc.charts(groups)  # unit by unit: process_chart
+    drawn = [_chart(chart, value, unit, size, say) for chart in shown]
     alarms = [(chart.name, utc(used[i * size][0]), rule) for chart in spc.charts(groups) for i, rule in chart.alarms]
     tables = (
         [ChartTable(f"Out of control: {value}", ("chart", "from", "rule"), tuple(alarms), words=True)] if alarms else []
