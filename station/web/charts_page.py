@@ -13,7 +13,7 @@ from starlette.routing import Route
 
 from station.errors import StationError, UsageError
 from station.reporting.line import charts
-from station.reporting.line.process_view import Chosen, ProcessView, view
+from station.reporting.line.process_view import Chosen, ProcessView, view_process
 from station.reporting.line.statistics import VALUE_NAMES, LineStatistics
 from station.service import time_text
 from station.service.line_statistics import gather_statistics
@@ -45,7 +45,7 @@ async def show(request: Request, session: Session) -> Response:
 
     def draw() -> tuple[charts.Charts, ProcessView, str]:
         drawn = charts.draw(line, value, size, words, overview=False)
-        seen = view(line, value, Chosen(first, last, change), _short_local, words)
+        seen = view_process(line, value, Chosen(first, last, change), _short_local, words)
         return drawn, seen, charts.draw_pareto(line, words, partial(_audit_address, filters))
 
     drawn, seen, pareto = await run_in_threadpool(draw)

@@ -12,9 +12,9 @@ from station.domain.line_quality.comparison import compare
 from station.domain.recipe.blocks import Limits
 from station.domain.recipe.recipe import Recipe
 from station.reporting.drawing.tables import Count, pareto
-from station.reporting.line.process import Control, Process
-from station.reporting.line.process_view import Chosen, view
+from station.reporting.line.process_view import Chosen, view_process
 from station.reporting.line.statistics import AttemptValues, LineStatistics
+from station.reporting.line.value_series import Control, ValueSeries
 from station.reporting.words import words_of
 from tests.conftest import SEED
 
@@ -45,11 +45,11 @@ def quiet() -> list[float]:
 
 
 def drawn(values: list[float], recipe: Recipe, chosen: Chosen = Chosen()) -> str:  # noqa: B008 - frozen
-    return view(line_of(values, recipe), "gain y", chosen, str, words_of("en")).chart
+    return view_process(line_of(values, recipe), "gain y", chosen, str, words_of("en")).chart
 
 
 def test_a_unit_outside_its_limits_does_not_widen_the_control_limits(quiet: list[float], six_point: Recipe) -> None:
-    alone, joined = (Control.of(Process.of(line_of(v, six_point), "gain y")) for v in (quiet, [*quiet, 0.9]))
+    alone, joined = (Control.of(ValueSeries.of(line_of(v, six_point), "gain y")) for v in (quiet, [*quiet, 0.9]))
     assert alone is not None
     assert joined is not None
     assert (joined.centre, joined.sigma) == pytest.approx((alone.centre, alone.sigma))
@@ -72,12 +72,12 @@ def test_marks_tell_the_rule_by_shape_and_by_text(quiet: list[float], six_point:
 
 
 def test_the_choice_is_what_is_listed(quiet: list[float], six_point: Recipe) -> None:
-    seen = view(line_of(quiet, six_point), "gain y", Chosen(5, 9), str, words_of("en"))
+    seen = view_process(line_of(quiet, six_point), "gain y", Chosen(5, 9), str, words_of("en"))
     assert [number for number, _ in seen.selected] == [5, 6, 7, 8, 9]
     assert 'class="picked"' in seen.chart
-    assert len(view(line_of(quiet, six_point), "gain y", Chosen(last=999), str, words_of("en")).selected) == 30
+    assert len(view_process(line_of(quiet, six_point), "gain y", Chosen(last=999), str, words_of("en")).selected) == 30
     assert re.findall(r">([ABC])</text>", seen.boxes) == ["A", "B", "C"]
-    assert view(line_of(quiet[:1], six_point), "gain y", Chosen(), str, words_of("en")).chart == ""
+    assert view_process(line_of(quiet[:1], six_point), "gain y", Chosen(), str, words_of("en")).chart == ""
 
 
 def test_the_change_of_a_mean_is_welchs() -> None:

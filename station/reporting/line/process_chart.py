@@ -9,7 +9,7 @@ from station.messages import Message
 from station.reporting.drawing.figure import mark, svg_document, svg_text
 from station.reporting.drawing.levels import draw_levels, grid
 from station.reporting.drawing.scale import Scale, axis_range, text_width
-from station.reporting.line.process import OTHER_RULE, RULE_SHAPES, Control, Process
+from station.reporting.line.value_series import OTHER_RULE, RULE_SHAPES, Control, ValueSeries
 from station.reporting.number_text import format_number
 from station.reporting.words import Words
 
@@ -20,7 +20,7 @@ _INSTANTS = 6
 
 
 def draw_process(
-    process: Process, chosen: tuple[int, int] | None, change_at: int, when: Callable[[int], str], words: Words
+    process: ValueSeries, chosen: tuple[int, int] | None, change_at: int, when: Callable[[int], str], words: Words
 ) -> str:
     """SVG. chosen: first and last chosen unit, from 1, None for no choice; change_at: the first unit after a change;
     when: an instant, ns, as the reader's clock shows it."""
@@ -55,7 +55,7 @@ def _picked(chosen: tuple[int, int] | None, x: Scale, y: Scale) -> list[str]:
     ]
 
 
-def _points(process: Process, rules: dict[int, str], x: Scale, y: Scale, words: Words) -> list[str]:
+def _points(process: ValueSeries, rules: dict[int, str], x: Scale, y: Scale, words: Words) -> list[str]:
     path = " ".join(f"{x(i + 1):.1f},{y(v):.1f}" for i, v in enumerate(process.values))
     parts = [f'<polyline points="{path}" fill="none" stroke="{_BLUE}" stroke-opacity="0.5"/>']
     for i, v in enumerate(process.values):
@@ -71,7 +71,7 @@ def _points(process: Process, rules: dict[int, str], x: Scale, y: Scale, words: 
     return parts
 
 
-def _texts(process: Process, rules: dict[int, str], x: Scale, y: Scale, words: Words) -> list[str]:
+def _texts(process: ValueSeries, rules: dict[int, str], x: Scale, y: Scale, words: Words) -> list[str]:
     """The name of each rule above the first of the units in a row that break it; the serial of what is outside."""
     parts = []
     rows = [(i, rules.get(i, "") if process.inside(v) else "outside") for i, v in enumerate(process.values)]
@@ -91,7 +91,7 @@ def _texts(process: Process, rules: dict[int, str], x: Scale, y: Scale, words: W
     return parts
 
 
-def _instants(process: Process, x: Scale, y: Scale, when: Callable[[int], str]) -> list[str]:
+def _instants(process: ValueSeries, x: Scale, y: Scale, when: Callable[[int], str]) -> list[str]:
     count = len(process.values)
     shown = sorted({round(i * (count - 1) / (_INSTANTS - 1)) for i in range(_INSTANTS)})
     parts = []
@@ -102,7 +102,7 @@ def _instants(process: Process, x: Scale, y: Scale, when: Callable[[int], str]) 
     return parts
 
 
-def _legend(process: Process, rules: dict[int, str], words: Words) -> list[str]:
+def _legend(process: ValueSeries, rules: dict[int, str], words: Words) -> list[str]:
     entries = [("circle", _BLUE, "in control")]
     entries += [(RULE_SHAPES.get(rule, OTHER_RULE), _AMBER, rule) for rule in dict.fromkeys(rules.values())]
     if not all(map(process.inside, process.values)):

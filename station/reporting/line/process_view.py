@@ -11,9 +11,9 @@ from station.reporting.drawing.box import Box, draw_boxes
 from station.reporting.drawing.figure import mark, svg_document, svg_text
 from station.reporting.drawing.levels import grid
 from station.reporting.drawing.scale import Scale, axis_range
-from station.reporting.line.process import Process
 from station.reporting.line.process_chart import draw_process
 from station.reporting.line.statistics import AttemptValues, LineStatistics
+from station.reporting.line.value_series import ValueSeries
 from station.reporting.number_text import format_number
 from station.reporting.words import Words
 
@@ -46,9 +46,11 @@ class ProcessView:
     count: int = 0
 
 
-def view(line: LineStatistics, value: str, chosen: Chosen, when: Callable[[int], str], words: Words) -> ProcessView:
+def view_process(
+    line: LineStatistics, value: str, chosen: Chosen, when: Callable[[int], str], words: Words
+) -> ProcessView:
     """The figures of a value. when: an instant (ns) as the reader's clock shows it."""
-    process = Process.of(line, value)
+    process = ValueSeries.of(line, value)
     count = len(process.values)
     if count < 2:
         return ProcessView(count=count)
@@ -67,7 +69,7 @@ def view(line: LineStatistics, value: str, chosen: Chosen, when: Callable[[int],
     )
 
 
-def _boxes(process: Process, words: Words) -> str:
+def _boxes(process: ValueSeries, words: Words) -> str:
     """Median, quartiles and range of each nest; single units outside the limits by themselves."""
     stations = {a.nest.partition("/")[0] for a in process.attempts}
     by_nest: dict[str, list[float]] = {}
@@ -83,7 +85,7 @@ def _boxes(process: Process, words: Words) -> str:
     return draw_boxes(title, boxes, process.specification(words))
 
 
-def _change(process: Process, change_at: int, words: Words) -> tuple[str, str]:
+def _change(process: ValueSeries, change_at: int, words: Words) -> tuple[str, str]:
     """The units within specification before and after, and the change of their mean in words."""
     numbered = [(n, v) for n, v in enumerate(process.values, 1) if process.inside(v)]
     groups = [v for n, v in numbered if n < change_at], [v for n, v in numbered if n >= change_at]

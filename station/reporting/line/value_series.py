@@ -17,7 +17,7 @@ OTHER_RULE = "square"
 
 
 @dataclass(frozen=True, slots=True)
-class Process:
+class ValueSeries:
     """attempts: those with the value, oldest first; values of them; limits and target: None where there is none."""
 
     name: str
@@ -28,12 +28,12 @@ class Process:
     target: float | None
 
     @staticmethod
-    def of(line: LineStatistics, value: str) -> "Process":
+    def of(line: LineStatistics, value: str) -> "ValueSeries":
         """That of the attempts which a limit judged."""
         attempts = tuple(a for a in line.attempts if value in a.values and a.outcome in ("PASS", "FAIL"))
         lower, upper = limits_of(value, line.recipe.limits if line.recipe else Limits())
         target = None if lower is None or upper is None else (lower + upper) / 2
-        return Process(value, attempts, tuple(a.values[value] for a in attempts), lower, upper, target)
+        return ValueSeries(value, attempts, tuple(a.values[value] for a in attempts), lower, upper, target)
 
     def inside(self, value: float) -> bool:
         """Whether a value lies within the specification."""
@@ -57,7 +57,7 @@ class Control:
     rules: dict[int, str]
 
     @staticmethod
-    def of(process: Process) -> "Control | None":
+    def of(process: ValueSeries) -> "Control | None":
         """None where there is no spread to judge by."""
         good = np.array([v for v in process.values if process.inside(v)])
         if len(good) < 2 or (sigma := spc.sigma_within(good[:, None])) == 0:
