@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,11 +14,12 @@ from station.cli import _output
 from station.cli._msa_runs import StudyCell, measure_missing
 from station.config.settings import load_settings
 from station.domain.core.types import Floats
-from station.domain.line_quality import msa
+from station.domain.line_quality import accuracy, msa
 from station.errors import UsageError
-from station.messages import system_reason
+from station.messages import Message, system_reason
 from station.ports.log_reader import Query
 from station.reporting.line.statistics import VALUE_NAMES, limits_of
+from station.service import golden_register
 from station.service.line_statistics import attempt_values
 from station.wiring.jobs import load_job
 from station.wiring.logs import open_log
@@ -50,12 +51,12 @@ class MsaRequest:
 
 def run_study(order: RunOrder, request: MsaRequest, *, as_json: bool) -> int:
     """Does the study, keeps it and tells it; the exit code. Errors: UsageError, LogError, those of a run."""
-    if request.study not in ("type1", "grr"):
-        raise UsageError("msa-unknown-study", study=request.study[:20])
+    if request.study not in STUDIES:
+        raise UsageError("msa-unknown-study", study=request.study[:20], studies=tuple(STUDIES))
     if request.value not in VALUE_NAMES:
         raise UsageError("unknown-value", value=request.value[:40], values=VALUE_NAMES)
     readings = _readings_of_table(request) if request.samples is not None else _readings_of_log(order, request)
-    figures = _type1(request, order, readings) if request.study == "type1" else _grr(request, order, readings)
+    figures = STUDIES[request.study](request, order, readings)
     document = {
         "schema": SCHEMA,
         "study": request.study,
@@ -101,6 +102,35 @@ def _grr(request: MsaRequest, order: RunOrder, readings: Floats) -> dict[str, An
     return {"settings": {"tolerance": tolerance}, **found, "judgement": a.judgement}
 
 
+def _bias(request: MsaRequest, _order: RunOrder, readings: Floats) -> dict[str, Any]:
+    if request.reference is None:
+        raise UsageError("msa-without-reference")
+    found = accuracy.bias_study(readings, request.reference)
+    return {"settings": {"reference": request.reference}, "bias": asdict(found), "judgement": found.judgement}
+
+
+def _linearity(_request: MsaRequest, _order: RunOrder, readings: Floats) -> dict[str, Any]:
+    found = accuracy.linearity(*readings.T)
+    return {"settings": {}, "linearity": asdict(found), "judgement": found.judgement}
+
+
+#: What makes the figures of a study out of its readings.
+STUDIES: dict[str, Callable[[MsaRequest, RunOrder, Floats], dict[str, Any]]] = {
+    "type1": _type1,
+    "grr": _grr,
+    "bias": _bias,
+    "linearity": _linearity,
+}
+#: Columns of a study's table, and the studies that repeat one unit.
+COLUMNS = {
+    "type1": ("value",),
+    "bias": ("value",),
+    "linearity": ("reference", "value"),
+    "grr": ("part", "appraiser", "trial", "value"),
+}
+OF_ONE_UNIT = ("type1", "bias")
+
+
 def _tolerance(request: MsaRequest, order: RunOrder) -> float:
     """The full width T: as said, or between the recipe's limits of this value."""
     if request.tolerance is not None:
@@ -113,14 +143,16 @@ def _tolerance(request: MsaRequest, order: RunOrder) -> float:
 
 
 def _readings_of_table(request: MsaRequest) -> Floats:
-    """Readings of a CSV: (n), or (parts, appraisers, trials). Errors: UsageError with file and line."""
+    """Readings of a CSV: (n), (n, 2) with their references, or (parts, appraisers, trials). Errors: UsageError with
+    file and line."""
     path = request.samples
     assert path is not None
-    columns = ("value",) if request.study == "type1" else ("part", "appraiser", "trial", "value")
-    rows = list(_table_rows(path, columns))
+    rows = list(_table_rows(path, COLUMNS[request.study]))
     values = [_finite(path, line, row["value"]) for line, row in rows]
-    if request.study == "type1":
+    if request.study in OF_ONE_UNIT:
         return np.array(values)
+    if request.study == "linearity":
+        return np.array([[_finite(path, n, row["reference"]), v] for (n, row), v in zip(rows, values, strict=True)])
     cells: dict[StudyCell, list[float]] = {}
     for (_, row), value in zip(rows, values, strict=True):
         cells.setdefault((row["part"], row["appraiser"]), []).append(value)
@@ -157,12 +189,14 @@ def _finite(path: Path, line: int, text: str) -> float:
 def _readings_of_log(order: RunOrder, request: MsaRequest) -> Floats:
     """Readings of the log, the missing ones made first where that is asked for."""
     serials = request.serials or (
-        (SIMULATED_PARTS[:1] if request.study == "type1" else SIMULATED_PARTS) if order.simulate else ()
+        (SIMULATED_PARTS[:1] if request.study in OF_ONE_UNIT else SIMULATED_PARTS) if order.simulate else ()
     )
     if not serials:
         raise UsageError("msa-without-serials")
     nests = [n.name for n in load_settings(order.config).nests]
-    if request.study == "type1":
+    if request.study == "linearity":
+        return _certified_readings(order, request, serials)
+    if request.study in OF_ONE_UNIT:
         if len(serials) != 1:
             raise UsageError("msa-type1-serials", count=len(serials))
         wanted = {(serials[0], nests[0]): request.repeats}
@@ -175,13 +209,25 @@ def _readings_of_log(order: RunOrder, request: MsaRequest) -> Floats:
     return _complete_readings(order, request, wanted)
 
 
+def _certified_readings(order: RunOrder, request: MsaRequest, serials: Sequence[str]) -> Floats:
+    """Readings (n, 2) of golden units with their certified values: what linearity takes from the log."""
+    settings = load_settings(order.config)
+    register = {} if settings.golden is None else golden_register.load(Path(settings.golden.file))
+    missing = [s for s in serials if s not in register or request.value not in register[s].values]
+    if missing:
+        raise UsageError("msa-not-certified", value=request.value, serials=missing)
+    cells = _readings_by_cell(order, request, serials)
+    rows = [(register[serial].values[request.value][0], v) for (serial, _), values in cells.items() for v in values]
+    return np.array(rows, float).reshape(-1, 2)
+
+
 def _complete_readings(order: RunOrder, request: MsaRequest, wanted: Mapping[StudyCell, int]) -> Floats:
     cells = _readings_by_cell(order, request, sorted({serial for serial, _ in wanted}))
     for cell, count in wanted.items():
         there = len(cells.get(cell, ()))
         if there < count:
             raise UsageError("msa-too-few-readings", serial=cell[0], nest=cell[1], readings=there, count=count)
-    if request.study == "type1":
+    if request.study in OF_ONE_UNIT:
         ((cell, count),) = wanted.items()
         return np.array(cells[cell][-count:])
     return crossed_readings({cell: cells[cell] for cell in wanted}, request.trials, "the log")
@@ -238,12 +284,17 @@ def _print_study(document: Mapping[str, Any]) -> None:
     from rich import box
     from rich.table import Table
 
-    methods = [k for k in ("type1", "anova", "xbar_r") if document.get(k)]
+    methods = [k for k in ("type1", "anova", "xbar_r", "bias", "linearity") if document.get(k)]
     table = Table("", *methods, box=box.SIMPLE)
     for key in document[methods[0]]:
-        if key not in ("method", "intervals"):
+        if key not in ("method", "intervals", "fitted"):
             table.add_row(key, *(_format_figure(document[m], key) for m in methods))
     _output.console().print(table)
+    for at in document.get("linearity", {}).get("fitted", ()):
+        figures = (_format_value(at[key]) for key in ("reference", "mean", "fitted", "half"))
+        _output.print_message(
+            Message("msa-bias-at", **dict(zip(("reference", "mean", "fitted", "half"), figures, strict=True)))
+        )
     _output.print_line(f"{document['study']} of {document['value']}: {document['judgement']}")
 
 

@@ -7,18 +7,20 @@ from typer import Argument, Option
 
 
 def command(
-    study: Annotated[str, Argument(help="type1 or grr.")],
+    study: Annotated[str, Argument(help="type1, grr, bias or linearity.")],
     value: Annotated[str, Option(help="What is studied: 'offset x', 'gain z', 'residual rms', …")] = "offset x",
     serial: Annotated[list[str] | None, Option(help="The unit, or with grr each part; repeatable.")] = None,
-    repeats: Annotated[int, Option(min=2, max=1000, help="type1: readings.")] = 25,
+    repeats: Annotated[int, Option(min=2, max=1000, help="type1, bias: readings.")] = 25,
     trials: Annotated[int, Option(min=2, max=20, help="grr: readings of each part in each nest.")] = 3,
     nests: Annotated[int, Option(min=2, max=127, help="grr: how many nests (they are the appraisers).")] = 3,
-    reference: Annotated[float | None, Option(help="type1: the unit's known value.")] = None,
+    reference: Annotated[float | None, Option(help="type1, bias: the unit's known value.")] = None,
     tolerance: Annotated[float | None, Option(help="Full width T; left out: from the recipe's limits.")] = None,
     k_percent: Annotated[float, Option(min=1, max=100, help="type1: share of T, percent.")] = 20,
     spread: Annotated[float, Option(min=1, max=10, help="type1: width of the spread in s (6; some firms take 4).")] = 6,
     resolution: Annotated[float, Option(min=0, help="type1: smallest step of the value.")] = 0,
-    samples: Annotated[Path | None, Option(help="CSV with value (type1) or part,appraiser,trial,value (grr).")] = None,
+    samples: Annotated[
+        Path | None, Option(help="CSV: value (type1, bias), part,appraiser,trial,value (grr) or reference,value.")
+    ] = None,
     simulate: Annotated[bool, Option("--simulate", help="Make the missing readings on the simulated station.")] = False,
     run: Annotated[bool, Option("--run", help="Make the missing readings on this station, step by step.")] = False,
     recipe: Annotated[str | None, Option(help="Recipe of the readings.")] = None,
@@ -27,7 +29,7 @@ def command(
     seed: Annotated[int, Option(help="With --simulate: seed of everything random.")] = 1,
     json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
 ) -> int:
-    """Study the measurement system: type-1 (Cg, Cgk, bias) or gauge R&R (ANOVA and X̄-R).
+    """Study the measurement system: type-1 (Cg, Cgk), gauge R&R (ANOVA and X̄-R), bias, linearity (AIAG MSA-4).
 
     Readings come from the log; those that are missing are made with --run or --simulate, load by load, and a study
     that was broken off goes on where it stopped. What came out is kept beside the log.
@@ -41,6 +43,11 @@ def command(
     Readings from elsewhere:
 
         station msa grr --samples readings.csv --tolerance 0.2
+
+    Bias against a known value; linearity over golden units with certified values, or a table with reference,value:
+
+        station msa bias --serial SN0001 --repeats 5 --reference 0.0219 --simulate --db msa.db
+        station msa linearity --samples linearity.csv
     """
     from station.cli._msa import MsaRequest, run_study
     from station.wiring.run_order import RunOrder

@@ -148,6 +148,7 @@ def _write_recordings(folder: Path) -> None:
     for name, warmer_ms2 in (("cold", 0.0), ("warm", 0.03)):
         _write_matlab(folder / f"{name}.mat", _recorded(faces, rng) + warmer_ms2)
     _write_study(folder / "readings.csv", rng)
+    _write_linearity(folder / "linearity.csv", rng)
 
 
 def _recorded(up: Floats, rng: np.random.Generator) -> Floats:
@@ -186,6 +187,12 @@ def _write_matlab(path: Path, readings_ms2: Floats) -> None:
 
     names = {f"a{axis}": readings_ms2[:, i] for i, axis in enumerate("xyz")}
     savemat(path, {"t": np.arange(len(readings_ms2)) / RATE_HZ, **names})
+
+
+def _write_linearity(path: Path, rng: np.random.Generator) -> None:
+    """Ten readings of each of five references, by a station whose gain is 1 % high."""
+    rows = [(r, 1.01 * r + rng.normal(0, 0.002)) for r in (-0.1, -0.05, 0.0, 0.05, 0.1) for _ in range(10)]
+    path.write_text("reference,value\n" + "".join(f"{r},{v:.6f}\n" for r, v in rows), encoding="utf-8")
 
 
 def _write_study(path: Path, rng: np.random.Generator) -> None:

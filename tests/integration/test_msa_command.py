@@ -10,7 +10,9 @@ from station.adapters.store.reader import SqliteLogReader
 from station.cli._msa_runs import missing_loads
 from station.cli.app import main
 from station.ports.log_reader import Query
+from tests.fakes import fixture_run
 from tests.unit.test_msa import AIAG
+from tests.unit.test_msa_accuracy import BIAS, LINEARITY, REFERENCES
 
 
 def station(*words: str) -> int:
@@ -52,6 +54,43 @@ def test_a_table_gives_the_published_figures(tmp_path: Path, capsys: pytest.Capt
     assert shown["judgement"] == "conditional"
     (stored,) = (tmp_path / "aiag.csv.studies").iterdir()
     assert json.loads(stored.read_text()) == shown
+
+
+def test_bias_and_linearity_of_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "linearity.csv"
+    table.write_text("reference,value\n" + "\n".join(f"{r},{v}" for r, v in zip(REFERENCES, LINEARITY, strict=True)))
+    assert station("msa", "linearity", "--samples", str(table), "--json") == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["linearity"]["slope"] == pytest.approx(-0.1317, abs=5e-5)
+    assert shown["judgement"] == "biased over the range"
+    assert station("msa", "linearity", "--samples", str(table)) == 0
+    assert "at 10: mean bias -0.61667" in capsys.readouterr().out
+    table.write_text("value\n" + "\n".join(map(str, BIAS)))
+    assert station("msa", "bias", "--samples", str(table), "--json") == 2
+    assert "--reference" in capsys.readouterr().err
+    assert station("msa", "bias", "--samples", str(table), "--reference", "6", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["judgement"] == "no bias evident"
+
+
+def test_linearity_over_certified_units_of_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Four golden units whose certificates say what they read here, but for 10 µg."""
+    monkeypatch.chdir(tmp_path)
+    config = fixture_run.config(tmp_path, golden={"file": "golden.json", "every_h": 8}, database="station.db")
+    units = fixture_run.serials(4)
+    ran = fixture_run.run(tmp_path, units, config=config)
+    study = ("msa", "linearity", *(word for unit in units for word in ("--serial", unit)))
+    assert station(*study) == 2
+    assert "golden register" in capsys.readouterr().err
+    for unit, error in zip(units, (1e-5, -1e-5, 1e-5, -1e-5), strict=True):
+        certified = ran.stored(unit, "calibration")["offset"][0] + error
+        assert station("golden", "register", unit, "--value", f"offset x={certified}:0.001") == 0
+    capsys.readouterr()
+    assert station(*study, "--json") == 0
+    shown = json.loads(capsys.readouterr().out)["linearity"]
+    assert shown["n"] == 4 and len(shown["fitted"]) == 4
+    assert abs(shown["slope"]) < 0.05
 
 
 def test_a_study_on_the_simulated_station_goes_on_where_it_stopped(

@@ -35,6 +35,7 @@ pytestmark = pytest.mark.timeout(600)
 SLOW = (
     "station msa type1",
     "station msa grr --serial",
+    "station msa bias",
     "station diagnose",
     "station check tilt-24",
     "station check six-point --design",

@@ -191,34 +191,3 @@ def _summary(
         percent_tolerance=None if tolerance is None else 100 * 6 * grr / tolerance,
         ndc=max(1, int(1.41 * pv / grr)) if grr > 0 else 99,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Linearity:
-    """Bias over the range (AIAG MSA 4th ed., III-B): bias = intercept + slope · reference, with 95 % half-widths;
-    p of no bias anywhere (F test of both)."""
-
-    intercept: float
-    slope: float
-    intercept_half: float
-    slope_half: float
-    p: float
-
-
-def linearity(reference: Floats, readings: Floats) -> Linearity:
-    """Linearity study of readings (n) of references (n) over at least two values. Errors: UsageError."""
-    from scipy.stats import f as fisher
-    from scipy.stats import t as student
-
-    x, bias = np.asarray(reference, float), np.asarray(readings, float) - np.asarray(reference, float)
-    n = len(x)
-    if n < 4 or np.ptp(x) == 0:
-        raise UsageError("linearity-too-few", count=n)
-    X = np.column_stack([np.ones(n), x])
-    inverse = np.linalg.inv(X.T @ X)
-    found = inverse @ X.T @ bias
-    rest = float(((bias - X @ found) ** 2).sum())
-    s2 = rest / (n - 2)
-    half = student.ppf(0.975, n - 2) * np.sqrt(s2 * np.diagonal(inverse))
-    f = float((bias**2).sum() - rest) / 2 / s2 if s2 > 0 else math.inf
-    return Linearity(float(found[0]), float(found[1]), float(half[0]), float(half[1]), float(fisher.sf(f, 2, n - 2)))
