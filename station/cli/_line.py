@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from station.cli import _output
-from station.cli._stop_signals import stop_signals
+from station.cli._stop_signals import stop_signals, stop_socket
 from station.config.settings import load_config
 from station.domain.cell import symbol_content
 from station.domain.cell.handover import Bin, Close, Measure, Place, Take
@@ -59,6 +59,7 @@ def run_line(order: RunOrder, request: LineRequest) -> int:
         with stop:
             bench = opened.enter_context(open_bench(order))
             opened.enter_context(sealing_journal(bench.station.store, bench.database))
+            opened.enter_context(stop_socket(bench.database, stop))
         parts = open_line(bench, order, request.loads, request.faults, opened)
         for sentence in bench.notices:
             _output.print_remark(sentence)

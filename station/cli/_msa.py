@@ -30,6 +30,10 @@ SCHEMA = "station.msa/1"
 SIMULATED_PARTS = tuple(f"SN{i + 1:04d}" for i in range(10))
 
 
+#: Of a study that somebody has typed or exported.
+MOST_READINGS = 100_000
+
+
 @dataclass(frozen=True, slots=True)
 class MsaRequest:
     """What is asked; see the command's options. makes: missing readings are made."""
@@ -167,7 +171,10 @@ def _table_rows(path: Path, columns: Sequence[str]) -> Iterator[tuple[int, dict[
             missing = tuple(c for c in columns if c not in (reader.fieldnames or ()))
             if missing:
                 raise UsageError("msa-samples-columns", path=str(path), columns=",".join(columns), missing=missing)
-            yield from ((reader.line_num, row) for row in reader)
+            for number, row in enumerate(reader, 1):
+                if number > MOST_READINGS:
+                    raise UsageError("msa-samples-too-many", path=str(path), limit=MOST_READINGS)
+                yield reader.line_num, row
     except OSError as exc:
         raise UsageError("option-not-read", option="--samples", path=str(path), why=system_reason(exc)) from exc
     except UnicodeDecodeError as exc:

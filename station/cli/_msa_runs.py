@@ -6,7 +6,7 @@ from contextlib import closing
 
 from station.cli import _output
 from station.cli._confirm import wait_for_person
-from station.cli._stop_signals import stop_signals
+from station.cli._stop_signals import stop_signals, stop_socket
 from station.domain.core.types import NestAssignment
 from station.domain.run.progress import LoadDone
 from station.messages import Message
@@ -25,7 +25,7 @@ def measure_missing(order: RunOrder, wanted: Mapping[StudyCell, int], there: Map
     if not loads:
         return
     stop = StopRequest()
-    with open_bench(order) as bench, stop_signals(stop), _output.progress() as bar:
+    with open_bench(order) as bench, stop_signals(stop), stop_socket(bench.database, stop), _output.progress() as bar:
         task = bar.add_task("loads of the study", total=len(loads))
         for cells in loads:
             _run_load(bench, cells, stop)

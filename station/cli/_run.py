@@ -12,7 +12,7 @@ from station.cli._confirm import PageConfirmation, wait_for_person
 from station.cli._pacing import RealTimePacer
 from station.cli._results import print_results, run_document, run_row
 from station.cli._serials import ask_serials, assign_nests
-from station.cli._stop_signals import stop_signals
+from station.cli._stop_signals import stop_signals, stop_socket
 from station.domain.core.types import Outcome
 from station.domain.recipe import serial as serials_of
 from station.domain.run.progress import (
@@ -70,6 +70,7 @@ def run_units(order: RunOrder, given: Sequence[str], units: int | None, face: Ru
         with stop:  # nothing has begun: a signal may end it at once
             bench = opened.enter_context(open_bench(order))
             opened.enter_context(sealing_journal(bench.station.store, bench.database))
+            opened.enter_context(stop_socket(bench.database, stop))
             serials = ask_serials(bench, given, units)
         serials_of.check_all(serials, bench.job.recipe)
         _check_faults(order, serials)

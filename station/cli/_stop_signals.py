@@ -1,10 +1,13 @@
-"""Ctrl-C, SIGTERM and a terminal that hangs up, as one request to stop, however often they come."""
+"""Ctrl-C, SIGTERM, a terminal that hangs up and the run's socket, as one request to stop, however often they come."""
 
+import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from station.messages import Message
+from station.panel_protocol.stop_socket import listening_for_stop
 from station.service.stop_request import StopRequest
 
 
@@ -29,3 +32,15 @@ def stop_signals(stop: StopRequest) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def stop_socket(database: Path, stop: StopRequest) -> Iterator[None]:
+    """While inside, whoever may write to the socket beside the log requests the stop, and is named as its reason."""
+
+    def request(user: str) -> None:
+        stop.request(Message("stopped-at-socket", user=user))
+        os.kill(os.getpid(), signal.SIGINT)  # ends a wait of the main thread; `stop_signals` takes it
+
+    with listening_for_stop(database, request):
+        yield

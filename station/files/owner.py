@@ -17,15 +17,22 @@ class OwnerLock:
     """Holds `lock` (flock) as long as it lives; the file says who: name, pid, start time.
 
     what: what is owned, as a part of a sentence (Message("owned-log", path="station.db")). fault: the type of
-    the errors, which name the present owner when there is one.
+    the errors, which name the present owner when there is one. mode: of the lock file. Who may open it may hold it,
+    so a log's is for the station's user and group alone (0660); only what every user of the machine may own has 0666.
     """
 
     def __init__(
-        self, lock: Path, what: Message, name: str, started_ns: int, fault: type[StationError] = StoreFault
+        self,
+        lock: Path,
+        what: Message,
+        name: str,
+        started_ns: int,
+        fault: type[StationError] = StoreFault,
+        mode: int = 0o660,
     ) -> None:
         self._what, self._fault = what, fault
         try:
-            self._handle = _open(lock)
+            self._handle = _open(lock, mode)
         except OSError as exc:
             raise self._lock_error(exc) from exc
         try:
@@ -69,11 +76,14 @@ class OwnerLock:
             return Message("owner-starting")
 
 
-def _open(lock: Path) -> int:
-    """The lock file; made so that the station may be started by another user next time."""
+def _open(lock: Path, mode: int) -> int:
+    """The lock file, with that mode where it is this user's; never what a link of its name points at, for it is
+    written over."""
+    flags = os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
     try:
-        return os.open(lock, os.O_RDWR | os.O_CLOEXEC)
+        handle = os.open(lock, flags)
     except FileNotFoundError:
-        handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-        os.fchmod(handle, 0o666)
-        return handle
+        handle = os.open(lock, flags | os.O_CREAT, mode)
+    if os.fstat(handle).st_uid == os.geteuid():
+        os.fchmod(handle, mode)
+    return handle

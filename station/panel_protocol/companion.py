@@ -15,6 +15,7 @@ class Companion(StrEnum):
     QUEUE = ".queue.json"  # station.queue/1, by the page: units of the next load
     PRESENCE = ".panel.lock"  # shared lock of every page that serves this log
     OWNER = ".lock"  # lock of the run that writes the log
+    STOP = ".stop"  # datagram socket of the run: whoever may write to it may stop it
     ERRORS = ".run.err"  # standard error of the run that the page started
     JOURNAL = ".panel.jsonl"  # station.panel-journal/1, by the page: who did what
     SHIPPING = ".shipping.json"  # station.shipping/1, by whoever ships: how far the plants have the log

@@ -10,6 +10,7 @@ from station.errors import UsageError
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.owner import owner_pid
 from station.panel_protocol.stop import signal_stop
+from station.panel_protocol.stop_socket import stop_by_socket
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +78,8 @@ class RunLauncher:
         pid = self.pid()
         if pid is None:
             raise UsageError("no-run-under-way")
-        signal_stop(pid)
+        if stop_by_socket(self.order.database) is None:  # it has not come so far, or its file system has no sockets
+            signal_stop(pid)
         return pid
 
     def last_words(self) -> str:

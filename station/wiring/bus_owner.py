@@ -11,6 +11,8 @@ from station.messages import Message
 
 #: Where programs of every user of a machine keep the locks of its devices (FHS 3.0, 3.15.4 and 5.9).
 _LOCKS = Path("/run/lock")
+#: Any user of the machine may send on its buses, and may be the next to own one.
+_EVERYBODY = 0o666
 
 
 def claim_bus(bus: BusSettings, name: str) -> OwnerLock:
@@ -18,7 +20,8 @@ def claim_bus(bus: BusSettings, name: str) -> OwnerLock:
 
     Errors: BusFault with the name, process and start of the station that has it.
     """
-    return OwnerLock(lock_path(bus.channel), Message("owned-bus", channel=bus.channel), name, time.time_ns(), BusFault)
+    what = Message("owned-bus", channel=bus.channel)
+    return OwnerLock(lock_path(bus.channel), what, name, time.time_ns(), BusFault, _EVERYBODY)
 
 
 def lock_path(channel: str) -> Path:

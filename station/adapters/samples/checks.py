@@ -13,6 +13,8 @@ from station.messages import Message
 
 #: A run or visit beyond this is a slip of the pen.
 LARGEST = 1_000_000
+#: Rows of a piece from which on it must hold more than two of most of its units.
+FLEET = 10_000
 #: Characters of a name: of a unit, a position, a lot, a person.
 LONGEST_TEXT = 200
 #: Frames overtake each other now and then; more of them than this, and rows are out of order.
@@ -42,6 +44,8 @@ def check_cells(table: SampleTable, place: PieceOrigin) -> SampleTable:
     if table.gold is not None:
         for i, axis in enumerate("xyz"):
             _finite(table.gold[:, i], f"gold_{axis}", place)
+    if len(table) >= FLEET and 2 * len(table.unit.names) > len(table):
+        raise SamplesError("samples-units-without-rows", file=str(place.path), units=len(table.unit.names))
     for name, column in (("unit", table.unit), ("position", table.position)):
         for empty in np.flatnonzero([not n.strip() for n in column.names]):
             row = int(np.flatnonzero(column.code == empty)[0])
