@@ -21,6 +21,7 @@ from station.reporting.certificate.issuer import Issuer
 from station.reporting.certificate.pdf import pdf
 from station.reporting.words import words_of
 from station.service.golden_register import refuse_clock_behind
+from station.service.witnessed import newest_receipt
 
 if TYPE_CHECKING:
     from station.ports.log_reader import Attempt, LogReader
@@ -52,13 +53,13 @@ def write_certificate(
         stored = log.attempt(chosen)
         facts.require_certifiable(stored)
         recipe = Recipe.model_validate_json(log.recipe_and_product(chosen)[0])
-        head = log.head()
+        head, receipt = log.head(), newest_receipt(log)
     today = datetime.now(UTC).date().isoformat()
     if late := facts.overdue(recipe, stored["started"]):
         raise ReferenceOverdue("certificate-reference-overdue", item=late[0]["item"], due=late[0]["due"])
     issuer = Issuer.of(load_settings(config).certificate.document())
-    found = facts.of_attempt(stored, recipe, head, issuer, today)
-    made = document.build(stored, recipe, head, words_of(files.language), issuer, today)
+    found = facts.of_attempt(stored, recipe, head, issuer, today, receipt)
+    made = document.build(stored, recipe, head, words_of(files.language), issuer, today, receipt)
     written: list[tuple[Path | None, Callable[[], bytes]]] = [
         (files.pdf, lambda: pdf(made)),
         (files.xml, lambda: _xml(found, files)),

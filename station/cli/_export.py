@@ -17,6 +17,7 @@ from station.files.replace import replacing
 from station.messages import system_reason
 from station.ports.log_reader import Attempt, LogReader, Query
 from station.service import stored_attempts
+from station.service.witnessed import newest_receipt
 
 RESULTS_SCHEMA = "station.results/1"
 _ENDINGS = {"samples": (".parquet", ".csv"), "results": (".parquet", ".csv", ".json"), "frames": (".log", ".blf")}
@@ -84,6 +85,7 @@ def _file(log: LogReader, attempts: Sequence[Attempt], path: Path, write: Any) -
         "sha256": _sha256(path),
         "log": log.location,
         "head": asdict(log.head()),
+        "witness": newest_receipt(log),
         "attempts": [a.attempt for a in attempts],
         "simulated": [a.attempt for a in attempts if is_simulated(a.software)],
     }
@@ -119,7 +121,12 @@ def _samples(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[s
 def _results(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[str, int]:
     rows = list(stored_attempts.results(log, attempts))
     if path.suffix.lower() == ".json":
-        document = {"schema": RESULTS_SCHEMA, "head": asdict(log.head()), "results": rows}
+        document = {
+            "schema": RESULTS_SCHEMA,
+            "head": asdict(log.head()),
+            "witness": newest_receipt(log),
+            "results": rows,
+        }
         path.write_text(json.dumps(document, ensure_ascii=False, indent=1), encoding="utf-8")
     elif path.suffix.lower() == ".csv":
         with path.open("w", encoding="utf-8", newline="") as file:

@@ -15,6 +15,7 @@ from station.ports.log_reader import Attempt, LogReader, LogRecord
 from station.reporting.certificate.pdf import pdf
 from station.reporting.words import Words
 from station.service.certificates import certificate_of
+from station.service.witnessed import newest_receipt
 
 SCHEMA = "station.evidence/1"
 #: Files of a bundle have one date, so that the same evidence gives the same bytes.
@@ -34,7 +35,8 @@ def bundle(log: LogReader, attempt: Attempt, words: Words) -> bytes:
 def _files(log: LogReader, attempt: Attempt, words: Words) -> Iterator[tuple[str, bytes]]:
     records = log.records(attempt)
     mark = mark_of(attempt.software)
-    yield "attempt.json", _json({"schema": SCHEMA, "simulated": mark, "head": log.head().hash, **log.attempt(attempt)})
+    origin = {"simulated": mark, "head": log.head().hash, "witness": newest_receipt(log)}
+    yield "attempt.json", _json({"schema": SCHEMA, **origin, **log.attempt(attempt)})
     yield "records.jsonl", b"".join(_record(r) + b"\n" for r in records)
     visits = [r for r in records if r.kind == "visit"]
     for record, frames in zip(visits, log.frames(attempt), strict=True):

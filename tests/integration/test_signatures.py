@@ -18,6 +18,8 @@ from station.panel_protocol.accounts import Account, Role
 from station.panel_protocol.journal import Journal
 from station.panel_protocol.journal_seal import journal_findings
 from station.ports.log_reader import Query
+from station.service.certificates import certificate_of
+from station.web import language
 from station.web.app import create_app
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
@@ -71,6 +73,15 @@ def test_a_signature_is_bound_to_the_end_of_its_attempt(
     assert {"number": one["record"], "hash": one["seal"]} == attempt["seal"]
     assert run_command(["audit", "SN0001", "--verify", "--db", str(folder / "station.db")]) == 0
     assert "released by ada (engineer): lot 7" in capsys.readouterr().out
+    made = folder / "SN0001.json"
+    assert run_command(["certificate", "SN0001", "--json", str(made), "--db", str(folder / "station.db")]) == 0
+    written = json.loads(made.read_text())
+    assert [(s["by"], s["meaning"]) for s in written["signatures"]] == [("ada", "released")]
+    assert written["log"]["witness"] is None
+    with SqliteLogReader(folder / "station.db") as log:
+        printed = certificate_of(log, log.attempts(Query(serial="SN0001"))[0], language.words("en"))
+    rows = [row for section in printed.sections for row in section.rows]
+    assert [row[1].partition(",")[0] for row in rows if row[0] == "released by"] == ["ada (engineer)"]
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.adapters.witness.client import WitnessClient
 from station.errors import StoreFault
+from station.service.witnessed import newest_receipt
 from tests.fakes import logs
 
 
@@ -109,6 +110,9 @@ def test_each_load_is_receipted_once_and_a_killed_witness_goes_on(
     sizes = [e["size"] for e in events(path, "witnessed")]
     assert len(sizes) == len(set(sizes)) >= 4
     assert len(served.heads.read_text().splitlines()) == len(sizes)
+    with SqliteLogReader(path) as log:
+        receipt = newest_receipt(log)
+    assert receipt == events(path, "witnessed")[-1], "what certificates and exports carry"
 
 
 def test_a_restored_backup_is_refused_whatever_lies_beside_the_log(

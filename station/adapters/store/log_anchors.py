@@ -9,6 +9,7 @@ from typing import Any
 from station.adapters.store import anchor, file, keys
 from station.adapters.store.anchor import AnchorPlace
 from station.domain.records.head import AnchorFinding, SealedHead
+from station.domain.records.tree_head import WITNESSED_EVENT
 from station.files.system_errors import os_error_reason
 from station.messages import Message
 
@@ -16,8 +17,6 @@ from station.messages import Message
 MOST_CLOCK_BACK_NS, NOTED_CLOCK_BACK_S = 24 * 3600 * 10**9, 60.0
 #: Event of the station that names the places where heads are kept from here on.
 PLACES_EVENT = "anchors"
-#: Event that holds a witness' receipt: place, size, root, at_ns, signature.
-WITNESSED_EVENT = "witnessed"
 #: Event by which an engineer takes note of what the heads say against the log, with a reason.
 ACKNOWLEDGED_EVENT = "log-acknowledged"
 

@@ -18,7 +18,6 @@ from station.adapters.store.log_anchors import (
     ACKNOWLEDGED_EVENT,
     NOTED_CLOCK_BACK_S,
     PLACES_EVENT,
-    WITNESSED_EVENT,
     Acknowledgement,
     LogAnchors,
     StoredLogEnd,
@@ -36,6 +35,7 @@ from station.domain.records.framepack import plain as raw
 from station.domain.records.head import AnchorFinding, SealedHead
 from station.domain.records.key_schedule import rotation_statement
 from station.domain.records.merkle import Tree
+from station.domain.records.tree_head import WITNESSED_EVENT
 from station.errors import StationError, StoreFault
 from station.files.owner import OwnerLock
 from station.messages import Message, render

@@ -55,6 +55,10 @@ def receipt_statement(head: TreeHead, at_ns: int) -> bytes:
     return hashlib.sha256(head.statement() + str(at_ns).encode()).digest()
 
 
+#: Event of a log that holds a witness' receipt: place, size, root, at_ns, signature.
+WITNESSED_EVENT = "witnessed"
+
+
 @dataclass(frozen=True, slots=True)
 class WitnessReceipt:
     """A witness' signature, in hex, over the head of so many records that it saw at a time."""

@@ -56,11 +56,13 @@ def build(
     words: Words,
     issuer: Issuer | None = None,
     issued: str = "",
+    receipt: Mapping[str, Any] | None = None,
 ) -> Certificate:
     """The certificate of one ended attempt. stored: everything the log holds of it, with the recipe it used; head: the
-    newest record of the log; issued: ISO date. Errors: LogError where it came to no calibration."""
+    newest record of the log; issued: ISO date; receipt: the witness' newest countersignature. Errors: LogError where it
+    came to no calibration."""
     content = facts.of_attempt(
-        stored, recipe, head, issuer or Issuer(), issued or str(stored["ended"] or stored["started"])[:10]
+        *(stored, recipe, head, issuer or Issuer(), issued or str(stored["ended"] or stored["started"])[:10], receipt)
     )
     fit, verdict = stored_attempt.result(stored, "calibration"), stored_attempt.result(stored, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
@@ -80,7 +82,7 @@ def build(
         w.section("cert_reference", (), _reference(w, recipe)),
         w.table("certificate-traceability", _TRACEABILITY, _traceability(content)),
         w.table("certificate-assumptions", _ASSUMPTIONS, _assumptions(w, recipe, known)),
-        w.section("cert_provenance", (), _provenance(w, stored, asdict(head))),
+        w.section("cert_provenance", (), _provenance(w, stored, asdict(head), content)),
     )
     filled = tuple(s for s in sections if s.rows)
     mark = w.render(Message("certificate-simulated-mark")) if content["simulated"] else ""
@@ -292,7 +294,7 @@ def _reference(w: _Writer, recipe: Recipe) -> Rows:
     return tuple(rows)
 
 
-def _provenance(w: _Writer, stored: Mapping[str, Any], head: Mapping[str, Any]) -> Rows:
+def _provenance(w: _Writer, stored: Mapping[str, Any], head: Mapping[str, Any], content: Mapping[str, Any]) -> Rows:
     seal = stored["seal"]
     return (
         (w("attempt"), str(stored["attempt"])),
@@ -303,4 +305,19 @@ def _provenance(w: _Writer, stored: Mapping[str, Any], head: Mapping[str, Any]) 
         (w("seal"), f"{seal['number']}:{seal['hash']}" if seal else "–"),
         (w("head"), f"{head['number']}:{head['hash']}"),
         (w("check"), f"station audit --verify --head {head['number']}:{head['hash']}"),
+        *_countersigned(w, content["log"]["witness"]),
+        *((w(f"signed_{one['meaning']}"), _signatory(one)) for one in content["signatures"]),
     )
+
+
+def _countersigned(w: _Writer, receipt: Mapping[str, Any] | None) -> Rows:
+    if receipt is None:
+        return ()
+    tree = f"{receipt['size']}:{receipt['root']}"
+    seen = f"{receipt['place']}, {stored_attempt.utc(receipt['at_ns'])}"
+    return ((w("witness"), f"{seen}: {tree}, {receipt['signature']}"),)
+
+
+def _signatory(signature: Mapping[str, Any]) -> str:
+    comment = f": {signature['comment']}" if signature["comment"] else ""
+    return f"{signature['by']} ({signature['role']}), {stored_attempt.utc(signature['at_ns'])}{comment}"

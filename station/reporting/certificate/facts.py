@@ -23,8 +23,16 @@ SCHEMA = "station.certificate/1"
 STANDARD_GRAVITY = 9.80665
 
 
-def of_attempt(stored: Mapping[str, Any], recipe: Recipe, head: LogHead, issuer: Issuer, issued: str) -> dict[str, Any]:
-    """The certificate of one ended attempt; issued: ISO date. Errors: LogError where it came to no calibration."""
+def of_attempt(
+    stored: Mapping[str, Any],
+    recipe: Recipe,
+    head: LogHead,
+    issuer: Issuer,
+    issued: str,
+    receipt: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """The certificate of one ended attempt; issued: ISO date; receipt: the witness' newest. Errors: LogError where it
+    came to no calibration."""
     fit, verdict = stored_attempt.result(stored, "calibration"), stored_attempt.result(stored, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
         raise LogError("certificate-no-calibration", attempt=str(stored["attempt"]), serial=str(stored["serial"]))
@@ -66,7 +74,8 @@ def of_attempt(stored: Mapping[str, Any], recipe: Recipe, head: LogHead, issuer:
         ],
         "history": [render(message) for message in known.messages(recipe)],
         "log": {"attempt": stored["attempt"], "seal": stored["seal"], "head": asdict(head),
-                "config": stored["config_hash"]},
+                "config": stored["config_hash"], "witness": None if receipt is None else dict(receipt)},
+        "signatures": stored_attempt.signatures(stored),
     }  # fmt: skip
 
 
