@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 
 from station.domain.product import number_format, writeback
 from station.domain.product.device_map import DeviceMap, DeviceSetting
+from station.domain.product.firmware import gate_refusals
 from station.domain.product.product import decode_serial, stored_serial
 from station.domain.run.unit_state import SWITCHED, UnitState
 from station.errors import DeviceRefused, ReadBackDiffers, StationError, WrongProduct, WrongUnit
@@ -11,6 +12,7 @@ from station.messages import Message
 from station.ports.device import Identity
 from station.ports.store import Store
 from station.service import process_data
+from station.service.flash import read_software_id
 from station.service.station import Job
 from station.service.unit import Address, RunSetting, Unit
 
@@ -25,7 +27,19 @@ def identify(unit: Unit, job: Job, store: Store) -> None:
     source = "label" if serial is None else "device"
     store.result(unit.attempt, "identity", {**document, "kept_serial": serial, "serial_from": source})
     _check(unit, job, identity)
+    _check_firmware(unit, job, identity, store)
     unit.enter(UnitState.IDENTIFIED)
+
+
+def _check_firmware(unit: Unit, job: Job, identity: Identity, store: Store) -> None:
+    """WrongProduct when the recipe wants other software than the unit runs."""
+    gate = job.recipe.firmware
+    if gate is None:
+        return
+    software_id = None if gate.software_id is None else read_software_id(unit.device)
+    store.event(unit.attempt, "firmware", {"version": identity.software, "software_id": software_id})
+    if wrong := tuple(gate_refusals(gate, identity.software, software_id)):
+        raise WrongProduct("firmware-not-wanted", unit=unit.label, why=wrong)
 
 
 def identify_for_recovery(unit: Unit, job: Job) -> None:

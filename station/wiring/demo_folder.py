@@ -1,5 +1,7 @@
 """The files of a demonstration: a rehearsal bench, the shipped recipes and products, keys, recordings made by hand."""
 
+import hashlib
+import random
 import shutil
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -87,6 +89,14 @@ effects:
     unit: 1/(g·degC)
     source: not yet explained
 """
+#: An image, and the devices that it is for.
+FIRMWARE = """\
+schema: station.firmware/1
+image: firmware.bin
+sha256: {sha256}
+version: 2.1.0
+identity: {{vendor: 0x000CA1B0, product: 0x00000ACC}}
+"""
 
 
 def create_folder(folder: Path) -> None:
@@ -121,12 +131,21 @@ def _write_files(folder: Path) -> None:
     }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
+    _write_firmware(folder)
     tighter = (folder / "recipes" / "six-point.yaml").read_text(encoding="utf-8")
     tighter = tighter.replace("name: six-point", "name: six-point-tighter").replace("offset: 0.08", "offset: 0.05")
     (folder / "six-point-tighter.yaml").write_text(tighter.replace("../schemas", "schemas"), encoding="utf-8")
     for name in KEYS:
         _write_key(folder / f"{name}.key")
     _write_recordings(folder)
+
+
+def _write_firmware(folder: Path) -> None:
+    """An image for the simulated accelerometer: its version, then noise."""
+    data = b"2.1.0".ljust(16, b"\0") + random.Random(1).randbytes(8176)
+    (folder / "firmware.bin").write_bytes(data)
+    text = FIRMWARE.format(sha256=hashlib.sha256(data).hexdigest())
+    (folder / "firmware.yaml").write_text(text, encoding="utf-8")
 
 
 def _write_key(path: Path) -> None:

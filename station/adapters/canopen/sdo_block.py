@@ -22,7 +22,7 @@ from station.adapters.canopen.sdo_transfer import (
 
 BLOCK_SIZE = 127
 LAST = 0x80
-#: How many blocks of one transfer may be incomplete.
+#: How many blocks of an upload may be incomplete, and of how many in a row of a download nothing may arrive.
 REPAIRS = 3
 
 
@@ -105,7 +105,7 @@ def _send_blocks(segments: list[bytes], size: int) -> Download:
         )
         answer = yield Exchange(frames, _step(sdo.RESPONSE_BLOCK_DOWNLOAD, sdo.BLOCK_TRANSFER_RESPONSE))
         acknowledged, size = answer[1], answer[2]
-        repairs += acknowledged < len(block)
+        repairs = repairs + 1 if acknowledged == 0 else 0
         if acknowledged > len(block) or repairs > REPAIRS:
             raise Violation(sdo.ABORT_INVALID_SEQUENCE_NUMBER)
         at += acknowledged

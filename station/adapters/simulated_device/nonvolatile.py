@@ -44,6 +44,11 @@ class NonVolatileMemory:
             raise ConfigError("memory-folder-not-made", folder=str(folder), why=system_reason(exc)) from exc
         return cls(folder / f"{serial}.json")
 
+    @property
+    def program_path(self) -> Path | None:
+        """File of the program that runs, beside that of the objects."""
+        return None if self._path is None else self._path.with_suffix(".program.json")
+
     def objects(self) -> SavedObjects:
         """What was saved last."""
         return dict(self._objects)

@@ -6,16 +6,21 @@ from collections.abc import Callable, Mapping
 from canopen.sdo import constants as sdo
 
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory, SavedObjects, object_key
+from station.adapters.simulated_device.program import SimulatedProgram
 from station.adapters.simulated_device.sdo_serving import SdoAbort
 from station.domain.core.types import Floats
 from station.domain.product import writeback
 from station.domain.product.device_map import DeviceMap
+from station.domain.product.firmware import PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_STATUS, SOFTWARE_ID
 from station.domain.product.object_dictionary import Address, ObjectDictionary, ObjectEntry, Value
 from station.errors import UnitFault
 
 _LONGEST = {"STRING": 255, "OCTETS": 255, "DOMAIN": 4096}
 _COB_ID_FLAGS = 0xC000_0000
 _COMMUNICATION = range(0x1000, 0x2000)
+_SOFTWARE_VERSION = 0x100A
+#: What is written to a program is no object that a save keeps.
+_PROGRAM = ((PROGRAM_DATA, 1), (PROGRAM_CONTROL, 1))
 #: The parts of a map that its lock protects.
 _LOCKED = ("temperature", "record", "valid")
 
@@ -49,6 +54,8 @@ class SimulatedObjects:
         self._restoring = False
         self._correction: tuple[Floats, Floats] | None = None
         self._protected = _protected(device_map)
+        version = dictionary.entries.get((_SOFTWARE_VERSION, 0))
+        self.program = SimulatedProgram(memory.program_path, str(version.default) if version is not None else "")
         self.start()
 
     def start(self, *, communication_only: bool = False) -> None:
@@ -64,6 +71,7 @@ class SimulatedObjects:
             self._values[address] = _packed(entry, value)
         self._locked = self.map.unlock is not None
         self.command = None
+        self.program.restart()
         self._refresh()
 
     def replace(self, address: Address, value: Value) -> None:
@@ -121,6 +129,8 @@ class SimulatedObjects:
             return _packed(entry, spoiled)
         if self.map.checksum is not None and (index, sub) == self.map.checksum.address:
             return writeback.expected_checksum(self.map, self._values) or b""
+        if (own := self._of_program(index, sub)) is not None:
+            return _packed(entry, own)
         if (index, sub) in self._computed:
             return _packed(entry, self._computed[index, sub]())
         return self._values[index, sub]
@@ -132,6 +142,9 @@ class SimulatedObjects:
             raise SdoAbort(sdo.ABORT_WRITE_READONLY)
         if self._locked and (index, sub) in self._protected:
             raise SdoAbort(sdo.ABORT_APPLICATION_DEVICE_STATE)
+        if (index, sub) in _PROGRAM:
+            self.program.check(index, size)
+            return
         if size is None:
             return
         most = entry.size or self._longest(entry)
@@ -151,9 +164,21 @@ class SimulatedObjects:
         if self.map.unlock is not None and (index, sub) == self.map.unlock.address:
             self._take_key(data)
             return
+        if (index, sub) in _PROGRAM:
+            self.program.write(index, data)
+            return
         self._check_range(entry, data)
         self._values[index, sub] = data
         self._refresh()
+
+    def _of_program(self, index: int, sub: int) -> Value | None:
+        """What the bootloader says of itself; None for any other object."""
+        known: dict[Address, Value] = {
+            (_SOFTWARE_VERSION, 0): self.program.version,
+            (SOFTWARE_ID, 1): self.program.software_id,
+            (PROGRAM_STATUS, 1): self.program.status,
+        }
+        return known.get((index, sub))
 
     def _entry(self, index: int, sub: int) -> ObjectEntry:
         if (index, sub) in self.dictionary:
@@ -215,7 +240,7 @@ def _protected(device_map: DeviceMap) -> frozenset[Address]:
 
 
 def _is_saved(entry: ObjectEntry) -> bool:
-    return entry.access.startswith("rw") and entry.index not in (0x1010, 0x1011)
+    return entry.access.startswith("rw") and entry.index not in (0x1010, 0x1011, PROGRAM_CONTROL)
 
 
 def _packed(entry: ObjectEntry, value: Value) -> bytes:

@@ -57,6 +57,13 @@ class DeviceSheet(StrictModel):
     convention: Name | None = None
 
 
+class FirmwareGate(StrictModel):
+    """What a unit must run to be calibrated. versions: of 0x100A, `*` stands for anything; software_id: 0x1F56:1."""
+
+    versions: tuple[str, ...] = ()
+    software_id: Annotated[int, Field(ge=0, le=0xFFFF_FFFF)] | None = None
+
+
 class Settle(StrictModel):
     """How long after a move readings are left out."""
 

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from station import plugins
 from station.domain.core.types import Floats
 from station.domain.recipe import gravity, readings
-from station.domain.recipe.blocks import DeviceSheet, DwellRule, Limits, Run, Settle, VerifyBlock
+from station.domain.recipe.blocks import DeviceSheet, DwellRule, FirmwareGate, Limits, Run, Settle, VerifyBlock
 from station.domain.recipe.fields import Name, StrictModel, one_of
 from station.domain.recipe.position import Position, Turn
 from station.domain.recipe.readings import SENSORS
@@ -44,6 +44,7 @@ class Recipe(StrictModel):
     method: Annotated[str, one_of(lambda: plugins.names(METHODS))] = "n-point"
     model: Literal["offset-gain", "matrix"] = "matrix"
     product: Name | None = None
+    firmware: FirmwareGate | None = None
     serial_pattern: str | None = None
     check_digit: Literal["none", "mod10", "mod43"] = "none"
     limits: Limits = Limits()
