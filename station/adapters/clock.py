@@ -37,6 +37,12 @@ class VirtualClock:
         self._now_s = 0.0
         self._actors: list[Actor] = []
         self._acting = False
+        self._wakes_s = -math.inf
+
+    @property
+    def wakes_s(self) -> float:
+        """When whoever sleeps looks again; in the past where anybody may look at any instant."""
+        return self._wakes_s
 
     def monotonic_s(self) -> float:
         """Simulated seconds since this clock was made."""
@@ -62,8 +68,12 @@ class VirtualClock:
         """Lets the rig live for `duration_s`: each actor acts at every instant at which any is due, and at the end."""
         until_s = self._now_s + max(0.0, duration_s)
         self.settle()
-        while self._now_s < until_s:
-            self.advance(until_s)
+        self._wakes_s = until_s
+        try:
+            while self._now_s < until_s:
+                self.advance(until_s)
+        finally:
+            self._wakes_s = -math.inf
 
     def settle(self) -> None:
         """Every actor acts at the present instant; time does not move."""

@@ -1,5 +1,6 @@
 """The simulated fixture: a virtual bus on virtual time, a positioner in numbers, and devices that sense its physics."""
 
+import math
 import threading
 from collections.abc import Sequence
 from functools import cache, partial
@@ -170,8 +171,12 @@ class SimulatedFixture:
             memory=memory,
             faults=faults,
             key=seed_key(self._job.product.map),
+            wakes_s=self._wakes_s,
         )
         return device, channel
+
+    def _wakes_s(self) -> float:
+        return self._events.wakes_s
 
     def _positioner_settings(self, document: Document) -> SimulatedPositioner.Settings:
         if self._settings.positioner.kind != "simulated":
@@ -241,6 +246,9 @@ class Rehearsal(SimulatedFixture):
 
     def _world(self) -> tuple[Clock, Bus]:
         return SystemClock(), self._near
+
+    def _wakes_s(self) -> float:
+        return -math.inf
 
     def _attach(self, device: SimulatedDevice) -> None:
         self._served.append(device)

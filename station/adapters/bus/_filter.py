@@ -22,6 +22,13 @@ def accepted_mask(frames: Frames, can_ids: Sequence[int], *, errors: bool) -> ND
     return np.asarray(chosen | is_error if errors else chosen)
 
 
+def accepts(can_id: int, can_ids: Sequence[int], *, errors: bool) -> bool:
+    """The same for one frame."""
+    if can_id & ERROR:
+        return errors
+    return not can_ids or can_id & (EXTENDED | 0x1FFF_FFFF) in can_ids
+
+
 def _is_listed(address: NDArray[np.uint32], can_ids: Sequence[int]) -> NDArray[np.bool_]:
     """Mask (n) of the addresses that are listed; a few ids are compared one by one, ten times as fast as np.isin."""
     if len(can_ids) > _FEW_IDS:

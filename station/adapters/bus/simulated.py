@@ -1,16 +1,14 @@
-"""A CAN bus inside this process: python-can's virtual interface, on simulated time."""
+"""A CAN bus inside this process, on simulated time."""
 
 import errno
-import uuid
+from collections.abc import Sequence
 
 import numpy as np
 
 from station.adapters.bus._errors import SEND_DEADLINE_S, socket_error
-from station.adapters.bus._filter import accepted_mask
-from station.adapters.bus._messages import to_frames, to_message
-from station.adapters.bus._python_can import VirtualBus
+from station.adapters.bus._filter import accepted_mask, accepts
 from station.adapters.bus._wire import TX_QUEUE_FRAMES, Wire, parse
-from station.domain.core.types import Frames
+from station.domain.core.types import REMOTE, Frames
 from station.domain.recipe.fields import StrictModel
 from station.errors import BusFault
 from station.ports.bus import ErrorCounters
@@ -21,12 +19,11 @@ _NO_FRAMES = Frames.empty()
 
 
 class SimulatedBus:
-    """One virtual bus of one simulated rig; the channel is unique, so two rigs never hear each other.
+    """One bus of one simulated rig; two rigs never hear each other.
 
-    Single frames (SDO, NMT, heartbeat, SYNC) travel through python-can's virtual interface. Blocks of frames
-    (`send_many`) are handed from endpoint to endpoint as arrays beside it: same filters, same receivers, and
-    merged by time with the single ones when they are received. That order is global as long as every actor,
-    when it acts, sends all that was due until then.
+    Single frames (SDO, NMT, heartbeat, SYNC) are put one by one among those that wait at each endpoint, blocks of
+    frames (`send_many`) as arrays: same filters, same receivers, merged by time when they are received. That order is
+    global as long as every actor, when it acts, sends all that was due until then.
 
     `break_wire` puts faults between the station's channels and the devices' endpoints, which never see an error.
     """
@@ -45,7 +42,6 @@ class SimulatedBus:
     def __init__(self, clock: EventClock, name: str = "simulated") -> None:
         self._clock = clock
         self._name = name
-        self._channel_name = f"{name}-{uuid.uuid4()}"
         self._channels: list[_Channel] = []
         self._wire = Wire()
 
@@ -94,7 +90,7 @@ class SimulatedBus:
 
     def _open(self, can_ids: tuple[int, ...], *, errors: bool, of_station: bool = True) -> "_Channel":
         wire = self._wire if of_station else None
-        channel = _Channel(self._clock, self._channel_name, self._name, self._channels, can_ids, wire, errors=errors)
+        channel = _Channel(self._clock, self._name, self._channels, can_ids, wire, errors=errors)
         self._channels.append(channel)
         return channel
 
@@ -132,7 +128,6 @@ class _Channel:
     def __init__(
         self,
         clock: EventClock,
-        channel: str,
         name: str,
         peers: "list[_Channel]",
         can_ids: tuple[int, ...],
@@ -149,7 +144,7 @@ class _Channel:
         self._can_ids = can_ids
         self._errors = errors
         self._blocks: list[Frames] = []
-        self._bus = VirtualBus(channel, preserve_timestamps=True)  # by its class: no .canrc can redirect it
+        self._singles: list[tuple[int, int, bytes]] = []
 
     def send(self, can_id: int, data: bytes) -> None:
         """Sends one frame now."""
@@ -157,14 +152,13 @@ class _Channel:
         if len(data) > 8:
             raise ValueError(f"a classic frame holds 8 bytes, not {len(data)}")
         if self._wire is None or self._transmits_now(self._wire, can_id, data):
-            # Seconds since the clock's start: small enough for a float to hold them to the nanosecond.
-            self._bus.send(to_message(can_id, data, self._clock.monotonic_s()))
+            self._put(can_id, data)
 
     def send_now(self, can_id: int, data: bytes) -> None:
         """Sends one frame, if the wire is whole; no time passes."""
         now_s = self._clock.monotonic_s()
         if self._wire is None or not (self._wire.fails(now_s) or self._wire.holds(now_s)):
-            self._bus.send(to_message(can_id, data, now_s))
+            self._put(can_id, data)
 
     def send_many(self, frames: Frames) -> None:
         """Sends a block; the frames keep their time_ns, which may not lie in the future."""
@@ -172,6 +166,18 @@ class _Channel:
         for peer in self._peers:
             if peer is not self:
                 peer.take_block(frames)
+
+    def _put(self, can_id: int, data: bytes) -> None:
+        """One frame of this instant to everybody else."""
+        single = self._clock.epoch_ns(), can_id, b"" if can_id & REMOTE else bytes(data)
+        for peer in self._peers:
+            if peer is not self:
+                peer.take_single(single)
+
+    def take_single(self, single: tuple[int, int, bytes]) -> None:
+        """Puts a frame (time_ns, can_id, data) among those waiting here, where this channel wants it."""
+        if accepts(single[1], self._can_ids, errors=self._errors):
+            self._singles.append(single)
 
     def take_block(self, frames: Frames) -> None:
         """Puts what this channel wants of a block among the frames waiting here."""
@@ -195,23 +201,21 @@ class _Channel:
         return frames
 
     def drops(self) -> int:
-        """None: the virtual interface's queue has no end."""
+        """None: what waits here has no end."""
         return 0
 
     def close(self) -> None:
         """Leaves the bus; twice is harmless."""
         if self in self._peers:
             self._peers.remove(self)
-            self._bus.shutdown()
 
     def _drain(self) -> Frames:
-        singles_wait = not self._bus.queue.empty()
-        if not self._blocks and not singles_wait:
+        if not self._blocks and not self._singles:
             return _NO_FRAMES
         blocks, self._blocks = self._blocks, []
-        if singles_wait:
-            singles = self._singles()
-            blocks.insert(0, singles[accepted_mask(singles, self._can_ids, errors=self._errors)])
+        if self._singles:
+            singles, self._singles = self._singles, []
+            blocks.insert(0, _frames_of(singles))
         frames = blocks[0] if len(blocks) == 1 else Frames.join(blocks)
         if (np.diff(frames.time_ns) < 0).any():
             frames = frames[np.argsort(frames.time_ns, kind="stable")]
@@ -245,14 +249,20 @@ class _Channel:
     def _send_held(self) -> None:
         held, self._held = self._held, []
         for can_id, data in held:
-            self._bus.send(to_message(can_id, data, self._clock.monotonic_s()))
-
-    def _singles(self) -> Frames:
-        messages = []
-        while (message := self._bus.recv(0)) is not None:
-            messages.append(message)
-        return to_frames(messages, [self._clock.at_ns(m.timestamp) for m in messages])
+            self._put(can_id, data)
 
     def _check_open(self) -> None:
         if self not in self._peers:
             raise BusFault("channel-closed", bus="simulated")
+
+
+def _frames_of(singles: Sequence[tuple[int, int, bytes]]) -> Frames:
+    """Single frames as arrays, in the order in which they were sent."""
+    time_ns, can_id, data = zip(*singles, strict=True)
+    payload = b"".join(one.ljust(8, b"\0") for one in data)
+    return Frames(
+        np.array(time_ns, np.int64),
+        np.array(can_id, np.uint32),
+        np.array([len(one) for one in data], np.uint8),
+        np.frombuffer(payload, np.uint8).reshape(len(data), 8),
+    )

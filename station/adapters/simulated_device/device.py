@@ -4,6 +4,7 @@ It is an actor: it lives in `act`, which takes the frames waiting for it and sen
 last call. In simulated time the clock calls it; in real time `serve` does.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -57,7 +58,8 @@ class SimulatedDevice:
     """One device with the node id of its `dictionary`.
 
     channel: its own endpoint on the bus; device_map: of its product; sensor: its physical side; serial: as the
-    serial object keeps it; memory: what was saved; faults: what is wrong with it; key: of a UDS device that is locked.
+    serial object keeps it; memory: what was saved; faults: what is wrong with it; key: of a UDS device that is locked;
+    wakes_s: when somebody looks next at what it sends, in the past where that may be at any instant.
     """
 
     def __init__(
@@ -73,6 +75,7 @@ class SimulatedDevice:
         timing: Timing = Timing(),
         faults: Sequence[InjectedFault] = (),
         key: SeedKey | None = None,
+        wakes_s: Callable[[], float] = lambda: -math.inf,
     ) -> None:
         self.node = dictionary.node
         self.state = BOOTING
@@ -98,7 +101,9 @@ class SimulatedDevice:
             computed=self._computed(),
             spoil=self._spoilt_value,
         )
-        self._pdo = ProcessData(channel, clock, self.objects, sensor, self._stream_faults, block_s=timing.block_s)
+        self._pdo = ProcessData(
+            channel, clock, self.objects, sensor, self._stream_faults, block_s=timing.block_s, wakes_s=wakes_s
+        )
         self._pdo.settled_s = self._now_s + timing.warm_up_s
         self._managed = device_map.protocol == "canopen"
         self._link = link_of(device_map, self.node, sensor.layout.map.node_of_dbc, channel.send)

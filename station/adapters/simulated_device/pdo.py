@@ -1,6 +1,7 @@
 """The process data of a simulated device: readings by timer or SYNC, temperature, and the babble of a broken node."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ _BABBLE_ID, _BABBLE_PERIOD_S = 0x001, 0.0002
 class ProcessData:
     """Sends TPDO 1 and 2 as objects 0x1800 and 0x1801 say; a product without them sends at the sensor's rate.
 
-    block_s: readings leave in blocks that end at its multiples, the same instants for every device.
+    block_s: readings leave in blocks that end at its multiples, the same instants for every device. wakes_s: when
+    somebody looks next: what SYNC asked for before leaves together then.
     """
 
     def __init__(
@@ -34,13 +36,15 @@ class ProcessData:
         faults: StreamFaults,
         *,
         block_s: float,
+        wakes_s: Callable[[], float],
     ) -> None:
         self._channel = channel
         self._clock = clock
         self._objects = objects
         self._sensor = sensor
         self._faults = faults
-        self._block_s = block_s
+        self._block_s, self._wakes_s = block_s, wakes_s
+        self._asked_s: list[float] = []  # instants of SYNC whose readings have not left yet
         self._pdo = _pdo_of(objects, sensor)
         self._readings = SignalChain(sensor, faults)
         self._timer, self._slow_timer, self._babble = Timer(), Timer(), Timer()
@@ -68,6 +72,7 @@ class ProcessData:
 
     def stop(self) -> None:
         """Sends no more by itself."""
+        self._answer_sync(math.inf)
         self._timer.stop()
         self._slow_timer.stop()
 
@@ -76,10 +81,12 @@ class ProcessData:
         kind = self._objects.number(self._pdo, 2, _EVENT_DRIVEN)
         self._syncs += 1
         if kind <= _LAST_SYNCHRONOUS and self._syncs % max(kind, 1) == 0 and not self._is_off(self._pdo):
-            self._send_readings(np.array([now_s]))
+            self._asked_s.append(now_s)
+            self._answer_sync(now_s)
 
     def produce(self, now_s: float) -> None:
         """Sends all that is due until now."""
+        self._answer_sync(now_s)
         if len(times_s := self._timer.due(now_s)):
             self._send_readings(times_s)
         if len(times_s := self._slow_timer.due(now_s)):
@@ -99,6 +106,12 @@ class ProcessData:
         """The reading at an instant, as the integers (3) of its signals."""
         raw = self._readings.raw(np.array([at_s]))
         return np.asarray(self._readings.counts(self._readings.corrected(raw, correction))[0])
+
+    def _answer_sync(self, now_s: float) -> None:
+        """Readings that SYNC asked for, as soon as anybody looks."""
+        if self._asked_s and now_s >= self._wakes_s():
+            asked_s, self._asked_s = np.array(self._asked_s), []
+            self._send_readings(asked_s)
 
     def _send_readings(self, times_s: Floats) -> None:
         if self._faults.active("stream-stops", float(times_s[-1])):

@@ -64,12 +64,23 @@ class Position(StrictModel):
         return any(v is not None for v in (self.quaternion, self.up, self.rotate))
 
     def matrix(self) -> Floats:
-        """Nest → station rotation; the identity where none is given."""
-        if self.quaternion is not None:
-            return rotation.from_quaternion(np.array(self.quaternion))
-        if self.up is not None:
-            return rotation.shortest(UP[self.up], UP["+z"])
+        """Nest → station rotation, not to be written to; the identity where none is given."""
+        turns = tuple((turn.axis, turn.angle_deg) for turn in self.rotate or ())
+        return _orientation(self.quaternion, self.up, turns)
+
+
+@lru_cache(maxsize=1024)
+def _orientation(
+    quaternion: tuple[float, float, float, float] | None, up: str | None, turns: tuple[tuple[Vector, float], ...]
+) -> Floats:
+    """An orientation, cached: those of a recipe are needed at every visit."""
+    if quaternion is not None:
+        R = rotation.from_quaternion(np.array(quaternion))
+    elif up is not None:
+        R = rotation.shortest(UP[up], UP["+z"])
+    else:
         R = np.eye(3)
-        for turn in self.rotate or ():
-            R = turn.matrix() @ R
-        return R
+        for axis, angle_deg in turns:
+            R = _rotation_about(axis, angle_deg) @ R
+    R.flags.writeable = False
+    return R

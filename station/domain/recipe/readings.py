@@ -1,5 +1,6 @@
 """What a perfect device reads of what it feels: the vector itself, or what its sensor kind makes of it."""
 
+from functools import cache
 from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
@@ -31,6 +32,7 @@ class ConvertingSensor(Protocol):
         """What a perfect device reads (…, 3) of vectors (…, 3) in its frame; 0 for an axis that it does not have."""
 
 
+@cache
 def converting_kind(kind: str) -> ConvertingSensor | None:
     """The kind as one that converts; None for a kind that reads the components of its stimulus."""
     found = plugins.load(SENSORS, kind)()
