@@ -27,8 +27,17 @@ class Words:
 
 def term(name: str, code: str) -> str:
     """The same for the language of that code."""
+    return templates(code).get(_term_id(name), name)
+
+
+def term_message(name: str) -> Message:
+    """The same as a message, to stand in another."""
+    return Message(_term_id(name)) if _term_id(name) in templates("en") else Message.text(name)
+
+
+def _term_id(name: str) -> str:
     plain = name.lower().replace("σ", "sigma").replace("−", "minus")
-    return templates(code).get(f"term-{_BETWEEN.sub('-', plain).strip('-')}", name)
+    return f"term-{_BETWEEN.sub('-', plain).strip('-')}"
 
 
 def words_of(code: str) -> Words:

@@ -1,96 +1,109 @@
-"""The diagnosis of a selection of units: their samples out of the log, `station diagnose` as a child, its report."""
+"""The engineer's diagnoses: of units, a load, a day or a nest; what changed since last week; the reports."""
 
-import secrets
-import subprocess
-import sys
-from pathlib import Path
+from dataclasses import replace
 
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from station.errors import LogError, UsageError
-from station.panel_protocol.companion import Companion, companion_file
-from station.ports.log_reader import Attempt, Query
-from station.service import stored_attempts
-from station.web import render
+from station.errors import UsageError
+from station.reporting.line.week_change import WeekChange, week_change
+from station.service.line_statistics import attempt_values
+from station.service.time_text import parse_ns
+from station.web import diagnosis_jobs, language, render
 from station.web.guard import form_of, require_right
 from station.web.panel import Panel
+from station.web.query_form import query_of
 from station.web.sessions import Session
-from station.wiring.sample_files import join, write_samples
 
-#: So many units at most in one selection.
-MOST_UNITS = 200
-#: So many diagnoses at a time: each keeps a core busy, and the station works beside it.
-MOST_PARALLEL = 1
-#: The report is one page with its style and figures in it, and no script.
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; sandbox"
+#: What a diagnosis may be of, beside picked units.
+SCOPE_FIELDS = ("serial", "since", "until", "station", "nest", "recipe_name")
+#: Of each week so many of the newest attempts are compared.
+MOST_COMPARED = 500
+#: The report is one page with its style and figures in it, and no script; only our own page may frame it.
+_REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'; sandbox"
+_FRAMING_POLICY = (
+    "default-src 'none'; img-src 'self' data:; style-src 'self'; frame-src 'self'; frame-ancestors 'none'; "
+    "base-uri 'none'; form-action 'self'"
+)
 
 
 @require_right("diagnose")
 async def begin(request: Request, session: Session) -> Response:
-    """Starts the diagnosis of the serials picked."""
+    """Starts the diagnosis of the units picked, or of all that the fields name."""
     form = await form_of(request, session)
     panel: Panel = request.app.state.panel
-    serials = sorted({str(s) for s in form.getlist("serial")})
-    if not 0 < len(serials) <= MOST_UNITS:
-        raise UsageError("diagnosis-pick-units", limit=MOST_UNITS)
-    if sum(child.poll() is None for child in panel.children.values()) >= MOST_PARALLEL:
-        raise UsageError("diagnosis-under-way")
-    name = secrets.token_hex(8)
-    panel.journal.add(session.account.name, "diagnose", serials=serials, report=name)
-    await run_in_threadpool(_start_diagnosis, panel, serials, name)
+    serials = sorted({str(s) for s in form.getlist("serial") if s})
+    question = {k: str(form.get(k) or "") for k in SCOPE_FIELDS[1:] if form.get(k)}
+    if any(set(serial) & set("*?") for serial in serials):
+        question, serials = question | {"serial": serials[0]}, []
+    if len(serials) > diagnosis_jobs.MOST_UNITS or not (serials or question):
+        raise UsageError("diagnosis-pick-units", limit=diagnosis_jobs.MOST_UNITS)
+    query = query_of(question)
+    name = await run_in_threadpool(
+        diagnosis_jobs.start_diagnosis,
+        panel,
+        session.account.name,
+        serials,
+        {"serial": ", ".join(serials)} | question,
+        query,
+    )
+    panel.journal.add(session.account.name, "diagnose", serials=serials or question, report=name)
     return RedirectResponse(f"/diagnosis?name={name}", 303)
 
 
 @require_right("diagnose")
 async def show(request: Request, session: Session) -> Response:
-    """The report, when it is there; until then a page that looks again, or what went wrong."""
+    """One diagnosis: how far it is, what went wrong, or its report; without a name: the form, and all before."""
     panel: Panel = request.app.state.panel
-    name = request.query_params.get("name", "")
-    folder = _folder(panel, name)
-    report, output = folder / "report.html", folder / "said.txt"
-    if report.exists():
-        return HTMLResponse(report.read_bytes(), headers={"Content-Security-Policy": _POLICY})
-    child = panel.children.get(name)
-    working = child is not None and child.poll() is None
-    words = "" if working else output.read_text(encoding="utf-8", errors="replace")[-500:]
-    return render.page(request, "diagnosis.html", session, working=working, words=words)
+    name = request.query_params.get("name")
+    if name is None:
+        asked = {k: request.query_params.get(k, "")[:80] for k in SCOPE_FIELDS}
+        before = await run_in_threadpool(diagnosis_jobs.earlier_diagnoses, panel)
+        return render.page(request, "diagnoses.html", session, asked=asked, before=before)
+    found = await run_in_threadpool(diagnosis_jobs.diagnosis_state, panel, name)
+    answer = render.page(request, "diagnosis.html", session, one=found)
+    answer.headers["Content-Security-Policy"] = _FRAMING_POLICY
+    return answer
 
 
-def _start_diagnosis(panel: Panel, serials: list[str], name: str) -> None:
-    """Writes the samples of the newest recipe's attempts, and starts the child. Errors: LogError."""
-    with panel.log() as log:
-        found = [a for serial in serials for a in log.attempts(Query(serial=serial))]
-        attempts = _of_one_recipe(found)
-        tables = list(stored_attempts.samples(log, attempts))
-        recipe_json = log.recipe_and_product(attempts[-1])[0] if attempts else ""
-    if not tables:
-        raise LogError("diagnosis-no-visits")
-    folder = companion_file(panel.order.database, Companion.DIAGNOSES) / name
-    folder.mkdir(parents=True)
-    (folder / "recipe.yaml").write_text(recipe_json, encoding="utf-8")  # JSON is YAML
-    write_samples(join(tables), folder / "samples.parquet")
-    words = ["diagnose", "--samples", "samples.parquet", "--recipe", "./recipe.yaml", "--report", "report.html"]
-    with (folder / "said.txt").open("wb") as output:
-        panel.children[name] = subprocess.Popen(
-            [sys.executable, "-P", "-m", "station", *words, "--json", "diagnosis.json"],
-            cwd=folder, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True,
-        )  # fmt: skip
-
-
-def _of_one_recipe(found: list[Attempt]) -> list[Attempt]:
-    """The attempts with the newest one's recipe, oldest first: a diagnosis is of one recipe."""
-    in_order = sorted(found, key=lambda a: a.started_ns)
-    return [a for a in in_order if a.recipe_hash == in_order[-1].recipe_hash]
-
-
-def _folder(panel: Panel, name: str) -> Path:
-    folder = companion_file(panel.order.database, Companion.DIAGNOSES) / name
-    if len(name) != 16 or set(name) - set("0123456789abcdef") or not folder.is_dir():
+@require_right("diagnose")
+async def show_report(request: Request, _session: Session) -> Response:
+    """The report alone, to be framed or printed."""
+    folder = diagnosis_jobs.diagnosis_folder(request.app.state.panel, request.query_params.get("name", ""))
+    if not (folder / "report.html").exists():
         raise UsageError("diagnosis-unknown")
-    return folder
+    headers = {"Content-Security-Policy": _REPORT_POLICY, "X-Frame-Options": "SAMEORIGIN"}
+    return HTMLResponse((folder / "report.html").read_bytes(), headers=headers)
 
 
-ROUTES = [Route("/diagnose", begin, methods=["POST"]), Route("/diagnosis", show, methods=["GET"])]
+@require_right("diagnose")
+async def show_changes(request: Request, session: Session) -> Response:
+    """The last seven days against the seven before."""
+    panel: Panel = request.app.state.panel
+    found = await run_in_threadpool(_week_change, panel)
+    words = language.words(language.of_request(request))
+    return render.page(request, "changes.html", session, found=found, lines=[words.render(m) for m in found.messages])
+
+
+def _week_change(panel: Panel) -> WeekChange:
+    asked = dict.fromkeys(SCOPE_FIELDS, "")
+    now_ns, week_ns = parse_ns("0d", end=False), parse_ns("0d", end=False) - parse_ns("7d", end=False)
+    base = query_of(asked)
+    weeks = (
+        replace(base, since_ns=now_ns - 2 * week_ns, until_ns=now_ns - week_ns),
+        replace(base, since_ns=now_ns - week_ns),
+    )
+    with panel.log() as log:
+        rows = [log.attempts(week, MOST_COMPARED) for week in weeks]
+        values = [attempt_values(log, week, MOST_COMPARED) for week in weeks]
+    return week_change((rows[0], values[0]), (rows[1], values[1]))
+
+
+ROUTES = [
+    Route("/diagnose", begin, methods=["POST"]),
+    Route("/diagnosis", show, methods=["GET"]),
+    Route("/diagnosis/report", show_report, methods=["GET"]),
+    Route("/diagnosis/changes", show_changes, methods=["GET"]),
+]

@@ -8,6 +8,7 @@ from starlette.testclient import TestClient
 from station.config.settings import load_settings
 from station.panel_protocol import accounts
 from station.panel_protocol.accounts import Account, Role
+from station.web import diagnosis_jobs
 from station.web.app import create_app
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
@@ -37,7 +38,19 @@ def test_picked_units_are_diagnosed_and_the_report_opens(tmp_path: Path) -> None
         (child,) = panel.children.values()
         child.wait(280)
         page = client.get(at)
-        assert "<svg" in page.text
-        assert "sandbox" in page.headers["content-security-policy"]
+        assert f'src="/diagnosis/report?name={at.partition("name=")[2]}"' in page.text, (
+            "the report inside the navigation"
+        )
+        assert "frame-src 'self'" in page.headers["content-security-policy"]
+        alone = client.get(at.replace("/diagnosis", "/diagnosis/report"))
+        assert "<svg" in alone.text
+        assert "sandbox" in alone.headers["content-security-policy"]
+        assert at.partition("name=")[2] in client.get("/diagnosis").text, "among the earlier ones"
+        begun = client.post("/diagnose", data=token | {"nest": "B", "since": "1d"})
+        found = diagnosis_jobs.diagnosis_state(panel, begun.headers["location"].partition("name=")[2])
+        assert (found.job.units, found.job.question["nest"]) == (1, "B")
+        panel.children[found.job.name].kill()
+        panel.children[found.job.name].wait()
+        assert "6 → 6" not in client.get("/diagnosis/changes").text
         for name in ("../station.db", "0" * 16, ""):
             assert client.get("/diagnosis", params={"name": name}).status_code == 400

@@ -38,9 +38,12 @@ NEEDS = {
     "/audit/certificate.pdf": "audit",
     "/audit/bundle": "audit",
     "/audit/recompute": "audit",
+    "/audit/sign": "sign",
     "/charts": "charts",
     "/diagnose": "diagnose",
     "/diagnosis": "diagnose",
+    "/diagnosis/report": "diagnose",
+    "/diagnosis/changes": "diagnose",
     "/journal": "audit",
 }
 

@@ -8,7 +8,7 @@ import scipy
 
 from station.domain.core.types import Floats
 
-_LEVEL = 0.95
+LEVEL = 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class GroupMean:
 
 @dataclass(frozen=True, slots=True)
 class MeanChange:
-    """Mean after minus mean before with the half-width of its 95 % interval, by Welch's t (Biometrika 34, 1947)."""
+    """Mean after minus mean before with the half-width of its interval, by Welch's t (Biometrika 34, 1947)."""
 
     before: GroupMean
     after: GroupMean
@@ -30,15 +30,16 @@ class MeanChange:
     half_width: float
 
 
-def compare(before: Floats, after: Floats) -> MeanChange | None:
-    """The change of the mean from `before` (n) to `after` (m); None where a group has fewer than two values."""
+def compare(before: Floats, after: Floats, level: float = LEVEL) -> MeanChange | None:
+    """The change of the mean from `before` (n) to `after` (m), its interval at `level`, the groups' own at 95 %; None
+    where a group has fewer than two values."""
     if min(len(before), len(after)) < 2:
         return None
     variances = [float(np.var(group, ddof=1)) / len(group) for group in (before, after)]
     total = sum(variances)
     difference = float(np.mean(after)) - float(np.mean(before))
     squares = sum(v**2 / (len(g) - 1) for v, g in zip(variances, (before, after), strict=True))
-    half_width = _t(total**2 / squares) * math.sqrt(total) if squares else 0.0
+    half_width = _t(total**2 / squares, level) * math.sqrt(total) if squares else 0.0
     return MeanChange(_group(before), _group(after), difference, half_width)
 
 
@@ -47,5 +48,5 @@ def _group(values: Floats) -> GroupMean:
     return GroupMean(n, float(np.mean(values)), _t(n - 1) * float(np.std(values, ddof=1)) / math.sqrt(n))
 
 
-def _t(dof: float) -> float:
-    return float(scipy.stats.t.ppf((1 + _LEVEL) / 2, dof))
+def _t(dof: float, level: float = LEVEL) -> float:
+    return float(scipy.stats.t.ppf((1 + level) / 2, dof))
