@@ -94,6 +94,29 @@ def test_another_rate_is_said_exactly_and_lost_frames_are_no_rate(rng: np.random
     assert some.remarks == ()
 
 
+def test_a_rate_that_sensors_are_set_to_is_the_sheets_error_and_any_other_the_clocks(rng: np.random.Generator) -> None:
+    recipe = by_hand(rate_hz=100.0)
+    found, _ = preflight.inspect(recipe, table(still(rng), 24, rate_hz=102.4))
+    assert [m.id for m in found.remarks] == ["rate-differs"]
+    assert preflight.with_sheet(recipe, found).device.rate_hz == pytest.approx(102.4)
+    # An oscillator is off by anything; one that is off by less than a hundredth is no other setting.
+    for rate_hz in (102.9, 97.3, 100.4):
+        assert preflight.inspect(recipe, table(still(rng), 24, rate_hz=rate_hz))[0].remarks == ()
+
+
+def test_another_rate_with_another_step_is_the_sheet_of_another_device(rng: np.random.Generator) -> None:
+    recipe = by_hand(rate_hz=100.0, lsb=6.25e-5, noise_density=1e-4)
+    coarse = np.round(still(rng) * 1024) / 1024
+    found, _ = preflight.inspect(recipe, table(coarse, 24, rate_hz=208.0))
+    assert [m.id for m in found.remarks] == ["sheet-of-another-device"]
+    device = preflight.with_sheet(recipe, found).device
+    assert (device.rate_hz, device.lsb) == (pytest.approx(208.0), pytest.approx(1 / 1024))
+    assert device.noise_density > recipe.device.noise_density
+    # Coarse steps at the sheet's own rate are a fault of the unit.
+    alone, _ = preflight.inspect(recipe, table(coarse, 24, rate_hz=100.0))
+    assert alone.remarks == () and preflight.with_sheet(recipe, alone) == recipe
+
+
 def test_metres_per_second_squared_are_asked_about(rng: np.random.Generator) -> None:
     found, _ = preflight.inspect(by_hand(), table(still(rng) * 9.80665, 24))
     (remark,) = found.remarks

@@ -145,9 +145,10 @@ def inferred_keys(recipe: Recipe) -> tuple[str, ...]:
 
 
 def with_sheet(recipe: Recipe, of: Preflight) -> Recipe:
-    """The recipe with what its data sheet leaves out, and a rate that is grossly another, taken from the readings."""
-    found = of.sheet
-    missing = [*inferred_keys(recipe), *(["rate_hz"] if any(m.id == "rate-differs" for m in of.remarks) else [])]
+    """The recipe with what its data sheet leaves out, and what it states of another device, taken from the readings."""
+    found, remarked = of.sheet, {m.id for m in of.remarks}
+    wrong = ["rate_hz"] if "rate-differs" in remarked else []
+    missing = [*inferred_keys(recipe), *(SHEET_KEYS if "sheet-of-another-device" in remarked else wrong)]
     known: dict[str, float] = {}
     if "rate_hz" in missing and found.rate_hz:
         known["rate_hz"] = found.rate_hz

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from station.diagnosis.data.visit_motion import VisitMotion
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
+from station.domain.recognition import usual_rates
 from station.domain.recognition.quantities import QUANTITIES
 from station.domain.recognition.sheet import InferredSheet
 from station.errors import SamplesError
@@ -19,6 +20,8 @@ UNREST = 0.1
 MAGNITUDE = 0.05
 #: The rate is another one beyond this.
 RATE = 0.05
+#: Readings whose step is so many times the sheet's are of another sensor, or of another range.
+SAME_STEP = 1.5
 #: Readings are this many times the stimulus, within SAME_RATIO, when they are in another unit.
 SAME_RATIO = 0.05
 #: White noise above this share of the mean readings leaves no stimulus to see.
@@ -114,7 +117,8 @@ def remarks(
 
 
 def _rate(recipe: Recipe, table: SampleTable, begin: NDArray[np.int64], found: InferredSheet) -> Iterator[Message]:
-    """Grossly another rate than the sheet's, by the counts and by the usual step."""
+    """Another rate than the sheet's: grossly, by the counts and by the usual step, or exactly one that sensors are set
+    to. A sheet that states another step of the readings, too, is another device's."""
     if found.rate_hz is None or "rate_hz" not in recipe.device.model_fields_set:
         return
     sheet = recipe.device.rate_hz
@@ -122,7 +126,16 @@ def _rate(recipe: Recipe, table: SampleTable, begin: NDArray[np.int64], found: I
     steps = np.delete(steps, begin[1:] - 1)
     steps = steps[steps > 0]
     usual = 1 / float(np.median(steps)) if len(steps) else sheet
-    if all(abs(rate / sheet - 1) > RATE for rate in (found.rate_hz, usual)):
+    # Lost frames change the counts, rounded stamps the usual step: a rate shows in both.
+    grossly = all(abs(rate / sheet - 1) > RATE for rate in (found.rate_hz, usual))
+    another = abs(usual / found.rate_hz - 1) < RATE and usual_rates.is_another(found.rate_hz, sheet)
+    lsb = float(found.lsb.max()) if "lsb" in recipe.device.model_fields_set else 0.0
+    if another and lsb > SAME_STEP * recipe.device.lsb:
+        yield Message(
+            "sheet-of-another-device", rate_hz=found.rate_hz, sheet_hz=sheet, lsb=lsb, sheet_lsb=recipe.device.lsb,
+            unit=recipe.unit,
+        )  # fmt: skip
+    elif another or grossly:
         yield Message("rate-differs", rate_hz=found.rate_hz, sheet_hz=sheet)
 
 
