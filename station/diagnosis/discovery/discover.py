@@ -14,9 +14,8 @@ from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.library import libraries
 from station.diagnosis.discovery.price import price
 from station.diagnosis.discovery.scan import Choice, Scan, scan_of, scanned_units
-from station.diagnosis.discovery.term_fit import TermFit, accepted, fit_term, refine, with_levels
+from station.diagnosis.discovery.term_fit import TermFit, TermSpace, accepted, fit_term, refine, with_levels
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
-from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.alarm import NullDistribution, statistic
 from station.diagnosis.search.cause_search import build_banks
 from station.diagnosis.search.problem import refined
@@ -29,13 +28,15 @@ from station.model.formula.term import Term
 MAX_TERMS = 3
 #: Families whose constants are refined, and how far behind the best of the scan they may be, nats.
 MOST_REFINED, REFINED_NATS = 20, 9.0
+#: What a law may lose, as a share of its score, where its constants stand between those of the grid.
+GRID_SHARE = 0.35
 #: A formula is whole where the next best term is this far below chance, nats, and the rest is not larger than the
 #: visits' own noise by more than this, standard deviations.
 NEARLY_NATS, MOST_EXCESS = 1.0, 1.8
 #: Numbers that must be left beside the calibration: of fewer no law can be read.
 LEAST_NUMBERS = 12
-#: Cosine from which two curves of one input are one.
-SAME_CURVE = 0.998
+#: Two curves of one input are one where they are no further apart than this, in white data.
+SAME_CURVE = 0.5
 #: Formulas so near to the best, nats, are given as one set.
 SET_NATS = 3.0
 #: What a term of the rig's groups, which are not on the grid, must be ahead of chance, nats.
@@ -136,23 +137,21 @@ class _FormulaSearch:
     ) -> FoundTerm | None:
         """The best of some terms with their constants refined, judged under the floor that fits best with it. top: the
         best of the grid."""
-        spaces = _Spaces(problem, floor)
-        fits = [refine(t, problem.view, spaces.of(t)) for t in terms]
-        fits += [fit_term(t, problem.view, spaces.of(t)) for t in _group_terms(problem)]
+        # Of a fleet some units show which families are worth a fit to all.
+        few = _Spaces(problem, floor, MOST_SCANNED_UNITS)
+        fits = [refine(t, few.of(t)) for t in terms]
+        fits += [fit_term(t, few.of(t)) for t in _group_terms(problem)]
         fits = sorted(fits, key=lambda f: -f.score)[:MOST_REFINED]
         if not fits or fits[0].score < self.threshold - SET_NATS:
             return None
         leader = fits[0]
         with_it = problem.beside((*problem.accepted, accepted(leader, problem.view, name))).fit(floor).floor
-        fairer = _Spaces(problem, with_it)
+        spaces, fairer = _Spaces(problem, floor), _Spaces(problem, with_it)
         close = [f for f in fits if f.score > leader.score - REFINED_NATS]
-        again = [
-            with_levels(refine(f.term, problem.view, fairer.of(f.term)), problem.view, fairer.of(f.term), self._levels)
-            for f in close
-        ]
+        again = [with_levels(refine(f.term, fairer.of(f.term)), fairer.of(f.term), self._levels) for f in close]
         again.sort(key=lambda f: -f.score)
         best = _simplest(again)
-        score = best.score + fairer.of(best.term).profile - spaces.of(best.term).profile
+        score = best.score + fairer.of(best.term).space.profile - spaces.of(best.term).space.profile
         if score < self.threshold or (top < self.threshold and score < self.threshold + GROUP_NATS):
             return None
         near = _distinct([f for f in again if f.score > best.score - SET_NATS], best)
@@ -174,17 +173,19 @@ class _FormulaSearch:
 
 
 class _Spaces:
-    """A problem's spaces under one floor, each made when it is needed."""
+    """A problem's spaces under one floor, each made when it is needed; of all units, or of so many."""
 
-    def __init__(self, problem: ScoringProblem, floor: NoiseFloor) -> None:
-        self._problem, self._floor = problem, floor
-        self._made: dict[bool, ResidualSpace] = {}
+    def __init__(self, problem: ScoringProblem, floor: NoiseFloor, most: int | None = None) -> None:
+        self._view, self._floor = problem.view, floor
+        self._units = scanned_units(problem, problem.view.grid.units if most is None else most)
+        self._made: dict[bool, TermSpace] = {}
 
-    def of(self, term: Term) -> ResidualSpace:
-        """The space that a term is judged in."""
+    def of(self, term: Term) -> TermSpace:
+        """Where a term is judged."""
         moving = "since_arrival_s" in term.needs
         if moving not in self._made:
-            self._made[moving] = self._problem.space(self._floor, moving=moving)
+            space = self._units.setting.space(self._floor, moving=moving)
+            self._made[moving] = TermSpace(self._view, self._units, space)
         return self._made[moving]
 
 
@@ -200,7 +201,8 @@ def _best_choices(scans: Sequence[Scan]) -> tuple[float, list[Choice]]:
                     best[key] = (value, choice)
     ranked = sorted(best.values(), key=lambda pair: -pair[0])
     top = ranked[0][0] if ranked else -np.inf
-    return top, [c for value, c in ranked if value > top - REFINED_NATS][:MOST_REFINED]
+    least = top - max(REFINED_NATS, GRID_SHARE * top)
+    return top, [c for value, c in ranked if value > least][:MOST_REFINED]
 
 
 def _levels_of(problem: ScoringProblem) -> tuple[str, ...]:
@@ -243,11 +245,10 @@ def _simplest(ranked: Sequence[TermFit]) -> TermFit:
 
 
 def _is_same_curve(one: TermFit, two: TermFit) -> bool:
-    """Whether two terms of one input differ by next to nothing: a decay that lasts for ever is a constant."""
+    """Whether two terms of one input differ by less than noise shows: a decay that lasts for ever is a constant."""
     if one.term.input != two.term.input or one.signal.shape != two.signal.shape:
         return False
-    lengths = float(np.sum(one.signal**2) * np.sum(two.signal**2)) ** 0.5
-    return bool(lengths > 0 and float(np.sum(one.signal * two.signal)) > SAME_CURVE * lengths)
+    return bool(np.sum((one.signal - two.signal) ** 2) < SAME_CURVE**2)
 
 
 def _distinct(near: Sequence[TermFit], best: TermFit) -> tuple[TermFit, ...]:

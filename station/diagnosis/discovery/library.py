@@ -17,7 +17,9 @@ from station.model.forward import sensor_signal
 from station.model.scene import Signal
 
 #: Inputs that are tried with every modulator; all others with the plain ones only.
-BASIC_INPUTS = frozenset({"one", "own", "other", "own-squared", "own-other", "own-size", "step"})
+BASIC_INPUTS = frozenset(
+    {"one", "own", "other", "own-squared", "own-cubed", "own-other", "others", "own-size", "other-size", "step"}
+)
 #: Modulators of so many grid values that only basic inputs are tried with them.
 SPECIAL_MODULATORS = frozenset({"wave", "after", "temperature-kink", "temperature-cubed", "time-squared"})
 #: Modulators that change within a visit, and the inputs tried with them.

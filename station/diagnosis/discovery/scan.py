@@ -7,7 +7,6 @@ is all that its evidence needs.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -68,21 +67,16 @@ class ChoiceBatch:
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """A library in a space: white columns (U, C, M) free of the own known ones, and every choice of them."""
+    """A library in a space: white columns (U, C, M) free of the own known ones, and every choice of them. Single
+    precision is enough to find what is then judged exactly."""
 
     space: ResidualSpace
-    columns: Floats
+    columns: Array
     batches: tuple[ChoiceBatch, ...]
-
-    @cached_property
-    def single(self) -> Array:
-        """The columns in single precision, which is enough for chance."""
-        return self.columns.astype(np.float32)
 
     def scores(self, data: Array) -> Iterator[tuple[ChoiceBatch, Floats]]:
         """Log evidence less price (F, n) of each batch for residuals (U, M, n)."""
-        columns = self.single if data.dtype == np.float32 else self.columns
-        products, rest = columns @ data, np.einsum("umn,umn->n", data, data)
+        products, rest = self.columns @ data.astype(np.float32, copy=False), np.einsum("umn,umn->n", data, data)
         for batch in self.batches:
             share = batch.taken(products) / rest
             value = np.empty(share.shape)
@@ -109,24 +103,25 @@ def scanned_units(problem: ScoringProblem, most: int) -> ScannedUnits:
 
 def scan_of(library: Library, view: ResidualView, units: ScannedUnits, floor: NoiseFloor) -> Scan:
     """The library as some units see it under a floor."""
-    parts, lengths = [], []
     space = units.setting.space(floor, moving=library.moving)
+    U, M = space.data.shape
+    columns, length, end = np.empty((U, library.width, M), np.float32), np.empty((U, library.width)), 0
     for some in _portions(library):
-        white, length = _white_columns(library, some, view, units, space)
-        parts.append(white)
-        lengths.append(length)
-    columns = np.ascontiguousarray(np.concatenate(parts, axis=2).swapaxes(1, 2))
-    batches = tuple(_batches(library, columns, np.concatenate(lengths, axis=1), space))
-    return Scan(space, columns, batches)
+        white, squares = _white_columns(library, some, view, units, space)
+        start, end = end, end + squares.shape[1]
+        columns[:, start:end], length[:, start:end] = white.swapaxes(1, 2), squares
+    return Scan(space, columns, tuple(_batches(library, columns, length, space)))
 
 
 def _portions(library: Library) -> Iterator[list[ColumnProduct]]:
     some: list[ColumnProduct] = []
+    width = 0
     for p in library.products:
         some.append(p)
-        if sum(len(x.columns) for x in some) >= COLUMNS_AT_ONCE:
+        width += len(p.columns)
+        if width >= COLUMNS_AT_ONCE:
             yield some
-            some = []
+            some, width = [], 0
     if some:
         yield some
 
@@ -162,7 +157,7 @@ def _placed(
     return layout.rows(means, contrasts)
 
 
-def _batches(library: Library, columns: Floats, length: Floats, space: ResidualSpace) -> Iterator[ChoiceBatch]:
+def _batches(library: Library, columns: Array, length: Floats, space: ResidualSpace) -> Iterator[ChoiceBatch]:
     by_width: dict[tuple[int, str], list[Choice]] = {}
     levels = ("unit", "common") if len(columns) > 1 else ("unit",)
     for p in library.products:
@@ -184,14 +179,14 @@ def _subsets(p: ColumnProduct) -> Iterator[tuple[int, ...]]:
         yield from (tuple(at) for at in alone.values())
 
 
-def _batch(choices: list[Choice], columns: Floats, length: Floats, space: ResidualSpace, of: str) -> ChoiceBatch:
+def _batch(choices: list[Choice], columns: Array, length: Floats, space: ResidualSpace, of: str) -> ChoiceBatch:
     index = np.array([[c.product.first + at for at in c.columns] for c in choices])
     normal = _normal(columns, index)
     scale = length[:, index].mean(axis=2)
     if of == "common":
         normal, scale = normal.sum(0, keepdims=True), scale.sum(0, keepdims=True)
         if space.shared_basis.shape[2]:
-            cross = np.einsum("ucm,ums->cs", columns, space.shared_basis)[index]
+            cross = (columns @ space.shared_basis.astype(np.float32)).sum(0, dtype=float)[index]
             normal = normal - cross @ cross.swapaxes(-1, -2)
     m, E = (normal[..., 0], np.ones_like(normal)) if normal.shape[-1] == 1 else np.linalg.eigh(normal)
     seen = m > VISIBLE_SHARE * np.maximum(scale, 1e-300)[..., None]
@@ -201,14 +196,14 @@ def _batch(choices: list[Choice], columns: Floats, length: Floats, space: Residu
     return ChoiceBatch(tuple(choices), index, turn, rank, _prices(choices))
 
 
-def _normal(columns: Floats, index: NDArray[np.intp]) -> Floats:
+def _normal(columns: Array, index: NDArray[np.intp]) -> Floats:
     """Normal matrices (U, F, K, K) of the choices' columns."""
     if index.shape[1] == 1:
         squares = np.einsum("ucm,ucm->uc", columns, columns)
-        return np.asarray(squares[:, index][..., None])
+        return np.asarray(squares[:, index][..., None], float)
     parts = []
-    for some in np.array_split(index, max(1, len(index) // 400)):
-        rows = columns[:, some]
+    for some in np.array_split(index, max(1, len(index) // 100)):
+        rows = columns[:, some].astype(float)
         parts.append(rows @ rows.swapaxes(-1, -2))
     return np.concatenate(parts, axis=1)
 
@@ -216,11 +211,13 @@ def _normal(columns: Floats, index: NDArray[np.intp]) -> Floats:
 def _prices(choices: Sequence[Choice]) -> Floats:
     """The price of each; of one product only the number of its axes makes a difference."""
     known: dict[tuple[str, str, int, str], float] = {}
+    found = []
     for c in choices:
         key = _price_key(c)
         if key not in known:
             known[key] = price(c.term)
-    return np.array([known[_price_key(c)] for c in choices])
+        found.append(known[key])
+    return np.array(found)
 
 
 def _price_key(c: Choice) -> tuple[str, str, int, str]:

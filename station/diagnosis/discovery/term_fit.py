@@ -1,7 +1,8 @@
 """One term judged exactly in a space, and its constants at their best."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidat
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.discovery.evidence import log_evidence
 from station.diagnosis.discovery.price import price
-from station.diagnosis.discovery.scan import VISIBLE_SHARE
+from station.diagnosis.discovery.scan import VISIBLE_SHARE, ScannedUnits
 from station.diagnosis.linear.evidence import Pattern
 from station.diagnosis.linear.projection import ResidualSpace
 from station.domain.core.types import Floats
@@ -24,8 +25,24 @@ from station.model.forward import sensor_signal
 UNNAMED = "hypothesis"
 #: The prior of an accepted term's coefficients beside their size.
 WIDE = 3.0
+#: Columns shorter than this share of the longest are rounding.
+ROUNDING = 1e-9
+#: Where the zero and the bend of temperatures are looked for, in ranges of temperature about the middle: a square whose
+#: zero is among the temperatures has a narrow best.
+ZEROS = (-2.5, -1.2, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 1.2, 2.5)
+BENDS = (-0.45, -0.2, 0.0, 0.2, 0.45)
+#: Tops of a coarse grid that are refined, and how far below the highest.
+MOST_TOPS, NEAR_TOP_SHARE = 2, 0.15
 #: Golden section's share, its steps, and the rounds where a term has two constants.
 GOLDEN, STEPS, ROUNDS = 0.5 * (5**0.5 - 1), 9, 2
+
+
+class TermSpace(NamedTuple):
+    """Where a term is judged: a view, units of it, and their space."""
+
+    view: ResidualView
+    units: ScannedUnits
+    space: ResidualSpace
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,32 +103,37 @@ def _still_columns(term: Term, view: ResidualView) -> Floats:
     return stop
 
 
-def fit_term(term: Term, view: ResidualView, space: ResidualSpace) -> TermFit:
+def fit_term(term: Term, at: TermSpace) -> TermFit:
     """A term in a space."""
-    candidate = _probe(term, view)
-    rows = candidate.rows(view.layout)
+    space = at.space
+    candidate = _probe(term, at.view).select_visits(at.units.stops)
+    rows = candidate.rows(at.units.setting.layout)
     U, R, m, _ = rows.stop.shape
     white = space.covariance.whiten(rows, space.dwell, space.basis.shape[1] - R * m - space.dwell)
     length = np.einsum("umk,umk->uk", white, white)
     white -= space.basis @ (space.basis.transpose(0, 2, 1) @ white)
     own = candidate.pattern == "own"
-    basis, rank = _orthonormal(white if own else white.reshape(1, U * white.shape[1], -1), length, own=own)
-    found = basis.reshape(white.shape[0], white.shape[1], -1) if not own else basis
-    before, after, signal = _remaining(found, space, own=own)
+    columns = white if own else white.reshape(1, U * white.shape[1], -1)
+    turn, rank = _orthonormal(columns, length, own=own)
+    basis = columns @ turn
+    before, after, signal = _remaining(basis.reshape(white.shape), space, own=own)
+    along = basis.swapaxes(1, 2) @ signal.reshape(len(basis), -1, 1)
     share = max(0.0, 1 - after / before) if before > 0 else 0.0
     evidence = float(log_evidence(np.array(share), rank, space.dof)) if 0 < rank <= space.dof // 3 else -np.inf
-    return TermFit(term, share, rank, _rms(white, signal, own=own), evidence, signal)
+    return TermFit(term, share, rank, float(np.sqrt(np.mean((turn @ along) ** 2))), evidence, signal)
 
 
 def _orthonormal(columns: Floats, length: Floats, *, own: bool) -> tuple[Floats, int]:
-    """Orthonormal bases (U or 1, ·, K) of columns, zeros for what is lost, and their rank in all."""
+    """What turns columns (U or 1, ·, K) to orthonormal bases, zeros for what is lost, and their rank in all."""
     normal = columns.swapaxes(1, 2) @ columns
     scale = length if own else length.sum(0, keepdims=True)
-    unit = 1 / np.sqrt(np.maximum(scale, 1e-300))
+    # A turn that a pose cannot show leaves a column of rounding.
+    live = scale > (ROUNDING**2) * scale.max(axis=1, keepdims=True)
+    unit = np.where(live, 1 / np.sqrt(np.where(live, scale, 1.0)), 0.0)
     m, E = np.linalg.eigh(normal * unit[:, :, None] * unit[:, None, :])
     seen = m > VISIBLE_SHARE
     turn = unit[:, :, None] * E * np.where(seen, 1 / np.sqrt(np.where(seen, m, 1.0)), 0.0)[:, None, :]
-    return columns @ turn, int(np.count_nonzero(seen))
+    return turn, int(np.count_nonzero(seen))
 
 
 def _remaining(basis: Floats, space: ResidualSpace, *, own: bool) -> tuple[float, float, Floats]:
@@ -138,42 +160,49 @@ def _onto(basis: Floats, data: Floats) -> Floats:
     return np.asarray((basis @ (basis.swapaxes(1, 2) @ data[..., None]))[..., 0])
 
 
-def _rms(white: Floats, signal: Floats, *, own: bool) -> float:
-    """Rms of the coefficients that make a signal."""
-    pairs = zip(white, signal, strict=True) if own else [(white.reshape(signal.size, -1), signal.ravel())]
-    found = [np.linalg.lstsq(z, s, rcond=1e-9)[0] for z, s in pairs]
-    return float(np.sqrt(np.mean(np.square(found))))
-
-
-def refine(term: Term, view: ResidualView, space: ResidualSpace) -> TermFit:
+def refine(term: Term, at: TermSpace) -> TermFit:
     """The term with its constants at their best, one after the other."""
-    best = fit_term(term, view, space)
+    best = fit_term(term, at)
     fields = term.fields
     for _ in range(ROUNDS if len(fields) > 1 else 1):
         for field in fields:
-            best = _refine_one(best, field, view, space)
+            best = _refine_one(best, field, at)
     return best
 
 
-def _refine_one(best: TermFit, field: str, view: ResidualView, space: ResidualSpace) -> TermFit:
+def _refine_one(best: TermFit, field: str, where: TermSpace) -> TermFit:
     """One constant by golden section between the neighbours of its best value on a coarse grid."""
-    scale = ConstantScale.of(field, dict(best.term.constants)[field], view)
+    scale = ConstantScale.of(field, dict(best.term.constants)[field], where.view)
     tried: dict[float, TermFit] = {scale.start: best}
 
     def at(x: float) -> float:
         if x not in tried:
-            tried[x] = fit_term(best.term.with_constants(**{field: scale.value(x)}), view, space)
+            tried[x] = fit_term(best.term.with_constants(**{field: scale.value(x)}), where)
         return tried[x].evidence
 
     for x in scale.around:
         at(x)
-    points = sorted(tried)
-    top = points.index(max(points, key=at))
-    low, high = points[max(top - 1, 0)], points[min(top + 1, len(points) - 1)]
+    for low, high in list(_tops(sorted(tried), at)):
+        _search_between(low, high, at)
+    return max(tried.values(), key=lambda f: f.evidence)
+
+
+def _search_between(low: float, high: float, at: Callable[[float], float]) -> None:
+    """Golden section: ever nearer to the highest point of a function."""
     for _ in range(STEPS):
         one, two = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
         low, high = (low, two) if at(one) > at(two) else (one, high)
-    return max(tried.values(), key=lambda f: f.evidence)
+
+
+def _tops(points: Sequence[float], at: Callable[[float], float]) -> Iterator[tuple[float, float]]:
+    """The neighbours about the highest tops of a function on some points, if they are near the highest of all: a narrow
+    top between two points is higher than either."""
+    ends = [-np.inf, *(at(x) for x in points), -np.inf]
+    tops = [i for i in range(len(points)) if ends[i] <= ends[i + 1] >= ends[i + 2]]
+    tops.sort(key=lambda i: -at(points[i]))
+    for i in tops[:MOST_TOPS]:
+        if at(points[i]) > (1 - NEAR_TOP_SHARE) * at(points[tops[0]]):
+            yield points[max(i - 1, 0)], points[min(i + 1, len(points) - 1)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +227,7 @@ class ConstantScale:
         if field in ("about_degC", "kink_degC"):
             T = view.scene.require("temperature_degC")
             centre, width = float(T.mean()), max(float(np.ptp(T)), 0.1)
-            around = (-2.5, -1.2, -0.6, 0.0, 0.6, 1.2, 2.5) if field == "about_degC" else (-0.45, -0.2, 0.0, 0.2, 0.45)
+            around = ZEROS if field == "about_degC" else BENDS
             return ConstantScale(
                 float(np.arcsinh((now - centre) / width)), around, lambda x: within(centre + width * float(np.sinh(x)))
             )
@@ -219,24 +248,24 @@ def accepted(fit: TermFit, view: ResidualView, name: str) -> AcceptedCause:
     return accept_candidate(candidate, np.ones(len(candidate.names), bool), WIDE * max(fit.rms, 1e-300))
 
 
-def with_levels(fit: TermFit, view: ResidualView, space: ResidualSpace, levels: tuple[str, ...]) -> TermFit:
+def with_levels(fit: TermFit, at: TermSpace, levels: tuple[str, ...]) -> TermFit:
     """The fit at the level of sharing that pays most."""
-    tried = [fit_term(replace(fit.term, of=of), view, space) for of in levels if of != fit.term.of]
+    tried = [fit_term(replace(fit.term, of=of), at) for of in levels if of != fit.term.of]
     return max((fit, *tried), key=lambda f: f.score)
 
 
-def constant_stds(fit: TermFit, view: ResidualView, space: ResidualSpace) -> dict[str, float]:
+def constant_stds(fit: TermFit, at: TermSpace) -> dict[str, float]:
     """Standard deviation of each constant, by how the evidence falls off about it."""
-    return {field: _std_of(fit, field, value, view, space) for field, value in fit.term.constants}
+    return {field: _std_of(fit, field, value, at) for field, value in fit.term.constants}
 
 
-def _std_of(fit: TermFit, field: str, value: float, view: ResidualView, space: ResidualSpace) -> float:
+def _std_of(fit: TermFit, field: str, value: float, at: TermSpace) -> float:
     """The step by which the evidence falls by a half nat, both sides averaged; found by doubling."""
-    best = fit_term(fit.term, view, space).evidence
+    best = fit_term(fit.term, at).evidence
     step = 1e-3 * max(abs(value), 1e-3)
     drop = 0.0
     for _ in range(24):
-        sides = [_evidence_at(fit.term, field, value + sign * step, view, space) for sign in (-1, 1)]
+        sides = [_evidence_at(fit.term, field, value + sign * step, at) for sign in (-1, 1)]
         drop = best - float(np.mean(sides))
         if drop >= 0.25:
             break
@@ -244,6 +273,6 @@ def _std_of(fit: TermFit, field: str, value: float, view: ResidualView, space: R
     return step / float(np.sqrt(2 * drop)) if drop > 0 else step
 
 
-def _evidence_at(term: Term, field: str, value: float, view: ResidualView, space: ResidualSpace) -> float:
+def _evidence_at(term: Term, field: str, value: float, at: TermSpace) -> float:
     kind = CONSTANTS[field]
-    return fit_term(term.with_constants(**{field: float(np.clip(value, kind.low, kind.high))}), view, space).evidence
+    return fit_term(term.with_constants(**{field: float(np.clip(value, kind.low, kind.high))}), at).evidence

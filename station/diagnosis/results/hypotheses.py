@@ -9,7 +9,8 @@ import numpy as np
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.candidates.shape import FormEstimate
 from station.diagnosis.discovery.discover import Discovery, FoundTerm, ThresholdOf, discover
-from station.diagnosis.discovery.term_fit import candidate_of, constant_stds
+from station.diagnosis.discovery.scan import scanned_units
+from station.diagnosis.discovery.term_fit import TermSpace, candidate_of, constant_stds
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.results.estimate import Estimate, coefficients_beside
 from station.diagnosis.results.gain import HeldOutGain, gain_together, held_out_gain
@@ -102,7 +103,7 @@ def _estimates(problem: ScoringProblem, first: int, terms: Sequence[FoundTerm], 
     for i, term in enumerate(terms, first):
         bare = problem.without(i)
         space = bare.space(floor.floor, moving="since_arrival_s" in term.fit.term.needs)
-        stds = constant_stds(term.fit, bare.view, space)
+        stds = constant_stds(term.fit, TermSpace(bare.view, scanned_units(bare, bare.view.grid.units), space))
         forms = tuple(FormEstimate(field, value, stds[field]) for field, value in term.fit.term.constants)
         value, std = sizes[i]
         for form in forms:

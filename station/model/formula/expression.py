@@ -217,7 +217,8 @@ def size(tree: Expression) -> int:
         case Multiplication(parts):
             return sum(size(p) for p in parts if not isinstance(p, Number))
         case Power(part, exponent):
-            return size(part) + (0 if exponent < 0 else 1)
+            # A cube is two products.
+            return size(part) + (0 if exponent < 0 else max(1, int(exponent) - 1))
         case Call(_, part):
             return 1 + size(part)
         case Number():
