@@ -12,7 +12,7 @@ import signal
 import struct
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
@@ -113,7 +113,9 @@ def _limit(kind: int, value: int) -> None:
     resource.setrlimit(kind, (value, value))
 
 
-def _received(pipe: IO[bytes], path: Path, error: type[StationError], memory: int) -> Iterator[tuple[bytes, bytearray]]:
+def _received(
+    pipe: IO[bytes], path: Path, error: type[StationError], memory: int
+) -> Generator[tuple[bytes, bytearray], None, bool]:
     """The blocks; True at their end, False where the pipe broke off."""
     while True:
         head = pipe.read(_HEAD.size)

@@ -43,6 +43,7 @@ class Channel(Protocol):
         """Closes the socket; closing twice is harmless."""
 
 
+@runtime_checkable
 class Endpoint(Channel, Protocol):
     """A channel from the devices' side: a simulated device hands over a whole dwell at once."""
 

@@ -9,7 +9,7 @@ from station.adapters.bus._several import SeveralBuses
 from station.config.documents import Document
 from station.config.settings import BusSettings, Settings
 from station.errors import ConfigError, StationError
-from station.ports.bus import Bus
+from station.ports.bus import Bus, Endpoint
 from station.ports.clock import Clock
 from station.wiring.options import options_of
 
@@ -72,6 +72,15 @@ def open_interface(bus: BusSettings, clock: Clock) -> Bus:
     kind = bus_kind(bus)
     own = bus.interface in plugins.names(BUSES)
     return kind.open(bus.channel, clock, kind.Settings.model_validate({} if own else {"driver": bus.interface}))
+
+
+def open_endpoint(bus: BusSettings, clock: Clock, can_ids: tuple[int, ...]) -> Endpoint:
+    """A channel for simulated devices. Errors: ConfigError, also for an interface that only reads."""
+    channel = open_interface(bus, clock).service(can_ids)
+    if not isinstance(channel, Endpoint):
+        channel.close()
+        raise ConfigError("interface-only-reads", interface=bus.interface)
+    return channel
 
 
 def used_buses(settings: Settings) -> dict[str, BusSettings]:

@@ -22,7 +22,7 @@ from station.domain.product.product import serial_of
 from station.domain.recipe.position import UP
 from station.errors import ProductError, UsageError
 from station.ports.bus import Endpoint
-from station.wiring.buses import open_interface
+from station.wiring.buses import open_endpoint
 
 #: Spread of the units: gain and cross-axis, 1; offset and noise, as fractions of full scale.
 _GAIN_STD, _OFFSET_STD, _NOISE_STD = 0.01, 0.01, 0.0002
@@ -109,8 +109,8 @@ class LiveDevices:
         """The devices on their CAN interface."""
         _check(wanted)
         product_path(wanted.product)
-        bus = open_interface(BusSettings(interface=wanted.interface, channel=wanted.channel), SystemClock())
-        return cls(wanted, bus.service(population_ids(wanted)))
+        bus = BusSettings(interface=wanted.interface, channel=wanted.channel)
+        return cls(wanted, open_endpoint(bus, SystemClock(), population_ids(wanted)))
 
     def live(self, go_on: Callable[[], bool]) -> None:
         """Serves the bus for as long as `go_on()`, then leaves it."""

@@ -10,7 +10,7 @@ from station.adapters.simulated_device.live import Hub, serve
 from station.config.rigs import load_rig
 from station.config.settings import BusSettings
 from station.domain.rig.rig_map import RigMap
-from station.wiring.buses import open_interface
+from station.wiring.buses import open_endpoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class LiveRig:
         rig = load_rig(name)
         parsed = [drive_fault.parse(text) for text in faults]
         ids = sorted({i for axis in rig.axes for i in heard_ids(axis.node, rig.station_node)})
-        channel = open_interface(bus, SystemClock()).service(tuple(ids))
+        channel = open_endpoint(bus, SystemClock(), tuple(ids))
         hub = Hub(channel)
         return cls(rig, drives_of(rig, lambda _ids: hub.endpoint(), SystemClock(), parsed), hub, channel.close)
 

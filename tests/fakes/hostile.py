@@ -198,10 +198,15 @@ def _zigzag(number: int) -> bytes:
     return bytes([*out, number])
 
 
+def _cut(folder: Path) -> None:
+    """A footer that is longer than its file."""
+    (folder / "p.parquet").write_bytes(b"PAR1" + b"\xff" * 9_000_000 + b"\xff\xff\xff\x7fPAR1")
+
+
 _PARQUETS: dict[str, Callable[[Path], None]] = {
     "zeros": _zeros, "wide": _wide, "long text": _long_text, "repeated text": _repeated_text,
     "shared prefixes": _shared_prefixes, "nested": _nested, "lists": _lists, "lying": _lying,
-    "cut": lambda folder: (folder / "p.parquet").write_bytes(b"PAR1" + b"\xff" * 9_000_000 + b"\xff\xff\xff\x7fPAR1"),
+    "cut": _cut,
 }  # fmt: skip
 
 

@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.object_access.device import ObjectDevice
@@ -39,7 +40,8 @@ def main() -> None:
     folder, port, method, number, *recipe = sys.argv[1:]
     kind = PORTS[port]
     setattr(kind, method, deadly(getattr(kind, method), int(number)))
-    fixture_run.run(Path(folder), seed=2, **{"recipe": recipe[0]} if recipe else {})
+    order: dict[str, Any] = {"recipe": recipe[0]} if recipe else {}
+    fixture_run.run(Path(folder), seed=2, **order)
 
 
 if __name__ == "__main__":

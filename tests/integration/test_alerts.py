@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -126,7 +127,7 @@ def test_a_drift_tells_when_it_meets_its_limit(
     (first, *others) = finding.alert.changes
     drifting = Change(**{name: getattr(first, name) for name in first.__slots__} | {"slope": 5e-5, "slope_std": 1e-6})
     finding.alert.changes = (drifting, *others)
-    seen = type(finding)(*(limited if name == "recipe" else getattr(finding, name) for name in finding.__slots__))
+    seen = replace(finding, recipe=limited)
     monkeypatch.setattr(Watch, "findings", lambda self: [seen])
     for _ in range(2):
         tell(path, settings)

@@ -12,6 +12,7 @@ from pyarrow import parquet
 from station.adapters.fleet.dask_engine import DaskEngine, _compute_checked
 from station.cli.app import main
 from station.config.recipes import load_recipe
+from station.domain.evaluation.backtest import BacktestTotals
 from station.errors import InputError, RecipeError, StationFault
 from station.ports.fleet import Columns, Portion
 from station.ports.log_reader import Query
@@ -55,7 +56,7 @@ def tables(place: Path) -> dict[str, list[dict[str, Any]]]:
 
 def run(
     job: FleetJob, folder: Path, place: Path, engine: Any, function: Callable[..., Columns] = backtest.compare_portion
-) -> tuple[backtest.BacktestTotals, list[int]]:
+) -> tuple[BacktestTotals, list[int]]:
     done: list[int] = []
     planned = planned_of(job, folder)
     with open_results(place, job, backtest.COLUMNS, {"name": job.name}) as results:

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -113,3 +114,11 @@ def test_frames_are_not_lost_between_the_taps() -> None:
     ids: list[Frames] = [one.receive(0.0), other.receive(0.0)]
     assert [frames.can_id.tolist() for frames in ids] == [[0, 1, 2], [0, 1, 2]]
     assert len(one.receive(0.0)) == 0
+
+
+def test_an_interface_that_only_reads_carries_no_device(tmp_path: Path) -> None:
+    recorded = tmp_path / "drive.log"
+    recorded.write_text("(1767225600.000000) can0 185#0001000000000000\n")
+    wanted = Population("accelerometer", str(recorded), (5,), ("SN0001",), interface="replay")
+    with pytest.raises(ConfigError, match="Interface replay only reads"):
+        LiveDevices.open(wanted)

@@ -186,6 +186,14 @@ def query_calibrations(db: psycopg.Connection, recipe_hash: str, newest: int) ->
     """See LogReader.calibrations."""
     rows = db.execute(_CALIBRATIONS, [recipe_hash, newest]).fetchall()
     return [
-        StoredCalibration(*row[:-1], json.dumps([row[-1].get(k) for k in ("offset", "matrix", "budget")]))
-        for row in rows
+        StoredCalibration(
+            serial,
+            station,
+            nest,
+            software,
+            started_ns,
+            outcome,
+            json.dumps([document.get(k) for k in ("offset", "matrix", "budget")]),
+        )
+        for serial, station, nest, software, started_ns, outcome, document in rows
     ]

@@ -148,7 +148,7 @@ def _check_unit(recipe: Recipe) -> None:
 def _check_sheet(recipe: Recipe) -> None:
     """What the kind leaves open must be one of its choices; what it does not leave open must not be stated."""
     kind = readings.converting_kind(recipe.sensor)
-    choices = {
+    choices: dict[str, tuple[str | int | None, tuple[str | int, ...]]] = {
         "device.axes": (recipe.device.axes, () if kind is None else kind.axes),
         "device.convention": (recipe.device.convention, () if kind is None else kind.conventions),
         "method": (None if kind is None else recipe.method, () if kind is None else kind.methods),

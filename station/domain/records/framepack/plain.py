@@ -72,7 +72,7 @@ def to_bytes(frames: Frames, form: int = ROWS) -> bytes:
     return b"".join([b"frames/1 %d %d\n" % (len(frames), frames.data.shape[1]), *parts])  # every byte copied once
 
 
-def from_bytes(data: bytes) -> Frames:
+def from_bytes(data: bytes | bytearray) -> Frames:
     """The inverse of either form. Errors: LogError when the bytes are not those of frames."""
     line, _, body = data.partition(b"\n")
     try:
@@ -122,7 +122,7 @@ def _row(width: int) -> Any:
     return np.dtype([("time", "<i8"), ("id", "<u4"), ("length", "u1"), ("payload", f"V{width}")])
 
 
-def _from_columns(body: bytes, rows: int, columns: int) -> Frames:
+def _from_columns(body: bytes | bytearray, rows: int, columns: int) -> Frames:
     ends = np.cumsum([0, 8 * rows, 4 * rows, rows, columns * rows])
     values: list[Any] = [np.frombuffer(body[a:b], k) for (a, b), k in zip(pairwise(ends), _KINDS, strict=True)]
     return Frames(values[0], values[1], values[2], values[3].reshape(rows, columns))
