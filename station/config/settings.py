@@ -31,7 +31,7 @@ class BusSettings(AdapterSettings):
     """Which bus, by file name, and its channel."""
 
     interface: Name = "socketcan"
-    channel: ShortText = "can0"
+    channel: PathText = "can0"
 
 
 class Nest(StrictModel):

@@ -2,13 +2,14 @@
 
 from typing import Any, ClassVar, Protocol
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from station import plugins
 from station.adapters.bus._several import SeveralBuses
 from station.config.documents import Document
 from station.config.settings import BusSettings, Settings
-from station.errors import ConfigError, StationError
+from station.config.validation_messages import mistakes
+from station.errors import ConfigError, StationError, UsageError
 from station.ports.bus import Bus, Endpoint
 from station.ports.clock import Clock
 from station.wiring.options import options_of
@@ -65,6 +66,14 @@ def python_can_interfaces() -> tuple[str, ...]:
 def open_bus(bus: BusSettings, document: Document, clock: Clock, block: tuple[str, ...] = ("bus",)) -> Bus:
     """Opens it. Errors: ConfigError for its options or an absent interface, LogError for a recording."""
     return bus_kind(bus).open(bus.channel, clock, bus_options(bus, document, block))
+
+
+def named_bus(interface: str, channel: str) -> BusSettings:
+    """A bus as the command line names it. Errors: UsageError."""
+    try:
+        return BusSettings(interface=interface, channel=channel)
+    except ValidationError as exc:
+        raise UsageError("options-mistakes", mistakes=mistakes(exc, BusSettings)) from None
 
 
 def open_interface(bus: BusSettings, clock: Clock) -> Bus:

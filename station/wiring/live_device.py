@@ -15,14 +15,13 @@ from station.adapters.simulated_device.live import Hub, serve
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.adapters.simulated_device.stream import SimulatedSensor
 from station.config.products import load_product, product_path
-from station.config.settings import BusSettings
 from station.domain.can.sensor_layout import SensorLayout, resolve, used_signals
 from station.domain.core.types import Floats
 from station.domain.product.product import serial_of
 from station.domain.recipe.position import UP
 from station.errors import ProductError, UsageError
 from station.ports.bus import Endpoint
-from station.wiring.buses import open_endpoint
+from station.wiring.buses import named_bus, open_endpoint
 
 #: Spread of the units: gain and cross-axis, 1; offset and noise, as fractions of full scale.
 _GAIN_STD, _OFFSET_STD, _NOISE_STD = 0.01, 0.01, 0.0002
@@ -109,7 +108,7 @@ class LiveDevices:
         """The devices on their CAN interface."""
         _check(wanted)
         product_path(wanted.product)
-        bus = BusSettings(interface=wanted.interface, channel=wanted.channel)
+        bus = named_bus(wanted.interface, wanted.channel)
         return cls(wanted, open_endpoint(bus, SystemClock(), population_ids(wanted)))
 
     def live(self, go_on: Callable[[], bool]) -> None:

@@ -18,9 +18,9 @@ from station.adapters.simulated_plc.devices import PRINTER_FAULTS, serve_printer
 from station.adapters.simulated_plc.retentive import RetentiveFile
 from station.adapters.simulated_plc.server import PlcServer
 from station.config.rigs import load_rig
-from station.config.settings import BusSettings
 from station.errors import StationFault, UsageError
 from station.messages import system_reason
+from station.wiring.buses import named_bus
 from station.wiring.line import coming_loads
 from station.wiring.live_rig import LiveRig
 
@@ -57,7 +57,7 @@ class Machine:
 def simulate_drives(machine: Machine, tell: Tell) -> None:
     """The drives of a rig on a CAN interface."""
     interface, channel = machine.bus
-    live = LiveRig.open(machine.map or _RIG, BusSettings(interface=interface, channel=channel), machine.faults)
+    live = LiveRig.open(machine.map or _RIG, named_bus(interface, channel), machine.faults)
     tell({"rig": live.rig.name, "axes": [a.name for a in live.rig.axes], "channel": channel})
     live.live(_until(machine.seconds))
 

@@ -122,3 +122,8 @@ def test_an_interface_that_only_reads_carries_no_device(tmp_path: Path) -> None:
     wanted = Population("accelerometer", str(recorded), (5,), ("SN0001",), interface="replay")
     with pytest.raises(ConfigError, match="Interface replay only reads"):
         LiveDevices.open(wanted)
+
+
+def test_a_bus_that_cannot_be_named_so_is_a_sentence() -> None:
+    with pytest.raises(UsageError, match="interface"):
+        LiveDevices.open(Population("accelerometer", "can0", (5,), ("SN0001",), interface="!?"))
