@@ -102,7 +102,7 @@ async def _stream(panel: Panel, session: Session, code: str) -> AsyncIterator[st
 
 def _translated(key: str, value: Any, code: str) -> Any:
     """What a screen shows, its sentences in the reader's language."""
-    if key in ("fault", "golden", "instruction", "note", "shipping", "watch"):
+    if key in ("fault", "golden", "held", "instruction", "note", "shipping", "watch"):
         return language.sentence(value, code)
     if key == "confirm" and value:
         return {**value, **_question(value["confirm"], code)}

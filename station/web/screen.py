@@ -18,6 +18,7 @@ from station.panel_protocol.queue import LoadQueue
 from station.service.golden_register import standings
 from station.service.shipping import ShippingState, sentence_of
 from station.web import language, load_view, plan
+from station.web.line_glance import LineGlance
 from station.web.load_view import View
 from station.web.run_launcher import RunLauncher
 from station.web.today import LogGlance
@@ -58,6 +59,7 @@ class Screen:
         self._live: dict[str, Any] = {}
         self._shown: dict[str, Any] = {}
         self._looked_s = 0.0
+        self._outer = LineGlance(runs.order.database)
         self._glance = LogGlance(partial(open_log, runs.order.database))
         self._planned = timeline.cells_of(recipe)
         self._own_cells: Cells = timeline.cell_documents(self._planned)
@@ -154,10 +156,12 @@ class Screen:
         unkept = self._settle_queue(pid)
         mine = running and self._live.get("pid") == pid
         self.stopping = self.stopping and running
-        view = self._view(pid)
+        view, outer = self._view(pid), self._outer.shown()
         self._notice_load(f"{self.load_id()} {running}")
         return {
-            "view": {**asdict(view), "lamp": view.lamp},
+            "view": {**asdict(view), "lamp": outer.get("lamp") or view.lamp},
+            "outer": {key: outer[key] for key in ("state", "load", "loads") if key in outer},
+            "held": outer.get("why") or "",
             "running": running,
             "stopping": self.stopping,
             "phase": state.get("phase", "") if mine else "begin" if running else "",

@@ -23,10 +23,11 @@ def line_facts(database: Path) -> LineFacts:
     """What the line says now."""
     document = read_line_state(database)
     why = render(Message.of(document["why"])) if document and document.get("why") else ""
-    return facts_of(document, why, alive=document is not None and _alive(int(document["pid"])))
+    return facts_of(document, why, alive=document is not None and is_alive(int(document["pid"])))
 
 
-def _alive(pid: int) -> bool:
+def is_alive(pid: int) -> bool:
+    """Whether that process is there."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

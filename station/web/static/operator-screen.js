@@ -263,6 +263,9 @@ const ScreenView = (() => {
     byId("bus").title = counters ? `${bus.name}: ${texts.bus_sending} ${counters.sending}, ${texts.bus_receiving} ${counters.receiving}` : bus.name || "";
     byId("bus").classList.toggle("problem", wrong);
     byId("light").dataset.lamp = view.lamp; byId("light").setAttribute("aria-label", `${texts.stack_light}: ${texts[`lamp_${view.lamp}`]}`);
+    const { outer } = state; byId("outer").hidden = !outer.state;
+    if (outer.state) say(byId("outer-state"), [texts[`line_${outer.state}`], outer.load ? fill("line_load", outer) : "", fill("line_loads", outer)].filter(Boolean).join(" · "));
+    byId("held").hidden = !state.held; say(byId("held"), state.held ? `⚠ ${state.held}` : "");
     byId("shipping").hidden = !state.shipping; say(byId("shipping"), state.shipping ? `⚠ ${state.shipping}` : "");
     byId("watch").hidden = !state.watch; say(byId("watch"), state.watch ? `⚠ ${state.watch}` : "");
     byId("golden").hidden = !state.golden; say(byId("golden"), state.golden ? `⚠ ${state.golden}` : "");
