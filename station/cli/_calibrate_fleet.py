@@ -39,13 +39,14 @@ def calibrate_fleet(recipe_name: str, of: str | None, fleet: FleetRequest, json_
         "outcomes": dict(sorted(found.outcomes.items())),
         "coefficients": found.summary(recipe.unit),
     }
-    _write(json_path, document)
+    write_document(json_path, document)
     if str(json_path) != "-":
         _show(document)
     return _EXIT_CODES[Outcome(found.exit_outcome())]
 
 
-def _write(path: Path | None, document: dict[str, Any]) -> None:
+def write_document(path: Path | None, document: dict[str, Any]) -> None:
+    """To a file, or to standard output for -. Errors: UsageError."""
     if path is None:
         return
     if str(path) == "-":

@@ -7,8 +7,8 @@ from typing import Any, Literal, NamedTuple, Protocol, Self
 from station.ports.log_reader import Query, ReducedAttempt, SelectedAttempt
 from station.ports.store import LogHead
 
-#: What a column of a result holds; `texts`: a list of them in each row.
-ColumnType = Literal["text", "texts", "number", "integer"]
+#: What a column of a result holds; `texts`, `numbers`, `integers`: a list of them in each row.
+ColumnType = Literal["text", "texts", "number", "numbers", "integer", "integers"]
 #: Columns of one portion's result: name → one value a row.
 Columns = Mapping[str, Sequence[Any]]
 

@@ -153,7 +153,7 @@ class Yield:
 @dataclass(frozen=True, slots=True)
 class ReducedAttempt:
     """One attempt. number: its record; product: the record of its product; stops: JSON;
-    before: JSON of outcome, offset, matrix, checks."""
+    before: JSON of outcome, offset, matrix, checks; station, nest, lot, started_ns: where and when."""
 
     number: int
     attempt: str
@@ -161,6 +161,10 @@ class ReducedAttempt:
     product: int | None
     stops: str
     before: str
+    station: str
+    nest: str
+    lot: str
+    started_ns: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,13 +28,15 @@ class FleetWork:
 
 @dataclass(frozen=True, slots=True)
 class FleetJob:
-    """What is computed of which units. name: of the job; code: the version that computes."""
+    """What is computed of which units. name: of the job; code: the version that computes; given: a digest of whatever
+    else its results depend on."""
 
     name: str
     recipe: Recipe
     query: Query
     code: str
     from_frames: bool = False
+    given: str = ""
 
     @property
     def recipe_json(self) -> str:
@@ -45,7 +47,7 @@ class FleetJob:
     def key(self) -> str:
         """The same for the same job, recipe, query and code."""
         query = {name: value for name, value in asdict(self.query).items() if value is not None}
-        return _digest(json.dumps([self.name, self.recipe_json, query, self.code, self.from_frames]))
+        return _digest(json.dumps([self.name, self.recipe_json, query, self.code, self.from_frames, self.given]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,6 @@ import pytest
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.config.settings import AlertSettings, MailSettings
-from station.domain.watch.change_point import Change
 from station.errors import ConfigError, StoreFault
 from station.messages import render
 from station.service.alerts import record_alerts
@@ -125,7 +124,7 @@ def test_a_drift_tells_when_it_meets_its_limit(
         (finding,) = watch.findings()
     limited = finding.recipe.model_copy(update={"limits": finding.recipe.limits.model_copy(update={"tilt_deg": 0.5})})
     (first, *others) = finding.alert.changes
-    drifting = Change(**{name: getattr(first, name) for name in first.__slots__} | {"slope": 5e-5, "slope_std": 1e-6})
+    drifting = replace(first, slope=5e-5, slope_std=1e-6)
     finding.alert.changes = (drifting, *others)
     seen = replace(finding, recipe=limited)
     monkeypatch.setattr(Watch, "findings", lambda self: [seen])

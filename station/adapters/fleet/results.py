@@ -14,7 +14,8 @@ from station.messages import system_reason
 from station.ports.fleet import Columns, ColumnType
 
 SCHEMA = "station.fleet-results/1"
-_TYPES = {"text": pa.string(), "texts": pa.list_(pa.string()), "number": pa.float64(), "integer": pa.int64()}
+_TYPES = {"text": pa.string(), "number": pa.float64(), "integer": pa.int64()}
+_TYPES |= {f"{kind}s": pa.list_(of) for kind, of in _TYPES.items()}
 
 
 class ParquetResults:

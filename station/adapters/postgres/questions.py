@@ -162,7 +162,8 @@ def recent(db: psycopg.Connection, units: int, visits: int) -> RecentFigures:
     )
 
 
-_REDUCED = """SELECT a.seq, a.id, a.serial, a.product, s.document, c.document::json
+_REDUCED = """SELECT a.seq, a.id, a.serial, a.product, s.document, c.document::json, a.station, a.nest, a.lot,
+    a.started_ns
     FROM attempt a JOIN finish f ON f.attempt = a.seq
     JOIN result s ON s.attempt = a.seq AND s.name = 'stops'
     JOIN result c ON c.attempt = a.seq AND c.name = 'calibration' AND c.seq > s.seq
@@ -171,9 +172,9 @@ _REDUCED = """SELECT a.seq, a.id, a.serial, a.product, s.document, c.document::j
 
 def reduced(db: psycopg.Connection, numbers: Sequence[int]) -> Iterator[ReducedAttempt]:
     """See LogReader.reduced."""
-    for number, attempt, serial, product, stops, fit in db.execute(_REDUCED, [list(numbers)]):
+    for *identity, stops, fit, station, nest, lot, started_ns in db.execute(_REDUCED, [list(numbers)]):
         before = json.dumps([fit.get(name) for name in ("outcome", "offset", "matrix", "checks")])
-        yield ReducedAttempt(number, attempt, serial, product, stops, before)
+        yield ReducedAttempt(*identity, stops, before, station, nest, lot, started_ns)
 
 
 _CALIBRATIONS = """SELECT a.serial, a.station, a.nest, a.software, a.started_ns, f.outcome, c.document::json

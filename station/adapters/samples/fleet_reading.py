@@ -66,19 +66,20 @@ class FleetTables:
         return next(text for text, own in self._documents.items() if own == number)
 
     def _rows(self, place: int, wanted: list[int]) -> Iterator[ReducedAttempt]:
-        columns = ["attempt", "serial", "stops", "before", "product_json"]
+        columns = ["attempt", "serial", "stops", "before", "product_json", "station", "nest", "lot", "started"]
         with self._open(place) as file:
             begins = 0
             for group in range(file.num_row_groups):
                 rows = file.metadata.row_group(group).num_rows
                 own = [number - begins for number in wanted if begins <= number < begins + rows]
                 if own:
-                    for i, row in zip(own, file.read_row_group(group, columns).take(own).to_pylist(), strict=True):
+                    table = file.read_row_group(group, columns).take(own)
+                    began_ns = (table.column("started").cast(pa.int64()).to_numpy() * 1000).tolist()
+                    for i, at_ns, row in zip(own, began_ns, table.drop_columns("started").to_pylist(), strict=True):
                         product = self._documents.setdefault(row["product_json"], len(self._documents))
                         number = place * _ROWS_A_FILE + begins + i
-                        yield ReducedAttempt(
-                            number, row["attempt"], row["serial"], product, row["stops"], row["before"]
-                        )
+                        what = number, row["attempt"], row["serial"], product, row["stops"], row["before"]
+                        yield ReducedAttempt(*what, row["station"], row["nest"], row["lot"], at_ns)
                 begins += rows
 
     def _selected(self, query: Query, columns: Sequence[str]) -> Iterator[tuple[int, Mapping[str, Any]]]:

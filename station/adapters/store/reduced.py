@@ -12,7 +12,7 @@ _BEFORE = "json_extract(c.document, '$.outcome', '$.offset', '$.matrix', '$.chec
 
 #: Each attempt's results are found by the span of its records; CROSS and + keep SQLite from indexing all results first.
 _QUERY = f"""
-    SELECT a.seq, a.id, a.serial, a.product, s.document, {_BEFORE}
+    SELECT a.seq, a.id, a.serial, a.product, s.document, {_BEFORE}, a.station, a.nest, a.lot, a.started_ns
     FROM json_each(?) n CROSS JOIN attempt a ON a.seq = n.value CROSS JOIN finish f ON f.attempt = a.seq
     CROSS JOIN result s ON s.seq BETWEEN a.seq AND f.seq AND +s.attempt = a.seq AND +s.name = 'stops'
     CROSS JOIN result c ON c.seq BETWEEN s.seq AND f.seq AND +c.attempt = a.seq AND +c.name = 'calibration'

@@ -1,0 +1,56 @@
+"""What units differ by anyhow: the covariance of their responses within a group, from a sample of the fleet."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from station.domain.core.types import Floats
+
+#: Units further off than this share of normal ones are no measure of the noise; the rest's covariance is corrected.
+_KEPT_SHARE = 0.99
+_ROUNDS = 3
+#: Directions quieter than this share of the loudest have no noise of their own to be measured by.
+_QUIETEST = 1e-9
+#: A unit counts as if it were no further off than this many times what is usual.
+_MOST_DISTANCE = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResponseNoise:
+    """whiten (r, d): to r independent numbers of variance one; middle (r): of the sample, so whitened."""
+
+    middle: Floats
+    whiten: Floats
+
+    def whitened(self, responses: Floats) -> Floats:
+        """Responses (U, d) as (U, r)."""
+        return np.asarray(responses @ self.whiten.T - self.middle)
+
+
+def winsorised(z: Floats) -> Floats:
+    """Whitened responses (U, r); a unit far off all others is drawn in, so that it cannot speak for a group."""
+    far = np.linalg.norm(z, axis=1, keepdims=True) / np.sqrt(z.shape[1])
+    return np.asarray(z / np.maximum(far / _MOST_DISTANCE, 1.0))
+
+
+def response_noise(responses: Floats, groups: Sequence[object]) -> ResponseNoise:
+    """From responses (U, d) of a sample; groups: what each unit shares with others, whose means are taken off."""
+    code = np.unique([repr(group) for group in groups], return_inverse=True)[1]
+    count = np.bincount(code)
+    means = np.stack([np.bincount(code, column) for column in responses.T], axis=1) / count[:, None]
+    # A group of n has lost 1/n of its variance to its mean.
+    apart = (responses - means[code]) / np.sqrt(np.maximum(1 - 1 / count, 1e-9))[code][:, None]
+    apart = apart[count[code] > 1]
+    inside = np.ones(len(apart), bool)
+    whiten = np.eye(responses.shape[1])
+    for _ in range(_ROUNDS):
+        value, vector = np.linalg.eigh(np.cov(apart[inside].T))
+        loud = value > _QUIETEST * value[-1]
+        whiten = (vector[:, loud] / np.sqrt(value[loud])).T
+        limit = chi2.ppf(_KEPT_SHARE, len(whiten))
+        distance = ((apart @ whiten.T) ** 2).sum(axis=1)
+        inside = distance <= limit * np.median(distance) / chi2.median(len(whiten))
+    # Medians of the responses themselves would not hang together as their quiet directions do.
+    return ResponseNoise(np.median(responses @ whiten.T, axis=0), whiten)

@@ -1,0 +1,262 @@
+"""Who shares a cause: the groups of a fleet searched greedily, everything found so far fitted together.
+
+Model: whitened z = μ + Σ columns · sizes of the causes at work in the unit's groups + noise of variance one. Each round
+tests every cause at every group of its levels by the score of what is left, takes the one that chance explains least,
+asks for the stretch of time in which it is at work, and fits all sizes and μ anew. Chance is larger than the noise says
+where units of a load hang together: the median of all tests says by how much.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import gammaln
+from scipy.stats import chi2
+
+from station.diagnosis.fleet.interval import GroupUnits, Stretch, best_stretch
+from station.diagnosis.fleet.moments import Cell, Moments
+from station.diagnosis.fleet.response import SharedCause
+from station.domain.core.types import Floats
+
+#: Chance of any finding in a fleet that shares nothing.
+LEVEL = 0.01
+MOST_FINDINGS = 24
+#: Causes whose log likelihoods are this near cannot be told apart.
+_NEAR_NATS = 3.0
+#: By how much the median of normal numbers scatters more than their mean.
+_MEDIAN_STD = float(np.sqrt(np.pi / 2))
+#: Fewer units than this are no group.
+_FEWEST_UNITS = 8
+_FIELDS = {"station": ("station",), "nest": ("station", "nest"), "lot": ("lot",), "position": ("station",)}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedCandidate:
+    """A cause at one group. members (c): share of each cell's units in which it is at work; score (a): what those units
+    say of its sizes; columns (r, a): whitened, None where they go with a covariate, `at` of the moments' columns."""
+
+    cause: SharedCause
+    level: str
+    group: Cell
+    members: Floats
+    score: Floats
+    columns: Floats | None
+    at: slice
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedFinding:
+    """A cause that a group shares. size: length of `vector` (a), in the cause's unit; units: how many; begin_ns,
+    end_ns: of the first unit with it, and of the first without it again, None: always, still; nats: log likelihood
+    gained; others: causes of the same group that cannot be told from it."""
+
+    candidate: SharedCandidate
+    vector: tuple[float, ...]
+    std: tuple[float, ...]
+    units: int
+    begin_ns: int | None
+    end_ns: int | None
+    nats: float
+    others: tuple[str, ...]
+
+    @property
+    def size(self) -> float:
+        """Length of the vector."""
+        return float(np.linalg.norm(self.vector))
+
+
+#: The units of a candidate's group, given what to take off each cell's units (c, r) before they are projected.
+Timeline = Callable[[SharedCandidate, Floats], GroupUnits]
+
+
+def search_shared(
+    moments: Moments, causes: Sequence[SharedCause], whiten: Floats, timeline: Timeline
+) -> tuple[list[SharedFinding], float]:
+    """Findings, the largest evidence first, and by how much chance was larger than the noise says."""
+    candidates = list(_candidates(moments, causes, whiten))
+    fit = _Fit(moments)
+    dispersion = 1.0
+    for _ in range(MOST_FINDINGS):
+        tests = [fit.test(candidate) for candidate in candidates]
+        ratio = [test / chi2.median(max(rank, 1)) for test, rank in tests if rank]
+        dispersion = max(1.0, float(np.median(ratio)) if ratio else 1.0)
+        chance = np.array([_log_chance(test / dispersion, rank) if rank else 0.0 for test, rank in tests])
+        best = int(np.argmin(chance)) if len(chance) else 0
+        if not len(chance) or chance[best] > np.log(LEVEL / len(candidates)):
+            break
+        near = _near(candidates, tests, best, dispersion)
+        fit.accept(candidates[best], tests[best][0] / dispersion / 2, near, timeline, dispersion)
+    return fit.findings(dispersion), dispersion
+
+
+def _log_chance(test: float, rank: int) -> float:
+    """Logarithm of P(χ² ≥ test), also where that is no number any more: (k/2 − 1) ln x − x − ln Γ(k/2), x = test/2
+    (Abramowitz and Stegun, 6.5.32)."""
+    found = float(chi2.logsf(test, rank))
+    return found if np.isfinite(found) else (rank / 2 - 1) * np.log(test / 2) - test / 2 - float(gammaln(rank / 2))
+
+
+def _near(
+    candidates: Sequence[SharedCandidate], tests: Sequence[tuple[float, int]], best: int, dispersion: float
+) -> tuple[str, ...]:
+    """Other causes of the same group that explain nearly as much."""
+    own, (top, rank) = candidates[best], tests[best]
+    found = []
+    for candidate, (test, other_rank) in zip(candidates, tests, strict=True):
+        same = (candidate.level, candidate.group) == (own.level, own.group) or (
+            {candidate.level, own.level} <= {"station", "position"} and candidate.group == own.group
+        )
+        behind = (top - test) / dispersion / 2 - (rank - other_rank) / 2
+        if same and candidate is not own and behind < _NEAR_NATS:
+            found.append(f"{candidate.cause.effect} {candidate.cause.position}".strip())
+    return tuple(dict.fromkeys(found))
+
+
+def _candidates(moments: Moments, causes: Sequence[SharedCause], whiten: Floats) -> Iterator[SharedCandidate]:
+    at = 0
+    for cause in causes:
+        columns = None if cause.columns is None else whiten @ cause.columns
+        place = slice(at, at + cause.axes) if cause.columns is None else slice(0, 0)
+        at += cause.axes if cause.columns is None else 0
+        scores = moments.kz[:, place] if columns is None else moments.z @ columns
+        for level in cause.levels:
+            for group, members in _groups(moments, level):
+                yield SharedCandidate(cause, level, group, members, members @ scores, columns, place)
+
+
+def _groups(moments: Moments, level: str) -> Iterator[tuple[Cell, Floats]]:
+    fields = _FIELDS[level]
+    names = [
+        Cell(**{f: getattr(cell, f) if f in fields else "" for f in ("station", "nest", "lot")})
+        for cell in moments.cells
+    ]
+    for group in dict.fromkeys(names):
+        members = np.array([name == group for name in names], float)
+        here = float(members @ moments.units)
+        # A group of all units has nothing to be compared with; one without a name is no group.
+        if _FEWEST_UNITS <= here < moments.units.sum() and all(getattr(group, f) for f in fields):
+            yield group, members
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _InTime:
+    """How many units, since and until when; size (a): robust, None where it is not known unit by unit."""
+
+    units: int
+    begin_ns: int | None = None
+    end_ns: int | None = None
+    size: Floats | None = None
+
+
+class _Fit:
+    """Everything found so far, fitted together with the middle of all units (r)."""
+
+    def __init__(self, moments: Moments) -> None:
+        self._m = moments
+        self._accepted: list[SharedCandidate] = []
+        self._about: list[tuple[float, tuple[str, ...], _InTime]] = []
+        self._middle = moments.z.sum(axis=0) / moments.units.sum()
+        self._sizes: list[Floats] = []
+        self._inverse = np.zeros((0, 0))
+
+    def test(self, candidate: SharedCandidate) -> tuple[float, int]:
+        """Twice the log likelihood that the candidate would gain, and its rank."""
+        if any(one.cause is candidate.cause and one.group == candidate.group for one in self._accepted):
+            return 0.0, 0
+        to_middle = self._to_middle(candidate)
+        left = candidate.score - to_middle.T @ self._middle
+        for one, size in zip(self._accepted, self._sizes, strict=True):
+            left = left - self._between(candidate, one) @ size
+        gram = self._between(candidate, candidate) - to_middle.T @ to_middle / self._m.units.sum()
+        value, vector = np.linalg.eigh(gram)
+        shown = value > 1e-6 * max(float(value[-1]), 1e-300)
+        along = (vector.T @ left)[shown] / np.sqrt(value[shown])
+        return float(along @ along), int(shown.sum())
+
+    def accept(
+        self,
+        candidate: SharedCandidate,
+        nats: float,
+        near: tuple[str, ...],
+        timeline: Timeline,
+        dispersion: float,
+    ) -> None:
+        """Takes the candidate, for the stretch of time in which it is at work."""
+        candidate, when = self._in_time(candidate, timeline, dispersion)
+        self._accepted.append(candidate)
+        self._about.append((nats, near, when))
+        self._solve()
+
+    def findings(self, dispersion: float) -> list[SharedFinding]:
+        """With the sizes of the last fit."""
+        out, at = [], len(self._middle)
+        for one, fitted, (nats, near, when) in zip(self._accepted, self._sizes, self._about, strict=True):
+            own = slice(at, at + len(fitted))
+            at += len(fitted)
+            std = np.sqrt(np.maximum(np.diagonal(self._inverse[own, own]), 0) * dispersion)
+            size = fitted if when.size is None else when.size
+            wide = 1.0 if when.size is None else _MEDIAN_STD
+            vector, stds = tuple(map(float, size)), tuple(map(float, wide * std))
+            out.append(SharedFinding(one, vector, stds, when.units, when.begin_ns, when.end_ns, nats, near))
+        return sorted(out, key=lambda finding: -finding.nats)
+
+    def _in_time(
+        self, candidate: SharedCandidate, timeline: Timeline, dispersion: float
+    ) -> tuple[SharedCandidate, "_InTime"]:
+        if candidate.columns is None:
+            return candidate, _InTime(int(candidate.members @ self._m.units))
+        known = np.tile(self._middle, (len(self._m.cells), 1))
+        for one, size in zip(self._accepted, self._sizes, strict=True):
+            if one.columns is not None:
+                known += np.outer(one.members, one.columns @ size)
+        units = timeline(candidate, known)
+        gram = candidate.columns.T @ candidate.columns
+        found = best_stretch(units, gram, dispersion)
+        # Units that a large cause draws far off are winsorised: their size is that of the middle one.
+        size = np.linalg.pinv(gram) @ np.median(units.plain[found.first : found.last], axis=0)
+        begin = int(units.began_ns[found.first]) if found.begun else None
+        end = int(units.began_ns[found.last]) if found.ended else None
+        when = _InTime(found.last - found.first, begin, end, size)
+        return (self._part(candidate, units, found, known) if found.begun or found.ended else candidate), when
+
+    def _part(self, candidate: SharedCandidate, units: GroupUnits, found: Stretch, known: Floats) -> SharedCandidate:
+        assert candidate.columns is not None
+        inside = slice(found.first, found.last)
+        count = np.bincount(units.cell[inside], minlength=len(self._m.cells)).astype(float)
+        # What was taken off before the projection is put back: the score is of the responses themselves.
+        score = units.projected[inside].sum(axis=0) + candidate.columns.T @ (count @ known)
+        return replace(candidate, members=count / np.maximum(self._m.units, 1.0), score=score)
+
+    def _to_middle(self, one: SharedCandidate) -> Floats:
+        """Gram matrix (r, a) between the middle and a candidate."""
+        if one.columns is None:
+            return np.tensordot(one.members, self._m.cross[:, :, one.at], axes=1)
+        return np.asarray(float(one.members @ self._m.units) * one.columns)
+
+    def _between(self, one: SharedCandidate, two: SharedCandidate) -> Floats:
+        """Gram matrix (a, b) of two candidates, over the units in which both are at work."""
+        both = np.minimum(one.members, two.members)
+        if one.columns is not None and two.columns is not None:
+            return np.asarray(float(both @ self._m.units) * (one.columns.T @ two.columns))
+        if one.columns is not None:
+            return np.asarray(one.columns.T @ np.tensordot(both, self._m.cross[:, :, two.at], axes=1))
+        if two.columns is not None:
+            return self._between(two, one).T
+        return np.asarray(np.tensordot(both, self._m.kk[:, one.at, two.at], axes=1))
+
+    def _solve(self) -> None:
+        r, total = len(self._middle), float(self._m.units.sum())
+        edges = np.cumsum([r, *(len(one.score) for one in self._accepted)])
+        A = np.zeros((edges[-1], edges[-1]))
+        A[:r, :r] = np.eye(r) * total
+        for i, one in enumerate(self._accepted):
+            own = slice(edges[i], edges[i + 1])
+            A[:r, own] = self._to_middle(one)
+            A[own, :r] = A[:r, own].T
+            for j, two in enumerate(self._accepted):
+                A[own, edges[j] : edges[j + 1]] = self._between(one, two)
+        b = np.concatenate([self._m.z.sum(axis=0), *(one.score for one in self._accepted)])
+        self._inverse = np.linalg.pinv(A, hermitian=True, rcond=1e-10)
+        found = self._inverse @ b
+        self._middle = found[:r]
+        self._sizes = [found[edges[i] : edges[i + 1]] for i in range(len(self._accepted))]

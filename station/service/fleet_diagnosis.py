@@ -1,0 +1,166 @@
+"""Causes that groups of a fleet share: portions make moments of their units, the search goes over their sums."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from station.diagnosis.fleet.interval import GroupUnits
+from station.diagnosis.fleet.moments import Cell, Moments
+from station.diagnosis.fleet.noise import ResponseNoise, response_noise, winsorised
+from station.diagnosis.fleet.response import (
+    SharedCause,
+    VisitOrder,
+    covariate_columns,
+    order_of,
+    response,
+    shared_causes,
+)
+from station.diagnosis.fleet.search import SharedCandidate, SharedFinding, search_shared
+from station.domain.core.types import Floats, ReducedVisits
+from station.domain.evaluation import reduced_visits_document
+from station.domain.recipe.recipe import Recipe
+from station.domain.recipe.references import Truths
+from station.errors import LogError
+from station.ports.fleet import Columns, ColumnType, PortionResults
+from station.ports.log_reader import Query, ReducedAttempt
+from station.service.fleet import FleetPlan, FleetWork, OpenSource
+
+#: Units that the noise is learnt from, spread over all of them; fewer than this say nothing of it.
+_SAMPLE, _FEWEST = 2048, 64
+#: Columns of a portion's result, one row a cell: its moments, then what its units say one by one.
+COLUMNS: Mapping[str, ColumnType] = {
+    **dict.fromkeys(("station", "nest", "lot"), "text"),
+    "units": "number",
+    **dict.fromkeys(("z", "cross", "kz", "kk", "unit_z"), "numbers"),
+    "began_ns": "integers",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FleetBank:
+    """What every portion needs to know: the order of visits that is compared, the noise, the causes."""
+
+    order: VisitOrder
+    noise: ResponseNoise
+    causes: tuple[SharedCause, ...]
+
+    @property
+    def digest(self) -> str:
+        """Changes with anything that a portion's result depends on."""
+        parts = json.dumps(self.order).encode(), self.noise.middle.tobytes(), self.noise.whiten.tobytes()
+        return hashlib.sha256(b"".join(parts)).hexdigest()[:32]
+
+    @property
+    def covariates(self) -> int:
+        """Columns of the causes that go with a covariate."""
+        return sum(cause.axes for cause in self.causes if cause.columns is None)
+
+
+def learn_bank(recipe: Recipe, query: Query, sources: Sequence[OpenSource]) -> FleetBank:
+    """From a sample spread over all units. Errors: LogError where there are too few, or of several recipes."""
+    visits, groups = _sample(recipe, query, sources)
+    orders = [order_of(one) for one in visits]
+    order = max(dict.fromkeys(orders), key=orders.count) if orders else ((), ())
+    rows = [i for i, own in enumerate(orders) if own == order]
+    if len(rows) < max(_FEWEST, 6 * len(order[0])):
+        raise LogError("fleet-too-few-units", units=len(rows), needed=max(_FEWEST, 6 * len(order[0])))
+    noise = response_noise(np.array([response(visits[i]) for i in rows]), [groups[i] for i in rows])
+    return FleetBank(order, noise, tuple(shared_causes(recipe, visits[rows[0]])))
+
+
+def moments_portion(bank: FleetBank, work: FleetWork) -> Columns:
+    """One portion, in whatever process: units of the bank's order of visits."""
+    recipe, truths = Recipe.model_validate_json(work.recipe), dict[Any, Any]()
+    with work.open_source() as source:
+        rows = source.reduced(work.numbers)
+    pairs = [(row, _visits(row, recipe, truths)) for row in rows]
+    pairs = [(row, visits) for row, visits in pairs if order_of(visits) == bank.order]
+    columns: dict[str, list[Any]] = {name: [] for name in COLUMNS}
+    if not pairs:
+        return columns
+    cells = [Cell(row.station, row.nest, row.lot) for row, _ in pairs]
+    z = bank.noise.whitened(np.array([response(visits) for _, visits in pairs]))
+    raw = covariate_columns(recipe, bank.causes, [visits for _, visits in pairs])
+    found = Moments.of(cells, winsorised(z), np.einsum("rd,udk->urk", bank.noise.whiten, raw))
+    for i, cell in enumerate(found.cells):
+        own = [u for u, name in enumerate(cells) if name == cell]
+        sums = (v[i].ravel().tolist() for v in (found.z, found.cross, found.kz, found.kk))
+        row = (cell.station, cell.nest, cell.lot, float(found.units[i]), *sums, z[own].ravel().tolist())
+        for name, value in zip(COLUMNS, (*row, [pairs[u][0].started_ns for u in own]), strict=True):
+            columns[name].append(value)
+    return columns
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FleetFindings:
+    """findings: largest evidence first; units: that were compared; dispersion: by how much chance is larger than the
+    noise of single units says."""
+
+    findings: tuple[SharedFinding, ...]
+    units: int
+    dispersion: float
+
+
+def search_fleet(bank: FleetBank, planned: FleetPlan, results: PortionResults) -> FleetFindings:
+    """Goes over the sums of all portions. Errors: StoreFault."""
+    moments = Moments.join(_moments(bank, results.read(portion.key)) for portion in planned.portions)
+    place = {cell: i for i, cell in enumerate(moments.cells)}
+
+    def timeline(candidate: SharedCandidate, known: Floats) -> GroupUnits:
+        parts = [_projected(results.read(p.key), candidate, known, place) for p in planned.portions]
+        began, z, cell = (np.concatenate(column) for column in zip(*parts, strict=True))
+        order = np.argsort(began, kind="stable")
+        return GroupUnits(began[order], z[order, 0], z[order, 1], cell[order])
+
+    found, dispersion = search_shared(moments, bank.causes, bank.noise.whiten, timeline)
+    return FleetFindings(tuple(found), int(moments.units.sum()), dispersion)
+
+
+def _moments(bank: FleetBank, columns: Columns) -> Moments:
+    r, k = len(bank.noise.whiten), bank.covariates
+    cells = tuple(Cell(*names) for names in zip(columns["station"], columns["nest"], columns["lot"], strict=True))
+    c = len(cells)
+    shapes = {"z": (c, r), "cross": (c, r, k), "kz": (c, k), "kk": (c, k, k)}
+    parts = {name: np.array(columns[name], float).reshape(shape) for name, shape in shapes.items()}
+    return Moments(cells, np.array(columns["units"], float), **parts)
+
+
+def _projected(
+    columns: Columns, candidate: SharedCandidate, known: Floats, place: Mapping[Cell, int]
+) -> tuple[Any, Floats, Any]:
+    """Of a portion's units of one group: beginning, projections (n, 2, a) of the winsorised and of the plain response,
+    cell."""
+    assert candidate.columns is not None
+    a = candidate.columns
+    began, projected, cells = [np.zeros(0, np.int64)], [np.zeros((0, 2, a.shape[1]))], [np.zeros(0, np.intp)]
+    rows = zip(columns["station"], columns["nest"], columns["lot"], columns["unit_z"], columns["began_ns"], strict=True)
+    for station, nest, lot, z, times in rows:
+        cell = place[Cell(station, nest, lot)]
+        if candidate.members[cell]:
+            own = np.array(z, float).reshape(len(times), -1)
+            began.append(np.array(times, np.int64))
+            projected.append((np.stack([winsorised(own), own], axis=1) - known[cell]) @ a)
+            cells.append(np.full(len(times), cell, np.intp))
+    return np.concatenate(began), np.concatenate(projected), np.concatenate(cells)
+
+
+def _sample(
+    recipe: Recipe, query: Query, sources: Sequence[OpenSource]
+) -> tuple[list[ReducedVisits], list[tuple[str, str, str]]]:
+    visits, groups, truths = [], [], dict[Any, Any]()
+    for open_source in sources:
+        with open_source() as source:
+            numbers = np.fromiter((attempt.number for attempt in source.selection(query)), np.int64)
+            step = max(1, len(numbers) * len(sources) // _SAMPLE)
+            for row in source.reduced(numbers[::step].tolist()):
+                visits.append(_visits(row, recipe, truths))
+                groups.append((row.station, row.nest, row.lot))
+    return visits, groups
+
+
+def _visits(row: ReducedAttempt, recipe: Recipe, truths: Truths) -> ReducedVisits:
+    return reduced_visits_document.from_document(json.loads(row.stops), recipe, truths)

@@ -1,0 +1,103 @@
+"""`station diagnose --shared`: who in a fleet shares a cause and since when, told from data drawn elsewhere."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station.cli.app import main
+from station.diagnosis.fleet.interval import GroupUnits, best_stretch
+from station.diagnosis.fleet.moments import Cell, Moments
+from tests.fakes import shared_fleet
+
+Out = pytest.CaptureFixture[str]
+UNITS, SEED, BEGIN = 2400, 11, 1400
+TILT, QUADRATIC = 8e-3, 2e-3
+
+
+def worn(number: int, station: str, nest: str, lot: str) -> tuple[Any, Any, float]:
+    """Nest B of two stations from unit 1,400 on, and a lot of bent sensors."""
+    tilted = nest == "B" and station in ("bench-3", "bench-9") and number >= BEGIN
+    return np.array([TILT * tilted, 0.0, 0.0]), np.zeros(3), QUADRATIC * (lot == "L07")
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("shared")
+    shared_fleet.write(folder / "worn", UNITS, worn, SEED)
+    shared_fleet.write(folder / "quiet", 1000, lambda *_: shared_fleet.NOTHING, SEED + 1)
+    return folder
+
+
+def diagnose(capsys: Out, *words: str | Path, code: int) -> Any:
+    with pytest.raises(SystemExit) as ended:
+        main(["diagnose", "--shared", "--recipe", "six-point", "--processes", "1", *map(str, words)])
+    shown = capsys.readouterr()
+    assert ended.value.code == code, shown.err
+    return shown
+
+
+def test_two_nests_and_a_lot_are_named_with_their_beginning_and_size(fleet: Path, capsys: Out) -> None:
+    results = fleet / "results"
+    named = ("--db", fleet / "worn", "--results", results)
+    document = json.loads(diagnose(capsys, *named, "--json", "-", code=1).out)
+    found = {(f["station"], f["nest"], f["lot"]): f for f in document["findings"]}
+    assert set(found) == {("bench-3", "B", None), ("bench-9", "B", None), (None, None, "L07")}
+    for station in ("bench-3", "bench-9"):
+        one = found[station, "B", None]
+        assert (one["effect"], one["end"]) == ("nest-tilt", None)
+        # A vector of three, each within four of its stated deviations.
+        assert np.all(np.abs(np.array(one["vector"]) - [TILT, 0, 0]) < 4 * np.array(one["std"]))
+        first = shared_fleet.FIRST + BEGIN * shared_fleet.STEP
+        late = (np.datetime64(one["begin"][:19]) - np.datetime64(first.replace(tzinfo=None))) / np.timedelta64(1, "s")
+        # One unit of a nest comes every forty: three of them before or after.
+        assert abs(late) <= 3 * 40 * shared_fleet.STEP.total_seconds()
+    lot = found[None, None, "L07"]
+    assert "quadratic" in {lot["effect"], *lot["indistinguishable_from"]}
+    assert (lot["begin"], lot["end"]) == (None, None)
+    # Twenty times the noise of a visit: far beyond what one unit is allowed to say of its group.
+    assert np.all(np.abs(np.array(lot["vector"]) - QUADRATIC) < 4 * np.array(lot["std"]))
+    text = diagnose(capsys, *named, code=1)
+    assert "nest B of bench-9 since" in text.out
+    assert "3 of 3 portions are there" in text.err
+
+
+def test_a_fleet_that_shares_nothing_is_silent(fleet: Path, capsys: Out) -> None:
+    assert "No group of the" in diagnose(capsys, "--db", fleet / "quiet", code=0).out
+
+
+def test_wrong_input_is_one_sentence(fleet: Path, tmp_path: Path, capsys: Out) -> None:
+    shared_fleet.write(tmp_path / "few", 40, lambda *_: shared_fleet.NOTHING, SEED)
+    assert "at least 64" in diagnose(capsys, "--db", tmp_path / "few", code=2).err
+    assert "names units with --db" in diagnose(capsys, code=2).err
+    assert "names units with --db" in diagnose(capsys, "--db", fleet / "worn", "--report", "x.html", code=2).err
+
+
+def test_moments_of_portions_add_up_to_those_of_all_units() -> None:
+    rng = np.random.default_rng(3)
+    cells = [Cell(f"s{rng.integers(2)}", f"n{rng.integers(2)}", "L") for _ in range(60)]
+    z, columns = rng.normal(size=(60, 5)), rng.normal(size=(60, 5, 2))
+    whole = Moments.join([Moments.of(cells, z, columns)])
+    parts = [Moments.of(cells[i : i + 13], z[i : i + 13], columns[i : i + 13]) for i in range(0, 60, 13)]
+    joined = Moments.join(parts)
+    assert joined.cells == whole.cells
+    for name in ("units", "z", "cross", "kz", "kk"):
+        # Sums in another order: rounding of 60 terms of order one.
+        assert np.allclose(getattr(joined, name), getattr(whole, name), rtol=0, atol=1e-12), name
+    assert whole.units.sum() == 60
+
+
+def test_a_cause_in_the_middle_of_a_group_has_a_beginning_and_an_end() -> None:
+    rng = np.random.default_rng(4)
+    z = rng.normal(size=(900, 1))
+    z[300:600] += 2.0
+    always_there = rng.normal(size=(900, 1)) + 2.0
+    none = GroupUnits(np.arange(900), always_there, always_there, np.zeros(900, np.intp))
+    found = best_stretch(GroupUnits(np.arange(900), z, z, np.zeros(900, np.intp)), np.eye(1), 1.0)
+    assert abs(found.first - 300) <= 4
+    assert abs(found.last - 600) <= 4
+    assert (found.begun, found.ended) == (True, True)
+    always = best_stretch(none, np.eye(1), 1.0)
+    assert (always.first, always.last, always.begun, always.ended) == (0, 900, False, False)
