@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from station.diagnosis.fleet.interval import GroupUnits
-from station.diagnosis.fleet.moments import Cell, Moments
+from station.diagnosis.fleet.moments import FleetCell, Moments
 from station.diagnosis.fleet.noise import ResponseNoise, response_noise, winsorised
 from station.diagnosis.fleet.response import (
     SharedCause,
     VisitOrder,
     covariate_columns,
-    order_of,
     response,
     shared_causes,
+    visit_order,
 )
 from station.diagnosis.fleet.search import SharedCandidate, SharedFinding, search_shared
 from station.domain.core.types import Floats, ReducedVisits
@@ -63,7 +63,7 @@ class FleetBank:
 def learn_bank(recipe: Recipe, query: Query, sources: Sequence[OpenSource]) -> FleetBank:
     """From a sample spread over all units. Errors: LogError where there are too few, or of several recipes."""
     visits, groups = _sample(recipe, query, sources)
-    orders = [order_of(one) for one in visits]
+    orders = [visit_order(one) for one in visits]
     order = max(dict.fromkeys(orders), key=orders.count) if orders else ((), ())
     rows = [i for i, own in enumerate(orders) if own == order]
     if len(rows) < max(_FEWEST, 6 * len(order[0])):
@@ -78,11 +78,11 @@ def moments_portion(bank: FleetBank, work: FleetWork) -> Columns:
     with work.open_source() as source:
         rows = source.reduced(work.numbers)
     pairs = [(row, _visits(row, recipe, truths)) for row in rows]
-    pairs = [(row, visits) for row, visits in pairs if order_of(visits) == bank.order]
+    pairs = [(row, visits) for row, visits in pairs if visit_order(visits) == bank.order]
     columns: dict[str, list[Any]] = {name: [] for name in COLUMNS}
     if not pairs:
         return columns
-    cells = [Cell(row.station, row.nest, row.lot) for row, _ in pairs]
+    cells = [FleetCell(row.station, row.nest, row.lot) for row, _ in pairs]
     z = bank.noise.whitened(np.array([response(visits) for _, visits in pairs]))
     raw = covariate_columns(recipe, bank.causes, [visits for _, visits in pairs])
     found = Moments.of(cells, winsorised(z), np.einsum("rd,udk->urk", bank.noise.whiten, raw))
@@ -122,7 +122,7 @@ def search_fleet(bank: FleetBank, planned: FleetPlan, results: PortionResults) -
 
 def _moments(bank: FleetBank, columns: Columns) -> Moments:
     r, k = len(bank.noise.whiten), bank.covariates
-    cells = tuple(Cell(*names) for names in zip(columns["station"], columns["nest"], columns["lot"], strict=True))
+    cells = tuple(FleetCell(*names) for names in zip(columns["station"], columns["nest"], columns["lot"], strict=True))
     c = len(cells)
     shapes = {"z": (c, r), "cross": (c, r, k), "kz": (c, k), "kk": (c, k, k)}
     parts = {name: np.array(columns[name], float).reshape(shape) for name, shape in shapes.items()}
@@ -130,7 +130,7 @@ def _moments(bank: FleetBank, columns: Columns) -> Moments:
 
 
 def _projected(
-    columns: Columns, candidate: SharedCandidate, known: Floats, place: Mapping[Cell, int]
+    columns: Columns, candidate: SharedCandidate, known: Floats, place: Mapping[FleetCell, int]
 ) -> tuple[Any, Floats, Any]:
     """Of a portion's units of one group: beginning, projections (n, 2, a) of the winsorised and of the plain response,
     cell."""
@@ -139,7 +139,7 @@ def _projected(
     began, projected, cells = [np.zeros(0, np.int64)], [np.zeros((0, 2, a.shape[1]))], [np.zeros(0, np.intp)]
     rows = zip(columns["station"], columns["nest"], columns["lot"], columns["unit_z"], columns["began_ns"], strict=True)
     for station, nest, lot, z, times in rows:
-        cell = place[Cell(station, nest, lot)]
+        cell = place[FleetCell(station, nest, lot)]
         if candidate.members[cell]:
             own = np.array(z, float).reshape(len(times), -1)
             began.append(np.array(times, np.int64))

@@ -9,7 +9,7 @@ import pytest
 
 from station.cli.app import main
 from station.diagnosis.fleet.interval import GroupUnits, best_stretch
-from station.diagnosis.fleet.moments import Cell, Moments
+from station.diagnosis.fleet.moments import FleetCell, Moments
 from tests.fakes import shared_fleet
 
 Out = pytest.CaptureFixture[str]
@@ -77,7 +77,7 @@ def test_wrong_input_is_one_sentence(fleet: Path, tmp_path: Path, capsys: Out) -
 
 def test_moments_of_portions_add_up_to_those_of_all_units() -> None:
     rng = np.random.default_rng(3)
-    cells = [Cell(f"s{rng.integers(2)}", f"n{rng.integers(2)}", "L") for _ in range(60)]
+    cells = [FleetCell(f"s{rng.integers(2)}", f"n{rng.integers(2)}", "L") for _ in range(60)]
     z, columns = rng.normal(size=(60, 5)), rng.normal(size=(60, 5, 2))
     whole = Moments.join([Moments.of(cells, z, columns)])
     parts = [Moments.of(cells[i : i + 13], z[i : i + 13], columns[i : i + 13]) for i in range(0, 60, 13)]

@@ -14,7 +14,7 @@ from station.domain.core.types import Floats
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class FleetCell:
     """What the units of a cell have in common."""
 
     station: str
@@ -26,7 +26,7 @@ class Cell:
 class Moments:
     """Of cells (c): units (c); z (c, r); cross (c, r, k): Σ K; kz (c, k); kk (c, k, k)."""
 
-    cells: tuple[Cell, ...]
+    cells: tuple[FleetCell, ...]
     units: Floats
     z: Floats
     cross: Floats
@@ -34,7 +34,7 @@ class Moments:
     kk: Floats
 
     @staticmethod
-    def of(cells: Sequence[Cell], z: Floats, columns: Floats) -> "Moments":
+    def of(cells: Sequence[FleetCell], z: Floats, columns: Floats) -> "Moments":
         """Of units (U), each with its cell; z (U, r); columns (U, r, k)."""
         names = tuple(dict.fromkeys(cells))
         place = {name: i for i, name in enumerate(names)}
@@ -48,7 +48,7 @@ class Moments:
     @staticmethod
     def join(parts: Iterable["Moments"]) -> "Moments":
         """Of all portions, cell by cell, in the order in which they come."""
-        sums: dict[Cell, list[Floats]] = {}
+        sums: dict[FleetCell, list[Floats]] = {}
         for part in parts:
             for i, cell in enumerate(part.cells):
                 own = [part.units[i : i + 1], part.z[i], part.cross[i], part.kz[i], part.kk[i]]

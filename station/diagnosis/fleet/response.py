@@ -38,7 +38,7 @@ class SharedCause:
     columns: Floats | None
 
 
-def order_of(visits: ReducedVisits) -> VisitOrder:
+def visit_order(visits: ReducedVisits) -> VisitOrder:
     """Positions and seatings in order: units of one order can be compared."""
     return visits.position, visits.seating
 

@@ -14,7 +14,7 @@ from scipy.special import gammaln
 from scipy.stats import chi2
 
 from station.diagnosis.fleet.interval import GroupUnits, Stretch, best_stretch
-from station.diagnosis.fleet.moments import Cell, Moments
+from station.diagnosis.fleet.moments import FleetCell, Moments
 from station.diagnosis.fleet.response import SharedCause
 from station.domain.core.types import Floats
 
@@ -37,7 +37,7 @@ class SharedCandidate:
 
     cause: SharedCause
     level: str
-    group: Cell
+    group: FleetCell
     members: Floats
     score: Floats
     columns: Floats | None
@@ -124,10 +124,10 @@ def _candidates(moments: Moments, causes: Sequence[SharedCause], whiten: Floats)
                 yield SharedCandidate(cause, level, group, members, members @ scores, columns, place)
 
 
-def _groups(moments: Moments, level: str) -> Iterator[tuple[Cell, Floats]]:
+def _groups(moments: Moments, level: str) -> Iterator[tuple[FleetCell, Floats]]:
     fields = _FIELDS[level]
     names = [
-        Cell(**{f: getattr(cell, f) if f in fields else "" for f in ("station", "nest", "lot")})
+        FleetCell(**{f: getattr(cell, f) if f in fields else "" for f in ("station", "nest", "lot")})
         for cell in moments.cells
     ]
     for group in dict.fromkeys(names):
