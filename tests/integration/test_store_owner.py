@@ -1,6 +1,7 @@
 """One log, one owner, by whatever name it is reached."""
 
 import os
+import shutil
 import sqlite3
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from station.adapters.store.sqlite import SqliteStore
 from station.errors import StoreFault
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.owner import owner_pid
+from tests.fakes import logs
 
 
 def opened(path: Path) -> SqliteStore:
@@ -97,3 +99,18 @@ def test_a_program_that_changes_no_record_disturbs_nobody(log: Path) -> None:
     store.event("", "note", {})
     store.event("", "note", {})
     store.close()
+
+
+@pytest.mark.parametrize("ending", ["", "-wal"])
+@pytest.mark.parametrize("how", ["renamed", "removed", "exchanged"])
+def test_a_log_that_is_moved_while_it_is_written_passes_nobody(log: Path, ending: str, how: str) -> None:
+    with opened(log) as store:
+        attempt = store.begin(logs.begin())
+        file_ = Path(f"{log}{ending}")
+        moved = file_.rename(f"{file_}.elsewhere")
+        if how == "removed":
+            moved.unlink()
+        elif how == "exchanged":
+            shutil.copy(moved, file_)
+        with pytest.raises(StoreFault, match="renamed, removed or exchanged"):
+            store.finish(attempt, "PASS", 1)

@@ -95,6 +95,23 @@ def own_inode(path: Path) -> int:
     return handle
 
 
+def identity(path: Path) -> tuple[tuple[int, int], ...]:
+    """What files the log and its write-ahead log are: device and inode. Errors: OSError."""
+    stats = [name.stat() for name in (path, path.with_name(path.name + "-wal"))]
+    return tuple((stat.st_dev, stat.st_ino) for stat in stats)
+
+
+def check_in_place(path: Path, known: tuple[tuple[int, int], ...]) -> None:
+    """StoreFault where the log has been renamed, removed or exchanged under the hands of its owner: what is written to
+    an open file whose name is gone, nobody finds again."""
+    try:
+        present = identity(path)
+    except OSError:
+        present = ()
+    if present != known:
+        raise StoreFault("log-moved", path=str(path))
+
+
 def _preallocate_wal(wal: Path) -> None:
     """Gives the write-ahead log its usual length from the start: a commit's fsync then waits for its data alone.
 

@@ -91,7 +91,7 @@ class SqliteStore:
             self._db = file.open_for_writing(path, busy_s)
             opened.callback(self._db.close)
             inode.callback(os.close, file.own_inode(path))
-            self._data_version = self._read_data_version()
+            self._data_version, self._files = self._read_data_version(), file.identity(path)
             self._log_id = str(self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0])
             self._head_file = anchor.HeadFile(path)
             self._anchors = LogAnchors((self._head_file, *anchors, *([witness] if witness else ())))
@@ -185,6 +185,7 @@ class SqliteStore:
         """The record stands in the file as it was sealed: nothing is shown as passed on the word of a commit alone."""
         with self._turn, translate_errors(StoreFault, self.path, "read"):
             row = self._db.execute("SELECT hash FROM finish WHERE seq = ?", (number,)).fetchone()
+        file.check_in_place(self.path, self._files)
         if row is None or bytes(row[0]) != self._hash:
             raise StoreFault("log-finish-missing", path=str(self.path), number=number)
 
@@ -263,7 +264,8 @@ class SqliteStore:
             self._keep_head(durable=False)
 
     def _check_nobody_else_wrote(self) -> None:
-        """StoreFault where the log's newest record is not the one that this owner made last."""
+        """StoreFault where the log is not where it was, or its newest record not the one that this owner made last."""
+        file.check_in_place(self.path, self._files)
         if (version := self._read_data_version()) == self._data_version:
             return
         if file.newest(self._db, self._log_id) != (self._number, self._hash):
