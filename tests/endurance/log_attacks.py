@@ -1,12 +1,14 @@
 """Intelligent edits of a signed log by somebody with its files, with and without its key: found, and refused.
 
-    python tests/endurance/log_attacks.py [--trials 2000] [--seed 1]
+    python tests/endurance/log_attacks.py [--trials 2000] [--seed 1] [--json]
 
 Each trial takes a log of eight loads with one anchor folder elsewhere, does one thing to it behind the station's back,
-and asks twice: does `--verify` find it with that anchor and the pinned key; does the next run refuse the log?
+and asks twice: does `--verify` find it with that anchor and the pinned key; does the next run refuse the log? A clock
+that was set back leaves nothing in the log to be found: of it only the run's refusal counts.
 """
 
 import argparse
+import json
 import shutil
 import sqlite3
 import sys
@@ -35,17 +37,25 @@ from tests.fakes import logs
 
 KEY = Ed25519PrivateKey.from_private_bytes(bytes(range(32)))
 SIGNER = Signer(KEY.sign, KEY.public_key().public_bytes_raw())
+FORGER_KEY = Ed25519PrivateKey.from_private_bytes(bytes(range(1, 33)))
+FORGER = Signer(FORGER_KEY.sign, FORGER_KEY.public_key().public_bytes_raw())
 LOADS = 8
+#: What the fixture's station last wrote (tests.fakes.logs).
+YEAR_NS = 365 * 86_400 * 10**9
 
 
-@dataclass(frozen=True)
+@dataclass
 class Place:
-    """One trial's copy: the log, the anchor elsewhere, states of earlier days, another station's log."""
+    """One trial's copy: the log, the anchor elsewhere, states of earlier days, another station's log, one that somebody
+    made with a key of their own; signer, epoch_ns: with what the next run comes."""
 
     log: Path
     share: AnchorFolder
     earlier: list[Path]
     other: Path
+    forged: Path
+    signer: Signer = SIGNER
+    epoch_ns: Callable[[], int] = time.time_ns
 
 
 def prepare(folder: Path) -> None:
@@ -59,11 +69,14 @@ def prepare(folder: Path) -> None:
             for unit in range(2):
                 logs.unit(store, f"SN{number}{unit}", outcome="PASS" if unit else "FAIL")
             store.tidy()
+            shutil.copy(line / "station.db-wal", folder / f"{number}.wal")
         shutil.copytree(line, folder / "earlier" / str(number))
-    (folder / "other").mkdir()
-    with SqliteStore(folder / "other" / "station.db", "bench", signer=SIGNER) as store:
-        for number in range(20):
-            logs.unit(store, f"X{number}")
+        shutil.move(folder / f"{number}.wal", folder / "earlier" / str(number) / "wal-of-then")
+    for name, signer in (("other", SIGNER), ("forged", FORGER)):
+        (folder / name).mkdir()
+        with SqliteStore(folder / name / "station.db", "bench", signer=signer) as store:
+            for number in range(20):
+                logs.unit(store, f"X{number}")
 
 
 @contextmanager
@@ -74,7 +87,7 @@ def trial(template: Path) -> Iterator[Place]:
         shutil.copytree(template, folder)
         earlier = sorted((folder / "earlier").iterdir(), key=lambda p: int(p.name))
         share = AnchorFolder(folder / "share", "bench-station")
-        yield Place(folder / "line" / "station.db", share, earlier, folder / "other")
+        yield Place(folder / "line" / "station.db", share, earlier, folder / "other", folder / "forged")
 
 
 @contextmanager
@@ -185,7 +198,7 @@ def restore(place: Place, rng: np.random.Generator, *, head: bool) -> None:
     for file in place.log.parent.glob("station.db*"):
         if head or not file.name.endswith(".head"):
             file.unlink()
-    for file in day.iterdir():
+    for file in day.glob("station.db*"):
         if head or not file.name.endswith(".head"):
             shutil.copy(file, place.log.parent)
 
@@ -249,6 +262,50 @@ def vanish(place: Place, rng: np.random.Generator) -> None:
         place.log.write_bytes(b"")
 
 
+def exchange_with_key(place: Place, rng: np.random.Generator) -> None:
+    """Log, head and the station's key, all of somebody's own making."""
+    for file in place.log.parent.glob("station.db*"):
+        file.unlink()
+    for file in place.forged.iterdir():
+        shutil.copy(file, place.log.parent)
+    place.signer = FORGER
+
+
+def old_wal(place: Place, rng: np.random.Generator) -> None:
+    """The write-ahead log of an earlier day laid beside today's log: SQLite takes any that is whole in itself."""
+    shutil.copy(place.earlier[int(rng.integers(LOADS - 1))] / "wal-of-then", f"{place.log}-wal")
+
+
+def old_wal_and_head(place: Place, rng: np.random.Generator) -> None:
+    """The same with the log and the head of that day."""
+    restore(place, rng, head=True)
+    old_wal(place, rng)
+
+
+def folder_by_link(place: Place, rng: np.random.Generator) -> None:
+    """The log's folder exchanged for a link to an earlier day's."""
+    place.log.parent.rename(place.log.parent.with_name("line-of-today"))
+    place.log.parent.symlink_to(place.earlier[int(rng.integers(LOADS - 1))])
+
+
+def swap_roots(place: Place, rng: np.random.Generator) -> None:
+    """Two indices exchanged by the pages where they begin: no definition changes, and questions go astray."""
+    db = sqlite3.connect(place.log)
+    rows = db.execute("SELECT name, rootpage FROM sqlite_master WHERE type = 'index' AND sql <> ''").fetchall()
+    first, second = (rows[int(i)] for i in rng.choice(len(rows), 2, replace=False))
+    db.execute("PRAGMA writable_schema = ON")
+    for (name, _), (_, page) in ((first, second), (second, first)):
+        db.execute("UPDATE sqlite_master SET rootpage = ? WHERE name = ?", (page, name))
+    db.commit()
+    db.close()
+
+
+def set_clock_back(place: Place, rng: np.random.Generator) -> None:
+    """The next run comes years before the newest record."""
+    years = int(rng.integers(1, 11))
+    place.epoch_ns = lambda: logs.begin().started_ns - years * YEAR_NS
+
+
 Attack = Callable[[Place, np.random.Generator], None]
 ATTACKS: dict[str, Attack] = {
     "tail cut, older genuine head": cut_tail,
@@ -263,7 +320,15 @@ ATTACKS: dict[str, Attack] = {
     "head file spoilt": spoil_head,
     "schema altered": spoil_schema,
     "log removed or emptied": vanish,
+    "log, head and key of somebody's own making": exchange_with_key,
+    "old write-ahead log, log of today": old_wal,
+    "old write-ahead log, log and head of then": old_wal_and_head,
+    "folder a link to an earlier day's": folder_by_link,
+    "indices exchanged by their pages": swap_roots,
+    "clock set back by years": set_clock_back,
 }
+#: They leave nothing in the log.
+ONLY_REFUSED = frozenset({"clock set back by years"})
 
 
 def found(place: Place) -> bool:
@@ -279,7 +344,7 @@ def found(place: Place) -> bool:
 def refused(place: Place) -> bool:
     """Whether the next run refuses the log."""
     try:
-        SqliteStore(place.log, "bench", signer=SIGNER, anchors=[place.share]).close()
+        SqliteStore(place.log, "bench", place.epoch_ns, place.signer, anchors=[place.share]).close()
     except StationError:
         return True
     return False
@@ -298,7 +363,7 @@ def attack(trials: int, seed: int) -> dict[str, tuple[int, int, int]]:
                 ATTACKS[kind](place, rng)
                 row = counts[kind]
                 row[0] += 1
-                row[1] += found(place)
+                row[1] += kind in ONLY_REFUSED or found(place)
                 row[2] += refused(place)
     return {kind: (row[0], row[1], row[2]) for kind, row in counts.items()}
 
@@ -308,12 +373,17 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     began_s = time.monotonic()
     rows = attack(options.trials, options.seed)
+    total = [sum(row[i] for row in rows.values()) for i in range(3)]
+    if options.json:
+        missed = [f"{kind}: {row}" for kind, row in rows.items() if len(set(row)) > 1]
+        print(json.dumps(dict(zip(("trials", "found", "refused"), total, strict=True)) | {"said": missed}))
+        return int(bool(missed))
     for kind, (count, observed, stopped) in rows.items():
         print(f"{kind:45s} {count:5d} tried {observed:5d} found {stopped:5d} refused")
-    total = [sum(row[i] for row in rows.values()) for i in range(3)]
     print(f"{'all, goal: all found, all refused':45s} {total[0]:5d} tried {total[1]:5d} found {total[2]:5d} refused")
     print(f"seed {options.seed}, {time.monotonic() - began_s:.0f} s")
     return 0 if total[0] == total[1] == total[2] else 1

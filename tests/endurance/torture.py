@@ -70,6 +70,19 @@ def intruders(shown: Report) -> Sequence[tuple[str, str, str, str]]:
     return ((what, f"{shown['instants']} instants", str(shown["found"]), "all"),)
 
 
+def attacks(shown: Report) -> Sequence[tuple[str, str, str, str]]:
+    """Somebody with the log's files, with and without its key."""
+    what = "intelligent edits of the log, with and without its key: found by --verify / refused by the next run"
+    return ((what, str(shown["trials"]), f"{shown['found']} / {shown['refused']}", "all / all"),)
+
+
+def hostile(shown: Report) -> Sequence[tuple[str, str, str, str]]:
+    """Files made to exhaust their reader."""
+    what = "hostile files of at most 10 MB: over 1 GiB, over 10 s, exit code 70, or killed"
+    worst = f"{shown['faulty']}; worst {shown['most_mib']} MiB, {shown['longest_s']:.1f} s"
+    return ((what, f"{shown['files']} commands", worst, "0"),)
+
+
 def edits(shown: Report) -> Sequence[tuple[str, str, str, str]]:
     """Edits of the log."""
     found = shown["edits"] - shown["missed"]
@@ -128,6 +141,8 @@ PARTS = (
     Part("stops", "torture_stops.py", lambda s: ("--instants", most(500, s, 10)), stops),
     Part("intruder", "torture_intruder.py", lambda s: ("--instants", most(1000, s, 10)), intruders),
     Part("edits", "torture_edits.py", lambda s: ("--edits", most(10_000, s, 100)), edits),
+    Part("log", "log_attacks.py", lambda s: ("--trials", most(2000, s, 54)), attacks),
+    Part("hostile", "hostile_files.py", lambda s: () if s >= 0.1 else ("--only", "marks"), hostile),
     Part("power", "torture_power.py", lambda s: ("--every", 1 if s >= 1 else 5), power),
     Part("inputs", "torture_input.py", lambda s: ("--inputs", most(100_000, s, 300)), inputs),
     Part("fuzz", "torture_fuzz.py",
@@ -160,7 +175,7 @@ class Done:
 def run(part: Part, scale: float, seed: int) -> Done:
     """Runs it in a process of its own."""
     begun_s = time.monotonic()
-    seeded = () if part.name in ("full-bus", "faults") else ("--seed", seed)
+    seeded = () if part.name in ("full-bus", "faults", "hostile") else ("--seed", seed)
     command = [sys.executable, str(HERE / part.file), "--json", *map(str, (*part.options(scale), *seeded))]
     print(f"{part.name}: {' '.join(command[1:])}", file=sys.stderr, flush=True)
     done = subprocess.run(command, cwd=HERE.parent, stdout=subprocess.PIPE, text=True, check=False)

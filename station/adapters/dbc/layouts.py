@@ -18,10 +18,13 @@ from station.messages import Message, system_reason
 MOST_BYTES = 4_000_000
 #: Messages and signals together: those of a whole car come to some ten thousand.
 MOST_DEFINITIONS = 25_000
+#: Characters that repairs may have parsed anew in all, and repairs that every file gets.
+MOST_REPARSED, LEAST_REPAIRS = 8_000_000, 4
 #: A page of mistakes helps nobody; the rest shows after these are mended.
 MOST_FINDINGS = 10
 # cantools warns of double names in its log; here they are errors, reported once.
 logging.getLogger("cantools").addHandler(logging.NullHandler())
+_DEFINITIONS = re.compile(r"^[ \t]*(?:BO_|SG_)\s", re.MULTILINE)
 _STARTS = re.compile(r"^\s*(?:BO_\s+\d+\s+(?P<message>\w+)|SG_\s+(?P<signal>\w+))", re.MULTILINE)
 _AT_LINE = re.compile(r"at line (\d+)")
 
@@ -37,7 +40,7 @@ def read_layouts(path: Path, used: Used | None = None) -> Mapping[str, FrameLayo
     Errors: ProductError with file, line, message, signal and remedy of each mistake.
     """
     text = _text(path)
-    if (count := sum(1 for _ in _STARTS.finditer(text))) > MOST_DEFINITIONS:
+    if (count := sum(1 for _ in _DEFINITIONS.finditer(text))) > MOST_DEFINITIONS:
         raise ProductError("dbc-too-many-definitions", file=str(path), count=count, limit=MOST_DEFINITIONS)
     layouts = [_frame(m, used) for m in _messages(path, text, used)]
     issues = lint(layouts, used)
@@ -67,7 +70,7 @@ def _messages(path: Path, text: str, used: Used | None) -> list[Any]:
     from cantools.database.errors import Error
 
     remaining: str | None = text
-    for _ in range(MOST_REPAIRS):
+    for _ in range(min(MOST_REPAIRS, max(LEAST_REPAIRS, MOST_REPARSED // max(len(text), 1)))):
         try:
             parsed: Any = database.load_string(remaining or "", "dbc", strict=used is None, sort_signals=None)
             for message in parsed.messages:

@@ -9,6 +9,7 @@ from pathlib import Path
 from sqlite_utils import Database
 
 from station.adapters.store.anchor import sync_folder
+from station.adapters.store.index_check import misleading_indices
 from station.adapters.store.schema import COLUMNS, foreign_objects, migrations
 from station.adapters.store.sqlite_errors import translate_errors
 from station.domain.records.chain import SCHEMA, genesis
@@ -67,6 +68,8 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
     if not migrations.pending(db):
         if altered := altered_objects(db):
             raise StoreFault("log-schema-refused", path=str(path), objects=altered)
+        if astray := misleading_indices(connection):
+            raise StoreFault("log-index-misleads", path=str(path), indices=astray)
         return
     _back_up(connection, path)
     migrations.apply(db)

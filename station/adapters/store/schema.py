@@ -21,7 +21,7 @@ from station.domain.records.tables import COLUMNS
 if TYPE_CHECKING:
     from sqlite_utils import Database
 
-__all__ = ["COLUMNS", "SPAN", "foreign_objects", "guard", "migrations"]
+__all__ = ["COLUMNS", "INDICES", "SPAN", "foreign_objects", "guard", "migrations"]
 
 _SEALS = "seq INTEGER PRIMARY KEY, previous BLOB NOT NULL, hash BLOB NOT NULL, signature BLOB"
 _OF = "attempt INTEGER NOT NULL REFERENCES attempt(seq)"
@@ -46,7 +46,7 @@ _TABLES = {
 
 #: One index a question: a serial's life, a time span, a recipe, a lot, a nest, a firmware. Visits, writes and results
 #: of an attempt need none: their numbers lie between those of its beginning and its finish. Events may come later.
-_INDICES = (
+INDICES = (
     "attempt_serial ON attempt(serial, recipe_name)",
     "attempt_started ON attempt(started_ns)",
     "attempt_recipe ON attempt(recipe_name, started_ns)",
@@ -76,7 +76,7 @@ def first_tables(db: Database) -> None:
     for table, columns in _TABLES.items():
         db.execute(f"CREATE TABLE {table} ({_SEALS}, {columns}) STRICT")
         guard(db, table)
-    for index in _INDICES:
+    for index in INDICES:
         db.execute(f"CREATE INDEX {index}")
     db.execute("CREATE TABLE frames (visit INTEGER PRIMARY KEY REFERENCES visit(seq), data BLOB NOT NULL) STRICT")
     db.execute(_FRAMES_STAY)
