@@ -10,6 +10,7 @@ from station.config.recipes import recipe_hash, recipe_path
 from station.domain.can.sensor_layout import SensorLayout, resolve, used_signals
 from station.domain.methods import method
 from station.domain.product import map_check, product_record
+from station.domain.product.pdo_check import pdo_mismatches
 from station.domain.product.product import Product
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import quantities
@@ -42,7 +43,7 @@ def load_job(name: str | Path) -> tuple[Job, Source]:
     layout = layout.scaled(_unit_factors(dbc, recipe, layout), recipe.unit)
     _check_fit(path, recipe, where, product)
     eds = _eds(where, product)
-    _check_map(where, product, eds)
+    _check_map(where, product, eds, layout)
     job = Job(
         recipe=recipe,
         recipe_hash=recipe_hash(recipe),
@@ -59,7 +60,7 @@ def check_product(name: str) -> tuple[Product, SensorLayout, Source]:
     where = Path(name) if name.endswith((".yaml", ".yml")) else product_path(name)
     product, layout, dbc = _load_product(where)
     eds = _eds(where, product)
-    _check_map(where, product, eds)
+    _check_map(where, product, eds, layout)
     return product, layout, Source(where, where, dbc, eds)
 
 
@@ -83,18 +84,21 @@ def _check_fit(path: Path, recipe: Recipe, where: Path, product: Product) -> Non
         raise ProductError("axes-of-sensor", file=str(where), sensor=product.sensor, named=named, wanted=recipe.axes)
 
 
-def _check_map(where: Path, product: Product, eds: Path | None) -> None:
+def _check_map(where: Path, product: Product, eds: Path | None, layout: SensorLayout) -> None:
     """Refuses a device map that leaves open what the readings are, or that contradicts the EDS: the device would refuse
-    it half-way through a write."""
+    it half-way through a write; and frames that the EDS maps otherwise: they would be read wrong in silence."""
     if product.map.writes and product.map.output is None:
         raise ProductError("map-without-output", file=str(where))
     if eds is None:
         return
     from station.adapters.canopen.eds import load
 
-    wrong = map_check.mismatches(product.map, load(eds, product.frames.node_of_dbc, map_check.addresses(product.map)))
-    if wrong:
+    dictionary = load(eds, product.frames.node_of_dbc, map_check.addresses(product.map))
+    if wrong := map_check.mismatches(product.map, dictionary):
         raise ProductError("map-contradicts-eds", file=str(where), eds=eds.name, mismatches=wrong)
+    if product.map.protocol == "canopen" and (wrong := pdo_mismatches(layout, product.map, dictionary)):
+        dbc = product.frames.dbc
+        raise ProductError("frames-contradict-eds", file=str(where), dbc=dbc, eds=eds.name, mismatches=wrong)
 
 
 def _unit_factors(dbc: Path, recipe: Recipe, layout: SensorLayout) -> dict[str, float]:

@@ -130,7 +130,11 @@ class _Sections:
 
     def counts_from_node(self, variable: ODVariable) -> bool:
         """Whether the default is the node id, or that and more."""
-        return "$NODEID" in self.word(variable, "DefaultValue").upper()
+        return "$NODEID" in self.word(variable, self.value_option(variable)).upper()
+
+    def value_option(self, variable: ODVariable) -> str:
+        """What a device of this file starts with: its configured value in a DCF (CiA 306), else the default."""
+        return "ParameterValue" if self.word(variable, "ParameterValue") else "DefaultValue"
 
     def word(self, variable: ODVariable, option: str) -> str:
         """What the file says; '' when it says nothing."""
@@ -145,9 +149,10 @@ def _entry(variable: ODVariable, sections: _Sections, text: str) -> ObjectEntry:
     if code not in TYPES:
         raise ProductError("eds-data-type", object=where, type=code)
     kind = TYPES[code][0]
-    default: Value | None = variable.default
+    option = sections.value_option(variable)
+    default: Value | None = variable.value if option == "ParameterValue" else variable.default
     if default is None:
-        if sections.word(variable, "DefaultValue") and kind not in ("STRING", "OCTETS", "DOMAIN"):
+        if sections.word(variable, option) and kind not in ("STRING", "OCTETS", "DOMAIN"):
             raise ProductError("eds-default-not-number", object=where)
         default = text.encode("latin-1") if variable.index == _STORE_EDS else _EMPTY.get(kind, 0)
     return ObjectEntry(
