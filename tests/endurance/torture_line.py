@@ -31,6 +31,7 @@ from station.adapters.store.reader import SqliteLogReader
 from station.domain.cell.handover import MOST_INTERRUPTED, Bin
 from station.ports.log_reader import Query
 from tests.fakes import crashing_cell
+from tests.fakes.waiting import until
 
 ROOT = Path(__file__).parents[2]
 CONFIG = """schema: station.config/1
@@ -73,8 +74,8 @@ def kill_processes(kills: int, seed: int) -> LineTrial:
         line = _line(folder)
         killed, size = [0, 0], 0
         while sum(killed) < kills:
-            _wait_until(lambda before=size: "execute" in _log_text(folder)[before:], 60.0)
-            time.sleep(rng.choice([0.5, 2.0, 8.0]) * rng.random())
+            until(lambda before=size: "execute" in _log_text(folder)[before:], "the state execute")
+            time.sleep(rng.choice([0.5, 2.0, 8.0]) * rng.random())  # the kill comes at any instant of a load
             if sum(killed) % 4 == 3:
                 plc.send_signal(signal.SIGKILL)
                 plc.wait()
@@ -92,7 +93,7 @@ def kill_processes(kills: int, seed: int) -> LineTrial:
         plc.wait()
         came = json.loads((folder / "plc.json").read_text(encoding="utf-8"))["load"]
         opened.enter_context(_plc(folder, ports, loads=came + 1))
-        _wait_until(lambda: _handed(folder) > came, 120.0)
+        until(lambda: _handed(folder) > came, "every load handed back", 120.0)
         line.send_signal(signal.SIGINT)
         line.wait(30)
         return _judge(folder, killed)
@@ -104,12 +105,6 @@ def _log_text(folder: Path) -> str:
 
 def _handed(folder: Path) -> int:
     return len(json.loads((folder / "plc.json").read_text(encoding="utf-8"))["handed"])
-
-
-def _wait_until(true: Any, limit_s: float) -> None:
-    until_s = time.monotonic() + limit_s
-    while not true() and time.monotonic() < until_s:
-        time.sleep(0.2)
 
 
 def _judge(folder: Path, killed: list[int]) -> LineTrial:

@@ -1,11 +1,14 @@
 """Every error that pydantic can report becomes a message of ours: nothing of its internals reaches a person."""
 
+import re
+from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from pydantic_core import core_schema
 
+import station
 from station.config.pydantic_errors import TYPES
 from station.config.validation_messages import mistakes
 from station.errors import InvalidValue
@@ -85,3 +88,17 @@ def test_no_english_of_pydantic_in_any_language(language: str) -> None:
     wrong = {"count": "a", "size": "b", "names": [], "pair": [1, 2, 3], "on": 7, "inner": [], "nest": "B", "zz": 0}
     for sentence in sentences(wrong, language):
         assert not any(word in sentence for word in ("Input", "should", "after validation", "pydantic", "tuple"))
+
+
+def test_a_reason_ends_without_a_full_stop() -> None:
+    """The sentence that lists the mistakes of a file has its own; formulas are refused one at a time, as sentences."""
+    used = {
+        found
+        for file in Path(station.__file__).parent.rglob("*.py")
+        for found in re.findall(r'InvalidValue\(\s*"([a-z0-9-]+)"', file.read_text(encoding="utf-8"))
+        if not found.startswith("formula-")
+    }
+    assert len(used) > 50
+    for code in languages():
+        texts = templates(code)
+        assert [id_ for id_ in sorted(used) if re.search(r"[^.][.。]$", texts[id_])] == []
