@@ -205,6 +205,7 @@ def _multiply(plant: FakePlant, attempts: int) -> None:
         for table, made in columns.items():
             keep = "t.name IN ('identity', 'verdict', 'calibration')" if table == "result" else "true"
             db.execute(_MULTIPLY.format(table=table, columns=made, keep=keep).encode(), values)
+        db.execute("SELECT count_yields(%s, %s)", [first, first + step * attempts])
         db.execute("ANALYZE")
 
 

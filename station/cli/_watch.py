@@ -20,6 +20,7 @@ from station.service.watch_report import (
     containment_command,
 )
 from station.wiring.alerts import AlertDesk
+from station.wiring.logs import find_log
 
 _FOUND, _QUIET = 1, 0
 
@@ -31,6 +32,14 @@ class WatchRequest:
     run_length: int
     since_ns: int | None
     every_s: float | None
+
+
+def wait_for_log(db: Path | None, config: Path | None, every_s: float) -> None:
+    """Returns when there is a log: at a new station the first run makes it. Errors: ConfigError, LogError."""
+    path = db or Path(load_settings(config).database)
+    while (log := find_log(path)) is None:
+        time.sleep(every_s)
+    log.close()
 
 
 @contextmanager

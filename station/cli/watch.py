@@ -31,6 +31,8 @@ def command(
     from station.cli._log_options import open_named_log, parse_time_ns
 
     since_ns = parse_time_ns(since, "--since")
+    if follow:
+        _watch.wait_for_log(db, config, every)
     with open_named_log(db, config) as log, _watch.alert_desk(db, config, follow=follow) as desk:
         request = _watch.WatchRequest(run_length, since_ns, every if follow else None)
         return _watch.run_watch(log, request, desk, as_json=json)

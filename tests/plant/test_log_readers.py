@@ -104,6 +104,15 @@ def test_yields_count_units_by_their_first_and_last_attempt(log: LogReader) -> N
         log.yields(Query(), "weather")
 
 
+def test_counts_kept_at_arrival_are_those_of_all_attempts(module_plant: FakePlant) -> None:
+    """`before` makes the plant count every attempt anew."""
+    days = Query(since_ns=STARTED_NS, until_ns=STARTED_NS + 2 * DAY_NS)
+    with module_plant.reader() as log:
+        for query in (Query(), Query(station="bench-1", nest="A"), days, Query(until_ns=STARTED_NS)):
+            for by in ("all", "station", "nest", "recipe", "day", "cell"):
+                assert log.yields(query, by) == log.yields(replace(query, before=1 << 60), by), (query, by)
+
+
 def test_an_unfinished_attempt_shows_what_was_written(log: LogReader) -> None:
     (one,) = log.running()
     assert (one.serial, one.visits, one.writes[0].written, one.writes[0].read_back) == ("SN0099", 1, b"\2", None)

@@ -122,6 +122,8 @@ class PostgresArrivingLog:
             self._copy(row.id, records, first_seq, known, at_ns)
             if any(record.table == "attempt" for record in records):
                 self._connection.execute(_NOTE_REPEATS, (first_seq, last))
+            if any(record.table in ("attempt", "finish") for record in records):
+                self._connection.execute("SELECT count_yields(%s, %s)", (first_seq, last))
             self._connection.execute(
                 _ADD_PORTION,
                 (row.id, records[0].number, tip.number, first_seq, tip.seal, tip.signature, at_ns),

@@ -9,7 +9,7 @@ from station.adapters.postgres.connections import Connections
 #: What a reader's role may select; row-level security says which rows.
 _READABLE = (
     *("document", "attempt", "event", "visit", "write", "result", "finish", "archive", "log", "batch", "counter"),
-    *("setting", "schema_version", "my_grants", "repeat"),
+    *("setting", "schema_version", "my_grants", "repeat", "day_yield"),
 )
 _GROUP = "plant_reader"
 
