@@ -22,7 +22,7 @@ from station import __version__
 from station.domain.core.types import Labels, SampleTable
 from station.domain.evaluation import pipeline
 from station.domain.evaluation.pipeline import CalibrationResult
-from station.domain.line_quality import capability, msa
+from station.domain.line_quality import capability, history, msa
 from station.domain.recipe.recipe import Recipe
 from station.reporting.certificate import dcc
 
@@ -309,6 +309,41 @@ def risks(units: int) -> None:
     )
 
 
+def learnt(units: int) -> None:
+    """The same where the process is learnt from a station's own results, which share an error of gravity that nobody
+    knows: 20 stations, 100 units learnt from, units / 5 judged at each."""
+    limits, reference = {"offset": 0.03, "gain": 0.015}, {"magnitude_std": 0.003}
+    stated = true = accepted = 0.0
+    for station in range(20):
+        of = recipe("n18", reference, limits=limits)
+        size = 1 + 0.003 * np.random.default_rng(1000 + station).standard_normal()
+        before = station_results(of, 100, 200 + station, size)[1]
+        known = history.learn_history([past(r, i) for i, r in enumerate(before)], np.ones(12, bool), ())
+        bench, results = station_results(known.applied(of), units // 5, 300 + station, size)
+        passed = np.array([r.verdict.outcome == "PASS" for r in results])
+        gains = np.diagonal(bench.matrix, axis1=1, axis2=2) - 1
+        beyond = (np.abs(bench.offset) > 0.03).any(axis=1) | (np.abs(gains) > 0.015).any(axis=1)
+        stated += sum(r.verdict.false_accept for r in results)
+        true, accepted = true + float((beyond & passed).sum()), accepted + float(passed.sum())
+    more = f"stated {stated:.1f}, true {true:.0f} of {accepted:.0f} passed"
+    show("stated ÷ true risk, process learnt", 200, stated / max(true, 1), (0.8, 1.25), 1 / max(true, 1) ** 0.5, more)
+
+
+def station_results(of: Recipe, count: int, seed: int, size: float) -> tuple[Bench, list[CalibrationResult]]:
+    """Units of one station, in whose place gravity is `size`."""
+    bench = Bench(of, count, seed)
+    noise = 0.03 * bench.rng.standard_normal((count, len(bench.poses), READINGS, 3))
+    return bench, bench.results(bench.readings(bench.truth(size=size), noise))
+
+
+def past(result: CalibrationResult, number: int) -> history.PastResult:
+    """As the log keeps it."""
+    assert result.calibration is not None and result.budget is not None
+    theta = np.r_[result.calibration.offset, result.calibration.matrix.ravel()]
+    parts = {cause: result.budget.std(cause) for cause in result.budget.parts}
+    return history.PastResult(f"U{number}", "S/A", "2026-11-22", passed=True, theta=theta, parts=parts)
+
+
 def indices(units: int) -> None:
     """Intervals of capability and of gauge R&R, against the truth that made the values."""
     rng = np.random.default_rng(100)
@@ -373,7 +408,8 @@ def random_facts(rng: np.random.Generator, number: int) -> dict[str, Any]:
 
 ROWS: dict[str, Callable[[int], None]] = {
     "white": white, "tilts": tilts, "poses": poses, "rounding": rounding, "method": taken_for_granted, "slow": slow,
-    "sites": sites, "clipped": clipped, "risks": risks, "indices": indices, "certificates": certificates,
+    "sites": sites, "clipped": clipped, "risks": risks, "learnt": learnt, "indices": indices,
+    "certificates": certificates,
 }  # fmt: skip
 
 

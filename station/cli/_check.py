@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +19,7 @@ from station.domain.line_quality.history import NOTHING, History
 from station.domain.methods import coefficients, method, rank
 from station.domain.planning import design, optimal
 from station.domain.planning.forecast import forecast
-from station.domain.recipe import assumptions
+from station.domain.recipe import assumptions, references
 from station.domain.recipe.recipe import Recipe
 from station.errors import UsageError
 from station.messages import Message, render
@@ -66,13 +67,14 @@ class CheckSubject:
 
 
 def check_recipe(request: RecipeCheckRequest, *, as_json: bool) -> int:
-    """Checks and prints; 0 when the recipe is sound. Errors: InputError."""
+    """Checks and prints; 0 when the recipe is sound. Errors: InputError, ReferenceOverdue."""
     name, count = request.recipe, request.design
     if count is not None and request.order:
         raise UsageError("check-design-or-order")
     recipe = load_recipe(name)
     if recipe.product is not None:
         load_job(name)  # refuses a map, EDS and DBC that contradict each other
+    references.check_due(recipe, datetime.now(UTC).date().isoformat())
     found = _learnt(recipe, request)
     subject = CheckSubject(
         found.applied(recipe), recipe_path(name), _rounding(recipe, recipe_path(name)), request, found

@@ -88,3 +88,16 @@ def test_check_shows_it(ran: fixture_run.Ran, capsys: pytest.CaptureFixture[str]
     assert ended.value.code == 0
     assert "the newest results of 20 units" in shown and "11 results of 1 golden unit, 11 days, 5 nests" in shown
     assert "reproducibility, % of u²" in shown
+
+
+def test_a_reference_past_its_due_date_stops_check_and_run(
+    ran: fixture_run.Ran, capsys: pytest.CaptureFixture[str]
+) -> None:
+    late = {"item": "fixture", "number": "C-1", "due": "2026-01-31"}
+    reference = {"source": "gravity", "magnitude": 1.0, "magnitude_std": 0.001, "certificates": [late]}
+    recipe = fixture_run.recipe(ran.folder, reference=reference)
+    for words in (("check", recipe), ("run", "--simulate", "--units", "1", "--recipe", recipe)):
+        with pytest.raises(SystemExit) as ended:
+            main([*words, "--db", str(ran.folder / "station.db"), "--config", str(ran.folder / "config.yaml")])
+        assert ended.value.code == 3
+        assert "was due on 2026-01-31" in capsys.readouterr().err

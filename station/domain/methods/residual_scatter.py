@@ -1,8 +1,9 @@
 """How much larger than noise explains the scatter of visits may be, given residuals: always an amount, never a pretest.
 
 The variance σ² of a residual is n² (1 + τ²), n² its noise. χ² with ν degrees of freedom says how likely each τ is;
-before it is looked at, τ is 0 with probability NONE, otherwise of any size. The posterior of ln σ² is matched by a
-scaled inverse χ², whose mean is the estimate and whose degrees of freedom say how well it is known.
+before it is looked at, τ is 0 with probability NONE, otherwise of any size that residuals could hide. The posterior of
+ln σ² is matched by a scaled inverse χ², whose mean is the estimate and whose degrees of freedom say how well it is
+known.
 """
 
 from functools import lru_cache
@@ -12,10 +13,10 @@ import scipy
 
 from station.domain.core.types import Floats
 
-#: Prior: no scatter at all with this probability; otherwise any τ up to LARGEST is as likely. Larger ones no residuals
-#: hide (station.domain.methods.scatter finds them by itself).
+#: Prior: no scatter at all with this probability; otherwise any τ up to the largest that residuals hide is as likely,
+#: and none beyond LARGEST.
 NONE, LARGEST = 0.5, 6.0
-#: Residuals that chance would make so rarely speak for themselves.
+#: Residuals that chance would make so rarely speak for themselves (station.domain.methods.scatter).
 CLEAR = 1e-3
 
 
@@ -40,7 +41,7 @@ def posterior(chi2: Floats, dof: Floats) -> tuple[Floats, Floats]:
 def _table(dof: float) -> tuple[Floats, Floats, Floats]:
     """ln(χ²/ν), and there ln σ²/n² and its degrees of freedom."""
     x = np.concatenate([np.linspace(np.log(0.02), np.log(4), 160), np.linspace(np.log(4.05), np.log(1e4), 160)])
-    tau = np.linspace(0.01, LARGEST, 600)
+    tau = np.linspace(0.01, _largest_hidden(dof), 600)
     square = np.r_[1.0, 1 + tau**2]
     prior = np.r_[NONE, np.full(len(tau), (1 - NONE) / len(tau))]
     log = -dof / 2 * (np.log(square) + np.exp(x)[:, None] / square) + np.log(prior)
@@ -50,3 +51,9 @@ def _table(dof: float) -> tuple[Floats, Floats, Floats]:
     spread = np.maximum(p @ np.log(square) ** 2 - mean**2, 1e-6)
     nu = np.maximum(1 + 2 / spread, 2.0)
     return x, np.asarray(mean - np.log(nu / 2) + scipy.special.digamma(nu / 2)), nu
+
+
+def _largest_hidden(dof: float) -> float:
+    """τ whose χ², unless chance makes it rarely small, is larger than chance makes that of noise alone but rarely."""
+    ratio = scipy.special.chdtri(dof, CLEAR) / scipy.special.chdtri(dof, 1 - CLEAR)
+    return float(min(np.sqrt(ratio - 1), LARGEST))

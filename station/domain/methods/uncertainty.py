@@ -142,7 +142,9 @@ def _estimate(clear: Floats, square: Floats, variance: Floats, dof: Floats) -> t
     chi2 = (square / variance).sum(axis=1)
     usual = (variance * used).sum(axis=1) / np.maximum(used.sum(axis=1), 1)
     ratio, nu = residual_scatter.posterior(chi2, np.maximum(dof, 0.0))
-    return np.where(clear > 0, clear, ratio * usual), np.where(clear > 0, np.maximum(dof, 1.0), nu)
+    # What residuals tell is noise and scatter together: the scatter alone is known less well.
+    share = clear / np.maximum(clear + usual, 1e-300)
+    return np.where(clear > 0, clear, ratio * usual), np.where(clear > 0, np.maximum(dof * share**2, 1.0), nu)
 
 
 def _pose_shape(problem: FitProblem, fit: Fit) -> Floats:
