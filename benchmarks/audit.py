@@ -13,7 +13,9 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import bulk_log
 import figures
@@ -26,6 +28,23 @@ from station.wiring.bench import open_bench
 from station.wiring.run_order import RunOrder
 
 DAY_NS = 86_400_000_000_000
+#: Every filter of the audit page, with a value that many attempts have, one that few have, and one that none has.
+FILTERS: dict[str, tuple[Any, ...]] = {
+    "serial_like": ("SN*777*", "*nothing*"),
+    "station": ("bench-3", "nowhere"),
+    "nest": ("B", "Z"),
+    "lot": ("L17", "none"),
+    "operator": ("", "nobody"),
+    "software": ("none",),
+    "recipe_version": (1, 99),
+    "recipe_hash": ("none",),
+    "recipe_name": ("six-point", "none"),
+    "firmware": ("1.0.0", "9.9"),
+    "outcome": ("FAIL", "ABORTED"),
+    "fixture": ("", "none"),
+    "check": ("gain", "none"),
+    "reference": ("none",),
+}
 
 
 def main() -> None:
@@ -103,6 +122,11 @@ def containment(log: SqliteLogReader, units: int) -> None:
         "yields of a month by nest": lambda: len(
             log.yields(Query(since_ns=middle, until_ns=middle + 30 * DAY_NS), "nest")
         ),
+        **{
+            f"{name} {value!r}, newest hundred": partial(_page, log, Query(**{name: value}))
+            for name, values in FILTERS.items()
+            for value in values
+        },
     }
     slowest = 0.0
     for name, options_of in requested.items():
@@ -120,6 +144,11 @@ def containment(log: SqliteLogReader, units: int) -> None:
         f"{slowest:.2f} s (worst of 3 each)",
     )
     figures.keep(9, what, figure, f"sqlite {sqlite3.sqlite_version}", "< 1 s", slowest < 1)
+
+
+def _page(log: SqliteLogReader, query: Query) -> int:
+    """As the audit page asks."""
+    return len(log.attempts(query, limit=101))
 
 
 def whole(log: SqliteLogReader) -> None:

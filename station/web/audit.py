@@ -6,11 +6,13 @@ from urllib.parse import urlencode
 
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route
 
 from station.errors import LogError
 from station.messages.labels import all_texts
+from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.questions import Questions
 from station.ports.log_reader import Attempt, LogReader, Query
 from station.reporting.certificate.document import Certificate
 from station.reporting.certificate.facts import require_certifiable
@@ -48,9 +50,29 @@ async def search(request: Request, session: Session) -> Response:
     return render.page(
         *(request, "audit.html", session),
         checks=checks,
+        questions={name: urlencode(fields) for name, fields in _questions(panel).all().items()},
         asked=shown, found=found[:PAGE_SIZE], more=more, reasons=reasons, zone=time_text.zone(),
         head=head, text=urlencode({**filters, "as": "text"}),
     )  # fmt: skip
+
+
+@require_right("audit")
+async def change_questions(request: Request, session: Session) -> Response:
+    """Keeps the present question under a name, or forgets one."""
+    form = await form_of(request, session)
+    panel: Panel = request.app.state.panel
+    name, fields = str(form.get("name", "")).strip(), {k: str(form[k]).strip() for k in QUERY_FIELDS if form.get(k)}
+    if form.get("forget"):
+        await run_in_threadpool(_questions(panel).forget, name)
+    else:
+        query_of(fields)
+        await run_in_threadpool(_questions(panel).save, name, fields)
+    panel.journal.add(session.account.name, "question", name=name, forgotten=bool(form.get("forget")), question=fields)
+    return RedirectResponse(f"/audit?{urlencode(fields)}", 303)
+
+
+def _questions(panel: Panel) -> Questions:
+    return Questions(companion_file(panel.order.database, Companion.QUESTIONS))
 
 
 @require_right("audit")
@@ -154,6 +176,7 @@ def _recompute(panel: Panel, serial: str, attempt: str) -> dict[str, Any]:
 
 ROUTES = [
     Route("/audit", search, methods=["GET"]),
+    Route("/audit/questions", change_questions, methods=["POST"]),
     Route("/audit/certificate", show_certificate, methods=["GET"]),
     Route("/audit/certificate.pdf", show_certificate, methods=["GET"]),
     Route("/audit/bundle", evidence_bundle, methods=["GET"]),

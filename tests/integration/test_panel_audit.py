@@ -1,5 +1,6 @@
 """The auditor's pages over a real log: found, certified, computed again; scripts in stored text stay text."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -55,6 +56,23 @@ def test_containment_is_one_question(client: TestClient) -> None:
     assert client.get("/audit", params=requested | {"firmware": "1.0.0"}).text == "SN0001\n"
     assert client.get("/audit", params=requested | {"firmware": "9.9"}).text == ""
     assert client.get("/audit", params={"since": "yesterday-ish"}).status_code == 400
+
+
+def test_a_question_is_saved_asked_again_and_forgotten(client: TestClient, folder: Path) -> None:
+    token = {"csrf": client.headers["csrf"]}
+    asked = {"nest": "B", "since": "2020-01-01", "check": "stuck"}
+    assert "Nest B, stuck" in client.post("/audit/questions", data=token | asked | {"name": "Nest B, stuck"}).text
+    link = re.search(r'href="(/audit\?[^"]*)">Nest B, stuck', client.get("/audit").text)
+    assert link is not None
+    assert "SN0002" in client.get(link[1].replace("&amp;", "&")).text
+    for wrong in ({"name": ""}, {"name": "x" * 81}, {"name": "nothing", "nest": "", "since": "", "check": ""}):
+        assert client.post("/audit/questions", data=token | asked | wrong).status_code == 400
+    assert client.post("/audit/questions", data=token | asked | {"name": "x", "since": "soon"}).status_code == 400
+    (folder / "station.db.questions.json").write_text('{"schema"', "utf-8")
+    assert client.get("/audit").status_code == 200, "a torn file is no question"
+    client.post("/audit/questions", data=token | asked | {"name": "one"})
+    assert "one</a>" not in client.post("/audit/questions", data=token | {"name": "one", "forget": "1"}).text
+    assert client.post("/audit/questions", data=token | {"name": "one", "forget": "1"}).status_code == 400
 
 
 def test_a_page_of_attempts_and_a_life(client: TestClient) -> None:

@@ -39,6 +39,7 @@ NEEDS = {
     "/audit/bundle": "audit",
     "/audit/recompute": "audit",
     "/audit/sign": "sign",
+    "/audit/questions": "audit",
     "/charts": "charts",
     "/diagnose": "diagnose",
     "/diagnosis": "diagnose",
