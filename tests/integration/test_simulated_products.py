@@ -10,6 +10,7 @@ import pytest
 
 from station.adapters.simulated_device.stream import SignalChain, SimulatedSensor
 from station.adapters.simulated_device.stream_faults import StreamFaults
+from station.config.products import load_product
 from station.domain.can import signals
 from station.domain.can.decode import decode_samples
 from station.domain.core.types import Calibration
@@ -17,7 +18,8 @@ from station.domain.product import writeback
 from tests.fakes.device_rig import DBC, DeviceRig, still
 
 Rig = Callable[..., DeviceRig]
-PRODUCTS = sorted(path.stem for path in Path(DBC).glob("*.yaml"))
+#: Other protocols: tests/conformance/test_object_protocols.py.
+PRODUCTS = sorted(path.stem for path in Path(DBC).glob("*.yaml") if load_product(path.stem).map.protocol == "canopen")
 A = np.array([[1.02, 0.012, -0.007], [0.011, 0.985, -0.001], [-0.008, 0.003, 1.01]])
 
 

@@ -16,6 +16,7 @@ from station.cli.app import main
 from station.config.recipes import load_recipe
 from station.domain.core.types import SampleTable
 from station.domain.recipe import plan
+from station.domain.recipe.readings import converting_kind
 from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
@@ -173,7 +174,9 @@ def test_every_recipe_that_ships_is_accepted(path: Path, station: Callable[..., 
 
 def sensors_and_methods() -> set[tuple[str, str]]:
     kinds = plugins.names("station.domain.recipe.sensors")
-    return {(k, m) for k in kinds for m in ("one-point", "three-point", "six-point", "n-point")}
+    usual = ("one-point", "three-point", "six-point", "n-point")
+    own = {kind: converting_kind(kind) for kind in kinds}
+    return {(k, m) for k, found in own.items() for m in (usual if found is None else found.methods)}
 
 
 def test_there_is_a_recipe_for_every_sensor_with_one_three_six_and_more_points() -> None:
@@ -190,6 +193,7 @@ def test_every_recipe_that_ships_calibrates_ordinary_units(
     size = max(float(np.linalg.norm(tumble.truths(recipe), axis=1).max()), 1.0)
     theta = tumble.units(rng, 2, size)
     theta[:, 3:] = np.eye(3).ravel()
+    theta[:, recipe.axes : 3] = 0.0
     noise = max(recipe.device.lsb, 1e-4 * size)
     write_samples(
         tumble.table(recipe, tumble.readings(theta, tumble.truths(recipe)), noise, 30, rng), tmp_path / "t.parquet"

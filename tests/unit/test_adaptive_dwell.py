@@ -223,7 +223,7 @@ SHIPPED = sorted(path.stem for path in (shipped_folder() / "recipes").glob("*.ya
 def test_every_shipped_recipe_can_be_planned(name: str) -> None:
     """Within its limits, to the wanted uncertainty or as near as the longest dwells come."""
     whole = load_recipe(name)
-    strongest = max((float(np.linalg.norm(v)) for v in nominal_visits.truths(whole)), default=1.0)
+    strongest = max((float(np.linalg.norm(v)) for v in nominal_visits.truths(whole)), default=1.0) or 1.0
     dwell = DwellRule(until_std=2e-5 * strongest, min_s=0.2, max_s=5)
     requested = whole.model_copy(update={"dwell": dwell})
     aim = adaptive_dwell.accuracy_target(requested)
