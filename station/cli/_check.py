@@ -219,7 +219,7 @@ def _dwell_sentence(found: Any) -> str:
 
 
 def _decision(d: Any) -> dict[str, Any]:
-    return {k: getattr(d, k) for k in ("kind", "coefficient", "limit", "expanded", "guard", "verdict")}
+    return {k: getattr(d, k) for k in ("kind", "coefficient", "limit", "expanded", "guard", "verdict", "risks")}
 
 
 def _decision_sentence(d: Any, unit: str) -> str:
@@ -230,9 +230,9 @@ def _decision_sentence(d: Any, unit: str) -> str:
         "tight": "can be decided, but many good units near it will fail or some bad ones pass",
         "impossible": "cannot be decided by this recipe: dwell longer, add positions, or widen the limit",
     }
-    return (
-        f"limit {d.kind.replace('_', '-')} {d.limit:g}{of}: U = {d.expanded:.2g} (1 : {ratio:.2g}); {words[d.verdict]}"
-    )
+    risks = "" if d.risks is None else f"; {render(Message('global-risks', consumer=d.risks[0], producer=d.risks[1]))}"
+    name, wide = d.kind.replace("_", "-"), f"{d.expanded:.2g} (1 : {ratio:.2g})"
+    return f"limit {name} {d.limit:g}{of}: U = {wide}; {words[d.verdict]}{risks}"
 
 
 def _proposal(count: int) -> Callable[[CheckSubject], CheckSection]:

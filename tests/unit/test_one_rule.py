@@ -5,15 +5,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import multivariate_normal, norm
 
 from station.domain.core import rotation
 from station.domain.core.types import Floats, Outcome
 from station.domain.evaluation import verification
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.evaluation.verification import VerifiedPosition
-from station.domain.methods import decision_rule
+from station.domain.methods import decision_rule, risk
 from station.domain.methods.decision import decide_limit
+from station.domain.planning.forecast import forecast
 from station.domain.recipe.blocks import Limits
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
@@ -116,3 +117,26 @@ def test_verification_decides_by_the_same_rule(rng: np.random.Generator) -> None
 def test_limits_that_any_unit_keeps_are_refused(method: str, limits: dict[str, float]) -> None:
     with pytest.raises(RecipeError, match=next(iter(limits))):
         decision_rule.refuse_unestimated(tumble.recipe(method, limits=limits))
+
+
+@pytest.mark.parametrize(("mean", "guard"), [(0.0, 0.0), (0.01, 0.0), (0.0, 0.01), (-0.02, 0.02)])
+def test_global_risks_are_those_of_the_two_normal_values(mean: float, guard: float) -> None:
+    """JCGM 106: true value and result are jointly normal; the rectangles by scipy's bivariate distribution."""
+    std, u, limit = 0.02, 0.004, 0.05
+    both = multivariate_normal([mean, mean], [[std**2, std**2], [std**2, std**2 + u**2]])
+
+    def of(low: tuple[float, float], high: tuple[float, float]) -> float:
+        return float(both.cdf(np.array(high), lower_limit=np.array(low)))
+
+    room, far = limit - guard, mean + 9 * std
+    consumer = of((limit, -room), (far, room)) + of((-far - 1, -room), (-limit, room))
+    producer = of((-limit, room), (limit, far)) + of((-limit, -far - 1), (limit, -room))
+    assert risk.global_risks((mean, std), u, limit, guard) == pytest.approx((consumer, producer), abs=2e-6)
+
+
+def test_a_forecast_has_the_risks_of_a_stated_process_only() -> None:
+    for process, known in (({"offset": [0, 0.02]}, True), (None, False)):
+        (one,) = forecast(
+            tumble.recipe("six-point", limits={"offset": 0.05, "process": process}), np.zeros(12)
+        ).decisions
+        assert (one.risks is not None) is known

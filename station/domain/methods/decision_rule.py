@@ -71,20 +71,24 @@ def limited_coefficients(limits: Limits, found: Calibration, budget: Budget) -> 
 
 def measured(limits: Limits, t: LimitedCoefficients, budget: Budget) -> risk.Measured:
     """What the risks are computed from."""
+    root = np.maximum(budget.std(), 1e-300)
+    correlation = (budget.total / root[:, None] / root)[np.ix_(t.index, t.index)]
+    return risk.Measured(t.deviation, t.std, t.dof, correlation, prior_of(limits, budget).take(t.index))
+
+
+def prior_of(limits: Limits, budget: Budget) -> risk.Prior:
+    """What is known of the twelve coefficients' deviations before a unit is measured."""
     process = limits.process or Process()
-    mean, std = _prior(process)
+    mean, std = _stated(process)
     shared = np.zeros(12)
     if process.of_results:  # the spread of results holds their random errors, and cannot show what they share
         of_unit = sum((budget.std(cause) ** 2 for cause in OF_THE_UNIT if cause in budget.parts), np.zeros(12))
         std = np.sqrt(np.maximum(std**2 - of_unit, MIN_PROCESS_SHARE * std**2))
         shared = np.sqrt(np.maximum(budget.std() ** 2 - of_unit, 0.0))
-    root = np.maximum(budget.std(), 1e-300)
-    correlation = (budget.total / root[:, None] / root)[np.ix_(t.index, t.index)]
-    prior = risk.Prior(mean[t.index], std[t.index], shared[t.index])
-    return risk.Measured(t.deviation, t.std, t.dof, correlation, prior)
+    return risk.Prior(mean, std, shared)
 
 
-def _prior(process: Process) -> tuple[Floats, Floats]:
+def _stated(process: Process) -> tuple[Floats, Floats]:
     """Mean and standard deviation (12) of the process; infinite where nothing is stated."""
     mean, std = np.zeros(12), np.full(12, np.inf)
     kinds = ((coefficients.OFFSETS, process.offset), (coefficients.GAINS, process.gain))

@@ -5,9 +5,11 @@ Before it is measured, a coefficient's deviation is what the process makes: norm
 
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from station.domain.core.types import Floats
 from station.domain.methods import coverage
@@ -27,6 +29,10 @@ class Prior:
     mean: Floats
     std: Floats
     shared: Floats
+
+    def take(self, which: slice | NDArray[np.intp]) -> "Prior":
+        """Of some of them."""
+        return Prior(self.mean[which], self.std[which], self.shared[which])
 
     @staticmethod
     def unknown(count: int) -> "Prior":
@@ -48,8 +54,8 @@ class Measured:
     def take(self, c: int) -> "Measured":
         """One coefficient by itself."""
         one = slice(c, c + 1)
-        prior = Prior(self.prior.mean[one], self.prior.std[one], self.prior.shared[one])
-        return Measured(self.deviation[one], self.std[one], self.dof[one], self.correlation[one, one], prior)
+        parts = (self.deviation[one], self.std[one], self.dof[one], self.correlation[one, one])
+        return Measured(*parts, self.prior.take(one))
 
     def believed(self, *, again: bool = False) -> tuple[Floats, Floats]:
         """Mean and standard deviation (c) of the true deviation given result and process (JCGM 106, eq. 17–18); again:
@@ -103,13 +109,22 @@ def _legendre(count: int) -> tuple[Floats, Floats]:
     return np.polynomial.legendre.leggauss(count)
 
 
-def of_process(mean: float, std: float, uncertainty: float, limit: float, guard: float) -> tuple[float, float]:
-    """Global consumer's and producer's risk (JCGM 106, eq. 24 and 26): that a unit of this process is beyond ± limit
-    and accepted, and that it is within and rejected. guard: w of the decision rule."""
-    node, weight = _legendre(NODES * 8)
-    true = mean + SPAN * std * node
-    share = weight * SPAN * np.exp(-((SPAN * node) ** 2) / 2) / np.sqrt(2 * np.pi)
+def global_risks(process: tuple[float, float], uncertainty: float, limit: float, guard: float) -> tuple[float, float]:
+    """Global consumer's and producer's risk (JCGM 106, eq. 24 and 26): that a unit of this process (mean and standard
+    deviation of its deviations) is beyond ± limit and accepted, and that it is within and rejected; guard: w.
+    """
+    mean, std = process
     room, u = max(limit - guard, 0.0), max(uncertainty, 1e-300)
-    accepted = scipy.special.ndtr((room - true) / u) - scipy.special.ndtr((-room - true) / u)
-    inside = np.abs(true) <= limit
-    return float((share * accepted * ~inside).sum()), float((share * (1 - accepted) * inside).sum())
+    node, weight = _legendre(2 * NODES)
+
+    def share(low: float, high: float, *, accepted: bool) -> float:
+        low, high = (min(max(edge, mean - SPAN * std), mean + SPAN * std) for edge in (low, high))
+        true = (low + high) / 2 + (high - low) / 2 * node
+        density = np.exp(-(((true - mean) / std) ** 2) / 2) / (np.sqrt(2 * np.pi) * std)
+        taken = scipy.special.ndtr((room - true) / u) - scipy.special.ndtr((-room - true) / u)
+        return float((weight * density * (taken if accepted else 1 - taken)).sum() * (high - low) / 2)
+
+    # Where the rule decides, the integrand is steep: the acceptance limits are edges, too.
+    edges = sorted({-limit, -room, 0.0, room, limit})
+    rejected = sum(share(low, high, accepted=False) for low, high in pairwise(edges))
+    return share(-np.inf, -limit, accepted=True) + share(limit, np.inf, accepted=True), rejected

@@ -12,6 +12,8 @@ from station.domain.capture.rest_detection import expected_noise
 from station.domain.core.types import Floats
 from station.domain.methods import coefficients, method, uncertainty
 from station.domain.methods.decision import guard_band
+from station.domain.methods.decision_rule import prior_of
+from station.domain.methods.risk import global_risks
 from station.domain.methods.uncertainty import Budget
 from station.domain.planning import adaptive_dwell, nominal_visits
 from station.domain.recipe.recipe import Recipe
@@ -24,7 +26,8 @@ COMFORTABLE = 4.0
 @dataclass(frozen=True, slots=True)
 class LimitForecast:
     """Whether a limit can be decided: limit and expanded uncertainty U of its least certain coefficient; guard: the
-    rule's guard band there; verdict: comfortable | tight | impossible."""
+    guard band there; verdict: comfortable | tight | impossible; risks: global consumer's and producer's, over the
+    process that the recipe states or the log taught; None where nothing is known of it."""
 
     kind: str
     coefficient: str
@@ -32,6 +35,7 @@ class LimitForecast:
     expanded: float
     guard: float
     verdict: str
+    risks: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +65,7 @@ def forecast(recipe: Recipe, rounding: Floats) -> Forecast:
 
 def _decisions(recipe: Recipe, budget: Budget) -> tuple[LimitForecast, ...]:
     limits, std = recipe.limits, budget.std()
-    guard = guard_band(limits, std, budget.dof)
+    guard, prior = guard_band(limits, std, budget.dof), prior_of(limits, budget)
     kinds = {"offset": coefficients.OFFSETS, "gain": coefficients.GAINS, "cross_axis": coefficients.CROSS}
     out = []
     for kind, which in kinds.items():
@@ -72,5 +76,8 @@ def _decisions(recipe: Recipe, budget: Budget) -> tuple[LimitForecast, ...]:
         expanded = float(budget.expanded()[worst])
         prospect = "impossible" if max(expanded, guard[worst]) >= limit else "tight"
         prospect = "comfortable" if COMFORTABLE * expanded <= limit else prospect
-        out.append(LimitForecast(kind, coefficients.NAMES[worst], limit, expanded, float(guard[worst]), prospect))
+        known = float(prior.mean[worst]), float(prior.std[worst])
+        risks = global_risks(known, float(std[worst]), limit, float(guard[worst])) if np.isfinite(known[1]) else None
+        name, wide = coefficients.NAMES[worst], float(guard[worst])
+        out.append(LimitForecast(kind, name, limit, expanded, wide, prospect, risks))
     return tuple(out)
