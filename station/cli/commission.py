@@ -17,6 +17,9 @@ def command(
     device_state: Annotated[
         Path | None, Option(help="--simulate: folder where the devices keep their node ids; left out: fresh each time.")
     ] = None,
+    bit_rate: Annotated[
+        int | None, Option(help="kbit/s that each device keeps too, from its next power-on; by CiA 305's table.")
+    ] = None,
     json_: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
 ) -> int:
     """Give the devices of a fixture their node ids by LSS (CiA 305), though they all have the same or none.
@@ -36,5 +39,6 @@ def command(
     from station.cli._commission import commission_and_print
     from station.wiring.commission import CommissionOrder
 
-    order = CommissionOrder(config, recipe, simulate, tuple(serial or ()), tuple(nest or ()), device_state)
+    pairs = tuple(serial or ()), tuple(nest or ())
+    order = CommissionOrder(config, recipe, simulate, *pairs, device_state, bit_rate)
     return commission_and_print(order, json=json_)

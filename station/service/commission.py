@@ -179,3 +179,23 @@ def _findings(
 
 def _said(device: AddressedDevice) -> Message:
     return Message(f"commission-{device.how}", nest=device.nest, node=device.node, serial=device.identity.serial)
+
+
+def store_bit_rate(
+    bench: CommissioningBench,
+    devices: Sequence[AddressedDevice],
+    kbit_s: int,
+    tell: Callable[[Message], None] = lambda _: None,
+) -> None:
+    """Each device keeps another bit rate, from its next power-on: until then all still hear each other.
+
+    Errors: DeviceSilent where one is gone; UsageError for a bit rate that LSS does not know; UnitFault where a device
+    refuses it, with those before it set.
+    """
+    for device in devices:
+        if not bench.lss.select(device.identity):
+            raise DeviceSilent("commission-label-silent", nest=device.nest, serial=device.identity.serial)
+        bench.lss.configure_bit_rate(kbit_s)
+        bench.lss.store()
+        bench.lss.release()
+    tell(Message("commission-bit-rate", count=len(devices), kbit_s=kbit_s))

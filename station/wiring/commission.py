@@ -12,6 +12,7 @@ from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.canopen import eds
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.canopen.lss_master import LSS_ANSWER, CanopenLssMaster
+from station.adapters.canopen.lss_transfer import BIT_TIMINGS
 from station.adapters.canopen.network import ServiceNetwork, service_ids
 from station.adapters.clock import SystemClock, VirtualClock
 from station.adapters.simulated_device.device import SimulatedDevice, received_ids
@@ -26,7 +27,7 @@ from station.messages import Message
 from station.ports.bus import Bus, Endpoint
 from station.ports.clock import Actor, Clock
 from station.ports.lss import LssIdentity
-from station.service.commission import Commissioned, CommissioningBench, NodeSeat, assign_nodes
+from station.service.commission import Commissioned, CommissioningBench, NodeSeat, assign_nodes, store_bit_rate
 from station.service.station import Job
 from station.wiring.bench import units_bus_of
 from station.wiring.jobs import Source, load_job
@@ -38,7 +39,7 @@ _IDENTITY = 0x1018
 @dataclass(frozen=True, slots=True)
 class CommissionOrder:
     """serials, nests: scanned labels and the nests they are in, in pairs; device_state: where simulated devices keep
-    their node ids; None: they are fresh at each start."""
+    their node ids; None: they are fresh at each start; bit_rate_kbit_s: what they keep beside the node ids."""
 
     config: Path | None = None
     recipe: str | None = None
@@ -46,10 +47,13 @@ class CommissionOrder:
     serials: tuple[str, ...] = ()
     nests: tuple[str, ...] = ()
     device_state: Path | None = None
+    bit_rate_kbit_s: int | None = None
 
 
 def commission_fixture(order: CommissionOrder, tell: Callable[[Message], None]) -> Commissioned:
     """Addresses the fixture's devices. Errors: InputError before anything is sent; those of assign_nodes."""
+    if (kbit_s := order.bit_rate_kbit_s) is not None and kbit_s not in BIT_TIMINGS:
+        raise UsageError("lss-bit-rate", kbit_s=kbit_s, known=tuple(BIT_TIMINGS))
     settings, document = load_config(order.config)
     job, source = load_job(order.recipe or settings.recipe)
     if settings.buses:
@@ -67,7 +71,10 @@ def commission_fixture(order: CommissionOrder, tell: Callable[[Message], None]) 
             bus = units_bus_of(settings, document, clock, opened)
         opened.callback(bus.close)
         bench = commissioning_bench(bus, clock, [s.node for s in seats], settings.timeouts.boot_s)
-        return assign_nodes(bench, seats, product, tell)
+        found = assign_nodes(bench, seats, product, tell)
+        if order.bit_rate_kbit_s is not None:
+            store_bit_rate(bench, found.devices, order.bit_rate_kbit_s, tell)
+        return found
     raise AssertionError("unreachable: ExitStack swallows nothing")
 
 

@@ -17,9 +17,10 @@ from station.adapters.simulated_device.lss import LssSlave
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.cli.app import run_command
 from station.errors import BusFault, DeviceSilent, UnitFault, UsageError
+from station.messages import render
 from station.ports.bus import Endpoint
 from station.ports.lss import UNCONFIGURED, LssIdentity
-from station.service.commission import assign_nodes
+from station.service.commission import assign_nodes, store_bit_rate
 from station.wiring.commission import commissioning_bench, fresh_device
 from tests.fakes.lss_fleet import (
     PRODUCT,
@@ -241,3 +242,26 @@ def test_the_command_addresses_a_fixture_and_finds_it_addressed(
 def test_a_wrong_command_line_gets_a_sentence(words: list[str], sentence: str) -> None:
     with pytest.raises(UsageError, match=sentence):
         run_command(["commission", "--simulate", *words])
+
+
+def test_a_bit_rate_is_kept_by_every_device_and_nobody_is_lost_before_the_power_goes() -> None:
+    fleet = Fleet([Member(identity(i)) for i in (7, 8, 9)])
+    seats = seats_of(NODES[:3], [identity(i) for i in (7, 8, 9)])
+    found = fleet.commission(seats)
+    assert found is not None
+    said: list[str] = []
+    store_bit_rate(fleet.bench(NODES[:3]), found.devices, 250, lambda message: said.append(render(message)))
+    assert [d.slave.bit_timing for d in fleet.devices] == [3, 3, 3]
+    assert said == [
+        "3 devices keep 250 kbit/s from the next power-on: set bus.bitrate of config.yaml, then switch "
+        "the fixture off and on."
+    ]
+    assert mistakes(fleet, seats, fleet.commission(seats)) == []
+
+
+def test_a_bit_rate_that_lss_does_not_know_is_refused() -> None:
+    fleet = Fleet([Member(identity(7))])
+    found = fleet.commission(seats_of(NODES[:1], [identity(7)]))
+    assert found is not None
+    with pytest.raises(UsageError, match="300"):
+        store_bit_rate(fleet.bench(NODES[:1]), found.devices, 300)
