@@ -37,6 +37,7 @@ from tests.fakes.plant import DirectReceiver, FakePlant, FakeStation, Server
 #: A line of 8 stations, each 4 nests in a cycle of 40 s, around the clock; a unit of `six-point` leaves 62 records.
 STATIONS, UNITS_A_DAY, RECORDS_A_UNIT = 8, 4 * 86_400 // 40, 62
 PORTION_BYTES = 1_048_576
+DAY_NS = 86_400 * 10**9
 
 
 def main() -> None:
@@ -163,7 +164,8 @@ def ask(server: Server, folder: Path, attempts: int) -> None:
         found = len(log.attempts(Query(lot="L1", nest="B")))
         _figure(f"containment: a lot in a nest ({found} attempts), s", lot, 1, at_least=False)
         newest = log.attempts(Query(), 1)[0]
-        week = Query(since_ns=newest.started_ns - 86_400 * 10**9)
+        # As the page asks: whole days up to now, a day's attempts of eight stations at least.
+        week = Query(since_ns=(newest.started_ns // DAY_NS - 1) * DAY_NS)
         count = log.count(week)
         counted = [_timed(lambda: log.yields(week, "cell")) for _ in range(3)]
         print(f"  of which the yields: {statistics.median(counted):.3f} s")

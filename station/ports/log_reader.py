@@ -256,6 +256,9 @@ class LogReader(Protocol):
     def attempt(self, attempt: Attempt) -> dict[str, Any]:
         """Everything kept of one attempt."""
 
+    def lives(self, attempts: Sequence[Attempt]) -> list[dict[str, Any]]:
+        """Everything kept of each attempt, in their order."""
+
     def running(self) -> Sequence[UnfinishedAttempt]:
         """Attempts that have begun and not ended, with what has been written to their devices."""
 

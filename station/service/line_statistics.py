@@ -35,7 +35,11 @@ def gather_statistics(log: LogReader, query: Query, most: int, known: Statistics
     if newest and query.recipe_name is None:  # values of two recipes are no one process
         one_recipe = replace(query, recipe_name=newest[0].recipe_name, recipe_version=newest[0].recipe_version)
     found = _finished(log, one_recipe, most)
-    lives = [known.measured(log, a) if known else values_and_checks(log.attempt(a)) for a in reversed(found)]
+    oldest_first = found[::-1]
+    if known:
+        lives = [known.measured(log, attempt) for attempt in oldest_first]
+    else:
+        lives = [values_and_checks(life) for life in log.lives(oldest_first)]
     reasons = Counter(check for _, checks in lives for check in checks)
     recipe = Recipe.model_validate_json(log.recipe_and_product(found[0])[0]) if found else None
     return LineStatistics(
@@ -49,7 +53,7 @@ def gather_statistics(log: LogReader, query: Query, most: int, known: Statistics
 
 def attempt_values(log: LogReader, query: Query, most: int) -> list[AttemptValues]:
     """The newest `most` finished attempts that the query names, oldest first, without anything around them."""
-    return [values_of(log.attempt(a)) for a in reversed(_finished(log, query, most))]
+    return [values_of(life) for life in log.lives(_finished(log, query, most)[::-1])]
 
 
 def _finished(log: LogReader, query: Query, most: int) -> list[Attempt]:

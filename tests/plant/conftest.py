@@ -14,7 +14,8 @@ from tests.fakes.plant import FakePlant, FakeStation, Server
 def server() -> Iterator[Server]:
     # Not in pytest's folder, which every session shuts to all but its own user; PostgreSQL never runs as root.
     with tempfile.TemporaryDirectory(prefix="station-pg-", ignore_cleanup_errors=True) as folder:
-        one = Server(Path(folder))
+        # Processes are killed here, the machine is not: a commit need not wait for the disk.
+        one = Server(Path(folder), ("-c", "fsync=off", "-c", "full_page_writes=off"))
         one.start()
         yield one
         one.stop()

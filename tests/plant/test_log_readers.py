@@ -135,6 +135,7 @@ def test_both_give_the_same_answer_to_every_question(both: tuple[LogReader, LogR
         for by in ("all", "station", "nest", "recipe", "lot", "operator", "day", "cell"):
             assert own.yields(query, by) == plants.yields(query, by), (query, by)
     attempts = own.attempts(Query())
+    assert own.lives(attempts) == plants.lives(attempts) == [own.attempt(a) for a in attempts]
     numbers = [a.number for a in attempts]
     assert [replace(r, before=json.loads(r.before)) for r in own.reduced(numbers)] == [
         replace(r, before=json.loads(r.before)) for r in plants.reduced(numbers)

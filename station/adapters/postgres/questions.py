@@ -23,35 +23,49 @@ from station.ports.log_reader import (
 )
 from station.ports.store import StoredCalibration
 
-_VISITS = """SELECT seq AS record, run, visit, "position", seating, kind, arrived_ns, left_ns, frame_count,
-    frames_sha256, statistics FROM visit WHERE attempt = %s ORDER BY seq"""
-_WRITES = """SELECT seq AS record, at_ns, object, sub, name, stage, value, old, written, read_back FROM write
-    WHERE attempt = %s ORDER BY seq"""
-_RESULTS = "SELECT seq AS record, at_ns, name, document FROM result WHERE attempt = %s ORDER BY seq"
-_EVENTS = "SELECT seq AS record, at_ns, kind, detail FROM event WHERE attempt = %s ORDER BY seq"
-_SEAL = "SELECT seq, hash FROM finish WHERE attempt = %s"
+_VISITS = """SELECT attempt, seq AS record, run, visit, "position", seating, kind, arrived_ns, left_ns, frame_count,
+    frames_sha256, statistics FROM visit WHERE attempt = ANY(%s) ORDER BY seq"""
+_WRITES = """SELECT attempt, seq AS record, at_ns, object, sub, name, stage, value, old, written, read_back FROM write
+    WHERE attempt = ANY(%s) ORDER BY seq"""
+_RESULTS = "SELECT attempt, seq AS record, at_ns, name, document FROM result WHERE attempt = ANY(%s) ORDER BY seq"
+_EVENTS = "SELECT attempt, seq AS record, at_ns, kind, detail FROM event WHERE attempt = ANY(%s) ORDER BY seq"
+_SEALS = "SELECT attempt, seq, hash FROM finish WHERE attempt = ANY(%s)"
+#: Attempts whose lives are read together.
+_LIVES = 100
 
 
-def life_of(db: psycopg.Connection, attempt: Attempt) -> dict[str, Any]:
-    """One attempt: identity, visits, results, object writes, events, and the seal of its end (station.audit/1)."""
-    sealed = db.execute(_SEAL, [attempt.number]).fetchone()
-    columns = {k: v for k, v in asdict(attempt).items() if k != "number"}
-    return {
-        **columns,
-        "record": attempt.number,
-        "started": utc(attempt.started_ns),
-        "ended": None if attempt.ended_ns is None else utc(attempt.ended_ns),
-        "seal": {"number": sealed[0], "hash": bytes(sealed[1]).hex()} if sealed else None,
-        "visits": [{**r, "statistics": json.loads(r["statistics"])} for r in _rows(db, _VISITS, attempt)],
-        "results": [{**r, "document": json.loads(r["document"])} for r in _rows(db, _RESULTS, attempt)],
-        "writes": [_write(r) for r in _rows(db, _WRITES, attempt)],
-        "events": [{**r, "detail": json.loads(r["detail"])} for r in _rows(db, _EVENTS, attempt)],
-    }
+def lives_of(db: psycopg.Connection, attempts: Sequence[Attempt]) -> list[dict[str, Any]]:
+    """Each attempt: identity, visits, results, object writes, events, and the seal of its end (station.audit/1)."""
+    return [life for i in range(0, len(attempts), _LIVES) for life in _lives(db, attempts[i : i + _LIVES])]
 
 
-def _rows(db: psycopg.Connection, query: str, attempt: Attempt) -> list[dict[str, Any]]:
+def _lives(db: psycopg.Connection, attempts: Sequence[Attempt]) -> Iterator[dict[str, Any]]:
+    numbers = [attempt.number for attempt in attempts]
+    visits, results, writes, events, seals = (
+        _by_attempt(db, query, numbers) for query in (_VISITS, _RESULTS, _WRITES, _EVENTS, _SEALS)
+    )
+    for attempt in attempts:
+        own = attempt.number
+        sealed = seals.get(own)
+        yield {
+            **{k: v for k, v in asdict(attempt).items() if k != "number"},
+            "record": own,
+            "started": utc(attempt.started_ns),
+            "ended": None if attempt.ended_ns is None else utc(attempt.ended_ns),
+            "seal": {"number": sealed[0]["seq"], "hash": bytes(sealed[0]["hash"]).hex()} if sealed else None,
+            "visits": [{**r, "statistics": json.loads(r["statistics"])} for r in visits.get(own, ())],
+            "results": [{**r, "document": json.loads(r["document"])} for r in results.get(own, ())],
+            "writes": [_write(r) for r in writes.get(own, ())],
+            "events": [{**r, "detail": json.loads(r["detail"])} for r in events.get(own, ())],
+        }
+
+
+def _by_attempt(db: psycopg.Connection, query: str, numbers: list[int]) -> dict[int, list[dict[str, Any]]]:
+    found: dict[int, list[dict[str, Any]]] = {}
     with db.cursor(row_factory=dict_row) as cursor:
-        return cursor.execute(query.encode(), [attempt.number]).fetchall()
+        for row in cursor.execute(query.encode(), [numbers]):
+            found.setdefault(row.pop("attempt"), []).append(row)
+    return found
 
 
 def _write(row: dict[str, Any]) -> dict[str, Any]:
@@ -206,9 +220,10 @@ _REDUCED = """SELECT a.seq, a.id, a.serial, a.product, s.document, c.document::j
 
 def reduced(db: psycopg.Connection, numbers: Sequence[int]) -> Iterator[ReducedAttempt]:
     """See LogReader.reduced."""
-    for *identity, stops, fit, station, nest, lot, started_ns in db.execute(_REDUCED, [list(numbers)]):
+    for number, attempt, serial, product, stops, fit, *place in db.execute(_REDUCED, [list(numbers)]):
         before = json.dumps([fit.get(name) for name in ("outcome", "offset", "matrix", "checks")])
-        yield ReducedAttempt(*identity, stops, before, station, nest, lot, started_ns)
+        station, nest, lot, started_ns = place
+        yield ReducedAttempt(number, attempt, serial, product, stops, before, station, nest, lot, started_ns)
 
 
 _CALIBRATIONS = """SELECT a.serial, a.station, a.nest, a.software, a.started_ns, f.outcome, c.document::json

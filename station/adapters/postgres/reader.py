@@ -91,13 +91,17 @@ class PostgresLogReader:
     def life(self, query: Query, limit: int | None = None) -> list[dict[str, Any]]:
         """The attempts that the query names with everything kept of them, oldest first."""
         with self._errors_named():
-            found = list(search.attempts(self.db, query, limit))
-            return [questions.life_of(self.db, attempt) for attempt in reversed(found)]
+            return questions.lives_of(self.db, list(search.attempts(self.db, query, limit))[::-1])
 
     def attempt(self, attempt: Attempt) -> dict[str, Any]:
         """Everything kept of one attempt."""
         with self._errors_named():
-            return questions.life_of(self.db, attempt)
+            return questions.lives_of(self.db, [attempt])[0]
+
+    def lives(self, attempts: Sequence[Attempt]) -> list[dict[str, Any]]:
+        """Everything kept of each attempt."""
+        with self._errors_named():
+            return questions.lives_of(self.db, attempts)
 
     def reasons(self, numbers: Sequence[int]) -> dict[int, list[dict[str, Any]]]:
         """The reasons of the verdicts of those attempts, by their record numbers."""

@@ -86,6 +86,11 @@ class SqliteLogReader:
         with self._errors_named():
             return audit_document.of_attempt(self.db.conn, attempt)
 
+    def lives(self, attempts: Sequence[Attempt]) -> list[dict[str, Any]]:
+        """Everything kept of each attempt."""
+        with self._errors_named():
+            return [audit_document.of_attempt(self.db.conn, attempt) for attempt in attempts]
+
     def running(self) -> Sequence[UnfinishedAttempt]:
         """Attempts that have begun and not ended, with what has been written to their devices."""
         with self._errors_named():
