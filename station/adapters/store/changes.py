@@ -2,27 +2,18 @@
 
 import sqlite3
 
+from station.domain.records.tables import TIME_AND_DETAIL
 from station.ports.log_reader import LogChange
-
-#: Table → SQL for its time and what it is about, in a word.
-_TIME_AND_DETAIL = {
-    "attempt": ("t.started_ns", "t.serial"),
-    "event": ("t.at_ns", "t.kind"),
-    "visit": ("t.left_ns", "t.kind || ' ' || t.position"),
-    "write": ("t.at_ns", "t.stage || ' ' || t.name"),
-    "result": ("t.at_ns", "t.name"),
-    "finish": ("t.ended_ns", "t.outcome"),
-}
 
 
 def _part(table: str) -> str:
-    time, detail = _TIME_AND_DETAIL[table]
+    time, detail = TIME_AND_DETAIL[table]
     of = "t.seq" if table == "attempt" else "t.attempt"
     return f"""SELECT * FROM (SELECT t.seq, '{table}', coalesce(a.id, ''), {time}, {detail} FROM "{table}" t
         LEFT JOIN attempt a ON a.seq = {of} WHERE t.seq > :after ORDER BY t.seq LIMIT :limit)"""
 
 
-_QUERY = " UNION ALL ".join(map(_part, _TIME_AND_DETAIL)) + " ORDER BY 1 LIMIT :limit"
+_QUERY = " UNION ALL ".join(map(_part, TIME_AND_DETAIL)) + " ORDER BY 1 LIMIT :limit"
 
 
 def since(db: sqlite3.Connection, after: int, limit: int) -> list[LogChange]:

@@ -1,5 +1,6 @@
 """The log's tables of evidence and their sealed columns, whatever database holds them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from station.domain.records.chain import Value
@@ -76,3 +77,14 @@ def _storable(value: Value) -> bool:
     if type(value) is int:
         return -_MOST <= value < _MOST
     return "\x00" not in value if type(value) is str else True
+
+
+#: Table → its time, and what a new record in it is about, in SQL that SQLite and PostgreSQL read; the table is `t`.
+TIME_AND_DETAIL: Mapping[str, tuple[str, str]] = {
+    "attempt": ("t.started_ns", "t.serial"),
+    "event": ("t.at_ns", "t.kind"),
+    "visit": ("t.left_ns", "t.kind || ' ' || t.position"),
+    "write": ("t.at_ns", "t.stage || ' ' || t.name"),
+    "result": ("t.at_ns", "t.name"),
+    "finish": ("t.ended_ns", "t.outcome"),
+}
