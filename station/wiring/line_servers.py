@@ -9,14 +9,15 @@ from typing import Literal
 from station.adapters.line_servers.facts import LineFacts, facts_of
 from station.adapters.line_servers.modbus import serve_modbus
 from station.adapters.line_servers.opcua import serve_opcua
+from station.adapters.line_servers.serving import ServedLine, serve_until_interrupted
 from station.messages import Message, render
 from station.panel_protocol.line_state import read_line_state, send_line_command
 
 
 def serve(how: Literal["opcua", "modbus"], host: str, port: int, database: Path, ready: Callable[[str], None]) -> None:
     """Serves until it is interrupted. Errors: StationFault, ConfigError."""
-    serving = serve_opcua if how == "opcua" else serve_modbus
-    serving(host, port, partial(line_facts, database), partial(send_line_command, database), ready)
+    line = ServedLine(host, port, partial(line_facts, database), partial(send_line_command, database), ready)
+    serve_until_interrupted(serve_opcua if how == "opcua" else serve_modbus, line)
 
 
 def line_facts(database: Path) -> LineFacts:

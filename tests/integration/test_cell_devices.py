@@ -18,8 +18,10 @@ from station.adapters.cell.plc import PlcCell
 from station.adapters.cell.remote_io import RemoteIoCell
 from station.adapters.clock import SystemClock
 from station.adapters.label_printer.zpl import ZplPrinter
-from station.adapters.line_servers import modbus, opcua
 from station.adapters.line_servers.facts import facts_of
+from station.adapters.line_servers.modbus import serve_modbus
+from station.adapters.line_servers.opcua import serve_opcua
+from station.adapters.line_servers.serving import ServedLine
 from station.adapters.modbus import ModbusRegisters
 from station.adapters.positioner.plc import PlcPositioner
 from station.adapters.scanner.network import NetworkScanner
@@ -55,8 +57,8 @@ def served(serve: Callable[[Callable[[int], None]], Any]) -> Iterator[int]:
 
     thread = threading.Thread(target=lambda: asyncio.run(run()))
     thread.start()
-    assert listening.wait(10)
     try:
+        assert listening.wait(60), "the server does not listen"
         yield ports[0]
     finally:
         loops[0].call_soon_threadsafe(tasks[0].cancel)
@@ -243,7 +245,7 @@ def test_a_line_controller_reads_the_state_and_commands_once() -> None:
 
     async def serve(ready: Callable[[int], None]) -> None:
         port = free_port()
-        await modbus.serve_in_loop("127.0.0.1", port, lambda: facts, sent.append, lambda _: ready(port))
+        await serve_modbus(ServedLine("127.0.0.1", port, lambda: facts, sent.append, lambda _: ready(port)))
 
     with served(serve) as port, ModbusTcpClient("127.0.0.1", port=port, retries=0, timeout=3) as client:
         words = client.read_holding_registers(0, count=80).registers
@@ -268,8 +270,7 @@ def test_opc_ua_shows_state_units_and_results_and_takes_commands() -> None:
 
     async def serve(ready: Callable[[int], None]) -> None:
         port = free_port()
-        address = f"opc.tcp://127.0.0.1:{port}"
-        await opcua.serve_nodes(address, lambda: facts, sent.append, lambda _: ready(port))
+        await serve_opcua(ServedLine("127.0.0.1", port, lambda: facts, sent.append, lambda _: ready(port)))
 
     async def look(port: int) -> dict[str, Any]:
         async with Client(f"opc.tcp://127.0.0.1:{port}") as client:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import time
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from station.adapters.line_servers.facts import OUTCOME_CODES, LineFacts
+from station.adapters.line_servers.serving import ServedLine
 from station.domain.cell.packml import Command, State
-from station.errors import ConfigError, StationFault
-from station.messages import system_reason
+from station.errors import ConfigError
 
 if TYPE_CHECKING:
     from pymodbus.constants import ExcCodes
@@ -37,28 +35,8 @@ def _long(at: int, value: int) -> dict[int, int]:
     return {at: value >> 16 & 0xFFFF, at + 1: value & 0xFFFF}
 
 
-def serve_modbus(
-    host: str,
-    port: int,
-    facts: Callable[[], LineFacts],
-    send: Callable[[Command], None],
-    ready: Callable[[str], None],
-) -> None:
-    """Serves until it is interrupted. Errors: StationFault where it cannot listen."""
-    try:
-        asyncio.run(serve_in_loop(host, port, facts, send, ready))
-    except OSError as exc:
-        raise StationFault("line-not-listening", host=host, port=port, reason=system_reason(exc)) from exc
-
-
-async def serve_in_loop(
-    host: str,
-    port: int,
-    facts: Callable[[], LineFacts],
-    send: Callable[[Command], None],
-    ready: Callable[[str], None],
-) -> None:
-    """The same inside a loop of asyncio. Errors: OSError where it cannot listen."""
+async def serve_modbus(line: ServedLine) -> None:
+    """Serves registers in a loop of asyncio. Errors: OSError where it cannot listen, ConfigError without pymodbus."""
     try:
         from pymodbus.server import ModbusTcpServer
         from pymodbus.simulator import DataType, SimData, SimDevice
@@ -74,7 +52,7 @@ async def serve_in_loop(
 
         nonlocal last
         if values is None:
-            for at, word in words_of_line(facts(), int(time.monotonic() * 10)).items():
+            for at, word in words_of_line(line.facts(), int(time.monotonic() * 10)).items():
                 registers[at - start] = word
             registers[ECHO_AT - start] = last
             return None
@@ -86,12 +64,12 @@ async def serve_in_loop(
             if command not in set(Command):
                 return ExcCodes.ILLEGAL_VALUE
             last = number
-            send(Command(command))
+            line.send(Command(command))
         return None
 
     device = SimDevice(id=0, simdata=[SimData(0, count=SIZE, values=0, datatype=DataType.REGISTERS)], action=action)
-    server = ModbusTcpServer(device, address=(host, port))
+    server = ModbusTcpServer(device, address=(line.host, line.port))
     if not await server.listen():
         raise OSError(98, "address in use")
-    ready(f"modbus://{host}:{port}")
+    line.ready(f"modbus://{line.host}:{line.port}")
     await server.serving

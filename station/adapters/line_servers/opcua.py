@@ -11,9 +11,9 @@ from collections.abc import Callable
 from typing import Any
 
 from station.adapters.line_servers.facts import LineFacts
+from station.adapters.line_servers.serving import ServedLine
 from station.domain.cell.packml import Command
-from station.errors import ConfigError, StationFault
-from station.messages import system_reason
+from station.errors import ConfigError
 
 NAMESPACE = "urn:can-calibration-station:line"
 #: So often the nodes follow the line's word, s.
@@ -22,24 +22,9 @@ ITEM_STATES = ("NotAvailable", "OutOfService", "NotExecuting", "Executing")
 _TEXTS = ("Serial", "Result")
 
 
-def serve_opcua(
-    host: str,
-    port: int,
-    facts: Callable[[], LineFacts],
-    send: Callable[[Command], None],
-    ready: Callable[[str], None],
-) -> None:
-    """Serves until it is interrupted. Errors: StationFault where it cannot listen."""
-    try:
-        asyncio.run(serve_nodes(f"opc.tcp://{host}:{port}", facts, send, ready))
-    except OSError as exc:
-        raise StationFault("line-not-listening", host=host, port=port, reason=system_reason(exc)) from exc
-
-
-async def serve_nodes(
-    endpoint: str, facts: Callable[[], LineFacts], send: Callable[[Command], None], ready: Callable[[str], None]
-) -> None:
-    """The same inside a loop of asyncio. Errors: OSError where it cannot listen."""
+async def serve_opcua(line: ServedLine) -> None:
+    """Serves nodes in a loop of asyncio. Errors: OSError where it cannot listen, ConfigError without asyncua."""
+    endpoint = f"opc.tcp://{line.host}:{line.port}"
     try:
         from asyncua import ua
         from asyncua.server.server import Server
@@ -52,11 +37,11 @@ async def serve_nodes(
     server.set_server_name("CAN calibration station")
     server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
     space = await server.register_namespace(NAMESPACE)
-    nodes = await _build(server, space, facts(), send)
+    nodes = await _build(server, space, line.facts(), line.send)
     async with server:
-        ready(endpoint)
+        line.ready(endpoint)
         while True:
-            await _follow(nodes, facts())
+            await _follow(nodes, line.facts())
             await asyncio.sleep(INTERVAL_S)
 
 
