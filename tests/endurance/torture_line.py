@@ -22,6 +22,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,10 @@ class LineTrial:
     wrong: int
 
 
+def _executes(folder: Path, before: int) -> bool:
+    return "execute" in _log_text(folder)[before:]
+
+
 def kill_processes(kills: int, seed: int) -> LineTrial:
     """Until so many kills; then the line goes on until every load that came is back."""
     rng = random.Random(seed)
@@ -74,7 +79,7 @@ def kill_processes(kills: int, seed: int) -> LineTrial:
         line = _line(folder)
         killed, size = [0, 0], 0
         while sum(killed) < kills:
-            until(lambda before=size: "execute" in _log_text(folder)[before:], "the state execute")
+            until(partial(_executes, folder, size), "the state execute")
             time.sleep(rng.choice([0.5, 2.0, 8.0]) * rng.random())  # the kill comes at any instant of a load
             if sum(killed) % 4 == 3:
                 plc.send_signal(signal.SIGKILL)
