@@ -10,7 +10,7 @@ PROCESSES ?= auto
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: docs validation release drawing help run demo test check lock blind torture bench bench-diagnosis pictures clean
+.PHONY: docs validation release drawing help run demo test check lock blind torture fuzz bench bench-diagnosis pictures clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -48,6 +48,10 @@ check: $(VENV)/.dev  ## import contracts, types, lint: the same on a desk and in
 torture: $(VENV)/.dev  ## the worst days in earnest, as one table: an hour and more; with SCALE=0.01 some minutes
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --group fuzz
 	$(BIN)/python tests/endurance/torture.py --seed $(SEED) --scale $(SCALE)
+
+fuzz: $(VENV)/.dev  ## every reader fuzzed for a minute, beside its start; what went new ways stays in build/fuzz-corpus
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --group fuzz
+	$(BIN)/python tests/endurance/torture_fuzz.py --seconds 60 --seed $(SEED) --corpus build/fuzz-corpus
 
 bench: $(VENV)/.dev  ## every goal of speed in one table; a quarter of an hour, QUICK=1: a few minutes; WRITE=1: into docs/benchmarks.md
 	PYTHONPATH=. $(BIN)/python benchmarks/table.py $(if $(QUICK),--quick) $(if $(WRITE),--write docs/benchmarks.md)

@@ -1,10 +1,12 @@
 """Coverage-guided fuzzing of everything that reads what people hand in, with atheris (libFuzzer for Python).
 
     python tests/endurance/torture_fuzz.py [--runs 5000] [--seed 1] [--targets recipe,dbc,…] [--json]
+    python tests/endurance/torture_fuzz.py --seconds 60 --corpus build/fuzz-corpus
 
-Each target of torture_input.py has a process of its own: `runs` inputs, grown from a good one by what makes the
-station's modules (and, with them, PyYAML, cantools and canopen's EDS reader) go new ways. Faulty is what torture_input
-calls so; libFuzzer itself ends a process over 1 GiB or an input over 5 s.
+--seconds: of all targets together, in place of --runs. --corpus: inputs that went new ways are kept there, a folder a
+target, and the next time goes on from them. Each target of torture_input.py has a process of its own: `runs` inputs,
+grown from a good one by what makes the station's modules (and, with them, PyYAML, cantools and canopen's EDS reader) go
+new ways. Faulty is what torture_input calls so; libFuzzer itself ends a process over 1 GiB or an input over 5 s.
 """
 
 import argparse
@@ -27,16 +29,15 @@ _LONGER, _AT_LEAST = 2, 4096
 _INSTRUMENTED = ("station", "yaml", "cantools.database.can", "canopen.objectdictionary", "can.io")
 
 
-def child(name: str, runs: int, seed: int, folder: Path) -> None:
-    """Fuzzes one target in this process; libFuzzer ends it."""
+def child(name: str, runs: int, seconds: int, seed: int, folder: Path, corpus: Path) -> None:
+    """Fuzzes one target in this process; libFuzzer ends it. runs, seconds: the first that is reached; 0 s: no limit."""
     import atheris
 
     with atheris.instrument_imports(include=list(_INSTRUMENTED)):
         from tests.endurance import torture_input
 
         target = torture_input.targets(folder)[name]
-    corpus = folder / "corpus"
-    corpus.mkdir()
+    corpus.mkdir(parents=True, exist_ok=True)
     (corpus / "good").write_bytes(target.good)
 
     def one(data: bytes) -> None:
@@ -47,6 +48,7 @@ def child(name: str, runs: int, seed: int, folder: Path) -> None:
     longest = max(_LONGER * len(target.good), _AT_LEAST)
     limits = (
         f"-runs={runs}",
+        f"-max_total_time={seconds}",
         f"-seed={seed}",
         f"-max_len={longest}",
         f"-rss_limit_mb={MOST_MIB}",
@@ -63,7 +65,7 @@ def _escaped(token: bytes) -> str:
     return "".join(f"\\x{byte:02x}" for byte in token)
 
 
-def fuzz(name: str, runs: int, seed: int) -> dict[str, Any]:
+def fuzz(name: str, runs: int, seed: int, seconds: int = 0, corpus: Path | None = None) -> dict[str, Any]:
     """One target in a process of its own: how many inputs it had, how much it covers, and what was wrong."""
     from tests.endurance.torture_input import SELDOM
 
@@ -71,6 +73,8 @@ def fuzz(name: str, runs: int, seed: int) -> dict[str, Any]:
     begun_s = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, __file__, "--child", name, "--runs", str(runs), "--seed", str(seed)]
+        kept = corpus / name if corpus else Path(folder) / "corpus"
+        command += ["--seconds", str(seconds), "--corpus", str(kept)]
         done = subprocess.run(
             [*command, "--folder", folder], capture_output=True, text=True, check=False, errors="replace"
         )
@@ -93,6 +97,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=int, default=0)
+    parser.add_argument("--corpus", type=Path)
     parser.add_argument("--targets", default="")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--child", default="", help=argparse.SUPPRESS)
@@ -101,12 +107,14 @@ def main() -> int:
     if find_spec("atheris") is None:
         sys.exit("atheris is not installed here: python -m pip install --group fuzz")
     if given.child:
-        child(given.child, given.runs, given.seed, given.folder)
+        child(given.child, given.runs, given.seconds, given.seed, given.folder, given.corpus)
     from tests.endurance import torture_input
 
     with tempfile.TemporaryDirectory() as folder:
         names = given.targets.split(",") if given.targets else list(torture_input.targets(Path(folder)))
-    found = [fuzz(name, given.runs, given.seed) for name in names]
+    seconds = max(given.seconds // len(names), 1) if given.seconds else 0
+    runs = 1 << 30 if seconds else given.runs
+    found = [fuzz(name, runs, given.seed, seconds, given.corpus) for name in names]
     faulty = [line for each in found for line in each["faulty"]]
     inputs = sum(each["inputs"] for each in found)
     if given.json:
