@@ -96,11 +96,16 @@ def _texts() -> Iterator[HostileFile]:
         "wide.csv": lambda: SAMPLES_HEADER + "," + wide + "\n",
         "one-field.csv": lambda: f"{SAMPLES_HEADER}\n" + "u" * 9_900_000 + ",0,0,z-up,0,0,0,1\n",
         "open-quote.csv": lambda: f'{SAMPLES_HEADER}\n"' + "u,0,0,z-up,0,0,0,1\n" * 500_000,
-        "units.csv": lambda: SAMPLES_HEADER + "\n" + "".join(f"u{i},0,0,z-up,0,0,0,1\n" for i in range(380_000)),
-        "visits.csv": lambda: SAMPLES_HEADER + "\n" + "".join(f"u,0,{i},z-up,{i},0,0,1\n" for i in range(380_000)),
-        "runs.csv": lambda: SAMPLES_HEADER + "\n" + "".join(f"u,{i},0,z-up,{i},0,0,1\n" for i in range(380_000)),
-        "positions.csv": lambda: SAMPLES_HEADER + "\n" + "".join(f"u,0,{i},p{i},{i},0,0,1\n" for i in range(380_000)),
-        "columns.csv": lambda: SAMPLES_HEADER + ",a" * 480 + "\n" + ("u,0,0,z-up,0,0,0,1" + "," * 480 + "\n") * 19_000,
+        "units.csv": lambda: SAMPLES_HEADER + "\n" + "".join(f"u{i},0,0,z-up,0,0,0,1\n" for i in range(300_000)),
+        "visits.csv": lambda: SAMPLES_HEADER + "\n" + "".join(f"u,0,{i},z-up,{i},0,0,1\n" for i in range(300_000)),
+        "runs.csv": lambda: SAMPLES_HEADER + "\n" + "".join(f"u,{i},0,z-up,{i},0,0,1\n" for i in range(300_000)),
+        "positions.csv": lambda: SAMPLES_HEADER + "\n" + "".join(f"u,0,{i},p{i},{i},0,0,1\n" for i in range(300_000)),
+        "columns.csv": lambda: (
+            SAMPLES_HEADER
+            + "".join(f",a{i}" for i in range(480))
+            + "\n"
+            + ("u,0,0,z-up,0,0,0,1" + "," * 480 + "\n") * 19_000
+        ),
         "same.csv": lambda: SAMPLES_HEADER + "\n" + "u,0,0,z-up,0,0,0,1\n" * 500_000,
     }
     for name, content in samples.items():
