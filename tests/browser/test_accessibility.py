@@ -11,7 +11,17 @@ from tests.browser.judge import SCREENS, judged
 from tests.fakes import fixture_run
 
 PHONE = SCREENS[-1]
-PAGES = ("/", "/cards", "/audit", "/audit/unit?serial=SN0001", "/journal", "/charts?size=2", "/nowhere")
+PAGES = (
+    "/",
+    "/cards",
+    "/audit",
+    "/audit/unit?serial=SN0001",
+    "/journal",
+    "/charts?size=2",
+    "/diagnosis",
+    "/diagnosis/changes",
+    "/nowhere",
+)
 pytestmark = pytest.mark.timeout(240)
 
 #: What sticks out on the right of a page that must not be moved sideways; tables scroll in boxes of their own.

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.reporting.drawing import scale, tables
+from station.reporting.drawing import limit_bar, scale, tables
 from station.reporting.drawing.figure import Figure, Series, panels, svg
 
 NS = "{http://www.w3.org/2000/svg}"
@@ -66,3 +66,10 @@ def test_panels_stand_below_each_other_and_each_has_its_title() -> None:
     assert [g.get("transform") for g in root.findall(f"{NS}g")] == ["translate(0 28)", "translate(0 128)"]
     assert {"both", "first", "second"} <= {t.text for t in root.iter(f"{NS}text")}
     assert root.get("height") == "232"
+
+
+@pytest.mark.parametrize(("value", "closer"), [(0.0369, False), (0.078, True), (0.0824, True)])
+def test_a_closer_look_is_drawn_only_near_a_limit(value: float, closer: bool) -> None:
+    drawn = limit_bar.draw(limit_bar.LimitBar(value, 0.0006, -0.08, 0.08, 0.0, ("low", "target", "high", "ok")), "x")
+    assert ('height="216"' in drawn) is closer
+    assert 'stroke="#677683"' in drawn if closer else 'stroke="#677683"' not in drawn

@@ -9,6 +9,8 @@ _WIDTH, _BAR_Y, _ZOOM_Y = 640.0, 74.0, 150.0
 _GREEN, _RED, _INK = "#bcd8c9", "#ae131f", "#14212c"
 #: A closer look is worth its place where the uncertainty is less than this share of the limits' width.
 _CLOSE = 0.08
+#: And where value and limit lie within this share of that width.
+_NEAR = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +38,11 @@ def draw(bar: LimitBar, title: str) -> str:
     low, high = min(bar.low, bar.value - (bar.expanded or 0.0)), max(bar.high, bar.value + (bar.expanded or 0.0))
     whole = (low - 0.06 * (high - low), high + 0.06 * (high - low))
     parts = _bar(bar, whole, _BAR_Y, named=True)
-    close = bar.expanded is not None and 0 < bar.expanded < _CLOSE * (bar.high - bar.low)
-    if close and bar.expanded is not None:
-        edge = min((bar.low, bar.high), key=lambda limit: abs(limit - bar.value))
-        reach = max(1.6 * abs(edge - bar.value), 3.0 * bar.expanded)
+    edge = min((bar.low, bar.high), key=lambda limit: abs(limit - bar.value))
+    reach = max(1.6 * abs(edge - bar.value), 3.0 * (bar.expanded or 0.0))
+    wide = bar.high - bar.low
+    close = bar.expanded is not None and 0 < bar.expanded < _CLOSE * wide and reach < _NEAR * wide
+    if close:
         near = (bar.value - reach, bar.value + reach)
         parts += _lens(bar, whole, near)
     return svg_document(_WIDTH, 216 if close else 112, title, parts)
