@@ -10,6 +10,7 @@ from station.config.recipes import recipe_hash, recipe_path
 from station.domain.can.sensor_layout import SensorLayout, resolve, used_signals
 from station.domain.methods import method
 from station.domain.product import map_check, product_record
+from station.domain.product.frame_pattern import parse_pattern
 from station.domain.product.pdo_check import pdo_mismatches
 from station.domain.product.product import Product
 from station.domain.recipe.recipe import Recipe
@@ -89,6 +90,7 @@ def _check_map(where: Path, product: Product, eds: Path | None, layout: SensorLa
     it half-way through a write; and frames that the EDS maps otherwise: they would be read wrong in silence."""
     if product.map.writes and product.map.output is None:
         raise ProductError("map-without-output", file=str(where))
+    _check_protocol(where, product)
     if eds is None:
         return
     from station.adapters.canopen.eds import load
@@ -99,6 +101,20 @@ def _check_map(where: Path, product: Product, eds: Path | None, layout: SensorLa
     if product.map.protocol == "canopen" and (wrong := pdo_mismatches(layout, product.map, dictionary)):
         dbc = product.frames.dbc
         raise ProductError("frames-contradict-eds", file=str(where), dbc=dbc, eds=eds.name, mismatches=wrong)
+
+
+def _check_protocol(where: Path, product: Product) -> None:
+    """Refuses what the product's protocol cannot read or write."""
+    device_map = product.map
+    if device_map.protocol == "uds":
+        for key in ("vendor", "product", "device_type", "revision_at_least"):
+            if getattr(product.identity, key) is not None:
+                raise ProductError("identity-without-canopen", file=str(where), key=key, protocol="uds")
+    if device_map.template is not None and device_map.record is not None:
+        room = parse_pattern(device_map.template.write.send).width("value")
+        if device_map.record.length > room:
+            length = device_map.record.length
+            raise ProductError("object-too-long", file=str(where), name="record", length=length, room=room)
 
 
 def _unit_factors(dbc: Path, recipe: Recipe, layout: SensorLayout) -> dict[str, float]:

@@ -12,7 +12,10 @@ import pytest
 
 from station.cli._recover import recover_unit
 from station.config.products import load_product
+from station.config.search_path import shipped_folder
 from station.domain.core.types import Outcome
+from station.errors import ProductError
+from station.wiring.jobs import check_product
 from station.wiring.run_order import RunOrder
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
@@ -71,6 +74,27 @@ def flash(ran: Ran, protocol: str) -> str:
     keys = [f"{index:04X}:{sub:02X}" for index, sub in cells]
     same = [struct.pack("<f", memory[key]).hex() == plan["objects"][key] for key in keys]
     return "new" if all(same) else "mixed" if any(same) else "old"
+
+
+@pytest.mark.parametrize(
+    ("protocol", "old", "new", "says"),
+    [
+        ("uds", "identity: {name: accelerometer}", "identity: {vendor: 5}", "identity.vendor is an object of CANopen"),
+        ("template", "  save:", "  record: {index: 0x2100, length: 36}\n  save:", "record has 36 bytes"),
+    ],
+)
+def test_a_product_that_its_protocol_cannot_serve_is_refused(
+    tmp_path: Path, protocol: str, old: str, new: str, says: str
+) -> None:
+    shipped = shipped_folder() / "dbc"
+    for name in ("accelerometer.dbc", "accelerometer.eds", "accelerometer-uds.eds"):
+        (tmp_path / name).write_bytes((shipped / name).read_bytes())
+    text = (shipped / f"{PROTOCOLS[protocol]}.yaml").read_text(encoding="utf-8")
+    before, key, after = text.rpartition(old)
+    assert key
+    (tmp_path / "changed.yaml").write_text(before + new + after, encoding="utf-8")
+    with pytest.raises(ProductError, match=says):
+        check_product(str(tmp_path / "changed.yaml"))
 
 
 @pytest.mark.parametrize("protocol", OTHERS)
