@@ -95,6 +95,17 @@ def test_attempts_come_newest_first_with_their_ends(log: LogReader) -> None:
     assert [a.serial for a in log.attempts(Query(before=found[0].number), 1)] == ["SN0003"]
 
 
+def test_calibrations_of_a_recipe_are_the_same_in_both(both: tuple[LogReader, LogReader]) -> None:
+    own, plants = both
+    recipe = own.attempts(Query(outcome="PASS"))[0].recipe_hash
+    found = own.calibrations(recipe, 5)
+    assert found and [c.started_ns for c in found] == sorted(c.started_ns for c in found)
+    there = plants.calibrations(recipe, 5)
+    assert [replace(c, fit="") for c in there] == [replace(c, fit="") for c in found]
+    assert [json.loads(c.fit) for c in there] == [json.loads(c.fit) for c in found]
+    assert own.calibrations("none", 5) == list(plants.calibrations("none", 5)) == []
+
+
 def test_yields_count_units_by_their_first_and_last_attempt(log: LogReader) -> None:
     (whole,) = log.yields(Query())
     assert (whole.attempts, whole.passed, whole.failed, whole.units, whole.final) == (12, 9, 3, 8, 8)
