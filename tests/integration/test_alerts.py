@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,13 +12,16 @@ import pytest
 
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
-from station.config.settings import AlertSettings, MailSettings
+from station.config.settings import AlertSettings, MailSettings, load_settings
 from station.errors import ConfigError, StoreFault
-from station.messages import render
+from station.messages import Message, render
 from station.service.alerts import record_alerts
 from station.service.watch import Watch
+from station.web.panel import Panel
+from station.web.run_launcher import LaunchOptions
 from station.wiring import alerts
-from station.wiring.alerts import AlertDesk, read_book
+from station.wiring.alerts import AlertDesk, read_book, watching_beside
+from station.wiring.jobs import load_job
 from tests.fakes import watched_log
 from tests.fakes.receivers import HookServer, MailServer, serving
 
@@ -101,6 +106,25 @@ def test_the_log_holds_each_alert_once_whoever_records_it(path: Path, receivers:
         (event,) = log.station_events("watch-alert", 10)
         assert list(log.findings()) == []
     assert json.loads(event.detail)["alert"]["nest"] == "B"
+
+
+def test_the_page_starts_a_watch_and_shows_what_lasts(path: Path, receivers: tuple[HookServer, MailServer]) -> None:
+    config = path.with_name("config.yaml")
+    config.write_text(
+        "schema: station.config/1\nstation: bench-1\nnests: [{name: A, node: 17}, {name: B, node: 18}]\n"
+        f"database: {path}\nalerts: {{webhooks: ['{receivers[0].url}']}}\n",
+        encoding="utf-8",
+    )
+    settings = load_settings(config)
+    with watching_beside(path, config, settings):
+        until = time.monotonic() + 60
+        while not receivers[0].bodies and time.monotonic() < until:
+            threading.Event().wait(0.05)
+    options = LaunchOptions(path, "six-point", config, simulate=True)
+    panel = Panel(settings, load_job("six-point")[0].recipe, options, path.with_name("accounts.json"))
+    shown = render(Message.of(panel.screen.shown()["watch"]))
+    assert shown == receivers[0].bodies[0]["text"][0]
+    assert shown.startswith("Nest B of bench-1 tilts by")
 
 
 def test_what_ended_before_the_book_was_begun_is_nobodys_news(
