@@ -34,9 +34,9 @@ def command(
 
         station backtest --recipe six-point-tighter.yaml --of six-point --since 30d
 
-    A fleet's units at the plant, on a cluster (docs/cluster.md), so that a stopped command goes on where it was:
+    So that a stopped command goes on where it was; with --scheduler tcp://host:8786 on a cluster (docs/cluster.md):
 
-        station backtest --recipe six-point --db postgresql:///plant --scheduler tcp://host:8786 --results fleet
+        station backtest --recipe six-point --db station.db --results fleet
 
     Reduced visits (means with their covariances) are computed from where settling and dwell are as they were; then
     what only raw samples show, such as clipping, is taken over as it was found.

@@ -48,9 +48,8 @@ def command(
         station diagnose --samples samples.parquet --recipe tilt-24 --extend model.yaml
         station diagnose --samples samples.parquet --recipe tilt-24 --model model.yaml
 
-    Over a fleet of any size, who shares a cause, and since when (docs/fleet-diagnosis.md):
-
-        station diagnose --shared --recipe six-point --db postgresql:///plant
+    `--shared --db postgresql:///plant` says over a fleet of any size who shares a cause, and since when
+    (docs/fleet-diagnosis.md).
     """
     # Many small matrices: a second thread of the linear algebra only waits for the first.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -26,8 +26,8 @@ _SERVERS = (
     ("rig", "--simulate"),
     ("line", "--serve"),
 )
-#: Exit code 1 is an answer: a diagnosis found something, a unit holds a mixture, a log waits for a decision.
-ANSWERS = {"diagnose": (0, 1), "recover": (0, 1), "watch": (0, 1), "plant": (0, 1)}
+#: Exit code 1 is an answer: a unit failed or holds a mixture, a diagnosis found something, a log waits for a decision.
+ANSWERS = {"calibrate": (0, 1), "diagnose": (0, 1), "recover": (0, 1), "watch": (0, 1), "plant": (0, 1)}
 #: What a server's line has that says where it is: an address, or a JSON document.
 _READY = re.compile(r"://|^\{", re.MULTILINE)
 KNOWN_BAD = "SN9002"
