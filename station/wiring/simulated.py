@@ -12,9 +12,8 @@ from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.canopen import eds
 from station.adapters.clock import SystemClock, VirtualClock
 from station.adapters.positioner.simulated import SimulatedPositioner
-from station.adapters.simulated_device import device_fault
+from station.adapters.simulated_device import device_fault, live
 from station.adapters.simulated_device.device import SimulatedDevice, Timing, received_ids
-from station.adapters.simulated_device.live import POLL_S, Hub
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.adapters.simulated_device.stream import SimulatedSensor
 from station.config.documents import Document
@@ -24,7 +23,7 @@ from station.config.settings import Settings
 from station.domain.core.types import Frames, NestAssignment
 from station.domain.product.product import serial_of
 from station.domain.recipe.plan import PlannedVisit
-from station.errors import ProductError, UsageError
+from station.errors import BusFault, ProductError, UsageError
 from station.model.effect import Effect
 from station.model.rig import Rig
 from station.model.simulate import SimulationJob, parse_effect
@@ -213,7 +212,7 @@ class Rehearsal(SimulatedFixture):
         self._near, self._far_bus = near, far
         nodes = [nest.node for nest in settings.nests] + ([] if job.gold_node is None else [job.gold_node])
         can_ids = tuple(sorted({i for node in nodes for i in _received_ids(job, node)}))
-        self._hub = Hub(cast(Endpoint, far.service(can_ids)))
+        self._hub = live.Hub(cast(Endpoint, far.service(can_ids)))
         self._served: list[SimulatedDevice] = []
         self._changing, self._ended = threading.Lock(), threading.Event()
         self._thread: threading.Thread | None = None
@@ -237,12 +236,13 @@ class Rehearsal(SimulatedFixture):
     def _serve(self) -> None:
         clock = SystemClock()
         while not self._ended.is_set():
-            with self._changing:
-                now_s = clock.monotonic_s()
-                for device in self._served:
-                    device.act(now_s)
-                due_s = min((d.next_due_s() for d in self._served), default=now_s + POLL_S)
-            self._hub.wait(min(max(due_s - clock.monotonic_s(), 0.0), POLL_S))
+            try:
+                with self._changing:
+                    wait_s = live.act_all(self._served, clock)
+                self._hub.wait(wait_s)
+            except BusFault:
+                # As on a wire: the frame is lost and the devices live on. The station's own end reports a dead bus.
+                self._ended.wait(live.POLL_S)
 
     def _world(self) -> tuple[Clock, Bus]:
         return SystemClock(), self._near

@@ -1,15 +1,20 @@
 """A rehearsal bench: config.yaml's bus is `simulated`, and commands need no --simulate."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from station.adapters.bus.python_can import PythonCan
 from station.cli.app import run_command
-from station.errors import ConfigError, UsageError
+from station.errors import BusFault, ConfigError, UsageError
 from station.wiring.bench import open_bench
 from station.wiring.rehearsal import rehearsing
 from station.wiring.run_order import RunOrder
+from tests.fakes import fixture_run
 
+#: What the device in the first nest sends.
+HEARTBEAT, STREAM, SDO_ANSWER = 0x711, 0x191, 0x591
 CONFIG = """\
 schema: station.config/1
 bus: {interface: BUS}
@@ -61,3 +66,26 @@ def test_a_rehearsal_on_a_real_bus_is_refused(here: Path) -> None:
     write(here, "socketcan", "rehearsal: {}")
     with pytest.raises(ConfigError, match=r"rehearsal block, but bus.interface is socketcan"):
         run_command(["run", "--serial", "SN0001"])
+
+
+def test_devices_on_a_real_bus_outlive_a_frame_that_it_does_not_take(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refused: list[int] = []
+    later: set[int] = set()
+    send = PythonCan.send
+
+    def send_but_not_the_first(bus: PythonCan, sender: Any, can_id: int, *rest: Any) -> None:
+        if can_id == HEARTBEAT and not refused:
+            refused.append(can_id)
+            raise BusFault("interface-queue-full", bus="virtual", timeout_s=1.0)
+        if refused:
+            later.add(can_id)
+        send(bus, sender, can_id, *rest)
+
+    monkeypatch.setattr(PythonCan, "send", send_but_not_the_first)
+    name = fixture_run.recipe(tmp_path, "one-point", dwell={"time_s": 0.4}, verify=None, limits={})
+    ran = fixture_run.run(tmp_path, recipe=name, interface="virtual", channel="heartbeats")
+    assert ran.fault is None
+    assert refused == [HEARTBEAT]
+    assert later >= {STREAM, SDO_ANSWER}

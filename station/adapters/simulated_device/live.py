@@ -56,10 +56,15 @@ class _Tap:
 
 
 def serve(hub: Hub, devices: Sequence[Actor], clock: Clock, go_on: Callable[[], bool]) -> None:
-    """Lets the devices live in real time for as long as `go_on()`; it is asked at least every LOOK_S seconds."""
+    """Lets the devices live in real time for as long as `go_on()`; it is asked at least every POLL_S seconds."""
     while go_on():
-        now_s = clock.monotonic_s()
-        for device in devices:
-            device.act(now_s)
-        due_s = min((device.next_due_s() for device in devices), default=now_s + POLL_S)
-        hub.wait(min(max(due_s - clock.monotonic_s(), 0.0), POLL_S))
+        hub.wait(act_all(devices, clock))
+
+
+def act_all(devices: Sequence[Actor], clock: Clock) -> float:
+    """Lets every device act; for how long none has to again, s, POLL_S at most. Errors: BusFault."""
+    now_s = clock.monotonic_s()
+    for device in devices:
+        device.act(now_s)
+    due_s = min((device.next_due_s() for device in devices), default=now_s + POLL_S)
+    return min(max(due_s - clock.monotonic_s(), 0.0), POLL_S)
