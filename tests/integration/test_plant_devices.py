@@ -153,8 +153,10 @@ def test_a_recipe_and_a_product_of_one_name_do_not_meet(tmp_path: Path) -> None:
 def test_a_pdo_is_set_up_as_the_map_says_and_put_back(tmp_path: Path) -> None:
     """Two seats: each gets the identifier of its own node; y and x change places, and the DBC with them."""
     mapping = [0x21130108, 0x21130208, 0x21130310, 0x21130410, 0x21130510]
-    setup = {"number": 1, "can_id": 0x181, "transmission": 255, "event_timer_ms": 10, "mapping": mapping[::-1]}
-    recipe = plant.recipe(tmp_path, device_map={"pdo": [setup]}, eds=plant.pdo(event_timer_ms=0) | plant.mappable())
+    swapped = [*mapping[:2], mapping[3], mapping[2], mapping[4]]
+    setup = {"number": 1, "can_id": 0x181, "transmission": 255, "event_timer_ms": 10, "mapping": swapped}
+    eds, dbc = plant.pdo(event_timer_ms=0) | plant.mappable(), {"X : 16|16": "X : 32|16", "Y : 32|16": "Y : 16|16"}
+    recipe = plant.recipe(tmp_path, device_map={"pdo": [setup]}, eds=eds, dbc=dbc)
     ran = fixture_run.run(tmp_path, units=2, recipe=recipe)
     assert {str(r.outcome) for r in ran.results.values()} == {"PASS"}
     held = ran.memory(SERIAL)

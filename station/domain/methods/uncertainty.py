@@ -14,6 +14,8 @@ from station.domain.recipe.recipe import Recipe
 
 #: The budget line for what visits differ by beyond noise and declared pose errors (station.domain.methods.scatter).
 SCATTER = "scatter"
+#: A squared misfit below this share of its variance is rounding: the fit goes through that reading whatever it is.
+ROUNDING = 1e-12
 #: Edition of the rules by which budgets are made; it stands in every record, because another edition gives other bits.
 RULES = 3
 
@@ -138,7 +140,7 @@ def _scatter(problem: FitProblem, fit: Fit) -> tuple[_Scatter, _Scatter]:
 
 def _estimate(clear: Floats, square: Floats, variance: Floats, dof: Floats) -> tuple[Floats, Floats]:
     """Variance (u) of scatter and its degrees of freedom (u). clear (u): as a significant misfit showed it, or 0."""
-    used = square > 0
+    used = square > ROUNDING * variance
     chi2 = (square / variance).sum(axis=1)
     usual = (variance * used).sum(axis=1) / np.maximum(used.sum(axis=1), 1)
     ratio, nu = residual_scatter.posterior(chi2, np.maximum(dof, 0.0))

@@ -200,5 +200,7 @@ def test_a_queue_that_empties_no_more_ends_the_run_and_leaves_the_old_values(
     assert f"{link.near.name} could not send for 1 s because its queue is full" in ran.fault.sentence
     assert (r.outcome, r.written, r.verified) == (Outcome.ERROR, False, False)
     (attempt,) = fixture.life(tmp_path, SERIAL)
-    assert (attempt["outcome"], len(attempt["visits"])) == ("ERROR", 6), "readings still came"
+    # A visit that lost frames on a busy machine is measured again: readings still came, for all six.
+    kept = [visit["position"] for visit in attempt["visits"] if visit["kind"] == "tumble"]
+    assert (attempt["outcome"], len(kept), len(set(kept))) == ("ERROR", 6, 6)
     assert not (tmp_path / f"{SERIAL}.json").exists()
