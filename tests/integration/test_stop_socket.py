@@ -6,7 +6,6 @@ import socket
 import stat
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +20,7 @@ from station.panel_protocol.stop import request_stop
 from station.panel_protocol.stop_socket import listening_for_stop, stop_by_socket
 from station.ports.log_reader import Query
 from tests.fakes import logs
+from tests.fakes.waiting import until
 
 
 def test_a_stop_is_heard_and_answered(tmp_path: Path) -> None:
@@ -98,9 +98,7 @@ def test_a_real_run_stops_and_says_who_stopped_it(tmp_path: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-m", "station", *words], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     ) as run:
-        deadline_s = time.monotonic() + 60
-        while not _running(tmp_path) and time.monotonic() < deadline_s:
-            time.sleep(0.05)
+        until(lambda: _running(tmp_path), "the run")
         assert request_stop(tmp_path / "s.db") == run.pid
         assert run.wait(60) == 4
     with SqliteLogReader(tmp_path / "s.db") as log:

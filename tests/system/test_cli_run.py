@@ -1,17 +1,20 @@
 """`station run` as a process: what it prints where, its exit codes, its JSON, and what a signal does to it."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
-import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
+from station.adapters.store.reader import SqliteLogReader
 from station.cli.app import main
+from station.errors import LogError
+from station.ports.log_reader import Query
 from tests.fakes import fixture_run
+from tests.fakes.waiting import until
 
 STATION = [sys.executable, "-m", "station"]
 
@@ -122,7 +125,7 @@ def test_a_second_station_on_the_same_log_is_refused_with_the_first_ones_name(tm
         stderr=subprocess.PIPE,
     )
     try:
-        _wait_for(tmp_path / "station.db")
+        _wait_for_attempt(tmp_path / "station.db")
         second = station(tmp_path, "run", "--simulate", "--units", "1")
         assert second.returncode == 3
         assert "bench-1" in one_sentence(second.stdout, second.stderr)
@@ -138,8 +141,7 @@ def test_a_signal_ends_the_run_with_a_true_record(tmp_path: Path, number: signal
         [*STATION, "run", "--simulate", "--units", "60", "--json", "--device-state", "devices"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    _wait_for(tmp_path / "station.db")
-    time.sleep(1.0)  # a process outside simulated time: let it get somewhere
+    _wait_for_attempt(tmp_path / "station.db")
     process.send_signal(number)
     process.send_signal(number)
     out, err = process.communicate(timeout=60)
@@ -177,9 +179,12 @@ def test_recover_is_a_command(tmp_path: Path) -> None:
     assert "choose one" in one_sentence(both.stdout, both.stderr)
 
 
-def _wait_for(path: Path) -> None:
-    until = time.monotonic() + 30
-    while not path.exists() and time.monotonic() < until:
-        os.sched_yield()
-        time.sleep(0.01)
-    assert path.exists()
+def _wait_for_attempt(log: Path) -> None:
+    """Until the run has begun to measure a unit."""
+
+    def begun() -> bool:
+        with suppress(LogError), SqliteLogReader(log) as reader:
+            return reader.count(Query()) > 0
+        return False
+
+    until(begun, f"an attempt in {log}")

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.fakes.fixture_run import Ran
+from tests.fakes.waiting import until
 
 ROOT = Path(__file__).parents[2]
 
@@ -34,10 +35,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
 
 def wait_for(folder: Path, deed: str, times: int = 1) -> None:
     """Until the fixture has begun or ended that deed so often."""
-    until_s = time.monotonic() + 60
-    while actions(folder).count(deed) < times:
-        assert time.monotonic() < until_s, actions(folder)
-        time.sleep(0.01)
+    until(lambda: actions(folder).count(deed) >= times, f"{deed}, {times} times")
 
 
 def actions(folder: Path) -> list[str]:
