@@ -89,15 +89,7 @@ def simulate_plc(machine: Machine, tell: Tell) -> None:
         plc.starts = memory.starts
     watch = _Watch(plc, loads, memory, tell)
     server = PlcServer(plc, watch.scan)
-
-    async def serve() -> None:
-        jobs = [server.serve(machine.host, machine.port, lambda port: tell({"plc": port}))]
-        if cell.scanner_port is not None:
-            read = _labels_of(lambda: loads.nests)
-            jobs.append(serve_scanner(machine.host, cell.scanner_port, read, lambda port: tell({"scanner": port})))
-        await asyncio.gather(*jobs)
-
-    _run(serve(), machine)
+    _run(_serve_cell(machine, server, "plc", _labels_of(lambda: loads.nests), tell), machine)
 
 
 def simulate_io(machine: Machine, tell: Tell) -> None:
@@ -107,15 +99,7 @@ def simulate_io(machine: Machine, tell: Tell) -> None:
     device = SimulatedRemoteIo(wiring_of(RemoteIoCell.Settings(), cell.nests), coming, fault, cell.change_s)
     watch = _IoWatch(device, tell)
     server = PlcServer(device, watch.scan)
-
-    async def serve() -> None:
-        jobs = [server.serve(machine.host, machine.port, lambda port: tell({"io": port}))]
-        if cell.scanner_port is not None:
-            read = _labels_of(lambda: device.nests)
-            jobs.append(serve_scanner(machine.host, cell.scanner_port, read, lambda port: tell({"scanner": port})))
-        await asyncio.gather(*jobs)
-
-    _run(serve(), machine)
+    _run(_serve_cell(machine, server, "io", _labels_of(lambda: device.nests), tell), machine)
 
 
 def simulate_light(machine: Machine, tell: Tell) -> None:
@@ -157,6 +141,17 @@ def _until(seconds: float | None) -> Callable[[], bool]:
     """Whether its time is not over."""
     end_s = inf if seconds is None else time.monotonic() + seconds
     return lambda: time.monotonic() < end_s
+
+
+async def _serve_cell(
+    machine: Machine, server: PlcServer, name: str, label_of: Callable[[str], str | None], tell: Tell
+) -> None:
+    """The server under its name, and the scanner of the labels where the cell has one."""
+    jobs = [server.serve(machine.host, machine.port, lambda port: tell({name: port}))]
+    if machine.cell.scanner_port is not None:
+        scanner = serve_scanner(machine.host, machine.cell.scanner_port, label_of, lambda port: tell({"scanner": port}))
+        jobs.append(scanner)
+    await asyncio.gather(*jobs)
 
 
 def _run(serving: Any, machine: Machine) -> None:
