@@ -67,12 +67,13 @@ def _verify(log: "LogReader", request: AuditRequest) -> dict[str, Any]:
         task = bar.add_task("checking the chain", total=max(head.number, 1))
         findings = [f.document() for f in log.findings(trust, lambda number: bar.update(task, completed=number))]
     journal, unsealed = _check_journal(log)
-    findings += [f.document() for f in unsealed]
+    people, edited = _check_accounts(log)
+    findings += [f.document() for f in (*unsealed, *edited)]
     anchors = [
         {"place": place, "number": state.number, "state": state.what} for place, state in log.anchors(trust).items()
     ]
     whole = {"records": head.number, "whole": not findings, "findings": findings}
-    return {**whole, "anchors": anchors, "acknowledged": log.acknowledgements(), "journal": journal}
+    return {**whole, "anchors": anchors, "acknowledged": log.acknowledgements(), "journal": journal, "accounts": people}
 
 
 def _check_journal(log: "LogReader") -> tuple[dict[str, int] | None, "Sequence[IntegrityFinding]"]:
@@ -84,6 +85,17 @@ def _check_journal(log: "LogReader") -> tuple[dict[str, int] | None, "Sequence[I
         return None, ()
     state, found = journal_findings(log, Path(log.location))
     return asdict(state), found
+
+
+def _check_accounts(log: "LogReader") -> tuple[dict[str, object] | None, "Sequence[IntegrityFinding]"]:
+    """What the log has sealed of the page's accounts, and who is not as sealed; None where it has sealed none."""
+    from station.panel_protocol.account_seal import account_findings
+    from station.wiring.logs import plant_address
+
+    if plant_address(log.location):
+        return None, ()
+    seal, found = account_findings(log, Path(log.location))
+    return {"file": str(seal.file), "people": len(seal.hashes), "record": seal.number} if seal else None, found
 
 
 def _attempts(log: "LogReader", request: AuditRequest) -> dict[str, Any]:

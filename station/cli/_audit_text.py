@@ -86,6 +86,8 @@ def _show_check(check: Document) -> None:
         _line(f"compared with {anchor['place']}: record {anchor['number']}, {anchor['state']}")
     if check["journal"] and check["journal"]["lines"]:
         _line(render(Message("journal-state", **check["journal"])))
+    if check["accounts"]:
+        _line(render(Message("accounts-state", **check["accounts"])))
     for entry in check["acknowledged"]:
         what = "; ".join(f"{f['place']} {f['what']}" for f in entry["findings"])
         _line(f"acknowledged {utc(entry['at_ns'])} by {entry['by']}: {entry['reason']} ({what})")

@@ -18,7 +18,7 @@ from station.domain.recipe import serial as serials_of
 from station.domain.run.progress import LoadDone, Notice, UnitDone
 from station.errors import StationError, UsageError
 from station.messages import Message, render
-from station.panel_protocol.journal_seal import sealing_journal
+from station.panel_protocol.journal_seal import JournalSealer, sealing_journal
 from station.panel_protocol.line_state import LineCommands, LineStateWriter, send_line_command
 from station.panel_protocol.live_state import LiveStateWriter
 from station.service.golden_register import refuse_unless_checked
@@ -58,12 +58,12 @@ def run_line(order: RunOrder, request: LineRequest) -> int:
     with stop_signals(stop), ExitStack() as opened:
         with stop:
             bench = opened.enter_context(open_bench(order))
-            opened.enter_context(sealing_journal(bench.station.store, bench.database))
+            sealer = opened.enter_context(sealing_journal(bench.station.store, bench.database))
             opened.enter_context(stop_socket(bench.database, stop))
         parts = open_line(bench, order, request.loads, request.faults, opened)
         for sentence in bench.notices:
             _output.print_remark(sentence)
-        shift = _Shift(bench, parts, stop, request)
+        shift = _Shift(bench, parts, stop, request, sealer)
         try:
             counts = shift.run()
         except StationError as fault:
@@ -81,8 +81,10 @@ def run_line(order: RunOrder, request: LineRequest) -> int:
 class _Shift:
     """A line with its bench: what the service asks for, done with labels, runs and files."""
 
-    def __init__(self, bench: Bench, parts: LineParts, stop: StopRequest, request: LineRequest) -> None:
-        self._bench, self._parts, self._stop, self._request = bench, parts, stop, request
+    def __init__(
+        self, bench: Bench, parts: LineParts, stop: StopRequest, request: LineRequest, sealer: JournalSealer
+    ) -> None:
+        self._bench, self._parts, self._stop, self._request, self._sealer = bench, parts, stop, request, sealer
         settings, recipe = bench.station.settings, bench.job.recipe
         self._nests = [nest.name for nest in settings.nests]
         name = f"{recipe.name}/{recipe.version}"
@@ -142,6 +144,7 @@ class _Shift:
         self._live.write(line.times, line.journal, line.loads, self._why, self._parts.clock.monotonic_s())
 
     def _next_command(self) -> Command | None:
+        self._sealer.step(self._parts.clock.monotonic_s())
         if self._clear and self._line.state is State.ABORTED:
             self._clear = False
             return Command.CLEAR
@@ -190,6 +193,7 @@ class _Shift:
         with closing(Runner(bench.station, bench.job, self._stop).run(seats)) as events:
             for event in events:
                 live.event(event)
+                self._sealer.step(self._parts.clock.monotonic_s())
                 self._heed(self._commands.next())
                 if isinstance(event, UnitDone):
                     self._live.outcomes[event.result.seat.serial] = str(event.result.outcome)

@@ -53,6 +53,15 @@ def table_style() -> dict[str, Any]:
     return {"box": SIMPLE_HEAD, "pad_edge": False, "show_edge": False, "padding": (0, 0) if narrow else (0, 1, 0, 0)}
 
 
+def read_password(name: str) -> str:
+    """The password of a person: asked for, or the next line of standard input in a pipe."""
+    if sys.stdin.isatty():
+        import getpass
+
+        return getpass.getpass(f"password of {name}: ")
+    return sys.stdin.readline(1000).rstrip("\r\n")
+
+
 def print_line(text: str = "") -> None:
     """One line on standard output; a reader that has gone is no reason to stop."""
     try:

@@ -4,6 +4,7 @@ import getpass
 import secrets
 import socket
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,12 +14,15 @@ from station.config.settings import Settings, load_settings
 from station.errors import ConfigError, StationFault, UsageError
 from station.messages import Message, render, system_reason
 from station.panel_protocol import accounts
+from station.panel_protocol.account_seal import check_sealed
 from station.panel_protocol.accounts import Account, Role
 from station.panel_protocol.presence import serving
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
+from station.wiring.accounts import AccountChange, change_account, known_seal
 from station.wiring.alerts import watching_beside
 from station.wiring.jobs import load_job
+from station.wiring.page_seals import sealing_beside
 from station.wiring.rehearsal import is_rehearsal
 from station.wiring.shipping import shipping_beside
 
@@ -59,21 +63,55 @@ class ListenAddress:
         return frozenset(name.lower() for name in own)
 
 
-def change_accounts(where: PanelFiles, add: str | None, remove: str | None, role: str) -> int:
-    """Adds or removes one person. Errors: UsageError, ConfigError."""
-    path = where.people(load_settings(where.config))
+@dataclass(frozen=True, slots=True)
+class PersonChange:
+    """Who is added or removed, in what role, and who vouches for it."""
+
+    add: str | None
+    remove: str | None
+    role: str
+    by: str | None
+
+
+def change_accounts(where: PanelFiles, wish: PersonChange) -> int:
+    """Adds or removes one person, and seals that into the log.
+
+    Errors: UsageError, ConfigError, LogError, StoreFault, also while a run holds the log.
+    """
+    settings = load_settings(where.config)
+    path, database = where.people(settings), where.database(settings)
     people = accounts.load(path)
-    if remove is not None and people.pop(remove, None) is None:
-        raise UsageError("panel-no-person", file=str(path), name=remove, people=tuple(people))
-    if add is not None:
-        if not add.isprintable() or not 0 < len(add) <= 64:
+    if wish.remove is not None and wish.remove not in people:
+        raise UsageError("panel-no-person", file=str(path), name=wish.remove, people=tuple(people))
+    if wish.add is not None:
+        if not wish.add.isprintable() or not 0 < len(wish.add) <= 64:
             raise UsageError("panel-name-form")
-        if role not in list(Role):
-            raise UsageError("panel-unknown-role", role=role, roles=tuple(Role))
-        people[add] = Account(add, Role(role), accounts.hash_password(_read_password(add)))
-    accounts.save(path, people)
-    _output.print_line(f"{path}: {', '.join(f'{p.name} ({p.role})' for p in people.values()) or 'nobody'}")
+        if wish.role not in list(Role):
+            raise UsageError("panel-unknown-role", role=wish.role, roles=tuple(Role))
+    if wish.by is not None:
+        _check_voucher(wish, path, people, database)
+    for name in (n for n in (wish.remove, wish.add) if n is not None):
+        account = None
+        if name == wish.add:
+            account = Account(name, Role(wish.role), accounts.hash_password(_read_password(name)))
+        if not change_account(database, settings, path, AccountChange(name, account, wish.by or "")):
+            _output.print_remark(render(Message("account-unsealed", name=name)))
+    shown = ", ".join(f"{p.name} ({p.role})" for p in accounts.load(path).values())
+    _output.print_line(f"{path}: {shown or 'nobody'}")
     return 0
+
+
+def _check_voucher(wish: PersonChange, file: Path, people: Mapping[str, Account], database: Path) -> None:
+    """An engineer vouches for any change, everybody for a new password of their own. Errors: UsageError."""
+    who = people.get(str(wish.by))
+    if who is None:
+        raise UsageError("sign-nobody", file=str(file), name=str(wish.by)[:64])
+    own = wish.add == who.name and wish.role == who.role and wish.remove is None
+    if who.role is not Role.ENGINEER and not own:
+        raise UsageError("account-by-no-engineer", name=who.name, role=who.role.value)
+    check_sealed(who, file, known_seal(database))
+    if not accounts.verify_password(_output.read_password(who.name), who.password):
+        raise UsageError("account-wrong-password", name=who.name)
 
 
 def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, faults: tuple[str, ...] = ()) -> int:
@@ -94,11 +132,18 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
     if not accounts.load(people):
         if pace is None:
             raise ConfigError("panel-nobody", file=str(people))
-        _add_demo_account(people)
+        _add_demo_account(order.database, settings, people)
     panel = Panel(settings, job.recipe, order, people, secure=listen.secure, host_names=listen.host_names)
     # Ctrl-C is the way to stop it, and no failure.
     watched = watching_beside(order.database, where.config, settings)
-    with serving(order.database), shipping_beside(order.database, settings), watched, suppress(KeyboardInterrupt):
+    sealed = sealing_beside(order.database, settings, people)
+    with (
+        serving(order.database),
+        shipping_beside(order.database, settings),
+        watched,
+        sealed,
+        suppress(KeyboardInterrupt),
+    ):
         _serve(panel, listen)
     return 0
 
@@ -153,10 +198,12 @@ def _listening_socket(listen: ListenAddress) -> socket.socket:
     return door
 
 
-def _add_demo_account(people: Path) -> None:
+def _add_demo_account(database: Path, settings: Settings, people: Path) -> None:
     """One engineer with a password that is said once, so that a demonstration needs no preparation."""
     password = secrets.token_urlsafe(9)
-    accounts.save(people, {"demo": Account("demo", Role.ENGINEER, accounts.hash_password(password))})
+    change = AccountChange("demo", Account("demo", Role.ENGINEER, accounts.hash_password(password)))
+    if not change_account(database, settings, people, change):
+        raise ConfigError("panel-nobody", file=str(people))
     _output.print_remark(render(Message("demo-login", password=password, file=str(people))))
 
 
@@ -170,7 +217,7 @@ def _made_password(name: str) -> str:
 def _read_password(name: str) -> str:
     if not sys.stdin.isatty():
         return sys.stdin.readline(1000).rstrip("\r\n") or _made_password(name)
-    first = getpass.getpass(f"password of {name}: ")
+    first = _output.read_password(name)
     if getpass.getpass("once more: ") != first:
         raise UsageError("panel-passwords-differ")
     return first

@@ -31,7 +31,7 @@ from station.domain.run.progress import (
 from station.domain.run.run_state import rejection, with_unit
 from station.errors import Aborted, StationError, UsageError
 from station.messages import Message, render
-from station.panel_protocol.journal_seal import sealing_journal
+from station.panel_protocol.journal_seal import JournalSealer, sealing_journal
 from station.panel_protocol.live_state import LiveStateWriter
 from station.service.golden_register import refuse_unless_checked
 from station.service.runner import Runner
@@ -69,7 +69,7 @@ def run_units(order: RunOrder, given: Sequence[str], units: int | None, face: Ru
     with stop_signals(stop), ExitStack() as opened:
         with stop:  # nothing has begun: a signal may end it at once
             bench = opened.enter_context(open_bench(order))
-            opened.enter_context(sealing_journal(bench.station.store, bench.database))
+            sealer = opened.enter_context(sealing_journal(bench.station.store, bench.database))
             opened.enter_context(stop_socket(bench.database, stop))
             serials = ask_serials(bench, given, units)
         serials_of.check_all(serials, bench.job.recipe)
@@ -79,7 +79,7 @@ def run_units(order: RunOrder, given: Sequence[str], units: int | None, face: Ru
             refuse_unless_checked(settings, partial(find_log, bench.database), serials)
         for sentence in bench.notices:
             _output.print_remark(sentence)
-        results, fault = _run(bench, serials, face, stop)
+        results, fault = _run(bench, serials, face, stop, sealer)
         place = {serial: i for i, serial in enumerate(serials)}
         results.sort(key=lambda r: place[r.seat.serial])
         if face.as_json:
@@ -114,7 +114,7 @@ def exit_code(results: Sequence[UnitResult], fault: StationError | None) -> int:
 
 
 def _run(
-    bench: Bench, serials: Sequence[str], face: RunOptions, stop: StopRequest
+    bench: Bench, serials: Sequence[str], face: RunOptions, stop: StopRequest, sealer: JournalSealer
 ) -> tuple[list[UnitResult], StationError | None]:
     settings = bench.station.settings
     head = {"station": settings.station, "operator": settings.operator, "simulated": bench.simulated}
@@ -144,6 +144,7 @@ def _run(
                     held.keep()
                     live.event(event)
                     show.event(event)
+                    sealer.step(bench.station.clock.monotonic_s())
                     if isinstance(event, UnitDone):
                         results.append(event.result)
                     if isinstance(event, LoadDone) and event.fault is not None:

@@ -1,7 +1,5 @@
 """The work of `station sign`."""
 
-import getpass
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,9 +9,11 @@ from station.config.settings import load_settings
 from station.errors import LogError, UsageError
 from station.messages import Message
 from station.panel_protocol import accounts
+from station.panel_protocol.account_seal import check_sealed
 from station.panel_protocol.accounts import Account
 from station.panel_protocol.signature import SignatureWish, check_wish
 from station.ports.log_reader import Query
+from station.wiring.accounts import known_seal
 from station.wiring.logs import open_log
 from station.wiring.signing import seal_signature
 
@@ -40,6 +40,7 @@ def sign_attempt(request: SignatureRequest, db: Path | None, config: Path | None
         raise UsageError("sign-nobody", file=str(file), name=request.by[:64])
     wish = SignatureWish(request.meaning, request.comment)
     check_wish(who, stored, wish)  # before anybody types
+    check_sealed(who, file, known_seal(database))
     _check_password(who)
     seal_signature(database, settings, who, stored, wish)
     _output.print_message(
@@ -58,9 +59,5 @@ def _stored(database: Path, request: SignatureRequest) -> dict[str, Any]:
 
 
 def _check_password(who: Account) -> None:
-    if sys.stdin.isatty():
-        given = getpass.getpass(f"password of {who.name}: ")
-    else:
-        given = sys.stdin.readline(accounts.MAX_LENGTH + 2).rstrip("\r\n")
-    if not accounts.verify_password(given, who.password):
+    if not accounts.verify_password(_output.read_password(who.name), who.password):
         raise UsageError("sign-wrong-password", name=who.name)

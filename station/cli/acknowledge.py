@@ -1,4 +1,4 @@
-"""`station acknowledge`: go on with a log that its heads speak against."""
+"""`station acknowledge`: go on with a log that its heads speak against, or with accounts that were edited."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,10 +12,11 @@ def command(
     db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
     config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
 ) -> int:
-    """Go on with a log that is not as it was left: restored, cut off, or without its head file.
+    """Go on with a log that is not as it was left, or with accounts of the page that were edited in their file.
 
-    A run refuses such a log. What the heads say against it, your name and your reason are sealed into the log, and
-    `station audit --verify` shows them for ever:
+    A run refuses a log that was restored, cut off, or has lost its head file; the page refuses people whose account is
+    not the one that the log has sealed. What speaks against them, your name and your reason are sealed into the log,
+    and `station audit --verify` shows them for ever:
 
         station acknowledge --by "Ada Lovelace" --reason "restored from the backup of Monday, disk failure"
     """
@@ -23,7 +24,7 @@ def command(
     from station.config.settings import load_settings
     from station.errors import UsageError
     from station.messages import Message, render
-    from station.wiring.logs import acknowledge
+    from station.wiring.acknowledge import acknowledge
 
     if not by.strip() or not reason.strip():
         raise UsageError("acknowledge-without-words")

@@ -28,12 +28,16 @@ def command(
     add: Annotated[str | None, Option(help="Add this person (or change the password), then end.")] = None,
     remove: Annotated[str | None, Option(help="Remove this person, then end.")] = None,
     role: Annotated[str, Option(help="With --add: operator, engineer or auditor.")] = "operator",
+    by: Annotated[str | None, Option(help="With --add or --remove: the engineer whose password stands for it.")] = None,
 ) -> int:
     """Serve the page for operator, auditor and engineer; it reads the log and starts runs as processes of their own.
 
     First the people (the password is asked for, or read from standard input):
 
         station panel --add anna --role engineer
+
+    The log seals who may log in. Once it knows an engineer, a change needs one's password (--by anna): an account
+    that was changed otherwise is refused until `station acknowledge`.
 
     Then the page, at http://127.0.0.1:8080:
 
@@ -49,7 +53,9 @@ def command(
 
     where = _panel.PanelFiles(recipe, config, db, accounts)
     if add is not None or remove is not None:
-        return _panel.change_accounts(where, add, remove, role)
+        return _panel.change_accounts(where, _panel.PersonChange(add, remove, role, by))
+    if by is not None:
+        raise UsageError("panel-by-alone")
     simulated = simulate or rehearsing(config)
     if fault and not simulated:
         raise UsageError("option-needs-simulate", option="--fault")

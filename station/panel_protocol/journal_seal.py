@@ -1,7 +1,8 @@
 """The page's journal sealed into the log: whoever cuts or edits it afterwards is found by `station audit --verify`.
 
-Each line of the journal holds the hash of the one before, so the hash of one line vouches for all up to it. A run seals
-the newest line when it opens the log and before it closes it, a signature as well: as an event of the station.
+Each line of the journal holds the hash of the one before, so the hash of one line vouches for all up to it. The newest
+line is sealed as an event of the station: when a page or a run begins and ends, with each signature, and in between so
+that no line waits long.
 """
 
 import hashlib
@@ -25,6 +26,10 @@ SEALED_EVENT = "journal-sealed"
 _ALL = 1 << 40
 
 
+#: A line is sealed so long after it was written at the latest, or when so many wait.
+LONGEST_UNSEALED_S, MOST_UNSEALED_LINES = 60.0, 50
+
+
 @dataclass(frozen=True, slots=True)
 class JournalState:
     """lines: how many the journal has; sealed: how many of them the log vouches for."""
@@ -33,15 +38,71 @@ class JournalState:
     sealed: int
 
 
+@dataclass(slots=True)
+class UnsealedLines:
+    """How many lines the journal got since it was sealed, and since when."""
+
+    database: Path
+    _sealed_bytes: int = 0
+    _since_s: float | None = None
+
+    def due(self, now_s: float) -> bool:
+        """Whether the journal is to be sealed. now_s: of a clock that does not step back."""
+        lines = self._count()
+        if not lines:
+            self._since_s = None
+            return False
+        self._since_s = now_s if self._since_s is None else self._since_s
+        return lines >= MOST_UNSEALED_LINES or now_s - self._since_s >= LONGEST_UNSEALED_S
+
+    def size(self) -> int:
+        """Bytes of the journal as it is, for `sealed`."""
+        with suppress(OSError):
+            return companion_file(self.database, Companion.JOURNAL).stat().st_size
+        return 0
+
+    def sealed(self, size: int) -> None:
+        """Everything up to there is sealed."""
+        self._sealed_bytes, self._since_s = size, None
+
+    def _count(self) -> int:
+        with suppress(OSError), companion_file(self.database, Companion.JOURNAL).open("rb") as file:
+            file.seek(self._sealed_bytes)
+            return file.read().count(b"\n")
+        return 0
+
+
+@dataclass(frozen=True, slots=True)
+class JournalSealer:
+    """Seals the journal while this process has the log open."""
+
+    store: Store
+    database: Path
+    unsealed: UnsealedLines
+
+    def seal(self) -> None:
+        """Seals now. Errors: StoreFault."""
+        size = self.unsealed.size()
+        seal_journal(self.store, self.database)
+        self.unsealed.sealed(size)
+
+    def step(self, now_s: float) -> None:
+        """Seals when it is due. now_s: of a clock that does not step back."""
+        if self.unsealed.due(now_s):
+            with suppress(StationError):  # a log that cannot be written says so itself
+                self.seal()
+
+
 @contextmanager
-def sealing_journal(store: Store, database: Path) -> Iterator[None]:
+def sealing_journal(store: Store, database: Path) -> Iterator[JournalSealer]:
     """Seals the journal now and at the end, while the log is open. Errors: StoreFault of the beginning."""
-    seal_journal(store, database)
+    sealer = JournalSealer(store, database, UnsealedLines(database))
+    sealer.seal()
     try:
-        yield
+        yield sealer
     finally:
         with suppress(StationError):  # a log that cannot be written has said so already
-            seal_journal(store, database)
+            sealer.seal()
 
 
 def seal_journal(store: Store, database: Path) -> None:

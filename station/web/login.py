@@ -5,6 +5,7 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
+from station.errors import UsageError
 from station.panel_protocol import accounts
 from station.panel_protocol.accounts import Account
 from station.web import render
@@ -37,7 +38,7 @@ async def log_in(request: Request) -> Response:
 
 async def person_of(request: Request, name: str, password: str, refusal: str) -> Account | None:
     """Whose name and password these are; None, after a while, where they are nobody's. refusal: how the journal calls
-    that."""
+    that. Errors: UsageError where the account is not the one that the log has sealed."""
     panel: Panel = request.app.state.panel
     name, password = name[: accounts.MAX_LENGTH], password[: accounts.MAX_LENGTH]
     keys = (f"name {name}", f"address {request.client.host if request.client else ''}")
@@ -53,6 +54,11 @@ async def person_of(request: Request, name: str, password: str, refusal: str) ->
         await sleep(panel.login_throttle.delay_s(*keys))
         return None
     panel.login_throttle.clear_failures(*keys)
+    try:
+        await to_thread.run_sync(panel.check_sealed, account)
+    except UsageError:
+        panel.journal.add(name, "account-not-sealed")
+        raise
     return account
 
 

@@ -13,6 +13,7 @@ from anyio import CapacityLimiter
 from station.config.settings import Settings
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError
+from station.panel_protocol.account_seal import check_sealed
 from station.panel_protocol.accounts import Account, load
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.journal import Journal
@@ -22,6 +23,7 @@ from station.web.line_cache import LineCache
 from station.web.run_launcher import LaunchOptions, RunLauncher
 from station.web.screen import Screen
 from station.web.sessions import LoginThrottle, Sessions
+from station.wiring.accounts import known_seal
 from station.wiring.logs import open_log
 
 
@@ -76,6 +78,10 @@ class Panel:
         if stamp != self._accounts_by_name[0]:
             self._accounts_by_name = (stamp, load(self.accounts))
         return self._accounts_by_name[1]
+
+    def check_sealed(self, account: Account) -> None:
+        """Errors: UsageError where the log has sealed another account under this name, or none."""
+        check_sealed(account, self.accounts, known_seal(self.order.database))
 
     def log(self) -> LogReader:
         """The log, opened for one question. Errors: LogError; nothing was ever run where there is no file."""

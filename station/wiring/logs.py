@@ -17,7 +17,6 @@ from station.adapters.witness.head_file import TreeHeadFile
 from station.config.settings import Settings
 from station.domain.records.head import SealedHead
 from station.errors import LogError, StoreFault
-from station.messages import Message
 from station.ports.log_reader import LogReader, Trust
 from station.service.witness import Witness
 
@@ -79,21 +78,36 @@ def anchor_folders(log: Path, settings: Settings) -> list[AnchorFolder]:
 
 
 def open_store(
-    path: Path, settings: Settings, epoch_ns: Callable[[], int], acknowledgement: Acknowledgement | None = None
+    path: Path,
+    settings: Settings,
+    epoch_ns: Callable[[], int],
+    acknowledgement: Acknowledgement | None = None,
+    *,
+    brief: bool = False,
 ) -> SqliteStore:
-    """The station's log, to be written. Errors: StoreFault, ConfigError."""
+    """The station's log, to be written. brief: for a moment; a run that begins waits for it.
+
+    Errors: StoreFault, ConfigError.
+    """
     signer = signer_of(settings.signing_key) if settings.signing_key else None
     folders = anchor_folders(path, settings)
     witness = _witness(settings, signer) if settings.witness and signer else None
     return SqliteStore(
-        path, settings.station, epoch_ns, signer, anchors=folders, acknowledgement=acknowledgement, witness=witness
+        path,
+        settings.station,
+        epoch_ns,
+        signer,
+        anchors=folders,
+        acknowledgement=acknowledgement,
+        witness=witness,
+        brief=brief,
     )
 
 
 def open_store_now(path: Path, settings: Settings) -> SqliteStore:
     """The same by the clock of this machine, for what people seal into a log that exists. Errors: LogError as well."""
     open_log(path).close()
-    return open_store(path, settings, SystemClock().epoch_ns)
+    return open_store(path, settings, SystemClock().epoch_ns, brief=True)
 
 
 def _witness(settings: Settings, signer: keys.Signer) -> WitnessClient | None:
@@ -149,19 +163,6 @@ def revoke_key(path: Path, settings: Settings, key: Path, beyond: int, by: str, 
     with open_store_now(path, settings) as store:
         detail = {"public_key": public.hex(), "beyond": beyond, "by": by, "reason": reason}
         store.event("", keys.REVOKED_EVENT, detail)
-
-
-def acknowledge(path: Path, settings: Settings, by: str, reason: str) -> list[Message]:
-    """Seals into the log that an engineer goes on with it although its heads speak against it; what they said.
-
-    Errors: LogError where there is no log; StoreFault.
-    """
-    with open_log(path) as log:
-        before = len(log.acknowledgements())
-    open_store(path, settings, SystemClock().epoch_ns, Acknowledgement(by, reason)).close()
-    with open_log(path) as log:
-        new = log.acknowledgements()[before:]
-    return [Message.of(f["message"]) for acknowledgement in new for f in acknowledgement["findings"]]
 
 
 def public_key_of_signer(path: Path) -> bytes:

@@ -61,8 +61,8 @@ class SqliteStore:
 
     owner: the station's name, which the lock tells a second process. epoch_ns: the clock of events, results and writes.
     signer: the station's key, or None. anchors: where its head is kept beside `<log>.head`. A log that a head speaks
-    against is refused unless an engineer's acknowledgement is sealed into it. Safe to call from several threads.
-    Errors: StoreFault.
+    against is refused unless an engineer's acknowledgement is sealed into it. brief: owned for a moment only. Safe to
+    call from several threads. Errors: StoreFault.
     """
 
     def __init__(
@@ -76,6 +76,8 @@ class SqliteStore:
         acknowledgement: Acknowledgement | None = None,
         witness: WitnessPlace | None = None,
         old_signer: keys.Signer | None = None,
+        *,
+        brief: bool = False,
     ) -> None:
         self.path = path = path.resolve()  # one log, one owner, by whatever link it is reached
         self._epoch_ns, self._signer, self._station = epoch_ns, signer, owner
@@ -86,7 +88,8 @@ class SqliteStore:
             if not path.name:
                 raise StoreFault("log-not-opened", path=str(path), reason=Message("log-is-folder"))
             lock = path.with_name(path.name + ".lock")
-            opened.callback(OwnerLock(lock, Message("owned-log", path=str(path)), owner, time.time_ns()).release)
+            owned = Message("owned-log", path=str(path))
+            opened.callback(OwnerLock(lock, owned, owner, time.time_ns(), brief=brief).release)
             inode = opened.enter_context(ExitStack())  # let go after the database: closing a handle ends SQLite's locks
             self._db = file.open_for_writing(path, busy_s)
             opened.callback(self._db.close)
