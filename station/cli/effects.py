@@ -12,7 +12,10 @@ def command(
     write_hypothesis: Annotated[
         str | None, Option("--write-hypothesis", help="Adopt a formula of --model as an effect of this name.")
     ] = None,
-    model: Annotated[Path | None, Option(help="With --write-hypothesis: the file that holds the formula.")] = None,
+    model: Annotated[
+        list[Path] | None,
+        Option(help="With --write-hypothesis: the file that holds the formula; repeat it to pool several campaigns."),
+    ] = None,
     formula: Annotated[str, Option(help="Which of several formulas of the model, for example formula-2.")] = "",
     into: Annotated[Path | None, Option(help="Folder of the effect file; left out: the station's own.")] = None,
 ) -> int:
@@ -25,6 +28,9 @@ def command(
     A formula that `diagnose --extend model.yaml` proposed becomes an effect file, to be completed by a person:
 
         station effects --write-hypothesis thermal-square --model hypothesis.yaml --into effects
+
+    Give --model once for each station that found it: their sizes are pooled, and a size on which they disagree becomes
+    one of each station.
     """
     from station.cli import _output as _face
     from station.model import catalogue
@@ -32,7 +38,7 @@ def command(
     if write_hypothesis is not None:
         from station.cli._write_hypothesis import write_hypothesis as write
 
-        return write(write_hypothesis, model, formula, into)
+        return write(write_hypothesis, model or [], formula, into)
     if markdown:
         _face.print_line(catalogue.page().rstrip("\n"))
         return 0

@@ -14,7 +14,7 @@ import pytest
 from station.cli.app import main
 from station.model.campaign import scene_of_plan
 from station.model.effect import PoseEffect, SensorEffect
-from station.model.formula.effect_file import class_name, effect_source
+from station.model.formula.effect_file import SizeMet, class_name, effect_source
 from station.model.formula.term import Term
 from station.model.formula.term_effect import effect_of
 from station.model.forward import ActiveEffect, BaseResponse, forward
@@ -55,7 +55,7 @@ def loaded(path: Path) -> ModuleType:
 @pytest.mark.parametrize("term", ALL[::13], ids=lambda t: "-".join(t.family))
 def test_the_file_does_what_the_tree_does(term: Term, tmp_path: Path) -> None:
     path = tmp_path / "found_law.py"
-    path.write_text(effect_source(term, "found-law", 1e-3, "found in data 00ff, d 12"), encoding="utf-8")
+    path.write_text(effect_source(term, "found-law", SizeMet.once(1e-3), "found in data 00ff, d 12"), encoding="utf-8")
     assert max(len(line) for line in path.read_text().splitlines()) <= 130
     module = loaded(path)
     kind: Any = getattr(module, class_name("found-law"))

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from station.model.scene import Scene, Signal
 NAME = re.compile(r"[a-z][a-z0-9]{0,30}(-[a-z0-9]{1,30}){0,5}")
 #: Longest line of a file, and longest physics sentence.
 MOST_COLUMNS, MOST_PHYSICS = 120, 120
-#: The range met in practice, beside the size found, until there is more than one campaign to say.
+#: The range about a size that one campaign found.
 RANGE = 10.0
 #: The example of a file: times, what is felt at two visits, and covariates.
 EXAMPLE_TIMES, EXAMPLE_FELT = [1.0, 30.0], [[0.6, 0.0, 0.8], [0.0, -0.6, 0.8]]
@@ -39,10 +39,23 @@ WORDS = {
 }  # fmt: skip
 
 
-def effect_source(term: Term, name: str, typical: float, source: str) -> str:
-    """The text of an effect file. typical: rms of the coefficients found, for a stimulus of 1; source: of the size."""
+class SizeMet(NamedTuple):
+    """Rms of the coefficients found, for a stimulus of 1, and the smallest and largest met."""
+
+    typical: float
+    low: float
+    high: float
+
+    @classmethod
+    def once(cls, size: float) -> "SizeMet":
+        """Of one campaign, which says nothing of the range."""
+        return cls(size, size / RANGE, size * RANGE)
+
+
+def effect_source(term: Term, name: str, size: SizeMet, source: str) -> str:
+    """The text of an effect file. source: where the size comes from."""
     term = term.with_constants(**{field: float(f"{value:.6g}") for field, value in term.constants})
-    blocks = [_head(term, name, source), *_imports(term), "", "", *_class(term, name, typical, source)]
+    blocks = [_head(term, name, source), *_imports(term), "", "", *_class(term, name, size, source)]
     return "\n".join(blocks) + "\n"
 
 
@@ -126,7 +139,7 @@ def _imports(term: Term) -> Iterator[str]:
     yield "from station.model.scene import Signal"
 
 
-def _class(term: Term, name: str, typical: float, source: str) -> Iterator[str]:
+def _class(term: Term, name: str, met: SizeMet, source: str) -> Iterator[str]:
     base = "PoseEffect" if term.is_turn else "SensorEffect"
     of = (term.of, *(x for x in ("unit", "common") if x != term.of)) if term.of in ("unit", "common") else (term.of,)
     yield "@dataclass(frozen=True)"
@@ -143,9 +156,9 @@ def _class(term: Term, name: str, typical: float, source: str) -> Iterator[str]:
     yield from _wide("axes", "(", [f'"{axis}"' for axis in term.axes], ")", tail=len(term.axes) == 1)
     if term.is_turn:
         yield f'    frame = "{INPUTS[term.input].frame}"'
-    unit = parameter_of(term, typical, source)
-    size = _numbers(unit.name, unit.unit, typical, (typical / RANGE, typical * RANGE), source)
-    yield from _wide("parameter", "Parameter(", size, ")")
+    unit = parameter_of(term, met.typical, source)
+    numbers = _numbers(unit.name, unit.unit, met.typical, (met.low, met.high), source)
+    yield from _wide("parameter", "Parameter(", numbers, ")")
     forms = [(CONSTANTS[f], value) for f, value in term.constants]
     if forms:
         yield "    forms = ("
