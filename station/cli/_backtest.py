@@ -5,6 +5,7 @@ from typing import Any
 
 from station.cli import _output
 from station.cli._fleet import FleetRequest, computed, describe_sources, recipes_in_use
+from station.cli._layout import TextTable
 from station.config.recipes import recipe_hash
 from station.domain.evaluation.backtest import BacktestTotals
 from station.domain.recipe.recipe import Recipe
@@ -76,9 +77,10 @@ def _show(d: dict[str, Any]) -> None:
         why = "; ".join(change["reasons"]) or "nothing speaks against it any more"
         _output.print_line(f"  {change['serial']}: {change['before']} becomes {change['after']}: {why}")
     if len(d["changed"]) > _MOST_LISTED:
-        _output.print_line(f"  … and {len(d['changed']) - _MOST_LISTED} more; --json lists them all")
-    _output.print_line("  coefficient              rms change   largest   in its uncertainty")
-    for c in d["coefficients"]:
-        _output.print_line(
-            f"  {c['name']:<22} {c['rms_change']:>12.3g} {c['max_change']:>9.3g} {c['max_change_in_std']:>12.3g}"
-        )
+        _output.print_line(f"  and {len(d['changed']) - _MOST_LISTED} more; --json lists them all")
+    heads = ("coefficient", "rms change", "largest", "in its uncertainty")
+    rows = [
+        (c["name"], f"{c['rms_change']:.3g}", f"{c['max_change']:.3g}", f"{c['max_change_in_std']:.3g}")
+        for c in d["coefficients"]
+    ]
+    _output.print_table("", TextTable(heads, rows, right=frozenset({1, 2, 3}), indent=2))

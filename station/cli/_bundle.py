@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from station.cli import _output
 from station.errors import LogError, UsageError
 from station.files.replace import replacing
+from station.messages import Message
 from station.ports.log_reader import Query
 from station.reporting.words import words_of
 
@@ -23,8 +24,7 @@ def write_bundle(log: "LogReader", query: Query, path: Path) -> int:
         raise LogError("log-no-such-attempt-of", log=log.location, serial=query.serial)
     from station.service.evidence import bundle
 
-    made = bundle(log, ended[0], words_of("en"))
-    with replacing(path) as part:
-        part.write_bytes(made)
+    with _output.activity(Message("activity-writing", file=str(path))), replacing(path) as part:
+        part.write_bytes(bundle(log, ended[0], words_of("en")))
     _output.print_line(str(path))
     return 0

@@ -6,6 +6,7 @@ from typing import Any
 
 from station.cli import _output
 from station.cli._fleet import FleetRequest, computed, describe_sources, recipes_in_use
+from station.cli._layout import TextTable
 from station.config.recipes import load_recipe, recipe_hash
 from station.domain.core.types import Outcome
 from station.domain.planning import design
@@ -61,6 +62,8 @@ def write_document(path: Path | None, document: dict[str, Any]) -> None:
 def _show(d: dict[str, Any]) -> None:
     counts = ", ".join(f"{count} {outcome}" for outcome, count in d["outcomes"].items()) or "none calibrated"
     _output.print_line(f"{d['attempts']} attempts with recipe {d['recipe']['name']}: {counts}")
-    _output.print_line("  coefficient                  mean     spread  uncertainty")
-    for c in d["coefficients"]:
-        _output.print_line(f"  {c['name']:<22} {c['mean']:>10.5f} {c['spread']:>10.2g} {c['std']:>12.2g} {c['unit']}")
+    heads = ("coefficient", "mean", "spread", "uncertainty", "unit")
+    rows = [
+        (c["name"], f"{c['mean']:.5f}", f"{c['spread']:.2g}", f"{c['std']:.2g}", c["unit"]) for c in d["coefficients"]
+    ]
+    _output.print_table("", TextTable(heads, rows, right=frozenset({1, 2, 3}), indent=2))

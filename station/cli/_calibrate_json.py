@@ -69,7 +69,7 @@ class CalibrationJsonWriter:
             shutil.copyfileobj(file, sys.stdout)
             sys.stdout.flush()
         except BrokenPipeError:
-            _output.print_line()
+            _output.print_raw()
 
 
 def _dumped(value: Any) -> str:

@@ -4,12 +4,12 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from station.cli import _budget_table, _output
-from station.cli._fold import folded
+from station.cli._layout import TextTable
+from station.domain.core.folded_reasons import folded
 from station.domain.core.types import Outcome
 from station.domain.evaluation.model_comparison import LargerModel
 from station.domain.evaluation.pipeline import CalibrationResult
@@ -17,17 +17,12 @@ from station.domain.methods import coefficients, decision
 from station.domain.recipe.recipe import Recipe
 from station.messages import Message, render
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
 #: Units whose details are printed; all of them stand in the JSON document.
 MOST_DETAILED = 20
 #: A tilt known less well than this says nothing.
 MOST_TILT_U95_DEG = 30.0
 #: A coefficient known to no more than this share of the stimulus is remarked.
 HARDLY_KNOWN = 0.05
-#: A pipe has no width; this holds every column on one line.
-PIPE_WIDTH = 130
 
 
 @dataclass(slots=True)
@@ -61,21 +56,21 @@ class CalibrationSummary:
 
 def print_calibrations(recipe: Recipe, summary: CalibrationSummary, *, with_budget: bool) -> None:
     """Prints the table, then for each unit every reason and note, its budget, and whether larger models pay."""
-    console = _output.console()
-    width = None if console.is_terminal else PIPE_WIDTH
-    console.print(_table(recipe, summary.first), width=width)
+    _output.print_table(f"{recipe.name} version {recipe.version}, {recipe.method}", _table(recipe, summary.first))
     rest = summary.outcomes.total() - len(summary.first)
     if rest:
-        console.print(f"… and {rest} more units; --json FILE holds them all")
+        _output.print_line(f"and {rest} more units; --json FILE holds them all")
     for r, larger in zip(summary.first, summary.larger, strict=True):
-        for line in (*folded(r.verdict.reasons), *_notes(r), *_larger(recipe, larger)):
-            console.print(f"{r.serial}: {line}", markup=False)
+        for line in (*map(render, folded(r.verdict.reasons)), *_notes(r), *_larger(recipe, larger)):
+            _output.print_line(f"{r.serial}: {line}")
         for line in _hardly_known(recipe, r):
-            console.print(line, markup=False)
+            _output.print_line(line)
         if with_budget and r.budget is not None:
             title = f"{r.serial}: standard uncertainty by cause"
-            console.print(_budget_table.table(r.budget, recipe.unit, title), width=width)
-    console.print(_summary(recipe, summary), markup=False)
+            _output.print_line(title)
+            for table in _budget_table.budget_tables(r.budget, recipe.unit):
+                _output.print_table("", table)
+    _output.print_line(_summary(recipe, summary))
 
 
 def _larger(recipe: Recipe, models: Sequence[LargerModel]) -> Iterator[str]:
@@ -89,21 +84,17 @@ def _larger(recipe: Recipe, models: Sequence[LargerModel]) -> Iterator[str]:
         )
 
 
-def _table(recipe: Recipe, results: Sequence[CalibrationResult]) -> "Table":
+def _table(recipe: Recipe, results: Sequence[CalibrationResult]) -> TextTable:
     """A row for each axis of a unit."""
-    from rich.table import Table
-
-    title = f"{recipe.name} version {recipe.version}, {recipe.method}"
-    shown = Table(title=title, title_justify="left", **_output.table_style())
-    for title in ("serial", "verdict", "axis"):
-        shown.add_column(title)
-    for title in (f"offset, {recipe.unit}", "± 95 %", "gain", "± 95 %", f"residual, {recipe.unit}", "worst tilt, deg"):
-        shown.add_column(title, justify="right")
+    unit = recipe.unit
+    figures = (f"offset, {unit}", "± 95 %", "gain", "± 95 %", f"rms, {unit}", "worst tilt, deg")
+    heads = ("serial", "verdict", "axis", *figures)
+    rows = []
     for r in results:
         for i, axis in enumerate("xyz"[: recipe.axes]):
             head = (r.serial, _outcome(recipe, r)) if i == 0 else ("", "")
-            shown.add_row(*head, axis, *_cells(r, i), end_section=i == recipe.axes - 1)
-    return shown
+            rows.append((*head, axis, *_cells(r, i)))
+    return TextTable(heads, rows, right=frozenset(range(3, len(heads))))
 
 
 def _outcome(recipe: Recipe, r: CalibrationResult) -> str:
@@ -122,9 +113,9 @@ def _cells(r: CalibrationResult, i: int) -> tuple[str, ...]:
     known = ~found.disturbed & (1.96 * found.tilt_std_deg < MOST_TILT_U95_DEG)
     worst = int(np.argmax(np.where(known, found.tilt_deg, -1.0)))
     if not found.tilt_deg.any() or not known.any():
-        return (*axis, f"{found.residual_rms:.2g} rms" if i == 0 else "", "")
+        return (*axis, f"{found.residual_rms:.2g}" if i == 0 else "", "")
     tilt = f"{found.tilt_deg[worst]:.3f} ± {1.96 * found.tilt_std_deg[worst]:.3f}"
-    last = (f"{found.residual_rms:.2g} rms", tilt) if i == 0 else ("", f"at {found.positions[worst]}" if i == 1 else "")
+    last = (f"{found.residual_rms:.2g}", tilt) if i == 0 else ("", f"at {found.positions[worst]}" if i == 1 else "")
     return (*axis, *last)
 
 

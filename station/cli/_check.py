@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from station.cli import _budget_table, _output
+from station.cli._layout import TextTable
 from station.config.recipes import load_recipe, recipe_hash, recipe_path
 from station.config.settings import load_settings
 from station.domain.core.types import Floats
@@ -30,17 +31,15 @@ if TYPE_CHECKING:
     from station.ports.log_reader import LogReader
 
 SCHEMA = "station.check/1"
-#: A pipe has no width; this holds a budget on one line.
-PIPE_WIDTH = 130
 
 
 @dataclass(frozen=True, slots=True)
 class CheckSection:
-    """One part of the answer: key and value in the document; lines (or a rich table) for people."""
+    """One part of the answer: key and value in the document; lines and tables for people."""
 
     key: str
     document: Any
-    lines: tuple[object, ...]
+    lines: tuple[str | TextTable, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,16 +83,18 @@ def check_recipe(request: RecipeCheckRequest, *, as_json: bool) -> int:
     chosen = SECTIONS if count is None else (_proposal(count),)
     if request.order:
         chosen = (partial(_order, request.config),)
-    sections = [s for s in (make(subject) for make in chosen) if s is not None]
+    with _output.activity(Message("activity-separating", recipe=recipe.name)):
+        sections = [s for s in (make(subject) for make in chosen) if s is not None]
     if as_json:
         head = {"schema": SCHEMA, "recipe": {"name": recipe.name, "version": recipe.version}}
         _output.print_json(head | {s.key: s.document for s in sections})
         return 0
-    console = _output.console()
     for section in sections:
         for line in section.lines:
-            wide = None if console.is_terminal or isinstance(line, str) else PIPE_WIDTH
-            console.print(line, markup=not isinstance(line, str), width=wide)
+            if isinstance(line, TextTable):
+                _output.print_table("", line)
+            else:
+                _output.print_line(line)
     return 0
 
 
@@ -172,7 +173,7 @@ def _observability(subject: CheckSubject) -> CheckSection | None:
 def _uncertainty(subject: CheckSubject) -> CheckSection | None:
     recipe = subject.recipe
     if not recipe.pose_known:
-        sentence = "hand-held visits: the uncertainty depends on where they will be, so it is told with the result"
+        sentence = "hand-held visits: the uncertainty depends on where they will be, so it is stated with the result"
         return CheckSection("predicted", None, (sentence,))
     found = forecast(recipe, subject.rounding)
     std = found.budget.std()
@@ -192,7 +193,9 @@ def _uncertainty(subject: CheckSubject) -> CheckSection | None:
     }
     words = tuple(_decision_sentence(d, recipe.unit) for d in found.decisions) or ("limits: none in the recipe",)
     return CheckSection(
-        "predicted", document, (_dwell_sentence(found), _budget_table.table(found.budget, recipe.unit, title), *words)
+        "predicted",
+        document,
+        (_dwell_sentence(found), title, *_budget_table.budget_tables(found.budget, recipe.unit), *words),
     )
 
 

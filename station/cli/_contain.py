@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from station.cli import _output
-from station.cli._audit_text import print_table
+from station.cli._audit_text import print_rows
 from station.domain.records.stored_attempt import utc
 from station.errors import UsageError
 from station.ports.log_reader import Query
@@ -31,7 +31,7 @@ def contain(log: "LogReader", query: Query, *, as_json: bool) -> int:
         for u in units
     ]
     columns = ("serial", "attempts", f"first, {zone}", f"last, {zone}", "outcome", "now")
-    print_table(f"{len(units)} {'unit' if len(units) == 1 else 'units'} touched", columns, rows)
+    print_rows(f"{len(units)} {'unit' if len(units) == 1 else 'units'} touched", columns, rows)
     if not units:
         _output.print_line("no such unit")
     return 0

@@ -60,7 +60,8 @@ def take_tour(folder: Path) -> int:
         with _silence():
             _take_all(PREPARATION)
         for number, step in enumerate(TOUR, 1):
-            _output.print_line(f"\n{number}. {render(Message(step.shows))}\n$ station {step.line}")
+            _output.print_line(f"\n{number}. {render(Message(step.shows))}")
+            _output.print_command(f"$ station {step.line}")
             _take(step)
         with _silence():
             _take_all(FILES)

@@ -61,10 +61,13 @@ def run_diagnose(
     for option, path in (("--report", wanted.report), ("--extend", wanted.extend), ("--next-run", wanted.next_run)):
         if path is not None and not path.parent.is_dir():
             raise UsageError("option-no-folder", option=option, path=str(path), folder=str(path.parent))
-    checked, table = _inspected(recipe, _without_gaps(_table(samples, db, since, recipe_name, recipe)))
-    recipe = preflight.with_sheet(recipe, checked)
-    found = diagnose(recipe, table, simulation, _cached_null(seed))
-    proposed, proposal = next_run(found)
+    with _output.activity(Message("activity-reading", file=str(samples or db))) as step:
+        checked, table = _inspected(recipe, _without_gaps(_table(samples, db, since, recipe_name, recipe)))
+        recipe = preflight.with_sheet(recipe, checked)
+        step(Message("activity-searching"))
+        found = diagnose(recipe, table, simulation, _cached_null(seed))
+        step(Message("activity-planning"))
+        proposed, proposal = next_run(found)
     today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
     findings = document(
         found, proposed, line_impact.document(line_impact.assess_line_impact(found, today), recipe.unit)
@@ -278,8 +281,7 @@ def _print_diagnosis(findings: Mapping[str, Any]) -> None:
         names = cause["effect"] + (f" (or {', '.join(also)})" if also else "")
         _output.print_line(f"  {names}: probability {cause['probability']:.3f}; {_gain_text(gain, unit)}")
         for p in cause["parameters"][:12]:
-            value = p["value"] if isinstance(p["value"], str) else f"{p['value']:.4g} ± {p['std'] or 0:.2g} {p['unit']}"
-            _output.print_line(f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}")
+            _output.print_line(_hypotheses_text.parameter_line(p))
         if len(cause["parameters"]) > 12:
             _output.print_line(f"    and {len(cause['parameters']) - 12} more; --json has all")
     for sentence in (*_hypotheses_text.lines(findings), *_line_sentences(findings)):

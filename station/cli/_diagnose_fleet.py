@@ -32,7 +32,8 @@ def diagnose_fleet(recipe_name: str, since: str | None, fleet: FleetRequest, jso
     used = {json.dumps(json.loads(text), sort_keys=True) for text in recipes_in_use(fleet.sources, query)}
     if len(used) > 1:
         raise LogError("fleet-mixed-recipes", count=len(used), recipe=recipe.name)
-    bank = fleet_diagnosis.learn_bank(recipe, query, openers(fleet.sources))
+    with _output.activity(Message("activity-log", log=", ".join(map(str, fleet.sources)))):
+        bank = fleet_diagnosis.learn_bank(recipe, query, openers(fleet.sources))
     job = FleetJob("diagnose", recipe, query, code_version(), given=bank.digest)
     with computed(fleet, job, partial(moments_portion, bank), fleet_diagnosis.COLUMNS) as (planned, results):
         found = fleet_diagnosis.search_fleet(bank, planned, results)

@@ -14,7 +14,7 @@ from station.cli import _output
 from station.domain.records.stored_attempt import MARK, is_simulated
 from station.errors import LogError, UsageError
 from station.files.replace import replacing
-from station.messages import system_reason
+from station.messages import Message, system_reason
 from station.ports.log_reader import Attempt, LogReader, Query
 from station.service import stored_attempts
 from station.service.witnessed import newest_receipt
@@ -119,7 +119,8 @@ def _samples(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[s
 
 
 def _results(log: LogReader, attempts: Sequence[Attempt], path: Path) -> tuple[str, int]:
-    rows = list(stored_attempts.results(log, attempts))
+    with _output.activity(Message("activity-writing", file=path.name)):
+        rows = list(stored_attempts.results(log, attempts))
     if path.suffix.lower() == ".json":
         document = {
             "schema": RESULTS_SCHEMA,
@@ -157,8 +158,9 @@ def _results_parquet(rows: Sequence[dict[str, Any]], log: LogReader, path: Path)
 def _frames(log: LogReader, attempts: Sequence[Attempt], path: Path, marks_file: Path) -> tuple[str, int]:
     from station.wiring.recordings import write_log, write_marks
 
-    found, marks = stored_attempts.frames(log, attempts)
-    write_log(path, found, _channel(attempts))
+    with _output.activity(Message("activity-writing", file=path.name)):
+        found, marks = stored_attempts.frames(log, attempts)
+        write_log(path, found, _channel(attempts))
     with _atomic_file(marks_file) as unfinished:
         write_marks(unfinished, marks)
     return "frames", len(found)

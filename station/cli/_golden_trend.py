@@ -5,6 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from station.cli import _output
+from station.cli._layout import TextTable
 from station.domain.line_quality.golden import EnTrend, RegisteredUnit
 from station.errors import UsageError
 from station.files.replace import replace_text
@@ -26,7 +27,7 @@ def show_trend(log: LogReader, unit: RegisteredUnit, svg: Path | None, *, as_jso
     if as_json:
         _output.print_json({"schema": SCHEMA, "serial": unit.serial, "trends": [_document(t) for t in found]})
         return 0
-    _print_table(found)
+    _output.print_table("", _table(found))
     for trend in found:
         if trend.days_to_limit is not None:
             figures = {"drift": trend.drift_per_day, "half": trend.drift_half, "days": trend.days_to_limit}
@@ -42,20 +43,17 @@ def _document(trend: EnTrend) -> dict[str, object]:
     return asdict(trend) | {"drift_half": trend.drift_half if known else None}
 
 
-def _print_table(trends: Sequence[EnTrend]) -> None:
-    from rich.table import Table
-
-    shown = Table(**_output.table_style())
-    for head in ("coefficient", "attempts", "newest", "± U", "Eₙ", "least", "most"):
-        shown.add_column(head)
+def _table(trends: Sequence[EnTrend]) -> TextTable:
+    rows = []
     for t in trends:
         scores = [p.score for p in t.points]
         if t.points:
             last = t.points[-1]
             figures = (format_number(last.value, 6), format_number(last.expanded, 2))
             scored = (f"{score:+.2f}" for score in (last.score, min(scores), max(scores)))
-            shown.add_row(t.name, str(len(scores)), *figures, *scored)
-    _output.console().print(shown)
+            rows.append((t.name, str(len(scores)), *figures, *scored))
+    heads = ("coefficient", "attempts", "newest", "± U", "Eₙ", "least", "most")
+    return TextTable(heads, rows, right=frozenset(range(1, len(heads))))
 
 
 def _write(path: Path, text: str) -> None:

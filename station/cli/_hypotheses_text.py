@@ -21,8 +21,7 @@ def lines(findings: Mapping[str, Any]) -> Iterator[str]:
         yield "  " + render(Message("formula-proposed" if h["complete"] else "formula-partly", formula=h["formula"]))
         rows = h["parameters"]
         for p in rows[:MOST_ROWS]:
-            value = f"{p['value']:.4g} ± {p['std'] or 0:.2g} {p['unit']}"
-            yield f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}"
+            yield parameter_line(p)
         if len(rows) > MOST_ROWS:
             yield "    " + render(Message("formula-more", count=len(rows) - MOST_ROWS))
         gain = h["gain"]
@@ -33,3 +32,10 @@ def lines(findings: Mapping[str, Any]) -> Iterator[str]:
         )
         for other in h["equivalent"]:
             yield "    " + render(Message("formula-equivalent", formula=other))
+
+
+def parameter_line(p: Mapping[str, Any]) -> str:
+    """One coefficient with its standard uncertainty; a dimensionless one without a unit."""
+    unit = "" if p["unit"] == "1" else f" {p['unit']}"
+    value = p["value"] if isinstance(p["value"], str) else f"{p['value']:.4g} ± {p['std'] or 0:.2g}{unit}"
+    return f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}"

@@ -4,7 +4,7 @@ understood of them."""
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from station.cli import _output
 from station.config.recipes import load_recipe
@@ -16,9 +16,12 @@ from station.domain.recognition.raw_table import ImportOptions, RawTable
 from station.domain.recognition.recording import Recording, understand
 from station.domain.recognition.samples import UnitRecording, Visits
 from station.errors import SamplesError, StationError, UsageError
-from station.messages import Message
+from station.messages import Message, render
 from station.wiring.raw_tables import raw_tables, write_recording
 from station.wiring.sample_files import write_samples
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 #: Readings a second where neither the file nor a person nor a recipe tells.
 ASSUMED_RATE_HZ = 100.0
@@ -43,18 +46,38 @@ def import_files(
     """Prints what was understood of the files, and writes it. Errors: InputError."""
     _check(job.options)
     recipe = load_recipe(job.recipe) if job.recipe is not None else None
-    passes = [p for run, path in enumerate(files) for p in _passes(path, run, job, recipe)]
-    visited = [(p, None if raw else samples.visits_of(p.recording, recipe)) for p in passes]
+    with _output.progress() as bar:
+        visited = _visited(files, job, recipe, bar, raw=raw)
+        if out is not None:
+            bar.add_task(render(Message("activity-writing", file=out.name)), total=None)
+            _write(visited, out, raw=raw)
     documents = [understanding.document(p, visits) for p, visits in visited]
-    if out is not None and raw:
-        write_recording(passes, out)
-    elif out is not None:
-        write_samples(samples.samples_table([(p, v) for p, v in visited if v is not None]), out)
     if as_json:
         _output.print_json({"schema": understanding.SCHEMA, "recordings": documents})
     else:
         _print(visited, documents, out)
     return 0
+
+
+def _visited(
+    files: Sequence[Path], job: ImportJob, recipe: Recipe | None, bar: "Progress", *, raw: bool
+) -> list[tuple[UnitRecording, Visits | None]]:
+    """The passes of every file with their visits; raw: without."""
+    task = bar.add_task("", total=len(files))
+    visited: list[tuple[UnitRecording, Visits | None]] = []
+    for run, path in enumerate(files):
+        bar.update(task, description=render(Message("activity-reading", file=path.name)))
+        passes = _passes(path, run, job, recipe)
+        visited += [(one, None if raw else samples.visits_of(one.recording, recipe)) for one in passes]
+        bar.advance(task)
+    return visited
+
+
+def _write(visited: Sequence[tuple[UnitRecording, Visits | None]], out: Path, *, raw: bool) -> None:
+    if raw:
+        write_recording([one for one, _ in visited], out)
+    else:
+        write_samples(samples.samples_table([(p, v) for p, v in visited if v is not None]), out)
 
 
 def _check(options: ImportOptions) -> None:

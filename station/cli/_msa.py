@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from station.cli import _output
+from station.cli._layout import TextTable
 from station.cli._msa_runs import StudyCell, measure_missing
 from station.config.settings import load_settings
 from station.domain.core.types import Floats
@@ -288,15 +289,10 @@ def _store_study(document: Mapping[str, Any], source: Path) -> Path:
 
 
 def _print_study(document: Mapping[str, Any]) -> None:
-    from rich import box
-    from rich.table import Table
-
     methods = [k for k in ("type1", "anova", "xbar_r", "bias", "linearity") if document.get(k)]
-    table = Table("", *methods, box=box.SIMPLE)
-    for key in document[methods[0]]:
-        if key not in ("method", "intervals", "fitted"):
-            table.add_row(key, *(_format_figure(document[m], key) for m in methods))
-    _output.console().print(table)
+    keys = [key for key in document[methods[0]] if key not in ("method", "intervals", "fitted")]
+    rows = [(key, *(_format_figure(document[m], key) for m in methods)) for key in keys]
+    _output.print_table("", TextTable(("", *methods), rows))
     for at in document.get("linearity", {}).get("fitted", ()):
         figures = (_format_value(at[key]) for key in ("reference", "mean", "fitted", "half"))
         _output.print_message(

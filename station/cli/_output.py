@@ -4,22 +4,21 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from station.cli._layout import TextTable, command_lines, printable_text, sentence_lines
 from station.messages import Message, render
 
 if TYPE_CHECKING:
-    from rich.console import Console
     from rich.progress import Progress
 
-#: As wide as a line of a table may be in a pipe or a file.
-PIPE_WIDTH = 160
-#: A screen narrower than this gets one blank between columns instead of two.
-ROOMY_WIDTH = 90
-
-
+#: Colours of a terminal by their names.
+_ANSI = {"red": 31, "green": 32, "yellow": 33, "magenta": 35}
+NO_COLOURS: Mapping[str, str] = MappingProxyType({})
 #: What every command takes, and the variable of the environment that stands for it.
 FLAGS = {"--quiet": "STATION_QUIET", "--no-progress": "STATION_NO_PROGRESS"}
 
@@ -31,26 +30,11 @@ def on_terminal() -> bool:
     return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
 
 
-def console(stderr: bool = False) -> "Console":
-    """A console for tables (standard output) or for people's remarks (standard error)."""
-    from rich.console import Console
-
-    stream = sys.stderr if stderr else sys.stdout
-    # A pipe has no width: lines stay whole there.
-    return Console(stderr=stderr, highlight=False, width=None if stream.isatty() else PIPE_WIDTH)
-
-
 def line_width() -> int | None:
-    """How many characters a line of text may have; None where nobody looks at it on a screen."""
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-
-
-def table_style() -> dict[str, Any]:
-    """How a table is drawn: without lines, and close together on a screen of 80 columns."""
-    from rich.box import SIMPLE_HEAD
-
-    narrow = (line_width() or PIPE_WIDTH) < ROOMY_WIDTH
-    return {"box": SIMPLE_HEAD, "pad_edge": False, "show_edge": False, "padding": (0, 0) if narrow else (0, 1, 0, 0)}
+    """How many characters a line on standard output may have; None in a pipe, unless COLUMNS says so."""
+    if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit():
+        return shutil.get_terminal_size().columns
+    return None
 
 
 def read_password(name: str) -> str:
@@ -62,41 +46,103 @@ def read_password(name: str) -> str:
     return sys.stdin.readline(1000).rstrip("\r\n")
 
 
-def print_line(text: str = "") -> None:
-    """One line on standard output; a reader that has gone is no reason to stop."""
+def print_raw(text: str = "") -> None:
+    """A text for a program on standard output, as it is; a reader that has gone is no reason to stop."""
     try:
         print(text, flush=True)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+def print_line(text: str = "") -> None:
+    """Lines for a person on standard output: broken between words where the screen ends."""
+    for line in text.split("\n"):
+        for part in sentence_lines(printable_text(line), line_width()):
+            print_raw(part)
+
+
+def print_command(text: str) -> None:
+    """A command to paste, on standard output."""
+    for line in command_lines(printable_text(text), line_width()):
+        print_raw(line)
+
+
 def print_message(message: Message) -> None:
-    """A message as one line of its sentence on standard output, with nothing in it that could steer the terminal."""
-    print_line("".join(c if c.isprintable() else " " for c in render(message)))
+    """A message's sentence on standard output."""
+    print_line(render(message))
+
+
+def print_table(title: str, table: TextTable, colours: Mapping[str, str] = NO_COLOURS) -> None:
+    """A table for a person. colours: words and the colour of each, on a terminal that shows them."""
+    if title:
+        print_line(title)
+    shown = colours if sys.stdout.isatty() and not os.environ.get("NO_COLOR") else NO_COLOURS
+    for line in table.lines(line_width()):
+        text = printable_text(line)
+        for word, colour in shown.items():
+            text = text.replace(word, f"\x1b[{_ANSI[colour]}m{word}\x1b[0m")
+        print_raw(text)
 
 
 def print_remark(text: str) -> None:
-    """One line for the person, on standard error, with nothing in it that could steer the terminal."""
-    if os.environ.get(FLAGS["--quiet"]):
-        return
-    print("".join(c if c.isprintable() else " " for c in text), file=sys.stderr, flush=True)
+    """One line for the person, on standard error."""
+    if not os.environ.get(FLAGS["--quiet"]):
+        print_person(text)
+
+
+def print_person(text: str) -> None:
+    """A sentence on standard error; one line in a pipe, broken between words on a terminal."""
+    width = shutil.get_terminal_size().columns if sys.stderr.isatty() else None
+    for line in sentence_lines(printable_text(text), width):
+        print(line, file=sys.stderr, flush=True)
 
 
 def print_json(document: Any) -> None:
     """The one JSON document of a command with `--json`."""
-    print_line(json.dumps(document, allow_nan=False, ensure_ascii=False))
+    print_raw(json.dumps(document, allow_nan=False, ensure_ascii=False))
 
 
 @contextmanager
 def progress() -> Iterator["Progress"]:
-    """A progress bar on a terminal; the same object, silent, in a pipe."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    """A progress bar on a terminal; the same object, silent, in a pipe. Field `until_s` of a task: a countdown to that
+    instant of the monotonic clock stands behind it."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn
+    from rich.text import Text
+
+    class Countdown(ProgressColumn):
+        """What is left of a wait whose length is known."""
+
+        def render(self, task: Task) -> Text:
+            until_s = task.fields.get("until_s")
+            return Text("" if until_s is None else countdown(until_s - time.monotonic()))
 
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f}%"),
         TimeElapsedColumn(),
+        Countdown(),
     )
-    with Progress(*columns, console=console(stderr=True), disable=not on_terminal()) as bar:
+    with Progress(*columns, console=Console(stderr=True, highlight=False), disable=not on_terminal()) as bar:
         yield bar
+
+
+def countdown(left_s: float) -> str:
+    """Minutes and seconds that are left."""
+    minutes, seconds = divmod(max(0, round(left_s)), 60)
+    return f"{minutes}:{seconds:02d} left"
+
+
+@contextmanager
+def activity(what: Message) -> Iterator[Callable[[Message], None]]:
+    """What the command is doing and for how long, on a terminal, where nobody can say how much is left; gone when it is
+    done. Gives a function that names the next step."""
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    screen = Console(stderr=True, highlight=False)
+    with Progress(*columns, console=screen, disable=not on_terminal(), transient=True) as shown:
+        task = shown.add_task(render(what), total=None)
+        yield lambda step: shown.update(task, description=render(step))

@@ -131,7 +131,7 @@ def register(config: Path, name: str, key: Path | None) -> int:
         raise UsageError("plant-stations-inline", config=str(config), entry=entry.strip())
     _check_and_write(config, text)
     _output.print_message(Message("plant-registered", name=name, config=str(config)))
-    _output.print_line(token)
+    _output.print_raw(token)
     return 0
 
 
@@ -173,7 +173,8 @@ def verify(config: Path, *, as_json: bool) -> int:
     """Walks every chain that the plant has; exit code 1 where something is wrong."""
     from station.wiring.plant import plant_findings
 
-    found = list(plant_findings(load_plant(config)))
+    with _output.activity(Message("activity-checking", file=str(config))):
+        found = list(plant_findings(load_plant(config)))
     if as_json:
         _output.print_json({"schema": SCHEMA, "findings": [f.document() for f in found]})
     else:

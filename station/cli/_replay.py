@@ -25,8 +25,9 @@ from station.wiring.recordings import find_marks_file, read_log, read_marks
 
 def replay_log(log: Path, recipe: str | None, marks: Path | None, *, as_json: bool) -> int:
     """Calibrates every unit of a log; the exit code."""
-    job, frames, marked = open_recording(log, recipe, marks)
-    units = list(replay(frames, marked, job))
+    with _output.activity(Message("activity-reading", file=str(log))):
+        job, frames, marked = open_recording(log, recipe, marks)
+        units = list(replay(frames, marked, job))
     simulated = any(mark.simulated for mark in marked.marks)
     if as_json:
         _output.print_json(_document(units, job) | {"simulated": simulated})

@@ -5,6 +5,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from station.cli import _output
+from station.cli._layout import TextTable
 from station.cli._pages import environment
 from station.errors import UsageError
 from station.messages import Message, render, system_reason
@@ -30,7 +31,8 @@ class ReportRequest:
 
 def run_report(log: "LogReader", request: ReportRequest, *, as_json: bool) -> int:
     """Writes and prints the report. Errors: LogError, UsageError."""
-    line = gather_statistics(log, request.query, request.most)
+    with _output.activity(Message("activity-log", log=log.location)):
+        line = gather_statistics(log, request.query, request.most)
     drawn = charts.draw(line, request.value, request.size, words_of("en"))
     if request.out is not None:
         _write(request.out, _page(log, drawn, len(line.attempts)))
@@ -38,8 +40,7 @@ def run_report(log: "LogReader", request: ReportRequest, *, as_json: bool) -> in
         _output.print_json(charts.document(line, drawn))
         return 0
     for table in drawn.tables:
-        _output.print_line(f"\n{table.title}")
-        _print_table(table)
+        _output.print_table(f"\n{table.title}", _laid_out(table))
     if drawn.problem:
         _output.print_remark(drawn.problem)
     if request.out is not None:
@@ -62,13 +63,9 @@ def _write(path: Path, text: str) -> None:
         raise UsageError("file-not-written", file=str(path), why=system_reason(exc)) from exc
 
 
-def _print_table(table: charts.ChartTable) -> None:
-    from rich.table import Table
-
-    shown = Table(**_output.table_style())
-    for number, name in enumerate(table.columns):
-        # Digits go on in the next line; none is cut off.
-        shown.add_column(name, overflow="fold", no_wrap=number == 0)
-    for row in table.rows:
-        shown.add_row(*row)
-    _output.console().print(shown)
+def _laid_out(table: charts.ChartTable) -> TextTable:
+    """Figures to the right; words may be broken."""
+    others = frozenset(range(1, len(table.columns)))
+    if table.words:
+        return TextTable(table.columns, table.rows, words=others)
+    return TextTable(table.columns, table.rows, right=others)

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from station.cli import _output
-from station.cli._fold import folded
+from station.cli._layout import TextTable
+from station.domain.core.folded_reasons import folded_units
 from station.domain.core.types import Calibration, Outcome, Reason
 from station.domain.evaluation import calibration_document
 from station.domain.evaluation.pipeline import CalibrationResult
@@ -20,7 +21,7 @@ OUTCOME_STYLES = {
     Outcome.FAIL: ("red", "✘"),
     Outcome.ERROR: ("yellow", "!"),
     Outcome.ABORTED: ("magenta", "■"),
-    Outcome.INTERRUPTED: ("magenta", "…"),
+    Outcome.INTERRUPTED: ("magenta", "↯"),
 }
 
 
@@ -50,36 +51,34 @@ def run_row(r: UnitResult) -> Row:
 
 def print_results(rows: Sequence[Row], recipe: Recipe) -> None:
     """Prints the table, then every reason of those that did not pass."""
-    from rich.table import Table
-
-    title = f"{recipe.name} version {recipe.version}; offsets and noise in {recipe.unit}, time in s"
-    shown = Table(title=title, title_justify="left", **_output.table_style())
-    for name in ("serial", "nest", "verdict"):
-        shown.add_column(name, no_wrap=True)
     axes = " ".join("xyz"[: recipe.axes])
-    for name in (f"offset {axes}", f"gain {axes}", "noise", "time"):
-        shown.add_column(name, justify="right")
-    digits = max(0, 4 - int(np.log10(max(recipe.reference.strength(), 1.0))))
-    for r in rows:
-        colour, symbol = OUTCOME_STYLES[r.outcome]
-        shown.add_row(
-            r.serial,
-            r.place,
-            f"[{colour}]{symbol} {r.outcome}[/{colour}]",
-            "" if r.calibration is None else _format_numbers(r.calibration.offset[: recipe.axes], f"+.{digits}f"),
-            "" if r.calibration is None else _format_numbers(np.diagonal(r.calibration.matrix)[: recipe.axes], ".4f"),
-            "" if r.noise is None else f"{r.noise:.1e}",
-            f"{r.duration_s:.1f}",
-        )
-    console = _output.console()
-    console.print(shown)
-    for r in rows:
-        if r.outcome is not Outcome.PASS:
-            for line in folded(r.reasons):
-                console.print(f"{r.serial}: {line}", markup=False)
+    heads = ("serial", "nest", "verdict", f"offset {axes}", f"gain {axes}", "noise", "time")
+    shown = [(r.serial, r.place, _marked(r.outcome), *_figures(r, recipe)) for r in rows]
+    title = f"{recipe.name} version {recipe.version}; offsets and noise in {recipe.unit}, time in s"
+    colours = {_marked(outcome): colour for outcome, (colour, _) in OUTCOME_STYLES.items()}
+    _output.print_table(title, TextTable(heads, shown, right=frozenset(range(3, len(heads)))), colours)
+    for line in folded_units([(r.serial, r.reasons) for r in rows if r.outcome is not Outcome.PASS]):
+        _output.print_line(line)
     for r in rows:
         if sentence := _gain_sentence(r):
-            console.print(f"{r.serial}: {sentence}", markup=False)
+            _output.print_line(f"{r.serial}: {sentence}")
+
+
+def _figures(r: Row, recipe: Recipe) -> tuple[str, ...]:
+    """Offsets, gains, noise and time; nothing where it did not come so far."""
+    digits = max(0, 4 - int(np.log10(max(recipe.reference.strength(), 1.0))))
+    found, axes = r.calibration, recipe.axes
+    return (
+        "" if found is None else _format_numbers(found.offset[:axes], f"+.{digits}f"),
+        "" if found is None else _format_numbers(np.diagonal(found.matrix)[:axes], ".4f"),
+        "" if r.noise is None else f"{r.noise:.1e}",
+        f"{r.duration_s:.1f}",
+    )
+
+
+def _marked(outcome: Outcome) -> str:
+    """The outcome with its symbol."""
+    return f"{OUTCOME_STYLES[outcome][1]} {outcome}"
 
 
 def _gain_sentence(r: Row) -> str:

@@ -5,9 +5,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from station.cli._audit_text import print_table
+from station.cli._audit_text import print_rows
 from station.cli._log_options import open_named_log, parse_time_ns
-from station.cli._output import print_json, print_message
+from station.cli._output import activity, print_json, print_message
 from station.cli._rig_drives import map_document, write_map
 from station.config.rigs import load_rig
 from station.config.settings import load_config
@@ -40,7 +40,7 @@ def axes(request: AxesRequest) -> int:
     """Estimates; exit code 0 where no error is worth a correction, else 1."""
     rig = load_rig(request.map) if request.map else _map_of(request.config)
     query = Query(since_ns=parse_time_ns(request.since, "--since"))
-    with open_named_log(request.db, request.config) as log:
+    with open_named_log(request.db, request.config) as log, activity(Message("activity-log", log=log.location)):
         found = axes_of_log(log, query, rig, request.most)
     if request.correct is not None:
         write_map(request.correct, found.corrected)
@@ -81,7 +81,7 @@ def _print(found: AxisReport, messages: list[Message], corrected: Path | None) -
     shown = [e for e in found.errors.errors if e.value is not None]
     rows = [[e.axis, render(_name(e)), *_figures(e)] for e in shown]
     title = f"{len(found.serials)} units, residual {found.errors.residual_g * 1e3:.3f} mg"
-    print_table(title, ("axis", "error", "value", "U (95 %)", ""), rows)
+    print_rows(title, ("axis", "error", "value", "U (95 %)", ""), rows)
     for error in found.errors.errors:
         if error.value is None:
             print_message(Message("rig-axes-hidden", axis=error.axis, error=_name(error)))

@@ -1,6 +1,8 @@
 """The face of a run: serials in, progress while it goes, a table or one JSON document at the end."""
 
 import sys
+import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
@@ -13,6 +15,7 @@ from station.cli._pacing import RealTimePacer
 from station.cli._results import print_results, run_document, run_row
 from station.cli._serials import ask_serials, assign_nests
 from station.cli._stop_signals import stop_signals, stop_socket
+from station.domain.core.folded_reasons import MOST_OF_A_KIND
 from station.domain.core.types import Outcome
 from station.domain.recipe import serial as serials_of
 from station.domain.run.progress import (
@@ -27,6 +30,7 @@ from station.domain.run.progress import (
     VisitDone,
     VisitRejected,
     VisitStarted,
+    WarmUpStarted,
 )
 from station.domain.run.run_state import rejection, with_unit
 from station.errors import Aborted, StationError, UsageError
@@ -158,6 +162,7 @@ class _ProgressLines:
     def __init__(self, bar: Any, title: str) -> None:
         self._bar, self._title = bar, title
         self._task = bar.add_task(title, total=None)
+        self._stated: Counter[tuple[str, str]] = Counter()
 
     def event(self, event: Event) -> None:
         """Shows one event."""
@@ -165,22 +170,33 @@ class _ProgressLines:
             self._bar.update(self._task, total=event.visits + len(PHASES))
         elif isinstance(event, PhaseEntered) and event.phase in PHASES:
             self._step(PHASES[event.phase])
+        elif isinstance(event, WarmUpStarted):
+            text = render(Message("activity-warm-up", number=event.number))
+            self._bar.update(
+                self._task, description=f"{self._title}: {text}", until_s=time.monotonic() + event.duration_s
+            )
         elif isinstance(event, VisitStarted):
-            self._bar.update(self._task, description=f"{self._title}: {event.position}")
+            self._bar.update(self._task, description=f"{self._title}: {event.position}", until_s=None)
             self._tell(event.instruction)
         elif isinstance(event, VisitDone):
             self._step(event.position)
         elif isinstance(event, Notice):
             self._tell(with_unit(event.serial, event.message))
-        elif isinstance(event, VisitRejected):
+        elif isinstance(event, VisitRejected) and self._new(event):
             self._tell(rejection(event))
+
+    def _new(self, event: VisitRejected) -> bool:
+        """Whether this kind of fault of this unit has not been stated often: its reasons come once more at the end."""
+        kind = (event.serial, event.reasons[0].check if event.reasons else "")
+        self._stated[kind] += 1
+        return self._stated[kind] <= MOST_OF_A_KIND
 
     def _step(self, what: str) -> None:
         self._bar.update(self._task, advance=1, description=f"{self._title}: {what}")
 
     def _tell(self, message: Message | None) -> None:
         if message is not None:
-            self._bar.console.print(render(message), markup=False, highlight=False)
+            _output.print_remark(render(message))
 
 
 def _check_person(bench: Bench, loads: int) -> None:

@@ -32,7 +32,7 @@ def print_or_write(kind: str | None, out: Path | None) -> int:
     if out is None:
         if kind is None:
             raise UsageError("schema-without-kind", kinds=tuple(KINDS))
-        _output.print_line(schema_text(kind).rstrip("\n"))
+        _output.print_raw(schema_text(kind).rstrip("\n"))
         return 0
     for each in kinds:
         text = schema_text(each)

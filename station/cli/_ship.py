@@ -16,6 +16,8 @@ from station.wiring.shipping import Shipping, read_statuses
 _EXIT_CODES = {ShippingState.AWAY: 3, ShippingState.PARKED: 1}
 #: What --once waits for at most beyond any single time-out, s.
 _ONCE_S = 7 * 24 * 3600.0
+#: So often the bars go on, s.
+_SHOWN_EVERY_S = 0.5
 
 
 def ship(db: Path | None, config: Path | None, *, once: bool, as_json: bool) -> int:
@@ -27,7 +29,7 @@ def ship(db: Path | None, config: Path | None, *, once: bool, as_json: bool) -> 
     shipping.start()
     try:
         if once:
-            shipping.wait_until_settled(time.monotonic() + _ONCE_S)
+            _wait(shipping)
         else:
             with suppress(KeyboardInterrupt):  # Ctrl-C is the way to stop it, and no failure
                 for receiver in settings.receivers:
@@ -37,6 +39,21 @@ def ship(db: Path | None, config: Path | None, *, once: bool, as_json: bool) -> 
     finally:
         shipping.stop()
     return _show(shipping.statuses(), as_json=as_json)
+
+
+def _wait(shipping: Shipping) -> None:
+    """Until each plant has everything or cannot take it; a bar a plant."""
+    until_s = time.monotonic() + _ONCE_S
+    with _output.progress() as bar:
+        tasks = {
+            s.receiver: bar.add_task(render(Message("activity-shipping", receiver=s.receiver)), total=None)
+            for s in shipping.statuses()
+        }
+        while not shipping.wait_until_settled(min(until_s, time.monotonic() + _SHOWN_EVERY_S)):
+            for s in shipping.statuses():
+                bar.update(tasks[s.receiver], completed=s.number, total=s.newest or None)
+            if time.monotonic() >= until_s:
+                return
 
 
 def show_status(db: Path | None, config: Path | None, *, as_json: bool) -> int:

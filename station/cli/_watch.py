@@ -59,7 +59,8 @@ def alert_desk(db: Path | None, config: Path | None, *, follow: bool) -> Iterato
 def run_watch(log: LogReader, request: WatchRequest, desk: AlertDesk | None, *, as_json: bool) -> int:
     """Prints the alerts; 1 when there was any. desk: sends them on. Errors: LogError."""
     watch = Watch(log, request.run_length)
-    watch.read()
+    with _output.activity(Message("activity-log", log=log.location)):
+        watch.read()
     found = [f for f in watch.findings() if f.ended_ns is None or f.ended_ns >= (request.since_ns or 0)]
     for finding in found:
         _show(watch, finding, request, as_json=as_json)
@@ -88,4 +89,4 @@ def _show(watch: Watch, finding: Finding, request: WatchRequest, *, as_json: boo
     _output.print_message(alert_sentence(finding, len(units)))
     for line in (*alert_remarks(finding), alert_remedy(finding.alert.place.signal.kind)):
         _output.print_line("  " + render(line))
-    _output.print_line("  " + containment_command(finding))
+    _output.print_command("  " + containment_command(finding))

@@ -19,7 +19,7 @@ def command(shell: Annotated[str, Argument(help="bash, zsh or fish.")] = "bash")
         station completion fish > station.fish
     """
     from station.cli._completion import script
-    from station.cli._output import print_line
+    from station.cli._output import print_raw
 
-    print_line(script(shell).rstrip("\n"))
+    print_raw(script(shell).rstrip("\n"))
     return 0

@@ -33,6 +33,7 @@ def command(
     one of each station.
     """
     from station.cli import _output as _face
+    from station.cli._layout import TextTable
     from station.model import catalogue
 
     if write_hypothesis is not None:
@@ -40,15 +41,17 @@ def command(
 
         return write(write_hypothesis, model or [], formula, into)
     if markdown:
-        _face.print_line(catalogue.page().rstrip("\n"))
+        _face.print_raw(catalogue.page().rstrip("\n"))
         return 0
     rows = catalogue.rows()
     if json:
         _face.print_json({"schema": "station.effects/1", "effects": rows})
         return 0
-    width = max(len(row["effect"]) for row in rows)
+    shown = []
     for row in rows:
         first = row["parameters"][0]
-        size = first["typical"] if isinstance(first["typical"], str) else f"{first['typical']:g} {first['unit']}"
-        _face.print_line(f"{row['effect']:<{width}}  {size:<14}  {row['physics']}")
+        unit = "" if first["unit"] == "1" else f" {first['unit']}"
+        size = first["typical"] if isinstance(first["typical"], str) else f"{first['typical']:g}{unit}"
+        shown.append((row["effect"], size, row["physics"]))
+    _face.print_table("", TextTable(("cause", "typical size", "what it is"), shown, words=frozenset({2})))
     return 0

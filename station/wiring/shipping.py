@@ -85,11 +85,12 @@ class Shipping:
         with self._turn:
             return list(self._statuses.values())
 
-    def wait_until_settled(self, until_s: float) -> None:
-        """Returns when every plant has all that there is, or cannot take it now; at the latest at that instant."""
+    def wait_until_settled(self, until_s: float) -> bool:
+        """Whether every plant has all that there is, or cannot take it now; answers at the latest at that instant."""
         clock = SystemClock()
         while clock.monotonic_s() < until_s and len(self._settled) < len(self._statuses):
             self._stop.wait(0.05)
+        return len(self._settled) >= len(self._statuses)
 
     def stop(self) -> None:
         """Ends the threads; twice is harmless."""

@@ -1,5 +1,6 @@
 """The examples that helps and guides show, and how each is tried in the folder that `station demo` leaves."""
 
+import os
 import re
 import shlex
 import signal
@@ -30,9 +31,13 @@ _SERVERS = (
 ANSWERS = {"calibrate": (0, 1), "diagnose": (0, 1), "recover": (0, 1), "watch": (0, 1), "plant": (0, 1)}
 #: What a server's line has that says where it is: an address, or a JSON document.
 _READY = re.compile(r"://|^\{", re.MULTILINE)
+#: Commands whose output a program reads.
+FOR_PROGRAMS = ("schema", "completion")
 KNOWN_BAD = "SN9002"
 #: A server says where it is within this time.
 START_S = 60.0
+#: Characters of a line on the screen that the examples are tried on.
+SCREEN = 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +47,7 @@ class Tried:
     line: str
     code: int
     errors: str
+    output: str = ""
 
     @property
     def right(self) -> bool:
@@ -50,7 +56,20 @@ class Tried:
         allowed = (1,) if words[1] == "run" and KNOWN_BAD in words else ANSWERS.get(words[1], (0,))
         if "save-torn" in self.line or "refuse:" in self.line or "power-cut" in self.line:
             allowed = (1, 3)  # a fault that the line itself asks for
-        return self.code in allowed
+        return self.code in allowed and not badly_laid_out(self.line, self.output, SCREEN)
+
+
+def badly_laid_out(line: str, output: str, width: int) -> list[str]:
+    """Lines of a command's output that leave the screen or are cut; a word that is longer than the screen stays whole,
+    and what programs read is as wide as it is."""
+    words = shlex.split(line, comments=True)
+    if "--json" in words or "--markdown" in words or words[1] in FOR_PROGRAMS:
+        return []
+    return [
+        text
+        for text in output.splitlines()
+        if text.endswith("…") or re.search(r"\d…", text) or (len(text) > width and len(text.split()) > 1)
+    ]
 
 
 def help_examples(name: str) -> list[str]:
@@ -110,9 +129,10 @@ def try_example(line: str, folder: Path) -> Tried:
     if serves(line):
         return _try_server(line, words, folder)
     done = subprocess.run(
-        words, capture_output=True, text=True, cwd=folder, stdin=subprocess.DEVNULL, timeout=600, check=False
-    )
-    return Tried(line, done.returncode, done.stderr)
+        words, capture_output=True, text=True, cwd=folder, stdin=subprocess.DEVNULL, timeout=600, check=False,
+        env=os.environ | {"COLUMNS": str(SCREEN)},
+    )  # fmt: skip
+    return Tried(line, done.returncode, done.stderr, done.stdout)
 
 
 def _try_server(line: str, words: list[str], folder: Path) -> Tried:

@@ -19,8 +19,10 @@ from station.errors import UsageError
 from tests.conftest import SEED
 from tests.fakes.help_examples import (
     GUIDES,
+    SCREEN,
     Tried,
     all_documented,
+    badly_laid_out,
     guide_examples,
     needs_person,
     needs_plant,
@@ -46,6 +48,8 @@ SLOW = (
     "station rig axes",
     "station run --config drives.yaml",
 )
+#: A narrow screen: half of one, or a phone.
+NARROW = 60
 #: Guides whose blocks take a few seconds in all; the endurance program runs every guide's.
 GUIDES_TRIED = ("bench-in-15-minutes", "good-calibration", "watch")
 
@@ -84,6 +88,7 @@ def test_every_quick_example_runs_there_in_any_order(
     shutil.copytree(tour[0], folder)
     monkeypatch.chdir(folder)
     monkeypatch.setattr("sys.stdin", io.StringIO())
+    monkeypatch.setenv("COLUMNS", str(SCREEN))
     lines = all_documented()
     assert all(any(line.startswith(start) for line in lines) for start in SLOW[:-1]), "SLOW names what is no example"
     quick = [
@@ -93,7 +98,8 @@ def test_every_quick_example_runs_there_in_any_order(
     random.Random(SEED).shuffle(quick)
     for line in quick:
         code = run_command(words_of(line)[1:])
-        tried = Tried(line, code, capsys.readouterr().err)
+        shown = capsys.readouterr()
+        tried = Tried(line, code, shown.err, shown.out)
         assert tried.right, tried
 
 
@@ -120,6 +126,10 @@ def test_the_blocks_of_a_guide_run_in_their_order(
     shutil.copytree(tour[0], folder)
     monkeypatch.chdir(folder)
     monkeypatch.setattr("sys.stdin", io.StringIO())
+    monkeypatch.setenv("COLUMNS", str(NARROW))
     for line in guide_examples(page):
-        tried = Tried(line, run_command(words_of(line)[1:]), capsys.readouterr().err)
+        code = run_command(words_of(line)[1:])
+        shown = capsys.readouterr()
+        tried = Tried(line, code, shown.err, shown.out)
         assert tried.right, tried
+        assert not badly_laid_out(line, tried.output, NARROW)

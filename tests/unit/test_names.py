@@ -64,7 +64,6 @@ SAME_MEANING = {
     "solve": "solves linear equations, least squares included",
     "spectrum": "eigenvalues or singular values",
     "step_of": "the step of the grid that readings lie on",
-    "table": "makes a table",
     "to_plain": "from values to plain bytes or JSON",
     "translate_errors": "a library's complaints as errors of the station",
     "unit_of": "the unit of measurement of a number",

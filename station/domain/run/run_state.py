@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from station.domain.core.folded_reasons import folded
 from station.domain.core.types import Outcome
 from station.domain.run.headline import Headline, headline
 from station.domain.run.progress import (
@@ -175,7 +176,7 @@ def with_unit(serial: str, message: Message) -> Message:
 
 def rejection(event: VisitRejected) -> Message:
     """Why a visit does not count, and whether it is measured again."""
-    reasons = tuple(reason.message for reason in event.reasons)
+    reasons = tuple(folded(event.reasons))
     if event.again:
         return Message("visit-measured-again", serial=event.serial, reasons=reasons)
     return Message("visit-rejected", serial=event.serial, reasons=reasons)

@@ -1,0 +1,33 @@
+"""Reasons on a terminal: the root cause first, consequences of one kind in one line."""
+
+from station.domain.core.folded_reasons import folded, folded_units
+from station.domain.core.types import Reason
+from station.messages import Message, render
+
+
+def test_the_root_cause_stands_first_and_many_of_a_kind_are_one_line() -> None:
+    clipped = [
+        Reason(Message.text(f"axis x is at the end of its range at p{i}"), 2.0, 2.0, check="range") for i in range(44)
+    ]
+    scale = Reason(Message.text("readings are 9.79 times the stimulus"), 9.79, 1.0, check="scale")
+    lines = list(map(render, folded([*clipped, scale])))
+    assert lines == [
+        "readings are 9.79 times the stimulus",
+        "axis x is at the end of its range at p0 (and 43 more like it)",
+    ]
+
+
+def test_two_of_a_kind_are_both_told() -> None:
+    two = [Reason(Message.text(f"gain {axis} is low"), 0.9, 0.05, check="gain") for axis in "xy"]
+    assert list(map(render, folded(two))) == ["gain x is low", "gain y is low"]
+
+
+def test_what_several_units_share_stands_once_with_their_names() -> None:
+    times = [Message.text(f"readings are {9.7 + i / 100:.2f} times the stimulus") for i in range(4)]
+    scales = [Reason(message, check="scale") for message in times]
+    bus = Reason(Message.text("the bus went off"))
+    units = [(f"SN{i}", [bus, scale]) for i, scale in enumerate(scales)]
+    assert list(folded_units(units)) == [
+        "SN0: readings are 9.70 times the stimulus (and 3 more units like it: SN1, SN2, SN3)",
+        "SN0, SN1, SN2, SN3: the bus went off",
+    ]
