@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from station.config.recipes import load_recipe
 from station.domain.core.types import Floats
 from station.domain.recipe.blocks import Limits
 from station.domain.watch import change_point
 from station.domain.watch.bank import LoadValues, WatchBank, WatchedPlace
-from station.domain.watch.e_detector import SHIFTS, RankScores, ShiftDetector
+from station.domain.watch.e_detector import SHIFTS, RankShares, ShiftDetector, likelihood_ratios
 from station.domain.watch.load import load_values
 from station.domain.watch.signals import WatchedSignal, projector
 from station.domain.watch.size import drift_of
@@ -31,29 +32,41 @@ def test_a_nest_askew_is_the_rotation_that_it_was_turned_by() -> None:
     assert np.abs(found - turn).max() < 4.5 * std
 
 
-def test_scores_of_any_distribution_are_standard_normal_and_independent() -> None:
-    rng, ranks, n = np.random.default_rng(SEED), RankScores("a"), 4000
-    scores = np.array([ranks.add(v) for v in rng.standard_cauchy(n)])
-    assert abs(scores.mean()) < 4.5 / math.sqrt(n)
-    assert abs(scores.var() - 1) < 4.5 * math.sqrt(2 / n)
-    assert abs(np.mean(scores[1:] * scores[:-1])) < 4.5 / math.sqrt(n)
+def looks_uniform(shares: list[float]) -> None:
+    """Mean and variance of independent uniform shares, and no correlation with the one before; 4.5 deviations."""
+    centred = np.array(shares) - 0.5
+    n = len(centred)
+    assert abs(centred.mean()) < 4.5 * math.sqrt(1 / 12 / n)
+    assert abs((centred**2).mean() - 1 / 12) < 4.5 * math.sqrt(1 / 180 / n)
+    assert abs(np.mean(centred[1:] * centred[:-1])) < 4.5 / 12 / math.sqrt(n)
 
 
-def test_scores_of_values_that_are_all_the_same_are_still_normal() -> None:
-    ranks, n = RankScores("b"), 4000
-    scores = np.array([ranks.add(0.0) for _ in range(n)])
-    assert abs(scores.mean()) < 4.5 / math.sqrt(n)
-    assert abs(scores.var() - 1) < 4.5 * math.sqrt(2 / n)
+def test_ranks_of_any_distribution_are_uniform_and_independent() -> None:
+    rng, ranks = np.random.default_rng(SEED), RankShares("a")
+    looks_uniform([ranks.add(v) for v in rng.standard_cauchy(4000)])
+
+
+def test_ranks_of_values_that_are_all_the_same_are_still_uniform() -> None:
+    ranks = RankShares("b")
+    looks_uniform([ranks.add(0.0) for _ in range(4000)])
+
+
+def test_a_ratio_is_that_of_students_density_and_one_on_average() -> None:
+    unit = stats.t(8, scale=math.sqrt(6 / 8))
+    shares = (np.arange(200_000) + 0.5) / 200_000
+    values = unit.ppf(shares[::20_000])
+    expected = unit.pdf(values[:, None] - SHIFTS) / unit.pdf(values)[:, None]
+    assert likelihood_ratios(shares[::20_000]) == pytest.approx(expected, rel=1e-9)
+    assert likelihood_ratios(shares).mean(axis=0) == pytest.approx(1, abs=1e-3)
 
 
 def test_the_evidence_follows_the_recursion_of_shiryaev_and_roberts() -> None:
     detector = ShiftDetector()
-    scores = [0.3, -1.2, 2.0]
+    ratios = likelihood_ratios([0.6, 0.1, 0.98])
     # Written out: the sum over beginnings of the product of the likelihood ratios since then.
-    ratios = [np.exp(SHIFTS * z - SHIFTS**2 / 2) for z in scores]
     expected = sum(np.prod(ratios[k:], axis=0) for k in range(3))
-    for z in scores:
-        detector.add(z)
+    for row in ratios:
+        detector.add(row)
     assert detector.evidence == pytest.approx(float(np.mean(expected)), rel=1e-12)
 
 
@@ -72,7 +85,7 @@ def quiet_alarm(seed: int, loads: int, run_length: float) -> bool:
 def test_false_alarms_come_no_more_often_than_is_stated() -> None:
     runs, loads, run_length = 150, 60, 60.0
     alarms = sum(quiet_alarm(seed, loads, run_length) for seed in range(runs))
-    bound = (loads - 30) / (2 * run_length)  # the first 30 loads are learnt
+    bound = (loads - 30) / run_length  # the first 30 loads are learnt
     assert alarms / runs <= bound + 4.5 * math.sqrt(bound * (1 - bound) / runs)
 
 
@@ -90,6 +103,17 @@ def test_the_beginning_of_a_jump_is_found(begin: int) -> None:
     assert change.low <= change.begin <= change.high
     assert abs(change.after - change.before - 5.0) < 4.5 * change.size_std
     assert change.slope == 0
+
+
+def test_the_span_of_the_beginning_holds_it_as_often_as_it_says() -> None:
+    trials, begin, held = 200, 200, 0
+    for seed in range(trials):
+        values = np.random.default_rng([SEED, seed]).standard_t(5, begin + 30)
+        values[begin:] += 2.0
+        change = change_point.find(values.tolist())
+        assert change is not None
+        held += change.low <= begin <= change.high
+    assert abs(held / trials - 0.95) < 4.5 * math.sqrt(0.95 * 0.05 / trials)
 
 
 def test_a_drift_is_known_from_a_jump_and_meets_the_limit_when_it_does() -> None:

@@ -1,8 +1,8 @@
 """All streams of one station and recipe watched together; each change is one alert, open until it is put right.
 
-A stream alarms when its evidence reaches 2 · K · ARL, K streams in all. A stream of exchangeable values does so within
-n loads with a chance of at most n / (2 · K · ARL), so that the bank gives a false alarm within n loads with a chance of
-at most n / (2 · ARL), however the streams hang together, and runs ARL loads on average at least until the first one.
+A stream alarms when its evidence reaches K · ARL, K streams in all; exchangeable values then give it at most
+n / (K · ARL) alarms within n loads on average. Expectations add up, however the streams depend on each other: the bank
+gives at most n / ARL false alarms.
 """
 
 import math
@@ -14,7 +14,7 @@ import numpy as np
 from station.domain.core.types import Floats
 from station.domain.watch import change_point
 from station.domain.watch.change_point import Change
-from station.domain.watch.e_detector import LEARN, RankScores, ShiftDetector
+from station.domain.watch.e_detector import LEARN, RankShares, ShiftDetector, likelihood_ratios
 from station.domain.watch.signals import WatchedSignal
 
 DEFAULT_RUN_LENGTH = 1000
@@ -48,15 +48,16 @@ class _Stream:
     def __init__(self, name: str) -> None:
         self.loads: list[int] = []
         self.values: list[float] = []
-        self.ranks, self.detector = RankScores(name), ShiftDetector()
+        self.ranks, self.detector = RankShares(name), ShiftDetector()
 
-    def add(self, load: int, value: float, *, watched: bool) -> None:
+    def add(self, load: int, value: float) -> None:
         self.loads.append(load)
         self.values.append(value)
-        if watched:
-            score = self.ranks.add(value)
-            if len(self.ranks) > LEARN:
-                self.detector.add(score)
+
+    def rank(self) -> float | None:
+        """The newest value's rank among those before, as a share; None while it only learns."""
+        share = self.ranks.add(self.values[-1])
+        return share if len(self.ranks) > LEARN else None
 
     def first_after(self, load: int) -> int:
         """Index of the first value of this load or later."""
@@ -102,7 +103,7 @@ class WatchBank:
     @property
     def threshold(self) -> float:
         """Evidence at which a stream alarms."""
-        return 2 * max(self._expected or 0, self.streams) * self.run_length
+        return max(self._expected or 0, self.streams) * self.run_length
 
     @property
     def streams(self) -> int:
@@ -121,8 +122,9 @@ class WatchBank:
         for place, values in load.values.items():
             if place not in self._streams:
                 self._streams[place] = [_Stream(f"{place}/{i}") for i in range(len(values))]
-            for i, value in enumerate(values):
-                self._streams[place][i].add(load.number, float(value), watched=(place, i) not in suspended)
+            for stream, value in zip(self._streams[place], values, strict=True):
+                stream.add(load.number, float(value))
+        self._test(load, suspended)
         ended = [alert for alert in self.open if self._is_righted(alert, load)]
         for alert in ended:
             self._close(alert)
@@ -137,6 +139,17 @@ class WatchBank:
             change, stream = found
             alert.begin, alert.low, alert.high = (stream.loads[i] for i in (change.begin, change.low, change.high))
             self._name(alert)
+
+    def _test(self, load: LoadValues, suspended: set[tuple[WatchedPlace, int]]) -> None:
+        """The newest values as evidence."""
+        found = [
+            (stream, share)
+            for place in load.values
+            for i, stream in enumerate(self._streams[place])
+            if (place, i) not in suspended and (share := stream.rank()) is not None
+        ]
+        for (stream, _), ratios in zip(found, likelihood_ratios([share for _, share in found]), strict=True):
+            stream.detector.add(ratios)
 
     def _alarms(self, suspended: Iterable[tuple[WatchedPlace, int]]) -> list[tuple[WatchedPlace, int]]:
         threshold, left_out = self.threshold, set(suspended)

@@ -1,29 +1,30 @@
 """One stream watched for a change whose size nobody knows, with a proven bound on false alarms.
 
-Each value becomes the normal score of its rank among all before it. Whatever the distribution, the scores of
-exchangeable values are independent and standard normal, exactly: nothing of the baseline is estimated. From the scores
-a mixture of Shiryaev-Roberts statistics is made, an e-detector (Shin, Ramdas, Rinaldo, NEJSDS 2024): its mean after n
-values is at most n, and by Doob's inequality the chance that it ever reaches h within n values is at most n/h.
+Each value becomes its rank among all before it, as a share. Whatever the distribution, the ranks of exchangeable values
+are independent and uniform, exactly: nothing of the baseline is estimated. From them a mixture of Shiryaev-Roberts
+statistics is made, an e-detector (Shin, Ramdas, Rinaldo, NEJSDS 2024): its mean after n values is n.
 """
 
 import random
 from bisect import bisect_left, bisect_right, insort
-from collections.abc import Iterable
-from statistics import NormalDist
+from collections.abc import Iterable, Sequence
 
 import numpy as np
+import scipy
+
+from station.domain.core.types import Floats
 
 #: Shifts in standard deviations that the mixture expects, up and down, with equal weight.
-SHIFTS = np.array([s * size for size in (0.25, 0.5, 1.0, 2.0, 3.0) for s in (1, -1)])
+SHIFTS = np.array([s * size for size in (0.35, 0.8, 1.8, 4.0) for s in (1, -1)])
 #: Values learnt before the first test.
 LEARN = 30
-
-_NORMAL = NormalDist()
+#: A shift is one of Student's t: units scatter with heavier tails than the normal distribution's.
+_FREEDOM = 8
 _SMALLEST = 1e-12
 
 
-class RankScores:
-    """Sequential ranks as normal scores. seed: of the ties and of the place within a rank, which randomise it."""
+class RankShares:
+    """Sequential ranks in (0, 1). seed: of the ties and of the place within a rank, which randomise it."""
 
     def __init__(self, seed: str) -> None:
         self._sorted: list[float] = []
@@ -33,32 +34,45 @@ class RankScores:
         return len(self._sorted)
 
     def add(self, value: float) -> float:
-        """The score of a value among those before it; from then on it is one of them."""
+        """The share of a value among those before it; from then on it is one of them."""
         below, up_to = bisect_left(self._sorted, value), bisect_right(self._sorted, value)
-        place = (below + self._random.random() * (up_to - below + 1)) / (len(self._sorted) + 1)
+        share = (below + self._random.random() * (up_to - below + 1)) / (len(self._sorted) + 1)
         insort(self._sorted, value)
-        return _NORMAL.inv_cdf(min(max(place, _SMALLEST), 1 - _SMALLEST))
+        return min(max(share, _SMALLEST), 1 - _SMALLEST)
 
     def restart(self, values: Iterable[float]) -> None:
         """From then on only these count as before."""
         self._sorted = sorted(values)
 
 
+def likelihood_ratios(shares: Sequence[float]) -> Floats:
+    """(n, shifts): for values whose ranks are these shares (n), Student's density of the quantile less the shift over
+    that of the quantile. The mean over all shares is 1."""
+    quantile = scipy.special.stdtrit(_FREEDOM, np.asarray(shares, float))[:, None]
+    shifted = quantile - SHIFTS / np.sqrt((_FREEDOM - 2) / _FREEDOM)
+    ratios = ((_FREEDOM + quantile**2) / (_FREEDOM + shifted**2)) ** ((_FREEDOM + 1) / 2)
+    return np.asarray(ratios)
+
+
 class ShiftDetector:
-    """The mixture of Shiryaev-Roberts statistics of standard normal scores."""
+    """The mixture of Shiryaev-Roberts statistics of uniform shares.
+
+    Evidence less n is a martingale, so that it reaches h after h shares or more on average. From any state it gets
+    there no later than from none, for it grows with itself: within n shares at most n/h alarms are expected (Barlow
+    and Proschan 1975, chapter 6: renewals new better than used).
+    """
 
     def __init__(self) -> None:
         self._statistics = np.zeros(len(SHIFTS))
 
     @property
     def evidence(self) -> float:
-        """At most n on average after n scores without a change."""
-        return float(self._statistics.mean())
+        """n on average after n shares without a change."""
+        return float(self._statistics.sum()) / len(SHIFTS)
 
-    def add(self, score: float) -> float:
-        """R ← (1 + R) · exp(λ z − λ²/2) for each shift λ; the evidence then."""
-        self._statistics = (1 + self._statistics) * np.exp(SHIFTS * score - SHIFTS**2 / 2)
-        return self.evidence
+    def add(self, ratios: Floats) -> None:
+        """R ← (1 + R) · likelihood ratio for each shift (shifts)."""
+        self._statistics = (1 + self._statistics) * ratios
 
     def restart(self) -> None:
         """Forgets all evidence."""
