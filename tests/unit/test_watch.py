@@ -51,13 +51,22 @@ def test_ranks_of_values_that_are_all_the_same_are_still_uniform() -> None:
     looks_uniform([ranks.add(0.0) for _ in range(4000)])
 
 
+def test_a_share_lies_within_its_rank_however_many_values_there_are() -> None:
+    rng, ranks = np.random.default_rng(SEED), RankShares("c")
+    values = rng.integers(0, 300, 1200).astype(float)
+    for n, value in enumerate(values):
+        before = values[:n]
+        places = ranks.add(value) * (n + 1)
+        assert (before < value).sum() <= places <= (before <= value).sum() + 1
+
+
 def test_a_ratio_is_that_of_students_density_and_one_on_average() -> None:
     unit = stats.t(8, scale=math.sqrt(6 / 8))
     shares = (np.arange(200_000) + 0.5) / 200_000
     values = unit.ppf(shares[::20_000])
     expected = unit.pdf(values[:, None] - SHIFTS) / unit.pdf(values)[:, None]
-    assert likelihood_ratios(shares[::20_000]) == pytest.approx(expected, rel=1e-9)
-    assert likelihood_ratios(shares).mean(axis=0) == pytest.approx(1, abs=1e-3)
+    assert likelihood_ratios(shares[::20_000].tolist()) == pytest.approx(expected, rel=1e-9)
+    assert likelihood_ratios(shares.tolist()).mean(axis=0) == pytest.approx(1, abs=1e-3)
 
 
 def test_the_evidence_follows_the_recursion_of_shiryaev_and_roberts() -> None:

@@ -21,6 +21,8 @@ LEARN = 30
 #: A shift is one of Student's t: units scatter with heavier tails than the normal distribution's.
 _FREEDOM = 8
 _SMALLEST = 1e-12
+#: Values in a list of their own before they are merged with all others.
+_NEWEST = 500
 
 
 class RankShares:
@@ -28,21 +30,25 @@ class RankShares:
 
     def __init__(self, seed: str) -> None:
         self._sorted: list[float] = []
+        self._newest: list[float] = []  # sorted, too, and short: putting a value into a long list moves half of it
         self._random = random.Random(seed)
 
     def __len__(self) -> int:
-        return len(self._sorted)
+        return len(self._sorted) + len(self._newest)
 
     def add(self, value: float) -> float:
         """The share of a value among those before it; from then on it is one of them."""
-        below, up_to = bisect_left(self._sorted, value), bisect_right(self._sorted, value)
-        share = (below + self._random.random() * (up_to - below + 1)) / (len(self._sorted) + 1)
-        insort(self._sorted, value)
+        lists = self._sorted, self._newest
+        below, up_to = (sum(count(values, value) for values in lists) for count in (bisect_left, bisect_right))
+        share = (below + self._random.random() * (up_to - below + 1)) / (len(self) + 1)
+        insort(self._newest, value)
+        if len(self._newest) >= _NEWEST:
+            self.restart(self._sorted + self._newest)
         return min(max(share, _SMALLEST), 1 - _SMALLEST)
 
     def restart(self, values: Iterable[float]) -> None:
         """From then on only these count as before."""
-        self._sorted = sorted(values)
+        self._sorted, self._newest = sorted(values), []
 
 
 def likelihood_ratios(shares: Sequence[float]) -> Floats:
