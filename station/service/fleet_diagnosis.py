@@ -66,10 +66,23 @@ def learn_bank(recipe: Recipe, query: Query, sources: Sequence[OpenSource]) -> F
     orders = [visit_order(one) for one in visits]
     order = max(dict.fromkeys(orders), key=orders.count) if orders else ((), ())
     rows = [i for i, own in enumerate(orders) if own == order]
-    if len(rows) < max(_FEWEST, 6 * len(order[0])):
-        raise LogError("fleet-too-few-units", units=len(rows), needed=max(_FEWEST, 6 * len(order[0])))
-    noise = response_noise(np.array([response(visits[i]) for i in rows]), [groups[i] for i in rows])
+    needed = max(_FEWEST, 6 * len(order[0]))
+    if len(rows) < needed:
+        raise LogError("fleet-too-few-units", units=len(rows), needed=needed)
+    noise = response_noise(
+        np.array([response(visits[i]) for i in rows]), _noise_groups([groups[i] for i in rows], needed)
+    )
     return FleetBank(order, noise, tuple(shared_causes(recipe, visits[rows[0]])))
+
+
+def _noise_groups(groups: Sequence[tuple[str, str, str]], needed: int) -> list[tuple[str, ...]]:
+    """The finest of station, nest and lot, of station and nest, of station, of all, in which units differ from others
+    of their group in so many independent ways: a group of one says nothing of the noise."""
+    for parts in (3, 2, 1):
+        cut = [group[:parts] for group in groups]
+        if len(cut) - len(set(cut)) >= needed:
+            return list(cut)
+    return [()] * len(groups)
 
 
 def moments_portion(bank: FleetBank, work: FleetWork) -> Columns:
