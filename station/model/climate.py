@@ -1,5 +1,6 @@
 """The room and the warm device: temperature, its rate, and the clocks that causes run on."""
 
+from functools import cache
 from typing import TypedDict
 
 import numpy as np
@@ -51,16 +52,18 @@ def climate(
 
 def room_temperature(time_s: Floats, line: SimulatedLine, seed: int) -> tuple[Floats, Floats]:
     """Room temperature (n), degC, and its rate, degC/s: a few slow waves."""
-    rng = random_stream(seed, "room")
-    phase, size = (
-        rng.uniform(0, 2 * np.pi, len(ROOM_WAVES_RAD_S)),
-        line.wander_degC * np.sqrt(2 / len(ROOM_WAVES_RAD_S)),
-    )
+    size = line.wander_degC * np.sqrt(2 / len(ROOM_WAVES_RAD_S))
     temperature, rate = np.full(len(time_s), line.room_degC), np.zeros(len(time_s))
-    for w, p in zip(ROOM_WAVES_RAD_S, phase, strict=True):
+    for w, p in zip(ROOM_WAVES_RAD_S, _phases_rad(seed), strict=True):
         temperature += size * np.sin(w * time_s + p)
         rate += size * w * np.cos(w * time_s + p)
     return temperature, rate
+
+
+@cache
+def _phases_rad(seed: int) -> tuple[float, ...]:
+    """Where each of the room's waves begins."""
+    return tuple(random_stream(seed, "room").uniform(0, 2 * np.pi, len(ROOM_WAVES_RAD_S)).tolist())
 
 
 def motor_level(seed: int, load: int, run: int, visit: int) -> float:

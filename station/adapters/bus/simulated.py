@@ -217,7 +217,7 @@ class _Channel:
             singles, self._singles = self._singles, []
             blocks.insert(0, _frames_of(singles))
         frames = blocks[0] if len(blocks) == 1 else Frames.join(blocks)
-        if (np.diff(frames.time_ns) < 0).any():
+        if (frames.time_ns[1:] < frames.time_ns[:-1]).any():
             frames = frames[np.argsort(frames.time_ns, kind="stable")]
         if self._wire is None:
             return frames

@@ -24,7 +24,7 @@ class ProcessData:
     """Sends TPDO 1 and 2 as objects 0x1800 and 0x1801 say; a product without them sends at the sensor's rate.
 
     block_s: readings leave in blocks that end at its multiples, the same instants for every device. wakes_s: when
-    somebody looks next: what SYNC asked for before leaves together then.
+    somebody looks next: what is due before, by timer or SYNC, leaves together then.
     """
 
     def __init__(
@@ -67,12 +67,14 @@ class ProcessData:
 
     def start(self, now_s: float) -> None:
         """Starts the timers, as when the device becomes operational."""
+        self._send_due(now_s)
         self._timer.start(now_s, self._period_s(self._pdo))
         self._slow_timer.start(now_s, self._period_s(TEMPERATURE_TPDO))
 
     def stop(self) -> None:
         """Sends no more by itself."""
         self._answer_sync(math.inf)
+        self._send_due(self._clock.monotonic_s())
         self._timer.stop()
         self._slow_timer.stop()
 
@@ -87,8 +89,8 @@ class ProcessData:
     def produce(self, now_s: float) -> None:
         """Sends all that is due until now."""
         self._answer_sync(now_s)
-        if len(times_s := self._timer.due(now_s)):
-            self._send_readings(times_s)
+        if now_s >= min(self._wakes_s(), self._block_end_s(self._timer.next_s)):
+            self._send_due(now_s)
         if len(times_s := self._slow_timer.due(now_s)):
             shown = np.array([self.temperature(t) for t in times_s.tolist()])
             node = self._objects.dictionary.node
@@ -112,6 +114,11 @@ class ProcessData:
         if self._asked_s and now_s >= self._wakes_s():
             asked_s, self._asked_s = np.array(self._asked_s), []
             self._send_readings(asked_s)
+
+    def _send_due(self, now_s: float) -> None:
+        """Readings of the timer's instants until now."""
+        if len(times_s := self._timer.due(now_s)):
+            self._send_readings(times_s)
 
     def _send_readings(self, times_s: Floats) -> None:
         if self._faults.active("stream-stops", float(times_s[-1])):

@@ -18,6 +18,7 @@ Correction = tuple[Floats, Floats] | None
 #: Bits of the status nibble, as the DBC describes them.
 CLIPPED, COMPENSATED, UNSETTLED = 2, 4, 8
 _NO_INSTANTS = np.zeros(0)
+_ENDLESS = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,8 @@ class SignalChain:
     """
 
     def __init__(self, sensor: SimulatedSensor, faults: StreamFaults) -> None:
-        self._layout = sensor.layout
+        self._layout, self._axes = sensor.layout, sensor.layout.axes
+        self._limits = np.array([_ENDLESS if axis.is_float else axis.raw_limits() for axis in self._axes])
         self._sense = sensor.sense
         self._faults = faults
         self._count = 0
@@ -85,7 +87,7 @@ class SignalChain:
 
     def counts(self, readings: Floats) -> Array:
         """Readings (n, 3) as raw values (n, axes) of their signals: integers, unless the DBC sends floats."""
-        columns = zip(readings.T, self._layout.axes, strict=False)
+        columns = zip(readings.T, self._axes, strict=False)
         return np.stack([encode.to_raw(values, axis) for values, axis in columns], axis=1)
 
     def frames(self, times_s: Floats, time_ns: NDArray[np.int64], correction: Correction, settled_s: float) -> Frames:
@@ -105,11 +107,11 @@ class SignalChain:
         return self.counts(self._faults.spoil_readings(np.asarray(self._sense(times_s), float), times_s))
 
     def _physical(self, counts: Array) -> Floats:
-        columns = zip(counts.T, self._layout.axes, strict=True)
-        found = np.stack([signals.physical(c, axis) for c, axis in columns], axis=1)
-        return np.pad(np.asarray(found, np.float64), ((0, 0), (0, 3 - found.shape[1])))
+        found = np.zeros((len(counts), 3))
+        for column, (values, axis) in enumerate(zip(counts.T, self._axes, strict=True)):
+            found[:, column] = signals.physical(values, axis)
+        return found
 
     def _clipped(self, counts: Array) -> NDArray[np.bool_]:
-        endless = (-math.inf, math.inf)
-        limits = np.array([endless if axis.is_float else axis.raw_limits() for axis in self._layout.axes])
-        return np.asarray(((counts <= limits[:, 0]) | (counts >= limits[:, 1])).any(axis=1))
+        low, high = self._limits.T
+        return np.asarray(((counts <= low) | (counts >= high)).any(axis=1))

@@ -11,6 +11,9 @@ from station.domain.can.sensor_layout import SensorLayout
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import Array, Floats, Frames
 
+#: Integers of so many bits are exact as float64.
+_EXACT_BITS = 53
+
 
 def payloads(layout: FrameLayout, values: Mapping[str, Array]) -> NDArray[np.uint8]:
     """Payloads (n, 8), of FD frames (n, 64), of one message from physical values (n) by signal name; others are 0.
@@ -18,10 +21,11 @@ def payloads(layout: FrameLayout, values: Mapping[str, Array]) -> NDArray[np.uin
     A value between two steps goes to the nearer, one out of range to the last that the bits can hold, as in a
     converter.
     """
-    arrays = np.broadcast_arrays(*values.values()) if values else []
+    sizes = {np.size(array) for array in values.values()}
+    count = (sizes - {1} or sizes or {0}).pop()
     signals = [layout.signal(name) for name in values]
-    words = [_bits(to_raw(array, signal), signal) for array, signal in zip(arrays, signals, strict=True)]
-    count = len(arrays[0]) if arrays else 0
+    words = [_bits(to_raw(array, signal), signal) for array, signal in zip(values.values(), signals, strict=True)]
+    words = [word if word.shape == (count,) else np.broadcast_to(word, count) for word in words]
     return _classic(signals, words, count) if layout.length <= 8 else _wide(signals, words, count)
 
 
@@ -57,6 +61,8 @@ def to_raw(physical: Array, signal: SignalLayout) -> Array:
     low, high = signal.raw_limits()
     kind = np.int64 if signal.signed else np.uint64
     rounded = np.rint(value)
+    if signal.length <= _EXACT_BITS:
+        return np.asarray(np.minimum(np.maximum(rounded, low), high).astype(kind))
     inside = np.clip(rounded, low, np.nextafter(float(high) + 1, 0)).astype(kind)
     return np.where(rounded >= high, kind(high), inside)
 
