@@ -6,9 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from vcan_harness.command import run
+from vcan_harness.links import add_link, delete_link
 
 #: One frame counts 16 bytes in a queue; the longest classic frame with 8 bytes of payload has 135 bits on the wire.
 _QUEUED_BITS, _WIRE_BITS = 128, 135
+#: Bytes of a CAN FD frame (struct canfd_frame): both kinds go through.
+_FD_MTU = 72
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class Interface:
 
     def delete(self) -> None:
         """Takes the interface away, also from under those who use it."""
-        run("ip", "link", "delete", self.name)
+        delete_link(self.name)
 
     def details(self) -> dict[str, Any]:
         """What `ip -details -json link show` says."""
@@ -49,8 +52,7 @@ class Link:
 
 def create_vcan(name: str) -> Interface:
     """A vcan, up, for classic and FD frames."""
-    run("ip", "link", "add", "dev", name, "type", "vcan")
-    run("ip", "link", "set", name, "mtu", "72", "up")
+    add_link(name, "vcan", _FD_MTU)
     return Interface(name)
 
 
