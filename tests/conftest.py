@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import shutil
 import signal
 
 # Many small matrices: a second thread of the linear algebra only waits for the first. Read when numpy is imported.
@@ -20,6 +21,8 @@ hypothesis.settings.register_profile("fixed", derandomize=True, deadline=None)
 hypothesis.settings.register_profile("explore", derandomize=False)
 hypothesis.settings.load_profile("fixed")
 
+#: Where files cost no turn of a disk, and the least room there: the tests commit some hundred thousand times.
+MEMORY, ROOM_BYTES = pathlib.Path("/dev/shm"), 4_000_000_000
 SEED = int(os.environ.get("STATION_TEST_SEED", "20260101"))
 
 
@@ -29,6 +32,9 @@ def pytest_configure() -> None:
     for number, handler in ((signal.SIGHUP, _survive), (signal.SIGINT, signal.default_int_handler)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, handler)
+    # What must survive a power cut is tried by tests/endurance, on the disk.
+    if MEMORY.is_dir() and os.access(MEMORY, os.W_OK) and shutil.disk_usage(MEMORY).free > ROOM_BYTES:
+        os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
 
 
 def _survive(_number: int, _frame: object) -> None:
