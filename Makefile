@@ -36,8 +36,8 @@ run: $(VENV)/.run  ## four simulated units through the recipe on a virtual bus
 demo: $(VENV)/.run  ## a tour in the folder station-demo: good load, bad load, hidden effect, audit
 	$(BIN)/station demo station-demo
 
-test: $(VENV)/.dev  ## every test, the vcan ones included, on all cores
-	$(BIN)/python -m pytest -n $(PROCESSES) --no-loadscope-reorder
+test: $(VENV)/.dev  ## every test, the vcan ones included, on all cores; of long tables each kind of row, ALL=1: every row
+	$(if $(ALL),STATION_TESTS=all) $(BIN)/python -m pytest -n $(PROCESSES) --no-loadscope-reorder
 
 check: $(VENV)/.dev  ## import contracts, types, lint: the same on a desk and in CI
 	$(BIN)/lint-imports
@@ -70,7 +70,7 @@ lock:  ## renew the lock files from pyproject.toml
 	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group bench --group build -c requirements-dev.lock -o requirements-bench.lock
 
 blind: $(VENV)/.dev  ## hide new causes (make blind SEED=7) and see whether the diagnosis finds them
-	STATION_BLIND=all SEED=$(SEED) $(BIN)/python -m pytest -n $(PROCESSES) tests/blind
+	STATION_TESTS=all SEED=$(SEED) $(BIN)/python -m pytest -n $(PROCESSES) tests/blind
 
 pictures: $(VENV)/.dev  ## renew the guide's pictures of the page, as the tests see it
 	STATION_PICTURES=docs/pictures $(BIN)/python -m pytest tests/browser

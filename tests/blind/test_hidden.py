@@ -14,8 +14,8 @@ from station.model.model_file import Model
 from tests.blind.bench import FULL, WHITE, hide
 from tests.blind.hidden import ANOTHER_OFFSET, KNOWN, TEMPERATURE_BUMP, UNKNOWN, WRONG_FORM
 from tests.blind.inspection import diagnosis_of
-from tests.blind.portion import portion
 from tests.blind.recipes import recipe
+from tests.portion import portion
 
 SEED = int(os.environ.get("SEED", "1"))
 #: At their usual sizes these are weaker than d = 12 in four units; they are hidden at that strength.

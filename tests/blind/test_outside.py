@@ -14,8 +14,8 @@ from tests.blind.bench import WHITE, hide
 from tests.blind.hidden import KNOWN, per_unit
 from tests.blind.inspection import diagnosis_of
 from tests.blind.outside import OUTSIDE
-from tests.blind.portion import portion
 from tests.blind.recipes import recipe
+from tests.portion import portion
 
 SEED = int(os.environ.get("SEED", "1"))
 #: Some of them for every day; the benchmark's row `unknown` hides them all.

@@ -5,6 +5,7 @@ python tests/endurance/torture_faults.py [--every 1] [--json]
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,8 @@ sys.path.insert(0, str(ROOT))
 from tests.faults.table import ROWS
 
 TESTS = "tests/integration/test_faults.py"
+#: `make test` tries some of the rows.
+WHOLE = {**os.environ, "STATION_TESTS": "all"}
 
 
 def main() -> int:
@@ -31,7 +34,7 @@ def main() -> int:
         names = {row.inject for row in chosen}
         some = [] if given.every == 1 else _ids(names)
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junitxml={report}"]
-        subprocess.run([*command, *(some or [TESTS])], cwd=ROOT, capture_output=True, check=False)
+        subprocess.run([*command, *(some or [TESTS])], cwd=ROOT, env=WHOLE, capture_output=True, check=False)
         cases = [c for c in ET.parse(report).iter("testcase") if "[" in (c.get("name") or "")]
     wrong = [str(c.get("name")) for c in cases if c.find("failure") is not None or c.find("error") is not None]
     right = len(cases) - len(wrong)
@@ -47,8 +50,8 @@ def main() -> int:
 def _ids(names: set[str]) -> list[str]:
     """pytest's names of these rows: it writes some characters otherwise, so they are asked for."""
     listed = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "--collect-only", TESTS], cwd=ROOT, capture_output=True, text=True,
-        check=True,
+        [sys.executable, "-m", "pytest", "-q", "--collect-only", TESTS], cwd=ROOT, env=WHOLE, capture_output=True,
+        text=True, check=True,
     )  # fmt: skip
     return [line for line in listed.stdout.splitlines() if "[" in line and line.partition("[")[2].rstrip("]") in names]
 

@@ -10,7 +10,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
 _HEAD = """# What can go wrong, and what the station does
 
 Written by `python -m tests.faults.document` from `tests/faults/table.py`; every row is run by
-`tests/integration/test_faults.py`. {count} faults: each has one outcome, one sentence, one exit code.
+`tests/integration/test_faults.py`: by `make test` one of each kind, by `make test ALL=1` and `make torture` all.
+{count} faults: each has one outcome, one sentence, one exit code.
 
 `inject` is how the test does it (`tests/faults/inject.py`). By hand: a `device …` fault with
 `station run --simulate --units 1 --fault KIND:key=value`, a `wire …` fault with

@@ -5,6 +5,7 @@ nothing new, all the new values, or a mixture that the record shows. keeps: part
 hold whatever the outcome. parked: whether the positioner can still be brought to its parking place.
 """
 
+import re
 from dataclasses import dataclass
 
 from station.domain.product.sdo_codes import ABORT
@@ -26,6 +27,12 @@ class Row:
     keeps: str = ""
     exit_code: int = -1
     parked: bool = True
+
+    @property
+    def kind(self) -> tuple[str, str, str]:
+        """Rows of one kind break the same part in the same way and come to the same end: such as two abort codes."""
+        where, what = self.inject.split(" ")[:2]
+        return f"{where} {re.split('[:=]', what)[0]}", self.outcome, self.flash
 
     @property
     def code(self) -> int:
