@@ -45,7 +45,7 @@ def learnt(
 
 def _result(row: StoredCalibration) -> PastResult | None:
     """None where it came to no calibration, or was made before budgets had parts."""
-    offset, matrix, budget = json.loads(row.fit)
+    offset, matrix, budget, residuals = json.loads(row.fit)
     if offset is None or not budget or "parts" not in budget[0]:
         return None
     theta = np.array([*offset, *(v for line in matrix for v in line)], float)
@@ -53,4 +53,5 @@ def _result(row: StoredCalibration) -> PastResult | None:
     if not np.isfinite(theta).all() or len(theta) != len(coefficients.NAMES):
         return None
     day = stored_attempt.utc(row.started_ns)[:10]
-    return PastResult(row.serial, f"{row.station}/{row.nest}", day, row.outcome == "PASS", theta, parts)
+    left = (residuals["ratio"], residuals["dof"]) if residuals else None
+    return PastResult(row.serial, f"{row.station}/{row.nest}", day, row.outcome == "PASS", theta, parts, left)

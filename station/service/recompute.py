@@ -27,7 +27,9 @@ from station.service import compute
 _WORDS = frozenset({"reasons", "messages", "checks", "notes", "note_messages", "rule"})
 
 #: What the rules of the budget decide: those of another edition give another uncertainty, and may give another verdict.
-_BY_RULES = frozenset({"covariance", "budget", "false_accept", "false_reject", "outcome", "rules", "decisions"})
+_BY_RULES = frozenset(
+    {"covariance", "budget", "false_accept", "false_reject", "outcome", "rules", "residuals", "decisions"}
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """A run learns process and reproducibility from the station's log, keeps what it learnt, and is refitted by it."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +32,8 @@ def past(bench: Bench, serial: str, number: int, rng: np.random.Generator) -> No
     )  # fmt: skip
     theta = coefficients.NOMINAL + SCATTER * rng.standard_normal(12)
     budget = [{"coefficient": n, "parts": {"noise": 1e-5}} for n in coefficients.NAMES]
-    fit = {"offset": theta[:3].tolist(), "matrix": theta[3:].reshape(3, 3).tolist(), "budget": budget}
+    fit: dict[str, Any] = {"offset": theta[:3].tolist(), "matrix": theta[3:].reshape(3, 3).tolist(), "budget": budget}
+    fit["residuals"] = {"ratio": rng.chisquare(6) / 6, "dof": 6.0}
     store.result(attempt, "calibration", fit)
     store.finish(attempt, "PASS", bench.station.clock.epoch_ns())
 
@@ -70,6 +72,8 @@ def test_the_budget_holds_what_golden_units_showed(ran: fixture_run.Ran) -> None
     assert again["dof"] == 9 and again["offset"] == pytest.approx(SCATTER, rel=3 / 54**0.5)
     assert (history["repeats"], history["golden"], history["days"], history["nests"]) == (10, 1, 10, 4)
     assert history["units"] == 20 and history["process"]["of_results"]
+    # Residuals of 20 units are as noise makes them: they count with up to 20 · 6 degrees of freedom.
+    assert 1 <= history["residuals"]["ratio"] < 1.6 and 6 < history["residuals"]["dof"] <= 120
     assert {b["parts"]["reproducibility"] for b in fit["budget"][:3]} == {again["offset"]}
 
 
@@ -87,7 +91,7 @@ def test_check_shows_it(ran: fixture_run.Ran, capsys: pytest.CaptureFixture[str]
     shown = " ".join(capsys.readouterr().out.split())
     assert ended.value.code == 0
     assert "the newest results of 20 units" in shown and "11 results of 1 golden unit, 11 days, 5 nests" in shown
-    assert "reproducibility, % of u²" in shown
+    assert "reproducibility, % of u²" in shown and "residuals of earlier units have" in shown
 
 
 def test_a_reference_past_its_due_date_stops_check_and_run(

@@ -50,7 +50,6 @@ SAME_MEANING = {
     "pack": "from frames to bytes",
     "page": "a page as text",
     "parse": "from text to a value, or a sentence that says what is wrong",
-    "posterior": "what is known after data",
     "read": "from a file or bytes to values",
     "recompute": "refits a stored attempt and compares; the page's route calls the use case",
     "retire": "removes what has outlived its time",

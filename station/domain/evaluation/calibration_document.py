@@ -15,7 +15,7 @@ SCHEMA = "station.calibration/1"
 #: Where a unit could not be calibrated these are null.
 ABSENT = (
     *("offset", "matrix", "covariance", "residual_rms", "positions", "false_accept", "false_reject"),
-    *("budget", "rules", "decisions"),
+    *("budget", "rules", "residuals", "decisions"),
 )
 
 
@@ -49,6 +49,7 @@ def unit(result: CalibrationResult) -> dict[str, Any]:
         "false_reject": verdict.false_reject,
         "budget": result.budget.document(found.unit),
         "rules": uncertainty.RULES,
+        "residuals": dict(zip(("ratio", "dof"), result.budget.residuals, strict=True)),
         "decisions": [asdict(d) | {"margin": d.margin} for d in result.decisions],
         "temperature_degC": _number(np.mean(result.visits.temperature_degC)),
         "notes": [render(note) for note in found.notes],

@@ -3,11 +3,12 @@
 The process (JCGM 106, 7.3.4): mean and spread of the newest results of different units. Reproducibility (JCGM 100, 4.2,
 Type A): what results of a golden unit differ by when it is measured again, on another day, in another nest, after
 reseating, pooled over golden units; less what the budget holds for it already. Other units that come again teach
-nothing of it: they come because something was wrong or was changed.
+nothing of it: they come because something was wrong or was changed. Residuals: how much larger than noise those of the
+newest different units were, which six of a unit by itself hardly tell.
 """
 
 from collections import Counter
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -15,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.core.types import Floats
-from station.domain.methods import coefficients
+from station.domain.methods import coefficients, residual_scatter
 from station.domain.recipe.blocks import Process
 from station.domain.recipe.recipe import Recipe
-from station.domain.recipe.reference_block import Reproducibility
+from station.domain.recipe.reference_block import Reproducibility, ResidualHistory
 from station.errors import LogError
 from station.messages import Message, Value
 
@@ -33,7 +34,7 @@ VARYING, BY_NEST = ("noise", "runs"), "nest tilt"
 @dataclass(frozen=True, slots=True, eq=False)
 class PastResult:
     """One calibration: of which unit, in which nest, on which day (ISO), whether it passed; coefficients (12), and
-    standard uncertainties (12) by line of the budget."""
+    standard uncertainties (12) by line of the budget, χ²/ν and ν of the residuals."""
 
     serial: str
     nest: str
@@ -41,6 +42,7 @@ class PastResult:
     passed: bool
     theta: Floats
     parts: Mapping[str, Floats]
+    residuals: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,37 +57,50 @@ class History:
     golden: int = 0
     days: int = 0
     nests: int = 0
+    residuals: ResidualHistory | None = None
 
     def applied(self, recipe: Recipe) -> Recipe:
         """The recipe with what it leaves open filled in; what it states stands."""
         update: dict[str, Any] = {}
         if recipe.reproducibility is None and self.reproducibility is not None:
             update["reproducibility"] = self.reproducibility
+        if recipe.residuals is None and self.residuals is not None:
+            update["residuals"] = self.residuals
         if recipe.limits.process is None and self.process is not None:
             update["limits"] = recipe.limits.model_copy(update={"process": self.process})
         return recipe.model_copy(update=update) if update else recipe
 
-    def messages(self, recipe: Recipe) -> tuple[Message, Message]:
+    def messages(self, recipe: Recipe) -> tuple[Message, ...]:
         """What risks and budget rest on, for people; recipe: with this history applied."""
-        process, again = recipe.limits.process, recipe.reproducibility
-        if process is None:
-            of_process = Message("history-no-process", minimum=MIN_UNITS)
-        elif process == self.process:
-            of_process = Message("history-process", units=self.units)
-        else:
-            of_process = Message("history-process-stated")
+        return self._of_process(recipe), self._of_reproducibility(recipe), *self._of_residuals(recipe)
+
+    def _of_process(self, recipe: Recipe) -> Message:
+        if recipe.limits.process is None:
+            return Message("history-no-process", minimum=MIN_UNITS)
+        if recipe.limits.process == self.process:
+            return Message("history-process", units=self.units)
+        return Message("history-process-stated")
+
+    def _of_reproducibility(self, recipe: Recipe) -> Message:
+        again = recipe.reproducibility
         if again is None:
-            return of_process, Message("history-no-reproducibility", minimum=MIN_REPEATS)
+            return Message("history-no-reproducibility", minimum=MIN_REPEATS)
         std: dict[str, Value] = {"offset": again.offset, "gain": again.gain, "cross_axis": again.cross_axis}
         std |= {"unit": recipe.unit, "dof": again.dof}
         if again != self.reproducibility:
-            return of_process, Message("history-reproducibility-stated", **std)
+            return Message("history-reproducibility-stated", **std)
         made: dict[str, Value] = {"repeats": self.repeats, "units": self.golden}
-        return of_process, Message("history-reproducibility", **std, **made, days=self.days, nests=self.nests)
+        return Message("history-reproducibility", **std, **made, days=self.days, nests=self.nests)
+
+    def _of_residuals(self, recipe: Recipe) -> Iterator[Message]:
+        left = recipe.residuals
+        if left is not None:
+            source = "history-residuals" if left == self.residuals else "history-residuals-stated"
+            yield Message(source, ratio=left.ratio, dof=left.dof)
 
     def document(self) -> dict[str, Any]:
         """For the record, bit for bit."""
-        models = {"process": self.process, "reproducibility": self.reproducibility}
+        models = {"process": self.process, "reproducibility": self.reproducibility, "residuals": self.residuals}
         return {**asdict(self), **{name: m and m.model_dump() for name, m in models.items()}}
 
 
@@ -97,10 +112,11 @@ def of_document(document: Mapping[str, Any] | None) -> History:
     if not document:
         return NOTHING
     try:
-        process, again = document["process"], document["reproducibility"]
+        process, again, left = document["process"], document["reproducibility"], document.get("residuals")
         found = {
             "process": process and Process.model_validate(process),
             "reproducibility": again and Reproducibility.model_validate(again),
+            "residuals": left and ResidualHistory.model_validate(left),
         }
         return History(**{**document, **found})
     except (KeyError, TypeError, ValueError) as exc:
@@ -110,14 +126,15 @@ def of_document(document: Mapping[str, Any] | None) -> History:
 def learn_history(results: Sequence[PastResult], free: NDArray[np.bool_], golden: Container[str]) -> History:
     """Of results, oldest first. free (12): which coefficients the method estimates; golden: serials of golden units."""
     newest = {r.serial: r for r in results if r.serial not in golden}
-    process, units = None, 0
+    process, units, residuals = None, 0, None
     if len(newest) >= MIN_UNITS:
         process, units = _process([r.theta for r in newest.values()], free), len(newest)
+        residuals = _residuals(newest.values())
     again = [r for r in results if r.serial in golden and r.passed]
     groups = [[r for r in again if r.serial == serial] for serial in dict.fromkeys(r.serial for r in again)]
     dof = len(again) - len(groups)
     if dof < MIN_REPEATS:
-        return History(process, units, None)
+        return History(process, units, None, residuals=residuals)
     return History(
         process,
         units,
@@ -126,6 +143,7 @@ def learn_history(results: Sequence[PastResult], free: NDArray[np.bool_], golden
         golden=len(groups),
         days=len({r.day for r in again}),
         nests=len({r.nest for r in again}),
+        residuals=residuals,
     )
 
 
@@ -135,6 +153,15 @@ def _process(thetas: Sequence[Floats], free: NDArray[np.bool_]) -> Process:
     mean, std = off.mean(axis=0), off.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(off))
     each = tuple((float(m), float(s)) if known and s > 0 else None for m, s, known in zip(mean, std, free, strict=True))
     return Process(each=each, of_results=True)
+
+
+def _residuals(results: Iterable[PastResult]) -> ResidualHistory | None:
+    """None where too few of the units had readings left over."""
+    left = [r.residuals for r in results if r.residuals is not None and r.residuals[1] >= 1 and r.residuals[0] > 0]
+    if len(left) < MIN_UNITS:
+        return None
+    ratio, dof = residual_scatter.usual_residuals(left)
+    return ResidualHistory(ratio=ratio, dof=dof)
 
 
 def _reproducibility(groups: Sequence[Sequence[PastResult]], dof: int, free: NDArray[np.bool_]) -> Reproducibility:

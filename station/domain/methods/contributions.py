@@ -16,7 +16,7 @@ from station.domain.recipe.recipe import Recipe
 
 #: The mean shortening by poses is known as well as their std: 1.96 of this share of it holds it with some room.
 SHORTENING = 0.6
-#: Equal codes of fewer visits of an axis are chance.
+#: Equal codes of so many visits of an axis are hardly chance; of two they are as likely chance as one reading.
 EQUAL_CODES = 3
 #: Half a step that is there or not: 1.96 of this share of the step hold it beside the rounding itself.
 HALF_STEP = 1 / 3
@@ -109,33 +109,35 @@ def position(problem: FitProblem, fit: Fit, std_rad: Floats) -> Floats:
 def quantisation(problem: FitProblem, fit: Fit) -> Floats:
     """From rounding that no averaging takes away: independent where codes differ, one error where they are equal.
 
-    Equal codes of EQUAL_CODES and more visits may be of equal readings, whose rounding is one error, or of readings
-    anywhere in that step: for each coefficient the larger of the two counts.
+    Equal codes may be of equal readings, whose rounding is one error, or of readings anywhere in that step. Of
+    EQUAL_CODES and more visits the larger variance of the two counts for each coefficient, of two visits the mean,
+    which is the variance of a mixture of both.
     """
     apart = noise(fit, diagonal(problem.quantisation))
     of_noise = np.einsum("uvii->uvi", problem.cov) - problem.quantisation
     coarse = (problem.quantisation > NEGLIGIBLE_ROUNDING * of_noise).any(axis=(1, 2)) & problem.quantisation.any((1, 2))
     for u in np.flatnonzero(coarse):
-        shared = sum(
-            (_of_equal_codes(fit.jacobian[u, :, :, i], problem.mean[u, :, i], problem.quantisation[u, :, i]))
-            for i in range(3)
-        )
-        more = np.maximum(shared - np.diagonal(apart[u]), 0.0)
-        apart[u] = apart[u] + np.diag(more)
+        alone = np.diagonal(apart[u])
+        pairs, many = (np.maximum(_of_equal_codes(problem, fit, int(u), least), alone) for least in (2, EQUAL_CODES))
+        apart[u] = apart[u] + np.diag(np.maximum(many, (alone + pairs) / 2) - alone)
     return apart
 
 
-def _of_equal_codes(jacobian: Floats, mean: Floats, variance: Floats) -> Floats:
-    """Variances (12) from one axis: J (12, v), mean (v), rounding variance (v); visits of one code share an error."""
-    step = np.sqrt(12 * variance.max())
-    if step == 0:
-        return np.zeros(12)
-    code = np.unique(np.round(mean / step), return_inverse=True)[1]
-    count = np.bincount(code)
-    # Of fewer visits each is a group of its own.
-    code = np.where(count[code] >= EQUAL_CODES, code, len(count) + np.arange(len(code)))
-    group = (code[:, None] == np.unique(code)).astype(float)
-    return np.asarray((((jacobian * np.sqrt(variance)) @ group) ** 2).sum(axis=1))
+def _of_equal_codes(problem: FitProblem, fit: Fit, u: int, least: int) -> Floats:
+    """Variances (12) of unit u if `least` and more visits of one code in an axis share an error."""
+    out = np.zeros(12)
+    for i in range(3):
+        variance = problem.quantisation[u, :, i]
+        step = np.sqrt(12 * variance.max())
+        if step == 0:
+            continue
+        code = np.unique(np.round(problem.mean[u, :, i] / step), return_inverse=True)[1]
+        count = np.bincount(code)
+        # Of fewer visits each is a group of its own.
+        code = np.where(count[code] >= least, code, len(count) + np.arange(len(code)))
+        group = (code[:, None] == np.unique(code)).astype(float)
+        out += (((fit.jacobian[u, :, :, i] * np.sqrt(variance)) @ group) ** 2).sum(axis=1)
+    return out
 
 
 def converter(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:

@@ -11,13 +11,14 @@ from station.domain.methods.method import Fit, FitProblem
 from station.domain.noise import noise
 from station.domain.recipe import assumptions, references
 from station.domain.recipe.recipe import Recipe
+from station.domain.recipe.reference_block import ResidualHistory
 
 #: The budget line for what visits differ by beyond noise and declared pose errors (station.domain.methods.scatter).
 SCATTER = "scatter"
 #: A squared misfit below this share of its variance is rounding: the fit goes through that reading whatever it is.
 ROUNDING = 1e-12
 #: Edition of the rules by which budgets are made; it stands in every record, because another edition gives other bits.
-RULES = 3
+RULES = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,7 +27,8 @@ class Budget:
 
     part_dof: degrees of freedom (12) of the causes that are estimates; what is not there is taken as known. scatter:
     standard deviation, in the recipe's unit, of what visits clearly differ by beyond noise and declared pose errors; 0
-    when those explain the residuals, although the budget then still holds what residuals leave possible.
+    when those explain the residuals, although the budget then still holds what residuals leave possible. residuals:
+    χ²/ν and ν of what poses differ by, for the budgets of later units; ν is 0 where no reading is left over.
     """
 
     parts: Mapping[str, Floats]
@@ -34,6 +36,7 @@ class Budget:
     dof: Floats
     scatter: float
     part_dof: Mapping[str, Floats]
+    residuals: tuple[float, float] = (0.0, 0.0)
 
     def std(self, cause: str | None = None) -> Floats:
         """Standard uncertainties u (12), of one cause or of all."""
@@ -82,7 +85,7 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
     """The budget of each unit. visits: of one of them; rounding (12): standard deviations of the coefficients' rounding
     in the device."""
     u = len(fit.theta)
-    visit, pose = _scatter(problem, fit)
+    visit, pose = _scatter(problem, fit, recipe.residuals)
     pose_std, pose_dof = _pose_std(recipe, problem, fit)
     parts = {
         "noise": contributions.noise(fit, _plain_noise(problem)),
@@ -108,7 +111,12 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
     spread = np.sqrt(problem.scatter_pose + problem.scatter_visit)
     return [
         Budget(
-            {c: v[i] for c, v in parts.items()}, total[i], dof[i], float(spread[i]), {c: d[i] for c, d in dofs.items()}
+            {c: v[i] for c, v in parts.items()},
+            total[i],
+            dof[i],
+            float(spread[i]),
+            {c: d[i] for c, d in dofs.items()},
+            (float(pose.ratio[i]), float(max(pose.residual_dof[i], 0.0))),
         )
         for i in range(u)
     ]
@@ -116,37 +124,40 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scatter:
-    """Covariance (u, 12, 12) of scatter at one level, and degrees of freedom (u)."""
+    """Covariance (u, 12, 12) of scatter at one level, and degrees of freedom (u); χ²/ν and ν of its residuals (u)."""
 
     covariance: Floats
     dof: Floats
+    ratio: Floats
+    residual_dof: Floats
 
 
-def _scatter(problem: FitProblem, fit: Fit) -> tuple[_Scatter, _Scatter]:
-    """Scatter of visits of one pose, and of poses: as clearly found, else as far as residuals leave it possible."""
+def _scatter(problem: FitProblem, fit: Fit, earlier: ResidualHistory | None) -> tuple[_Scatter, _Scatter]:
+    """Scatter of visits of one pose, and of poses, for which residuals of earlier units are heard, too."""
     u, _, v, _ = fit.jacobian.shape
     found = scatter.lack_of_fit(replace(problem, scatter_visit=np.zeros(u)), fit)
-    visit, visit_dof = _estimate(problem.scatter_visit, found.within, found.of_within, found.dof_within)
-    found = scatter.lack_of_fit(replace(problem, scatter_visit=visit), fit)
-    pose, pose_dof = _estimate(problem.scatter_pose, found.between, found.of_between, found.dof_between)
+    ratio, noise_variance = _ratio(problem.scatter_visit, found.within, found.of_within, found.dof_within)
+    over, dof = residual_scatter.excess(ratio, found.dof_within)
+    visit = over * noise_variance
     own = fit.jacobian.reshape(u, 12, 3 * v)
+    of_visits = _Scatter(visit[:, None, None] * (own @ own.transpose(0, 2, 1)), dof, ratio, found.dof_within)
+    found = scatter.lack_of_fit(replace(problem, scatter_visit=visit), fit)
+    ratio, noise_variance = _ratio(problem.scatter_pose, found.between, found.of_between, found.dof_between)
+    usual = residual_scatter.NOTHING_KNOWN if earlier is None else (earlier.ratio, earlier.dof)
+    over, dof = residual_scatter.excess(ratio, found.dof_between, usual)
     shape = np.sqrt(_pose_shape(problem, fit))
     shared = contributions.by_pose(problem, (fit.jacobian * shape[:, None]).transpose(0, 1, 3, 2))
-    return (
-        _Scatter(visit[:, None, None] * (own @ own.transpose(0, 2, 1)), visit_dof),
-        _Scatter(pose[:, None, None] * (shared @ shared.transpose(0, 2, 1)), pose_dof),
-    )
+    covariance = (over * noise_variance)[:, None, None] * (shared @ shared.transpose(0, 2, 1))
+    return of_visits, _Scatter(covariance, dof, ratio, found.dof_between)
 
 
-def _estimate(clear: Floats, square: Floats, variance: Floats, dof: Floats) -> tuple[Floats, Floats]:
-    """Variance (u) of scatter and its degrees of freedom (u). clear (u): as a significant misfit showed it, or 0."""
+def _ratio(clear: Floats, square: Floats, variance: Floats, dof: Floats) -> tuple[Floats, Floats]:
+    """χ²/ν (u), and the variance (u) that is its unit. clear (u): variance of scatter that the fit weighs with, or 0,
+    which then is what the residuals show."""
     used = square > ROUNDING * variance
-    chi2 = (square / variance).sum(axis=1)
     usual = (variance * used).sum(axis=1) / np.maximum(used.sum(axis=1), 1)
-    ratio, nu = residual_scatter.posterior(chi2, np.maximum(dof, 0.0))
-    # What residuals tell is noise and scatter together: the scatter alone is known less well.
-    share = clear / np.maximum(clear + usual, 1e-300)
-    return np.where(clear > 0, clear, ratio * usual), np.where(clear > 0, np.maximum(dof * share**2, 1.0), nu)
+    plain = (square / variance).sum(axis=1) / np.maximum(dof, 1.0)
+    return np.where(clear > 0, 1 + clear / np.maximum(usual, 1e-300), plain), usual
 
 
 def _pose_shape(problem: FitProblem, fit: Fit) -> Floats:

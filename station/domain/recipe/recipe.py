@@ -13,7 +13,7 @@ from station.domain.recipe.blocks import DeviceSheet, DwellRule, FirmwareGate, L
 from station.domain.recipe.fields import Name, StrictModel, one_of
 from station.domain.recipe.position import Position, Turn
 from station.domain.recipe.readings import SENSORS
-from station.domain.recipe.reference_block import Reference, Reproducibility
+from station.domain.recipe.reference_block import Reference, Reproducibility, ResidualHistory
 from station.errors import InvalidValue
 
 METHODS = "station.domain.methods.calibrate"
@@ -38,6 +38,8 @@ class Recipe(StrictModel):
     runs: Annotated[tuple[Run, ...], Field(min_length=1)] = (Run(),)
     device: DeviceSheet = DeviceSheet()
     reproducibility: Reproducibility | None = None
+    # What is not stated leaves the hash of a recipe as it was.
+    residuals: ResidualHistory | None = Field(default=None, exclude_if=lambda v: v is None)
     settle: Settle = Settle()
     dwell: DwellRule = DwellRule(time_s=1.0)
     visit_repeats: Annotated[int, Field(ge=0, le=5)] = 1

@@ -39,6 +39,14 @@ class Reproducibility(StrictModel):
     dof: Annotated[float, Field(ge=1)]
 
 
+class ResidualHistory(StrictModel):
+    """What residuals of earlier units came to: their variance in units of the stated one (χ²/ν), and degrees of freedom
+    that it counts with beside a unit's own."""
+
+    ratio: Positive
+    dof: NotNegative
+
+
 class ReferenceCertificate(StrictModel):
     """Traceability of one reference: what it is, number of its certificate, due date (ISO), who issued it."""
 

@@ -245,14 +245,14 @@ def _traceability(content: Mapping[str, Any]) -> Rows:
 
 
 def _assumptions(w: _Writer, recipe: Recipe, known: History) -> Rows:
-    process, again = known.messages(known.applied(recipe))
+    keys = ("limits.process", "reproducibility", "residuals")
+    learnt = known.messages(known.applied(recipe))
     return (
         *(
             (a.key, f"{format_number(a.value, 3)} {a.unit if a.unit != '1' else ''}".strip(), w.render(a.source))
             for a in assumptions.listing(recipe)
         ),
-        ("limits.process", "", w.render(process)),
-        ("reproducibility", "", w.render(again)),
+        *((key, "", w.render(message)) for key, message in zip(keys, learnt, strict=False)),
     )
 
 

@@ -195,8 +195,8 @@ def _pose_std(
     square = (mean**2).sum(axis=1) * observed
     chi2 = (square / np.maximum(expected, 1e-30)).sum(axis=1)
     usual = (expected * observed).sum(axis=1) / np.maximum(observed.sum(axis=1), 1)
-    ratio, nu = residual_scatter.posterior(chi2, np.maximum(dof, 0.0))
-    return np.maximum(np.sqrt(ratio * usual), problem.pose_std_rad), nu
+    over, nu = residual_scatter.excess(chi2 / np.maximum(dof, 1.0), dof)
+    return np.maximum(np.sqrt(over * usual), problem.pose_std_rad), nu
 
 
 def _alignment_spread(problem: FitProblem, d: Floats, keep: Floats) -> Floats:
