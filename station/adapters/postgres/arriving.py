@@ -10,7 +10,7 @@ from psycopg import errors, sql
 from station.domain.product import product_record
 from station.domain.records.arrival import REFERENCES, ArrivedRecord, RecordRefusal, RefusalReason, Tip, refuse
 from station.domain.records.chain import Value
-from station.domain.records.tables import COLUMNS
+from station.domain.records.tables import COLUMNS, TABLES
 from station.domain.records.wire import WireRecord, encode
 from station.ports.objects import ObjectStore
 from station.ports.plant import Claim
@@ -20,12 +20,18 @@ _MOST_QUARANTINED_BYTES = 65_536
 #: What PostgreSQL refuses for the values themselves.
 _UNSTORABLE = (psycopg.DataError, psycopg.IntegrityError, errors.ProgramLimitExceeded)
 
+_HEAD = {"seq": "int8", "log": "int4", "number": "int8", "hash": "bytea", "signature": "bytea"}
+_TYPES: Mapping[type, str] = {int: "int8", float: "float8", str: "text", bytes: "bytea"}
+#: Of each table, its columns and their types in the database.
+_COLUMNS = {
+    table: _HEAD | {c.name: _TYPES[c.type] for c in columns} | ({"product_name": "text"} if table == "attempt" else {})
+    for table, columns in TABLES.items()
+}
 _COPY = {
-    table: sql.SQL("COPY {} (seq, log, number, hash, signature, {}) FROM STDIN").format(
-        sql.Identifier(table),
-        sql.SQL(", ").join(map(sql.Identifier, (*names, *(("product_name",) if table == "attempt" else ())))),
+    table: sql.SQL("COPY {} ({}) FROM STDIN (FORMAT BINARY)").format(
+        sql.Identifier(table), sql.SQL(", ").join(map(sql.Identifier, columns))
     )
-    for table, names in COLUMNS.items()
+    for table, columns in _COLUMNS.items()
 }
 
 _SEALS = " UNION ALL ".join(
@@ -173,6 +179,7 @@ class PostgresArrivingLog:
                 cursor.executemany(_KEEP_OBJECT, objects)
             for table, found in rows.items():
                 with cursor.copy(_COPY[table]) as copy:
+                    copy.set_types(list(_COLUMNS[table].values()))
                     for row in found:
                         copy.write_row(row)
 

@@ -6,8 +6,9 @@ way, so what is checked is what the station sealed, and a record of a later vers
 read it.
 """
 
+import re
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from station.domain.records.chain import Value
@@ -17,6 +18,8 @@ _FIRST_LINE = SCHEMA.encode() + b"\n"
 _HEAD = struct.Struct(">QIB32s")
 _SIGNATURE_BYTES = 64
 _DOUBLE = struct.Struct(">d")
+#: Name, type and length of a value (chain.canonical).
+_FIELD = re.compile(rb"([^=]*)=([isbf])(\d+):")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,18 +66,18 @@ def _records(data: bytes, at: int) -> Iterator[WireRecord]:
 
 def parse(body: bytes) -> tuple[str, dict[str, Value]]:
     """Table and values by name of a record's canonical bytes, in their order. Errors: ValueError."""
-    at, size, index = body.index(b":"), len(body), body.index
+    at, size, field = body.index(b":"), len(body), _FIELD.match
     start, at = at + 1, at + 1 + int(body[:at])
     table, values = body[start:at].decode(), dict[str, Value]()
     while at < size:
-        equals = index(b"=", at)
-        colon = index(b":", equals)
-        end = colon + 1 + int(body[equals + 2 : colon])
-        name = body[at:equals].decode()
-        if end > size or name in values:
+        if (found := field(body, at)) is None:
+            raise ValueError("no field")
+        key, kind, length = found.groups()
+        name, start = key.decode(), found.end()
+        at = start + int(length)
+        if at > size or name in values:
             raise ValueError("cut off")
-        values[name] = _DECODERS[body[equals + 1]](body[colon + 1 : end])
-        at = end
+        values[name] = _DECODERS[kind](body[start:at])
     return table, values
 
 
@@ -89,10 +92,4 @@ def _float(value: bytes) -> float:
         raise ValueError("no double") from error
 
 
-def _unknown(_: bytes) -> Value:
-    raise ValueError("unknown type")
-
-
-_DECODERS: list[Callable[[bytes], Value]] = [_unknown] * 256
-_DECODERS[ord("i")], _DECODERS[ord("s")] = int, bytes.decode
-_DECODERS[ord("b")], _DECODERS[ord("f")] = _as_is, _float
+_DECODERS: Mapping[bytes, Callable[[bytes], Value]] = {b"i": int, b"s": bytes.decode, b"b": _as_is, b"f": _float}
