@@ -3,7 +3,7 @@
 import io
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import chdir, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,6 +27,8 @@ EXAMPLE = "accelerometer"
 RECIPES: Mapping[str, str] = {
     "accelerometer": "six-point", "magnetometer": "magnetometer-six-point", "gyroscope": "gyroscope-six-point",
 }  # fmt: skip
+#: Node of the first nest, and the last that there may be (CiA 301).
+FIRST_NODE, LAST_NODE = 0x11, 127
 #: So many proposals are shown to choose from.
 MOST_PROPOSALS = 9
 
@@ -38,7 +40,7 @@ station: rehearsal
 bus: {interface: simulated}                # on a bench: {interface: socketcan, channel: can0, bitrate: 500000}
 nests:                                     # one a seat of the fixture; the device in it answers at this node id
   - {name: A, node: 0x11}
-  - {name: B, node: 0x12}
+  - {name: B, node: SECOND}
 recipe: RECIPE
 database: station.db
 """
@@ -133,6 +135,10 @@ def _from_files(request: InitRequest) -> DraftFiles:
     assert request.name is not None
     layouts = read_layouts(request.dbc, {})
     roles, remarks = _chosen(request, layouts)
+    if roles.in_counts:
+        names = ", ".join(place for place in roles.places() if place)
+        unit = frame_roles.unit_of_sensor(roles.sensor)
+        raise ProductError("init-counts", dbc=str(request.dbc), message=roles.message.name, signals=names, unit=unit)
     eds = None if request.eds is None else read_dictionary(request.eds, roles.node, frozenset())
     objects = MapObjects(None, None)
     if eds is not None and request.eds is not None:
@@ -152,17 +158,28 @@ def _from_files(request: InitRequest) -> DraftFiles:
         texts[Path("dbc") / f"{request.name}.eds"] = request.eds.read_bytes()
     if not draft.stores:
         remarks = [*remarks, Message("init-no-calibration", source=source)]
-    return DraftFiles(recipe, _with_config(request, recipe, texts), remarks)
+    frames = [*(roles.frames or (roles.message,)), *([] if temperature is None else [temperature[0]])]
+    return DraftFiles(recipe, _with_config(request, recipe, texts, {f.can_id for f in frames}), remarks)
 
 
-def _with_config(request: InitRequest, recipe: str, texts: dict[Path, bytes]) -> Mapping[Path, bytes]:
-    """A rehearsal bench where there is no bench yet, and the schemas that the files name for editors."""
+def second_node(can_ids: Collection[int]) -> int:
+    """The node of the second nest: its identifiers, those of the DBC and a step, must be none of the first one's."""
+    steps = range(1, LAST_NODE - FIRST_NODE + 1)
+    return FIRST_NODE + next((n for n in steps if not {i + n for i in can_ids} & set(can_ids)), 1)
+
+
+def _with_config(
+    request: InitRequest, recipe: str, texts: dict[Path, bytes], can_ids: Collection[int] = ()
+) -> Mapping[Path, bytes]:
+    """A rehearsal bench where there is no bench yet, and the schemas that the files name for editors. can_ids: of the
+    product's messages."""
     for kind in ("recipe", "product", "config"):
         place = Path("schemas") / f"{kind}.json"
         if not (request.folder / place).exists():
             texts[place] = (shipped_folder() / place).read_bytes()
     if not (request.folder / "config.yaml").exists():
-        texts[Path("config.yaml")] = CONFIG.replace("RECIPE", recipe).encode()
+        config = CONFIG.replace("RECIPE", recipe).replace("SECOND", f"0x{second_node(can_ids):02X}")
+        texts[Path("config.yaml")] = config.encode()
     return texts
 
 
@@ -192,7 +209,7 @@ def _chosen(request: InitRequest, layouts: Mapping[str, FrameLayout]) -> tuple[F
 
 
 def _named(roles: FrameRoles) -> str:
-    names = ", ".join(s.name for s in roles.signals if s is not None)
+    names = ", ".join(place for place in roles.places() if place)
     return f"{roles.message.name} ({names}{f' in {roles.unit}' if roles.unit else ''}): {roles.sensor}"
 
 

@@ -94,7 +94,10 @@ def _sent(job: SimulationJob, layout: SensorLayout, made: SimulatedUnits, readin
     for unit, rows in run_slices(scene):
         node = node_of(unit, job.line.nests)
         count = round(float(scene.require("since_power_s")[rows.start]) * rate_hz)
-        readings.append(encode.sample_frames(layout, node, time_ns[rows], reading[rows], first_count=count))
+        sent = encode.sample_frames(
+            layout, node, time_ns[rows], reading[rows], first_count=count, temperature_degC=shown[rows]
+        )
+        readings.append(sent)
         slow = slice(rows.start, rows.stop, max(1, round(TEMPERATURE_EVERY_S * rate_hz)))
         temperatures.append(encode.temperature_frames(layout, node, time_ns[slow], shown[slow]))
     sent_index, arrived_index = arrivals(scene, made.active, job.seed)

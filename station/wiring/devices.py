@@ -10,6 +10,7 @@ from station.adapters.canopen.network import SentListener, ServiceNetwork, servi
 from station.adapters.object_access.client import ObjectClient
 from station.adapters.object_access.device import ObjectDevice
 from station.adapters.object_access.frame_transport import FrameTransport
+from station.adapters.object_access.sending_device import SendingDevice
 from station.adapters.object_access.template import TemplateProtocol, template_written
 from station.domain.product import number_format
 from station.domain.product.access import TemplateAccess, UdsAccess
@@ -36,6 +37,9 @@ def open_devices(
     """
     device_map, nodes = product.map, tuple(nodes)
     access = device_map.uds or device_map.template
+    if device_map.protocol == "none":
+        senders = {node: SendingDevice(node) for node in nodes}
+        return senders.__getitem__, ForeignTrafficWatch(bus, nodes, {})
     if access is None:
         foreign = ForeignTrafficWatch(bus, nodes)
         network = ServiceNetwork(bus.service(service_ids(nodes)), clock, foreign.sent)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from station.adapters.canopen import eds
 from station.adapters.clock import SystemClock
 from station.adapters.dbc import read_layouts
 from station.adapters.simulated_device import device_fault
@@ -19,9 +18,10 @@ from station.domain.can.sensor_layout import SensorLayout, resolve, used_signals
 from station.domain.core.types import Floats
 from station.domain.product.product import serial_of
 from station.domain.recipe.position import UP
-from station.errors import ProductError, UsageError
+from station.errors import UsageError
 from station.ports.bus import Endpoint
 from station.wiring.buses import named_bus, open_endpoint
+from station.wiring.simulated_objects import simulated_objects
 
 #: Spread of the units: gain and cross-axis, 1; offset and noise, as fractions of full scale.
 _GAIN_STD, _OFFSET_STD, _NOISE_STD = 0.01, 0.01, 0.0002
@@ -92,10 +92,8 @@ class LiveDevices:
     def __init__(self, wanted: Population, channel: Endpoint) -> None:
         where = product_path(wanted.product)
         product = load_product(wanted.product)
-        if product.eds is None:
-            raise ProductError("product-without-eds", file=str(where))
         self.world, self.bodies = World(), dict[str, TrueErrors]()
-        self._wanted, self._map, self._eds = wanted, product.map, where.parent / product.eds
+        self._wanted, self._map, self._objects = wanted, product.map, simulated_objects(product, where)
         self._layout: SensorLayout = resolve(
             product.frames, read_layouts(where.parent / product.frames.dbc, used_signals(product.frames))
         )
@@ -128,7 +126,7 @@ class LiveDevices:
         return SimulatedDevice(
             self._hub.endpoint(),
             self._clock,
-            eds.load(self._eds, node, frozenset()),
+            self._objects(node),
             self._map,
             SimulatedSensor(self._layout, sense, lambda _: self.world.temperature_degC, wanted.rate_hz),
             serial=serial_of(self._map, serial),

@@ -3,13 +3,12 @@
 import math
 import threading
 from collections.abc import Sequence
-from functools import cache, partial
+from functools import partial
 from typing import cast
 
 import numpy as np
 
 from station.adapters.bus.simulated import SimulatedBus
-from station.adapters.canopen import eds
 from station.adapters.clock import SystemClock, VirtualClock
 from station.adapters.positioner.simulated import SimulatedPositioner
 from station.adapters.simulated_device import device_fault, live
@@ -23,7 +22,7 @@ from station.config.settings import Settings
 from station.domain.core.types import Frames, NestAssignment
 from station.domain.product.product import serial_of
 from station.domain.recipe.plan import PlannedVisit
-from station.errors import BusFault, ProductError, UsageError
+from station.errors import BusFault, UsageError
 from station.model.effect import Effect
 from station.model.rig import Rig
 from station.model.simulate import SimulationJob, parse_effect
@@ -36,6 +35,7 @@ from station.wiring.driven_fixture import DrivenFixture
 from station.wiring.jobs import Source
 from station.wiring.options import options_of
 from station.wiring.run_order import RunOrder
+from station.wiring.simulated_objects import simulated_objects
 
 #: How well the simulated positioner repeats, degrees, where config.yaml does not describe it: 3.6″, a dividing head.
 #: More of it is a cause of its own, which nobody asked for: `--effect repeatability`.
@@ -59,8 +59,6 @@ class SimulatedFixture:
         source: Source,
         order: RunOrder,
     ) -> None:
-        if source.eds is None:
-            raise ProductError("product-without-eds", file=str(source.product))
         self._settings, self._job, self._order = settings, job, order
         self.clock, self.bus = self._world()
         self.positioner: Positioner
@@ -79,7 +77,7 @@ class SimulatedFixture:
                 self._break_wire(text.removeprefix(BUS_PREFIX))
         self._faults = [_parse_fault(text) for text in order.faults if not text.startswith(BUS_PREFIX)]
         self._devices: list[tuple[SimulatedDevice, _DisturbedEndpoint]] = []
-        self._dictionary = cache(partial(eds.load, source.eds, used=frozenset()))  # a long batch places many units
+        self._dictionary = simulated_objects(job.product, source.product)
 
     def _world(self) -> tuple[Clock, Bus]:
         """Time and bus. The record's dates are today's; nothing that is computed depends on them."""

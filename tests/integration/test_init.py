@@ -117,3 +117,57 @@ def test_a_car_has_no_sensor_of_three_axes(reference_data: Path) -> None:
     assert len(files) > 60
     found = [p for file in files for p in frame_roles.propose_roles(read_layouts(file, {})) if p.complete]
     assert found == []
+
+
+SENDER = """VERSION ""
+NS_ :
+BS_:
+BU_: Rover
+BO_ 11 GyroXy: 8 Rover
+ SG_ GyroX : 0|32@1- (0.0001,0) [0|0] "rad/s" Vector__XXX
+ SG_ GyroY : 32|32@1- (0.0001,0) [0|0] "rad/s" Vector__XXX
+
+BO_ 12 Z: 8 Rover
+ SG_ GyroZ : 0|32@1- (0.0001,0) [0|0] "rad/s" Vector__XXX
+ SG_ Temperature : 32|8@1- (0.5,24) [-40|87.5] "°C" Vector__XXX
+
+SIG_VALTYPE_ 99 Gone : 1;
+"""
+
+
+def test_a_device_that_only_sends_passes_with_its_axes_in_two_messages_and_its_temperature_among_them(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "rover.dbc").write_text(SENDER, "cp1252")
+    assert run_command(["init", "--dbc", "rover.dbc", "--folder", "draft"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("✔ PASS") == 2
+    assert "GyroXy (GyroX, GyroY, Z.GyroZ in rad/s): gyroscope" in shown
+    product, config = ((here / "draft" / f).read_text("utf-8") for f in ("dbc/rover.yaml", "config.yaml"))
+    assert "protocol: none" in product
+    # Identifiers 11 and 12 of the first nest's device are 13 and 14 of the second's.
+    assert "node: 0x13" in config
+
+
+def test_coarse_readings_between_two_codes_are_not_taken_for_clipped_ones(
+    here: Path, reference_data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dbc = reference_data / "css_canmod" / "canmod-gps.dbc"
+    assert run_command(["init", "--dbc", str(dbc)]) == 0
+    assert capsys.readouterr().out.count("✔ PASS") == 2
+
+
+def test_counts_without_a_factor_are_no_readings(here: Path) -> None:
+    (here / "raw.dbc").write_text(SENDER.replace("(0.0001,0)", "(1,0)").replace("rad/s", ""), "cp1252")
+    with pytest.raises(ProductError, match=r"GyroXy gives GyroX, GyroY, Z.GyroZ in counts, .* and \"deg/s\""):
+        run_command(["init", "--dbc", "raw.dbc"])
+    assert [p.name for p in here.iterdir()] == ["raw.dbc"]
+
+
+def test_a_device_that_only_sends_cannot_keep_a_calibration(here: Path) -> None:
+    (here / "rover.dbc").write_text(SENDER, "cp1252")
+    assert run_command(["init", "--dbc", "rover.dbc", "--no-run"]) == 0
+    product = here / "dbc" / "rover.yaml"
+    product.write_text(product.read_text("utf-8").replace("serial: label", "serial: {index: 0x1018, sub: 4}"), "utf-8")
+    with pytest.raises(ProductError, match="protocol: none means that the device only sends"):
+        load_job("recipes/rover-six-point.yaml")

@@ -36,7 +36,7 @@ DBC = Path(__file__).resolve().parents[2] / "dbc" / "accelerometer.dbc"
             "[-400|327.67]",
             "line 18, TEMPERATURE.TEMPERATURE: minimum -400 cannot be reached",
         ),
-        ('"degC"', '"°C"', "line 18, TEMPERATURE.TEMPERATURE: unit '°C' is not plain ASCII"),
+        ('"degC"', '"℃"', "line 18, TEMPERATURE.TEMPERATURE: unit '℃' is not plain ASCII"),
         ("TEMPERATURE: 2", "TEMPERATURE: 1", "line 17: The signal TEMPERATURE does not fit in message"),
         ("BO_ 641 T", "BO_ 64100 T", "line 17: Standard frame id 0xfa64 is more than 11 bits"),
         ("SG_ X : 16|16", "SG_ X : 17|16", "line 9: The signals Y and X are overlapping"),

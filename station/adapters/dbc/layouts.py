@@ -26,6 +26,8 @@ MOST_FINDINGS = 10
 logging.getLogger("cantools").addHandler(logging.NullHandler())
 _DEFINITIONS = re.compile(r"^[ \t]*(?:BO_|SG_)\s", re.MULTILINE)
 _STARTS = re.compile(r"^\s*(?:BO_\s+\d+\s+(?P<message>\w+)|SG_\s+(?P<signal>\w+))", re.MULTILINE)
+#: A complaint without a word of DBC comes from the inside of the parser.
+_ABOUT_A_DBC = re.compile(r"[A-Z]{2,}|\b(message|signal|value|frame|node|unused|choice)s?\b")
 _AT_LINE = re.compile(r"at line (\d+)")
 
 
@@ -91,8 +93,10 @@ def _syntax_error(path: Path, text: str, why: str) -> Message:
     if at is not None:
         return Message("line-of-file", file=str(path), line=int(at[1]), reason=Message("dbc-syntax", why=why))
     named = [m for m in _STARTS.finditer(text) if m["message"] and re.search(rf"\b{re.escape(m['message'])}\b", why)]
-    reason = Message("dbc-refused", why=why.rstrip("."))
+    reason = Message("dbc-refused", why="; ".join(line.strip() for line in why.rstrip(".").splitlines()))
     if not named:
+        if not _ABOUT_A_DBC.search(why):
+            reason = Message("dbc-parser-gave-up", why=why)
         return Message("document-mistakes", file=str(path), mistakes=[reason])
     return Message("line-of-file", file=str(path), line=_line(text, named[0].start("message")), reason=reason)
 

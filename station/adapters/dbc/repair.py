@@ -6,6 +6,8 @@ from collections.abc import Collection
 #: Statements blanked in one file before it is given up.
 MOST_REPAIRS = 60
 _AT_LINE = re.compile(r"at line (\d+)")
+#: A value table or a type of a signal that is not there, as the complaint lists it.
+_UNUSED = re.compile(r"^\s*(VAL_|SIG_VALTYPE_) (\d+) (\w+)", re.MULTILINE)
 _MESSAGE = re.compile(r"^\s*BO_\s+(\d+)\s+(\S+?)\s*:")
 _KEYWORD = re.compile(r"^\s*(?:BO_|SG_|CM_|BA_|VAL_|BA_DEF|SIG_|EV_|BU_|ENVVAR|SGTYPE|BO_TX|NS_|BS_|VERSION)")
 
@@ -14,9 +16,8 @@ def without_fault(text: str, why: str, used: Collection[str]) -> str | None:
     """The text without what a parser's complaint names, line numbers as before; None where that is not found, or is
     of a message in `used`."""
     lines = text.split("\n")
-    unused = re.findall(r"VAL_ (\d+) (\w+)", why) if "unused VAL_" in why else []
-    if unused:
-        pattern = re.compile("|".join(rf"^\s*VAL_\s+{number}\s+{signal}\b" for number, signal in unused))
+    if unused := _UNUSED.findall(why):
+        pattern = re.compile("|".join(rf"^\s*{keyword}\s+{number}\s+{signal}\b" for keyword, number, signal in unused))
         rows = {row for i, line in enumerate(lines) if pattern.match(line) for row in _statement(lines, i)}
         return _blanked(lines, rows)
     at = _AT_LINE.search(why)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from station.adapters.simulated_device.device_fault import InjectedFault
-from station.adapters.simulated_device.link import link_of, request_id_of
+from station.adapters.simulated_device.link import NO_REQUESTS, link_of, request_id_of
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.adapters.simulated_device.object_server import ObjectServer, SdoRequest
 from station.adapters.simulated_device.objects import SimulatedObjects
@@ -51,6 +51,8 @@ def received_ids(node: int, device_map: DeviceMap | None = None, node_of_dbc: in
     """Identifiers that the device's channel must receive: its requests, and of CANopen (no map says so) NMT, SYNC."""
     device_map = device_map or DeviceMap()
     request_id = request_id_of(device_map, node, node_of_dbc)
+    if request_id == NO_REQUESTS:
+        return ()
     return (_NMT, _SYNC, request_id) if device_map.protocol == "canopen" else (request_id,)
 
 

@@ -7,6 +7,8 @@ from typing import Protocol
 from station.domain.product.device_map import DeviceMap
 
 SDO_REQUEST, SDO_ANSWER = 0x600, 0x580
+#: Identifier that no frame has: of a device that only sends.
+NO_REQUESTS = -1
 Send = Callable[[int, bytes], None]
 
 
@@ -82,5 +84,7 @@ def link_of(device_map: DeviceMap, node: int, node_of_dbc: int, send: Send) -> R
 
 
 def _identifiers(device_map: DeviceMap, node: int, node_of_dbc: int) -> tuple[int, int]:
+    if device_map.protocol == "none":
+        return NO_REQUESTS, NO_REQUESTS
     access = device_map.uds or device_map.template
     return (SDO_REQUEST + node, SDO_ANSWER + node) if access is None else access.of_node(node, node_of_dbc)

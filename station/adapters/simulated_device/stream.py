@@ -70,7 +70,7 @@ class SignalChain:
     def __init__(self, sensor: SimulatedSensor, faults: StreamFaults) -> None:
         self._layout, self._axes = sensor.layout, sensor.layout.axes
         self._limits = np.array([_ENDLESS if axis.is_float else axis.raw_limits() for axis in self._axes])
-        self._sense = sensor.sense
+        self._sense, self._temperature_at = sensor.sense, sensor.temperature
         self._faults = faults
         self._count = 0
 
@@ -99,9 +99,15 @@ class SignalChain:
         status = (
             CLIPPED * self._clipped(counts) + COMPENSATED * (correction is not None) + UNSETTLED * (times_s < settled_s)
         )
-        frames = self._faults.encode(time_ns, readings, self._count, status, times_s)
+        frames = self._faults.encode(time_ns, readings, self._count, status, times_s, self._temperature(times_s))
         self._count = (self._count + len(times_s)) % self._layout.counter_values
         return self._faults.spoil_frames(frames, times_s)
+
+    def _temperature(self, times_s: Floats) -> Array | float:
+        """degC (n) where the readings' message shows it."""
+        if not self._layout.temperature_rides:
+            return 0.0
+        return np.array([self._faults.temperature(self._temperature_at(t), t) for t in times_s.tolist()])
 
     def _converted(self, times_s: Floats) -> Array:
         return self.counts(self._faults.spoil_readings(np.asarray(self._sense(times_s), float), times_s))

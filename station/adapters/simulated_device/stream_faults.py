@@ -59,13 +59,22 @@ class StreamFaults:
         return readings
 
     def encode(
-        self, time_ns: NDArray[np.int64], readings: Floats, count: int, status: Array, times_s: Floats
+        self,
+        time_ns: NDArray[np.int64],
+        readings: Floats,
+        count: int,
+        status: Array,
+        times_s: Floats,
+        temperature_degC: Array | float,
     ) -> Frames:
         """Frames of the readings, counted from `count` on unless the counter is stuck."""
         stuck = self.active("counter-stuck", float(times_s[-1])) is not None
         first, step = (0, 0) if stuck else (count, 1)
         layout, node = self._layout, self._node
-        return encode.sample_frames(layout, node, time_ns, readings, first_count=first, count_step=step, status=status)
+        return encode.sample_frames(
+            layout, node, time_ns, readings, first_count=first, count_step=step, status=status,
+            temperature_degC=temperature_degC,
+        )  # fmt: skip
 
     def spoil_frames(self, frames: Frames, times_s: Floats) -> Frames:
         """Frames with wrong CRCs, lost, repeated, or out of order."""

@@ -98,8 +98,12 @@ def _float_length(signal: SignalLayout) -> Iterator[Message]:
         yield Message("dbc-length", bits=signal.length)
 
 
+#: Signs that units are written with, in every encoding that DBC editors use.
+UNIT_SIGNS = "°²³µμΩ·"
+
+
 def _ascii(signal: SignalLayout) -> Iterator[Message]:
-    if not signal.unit.isascii():
+    if not "".join(c for c in signal.unit if c not in UNIT_SIGNS).isascii():
         yield Message("dbc-unit-not-ascii", unit=signal.unit)
 
 

@@ -76,9 +76,10 @@ def sample_frames(
     first_count: int = 0,
     count_step: int = 1,
     status: Array | int = 0,
+    temperature_degC: Array | float = 0.0,
 ) -> Frames:
     """Sample frames of a node from readings (n, 3) at time_ns (n): quantised, counted from `first_count`, protected.
-    count_step: 0 where the counter is stuck.
+    count_step: 0 where the counter is stuck. temperature_degC: goes with the readings where their message has it.
 
     Where a frame holds several readings, a rest that fills none is not sent; where a reading needs several frames, they
     come at one instant, one behind the other.
@@ -88,8 +89,11 @@ def sample_frames(
     times = time_ns[each - 1 : count * each : each]
     readings = np.asarray(xyz, float)[: count * each].reshape(count, each, 3)
     counted = ((first_count // each + count_step * np.arange(count)) % layout.frame_counter_values).astype(np.uint64)
-    flags = np.broadcast_to(np.asarray(status), len(time_ns))[each - 1 : count * each : each]
-    sent = [_part_frames(layout, node, part, times, readings, counted, flags) for part in parts_of(layout)]
+    flags, shown = (
+        np.broadcast_to(np.asarray(given), len(time_ns))[each - 1 : count * each : each]
+        for given in (status, temperature_degC)
+    )
+    sent = [_part_frames(layout, node, part, times, readings, counted, flags, shown) for part in parts_of(layout)]
     if len(sent) == 1:
         return sent[0]
     frames = Frames.join(sent)
@@ -104,6 +108,7 @@ def _part_frames(
     readings: Floats,
     counter: NDArray[np.uint64],
     status: Array,
+    temperature_degC: Array,
 ) -> Frames:
     """Frames (n) of one part of the readings (n, k, 3)."""
     roles, lead = layout.map.sample, part.message.name == layout.sample.name
@@ -113,6 +118,8 @@ def _part_frames(
         values[part.counter.name] = counter
     if lead and roles.status is not None:
         values[roles.status] = status
+    if layout.temperature is not None and layout.temperature.name == part.message.name:
+        values[_temperature_signal(layout)] = temperature_degC
     data = payloads(part.message, values)
     if lead:
         data = protect(data, counter, layout, node)
@@ -120,12 +127,16 @@ def _part_frames(
 
 
 def temperature_frames(layout: SensorLayout, node: int, time_ns: NDArray[np.int64], temperature_degC: Floats) -> Frames:
-    """Temperature frames (n) of a node; none when the product has no such message."""
-    role = layout.map.temperature
-    if layout.temperature is None or role is None:
+    """Temperature frames (n) of a node; none when the product has no such message, or the readings have it."""
+    if layout.temperature is None or layout.temperature_rides:
         return Frames.empty()
-    data = payloads(layout.temperature, {role.signal: temperature_degC})
+    data = payloads(layout.temperature, {_temperature_signal(layout): temperature_degC})
     return _frames(layout.temperature, layout.id_of(layout.temperature, node), time_ns, data)
+
+
+def _temperature_signal(layout: SensorLayout) -> str:
+    assert layout.map.temperature is not None
+    return layout.map.temperature.signal
 
 
 def protect(data: NDArray[np.uint8], counter: NDArray[np.uint64], layout: SensorLayout, node: int) -> NDArray[np.uint8]:

@@ -252,6 +252,11 @@ class SensorLayout:
         return replace(self, sample=frames[0], others=tuple(frames[1:]))
 
     @property
+    def temperature_rides(self) -> bool:
+        """Whether the temperature stands in a message of the readings."""
+        return self.temperature is not None and self.temperature.name in {m.name for m in self.messages}
+
+    @property
     def messages(self) -> tuple[FrameLayout, ...]:
         """The messages of a reading, that which gives it its time first."""
         return self.sample, *self.others

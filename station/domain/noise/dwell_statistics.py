@@ -215,16 +215,20 @@ def _correlation(columns: Columns, count: Ints, units: UnitRows) -> Floats:
 
 #: A dwell at an extreme with less than this share of the usual scatter has a flat top.
 FLAT_SHARE = 0.2
-#: Dwells with this share of a step of scatter and more are not taken for constant codes.
+#: A shorter dwell says nothing.
 MIN_READINGS = 8
+#: Readings that go from one code to the next, and no further, scatter by where they lie between the two.
+TWO_CODES = 1.5
 
 
 def flat_topped(dwells: DwellStatistics) -> NDArray[np.bool_]:
     """Dwells (d, 3) of one unit that a limited range cuts: at the axis' greatest or least reading, without the scatter
     that the axis has elsewhere, or with most readings exactly at that extreme.
 
-    Readings coarser than their noise are constant everywhere and say nothing.
+    Readings coarser than their noise say nothing: they are constant but near the edge between two codes.
     """
+    step = dwells.step.min(axis=0)
+    coarse = np.isfinite(step) & (np.median(dwells.high - dwells.low, axis=0) < TWO_CODES * step)
     usual = np.median(dwells.std, axis=0)
     sufficient = (dwells.count >= MIN_READINGS)[:, None] & (len(dwells.count) > 2)
     out = np.zeros(dwells.mean.shape, bool)
@@ -236,4 +240,4 @@ def flat_topped(dwells: DwellStatistics) -> NDArray[np.bool_]:
         near = side * (extreme - dwells.mean) < 0.5 * usual
         quiet = dwells.std < FLAT_SHARE * usual
         out |= (at == extreme) & near & quiet & sufficient
-    return out & (usual > 0)
+    return out & (usual > 0) & ~coarse

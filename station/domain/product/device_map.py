@@ -233,10 +233,10 @@ class DeviceMap(StrictModel):
     Without matrix and offset nothing is written: the device is measured and certified. output `none`: it has no switch,
     and `sends` says whether its readings are raw or compensated by what it keeps. serial `label`: the device keeps
     none, so that the label alone says which unit it is. protocol: how objects are reached; `uds` and `template` say the
-    rest in a block of that name.
+    rest in a block of that name; `none`: the device only sends its readings.
     """
 
-    protocol: Literal["canopen", "uds", "template"] = "canopen"
+    protocol: Literal["canopen", "uds", "template", "none"] = "canopen"
     uds: UdsAccess | None = None
     template: TemplateAccess | None = None
     stores: Literal["forward", "inverse", "inverse-add"] = "forward"
@@ -286,6 +286,13 @@ class DeviceMap(StrictModel):
                 where = address(*number.address)
                 raise InvalidValue("address-twice", first=owner[number.address], second=name, object=where)
             owner[number.address] = name
+        return self
+
+    @model_validator(mode="after")
+    def _check_sender(self) -> Self:
+        reads = self.writes or self.output != "none" or self.serial != "label" or self.settings or self.pdo
+        if self.protocol == "none" and reads:
+            raise InvalidValue("protocol-none-reads")
         return self
 
     @property

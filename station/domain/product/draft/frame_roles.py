@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 from station import plugins
@@ -22,23 +22,41 @@ _OF_TWO = ("g", "mg")
 _FIRST_TPDO, _LAST_TPDO = 0x180, 0x4FF
 #: What speaks for a proposal: as many axes as a sensor has, a unit that fits, a name that fits, equal signals.
 _AXES, _UNIT, _WORD, _EQUAL = 4.0, 4.0, 2.0, 1.0
+#: What speaks against one: its axes stand in several messages.
+_APART = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class FrameRoles:
     """A proposal. signals: of x, y and z (None: no such axis); unit: as the DBC writes it, '' where it writes none or
-    one that is not the sensor's; score: how much speaks for it."""
+    one that is not the sensor's; score: how much speaks for it; frames: the message of each signal where they are
+    several, else empty."""
 
     sensor: str
     message: FrameLayout
     signals: tuple[SignalLayout | None, ...]
     unit: str
     score: float
+    frames: tuple[FrameLayout, ...] = ()
 
     @property
     def complete(self) -> bool:
         """Whether all three axes are there."""
         return all(signal is not None for signal in self.signals)
+
+    @property
+    def in_counts(self) -> bool:
+        """Whether the DBC gives the converter's counts: integers without a factor and without a unit."""
+        counts = (s.scale == 1 and s.offset == 0 and not s.is_float for s in self.signals if s is not None)
+        return not self.unit and all(counts)
+
+    def places(self) -> tuple[str, ...]:
+        """Each axis' signal as a product file names it: with its message where that is not `message`; '' for none."""
+        frames = self.frames or (self.message,) * len(self.signals)
+        return tuple(
+            "" if s is None else s.name if frame.name == self.message.name else f"{frame.name}.{s.name}"
+            for frame, s in zip(frames, self.signals, strict=True)
+        )
 
     @property
     def counter(self) -> SignalLayout | None:
@@ -70,7 +88,8 @@ def propose_roles(layouts: Mapping[str, FrameLayout], sensor: str | None = None)
     units = {name: unit_of_sensor(name) for name in plugins.names(PACKAGE) if sensor in (None, name)}
     units = {name: unit for name, unit in units.items() if unit in QUANTITIES}
     found = [p for frame in layouts.values() for p in _of_message(frame, units)]
-    return sorted(found, key=lambda p: -p.score)
+    found += _of_several(layouts, units)
+    return sorted(found, key=lambda p: (-p.score, list(units).index(p.sensor)))
 
 
 def temperature_of(layouts: Mapping[str, FrameLayout], roles: FrameRoles) -> tuple[FrameLayout, SignalLayout] | None:
@@ -89,6 +108,23 @@ def _of_message(frame: FrameLayout, units: Mapping[str, str]) -> Iterator[FrameR
     for stem, axes in stems.items():
         if "x" in axes and "y" in axes:
             yield from _of_sensors(frame, stem, axes, units)
+
+
+def _of_several(layouts: Mapping[str, FrameLayout], units: Mapping[str, str]) -> Iterator[FrameRoles]:
+    """Axes of one name that stand in two or three messages, each once."""
+    stems: dict[str, dict[str, list[tuple[FrameLayout, SignalLayout]]]] = {}
+    for frame in layouts.values():
+        for signal in frame.signals:
+            named = axis_of(signal.name)
+            if named is not None and signal.selector is None:
+                stems.setdefault(named[0], {}).setdefault(named[1], []).append((frame, signal))
+    for stem, places in stems.items():
+        if set(places) == set("xyz") and all(len(p) == 1 for p in places.values()):
+            frames = tuple(places[axis][0][0] for axis in "xyz")
+            signals = {axis: places[axis][0][1] for axis in "xyz"}
+            if len({f.name for f in frames}) > 1 and len({s.unit for s in signals.values()}) == 1:
+                for roles in _of_sensors(frames[0], stem, signals, units):
+                    yield replace(roles, frames=frames, score=roles.score - _APART)
 
 
 def _of_sensors(

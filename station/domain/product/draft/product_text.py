@@ -73,7 +73,7 @@ def _frames(draft: ProductDraft) -> Iterator[str]:
     yield "frames:"
     yield f"  dbc: {draft.name}.dbc"
     yield f"  node_of_dbc: {roles.node}  # check: frames of node n have the DBC's identifiers - {roles.node} + n"
-    named = [f"{axis}: {scalar(s.name)}" for axis, s in zip("xyz", roles.signals, strict=True) if s is not None]
+    named = [f"{axis}: {scalar(place)}" for axis, place in zip("xyz", roles.places(), strict=True) if place]
     if roles.counter is not None:
         named.append(f"counter: {scalar(roles.counter.name)}")
     if roles.status is not None:
@@ -123,7 +123,9 @@ def _map(draft: ProductDraft) -> Iterator[str]:
         yield from _block("offset", found.offset, diagonal=False)
         yield from _singles(found.single)
     else:
-        yield "  output: none  # no object of the EDS looks like a calibration: measured and certified, nothing written"
+        if draft.eds is None:
+            yield "  protocol: none  # no EDS: the device only sends; it is measured and certified"
+        yield "  output: none  # no object keeps a calibration: nothing is written"
         yield "  sends: raw"
     yield from _communication(draft)
 
