@@ -362,25 +362,21 @@ def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -
 
 
 def _assemble_bank(items: Sequence[tuple[Candidate, NDArray[np.int32], int]], *, moving: bool) -> Bank:
-    """The bank of candidates, with the group of each stop within its unit and how many groups there are."""
-    made: dict[tuple[int, bytes], BankColumns] = {}
+    """The bank of candidates, with the group of each stop within its unit and how many groups there are. Columns of one
+    width stand side by side."""
+    keys = [None if c.scans_visits else (id(c.stop), code.tobytes()) for c, code, _ in items]
+    widths: dict[tuple[int, bytes], tuple[int, Candidate, NDArray[np.int32]]] = {}
+    for key, (c, code, groups) in zip(keys, items, strict=True):
+        if key is not None:
+            widths.setdefault(key, (groups * c.axes, c, code))
+    made: dict[tuple[int, bytes] | None, BankColumns] = {}
     end = 0
-    place = []
-    for c, code, groups in items:
-        if c.scans_visits:
-            place.append(slice(0, 0))
-            continue
-        key = (id(c.stop), code.tobytes())
-        if key not in made:
-            start, end = end, end + groups * c.axes
-            made[key] = BankColumns(c, code, slice(start, end))
-        place.append(made[key].at)
-    found, codes, groups_of = (
-        tuple(c for c, _, _ in items),
-        tuple(x for _, x, _ in items),
-        tuple(g for _, _, g in items),
-    )
-    return Bank(moving, found, codes, groups_of, tuple(place), tuple(made.values()))
+    for key, (width, c, code) in sorted(widths.items(), key=lambda pair: pair[1][0]):
+        start, end = end, end + width
+        made[key] = BankColumns(c, code, slice(start, end))
+    place = tuple(slice(0, 0) if key is None else made[key].at for key in keys)
+    found, codes, groups_of = (tuple(item[i] for item in items) for i in range(3))
+    return Bank(moving, found, codes, groups_of, place, tuple(made.values()))
 
 
 def form_values(effect: Effect) -> dict[str, float]:

@@ -26,9 +26,6 @@ from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.projection import ResidualSpace
 from station.domain.core.types import Array, Floats
 
-#: Candidates of one shape that are gone through together.
-CANDIDATES_AT_ONCE = 8
-
 
 class CandidateFit(NamedTuple):
     """What a space shows of one candidate: u (1, …) of the readings, L (ρ) of the readings, of a scan that of each
@@ -79,24 +76,26 @@ def project_bank(
     bank: Bank, layout: RowLayout, spaces: Sequence[ResidualSpace], *, axes: bool = False
 ) -> tuple[ProjectedBank, ...]:
     """The bank in each of some spaces; with the axes, which the drawing of null data needs, or without."""
-    kinds, scans = _shape_groups(bank), [i for i, c in enumerate(bank.candidates) if c.scans_visits]
+    blocks, scans = _column_blocks(bank), [i for i, c in enumerate(bank.candidates) if c.scans_visits]
     parts: list[list[list[NormalProducts]]] = [[] for _ in spaces]
     kept: list[list[Array]] = [[] for _ in spaces]
     for units in layout.grid.parts(UNITS_AT_ONCE) if bank.candidates else ():
         rows = bank.rows(layout, units) if bank.made else None
         single = [visit_columns(bank, i, layout, units) for i in scans]
         for i, space in enumerate(spaces):
-            found = []
-            if rows is not None:
-                columns = space.project(rows, units)
-                found = _products(columns, space, units, kinds)
-                if axes:
-                    kept[i].append(columns.astype(np.float32))
+            found, white = list[NormalProducts](), list[Array]()
+            for block in blocks if rows is not None else ():
+                columns = space.project(rows.only(block.at), units)
+                found += _products(block, columns, space, units)
+                white += [columns.astype(np.float32)] if axes else []
+            if white:
+                kept[i].append(np.concatenate(white, axis=2))
             if single:
                 visits = VisitSpace.of(space, layout.grid.k, units)
                 found += [visits.products(one) for one in single]
             parts[i].append(found)
-    kinds += [ShapeGroup((i,), "scan", bank.groups[i], np.zeros((1, 0), np.intp)) for i in scans]
+    kinds = [kind for block in blocks for kind in block.kinds]
+    kinds += [ShapeGroup((i,), "scan", bank.groups[i], np.zeros(1, np.intp)) for i in scans]
     drawn = [AxesSource(np.concatenate(k) if k else None, layout) if axes else None for k in kept]
     return tuple(_merge_parts(bank, kinds, *each) for each in zip(spaces, parts, drawn, strict=True))
 
@@ -116,45 +115,73 @@ class AxesSource(NamedTuple):
 
 
 class ShapeGroup(NamedTuple):
-    """Some candidates that are alike in shape: which, their pattern, groups within a unit, and columns (b, K)."""
+    """Candidates that are alike in shape: which, their pattern, groups within a unit, and the sets of columns (b) of
+    the block that they see; several may see one."""
 
     which: tuple[int, ...]
     pattern: Pattern
     groups: int
-    columns: NDArray[np.intp]
+    sets: NDArray[np.intp]
 
 
-def _shape_groups(bank: Bank) -> list[ShapeGroup]:
-    """The candidates sorted by shape, few enough at a time for a processor's cache."""
-    by_shape: dict[tuple[Pattern, int, int], list[int]] = {}
+class ColumnBlock(NamedTuple):
+    """Sets of columns of one width, side by side, and the candidates that see them: few enough columns for a
+    processor's cache."""
+
+    at: slice
+    width: int
+    kinds: tuple[ShapeGroup, ...]
+
+
+def _column_blocks(bank: Bank) -> list[ColumnBlock]:
+    """The columns of a bank by width; those of one width stand side by side."""
+    ends: dict[int, slice] = {}
+    for made in bank.made:
+        width = made.at.stop - made.at.start
+        ends[width] = slice(ends.get(width, made.at).start, made.at.stop)
+    by_shape: dict[int, dict[tuple[Pattern, int], list[int]]] = {width: {} for width in ends}
     for i, (c, groups, at) in enumerate(zip(bank.candidates, bank.groups, bank.place, strict=True)):
-        if c.scans_visits:
-            continue
-        by_shape.setdefault((c.pattern, groups if c.pattern == "scan" else 1, at.stop - at.start), []).append(i)
-    kinds = []
-    for (pattern, groups, width), which in by_shape.items():
-        for some in (which[i : i + CANDIDATES_AT_ONCE] for i in range(0, len(which), CANDIDATES_AT_ONCE)):
-            columns = np.array([bank.place[i].start for i in some])[:, None] + np.arange(width)
-            kinds.append(ShapeGroup(tuple(some), pattern, groups, columns))
-    return kinds
+        if not c.scans_visits:
+            shape = c.pattern, groups if c.pattern == "scan" else 1
+            by_shape[at.stop - at.start].setdefault(shape, []).append(i)
+    return [
+        ColumnBlock(
+            at,
+            width,
+            tuple(
+                ShapeGroup(
+                    tuple(which), pattern, groups, np.array([bank.place[i].start - at.start for i in which]) // width
+                )
+                for (pattern, groups), which in by_shape[width].items()
+            ),
+        )
+        for width, at in ends.items()
+    ]
 
 
-def _products(columns: Floats, space: ResidualSpace, units: slice, kinds: Sequence[ShapeGroup]) -> list[NormalProducts]:
-    """The products of some units' white columns (U, M, C), of each kind."""
+def _products(block: ColumnBlock, columns: Floats, space: ResidualSpace, units: slice) -> Iterator[NormalProducts]:
+    """The products of some units' white columns (U, M, C) of a block, of each of its kinds: (b, U, K, …),
+    (b, U, G, K, …) of a scan, (b, K, …) summed over the units of a shared one."""
     Z = np.ascontiguousarray(columns.swapaxes(1, 2))
-    cross, readings = Z @ space.shared_basis[units], (Z @ space.data[units, :, None])[..., 0]
-    return [_group_products(kind, Z, cross, readings) for kind in kinds]
-
-
-def _group_products(kind: ShapeGroup, Z: Floats, cross: Floats, readings: Floats) -> NormalProducts:
-    """Those of one kind: (b, U, K, …), (b, U, G, K, …) of a scan, (b, K, …) summed over the units of a shared one."""
-    rows = Z[:, kind.columns]
-    if kind.pattern == "scan":
-        rows = rows.reshape(*rows.shape[:2], kind.groups, -1, rows.shape[-1])
-    normal = rows @ rows.swapaxes(-1, -2)
-    cross = cross[:, kind.columns].reshape(*normal.shape[:-1], -1)
-    found = NormalProducts(normal, cross, readings[:, kind.columns].reshape(normal.shape[:-1]))
-    return NormalProducts(*(x.sum(0) if kind.pattern == "shared" else x.swapaxes(0, 1) for x in found))
+    U, _, M = Z.shape
+    sets = Z.reshape(U, -1, block.width, M)
+    cross = (Z @ space.shared_basis[units]).reshape(*sets.shape[:3], -1)
+    readings = (Z @ space.data[units, :, None]).reshape(sets.shape[:3])
+    # Candidates that share a coefficient and those that do not see the same columns: one product serves both.
+    whole = sets @ sets.swapaxes(2, 3) if any(kind.pattern != "scan" for kind in block.kinds) else None
+    for kind in block.kinds:
+        if kind.pattern == "scan":
+            rows = sets[:, kind.sets].reshape(U, len(kind.sets), kind.groups, -1, M)
+            normal = rows @ rows.swapaxes(-1, -2)
+        else:
+            assert whole is not None
+            normal = whole[:, kind.sets]
+        found = NormalProducts(
+            normal,
+            cross[:, kind.sets].reshape(*normal.shape[:-1], -1),
+            readings[:, kind.sets].reshape(normal.shape[:-1]),
+        )
+        yield NormalProducts(*(x.sum(0) if kind.pattern == "shared" else x.swapaxes(0, 1) for x in found))
 
 
 def _merge_parts(
@@ -195,10 +222,10 @@ def _candidate_fits(
     likelihood = can.likelihoods(u, sets) if scan else can.likelihood(can.terms(u, sets), sets)
     odds = log_mean_exp(likelihood)
     evidence = (log_mean_exp(can.spread(odds)) if scan else odds)[:, 0]
+    retained = can if drawn is not None else can.without_cross()
     for i, which in enumerate(kind.which):
         axes = None if drawn is None else drawn.axes(bank, which, E[i])
-        one = can.of(i) if axes is not None else can.without_cross().of(i)
-        yield CandidateFit(one, u[i], likelihood[i, 0], float(evidence[i]), axes)
+        yield CandidateFit(retained.of(i), u[i], likelihood[i, 0], float(evidence[i]), axes)
 
 
 def _turned(columns: Array, E: Floats) -> Array:

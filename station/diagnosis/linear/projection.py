@@ -34,7 +34,7 @@ class DataColumns(NamedTuple):
         dwell = [np.zeros((*still, p.stop.shape[-1])) if p.dwell is None else p.dwell for p in parts]
         return DataColumns(stop, np.concatenate(dwell, axis=-1))
 
-    def only(self, columns: Array) -> "DataColumns":
+    def only(self, columns: Array | slice) -> "DataColumns":
         """Some of the columns."""
         return DataColumns(self.stop[..., columns], None if self.dwell is None else self.dwell[..., columns])
 

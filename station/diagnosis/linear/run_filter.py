@@ -60,7 +60,9 @@ class RunFilter:
     def whiten(self, rows: Array, out: Array | None = None) -> Array:
         """L⁻¹ times rows (U, R, m, c)."""
         if self.inverse.shape[1] == 1:
-            return np.asarray(np.matmul(self.inverse[self.member, 0], rows, out=out))
+            # Runs of one kind need no copy each of what they share.
+            inverse = self.inverse[0] if len(self.inverse) == 1 else self.inverse[self.member, 0]
+            return np.asarray(np.matmul(inverse, rows, out=out))
         observed, gain = self.observed[self.member], self.gain[self.member]
         white = self.inverse[self.member] @ self._split(rows)
         walk: Array = np.zeros((*white.shape[:2], 3, white.shape[-1]), white.dtype)
