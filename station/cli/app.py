@@ -23,6 +23,9 @@ _FOLDER = Path(__file__).parent
 
 #: A start makes a hundred thousand objects that stay: looking for garbage after every 700 takes a tenth of its time.
 _GC_THRESHOLDS = (50_000, 20, 100)
+#: Matrices are some hundred rows at most: a second thread of the linear algebra would only wait, and burn a processor
+#: as it does. Read where numpy is loaded; what the user has set stands.
+_LINEAR_ALGEBRA_THREADS = ("OPENBLAS_NUM_THREADS", "1")
 #: What typer answers to Ctrl-C, and the exit codes of docs/formats.md.
 _OUTPUT_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 _INTERRUPTED, _ABORTED_CODE, _BUG_CODE, _NOBODY_READS_CODE = 130, 4, 70, 3
@@ -31,6 +34,7 @@ _INTERRUPTED, _ABORTED_CODE, _BUG_CODE, _NOBODY_READS_CODE = 130, 4, 70, 3
 def main(args: Sequence[str] | None = None) -> None:
     """The entry point: the one place that catches. Exit codes: docs/formats.md."""
     gc.set_threshold(*_GC_THRESHOLDS)
+    os.environ.setdefault(*_LINEAR_ALGEBRA_THREADS)
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _raise_interrupt)
