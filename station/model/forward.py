@@ -145,18 +145,24 @@ def convert_output(scene: Scene, reading: Floats, active: ActiveEffects) -> Floa
 
 
 def signature(
-    scene: Scene, base: BaseResponse, effect: Effect, of: str = "", active: ActiveEffects = NO_EFFECTS
+    scene: Scene,
+    base: BaseResponse,
+    effect: Effect,
+    of: str = "",
+    active: ActiveEffects = NO_EFFECTS,
+    signal: Signal | None = None,
 ) -> list[Floats]:
     """Derivative (n, 3) of `forward` by each axis' coefficient, all groups of level `of` at once: one array an axis.
 
     Central differences about zero, with a step of a tenth of the typical size. A coefficient acts on its own
     group's rows (of bias-walk: on the rest of the run too), so the caller splits the rows by group.
-    of: one of effect.of, the first when left out; active: causes that are on beside this one.
+    of: one of effect.of, the first when left out; active: causes that are on beside this one; signal: what the sensors
+    feel with them, where it is known already.
     """
     of = of or effect.of[0]
     h = 0.1 * effect.parameter.typical * effect.parameter.scale(scene.recipe)
     groups = len(scene.group(of)[1])
-    signal = sensor_signal(scene, active)
+    signal = sensor_signal(scene, active) if signal is None else signal
     rest = Signal(scene, signal.at_visit[scene.visit], signal.at_visit)
     derivatives = []
     for step in np.eye(len(effect.columns)) * h:

@@ -8,6 +8,7 @@ is data, which is the magnitude.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -24,9 +25,10 @@ from station.model.forward import (
     BaseResponse,
     forward,
     resting_stimulus,
+    sensor_signal,
     signature,
 )
-from station.model.scene import Scene
+from station.model.scene import Scene, Signal
 
 #: Noise of a stop's mean beside that of its samples over √n, at the least: blue noise averages better than white.
 MIN_NOISE_RATIO = 0.5
@@ -34,7 +36,7 @@ MIN_NOISE_RATIO = 0.5
 MIN_GAIN_STIMULUS = 1e-3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ResidualView:
     """reduced stops, their grid, the simulation (base, active), keep (v, k, 3) from readings to numbers kept, and
     sigma: sd of a single sample within the stops."""
@@ -50,6 +52,16 @@ class ResidualView:
     def scene(self) -> Scene:
         """One row a stop."""
         return self.reduced.scene
+
+    @cached_property
+    def _signal(self) -> Signal:
+        """What the sensors feel at the stops; every signature begins with it."""
+        return sensor_signal(self.scene, self.active)
+
+    @cached_property
+    def _fine_signal(self) -> Signal:
+        """The same inside the blocks."""
+        return sensor_signal(self.reduced.fine, self.active)
 
     @property
     def min_variance(self) -> float:
@@ -93,8 +105,9 @@ class ResidualView:
         (v, B−1, 3, axes), None where the cause stands still during a stop."""
         r = self.reduced
         if not _varies_in_dwell(effect):
-            return np.stack(signature(r.scene, self.base, effect, of, self.active), axis=-1), None
-        parts = [r.reduce_fine(d) for d in signature(r.fine, self.base, effect, of, self.active)]
+            return np.stack(signature(r.scene, self.base, effect, of, self.active, self._signal), axis=-1), None
+        moving = signature(r.fine, self.base, effect, of, self.active, self._fine_signal)
+        parts = [r.reduce_fine(d) for d in moving]
         return np.stack([p[0] for p in parts], axis=-1), np.stack([p[1] for p in parts], axis=-1)
 
     def covariate_error(self, acting: ActiveEffect) -> Floats | None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special
+import scipy
 
 from station.diagnosis.candidates.bank import Bank, Candidate
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
@@ -140,5 +140,5 @@ def variance_surprise(gain: float, dof: int) -> float:
         return 0.0
     # With n degrees of freedom and y = e^(−2g/n) the tail is I_y(n/2, ½) ≤ y^(n/2) / (n/2 · B(n/2, ½) · √(1 − y)).
     half = 0.5 * dof
-    nats = gain + np.log(half) + special.betaln(half, 0.5) + 0.5 * np.log(-np.expm1(-gain / half))
+    nats = gain + np.log(half) + scipy.special.betaln(half, 0.5) + 0.5 * np.log(-np.expm1(-gain / half))
     return float((nats + np.log(2)) / np.log(10))

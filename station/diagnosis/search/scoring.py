@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +48,7 @@ class ScoringSetting:
         return ScoringSetting(layout, structure, self.known.of_units(chosen), self.data.of_units(chosen)), stops
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ScoringProblem:
     """View, the setting it makes, what is known and where, and the upper bounds (3) of the floor's variances.
 
@@ -78,6 +79,14 @@ class ScoringProblem:
 
     def fit(self, start: NoiseFloor | None = None, upper: Floats | None = None) -> noise_floor.FittedFloor:
         """The floor that fits best."""
+        return self._best if start is None and upper is None else self._fitted(start, upper)
+
+    @cached_property
+    def _best(self) -> noise_floor.FittedFloor:
+        """The floor that fits best from where the search for it begins: every step that meets a problem asks for it."""
+        return self._fitted(None, None)
+
+    def _fitted(self, start: NoiseFloor | None, upper: Floats | None) -> noise_floor.FittedFloor:
         rows, count = self.readings(moving=False)
         upper = self.upper if upper is None else upper
         return noise_floor.fit(

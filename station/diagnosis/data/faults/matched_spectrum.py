@@ -66,8 +66,7 @@ class MatchedSpectrum:
             return None
         found, shape = power[band], 3.0 * np.count_nonzero(used)
         usual = float(scipy.special.gammaincinv(shape, 0.5))
-        blocks = np.array_split(found, len(found) // BACKGROUND_LINES)
-        background = np.concatenate([np.full(len(some), np.median(some)) for some in blocks])
+        background = _block_medians(found, len(found) // BACKGROUND_LINES)
         level = found / np.maximum(background, 1e-300) * usual
         best = int(level.argmax())
         tried = float(np.count_nonzero(band))
@@ -76,3 +75,11 @@ class MatchedSpectrum:
             return None
         strongest = np.asarray(frequency[band][np.argsort(level)[-NEAR_LINES:]], float)
         return strongest, float(level[best] - usual - np.log(tried))
+
+
+def _block_medians(values: Floats, blocks: int) -> Floats:
+    """The median (n) of the block of each of some values (n), in so many blocks; the first are longer by one."""
+    size, longer = divmod(len(values), blocks)
+    cut = longer * (size + 1)
+    parts = values[:cut].reshape(longer, size + 1), values[cut:].reshape(blocks - longer, size)
+    return np.concatenate([np.repeat(np.median(part, axis=1), part.shape[1]) for part in parts])

@@ -215,10 +215,21 @@ def _gains(spectrum: PowerSpectrum) -> Floats:
     power, place = spectrum.power, np.arange(len(spectrum.power))
     far = np.abs(place[:, None] - place)
     around = (far > LINE_BINS) & (far <= BACKGROUND_BINS)
-    background = np.array([np.median(power[near], axis=0) if near.any() else np.full(3, np.inf) for near in around])
+    background = _medians(power, around)
     known = spectrum.stops / (1 + np.pi / 2 * OVERSAMPLING / np.maximum(around.sum(1), 1))
     ratio = np.maximum(power / np.maximum(background, 1e-300), 1.0)
     return np.asarray(known * np.sum(ratio - 1 - np.log(ratio), axis=1))
+
+
+def _medians(values: Floats, near: NDArray[np.bool_]) -> Floats:
+    """Medians (n, 3) of those of the values (m, 3) that are near each place (n, m); infinite where none is. Places with
+    as many neighbours are gone through together."""
+    count = near.sum(1)
+    found = np.full((len(near), values.shape[1]), np.inf)
+    for many in np.unique(count[count > 0]):
+        places = np.flatnonzero(count == many)
+        found[places] = np.median(values[np.nonzero(near[places])[1].reshape(-1, many)], axis=1)
+    return found
 
 
 def _refine_frequency(d: WhiteDwells, frequency_hz: float) -> float:
