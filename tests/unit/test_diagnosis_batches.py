@@ -1,0 +1,89 @@
+"""What the diagnosis computes for many at once is what it is for each alone."""
+
+import os
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station.cli.app import main
+from station.diagnosis.candidates.projected_bank import project_bank
+from station.diagnosis.data.faults import matched_spectrum, motor_tone
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.linear import projection
+from station.diagnosis.search.cause_search import build_banks
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.model.model_file import Model
+from tests.blind.bench import WHITE, hide
+from tests.blind.recipes import recipe
+
+
+@pytest.fixture(scope="module")
+def problem() -> Any:
+    table, _ = hide(recipe(2), None, 3, units=2, floor=WHITE)
+    return initial_problem(reduce_samples(recipe(2), table), FloorAllowance.of(recipe(2), Model()))
+
+
+def test_a_candidate_of_the_bank_shows_what_it_shows_alone(problem: Any) -> None:
+    space, layout = problem.space(problem.fit().floor, moving=False), problem.view.layout
+    bank = build_banks(problem.view)[0]
+    (whole,) = project_bank(bank, layout, [space])
+    patterns = set()
+    for c, found in zip(bank.candidates, whole.found, strict=True):
+        if c.scans_visits:
+            continue
+        Z = space.project(c.rows(layout))
+        groups = found.spectrum.m.shape[1] if c.pattern == "scan" else 1
+        parts = Z.reshape(*Z.shape[:2], groups, -1)
+        normal = np.einsum("umgi,umgj->ugij", parts, parts)
+        m = {"own": normal[:, 0], "shared": normal[:, 0].sum(0), "scan": normal}[c.pattern]
+        # What a calibration takes up is rounding beside what was there.
+        length = float(np.sum(space.covariance.whiten(c.rows(layout), 0) ** 2))
+        np.testing.assert_allclose(found.spectrum.m, np.linalg.eigvalsh(m), rtol=1e-9, atol=1e-7 * length)
+        patterns.add(c.pattern)
+    assert patterns == {"own", "shared", "scan"}
+
+
+def test_a_floor_is_fitted_once_for_a_problem(problem: Any) -> None:
+    assert problem.fit() is problem.fit()
+    assert problem.fit(problem.fit().floor) is not problem.fit()
+
+
+@pytest.mark.parametrize("apart", [1.0, 1e-2, 1e-5, 0.0])
+def test_a_basis_is_one_however_near_its_columns_are(apart: float) -> None:
+    rng = np.random.default_rng(1)
+    columns = rng.standard_normal((3, 40, 4))
+    columns[:, :, 3] = columns[:, :, 0] + apart * columns[:, :, 3]
+    basis, rank, logdet = projection._basis(columns)
+    assert rank == (12 if apart else 9)
+    unit = basis.swapaxes(1, 2) @ basis
+    np.testing.assert_allclose(np.linalg.eigvalsh(unit)[:, 1:], 1.0, atol=1e-11)
+    np.testing.assert_allclose(basis @ (basis.swapaxes(1, 2) @ columns), columns, atol=1e-10)
+    if apart:
+        expected = np.linalg.slogdet(columns.swapaxes(1, 2) @ columns)[1].sum()
+        assert logdet == pytest.approx(expected, rel=1e-5 if apart < 1e-3 else 1e-11)
+
+
+def test_medians_of_many_windows_and_blocks_are_those_of_each() -> None:
+    rng = np.random.default_rng(2)
+    values = rng.exponential(size=(60, 3))
+    far = np.abs(np.arange(60)[:, None] - np.arange(60))
+    near = (far > 2) & (far <= 9)
+    near[5] = False
+    found = motor_tone._medians(values, near)
+    each = [np.median(values[n], axis=0) if n.any() else np.full(3, np.inf) for n in near]
+    np.testing.assert_array_equal(found, each)
+    blocks = [np.full(len(some), np.median(some)) for some in np.array_split(values[:, 0], 7)]
+    np.testing.assert_array_equal(matched_spectrum._block_medians(values[:, 0], 7), np.concatenate(blocks))
+
+
+@pytest.mark.parametrize(("before", "after"), [(None, "1"), ("3", "3")])
+def test_the_linear_algebra_has_one_thread_unless_told(
+    before: str | None, after: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", before or "")
+    if before is None:
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    with pytest.raises(SystemExit):
+        main(["--version"])
+    assert os.environ["OPENBLAS_NUM_THREADS"] == after
