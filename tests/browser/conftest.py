@@ -68,13 +68,11 @@ def driver_url(programs: tuple[str, str]) -> Iterator[str]:
         yield url
 
 
-@pytest.fixture
-def open_browser(programs: tuple[str, str], driver_url: str) -> Iterator[Callable[..., Browser]]:
-    """Makes windows; all are closed with the test, since a page left open goes on drawing."""
+def _windows(program: str, driver_url: str) -> Iterator[Callable[..., Browser]]:
     opened: list[Browser] = []
 
     def make(size: tuple[int, int] = (1280, 800), language: str = "en") -> Browser:
-        opened.append(Browser(driver_url, programs[0], size, language))
+        opened.append(Browser(driver_url, program, size, language))
         return opened[-1]
 
     yield make
@@ -83,8 +81,19 @@ def open_browser(programs: tuple[str, str], driver_url: str) -> Iterator[Callabl
 
 
 @pytest.fixture
-def log_in(open_browser: Callable[..., Browser]) -> Callable[..., Browser]:
-    """A window in which somebody has logged in."""
+def open_browser(programs: tuple[str, str], driver_url: str) -> Iterator[Callable[..., Browser]]:
+    """Makes windows; all are closed with the test, since a page left open goes on drawing."""
+    yield from _windows(programs[0], driver_url)
+
+
+@pytest.fixture(scope="module")
+def open_shared(programs: tuple[str, str], driver_url: str) -> Iterator[Callable[..., Browser]]:
+    """The same for windows that the tests of a file share."""
+    yield from _windows(programs[0], driver_url)
+
+
+def logging_in(open_browser: Callable[..., Browser]) -> Callable[..., Browser]:
+    """Opens a window in which somebody has logged in."""
 
     def make(site: Site, name: str = "olga", **options: object) -> Browser:
         browser = open_browser(**options)
@@ -97,6 +106,12 @@ def log_in(open_browser: Callable[..., Browser]) -> Callable[..., Browser]:
     return make
 
 
+@pytest.fixture
+def log_in(open_browser: Callable[..., Browser]) -> Callable[..., Browser]:
+    """A window in which somebody has logged in."""
+    return logging_in(open_browser)
+
+
 @pytest.fixture(scope="session")
 def people() -> dict[str, Account]:
     hashed = accounts.hash_password(PASSWORD)
@@ -104,12 +119,10 @@ def people() -> dict[str, Account]:
     return {name: Account(name, role, hashed) for name, role in names.items()}
 
 
-@pytest.fixture
-def serve(people: dict[str, Account], tmp_path: Path) -> Iterator[Callable[..., Site]]:
-    """Starts panel processes on simulated stations."""
+def _panels(people: dict[str, Account], own: Path) -> Iterator[Callable[..., Site]]:
     running: list[subprocess.Popen[str]] = []
 
-    def start(*more: str, folder: Path = tmp_path) -> Site:
+    def start(*more: str, folder: Path = own) -> Site:
         accounts.save(folder / "accounts.json", people)
         words = ["panel", "--simulate", "--db", str(folder / "station.db"), "--port", "0", *more]
         process = subprocess.Popen(
@@ -125,6 +138,18 @@ def serve(people: dict[str, Account], tmp_path: Path) -> Iterator[Callable[..., 
         process.wait(15)
         assert process.stdout is not None
         process.stdout.close()
+
+
+@pytest.fixture
+def serve(people: dict[str, Account], tmp_path: Path) -> Iterator[Callable[..., Site]]:
+    """Starts panel processes on simulated stations."""
+    yield from _panels(people, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def serve_shared(people: dict[str, Account], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Site]]:
+    """The same for panels that the tests of a file share."""
+    yield from _panels(people, tmp_path_factory.mktemp("panel"))
 
 
 @pytest.fixture(scope="session")

@@ -42,10 +42,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def test_pages_are_accessible_on_every_screen(
-    serve: Callable[..., Site], log_in: Callable[..., Browser], axe: str, folder: Path
-) -> None:
-    site = serve(folder=folder)
+@pytest.fixture(scope="module")
+def site(serve_shared: Callable[..., Site], folder: Path) -> Site:
+    """A panel on that log."""
+    return serve_shared(folder=folder)
+
+
+def test_pages_are_accessible_on_every_screen(site: Site, log_in: Callable[..., Browser], axe: str) -> None:
     page = log_in(site, "emil")
     for at in PAGES:
         page.go(f"{site.url}{at}")
@@ -62,16 +65,13 @@ def test_pages_are_accessible_on_every_screen(
             assert small == [], "a finger needs 44 px"
 
 
-def test_the_log_in_is_accessible(serve: Callable[..., Site], open_browser: Callable[..., Browser], axe: str) -> None:
+def test_the_log_in_is_accessible(site: Site, open_browser: Callable[..., Browser], axe: str) -> None:
     page = open_browser()
-    page.go(serve().url)
+    page.go(site.url)
     assert judged(page, axe) == []
 
 
-def test_the_languages_of_the_page(
-    serve: Callable[..., Site], open_browser: Callable[..., Browser], axe: str, folder: Path, pictures: Path
-) -> None:
-    site = serve(folder=folder)
+def test_the_languages_of_the_page(site: Site, open_browser: Callable[..., Browser], axe: str, pictures: Path) -> None:
     page = open_browser(language="de")
     page.go(site.url)
     assert "Anmelden" in page.text("main")
@@ -88,9 +88,8 @@ def test_the_languages_of_the_page(
 
 
 def test_an_auditor_finds_a_unit_and_computes_it_again(
-    serve: Callable[..., Site], log_in: Callable[..., Browser], folder: Path, pictures: Path
+    site: Site, log_in: Callable[..., Browser], pictures: Path
 ) -> None:
-    site = serve(folder=folder)
     page = log_in(site, "ada")
     page.go(f"{site.url}/audit")
     page.type("#serial", "SN000*")

@@ -13,7 +13,7 @@ import pytest
 from station.wiring.jobs import load_job
 from tests.browser import likeness
 from tests.browser.chrome import Browser
-from tests.browser.conftest import Site
+from tests.browser.conftest import Site, logging_in
 from tests.browser.judge import judged
 from tests.browser.scenes import SIZES, STATES, Scene
 from tests.fakes import fixture_run
@@ -26,6 +26,14 @@ WHOLE = bool(os.environ.get("STATION_PICTURES"))
 TURNED = {"axis": [0, 0, 1], "angle_deg": 180}
 RUNS = [{"seating": "home", "order": "listed"}, {"seating": "turned", "order": "reversed"}]
 
+#: Bars glide to their place: two pictures later every glide has begun, and is taken to its end.
+_AT_REST = """
+const done = arguments[0];
+requestAnimationFrame(() => requestAnimationFrame(() => {
+  document.getAnimations().filter((a) => a instanceof CSSTransition).forEach((a) => a.finish());
+  requestAnimationFrame(done);
+}));
+"""
 #: What is cut off or lies beyond the window, where the page should have grown instead.
 _CLIPPED = """
 const wide = document.documentElement.clientWidth;
@@ -40,13 +48,17 @@ _FONT_PX = "return parseFloat(getComputedStyle(document.querySelector(arguments[
 _BOX = "const b = document.querySelector(arguments[0]).getBoundingClientRect(); return [b.width, b.height]"
 
 
-@pytest.fixture
-def stage(serve: Callable[..., Site], log_in: Callable[..., Browser], tmp_path: Path) -> Iterator[tuple[Browser, Any]]:
+@pytest.fixture(scope="module")
+def stage(
+    serve_shared: Callable[..., Site],
+    open_shared: Callable[..., Browser],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[tuple[Browser, Any]]:
     """A page in a browser, and what puts it into a state."""
-    recipe = fixture_run.recipe(tmp_path, seatings={"turned": TURNED}, runs=RUNS)
-    site = serve("--recipe", recipe)
+    recipe = fixture_run.recipe(tmp_path_factory.mktemp("recipe"), seatings={"turned": TURNED}, runs=RUNS)
+    site = serve_shared("--recipe", recipe)
     scene = Scene(site.database, load_job(recipe)[0].recipe, os.getpid())
-    page = log_in(site)
+    page = logging_in(open_shared)(site)
 
     held = ExitStack()
 
@@ -59,7 +71,7 @@ def stage(serve: Callable[..., Site], log_in: Callable[..., Browser], tmp_path: 
         page.go(f"{site.url}/?language={language}&theme={theme}")
         page.wait(f"document.body.dataset.state === '{state}' && document.fonts.status === 'loaded'")
         page.script("document.activeElement.blur()")
-        page.later("setTimeout(arguments[0], 250)")  # bars glide to their place
+        page.later(_AT_REST)
 
     with held:
         yield page, show

@@ -195,14 +195,14 @@ def test_two_screens_and_a_lost_connection_show_the_same_truth(serve: Serve, log
 
 
 def test_a_panel_that_dies_hurts_no_run_and_finds_it_again(serve: Serve, log_in: LogIn) -> None:
-    site = serve("--pace", "0.5")
+    site = serve("--pace", "1")
     page = log_in(site)
     scan(page, "SN0001")
     page.click("#start")
     page.wait("document.querySelector('.line [data-is=now] .name').textContent === 'z-down'", 60)
     site.process.kill()
     page.wait("document.body.dataset.lost === 'true'", 5)
-    again = log_in(serve("--pace", "0.5"))
+    again = log_in(serve("--pace", "1"))
     done = "document.querySelectorAll('.line [data-is=done]').length >= 2"
     again.wait(f"document.body.dataset.running === 'true' && {done}", 2)
     again.click("#stop")
@@ -238,8 +238,8 @@ def test_hundreds_of_updates_leave_nothing_behind(serve: Serve, log_in: LogIn, t
             page.wait(observed.format(number), 5)
         return page.memory()
 
-    before = rounds(1, 60)
-    after = rounds(60, 360)
-    assert after["Nodes"] <= before["Nodes"] + 50
+    before = rounds(1, 40)
+    after = rounds(40, 240)
+    assert after["Nodes"] <= before["Nodes"] + 33
     assert after["JSEventListeners"] <= before["JSEventListeners"]
-    assert after["JSHeapUsedSize"] < before["JSHeapUsedSize"] + 300_000
+    assert after["JSHeapUsedSize"] < before["JSHeapUsedSize"] + 200_000
