@@ -4,8 +4,6 @@ The same run, faults, deaths and recovery over CANopen, UDS and frame templates;
 """
 
 import struct
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -19,6 +17,7 @@ from station.wiring.jobs import check_product
 from station.wiring.run_order import RunOrder
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
+from tests.fakes.killed_run import killed
 
 SERIAL = "SN0001"
 #: Product of each protocol, and what its device port is called in tests/fakes/killed_run.py.
@@ -143,10 +142,7 @@ def test_after_a_death_the_next_start_knows_everything(
     tmp_path: Path, protocol: str, port: str, method: str, number: int
 ) -> None:
     of_run = recipe(tmp_path, protocol)
-    killed = [PORTS[protocol] if port == "device" else port, method, str(number), of_run]
-    command = [sys.executable, "-m", "tests.fakes.killed_run", str(tmp_path), *killed]
-    root = Path(__file__).resolve().parents[2]
-    assert subprocess.run(command, cwd=root, capture_output=True, check=False, timeout=100).returncode == 137
+    assert killed(tmp_path, PORTS[protocol] if port == "device" else port, method, number, of_run) == 137
     state = flash(Ran(tmp_path), protocol)
     assert Ran(tmp_path).life(SERIAL)["outcome"] is None
     assert state in ("old", "new"), "flash is written whole or not at all"

@@ -1,14 +1,13 @@
-"""`python -m tests.fakes.killed_run FOLDER PORT METHOD N [RECIPE]`: a simulated run that dies at the n-th call.
+"""A simulated run that dies at the n-th call.
 
-PORT and METHOD name what is called (store write, device download …); death comes before the call (N > 0) or just
-after it (N < 0). Exit code 137 says that it died, 0 that the run ended before.
+Port and method name what is called (store write, device download …); death comes before the call (n > 0) or just
+after it (n < 0). Exit code 137 says that it died, 0 that the run ended before.
 """
 
+import multiprocessing
 import os
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.object_access.device import ObjectDevice
@@ -35,14 +34,15 @@ def deadly(call: Callable[..., object], number: int) -> Callable[..., object]:
     return dying
 
 
-def main() -> None:
-    """See the top of the file."""
-    folder, port, method, number, *recipe = sys.argv[1:]
+def killed(folder: Path, port: str, method: str, number: int, recipe: str | None = None) -> int | None:
+    """The exit code of a run in a process of its own: a fork, which has everything loaded."""
+    process = multiprocessing.get_context("fork").Process(target=_run, args=(folder, port, method, number, recipe))
+    process.start()
+    process.join(100)
+    return process.exitcode
+
+
+def _run(folder: Path, port: str, method: str, number: int, recipe: str | None) -> None:
     kind = PORTS[port]
-    setattr(kind, method, deadly(getattr(kind, method), int(number)))
-    order: dict[str, Any] = {"recipe": recipe[0]} if recipe else {}
-    fixture_run.run(Path(folder), seed=2, **order)
-
-
-if __name__ == "__main__":
-    main()
+    setattr(kind, method, deadly(getattr(kind, method), number))
+    fixture_run.run(folder, seed=2, **({"recipe": recipe} if recipe else {}))

@@ -1,7 +1,6 @@
 """The process dies in mid-run: nothing recorded is lost, the attempt is INTERRUPTED, a half-written unit is known."""
 
-import subprocess
-import sys
+import shutil
 from pathlib import Path
 
 import pytest
@@ -9,6 +8,7 @@ import pytest
 from station.domain.core.types import Outcome
 from tests.fakes import fixture_run
 from tests.fakes.fixture_run import Ran
+from tests.fakes.killed_run import killed
 
 #: Where it dies: port, method, call; below 0: just after the call. The run makes 19
 #: writes and a save; the fact of one and the intent of the next are one call.
@@ -28,15 +28,32 @@ DEATHS = [
 ]
 
 
-def killed(folder: Path, port: str, method: str, number: int) -> int:
-    command = [sys.executable, "-m", "tests.fakes.killed_run", str(folder), port, method, str(number)]
-    root = Path(__file__).resolve().parents[2]
-    return subprocess.run(command, cwd=root, capture_output=True, check=False, timeout=100).returncode
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a unit that has passed."""
+    folder = tmp_path_factory.mktemp("calibrated") / "folder"
+    folder.mkdir()
+    fixture_run.run(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def half_written(calibrated: Path) -> tuple[Path, list[float]]:
+    """A unit whose save lost power half-way: old offset, new matrix or the other way round. Its old values."""
+    folder = calibrated.with_name("torn")
+    shutil.copytree(calibrated, folder)
+    old = Ran(folder).coefficients("SN0001")
+    torn = fixture_run.run(folder, seed=2, faults=("save-torn",))
+    assert torn.results["SN0001"].outcome is Outcome.ERROR
+    assert Ran(folder).coefficients("SN0001") != old
+    return folder, old
 
 
 @pytest.mark.parametrize(("port", "method", "number"), DEATHS)
-def test_after_a_death_the_next_start_knows_everything(tmp_path: Path, port: str, method: str, number: int) -> None:
-    fixture_run.run(tmp_path)  # an older calibration is in the flash
+def test_after_a_death_the_next_start_knows_everything(
+    calibrated: Path, tmp_path: Path, port: str, method: str, number: int
+) -> None:
+    shutil.copytree(calibrated, tmp_path, dirs_exist_ok=True)  # an older calibration is in the flash
     old = Ran(tmp_path).coefficients("SN0001")
     assert killed(tmp_path, port, method, number) == 137
     after = Ran(tmp_path).coefficients("SN0001")
@@ -55,18 +72,10 @@ def test_after_a_death_the_next_start_knows_everything(tmp_path: Path, port: str
     assert again.coefficients("SN0001") not in (old, after) or left["outcome"] == "PASS"
 
 
-def half_written(folder: Path) -> list[float]:
-    """A unit whose save lost power half-way: old offset, new matrix or the other way round. Its old values."""
-    fixture_run.run(folder)
-    old = Ran(folder).coefficients("SN0001")
-    torn = fixture_run.run(folder, seed=2, faults=("save-torn",))
-    assert torn.results["SN0001"].outcome is Outcome.ERROR
-    assert Ran(folder).coefficients("SN0001") != old
-    return old
-
-
-def test_a_half_written_unit_is_held_and_the_remedy_named(tmp_path: Path) -> None:
-    half_written(tmp_path)
+def test_a_half_written_unit_is_held_and_the_remedy_named(
+    half_written: tuple[Path, list[float]], tmp_path: Path
+) -> None:
+    shutil.copytree(half_written[0], tmp_path, dirs_exist_ok=True)
     held = fixture_run.run(tmp_path, seed=3)
     r = held.results["SN0001"]
     assert (r.outcome, r.written) == (Outcome.FAIL, False)
@@ -76,11 +85,14 @@ def test_a_half_written_unit_is_held_and_the_remedy_named(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("restore", [True, False])
-def test_recovery_makes_it_whole_and_the_next_run_takes_it(tmp_path: Path, restore: bool) -> None:
+def test_recovery_makes_it_whole_and_the_next_run_takes_it(
+    half_written: tuple[Path, list[float]], tmp_path: Path, restore: bool
+) -> None:
     from station.cli._recover import recover_unit
     from station.wiring.run_order import RunOrder
 
-    old = half_written(tmp_path)
+    torn_folder, old = half_written
+    shutil.copytree(torn_folder, tmp_path, dirs_exist_ok=True)
     order = RunOrder(simulate=True, database=tmp_path / "station.db", device_state=tmp_path / "devices")
     assert recover_unit(order, "SN0001", None, None, as_json=False) == 1
     assert recover_unit(order, "SN0001", None, "restore" if restore else "continue", as_json=False) == 0
@@ -99,12 +111,14 @@ def test_recovery_makes_it_whole_and_the_next_run_takes_it(tmp_path: Path, resto
     assert again.results["SN0001"].outcome is Outcome.PASS
 
 
-def test_a_unit_nobody_interrupted_needs_no_recovery(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_unit_nobody_interrupted_needs_no_recovery(
+    calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     from station.cli._recover import recover_unit
     from station.errors import UsageError
     from station.wiring.run_order import RunOrder
 
-    fixture_run.run(tmp_path)
+    shutil.copytree(calibrated, tmp_path, dirs_exist_ok=True)
     order = RunOrder(simulate=True, database=tmp_path / "station.db", device_state=tmp_path / "devices")
     before = (tmp_path / "devices" / "SN0001.json").read_text()
     assert recover_unit(order, "SN0001", None, "restore", as_json=False) == 0
