@@ -78,37 +78,13 @@ MIXED = [
 ]
 
 
-class BusSuite:
-    """Conformance of one kind of bus; subclasses define the fixture `rig`."""
-
-    def test_a_stream_hears_its_ids_and_every_error(self, rig: Rig) -> None:
-        stream = rig.bus(frames_of(*MIXED)).stream((0x181, 0x1FFF_FFFF | EXTENDED))
-        rig.play()
-        expected = [r for r in MIXED if r[0] in (0x181, 0x181 | REMOTE, 0x1FFF_FFFF | EXTENDED) or r[0] & ERROR]
-        self._same(rig, collect(stream, len(expected)), expected)
-
-    def test_a_service_hears_its_ids_and_no_error(self, rig: Rig) -> None:
-        service = rig.bus(frames_of(*MIXED)).service((0x182, 0x181 | EXTENDED))
-        rig.play()
-        self._same(rig, collect(service, 2), [MIXED[1], MIXED[2]])
-
-    def test_a_service_without_ids_hears_everything_but_errors(self, rig: Rig) -> None:
-        service = rig.bus(frames_of(*MIXED)).service(())
-        rig.play()
-        expected = [r for r in MIXED if not r[0] & ERROR]
-        self._same(rig, collect(service, len(expected)), expected)
+class FramesSuite:
+    """What any source of frames promises of them; subclasses define the fixture `rig`."""
 
     def test_a_stream_without_ids_hears_everything(self, rig: Rig) -> None:
         stream = rig.bus(frames_of(*MIXED)).stream(())
         rig.play()
         self._same(rig, collect(stream, len(MIXED)), MIXED)
-
-    def test_each_channel_hears_for_itself(self, rig: Rig) -> None:
-        bus = rig.bus(frames_of(*MIXED[:6]))
-        first, second = bus.stream((0x181,)), bus.service((0x182,))
-        rig.play()
-        self._same(rig, collect(first, 2), [MIXED[0], MIXED[3]])
-        self._same(rig, collect(second, 1), [MIXED[1]])
 
     def test_random_frames_arrive_as_they_were(self, rig: Rig, rng: np.random.Generator) -> None:
         ids = [int(rng.integers(0x800)) if i % 2 else int(rng.integers(0x2000_0000)) | EXTENDED for i in range(300)]
@@ -116,13 +92,6 @@ class BusSuite:
         stream = rig.bus(frames_of(*sent)).stream(())
         rig.play()
         self._same(rig, collect(stream, 300), sent)
-
-    def test_a_burst_is_not_lost(self, rig: Rig) -> None:
-        sent = [(0x181, i.to_bytes(4, "little")) for i in range(5000)]
-        stream = rig.bus(frames_of(*sent)).stream((0x181,))
-        rig.play()
-        self._same(rig, collect(stream, 5000), sent)
-        assert stream.drops() == 0
 
     def test_arrays_have_their_types_shapes_and_order(self, rig: Rig) -> None:
         sent = frames_of(*MIXED[:6])
@@ -143,6 +112,52 @@ class BusSuite:
             assert np.abs((received.time_ns - received.time_ns[0]) - (sent.time_ns - sent.time_ns[0])).max() <= 1000
         else:
             assert received.time_ns[-1] - received.time_ns[0] < 10_000 * MS
+
+    @staticmethod
+    def _same(rig: Rig, received: Frames, sent: list[tuple[int, bytes]]) -> None:
+        rows = [(i, b"" if i & REMOTE else d) for i, d in rows_of(received)]
+        expected = [(i, b"" if i & REMOTE else d) for i, d in sent]
+        if not rig.keeps_errors:
+            rows = [(ERROR, b"") if i & ERROR else (i, d) for i, d in rows]
+            expected = [(ERROR, b"") if i & ERROR else (i, d) for i, d in expected]
+        assert rows == expected
+        lengths = [int(n) for n, i in zip(received.length, received.can_id, strict=True) if not i & ERROR]
+        assert lengths == [len(d) for i, d in sent if not i & ERROR]
+
+
+class BusSuite(FramesSuite):
+    """Conformance of one kind of bus."""
+
+    def test_a_stream_hears_its_ids_and_every_error(self, rig: Rig) -> None:
+        stream = rig.bus(frames_of(*MIXED)).stream((0x181, 0x1FFF_FFFF | EXTENDED))
+        rig.play()
+        expected = [r for r in MIXED if r[0] in (0x181, 0x181 | REMOTE, 0x1FFF_FFFF | EXTENDED) or r[0] & ERROR]
+        self._same(rig, collect(stream, len(expected)), expected)
+
+    def test_a_service_hears_its_ids_and_no_error(self, rig: Rig) -> None:
+        service = rig.bus(frames_of(*MIXED)).service((0x182, 0x181 | EXTENDED))
+        rig.play()
+        self._same(rig, collect(service, 2), [MIXED[1], MIXED[2]])
+
+    def test_a_service_without_ids_hears_everything_but_errors(self, rig: Rig) -> None:
+        service = rig.bus(frames_of(*MIXED)).service(())
+        rig.play()
+        expected = [r for r in MIXED if not r[0] & ERROR]
+        self._same(rig, collect(service, len(expected)), expected)
+
+    def test_each_channel_hears_for_itself(self, rig: Rig) -> None:
+        bus = rig.bus(frames_of(*MIXED[:6]))
+        first, second = bus.stream((0x181,)), bus.service((0x182,))
+        rig.play()
+        self._same(rig, collect(first, 2), [MIXED[0], MIXED[3]])
+        self._same(rig, collect(second, 1), [MIXED[1]])
+
+    def test_a_burst_is_not_lost(self, rig: Rig) -> None:
+        sent = [(0x181, i.to_bytes(4, "little")) for i in range(5000)]
+        stream = rig.bus(frames_of(*sent)).stream((0x181,))
+        rig.play()
+        self._same(rig, collect(stream, 5000), sent)
+        assert stream.drops() == 0
 
     def test_silence_is_no_frames_at_once(self, rig: Rig) -> None:
         stream = rig.bus(frames_of(MIXED[0])).stream((0x111,))
@@ -182,14 +197,3 @@ class BusSuite:
         assert bus.name
         assert bus.state() in STATES
         assert bus.stream(()).drops() == 0
-
-    @staticmethod
-    def _same(rig: Rig, received: Frames, sent: list[tuple[int, bytes]]) -> None:
-        rows = [(i, b"" if i & REMOTE else d) for i, d in rows_of(received)]
-        expected = [(i, b"" if i & REMOTE else d) for i, d in sent]
-        if not rig.keeps_errors:
-            rows = [(ERROR, b"") if i & ERROR else (i, d) for i, d in rows]
-            expected = [(ERROR, b"") if i & ERROR else (i, d) for i, d in expected]
-        assert rows == expected
-        lengths = [int(n) for n, i in zip(received.length, received.can_id, strict=True) if not i & ERROR]
-        assert lengths == [len(d) for i, d in sent if not i & ERROR]
