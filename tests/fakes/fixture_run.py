@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -101,19 +102,22 @@ def run(
     return ran
 
 
+@cache
+def _shipped(name: str) -> dict[str, Any]:
+    return dict(yaml.safe_load((shipped_folder() / name).read_text()))
+
+
 def recipe(folder: Path, name: str = "six-point", **changes: Any) -> str:
     """A shipped recipe with top-level blocks changed, as a file in `folder`; a block None is taken out."""
-    document = yaml.safe_load((shipped_folder() / "recipes" / f"{name}.yaml").read_text())
-    document.update(changes)
+    document = {**_shipped(f"recipes/{name}.yaml"), **changes}
     path = folder / f"{name}-changed.yaml"
-    path.write_text(yaml.safe_dump({k: v for k, v in document.items() if v is not None}))
+    path.write_text(json.dumps({k: v for k, v in document.items() if v is not None}))
     return str(path)
 
 
 def config(folder: Path, **changes: Any) -> Path:
     """The shipped config.yaml with blocks changed."""
-    document = yaml.safe_load((shipped_folder() / "config.yaml").read_text())
-    document.update(changes)
+    document = {**_shipped("config.yaml"), **changes}
     path = folder / "config.yaml"
-    path.write_text(yaml.safe_dump({k: v for k, v in document.items() if v is not None}))
+    path.write_text(json.dumps({k: v for k, v in document.items() if v is not None}))
     return path
