@@ -1,6 +1,6 @@
 """Frames lost at a full 1 Mbit/s while the run, a second calibration, the page and the store work beside the receiver.
 
-    python tests/endurance/full_bus.py [--seconds 60] [--buffer BYTES] [--idle] [--json]
+    python tests/endurance/full_bus.py [--seconds 60] [--buffer BYTES] [--dwell 1.0] [--idle] [--json]
 
 Four simulated devices in a process of their own send 9,008 readings a second (a classic bus at 1 Mbit/s carries 9,009
 frames of 8 bytes), each at its device's own clock. The station takes load after load of them through six positions:
@@ -197,21 +197,23 @@ def calibrate(over: threading.Event, done: Counter[str]) -> None:
         done["calibrations"] += sum(1 for _ in pipeline.calibrate(recipe, table, "2026-01-01"))
 
 
-def order(folder: Path) -> RunOrder:
+def order(folder: Path, dwell_s: float) -> RunOrder:
     """The station: six short stops, a drive that is there at once."""
     recipe, config = (
         yaml.safe_load((shipped_folder() / f).read_text()) for f in ("recipes/six-point.yaml", "config.yaml")
     )
     sheet = {**recipe["device"], "rate_hz": RATE_HZ, "clock_tolerance_ppm": 1000}
     limits = {"rule": "simple", "offset": 0.2, "residual": 0.05}
-    (folder / "recipe.yaml").write_text(yaml.safe_dump({**recipe, "device": sheet, "limits": limits}))
+    (folder / "recipe.yaml").write_text(
+        yaml.safe_dump({**recipe, "device": sheet, "limits": limits, "dwell": {"time_s": dwell_s}})
+    )
     drive = {"kind": "simulated", "speed_deg_s": 3600, "acceleration_deg_s2": 36000}
     bus = {"interface": "socketcan", "channel": "full-bus"}  # whose place the UDP sockets take
     (folder / "config.yaml").write_text(yaml.safe_dump({**config, "bus": bus, "positioner": drive}))
     return RunOrder(str(folder / "recipe.yaml"), folder / "config.yaml", folder / "station.db")
 
 
-def measure(seconds: float, buffer: int, *, idle: bool) -> dict[str, Any]:
+def measure(seconds: float, buffer: int, dwell_s: float, *, idle: bool) -> dict[str, Any]:
     """The figures."""
     ports = free_ports(3)
     here, there = multiprocessing.Pipe(duplex=False)
@@ -224,7 +226,7 @@ def measure(seconds: float, buffer: int, *, idle: bool) -> dict[str, Any]:
     outcomes: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as name, ExitStack() as opened:
         folder = Path(name)
-        station = opened.enter_context(open_bench(order(folder)))
+        station = opened.enter_context(open_bench(order(folder, dwell_s)))
         done = Counter[str]() if idle else opened.enter_context(extra(folder / "station.db", folder))
         until_s = time.monotonic() + seconds
         while time.monotonic() < until_s:
@@ -269,10 +271,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--buffer", type=int, default=STREAM_BUFFER_BYTES)
+    parser.add_argument("--dwell", type=float, default=1.0)
     parser.add_argument("--idle", action="store_true")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
-    shown = measure(given.seconds, given.buffer, idle=given.idle)
+    shown = measure(given.seconds, given.buffer, given.dwell, idle=given.idle)
     alone = not given.idle and not all(shown["beside"].get(what) for what in ("pages", "calibrations"))
     bad = shown["lost_in_kept"] > 0 or alone
     if given.json:

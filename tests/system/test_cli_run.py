@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -30,6 +31,21 @@ def station(folder: Path, *args: str, stdin: str | None = None) -> subprocess.Co
         input=stdin,
         stdin=None if stdin is not None else subprocess.DEVNULL,
     )
+
+
+@pytest.fixture
+def here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """The same command without a start of Python: exit code, output, errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*args: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as ended:
+            main(args)
+        return int(ended.value.code or 0), *capfd.readouterr()
+
+    return run
 
 
 def one_sentence(output: str, errors: str) -> str:
@@ -65,13 +81,13 @@ def test_json_is_one_document_of_the_contract(tmp_path: Path) -> None:
     assert 0 <= first["false_accept"] < 0.01
 
 
-def test_exit_codes_follow_the_worst_unit(tmp_path: Path) -> None:
-    assert station(tmp_path, "run", "--simulate", "--units", "1", "--fault", "stuck-axis").returncode == 1
-    mixed = station(tmp_path, "run", "--simulate", "--units", "2", "--fault", "SN0001/silent",
-                    "--fault", "SN0002/stuck-axis", "--json")  # fmt: skip
-    assert mixed.returncode == 3
-    assert [u["outcome"] for u in json.loads(mixed.stdout)["units"]] == ["ERROR", "FAIL"]
-    assert json.loads(mixed.stdout)["units"][0]["offset"] is None
+def test_exit_codes_follow_the_worst_unit(here: Callable[..., tuple[int, str, str]]) -> None:
+    assert here("run", "--simulate", "--units", "1", "--fault", "stuck-axis")[0] == 1
+    two = ("--fault", "SN0001/silent", "--fault", "SN0002/stuck-axis")
+    code, output, _ = here("run", "--simulate", "--units", "2", *two, "--json")
+    assert code == 3
+    assert [u["outcome"] for u in json.loads(output)["units"]] == ["ERROR", "FAIL"]
+    assert json.loads(output)["units"][0]["offset"] is None
 
 
 def test_an_interface_that_is_not_there_is_said_before_anything_is_asked(tmp_path: Path) -> None:
@@ -97,24 +113,21 @@ def test_an_interface_that_is_not_there_is_said_before_anything_is_asked(tmp_pat
 )
 def test_what_cannot_be_is_one_sentence_and_exit_2(
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
+    here: Callable[..., tuple[int, str, str]],
     args: list[str],
     words: str,
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as ended:
-        main(["run", "--simulate", *args])
-    assert ended.value.code == 2
-    assert words in one_sentence(*capfd.readouterr())
+    code, output, errors = here("run", "--simulate", *args)
+    assert code == 2
+    assert words in one_sentence(output, errors)
     log = tmp_path / "station.db"
     assert not log.exists() or not fixture_run.Ran(tmp_path).lives("SN0001")
 
 
-def test_simulation_options_want_simulate(tmp_path: Path) -> None:
-    done = station(tmp_path, "run", "--effect", "cross-axis", "--serial", "SN0001")
-    assert done.returncode == 2
-    assert "--effect applies to simulated units only: add --simulate" in one_sentence(done.stdout, done.stderr)
+def test_simulation_options_want_simulate(here: Callable[..., tuple[int, str, str]]) -> None:
+    code, output, errors = here("run", "--effect", "cross-axis", "--serial", "SN0001")
+    assert code == 2
+    assert "--effect applies to simulated units only: add --simulate" in one_sentence(output, errors)
 
 
 def test_a_second_station_on_the_same_log_is_refused_with_the_first_ones_name(tmp_path: Path) -> None:
@@ -163,20 +176,20 @@ def test_it_runs_from_any_folder_with_a_recipe_by_path(tmp_path: Path) -> None:
     assert (tmp_path / "elsewhere" / "x.db").exists()
 
 
-def test_recover_is_a_command(tmp_path: Path) -> None:
-    common = ["--simulate", "--device-state", "devices"]
-    assert station(tmp_path, "run", *common, "--units", "1", "--fault", "save-torn").returncode == 3
-    looked = station(tmp_path, "recover", "SN0001", *common)
-    assert looked.returncode == 1
-    assert "some old values and some new ones" in looked.stdout or "hold old values and some new ones" in looked.stdout
-    done = station(tmp_path, "recover", "SN0001", *common, "--continue", "--json")
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["state"] == "new"
-    again = station(tmp_path, "recover", "SN0001", *common, "--restore")
-    assert again.returncode == 0
-    assert "there is nothing to recover" in again.stdout
-    both = station(tmp_path, "recover", "SN0001", "--restore", "--continue")
-    assert "choose one" in one_sentence(both.stdout, both.stderr)
+def test_recover_is_a_command(here: Callable[..., tuple[int, str, str]]) -> None:
+    common = ("--simulate", "--device-state", "devices")
+    assert here("run", *common, "--units", "1", "--fault", "save-torn")[0] == 3
+    code, output, _ = here("recover", "SN0001", *common)
+    assert code == 1
+    assert "some old values and some new ones" in output or "hold old values and some new ones" in output
+    code, output, errors = here("recover", "SN0001", *common, "--continue", "--json")
+    assert code == 0, errors
+    assert json.loads(output)["state"] == "new"
+    code, output, _ = here("recover", "SN0001", *common, "--restore")
+    assert code == 0
+    assert "there is nothing to recover" in output
+    _, output, errors = here("recover", "SN0001", "--restore", "--continue")
+    assert "choose one" in one_sentence(output, errors)
 
 
 def _wait_for_attempt(log: Path) -> None:

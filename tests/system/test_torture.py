@@ -43,8 +43,8 @@ def test_units_after_the_first_leave_nothing_behind() -> None:
 
 
 def full_bus(*options: str) -> dict[str, Any]:
-    command = [sys.executable, "tests/endurance/full_bus.py", "--seconds", "1", "--idle", "--json", *options]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=110, check=False)
+    command = [sys.executable, "tests/endurance/full_bus.py", "--seconds", "1", "--dwell", "0.4", "--idle", "--json"]
+    done = subprocess.run([*command, *options], cwd=ROOT, capture_output=True, text=True, timeout=110, check=False)
     assert done.returncode == 0, done.stderr
     shown: dict[str, Any] = json.loads(done.stdout)
     return shown
