@@ -13,6 +13,7 @@ from station.domain.core.types import Frames
 from station.domain.records.framepack import codec, columns, parity, plain, predict
 from station.domain.records.framepack.bytestream import ByteReader, ByteWriter
 from station.errors import LogError
+from tests.portion import examples
 
 IDS = st.sampled_from([0x181, 0x182, 0x281, 0x8000_0000 | 0x1ABCDEF, 0x2000_0004, 0xFFFF_FFFF])
 
@@ -53,13 +54,13 @@ def same(a: list[Frames], b: list[Frames]) -> bool:
     return [plain.to_bytes(f) for f in a] == [plain.to_bytes(f) for f in b]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(st.lists(any_frames(), max_size=4))
 def test_any_frames_come_back_bit_for_bit(parts: list[Frames]) -> None:
     assert same(codec.unpack(codec.pack(parts)), parts)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(any_frames())
 def test_plain_bytes_come_back_and_their_digest_tells_any_change(frames: Frames) -> None:
     stored = plain.to_bytes(frames)
@@ -69,7 +70,7 @@ def test_plain_bytes_come_back_and_their_digest_tells_any_change(frames: Frames)
         assert plain.digest(plain.to_bytes(frames)) != plain.digest(stored)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(any_frames(), st.lists(st.integers(0, 60), max_size=6))
 def test_frames_laid_out_piece_by_piece_are_those_laid_out_at_once(frames: Frames, cuts: list[int]) -> None:
     laying, at = plain.PlainFramesBuilder(), [0, *sorted(cuts), len(frames)]
@@ -91,7 +92,7 @@ def test_a_long_frame_among_classic_ones_widens_all() -> None:
     assert laying.done() == plain.to_plain(Frames.join([classic, long, classic]))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(any_frames())
 def test_frames_of_an_earlier_log_are_read_and_checked_as_ever(frames: Frames) -> None:
     by_columns = plain.to_bytes(frames, plain.COLUMNS)
@@ -129,7 +130,7 @@ def test_a_byte_of_its_own_is_no_parity() -> None:
     assert all(parity.find_parity(words, byte) is None for byte in range(8))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(st.lists(hnp.arrays(np.uint64, st.integers(0, 40), elements=st.integers(0, 2**64 - 1)), max_size=5))
 def test_columns_come_back(stored: list[np.ndarray]) -> None:
     out = ByteWriter()
@@ -138,7 +139,7 @@ def test_columns_come_back(stored: list[np.ndarray]) -> None:
     assert [c.tolist() for c in again] == [c.tolist() for c in stored]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(hnp.arrays(np.int64, st.integers(1, 50), elements=st.integers(-(2**46), 2**46)), st.sampled_from(predict.MODELS))
 def test_every_model_is_reversible(column: np.ndarray, model: int) -> None:
     column = column - column[0]

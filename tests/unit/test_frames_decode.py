@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from station.domain.can.signals import FrameLayout, SignalLayout, adjacent_words, decode, physical, raw
 from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
 from station.errors import ProductError
+from tests.portion import examples
 from tests.unit.dbc_text import Text, messages
 
-MANY = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+MANY = settings(max_examples=examples(150), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 SPECIAL = [bytes(64), b"\xff" * 64, b"\x80" + bytes(63), bytes(7) + b"\x80" + bytes(56), b"\x7f" + b"\xff" * 63]
 
 

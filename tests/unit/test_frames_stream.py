@@ -18,6 +18,7 @@ from station.domain.can.sequence_counter import CounterErrors
 from station.domain.can.signals import FrameLayout, SignalLayout, decode, raw
 from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
 from station.messages import Message
+from tests.portion import examples
 from tests.unit.dbc_text import Text, messages
 from tests.unit.test_frames_map import BARE, BLOCK, DBC
 
@@ -200,7 +201,7 @@ def test_profile_2_counts_to_fifteen() -> None:
     assert found.counter is not None and found.counter.max() == 15
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(100), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=messages(), seed=st.integers(0, 2**32 - 1))
 def test_payloads_are_the_inverse_of_decoding(text: Text, seed: int, tmp_path: Path) -> None:
     """Raw bits survive a round trip through physical values wherever a float can hold them."""

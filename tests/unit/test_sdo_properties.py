@@ -16,6 +16,7 @@ from station.adapters.canopen.sdo_transfer import Exchange, NoAnswer, Refused, V
 from station.adapters.simulated_device.sdo_server import SdoServer
 from station.errors import BusFault, DeviceRefused, DeviceSilent, ProductError
 from tests.fakes.scripted_channel import ScriptedChannel
+from tests.portion import examples
 
 INDEX, SUB = 0x2120, 0
 EDS = Path(__file__).parents[2] / "dbc" / "accelerometer.eds"
@@ -94,14 +95,14 @@ def test_an_empty_value_is_written_in_a_segment() -> None:
     assert objects.data == b""
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(data=DATA, upload=st.sampled_from(UPLOADS), seed=st.integers(0, 2**32), fraction=st.floats(0, 0.1))
 def test_over_a_link_that_loses_a_read_is_right_or_fails(data: bytes, upload: Any, seed: int, fraction: float) -> None:
     got = drive(upload(INDEX, SUB), SdoServer(OneObject(data)), losing(seed, fraction))
     assert got == data or got in (NoAnswer, Refused, Violation)
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(
     data=DATA.filter(bool), download=st.sampled_from(DOWNLOADS), seed=st.integers(0, 2**32), fraction=st.floats(0, 0.1)
 )
@@ -147,7 +148,7 @@ class Babbler(ScriptedChannel):
                 self.come(0.0, 0x585, self._frames.pop(0))
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(
     frames=st.lists(FRAME, max_size=30),
     what=st.sampled_from(["upload", "upload_block", "short", "long"]),
