@@ -40,9 +40,11 @@ def _moment(text: str) -> datetime:
 
 
 def local(time_ns: int) -> str:
-    """A time for a person: local, with the zone, and UTC beside it."""
+    """A time for a person: local, with the zone, and UTC beside it where that is another time."""
     moment = datetime.fromtimestamp(time_ns / 1e9, UTC)
     here = moment.astimezone()
+    if not here.utcoffset():
+        return f"{here:%Y-%m-%d %H:%M:%S %Z}"
     return f"{here:%Y-%m-%d %H:%M:%S %Z} ({moment:%H:%M:%S} UTC)"
 
 

@@ -3,7 +3,6 @@
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
@@ -12,13 +11,13 @@ from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Mount
-from starlette.staticfiles import StaticFiles
 
 from station.errors import InputError, StationError
 from station.messages import Message
 from station.web import audit, charts_page, diagnosis, language, login, metrics, operator, render, signing, unit_page
 from station.web.guard import RequestRefusal, SecurityMiddleware, session_of
 from station.web.panel import Panel
+from station.web.static_files import HashedFiles
 
 
 def create_app(panel: Panel) -> Starlette:
@@ -33,7 +32,7 @@ def create_app(panel: Panel) -> Starlette:
             *diagnosis.ROUTES,
             *charts_page.ROUTES,
             *metrics.ROUTES,
-            Mount("/static", StaticFiles(directory=Path(__file__).parent / "static")),
+            Mount("/static", HashedFiles()),
         ],
         middleware=[Middleware(SecurityMiddleware, host_names=panel.host_names)],
         exception_handlers={HTTPException: _http_error, StationError: _station_error},
@@ -45,10 +44,18 @@ def create_app(panel: Panel) -> Starlette:
 
 @asynccontextmanager
 async def _lifespan(app: Starlette) -> AsyncIterator[None]:
-    """While the page serves: the charts are counted once beside it, so that nobody waits for the first look."""
+    """While the page serves: what the first look needs is there beforehand; the charts are counted beside it."""
+    await run_in_threadpool(_prepare, app.state.panel)
     counting = asyncio.create_task(run_in_threadpool(charts_page.warm_cache, app.state.panel))
     yield
     await counting
+
+
+def _prepare(panel: Panel) -> None:
+    """Templates compiled, the log's figures of today looked up."""
+    for name in ("login.html", "operator.html"):
+        render.environment().get_template(name)
+    panel.screen.plan(panel.screen.shown()["plan"])
 
 
 async def _http_error(request: Request, exc: Exception) -> Response:

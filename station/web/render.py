@@ -20,6 +20,7 @@ from station.reporting.words import term
 from station.service import time_text
 from station.web import language
 from station.web.sessions import Session
+from station.web.static_files import static_address
 
 _FOLDER = Path(__file__).parent / "templates"
 THEME_COOKIE, THEMES = "station_theme", ("light", "dark", "hc")
@@ -41,7 +42,7 @@ def environment() -> Environment:
         "local": time_text.local,
         "local_short": time_text.local_short,
     }
-    made.globals["symbols"] = SYMBOLS
+    made.globals |= {"symbols": SYMBOLS, "static": static_address}
     return made
 
 

@@ -237,6 +237,15 @@ def test_answers_are_closed(house: House) -> None:
     assert "samesite=strict" in cookie
 
 
+def test_a_static_file_is_kept_by_the_browser_only_under_its_hash(house: House) -> None:
+    client = house.client()
+    page = client.get("/login", headers={"accept": "text/html"}).text
+    (address,) = re.findall(r"/static/panel.css\?v=[0-9a-f]+", page)
+    assert "immutable" in client.get(address).headers["cache-control"]
+    for other in (address[:-1], "/static/panel.css?v=", "/static/panel.css?v=000000000000"):
+        assert client.get(other).headers["cache-control"] == "no-store"
+
+
 def test_static_files_stay_in_their_folder(house: House) -> None:
     client = house.client()
     for get in ("/static/../app.py", "/static/%2e%2e/app.py", "/static/..%2fapp.py"):
