@@ -63,6 +63,14 @@ def _vibration_by_temperature(w: World, rng: Scaled) -> Array:
     return w.motor * (w.T - w.T.mean())
 
 
+def _size_under_vibration(w: World, rng: Scaled) -> Array:
+    return w.motor[:, None] * np.abs(w.a)
+
+
+def _temperature_on_crosstalk(w: World, rng: Scaled) -> Array:
+    return (w.T - w.T.mean())[:, None] * np.roll(w.a, 1, axis=1)
+
+
 #: What is hidden, with the words that may stand in `depends_on`.
 OUTSIDE: dict[str, tuple[set[str], Hidden]] = {
     **UNKNOWN,
@@ -75,6 +83,8 @@ OUTSIDE: dict[str, tuple[set[str], Hidden]] = {
     "hysteresis with temperature": ({"temperature", "order"}, per_unit(3e-4, _hysteresis_with_temperature)),
     "hysteresis with load": ({"order", "input"}, per_unit(3e-4, _hysteresis_with_load)),
     "hysteresis that grows": ({"order", "time"}, per_unit(3e-4, _tired_with_moves)),
+    "size under vibration": ({"motor", "input"}, per_unit(3e-4, _size_under_vibration)),
+    "temperature on crosstalk": ({"temperature", "input"}, per_unit(3e-5, _temperature_on_crosstalk)),
     "vibration by time": ({"motor", "time"}, per_unit(3e-4, _vibration_by_time)),
     "vibration by temperature": ({"motor", "temperature"}, per_unit(3e-4, _vibration_by_temperature)),
 }

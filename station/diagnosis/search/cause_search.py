@@ -33,6 +33,7 @@ from station.diagnosis.search.finding import (
     is_unknown,
     unknown_finding,
 )
+from station.diagnosis.search.form_check import compare_laws, compare_laws_with_kernel
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.rank import (
     RankedCause,
@@ -73,11 +74,14 @@ class SearchResult:
     undetectable: tuple[str, ...]
     rest: Mapping[str, float]
     null: NullDistribution | None = None
+    other_forms: tuple[str, ...] = ()
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What the rest depends on that no cause explains; empty where nothing is left."""
-        words = next((f.words for f in self.findings if f.words), ())
+        """What the rest depends on that no cause explains, and what the laws do that causes only resemble; empty where
+        nothing is left."""
+        left = next((f.words for f in self.findings if f.words), ())
+        words = tuple(dict.fromkeys((*self.other_forms, *left)))
         if words or self.statistics[-1] <= self.threshold:
             return words
         kernels = {name: e for name, e in self.rest.items() if name in generic.KERNEL_NAMES}
@@ -146,6 +150,7 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult
             found.append(search.accepted(state, ranks, cause))
         state = found[-1][1]
     findings = search.judged_again(state.problem, tuple(f for f, _ in found))
+    findings, other_forms = _with_forms_checked(problem, state, findings)
     statistics = (search.first.statistic, *(after.statistic for f, after in found if not f.words))
     return SearchResult(
         problem,
@@ -157,6 +162,7 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult
         search.undetectable,
         state.evidence,
         search.null,
+        other_forms,
     )
 
 
@@ -286,6 +292,26 @@ class _Search:
             if best is None or best.evidence < EVIDENT_NATS or len(found) == MAX_CHAIN:
                 return total + left - CHOICE_NATS, found
             cause = best
+
+
+def _with_forms_checked(
+    problem: ScoringProblem, last: _State, findings: tuple[CauseFinding, ...]
+) -> tuple[tuple[CauseFinding, ...], tuple[str, ...]]:
+    """The findings with their probabilities against laws of no cause, and the covariates of the laws that are ahead of
+    a cause. problem: the one before the search; last: the state with all causes known."""
+    checked, words, i = list[CauseFinding](), list[str](), len(problem.accepted)
+    for finding in findings:
+        if finding.words:
+            laws = compare_laws_with_kernel(last.problem, finding)
+            checked.append(replace(finding, words=laws.words) if laws.is_ahead else finding)
+        elif finding.accepted is None:
+            checked.append(finding)
+        else:
+            laws = compare_laws(last.problem, i, last.now.floor)
+            checked.append(laws.judged(finding))
+            words += laws.words if laws.is_ahead else ()
+            i += 1
+    return tuple(checked), tuple(dict.fromkeys(words))
 
 
 def _first_of_chains(

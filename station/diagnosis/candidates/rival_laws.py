@@ -1,0 +1,166 @@
+"""Laws of one coefficient an axis that no cause of the library follows, to compare the form of a cause with.
+
+A kernel is wide: it follows anything that depends on its covariate, and pays for every direction of it. A bend, a
+threshold, a wave or a product at one value of its constants pays for one, and shows a form that is wrong by little.
+What the library's causes do themselves is left out. These columns, like those of the kernels, are not simulated.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import chain, combinations
+
+import numpy as np
+
+from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
+from station.diagnosis.candidates.kernels import MIN_TEMPERATURE_RANGE
+from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.linear.evidence import Pattern
+from station.domain.core.types import Floats
+from station.model.forward import resting_stimulus
+
+#: Quantiles at which a covariate may switch, and at which it may bend; periods of its waves, as shares of its range.
+SWITCHES, BENDS, PERIODS = (
+    (0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85),
+    (0.3, 0.5, 0.7, 0.85),
+    (0.2, 0.3, 0.45, 0.65, 0.9),
+)
+#: Levels of the motors between which something may switch, at most.
+MAX_LEVELS = 5
+#: Shares of the stimulus below which a reading is dead, or beyond which it rises no more.
+KNEES = (0.2, 0.35, 0.5, 0.7)
+#: A step from the stop before that is taken up by play, as a share of the stimulus.
+PLAY = 0.3
+#: What the name of a law begins with; its covariates follow.
+PREFIX = "law:"
+
+#: Covariates, joined by *, and the columns (v, 3) of a law; two columns an axis where it has two phases.
+Law = tuple[str, tuple[Floats, ...]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curves:
+    """Functions (v) of one covariate. plain: a straight line; bent and switched: at one place each; waves: cosine and
+    sine of one period each."""
+
+    plain: Floats
+    bent: tuple[Floats, ...]
+    switched: tuple[Floats, ...]
+    waves: tuple[tuple[Floats, Floats], ...] = ()
+
+
+def covariates_of_law(name: str) -> tuple[str, ...]:
+    """On what a law depends, as `unknown.depends_on` has it."""
+    return tuple(name.removeprefix(PREFIX).split("/")[0].split("*"))
+
+
+def rival_laws(view: ResidualView) -> list[Candidate]:
+    """Every law that these data can show, for each unit on its own and, of several units, common to all."""
+    found = []
+    levels = ("unit", "common") if view.grid.units > 1 else ("unit",)
+    for i, (covariates, parts) in enumerate(_laws(view)):
+        columns = np.concatenate([np.eye(3) * part[:, None, :] for part in parts], axis=2)
+        if not np.any(np.ptp(columns, axis=0)):
+            continue
+        for of in levels:
+            code, names = view.scene.group(of)
+            pattern: Pattern = "own" if of in PER_UNIT_LEVELS else "shared"
+            found.append(Candidate(f"{PREFIX}{covariates}/{i}/{of}", None, of, pattern, code, names, columns))
+    return found
+
+
+def _laws(view: ResidualView) -> Iterator[Law]:
+    a = resting_stimulus(view.scene, view.active)
+    a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
+    previous = view.scene.visits.previous
+    step = np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
+    curves = dict(_curves(view))
+    yield from chain(_offsets(curves), _gains(curves, a), _products(curves, a, step), _crosstalk(curves, a))
+    yield from chain(_forms_of_input(a), _forms_of_step(a, step))
+
+
+def _curves(view: ResidualView) -> Iterator[tuple[str, Curves]]:
+    """The curves of each covariate that varies."""
+    scene = view.scene
+    T, motor = scene.temperature_degC, scene.motor
+    if T is not None and np.ptp(T) >= MIN_TEMPERATURE_RANGE:
+        yield "temperature", _curves_of(T)
+    if np.ptp(scene.time_s) > 0:
+        yield "time", _curves_of(scene.time_s)
+    if motor is not None and np.ptp(motor) > 0:
+        between = np.convolve(np.unique(motor), (0.5, 0.5), "valid")
+        chosen = between[np.linspace(0, len(between) - 1, min(len(between), MAX_LEVELS)).astype(int)]
+        bent = (np.sqrt(np.abs(motor)), motor**3)
+        yield "motor", Curves(_centred(motor), bent, tuple(_centred(motor > level) for level in chosen))
+
+
+def _curves_of(x: Floats) -> Curves:
+    phase = 2 * np.pi * (x - x.min()) / np.ptp(x)
+    return Curves(
+        _centred(x),
+        tuple(np.maximum(sign * (x - np.quantile(x, q)), 0.0) for q in BENDS for sign in (1, -1)),
+        tuple(_centred(x > np.quantile(x, q)) for q in SWITCHES),
+        tuple((np.cos(phase / p), np.sin(phase / p)) for p in PERIODS),
+    )
+
+
+def _centred(x: Floats) -> Floats:
+    """Values about their mean, of standard deviation 1."""
+    return np.asarray((x - np.mean(x)) / max(float(np.std(x)), 1e-300), float)
+
+
+def _each(x: Floats) -> Floats:
+    """A function (v) on every axis alike (v, 3)."""
+    return np.repeat(x[:, None], 3, axis=1)
+
+
+def _offsets(curves: Mapping[str, Curves]) -> Iterator[Law]:
+    """An offset that bends, switches or swings, or follows a product."""
+    for name, of in curves.items():
+        yield from ((name, (_each(x),)) for x in (*of.bent, *of.switched))
+        yield from ((name, (_each(x), _each(y))) for x, y in of.waves)
+    for (one, x), (two, y) in combinations(curves.items(), 2):
+        yield f"{one}*{two}", (_each(x.plain * y.plain),)
+
+
+def _gains(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
+    """A gain that does; a gain straight with temperature is a cause of the library."""
+    for name, of in curves.items():
+        plain = () if name == "temperature" else (of.plain,)
+        yield from ((f"{name}*input", (_each(x) * a,)) for x in (*plain, *of.bent, *of.switched))
+    for (one, x), (two, y) in combinations(curves.items(), 2):
+        yield f"{one}*{two}*input", (_each(x.plain * y.plain) * a,)
+
+
+def _products(curves: Mapping[str, Curves], a: Floats, step: Floats) -> Iterator[Law]:
+    """What bends the input, or follows the stop before, and changes with a covariate."""
+    for name, of in curves.items():
+        x = _each(of.plain)
+        yield from ((f"{name}*input", (x * form,)) for form in (a**2, np.abs(a), a**3))
+        yield from ((f"{name}*order", (x * form,)) for form in (step, np.abs(a) * step))
+
+
+def _crosstalk(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
+    """What one axis takes of the next two, where it changes with a covariate."""
+    for name, of in curves.items():
+        for x in (of.plain, of.switched[len(of.switched) // 2]):
+            yield f"{name}*input", (_each(x) * np.roll(a, 1, axis=1), _each(x) * np.roll(a, 2, axis=1))
+
+
+def _forms_of_input(a: Floats) -> Iterator[Law]:
+    """What is neither a square, a cube nor a size of the input."""
+    size = np.abs(a)
+    for knee in KNEES:
+        yield "input", (np.sign(a) * np.minimum(size, knee),)
+        yield "input", (np.maximum(size - knee, 0.0),)
+        yield from (("input", (np.maximum(sign * a - knee, 0.0),)) for sign in (1, -1))
+    yield from (("input", (np.sin(m * np.pi * a),)) for m in (1, 2, 3, 4))
+    yield from (("input", (np.cos(m * np.pi * a),)) for m in (1, 2, 3))
+    yield from (("input", (form,)) for form in (np.tanh(4 * a), a**5, a * size))
+
+
+def _forms_of_step(a: Floats, step: Floats) -> Iterator[Law]:
+    """What follows the step from the stop before in another way than in proportion."""
+    size, way = np.abs(step), np.sign(step) * (np.abs(step) > 1e-6)
+    yield from (("order*input", (form * step,)) for form in (np.abs(a), a**2, a))
+    yield from (("order", (form,)) for form in (way, way * np.minimum(size, PLAY), step * size, size))
+    yield "order", (np.roll(step, 1, axis=1), np.roll(step, 2, axis=1))

@@ -1,0 +1,92 @@
+"""Whether a cause that was named has the form that the data have, or is only the nearest of the library to another law.
+
+What is left of a law once its imitation is fitted is often too weak to alarm by itself. Each cause is therefore
+compared, in the data without it, with laws of one coefficient an axis that no cause of the library follows: the same
+evidence, each under the floor that fits best with it. Where one of them is clearly ahead the cause is not named for
+certain: its form does not explain all.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.diagnosis.candidates.bank import Bank, Candidate, build_bank, candidate_in_view
+from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.search.alarm import UNKNOWN_NATS
+from station.diagnosis.search.finding import CauseFinding
+from station.diagnosis.search.rank import RankedCause, rank_causes
+from station.diagnosis.search.scoring import ScoringProblem, score_bank
+from station.diagnosis.search.walk_marginal import WalkMarginal
+
+#: A law must be so many nats ahead of a cause. Where the cause is true, two forms that noise can just confuse differ by
+#: N(−δ²/2, δ²) nats, at worst beyond x in Φ(−√(2x)): once in 740 campaigns for each such law.
+LAW_NATS = 4.5
+#: Laws so near to the best, nats, all say on what the rest depends.
+NEAR_NATS = 2.0
+#: Laws further behind the best than this, nats, are not tried under other floors.
+PROMISING_NATS = 12.0
+
+
+@dataclass(frozen=True, slots=True)
+class RivalLaws:
+    """How many nats the best law is ahead of what was found, in its place, and the covariates of those near it."""
+
+    lead: float
+    words: tuple[str, ...]
+
+    @property
+    def is_ahead(self) -> bool:
+        """Whether what was found has not the form of the data."""
+        return self.lead > LAW_NATS
+
+    def judged(self, finding: CauseFinding) -> CauseFinding:
+        """The finding with its probability against these laws, too."""
+        share = 1 / (1 + np.exp(min(self.lead - UNKNOWN_NATS, 500.0)))
+        return replace(finding, probability={name: float(p * share) for name, p in finding.probability.items()})
+
+
+def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor) -> RivalLaws:
+    """The laws in place of accepted cause i, beside all others. floor: the one with all of them known."""
+    bare = problem.without(i)
+    cause = candidate_in_view(problem.accepted[i].candidate, bare.view)
+    ranks = _ranked(bare, [cause], floor)
+    best = ranks.pop(cause.name, None)
+    return RivalLaws(-np.inf, ()) if best is None else _rivals(ranks, best.evidence)
+
+
+def compare_laws_with_kernel(problem: ScoringProblem, unknown: CauseFinding) -> RivalLaws:
+    """The laws in place of the kernel that was found, which is wide and may follow what depends on something else."""
+    return _rivals(_ranked(problem, [], unknown.floor), unknown.evidence[unknown.name])
+
+
+def _rivals(laws: Mapping[str, RankedCause], evidence: float) -> RivalLaws:
+    if not laws:
+        return RivalLaws(-np.inf, ())
+    top = max(r.evidence for r in laws.values())
+    near = sorted((r for r in laws.values() if r.evidence > top - NEAR_NATS), key=lambda r: -r.evidence)
+    words = tuple(dict.fromkeys(word for r in near for word in covariates_of_law(r.name)))
+    return RivalLaws(top - evidence, words)
+
+
+def _ranked(problem: ScoringProblem, causes: list[Candidate], floor: NoiseFloor) -> dict[str, RankedCause]:
+    """The causes, and the laws that are near the best, each under the best of the floors that the leaders ask for."""
+    laws = rival_laws(problem.view)
+    first = _under(problem, [*causes, *laws], floor)[1]
+    totals = dict(zip((c.name for c in first.candidates), first.totals() - first.without(), strict=True))
+    least = max(totals.values(), default=0.0) - PROMISING_NATS
+    promising = [law for law in laws if totals[law.name] > least]
+    if not promising:
+        return {}
+    names = {law.name for law in promising}
+    ranks = rank_causes(problem, *_under(problem, [*causes, *promising], floor), tuple(names))
+    return {name: r for name, r in ranks.items() if r.best is not None}
+
+
+def _under(
+    problem: ScoringProblem, items: list[Candidate], floor: NoiseFloor
+) -> tuple[tuple[Bank, Bank], WalkMarginal]:
+    layout = problem.view.layout
+    banks = build_bank(items, layout, moving=False), build_bank(items, layout, moving=True)
+    return banks, WalkMarginal(score_bank(problem, banks, floor), (), ())
