@@ -1,25 +1,32 @@
 """How xdist deals the tests out: file by file, so that what a file prepares is prepared once.
 
-All tests that share one thing of the machine (the guest kernel with its vcan) go to one process. What shares
-nothing and lasts long goes test by test, wherever there is room.
+All tests that share one thing, such as the guest kernel with its vcan, go to one process. What shares nothing and lasts
+long goes test by test, wherever there is room.
 """
 
 from xdist.scheduler import LoadScopeScheduling
 
-#: Folders whose tests share something that is started once.
-TOGETHER = ("tests/vcan", "tests/plant")
+#: Files and folders whose tests share something that is started or computed once: the guest kernel, a PostgreSQL, what
+#: a diagnosis makes of chance alone.
+TOGETHER = {
+    "tests/vcan/": "vcan",
+    "tests/plant/": "plant",
+    "tests/blind/": "diagnosis",
+    "tests/conformance/test_signatures.py": "diagnosis",
+    "tests/conformance/test_degenerate.py": "diagnosis",
+}
 #: Where the tests share nothing, and last long.
-APART = ("tests/browser/test_shift.py", "tests/blind/", "tests/conformance/test_signatures.py")
+APART = ("tests/browser/test_shift.py",)
 #: What lasts longest begins first, so that no process sits at the end with one long file alone.
-FIRST = (*TOGETHER, "tests/browser", *APART, "tests/system/test_torture.py", "tests/integration", "tests/system")
+FIRST = (*TOGETHER, "tests/browser/", "tests/system/test_torture.py", "tests/integration/", "tests/system/")
 
 
 def piece_of_work(nodeid: str) -> str:
-    """The file, or the one of TOGETHER, to which a test belongs; one of APART is a piece by itself."""
+    """The file, or the name in TOGETHER, to which a test belongs; one of APART is a piece by itself."""
     if nodeid.startswith(APART):
         return nodeid
-    path = nodeid.split("::", 1)[0]
-    return next((folder for folder in TOGETHER if path.startswith(f"{folder}/")), path)
+    shared = (name for start, name in TOGETHER.items() if nodeid.startswith(start))
+    return next(shared, nodeid.split("::", 1)[0])
 
 
 def rank(nodeid: str) -> int:

@@ -8,6 +8,7 @@ import multiprocessing
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.object_access.device import ObjectDevice
@@ -45,4 +46,5 @@ def killed(folder: Path, port: str, method: str, number: int, recipe: str | None
 def _run(folder: Path, port: str, method: str, number: int, recipe: str | None) -> None:
     kind = PORTS[port]
     setattr(kind, method, deadly(getattr(kind, method), number))
-    fixture_run.run(folder, seed=2, **({"recipe": recipe} if recipe else {}))
+    order: dict[str, Any] = {"recipe": recipe} if recipe else {}
+    fixture_run.run(folder, seed=2, **order)
