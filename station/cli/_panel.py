@@ -22,6 +22,7 @@ from station.web.run_launcher import LaunchOptions
 from station.wiring.accounts import AccountChange, change_account, known_seal
 from station.wiring.alerts import watching_beside
 from station.wiring.jobs import load_job
+from station.wiring.logs import open_log, plant_address
 from station.wiring.page_seals import sealing_beside
 from station.wiring.rehearsal import is_rehearsal
 from station.wiring.shipping import shipping_beside
@@ -36,9 +37,13 @@ class PanelFiles:
     db: Path | None
     accounts: Path | None
 
+    def plant(self, settings: Settings) -> str:
+        """The address of a plant whose page it is; "" for a station's."""
+        return plant_address(self.db or Path(settings.database))
+
     def database(self, settings: Settings) -> Path:
-        """The log."""
-        return self.db or Path(settings.database)
+        """The log; of a plant, what the page's own files are named after, in the folder where it runs."""
+        return Path("plant-page") if self.plant(settings) else self.db or Path(settings.database)
 
     def people(self, settings: Settings) -> Path:
         """The file of the people."""
@@ -117,6 +122,12 @@ def _check_voucher(wish: PersonChange, file: Path, people: Mapping[str, Account]
 def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, faults: tuple[str, ...] = ()) -> int:
     """Serves until it is stopped. pace: of simulated runs; None: runs on the bench; faults: of simulated units."""
     settings = load_settings(where.config)
+    plant = where.plant(settings)
+    if plant:
+        if pace is not None or where.recipe is not None:
+            raise UsageError("panel-of-plant-reads")
+        with open_log(plant) as log:
+            settings = settings.model_copy(update={"station": log.location})
     recipe = where.recipe or settings.recipe
     job, _ = load_job(recipe)
     order = LaunchOptions(
@@ -133,7 +144,11 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
         if pace is None:
             raise ConfigError("panel-nobody", file=str(people))
         _add_demo_account(order.database, settings, people)
-    panel = Panel(settings, job.recipe, order, people, secure=listen.secure, host_names=listen.host_names)
+    panel = Panel(settings, job.recipe, order, people, plant, secure=listen.secure, host_names=listen.host_names)
+    if plant:
+        with suppress(KeyboardInterrupt):
+            _serve(panel, listen)
+        return 0
     # Ctrl-C is the way to stop it, and no failure.
     watched = watching_beside(order.database, where.config, settings)
     sealed = sealing_beside(order.database, settings, people)

@@ -46,6 +46,8 @@ def command(
     Without any hardware:
 
         station panel --simulate --db demo.db
+
+    With --db postgresql:///plant it is the page of a plant: audit, charts and certificates of all stations, read only.
     """
     from station.cli import _panel
     from station.errors import UsageError

@@ -9,8 +9,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
-from starlette.routing import Mount
+from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.routing import Mount, Route
 
 from station.errors import InputError, StationError
 from station.messages import Message
@@ -21,17 +21,13 @@ from station.web.static_files import HashedFiles
 
 
 def create_app(panel: Panel) -> Starlette:
-    """The application over one panel."""
+    """The application over one panel; a plant's has no routes but those that read."""
+    reading = [*login.ROUTES, *audit.ROUTES, *unit_page.ROUTES, *charts_page.ROUTES]
+    running = [*operator.ROUTES, *signing.ROUTES, *diagnosis.ROUTES, *metrics.ROUTES]
     app = Starlette(
         routes=[
-            *login.ROUTES,
-            *operator.ROUTES,
-            *audit.ROUTES,
-            *unit_page.ROUTES,
-            *signing.ROUTES,
-            *diagnosis.ROUTES,
-            *charts_page.ROUTES,
-            *metrics.ROUTES,
+            *reading,
+            *([Route("/", _to_audit, methods=["GET"])] if panel.plant else running),
             Mount("/static", HashedFiles()),
         ],
         middleware=[Middleware(SecurityMiddleware, host_names=panel.host_names)],
@@ -55,7 +51,12 @@ def _prepare(panel: Panel) -> None:
     """Templates compiled, the log's figures of today looked up."""
     for name in ("login.html", "operator.html"):
         render.environment().get_template(name)
-    panel.screen.plan(panel.screen.shown()["plan"])
+    if not panel.plant:
+        panel.screen.plan(panel.screen.shown()["plan"])
+
+
+async def _to_audit(_: Request) -> Response:
+    return RedirectResponse("/audit", 303)
 
 
 async def _http_error(request: Request, exc: Exception) -> Response:

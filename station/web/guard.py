@@ -71,7 +71,7 @@ def require_right(right: str) -> Callable[[Callable[[Request, Session], Awaitabl
                 if request.method == "GET" and "text/html" in request.headers.get("accept", ""):
                     return RedirectResponse("/login", 303)
                 raise RequestRefusal(401, Message("log-in-first"))
-            if not session.account.may(right):
+            if not (session.account.may(right) and request.app.state.panel.offers(right)):
                 raise RequestRefusal(403, Message("role-may-not", role=session.account.role.value))
             return await endpoint(request, session)
 

@@ -26,11 +26,14 @@ from station.web.sessions import LoginThrottle, Sessions
 from station.wiring.accounts import known_seal
 from station.wiring.logs import open_log
 
+_RIGHTS_AT_PLANT = frozenset({"watch", "audit", "charts"})
+
 
 @dataclass(slots=True)
 class Panel:
     """Settings and recipe of the station; the people's file; how runs are started; open sessions.
 
+    plant: address of the plant whose records the page reads, and does nothing else; "" for the station's own log.
     secure: the page is reached by https only, so cookies are too. host_names: by which names it is reached; None: by
     any. over: the server ends, and so do its streams. monotonic_s: the clock of sessions and guesses. children:
     diagnoses under way, by name. memory: what the charts remember. hashing, hashing_of_guessers: one password
@@ -42,6 +45,7 @@ class Panel:
     recipe: Recipe
     order: LaunchOptions
     accounts: Path
+    plant: str = ""
     secure: bool = False
     host_names: frozenset[str] | None = None
     monotonic_s: Callable[[], float] = time.monotonic
@@ -79,12 +83,20 @@ class Panel:
             self._accounts_by_name = (stamp, load(self.accounts))
         return self._accounts_by_name[1]
 
+    def offers(self, right: str) -> bool:
+        """Whether the page has what this right is for: a plant's is read only."""
+        return not self.plant or right in _RIGHTS_AT_PLANT
+
     def check_sealed(self, account: Account) -> None:
-        """Errors: UsageError where the log has sealed another account under this name, or none."""
+        """Errors: UsageError where the log has sealed another account under this name, or none. A plant seals none."""
+        if self.plant:
+            return
         check_sealed(account, self.accounts, known_seal(self.order.database))
 
     def log(self) -> LogReader:
         """The log, opened for one question. Errors: LogError; nothing was ever run where there is no file."""
+        if self.plant:
+            return open_log(self.plant)
         if not self.order.database.exists():
             raise LogError("log-not-yet", path=str(self.order.database))
         return open_log(self.order.database)

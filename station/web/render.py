@@ -65,6 +65,7 @@ def page(request: Request, name: str, session: Session | None, status: int = 200
     code = language.of_request(request)
     texts = labels.all_texts()[code]
     account = session.account if session else None
+    panel = request.app.state.panel
     html = (
         environment()
         .get_template(name)
@@ -73,12 +74,13 @@ def page(request: Request, name: str, session: Session | None, status: int = 200
             language=code,
             languages={known: texts["language_name"] for known, texts in labels.all_texts().items()},
             query=urlencode([(k, v) for k, v in request.query_params.multi_items() if k != "language"]),
-            station=request.app.state.panel.settings.station,
+            station=panel.settings.station,
+            plant=panel.plant,
             # Only a path of ours: of any other the browser might make an address of somebody else's.
             path=request.url.path if "endpoint" in request.scope else "/",
             person=account.name if account else "",
             role=str(account.role) if account else "",
-            may={right: bool(account and account.may(right)) for right in RIGHTS},
+            may={right: bool(account and account.may(right) and panel.offers(right)) for right in RIGHTS},
             csrf=session.csrf if session else "",
             theme=_theme(request),
             themes=("auto", *THEMES),

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import psycopg
 import pytest
-from cryptography.hazmat.primitives import serialization
 
 from station.adapters.postgres.readers import grant
 from station.adapters.postgres.retention import retire
@@ -171,21 +170,6 @@ def command(*words: str | Path) -> str:
         main([str(word) for word in words])
     assert ended.value.code in (0, None), words
     return out.getvalue()
-
-
-@pytest.fixture(scope="module")
-def real_log(tmp_path_factory: pytest.TempPathFactory) -> FakeStation:
-    """A signed log as a run writes it."""
-    folder = tmp_path_factory.mktemp("real")
-    one = FakeStation("bench-1", folder)
-    pem = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
-    (folder / "key.pem").write_bytes(one.key.private_bytes(*pem))
-    (folder / "config.yaml").write_text(
-        f"schema: station.config/1\nstation: bench-1\nnests: [{{name: A, node: 17}}, {{name: B, node: 18}}]\n"
-        f"database: {one.path}\nsigning_key: {folder / 'key.pem'}\n"
-    )
-    command("run", "--simulate", "--units", "2", "--seed", "3", "--config", folder / "config.yaml")
-    return one
 
 
 def test_audit_certificate_charts_and_recompute_are_those_of_the_station(
