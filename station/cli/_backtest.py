@@ -9,6 +9,7 @@ from station.cli._layout import TextTable
 from station.config.recipes import recipe_hash
 from station.domain.evaluation.backtest import BacktestTotals
 from station.domain.recipe.recipe import Recipe
+from station.messages import Message
 from station.ports.log_reader import Query
 from station.service import backtest
 from station.service.fleet import FleetJob
@@ -57,6 +58,8 @@ def _document(request: BacktestRequest, attempts: int, compared: BacktestTotals,
         "attempts": attempts,
         "compared": done,
         "without_calibration": attempts - done,
+        "simulated": compared.simulated,
+        "judged_with_history": compared.taught,
         "verdicts": [{"before": b, "after": a, "count": n} for (b, a), n in sorted(compared.verdicts.items())],
         "changed": [asdict(change) for change in compared.changes],
         "coefficients": compared.summary(request.recipe.unit),
@@ -70,6 +73,10 @@ def _show(d: dict[str, Any]) -> None:
     )
     source = "raw frames" if d["computed_from"] == "frames" else "reduced visits"
     _output.print_line(f"from {source}; {d['without_calibration']} never came to a calibration")
+    if d["judged_with_history"]:
+        _output.print_message(Message("backtest-history", count=d["judged_with_history"]))
+    if d["simulated"]:
+        _output.print_message(Message("attempts-simulated", count=d["simulated"]))
     for row in d["verdicts"]:
         same = "stay" if row["before"] == row["after"] else "become"
         _output.print_line(f"  {row['count']:>8}  {row['before']} {same} {row['after']}")

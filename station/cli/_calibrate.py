@@ -57,6 +57,7 @@ def calibrate_file(samples: Path, recipe_name: str, wanted: CalibrateOutputs) ->
             raise SamplesError("file-reason", file=str(samples), reason=summary.first[0].verdict.reasons[0].message)
         found = replace(preflight.merge(checked), remarks=(*preflight.merge(checked).remarks, *family.outlying()))
         file.append("preflight", found.document())
+        file.append("simulated", found.simulated > 0)
     if str(wanted.json) != "-":
         for line in preflight.lines(found, recipe.unit):
             _output.print_message(line)

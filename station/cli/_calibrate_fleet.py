@@ -12,7 +12,7 @@ from station.domain.core.types import Outcome
 from station.domain.planning import design
 from station.errors import InputError, UsageError
 from station.files.replace import replace_text
-from station.messages import system_reason
+from station.messages import Message, system_reason
 from station.ports.log_reader import Query
 from station.service import fleet_calibration
 from station.service.fleet import FleetJob
@@ -37,6 +37,7 @@ def calibrate_fleet(recipe_name: str, of: str | None, fleet: FleetRequest, json_
         "sources": describe_sources(fleet.sources),
         "recipe": {"name": recipe.name, "version": recipe.version, "hash": recipe_hash(recipe)},
         "attempts": planned.attempts,
+        "simulated": found.simulated,
         "outcomes": dict(sorted(found.outcomes.items())),
         "coefficients": found.summary(recipe.unit),
     }
@@ -61,6 +62,8 @@ def write_document(path: Path | None, document: dict[str, Any]) -> None:
 
 def _show(d: dict[str, Any]) -> None:
     counts = ", ".join(f"{count} {outcome}" for outcome, count in d["outcomes"].items()) or "none calibrated"
+    if d["simulated"]:
+        _output.print_message(Message("attempts-simulated", count=d["simulated"]))
     _output.print_line(f"{d['attempts']} attempts with recipe {d['recipe']['name']}: {counts}")
     heads = ("coefficient", "mean", "spread", "uncertainty", "unit")
     rows = [

@@ -72,7 +72,7 @@ def run_diagnose(
     findings = document(
         found, proposed, line_impact.document(line_impact.assess_line_impact(found, today), recipe.unit)
     )
-    findings = {**findings, "preflight": checked.document()}
+    findings = {**findings, "preflight": checked.document(), "simulated": checked.simulated > 0}
     _write(wanted, findings, found, simulation)
     if wanted.next_run is not None:
         _write_next_run(wanted.next_run, proposal)
@@ -204,7 +204,7 @@ def _write(wanted: DiagnoseOutputs, findings: Mapping[str, Any], found: Diagnosi
 
         page = page_of_diagnosis(found, findings)
         if wanted.report is not None:
-            _write_text(wanted.report, "--report", html(page))
+            _write_text(wanted.report, "--report", html(page, simulated=findings["simulated"]))
         if wanted.figures is not None:
             write_figures(wanted.figures, page)
     if wanted.extend is not None:

@@ -10,7 +10,7 @@ from markupsafe import Markup, escape
 from station.cli._pages import environment
 from station.diagnosis.results.diagnose import Diagnosis
 from station.errors import UsageError
-from station.messages import system_reason
+from station.messages import Message, render, system_reason
 from station.reporting.diagnosis.gather import report_data
 from station.reporting.diagnosis.page import ReportPage, build_page
 
@@ -20,11 +20,16 @@ def page_of_diagnosis(found: Diagnosis, findings: Mapping[str, Any]) -> ReportPa
     return build_page(report_data(found, findings))
 
 
-def html(page: ReportPage) -> str:
-    """The page as HTML; every text is escaped, only the figures, whose makers escape, go in as they are."""
+def html(page: ReportPage, *, simulated: bool) -> str:
+    """The page as HTML; simulated: it says so on top.
+
+    Every text is escaped, only the figures, whose makers escape, go in as they are.
+    """
     made = environment()
     made.filters["words"] = _mark_code
-    return made.get_template("diagnosis.html").render(page=page)
+    return made.get_template("diagnosis.html").render(
+        page=page, mark=render(Message("simulated-units")) if simulated else ""
+    )
 
 
 def _mark_code(text: str) -> Markup:

@@ -11,6 +11,7 @@ from station.errors import UsageError
 from station.messages import Message, render, system_reason
 from station.ports.log_reader import Query
 from station.reporting.line import charts
+from station.reporting.line.statistics import LineStatistics
 from station.reporting.words import words_of
 from station.service.line_statistics import gather_statistics
 
@@ -35,10 +36,12 @@ def run_report(log: "LogReader", request: ReportRequest, *, as_json: bool) -> in
         line = gather_statistics(log, request.query, request.most)
     drawn = charts.draw(line, request.value, request.size, words_of("en"))
     if request.out is not None:
-        _write(request.out, _page(log, drawn, len(line.attempts)))
+        _write(request.out, _page(log, drawn, line))
     if as_json:
         _output.print_json(charts.document(line, drawn))
         return 0
+    if line.simulated:
+        _output.print_message(_mark(line))
     for table in drawn.tables:
         _output.print_table(f"\n{table.title}", _laid_out(table))
     if drawn.problem:
@@ -48,12 +51,17 @@ def run_report(log: "LogReader", request: ReportRequest, *, as_json: bool) -> in
     return 0
 
 
-def _page(log: "LogReader", drawn: charts.Charts, count: int) -> str:
+def _mark(line: LineStatistics) -> Message:
+    return Message("attempts-simulated", count=line.simulated)
+
+
+def _page(log: "LogReader", drawn: charts.Charts, line: LineStatistics) -> str:
     head = log.head()
     title = f"Line report: {PurePath(log.location).name}"
-    summary = render(Message("line-report-summary", count=count))
+    summary = render(Message("line-report-summary", count=len(line.attempts)))
+    mark = render(_mark(line)) if line.simulated else ""
     template = environment().get_template("report.html")
-    return template.render(title=title, said=summary, charts=drawn, head=f"{head.number}:{head.hash}")
+    return template.render(title=title, said=summary, charts=drawn, mark=mark, head=f"{head.number}:{head.hash}")
 
 
 def _write(path: Path, text: str) -> None:

@@ -153,7 +153,8 @@ class Yield:
 @dataclass(frozen=True, slots=True)
 class ReducedAttempt:
     """One attempt. number: its record; product: the record of its product; stops: JSON;
-    before: JSON of outcome, offset, matrix, checks; station, nest, lot, started_ns: where and when."""
+    before: JSON of outcome, offset, matrix, checks; station, nest, lot, started_ns: where and when; simulated: rig and
+    devices were; history: JSON of what the log had taught it, or ""."""
 
     number: int
     attempt: str
@@ -165,6 +166,8 @@ class ReducedAttempt:
     nest: str
     lot: str
     started_ns: int
+    simulated: bool
+    history: str
 
 
 @dataclass(frozen=True, slots=True)

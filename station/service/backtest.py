@@ -18,11 +18,13 @@ from station.service.fleet import FleetPlan, FleetWork
 from station.service.reduced_units import solve_again
 
 _TEXTS = ("attempt", "serial", "before", "after")
+_FLAGS = ("simulated", "taught")
 _MOVES = tuple((f"moved {name}", f"in std {name}") for name in coefficients.NAMES)
 #: Columns of a portion's result, one row an attempt.
 COLUMNS: Mapping[str, ColumnType] = {
     **dict.fromkeys(_TEXTS, "text"),
     "reasons": "texts",
+    **dict.fromkeys(_FLAGS, "integer"),
     **dict.fromkeys((name for pair in _MOVES for name in pair), "number"),
 }
 
@@ -56,6 +58,7 @@ def sum_backtest(planned: FleetPlan, results: PortionResults) -> BacktestTotals:
 def to_columns(part: ComparedAttempts) -> Columns:
     """As it is kept in a table."""
     columns: dict[str, Sequence[Any]] = {name: getattr(part, name) for name in (*_TEXTS, "reasons")}
+    columns |= {name: [int(flag) for flag in getattr(part, name)] for name in _FLAGS}
     for (moved, in_std), shift, share in zip(_MOVES, part.moved.T, part.shift_in_std.T, strict=True):
         columns |= {moved: shift.tolist(), in_std: share.tolist()}
     return columns
@@ -66,10 +69,12 @@ def from_columns(columns: Columns) -> ComparedAttempts:
     attempt, serial, before, after = (tuple(map(str, columns[name])) for name in _TEXTS)
     reasons = tuple(tuple(one) for one in columns["reasons"])
     moved, in_std = (np.array([columns[name] for name in names], float).T for names in zip(*_MOVES, strict=True))
-    return ComparedAttempts(attempt, serial, before, after, reasons, moved, in_std)
+    simulated, taught = (tuple(map(bool, columns[name])) for name in _FLAGS)
+    return ComparedAttempts(attempt, serial, before, after, reasons, moved, in_std, simulated, taught)
 
 
 def _before(row: ReducedAttempt) -> PreviousResult:
     outcome, offset, matrix, checks = json.loads(row.before)
     theta = None if offset is None else np.array([*offset, *(v for part in matrix for v in part)])
-    return PreviousResult(row.attempt, row.serial, outcome, theta, tuple((c["check"], c["sentence"]) for c in checks))
+    found = tuple((c["check"], c["sentence"]) for c in checks)
+    return PreviousResult(row.attempt, row.serial, outcome, theta, found, row.simulated, bool(row.history))

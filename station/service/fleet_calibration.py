@@ -17,6 +17,7 @@ _STDS = tuple(f"std {name}" for name in coefficients.NAMES)
 COLUMNS: Mapping[str, ColumnType] = {
     **dict.fromkeys(("attempt", "serial", "outcome"), "text"),
     "reasons": "texts",
+    "simulated": "integer",
     **dict.fromkeys((*coefficients.NAMES, *_STDS, "residual_rms"), "number"),
 }
 
@@ -32,7 +33,16 @@ def calibrate_portion(work: FleetWork) -> Columns:
             theta = np.concatenate([found.offset, found.matrix.ravel()])
             std, rms = np.sqrt(np.diagonal(found.covariance)), found.residual_rms
         reasons = tuple(reason.sentence for reason in result.verdict.reasons)
-        values = (row.attempt, row.serial, str(result.verdict.outcome), reasons, *theta.tolist(), *std.tolist(), rms)
+        values = (
+            row.attempt,
+            row.serial,
+            str(result.verdict.outcome),
+            reasons,
+            int(row.simulated),
+            *theta.tolist(),
+            *std.tolist(),
+            rms,
+        )
         for name, value in zip(COLUMNS, values, strict=True):
             columns[name].append(value)
     return columns
@@ -43,11 +53,13 @@ class CalibrationTotals:
 
     def __init__(self) -> None:
         self.outcomes: Counter[str] = Counter()
+        self.simulated = 0
         self._known, self._sums, self._squares, self._std = 0, np.zeros(12), np.zeros(12), np.zeros(12)
 
     def add(self, part: Columns) -> None:
         """One portion more. Sums are of deviations from nominal, so that squares lose no digits."""
         self.outcomes.update(map(str, part["outcome"]))
+        self.simulated += sum(int(flag) for flag in part["simulated"])
         theta, std = (np.array([part[name] for name in names], float).T for names in (coefficients.NAMES, _STDS))
         known = np.isfinite(theta).all(axis=1)
         away = theta[known] - coefficients.NOMINAL

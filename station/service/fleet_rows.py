@@ -48,7 +48,13 @@ def _reduced(log: LogReader, attempt: Attempt) -> Iterator[dict[str, Any]]:
     """What `station backtest` and `calibrate` read of a fleet's tables."""
     recipe, product = log.recipe_and_product(attempt)
     for row in log.reduced([attempt.number]):
-        yield {"stops": row.stops, "before": row.before, "recipe": recipe, "product_json": product}
+        yield {
+            "stops": row.stops,
+            "before": row.before,
+            "recipe": recipe,
+            "product_json": product,
+            "history": row.history,
+        }
 
 
 def _attempt(attempt: Attempt, stored: dict[str, Any]) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from station.domain.recipe.recipe import Recipe
+from station.domain.records.stored_attempt import is_simulated
 from station.ports.log_reader import Attempt, LogReader, Query, Yield
 from station.reporting.line.statistics import (
     AttemptValues,
@@ -48,6 +49,7 @@ def gather_statistics(log: LogReader, query: Query, most: int, known: Statistics
         yields=yields_by_split(known.yields(log, query) if known else log.yields(query, "cell")),
         reasons=dict(reasons.most_common(12)),
         shifts=shift_effectiveness(log, query),
+        simulated=sum(is_simulated(a.software) for a in found),
     )
 
 

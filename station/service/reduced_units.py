@@ -1,4 +1,5 @@
-"""Stored units solved again from their reduced visits or their raw frames: what the jobs over a fleet share."""
+"""Stored units solved again from their reduced visits or their raw frames, each by what the log had taught it:
+what the jobs over a fleet share."""
 
 import json
 from collections.abc import Sequence
@@ -6,6 +7,7 @@ from collections.abc import Sequence
 from station.domain.core.types import Floats
 from station.domain.evaluation import backtest, pipeline, reduced_visits_document
 from station.domain.evaluation.pipeline import CalibrationResult
+from station.domain.line_quality import history
 from station.domain.product import product_record, writeback
 from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
@@ -27,13 +29,14 @@ def solve_again(work: FleetWork) -> tuple[list[ReducedAttempt], list[Calibration
 def _from_reduced(source: UnitSource, rows: Sequence[ReducedAttempt], recipe: Recipe) -> list[CalibrationResult]:
     truths: references.Truths = {}
     results: dict[int, CalibrationResult] = {}
-    by_product: dict[int | None, list[ReducedAttempt]] = {}
+    same: dict[tuple[int | None, str], list[ReducedAttempt]] = {}
     for row in rows:
-        by_product.setdefault(row.product, []).append(row)
-    for product, own in by_product.items():
+        same.setdefault((row.product, row.history), []).append(row)
+    for (product, taught), own in same.items():
         rounding = _rounding(source, product)
+        known = history.of_document(json.loads(taught) if taught else None)
         units = {r.attempt: reduced_visits_document.from_document(json.loads(r.stops), recipe, truths) for r in own}
-        solved = pipeline.calibrate_reduced(recipe, units, rounding)
+        solved = pipeline.calibrate_reduced(known.applied(recipe), units, rounding)
         results |= {row.number: result for row, result in zip(own, solved, strict=True)}
     return [results[row.number] for row in rows]
 

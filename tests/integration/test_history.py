@@ -84,6 +84,21 @@ def test_the_refit_knows_what_the_run_knew(ran: fixture_run.Ran) -> None:
     assert found.compared > 500 and found.identical
 
 
+def test_a_backtest_judges_by_what_the_run_had_learnt(ran: fixture_run.Ran, capsys: pytest.CaptureFixture[str]) -> None:
+    """With the limit of 4 mg no offset is decided under a reproducibility of 2 mg; without it each would be."""
+    tight = fixture_run.recipe(ran.folder, limits={"offset": 0.004, "rule": "guard-band"})
+    words = ["backtest", "--db", str(ran.folder / "station.db"), "--processes", "1", "--json", "--recipe"]
+    found = {}
+    for name in ("six-point", tight):
+        with pytest.raises(SystemExit) as ended:
+            main([*words, name])
+        assert ended.value.code == 0
+        found[name] = json.loads(capsys.readouterr().out)
+    assert found["six-point"]["judged_with_history"] == 1 and found["six-point"]["changed"] == []
+    (change,) = found[tight]["changed"]
+    assert sum("this recipe cannot decide it" in reason for reason in change["reasons"]) == 3
+
+
 def test_check_shows_it(ran: fixture_run.Ran, capsys: pytest.CaptureFixture[str]) -> None:
     where = ("--db", str(ran.folder / "station.db"), "--config", str(ran.folder / "config.yaml"))
     with pytest.raises(SystemExit) as ended:

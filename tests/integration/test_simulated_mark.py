@@ -120,3 +120,38 @@ def test_simulated_tables_and_logs_say_so(tmp_path: Path, capsys: pytest.Capture
     capsys.readouterr()
     assert station("replay", str(tmp_path / "t.log"), "--recipe", "six-point") in (0, 1)
     assert MARK in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("calibrate", "--samples", "s.csv", "--recipe", "six-point"),
+        ("calibrate", "--db", "station.db", "--recipe", "six-point", "--processes", "1"),
+        ("diagnose", "--samples", "s.csv", "--recipe", "six-point", "--report", "page.html"),
+    ],
+    ids=["calibrate", "calibrate-db", "diagnose"],
+)
+def test_what_is_computed_from_it_says_so(
+    folder: Path, words: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On the terminal, in the document, on the page."""
+    monkeypatch.chdir(folder)
+    capsys.readouterr()
+    assert station(*words, "--json", "out.json") in (0, 1)
+    assert MARK in capsys.readouterr().out
+    assert json.loads((folder / "out.json").read_text())["simulated"]
+    if "page.html" in words:
+        assert MARK in (folder / "page.html").read_text()
+
+
+@pytest.mark.parametrize("command", ["backtest", "report"])
+def test_what_is_told_of_the_log_says_so(folder: Path, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    more = ("--recipe", "six-point", "--processes", "1") if command == "backtest" else ("--out", str(folder / "r.html"))
+    words = (command, "--db", str(folder / "station.db"), *more)
+    capsys.readouterr()
+    assert station(*words) == 0
+    assert MARK in capsys.readouterr().out
+    assert station(*words, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["simulated"] == 2
+    if command == "report":
+        assert MARK in (folder / "r.html").read_text()

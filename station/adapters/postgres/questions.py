@@ -9,7 +9,7 @@ import psycopg
 from psycopg.rows import dict_row
 
 from station.adapters.postgres import search
-from station.domain.records.stored_attempt import utc
+from station.domain.records.stored_attempt import is_simulated, utc
 from station.domain.records.tables import TIME_AND_DETAIL
 from station.errors import UsageError
 from station.ports.log_reader import (
@@ -201,10 +201,11 @@ def recent(db: psycopg.Connection, units: int, visits: int) -> RecentFigures:
 
 
 _REDUCED = """SELECT a.seq, a.id, a.serial, a.product, s.document, c.document::json, a.station, a.nest, a.lot,
-    a.started_ns
+    a.started_ns, a.software, coalesce(h.document, '')
     FROM attempt a JOIN finish f ON f.attempt = a.seq
     JOIN result s ON s.attempt = a.seq AND s.name = 'stops'
     JOIN result c ON c.attempt = a.seq AND c.name = 'calibration' AND c.seq > s.seq
+    LEFT JOIN result h ON h.attempt = a.seq AND h.name = 'history'
     WHERE a.seq = ANY(%s) ORDER BY a.seq"""
 
 
@@ -212,8 +213,9 @@ def reduced(db: psycopg.Connection, numbers: Sequence[int]) -> Iterator[ReducedA
     """See LogReader.reduced."""
     for number, attempt, serial, product, stops, fit, *place in db.execute(_REDUCED, [list(numbers)]):
         before = json.dumps([fit.get(name) for name in ("outcome", "offset", "matrix", "checks")])
-        station, nest, lot, started_ns = place
-        yield ReducedAttempt(number, attempt, serial, product, stops, before, station, nest, lot, started_ns)
+        station, nest, lot, started_ns, software, history = place
+        origin = is_simulated(software), history
+        yield ReducedAttempt(number, attempt, serial, product, stops, before, station, nest, lot, started_ns, *origin)
 
 
 _CALIBRATIONS = """SELECT a.serial, a.station, a.nest, a.software, a.started_ns, f.outcome, c.document::json
@@ -233,7 +235,7 @@ def query_calibrations(db: psycopg.Connection, recipe_hash: str, newest: int) ->
             software,
             started_ns,
             outcome,
-            json.dumps([document.get(k) for k in ("offset", "matrix", "budget")]),
+            json.dumps([document.get(k) for k in ("offset", "matrix", "budget", "residuals")]),
         )
         for serial, station, nest, software, started_ns, outcome, document in rows
     ]

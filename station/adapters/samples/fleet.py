@@ -64,7 +64,9 @@ TABLES = {
             ("temperature_degC", pa.float64()),
         ]
     ),
-    "reduced": pa.schema([*_COMMON, *((name, pa.string()) for name in ("stops", "before", "recipe", "product_json"))]),
+    "reduced": pa.schema(
+        [*_COMMON, *((name, pa.string()) for name in ("stops", "before", "recipe", "product_json", "history"))]
+    ),
 }
 
 

@@ -20,6 +20,11 @@ _FILTERS = ("serial", "station", "nest", "lot", "recipe_name", "recipe_hash", "o
 _ROWS_A_FILE = 1 << 32
 
 
+def _origin(row: Mapping[str, Any]) -> tuple[bool, str]:
+    """Whether it was simulated, and what the log had taught it."""
+    return bool(row["simulated"]), row.get("history") or ""
+
+
 class FleetTables:
     """A folder of tables. Errors: LogError."""
 
@@ -66,8 +71,21 @@ class FleetTables:
         return next(text for text, own in self._documents.items() if own == number)
 
     def _rows(self, place: int, wanted: list[int]) -> Iterator[ReducedAttempt]:
-        columns = ["attempt", "serial", "stops", "before", "product_json", "station", "nest", "lot", "started"]
+        columns = [
+            "attempt",
+            "serial",
+            "stops",
+            "before",
+            "product_json",
+            "station",
+            "nest",
+            "lot",
+            "started",
+            "simulated",
+        ]
         with self._open(place) as file:
+            if "history" in file.schema_arrow.names:  # tables of earlier versions have none
+                columns.append("history")
             begins = 0
             for group in range(file.num_row_groups):
                 rows = file.metadata.row_group(group).num_rows
@@ -79,7 +97,7 @@ class FleetTables:
                         product = self._documents.setdefault(row["product_json"], len(self._documents))
                         number = place * _ROWS_A_FILE + begins + i
                         what = number, row["attempt"], row["serial"], product, row["stops"], row["before"]
-                        yield ReducedAttempt(*what, row["station"], row["nest"], row["lot"], at_ns)
+                        yield ReducedAttempt(*what, row["station"], row["nest"], row["lot"], at_ns, *_origin(row))
                 begins += rows
 
     def _selected(self, query: Query, columns: Sequence[str]) -> Iterator[tuple[int, Mapping[str, Any]]]:

@@ -5,6 +5,7 @@ import sqlite3
 from collections.abc import Sequence
 from typing import Any
 
+from station.domain.records.stored_attempt import is_simulated
 from station.ports.log_reader import ReducedAttempt
 from station.ports.store import StoredCalibration
 
@@ -12,7 +13,9 @@ _BEFORE = "json_extract(c.document, '$.outcome', '$.offset', '$.matrix', '$.chec
 
 #: Each attempt's results are found by the span of its records; CROSS and + keep SQLite from indexing all results first.
 _QUERY = f"""
-    SELECT a.seq, a.id, a.serial, a.product, s.document, {_BEFORE}, a.station, a.nest, a.lot, a.started_ns
+    SELECT a.seq, a.id, a.serial, a.product, s.document, {_BEFORE}, a.station, a.nest, a.lot, a.started_ns, a.software,
+        coalesce((SELECT h.document FROM result h
+            WHERE h.seq BETWEEN a.seq AND f.seq AND +h.attempt = a.seq AND +h.name = 'history'), '')
     FROM json_each(?) n CROSS JOIN attempt a ON a.seq = n.value CROSS JOIN finish f ON f.attempt = a.seq
     CROSS JOIN result s ON s.seq BETWEEN a.seq AND f.seq AND +s.attempt = a.seq AND +s.name = 'stops'
     CROSS JOIN result c ON c.seq BETWEEN s.seq AND f.seq AND +c.attempt = a.seq AND +c.name = 'calibration'
@@ -35,7 +38,8 @@ _CALIBRATIONS = """
 
 def read(db: sqlite3.Connection, numbers: Sequence[int]) -> list[ReducedAttempt]:
     """Those of the attempts that came to a calibration, in the order of their records."""
-    return [ReducedAttempt(*row) for row in db.execute(_QUERY, (json.dumps(list(numbers)),))]
+    rows = db.execute(_QUERY, (json.dumps(list(numbers)),))
+    return [ReducedAttempt(*row[:-2], is_simulated(row[-2]), row[-1]) for row in rows]
 
 
 def dwells(db: sqlite3.Connection, recipe_hash: str, newest: int) -> list[dict[str, Any]]:

@@ -44,7 +44,7 @@ class LeftOutVisit:
 class Preflight:
     """sheet: what the readings tell of the sensor; units, visits: how many; poses: orientations of one unit, at most;
     magnitude: least, median and greatest size of a visit's mean; temperature_degC: least and greatest, or None;
-    inferred: what no sheet states; left_out, remarks: for a person."""
+    inferred: what no sheet states; left_out, remarks: for a person; simulated: units whose rows are marked so."""
 
     sheet: InferredSheet
     units: int
@@ -55,6 +55,7 @@ class Preflight:
     inferred: tuple[str, ...]
     left_out: tuple[LeftOutVisit, ...] = ()
     remarks: tuple[Message, ...] = field(default=())
+    simulated: int = 0
 
     def document(self) -> dict[str, Any]:
         """As JSON keeps it."""
@@ -62,6 +63,7 @@ class Preflight:
         low, middle, high = self.magnitude
         return {
             "units": self.units,
+            "simulated": self.simulated,
             "visits": self.visits,
             "poses": self.poses,
             "rate_hz": found.rate_hz,
@@ -108,6 +110,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
         inferred=inferred_keys(recipe),
         left_out=lost,
         remarks=tuple(preflight_checks.remarks(recipe, table, (begin, mean, out), found)),
+        simulated=_simulated(table, begin),
     )
     return result, table[~out[number]] if out.any() else table
 
@@ -162,8 +165,18 @@ def with_sheet(recipe: Recipe, of: Preflight) -> Recipe:
     return recipe.model_copy(update={"device": recipe.device.model_copy(update=known)})
 
 
+def _simulated(table: SampleTable, begin: NDArray[np.int64]) -> int:
+    mark = table.labels.get("simulated")
+    if mark is None:
+        return 0
+    marked = np.array([bool(name) for name in mark.names], bool)[mark.code[begin]]
+    return len(np.unique(table.unit.code[begin][marked]))
+
+
 def lines(found: Preflight, unit: str) -> Iterator[Message]:
     """What was understood, for a person: one line of numbers, then what is left out and remarked."""
+    if found.simulated:
+        yield Message("simulated-units")
     noise, lsb = (tuple(f"{v:.3g}" for v in values) for values in (found.sheet.noise, found.sheet.lsb))
     yield Message(
         "preflight-visits", units=found.units, visits=found.visits, poses=found.poses,
@@ -199,4 +212,5 @@ def merge(parts: list[Preflight]) -> Preflight:
         inferred=first.inferred,
         left_out=tuple(one for p in parts for one in p.left_out),
         remarks=tuple(dict.fromkeys(m for p in parts for m in p.remarks)),
+        simulated=sum(p.simulated for p in parts),
     )

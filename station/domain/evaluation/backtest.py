@@ -18,13 +18,16 @@ SAMPLE_CHECKS = frozenset({"stuck", "clipped", "not-still", "scale", "wrong-face
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreviousResult:
-    """What the limits said of an attempt then: outcome, offset and matrix (12) or None, checks with their sentences."""
+    """What the limits said of an attempt then: outcome, offset and matrix (12) or None, checks with their
+    sentences; whether it was simulated, and judged by what the log had taught."""
 
     attempt: str
     serial: str
     outcome: str
     theta: Floats | None
     checks: tuple[tuple[str, str], ...]
+    simulated: bool
+    taught: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +43,8 @@ class VerdictChange:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ComparedAttempts:
-    """Attempts as they were and as they come out now, one a row. reasons: of the new verdict.
+    """Attempts as they were and as they come out now, one a row. reasons: of the new verdict;
+    simulated, taught: see PreviousResult.
 
     moved, shift_in_std (n, 12): new − old, and that over the new standard uncertainty; NaN where one of the two came
     to no coefficients.
@@ -53,6 +57,8 @@ class ComparedAttempts:
     reasons: tuple[tuple[str, ...], ...]
     moved: Floats
     shift_in_std: Floats
+    simulated: tuple[bool, ...]
+    taught: tuple[bool, ...]
 
 
 class BacktestTotals:
@@ -61,12 +67,15 @@ class BacktestTotals:
     def __init__(self) -> None:
         self.verdicts: Counter[tuple[str, str]] = Counter()
         self.changes: list[VerdictChange] = []
+        self.simulated = self.taught = 0
         self._known = 0
         self._squares, self._largest, self._largest_in_std = np.zeros(12), np.zeros(12), np.zeros(12)
 
     def add(self, part: ComparedAttempts) -> None:
         """One portion more."""
         self.verdicts.update(zip(part.before, part.after, strict=True))
+        self.simulated += sum(part.simulated)
+        self.taught += sum(part.taught)
         rows = zip(part.attempt, part.serial, part.before, part.after, part.reasons, strict=True)
         self.changes += [VerdictChange(*row) for row in rows if row[2] != row[3]]
         known = np.isfinite(part.moved).all(axis=1)
@@ -111,6 +120,8 @@ def compare(
         tuple(reasons for _, reasons in outcomes),
         moved,
         in_std,
+        tuple(old.simulated for old in before),
+        tuple(old.taught for old in before),
     )
 
 

@@ -286,6 +286,7 @@ def document(line: LineStatistics, charts: Charts) -> Mapping[str, object]:
     return {
         "schema": "station.report/1",
         "attempts": len(line.attempts),
+        "simulated": line.simulated,
         "tables": tables,
         "reasons": dict(line.reasons),
         "problem": charts.problem,

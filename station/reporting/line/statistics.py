@@ -37,13 +37,14 @@ class AttemptValues:
 @dataclass(frozen=True, slots=True)
 class LineStatistics:
     """Everything that the charts show. attempts: oldest first; reasons: check → how often; recipe: the newest's;
-    shifts: those of a line, oldest first."""
+    shifts: those of a line, oldest first; simulated: attempts whose rig and devices were."""
 
     recipe: Recipe | None
     attempts: tuple[AttemptValues, ...]
     yields: Mapping[str, Sequence[Yield]]
     reasons: Mapping[str, int] = field(default_factory=dict)
     shifts: Sequence[Effectiveness] = ()
+    simulated: int = 0
 
 
 def values_and_checks(stored: dict[str, Any]) -> tuple[AttemptValues, tuple[str, ...]]:
