@@ -39,7 +39,12 @@ _CALIBRATIONS = """
 def read(db: sqlite3.Connection, numbers: Sequence[int]) -> list[ReducedAttempt]:
     """Those of the attempts that came to a calibration, in the order of their records."""
     rows = db.execute(_QUERY, (json.dumps(list(numbers)),))
-    return [ReducedAttempt(*row[:-2], is_simulated(row[-2]), row[-1]) for row in rows]
+    return [
+        ReducedAttempt(
+            number, attempt, serial, product, stops, before, station, nest, lot, began, is_simulated(software), history
+        )
+        for number, attempt, serial, product, stops, before, station, nest, lot, began, software, history in rows
+    ]
 
 
 def dwells(db: sqlite3.Connection, recipe_hash: str, newest: int) -> list[dict[str, Any]]:
