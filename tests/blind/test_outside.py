@@ -6,15 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from station.diagnosis.candidates.nuisance import accept_candidate
 from station.diagnosis.data.faults import inspect
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.results.diagnosis_document import document
-from station.diagnosis.search.cause_search import SearchResult, search_causes
-from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.diagnosis.search.cause_search import SearchResult, all_candidates, search_causes
+from station.diagnosis.search.form_check import compare_laws
+from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.domain.core.types import Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
+from station.model.effects.gain_temperature import GainTemperature
 from station.model.model_file import Model
-from tests.blind.bench import WHITE, hide
+from tests.blind.bench import WHITE, Hidden, hide
 from tests.blind.hidden import KNOWN, per_unit
 from tests.blind.inspection import diagnosis_of, null_of
 from tests.blind.outside import OUTSIDE
@@ -80,9 +83,8 @@ def test_what_is_a_product_or_a_bend_of_covariates_is_never_named_alone(name: st
     assert words & set(found.depends_on)
 
 
-def searched(name: str, seed: int, d: float) -> SearchResult:
+def searched(hidden: Hidden, seed: int, d: float) -> SearchResult:
     """What a search finds of a hidden thing, without the formulas that follow it."""
-    hidden = OUTSIDE[name][1] if name in OUTSIDE else KNOWN[name]
     table, _ = hide(recipe(), hidden, seed, floor=WHITE, d=d)
     allowance = FloorAllowance.of(recipe(), Model())
     return search_causes(initial_problem(reduce_samples(recipe(), table), allowance), null_of)
@@ -91,7 +93,7 @@ def searched(name: str, seed: int, d: float) -> SearchResult:
 @pytest.mark.parametrize("name", portion(IMITATED))
 def test_what_a_cause_of_the_library_imitates_is_not_named_for_certain(name: str) -> None:
     """What the imitation leaves is too weak to alarm; that another law does better in its place is not."""
-    found = searched(name, 1000 + SEED, 16.0)
+    found = searched(OUTSIDE[name][1], 1000 + SEED, 16.0)
     assert found.findings
     assert OUTSIDE[name][0] & set(found.words)
     assert all(f.words or f.probability[f.name] < 0.9 for f in found.findings)
@@ -99,9 +101,23 @@ def test_what_a_cause_of_the_library_imitates_is_not_named_for_certain(name: str
 
 @pytest.mark.parametrize("name", portion(RESEMBLED))
 def test_a_cause_that_laws_resemble_keeps_its_name(name: str) -> None:
-    found = searched(name, 1100 + SEED, 16.0)
+    found = searched(KNOWN[name], 1100 + SEED, 16.0)
     assert name in (found.findings[0].name, *found.findings[0].indistinguishable_from)
     assert not found.words
+
+
+def test_a_cause_of_several_degrees_is_compared_at_all_of_them() -> None:
+    """As an accepted parabola, whose square has a length of its own, a straight line would lose to bends."""
+    table, _ = hide(recipe(), KNOWN["gain-temperature"], 1200 + SEED, floor=WHITE, d=20.0)
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    (parabola,) = (
+        c
+        for c in all_candidates(problem.view)
+        if isinstance(c.effect, GainTemperature) and c.effect.degree == 2 and c.of == "unit"
+    )
+    item = accept_candidate(parabola.plain or parabola, np.ones(len(parabola.names), bool), 1e-4)
+    known = refined(problem.beside((item,)))
+    assert not compare_laws(known, 0, known.fit().floor).is_ahead
 
 
 def test_a_name_stands_only_where_held_out_data_confirm_it() -> None:

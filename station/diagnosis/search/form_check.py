@@ -11,8 +11,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.diagnosis.candidates.bank import Bank, Candidate, build_bank, candidate_in_view
+from station.diagnosis.candidates.bank import (
+    Bank,
+    Candidate,
+    build_bank,
+    candidate_in_view,
+    candidates,
+    cause_library,
+    is_testable,
+)
 from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
+from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.alarm import UNKNOWN_NATS
 from station.diagnosis.search.finding import CauseFinding
@@ -50,10 +59,20 @@ class RivalLaws:
 def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor) -> RivalLaws:
     """The laws in place of accepted cause i, beside all others. floor: the one with all of them known."""
     bare = problem.without(i)
-    cause = candidate_in_view(problem.accepted[i].candidate, bare.view)
-    ranks = _ranked(bare, [cause], floor)
-    best = ranks.pop(cause.name, None)
-    return RivalLaws(-np.inf, ()) if best is None else _rivals(ranks, best.evidence)
+    forms = [replace(c, name=f"cause/{k}") for k, c in enumerate(_forms(problem.accepted[i].candidate, bare.view))]
+    ranks = _ranked(bare, forms, floor)
+    own = [ranks.pop(c.name).evidence for c in forms if c.name in ranks]
+    return _rivals(ranks, max(own)) if own else RivalLaws(-np.inf, ())
+
+
+def _forms(accepted: Candidate, view: ResidualView) -> list[Candidate]:
+    """A cause as it was accepted, and at every shape and level that the bank has of it: what was accepted stands
+    without the lengths and the errors of its covariates."""
+    found = [candidate_in_view(accepted, view)]
+    if accepted.effect is None or accepted.dwell is not None or accepted.pattern == "scan":
+        return found
+    effects = [e for e in cause_library(view.scene.recipe) if e.id == accepted.name and is_testable(e, view)]
+    return found + [c for e in effects for c in candidates(e, view) if c.pattern != "scan"]
 
 
 def compare_laws_with_kernel(problem: ScoringProblem, unknown: CauseFinding) -> RivalLaws:
