@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from station.domain.core.types import Array, Floats
 
-#: Rows of a block at most: so many that matrices are worth it, so few that their cubes are not felt.
-MAX_BLOCK_ROWS = 96
+#: Rows of a block at most: so many that matrices are worth it, so few that their cubes are not felt; 24 visits of three.
+MAX_BLOCK_ROWS = 72
 
 
 def block_visits(visits: int, k: int) -> tuple[int, int]:
