@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from station.domain.core.types import Array, Floats
 
-#: Rows of a block at most: so many that matrices are worth it, so few that their cubes are not felt; 24 visits of three.
+#: Rows of a block at most, 24 visits of three: so many that matrices are worth it, so few that their cubes are not
+#: felt.
 MAX_BLOCK_ROWS = 72
 
 
