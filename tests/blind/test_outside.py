@@ -120,6 +120,18 @@ def test_a_cause_of_several_degrees_is_compared_at_all_of_them() -> None:
     assert not compare_laws(known, 0, known.fit().floor).is_ahead
 
 
+def test_causes_that_only_imitate_a_law_give_way_to_its_formula() -> None:
+    """Hysteresis, repeatability and bumped visits each hold a part of it, which held-out data confirm."""
+    law = per_unit(3e-4, lambda w, rng: (w.before - w.a) * w.motor[:, None])
+    table, _ = hide(recipe(), law, 600 + SEED, floor=WHITE, d=48.0)
+    found = diagnosis_of(recipe(), table)
+    assert found.verdict == "unknown" and found.causes == ()
+    assert found.hypotheses is not None and found.hypotheses.complete
+    (term,) = found.hypotheses.terms
+    assert term.found.fit.term.family == ("step", "motor")
+    assert set(found.depends_on) == {"motor", "order"}
+
+
 def test_a_name_stands_only_where_held_out_data_confirm_it() -> None:
     for seed in range(3):
         table, _ = hide(recipe(), KNOWN["step"], 400 + 10 * SEED + seed, d=7.0)

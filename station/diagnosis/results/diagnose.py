@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from station import plugins
+from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.data import input_checks
 from station.diagnosis.data.faults import GrossFault, Inspection, inspect
 from station.diagnosis.data.reduce import reduce_samples
@@ -107,16 +108,26 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
         depends_on=_remainder(searched, news, causes),
         not_testable=_not_testable(inspected, searched),
     )
-    return _with_hypotheses(found) if found.depends_on else found
+    return _with_formulas(found, [c.estimate.item for c in causes if c.estimate is not None and c.gain.accepted])
 
 
-def _with_hypotheses(d: Diagnosis) -> Diagnosis:
-    """The diagnosis with formulas for what no cause explains."""
-    # A search over thousands of formulas is loaded only where something is unknown.
-    from station.diagnosis.results.hypotheses import propose_formula
+def _with_formulas(d: Diagnosis, paying: list[AcceptedCause]) -> Diagnosis:
+    """The diagnosis with formulas for what no cause explains, and without the causes that only imitate one."""
+    if not d.depends_on and len(paying) < 2:
+        return d
+    # A search over thousands of formulas is loaded only where one is needed.
+    from station.diagnosis.results.hypotheses import only_with
+    from station.diagnosis.results.imitators import simplest_explanation
 
-    paying = [c.estimate.item for c in d.causes if c.estimate is not None and c.gain.accepted]
-    return replace(d, hypotheses=propose_formula(d.search_result, d.last, paying, d.table))
+    explanation = simplest_explanation(d.search_result, d.last, paying, d.table, whole=not d.depends_on)
+    found = explanation.formula
+    words = found.covariates if found is not None and found.complete else d.depends_on
+    if len(explanation.causes) == len(paying):
+        return replace(d, hypotheses=found, depends_on=words)
+    staying = {id(item) for item in explanation.causes}
+    last = only_with(d.last, len(d.search_result.first.accepted), explanation.causes)
+    causes = tuple(c for c in d.causes if c.estimate is not None and id(c.estimate.item) in staying)
+    return replace(d, last=last, floor=last.fit(), causes=causes, hypotheses=found, depends_on=words)
 
 
 def _not_testable(inspected: Inspection, searched: SearchResult) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.candidates.shape import FormEstimate
+from station.diagnosis.discovery.covariates import term_covariates
 from station.diagnosis.discovery.discover import Discovery, FoundTerm, ThresholdOf, discover
 from station.diagnosis.discovery.scan import scanned_units
 from station.diagnosis.discovery.term_fit import TermSpace, candidate_of, constant_stds
@@ -45,6 +46,11 @@ class Hypotheses:
     threshold: float
     data: str
 
+    @property
+    def covariates(self) -> tuple[str, ...]:
+        """Words of `unknown.depends_on` for what its terms depend on."""
+        return tuple(dict.fromkeys(word for t in self.terms for word in term_covariates(t.found.fit.term)))
+
 
 def propose_formula(
     searched: SearchResult,
@@ -56,7 +62,7 @@ def propose_formula(
     """The formula for what a diagnosis leaves unexplained. last: the problem with every cause found; paying: those that
     gain on held-out data."""
     assert searched.null is not None
-    problem = _explained(last, len(searched.first.accepted), paying)
+    problem = only_with(last, len(searched.first.accepted), paying)
     found = discover(problem, searched.null, searched.undetectable, SEED, threshold_of)
     return _accepted(found, data_hash(table))
 
@@ -68,9 +74,9 @@ def data_hash(table: SampleTable) -> str:
     return digest.hexdigest()[:16]
 
 
-def _explained(problem: ScoringProblem, first: int, paying: Sequence[AcceptedCause]) -> ScoringProblem:
-    """The problem with the causes of the model (the first so many) and those that pay, and no other."""
-    kept = {id(item) for item in paying}
+def only_with(problem: ScoringProblem, first: int, causes: Sequence[AcceptedCause]) -> ScoringProblem:
+    """The problem with the causes of the model (the first so many) and the given ones, and no other."""
+    kept = {id(item) for item in causes}
     gone = [i for i, item in enumerate(problem.accepted) if i >= first and id(item) not in kept]
     for i in reversed(gone):
         problem = problem.without(i)

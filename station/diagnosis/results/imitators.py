@@ -1,0 +1,96 @@
+"""Causes of the library that only imitate a law which one formula states whole.
+
+A law of two covariates is followed a little by causes of one: quadratic and warm-up share what a square that follows
+the rate of the temperature does. Each alarms, and each gains on held-out data, for a part of it is true. So the formula
+is looked for once more with none of them known. Where it then accounts for everything, more likely and in fewer terms,
+or where nothing else did, they go; one that says the same as a term of the formula stays in its place, for its physics
+is known.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.diagnosis.candidates.nuisance import AcceptedCause
+from station.diagnosis.discovery.price import price
+from station.diagnosis.results.hypotheses import Hypotheses, propose_formula
+from station.diagnosis.search.cause_search import CHOICE_NATS, SearchResult
+from station.diagnosis.search.problem import refined
+from station.diagnosis.search.scoring import ScoringProblem
+from station.domain.core.types import SampleTable
+
+#: So many causes that leave nothing are worth a look for one formula that says the same.
+LEAST_CAUSES = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explanation:
+    """What accounts for the data: causes of the library, and a formula beside them; None where nothing needs one."""
+
+    causes: tuple[AcceptedCause, ...]
+    formula: Hypotheses | None
+
+    @property
+    def parts(self) -> int:
+        """Causes and terms."""
+        return len(self.causes) + (0 if self.formula is None else len(self.formula.terms))
+
+
+def simplest_explanation(
+    searched: SearchResult, last: ScoringProblem, paying: Sequence[AcceptedCause], table: SampleTable, *, whole: bool
+) -> Explanation:
+    """The causes that stay, and the formula beside them. last: the problem with every cause found; paying: the causes
+    that gain on held-out data; whole: whether these leave nothing."""
+    beside = Explanation(tuple(paying), None if whole else propose_formula(searched, last, paying, table))
+    if len(paying) < (LEAST_CAUSES if whole else 1):
+        return beside
+    alone = propose_formula(searched, last, (), table)
+    if not alone.complete or ((whole or _is_complete(beside)) and not _is_simpler(alone, beside, last)):
+        return beside
+    if known := _causes_in(alone, paying):
+        mixed = Explanation(known, propose_formula(searched, last, known, table))
+        if _is_complete(mixed):
+            return mixed
+    return Explanation((), alone)
+
+
+def _is_complete(explanation: Explanation) -> bool:
+    return explanation.formula is not None and explanation.formula.complete
+
+
+def _is_simpler(alone: Hypotheses, beside: Explanation, last: ScoringProblem) -> bool:
+    """Whether a formula accounts for everything in fewer parts, and more likely by what it costs to write them down."""
+    problem = last if beside.formula is None else beside.formula.problem
+    causes_nats = _profile(problem) - CHOICE_NATS * len(beside.causes) - _price(beside.formula)
+    return len(alone.terms) < beside.parts and _profile(alone.problem) - _price(alone) > causes_nats
+
+
+def _price(formula: Hypotheses | None) -> float:
+    return 0.0 if formula is None else sum(price(t.found.fit.term) for t in formula.terms)
+
+
+def _profile(problem: ScoringProblem) -> float:
+    """Log-likelihood of the readings beside everything known."""
+    return problem.fit().space.profile
+
+
+def _causes_in(alone: Hypotheses, paying: Sequence[AcceptedCause]) -> tuple[AcceptedCause, ...]:
+    """The causes that say the same as a term of the formula: in its place they leave no more, but for its price."""
+    if len(alone.terms) < 2:
+        return ()
+    whole = _profile(alone.problem)
+    first = len(alone.problem.accepted) - len(alone.terms)
+    found = []
+    for cause in paying:
+        for i, term in enumerate(alone.terms):
+            if _profile_with(cause, alone.problem.without(first + i)) > whole - price(term.found.fit.term):
+                found.append(cause)
+                break
+    return tuple(found)
+
+
+def _profile_with(cause: AcceptedCause, bare: ScoringProblem) -> float:
+    """Log-likelihood of the readings with a cause beside what is known, at its best."""
+    fresh = replace(cause, coefficient=np.zeros(cause.coefficient.shape)).in_view(bare.view)
+    return _profile(refined(bare.beside([*bare.accepted, fresh]), rounds=2))
