@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from station.errors import StationError, StoreFault
+from station.files.json_text import parse_json
 from station.files.lock import take
 from station.files.system_errors import os_error_reason
 from station.messages import Message
@@ -97,7 +98,7 @@ class OwnerLock:
     def _read(self) -> dict[str, Any]:
         """What the file says of the owner; nothing while it is being written."""
         try:
-            owner = json.loads(os.pread(self._handle, 4096, 0))
+            owner = parse_json(os.pread(self._handle, 4096, 0))
         except ValueError:
             return {}
         return owner if isinstance(owner, dict) else {}

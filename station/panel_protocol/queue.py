@@ -7,7 +7,7 @@ from pathlib import Path
 from threading import Lock
 
 from station.errors import StoreFault
-from station.files.json_text import parse_json
+from station.files.json_text import NOT_AS_EXPECTED, parse_json
 from station.files.replace import replace_text
 
 SCHEMA = "station.queue/1"
@@ -145,5 +145,5 @@ def _read(path: Path) -> QueueState:
         )
         cleared = tuple(str(load) for load in document.get("cleared", ()))
         return QueueState(waiting, handed, int(document["pid"]), cleared, str(document.get("binned", "")))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, *NOT_AS_EXPECTED):
         return QueueState({}, {})

@@ -45,8 +45,9 @@ class AlertBook:
 
     @staticmethod
     def of(document: Mapping[str, Any]) -> "AlertBook":
-        """Of a book that was kept. Errors: KeyError, TypeError."""
-        return AlertBook(set(document["issued"]), list(document["entries"]), list(document["lasting"]), begun=True)
+        """Of a book that was kept. Errors: KeyError, TypeError, ValueError."""
+        entries = [dict(entry) for entry in document["entries"]]
+        return AlertBook(set(document["issued"]), entries, list(document["lasting"]), begun=True)
 
     def document(self) -> dict[str, Any]:
         """station.alerts/1."""

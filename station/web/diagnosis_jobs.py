@@ -12,6 +12,7 @@ from statistics import median
 from typing import Any
 
 from station.errors import LogError, UsageError
+from station.files.json_text import parse_json
 from station.files.replace import replace_text
 from station.panel_protocol.companion import Companion, companion_file
 from station.ports.log_reader import Attempt, LogReader, Query
@@ -147,7 +148,7 @@ def _expected_s(folder: Path, job: DiagnosisJob) -> float:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return document if isinstance(document, dict) else {}

@@ -123,11 +123,10 @@ class Screen:
             stat = self._path.stat()
             stamp = (stat.st_ino, stat.st_mtime_ns)
             if stamp != self._stamp:
-                self._live = parse_json(self._path.read_bytes())
-                self._stamp = stamp
+                self._live, self._stamp = dict(parse_json(self._path.read_bytes())), stamp
         except FileNotFoundError:
             self._live, self._stamp = {}, None
-        except (OSError, ValueError):
+        except (OSError, ValueError, TypeError):
             return
 
     def _never_begun(self) -> bool:

@@ -12,6 +12,7 @@ from station.adapters.alert_channels.webhook import Webhook
 from station.adapters.clock import SystemClock
 from station.config.settings import AlertSettings, MailSettings, Settings
 from station.errors import ConfigError
+from station.files.json_text import NOT_AS_EXPECTED, parse_json
 from station.files.owner import OwnerLock
 from station.files.replace import replace_text
 from station.files.system_errors import os_error_reason
@@ -42,8 +43,8 @@ def book_beside(database: Path) -> Path:
 def read_book(database: Path) -> AlertBook:
     """The book as it was last kept; an empty one where there is none, or none that can be read."""
     try:
-        return AlertBook.of(json.loads(book_beside(database).read_text(encoding="utf-8")))
-    except (OSError, ValueError, KeyError, TypeError):
+        return AlertBook.of(parse_json(book_beside(database).read_text(encoding="utf-8")))
+    except (OSError, *NOT_AS_EXPECTED):
         return AlertBook()
 
 

@@ -16,9 +16,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -43,10 +42,11 @@ from station.domain.core.types import Frames, SampleTable
 from station.domain.product.product import Product
 from station.domain.recipe import serial
 from station.errors import ProductError, StationError
+from tests.endurance.fuzz_targets import Target, further_targets
 
 MOST_S, MOST_BYTES = 5.0, 1 << 30
 #: A recording that is read in a process of its own takes half a second: its turn comes once in so many rounds.
-SELDOM = {"mf4": 40}
+SELDOM = {"mf4": 40, "mat": 40}
 RECIPE = shipped_folder() / "recipes" / "six-point.yaml"
 
 #: What has broken parsers before.
@@ -59,15 +59,6 @@ TOKENS: Sequence[bytes] = (
     *(b"file:///etc/passwd", b"%s%n", b"${HOME}", b"A" * 5000, b",,,,", b";", b"NaN,NaN,NaN", b"1800sub0", b"$NODEID+"),
     *(b"SG_ X : 0|65@1+ (0,0) [0|0] \"\" X", b"BO_ 4294967295 X: 255 X", b"up: +q", b"null", b"true", b"2026-13-45"),
 )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class Target:
-    """Something that reads. good: an input that it takes; name: the file's; read: takes the path."""
-
-    good: bytes
-    name: str
-    read: Callable[[Path], object]
 
 
 def targets(folder: Path) -> Mapping[str, Target]:
@@ -98,6 +89,7 @@ def targets(folder: Path) -> Mapping[str, Target]:
         "frames": Target(_packed(frames), "frames", partial(_decode, layout)),
         "serials": Target(b"SN0001\nSN0002\nSN123456789012", "serials", scanned),
         "fault": Target(b"refuse:index=0x2101,sub=1,code=0x06090030", "fault", _fault),
+        **further_targets(folder),
     }
 
 

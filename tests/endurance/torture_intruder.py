@@ -9,6 +9,7 @@ import argparse
 import json
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
 from station.domain.core.types import Outcome
+from tests.fakes.fixture_run import Ran, brief_recipe
 from tests.fakes.intruder import ACTIONS, SERIAL, Intruder
 
 
@@ -30,10 +32,10 @@ def main() -> int:
     rng = np.random.default_rng(given.seed)
     calls = _calls()
     passed: list[str] = []
+    begun_s = time.monotonic()
     for number in range(given.instants):
         at, deed = int(rng.integers(0, calls)), list(ACTIONS)[number % len(ACTIONS)]
-        with tempfile.TemporaryDirectory() as folder:
-            results = Intruder(ACTIONS[deed], at).run(Path(folder)).results
+        results = _disturbed(Intruder(ACTIONS[deed], at)).results
         if SERIAL in results and results[SERIAL].outcome is Outcome.PASS:
             passed.append(f"{number}: {deed} before call {at} of {calls}")
     found = given.instants - len(passed)
@@ -41,6 +43,7 @@ def main() -> int:
         print(json.dumps({"instants": given.instants, "found": found, "said": passed}))
     else:
         print(f"intruder: {found} of {given.instants} found before PASS (seed {given.seed})   goal: all of 1000")
+        print(f"  {time.monotonic() - begun_s:.0f} s, {calls} instants a run")
         for line in passed:
             print(f"  {line}")
     return int(bool(passed))
@@ -49,9 +52,13 @@ def main() -> int:
 def _calls() -> int:
     """How many instants a run has that nobody disturbs."""
     alone = Intruder(lambda _bench, _seat: None, 1 << 30)
-    with tempfile.TemporaryDirectory() as folder:
-        alone.run(Path(folder))
+    assert _disturbed(alone).results[SERIAL].outcome is Outcome.PASS
     return alone.calls
+
+
+def _disturbed(intruder: Intruder) -> Ran:
+    with tempfile.TemporaryDirectory() as folder:
+        return intruder.run(Path(folder), recipe=brief_recipe(Path(folder)))
 
 
 if __name__ == "__main__":

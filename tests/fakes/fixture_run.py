@@ -115,6 +115,11 @@ def recipe(folder: Path, name: str = "six-point", **changes: Any) -> str:
     return str(path)
 
 
+def brief_recipe(folder: Path) -> str:
+    """Six-point with a tenth of the samples: as many instants of device and log, in a third of the time."""
+    return recipe(folder, settle={"time_s": 0.1}, dwell={"time_s": 0.1})
+
+
 def config(folder: Path, **changes: Any) -> Path:
     """The shipped config.yaml with blocks changed."""
     document = {**_shipped("config.yaml"), **changes}

@@ -64,10 +64,10 @@ class Intruder:
         self._deed, self._at = deed, at
         self.calls, self.over, self.came = 0, False, False
 
-    def run(self, folder: Path) -> Ran:
-        """A run of one unit that he disturbs."""
+    def run(self, folder: Path, **order: Any) -> Ran:
+        """A run of one unit that he disturbs; order: what is special about it."""
         with self._patched():
-            return fixture_run.run(folder, [SERIAL], wrap=self._enter)
+            return fixture_run.run(folder, [SERIAL], wrap=self._enter, **order)
 
     def _enter(self, bench: Bench) -> Bench:
         self._bench = bench

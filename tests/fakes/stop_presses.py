@@ -66,11 +66,13 @@ def _counted(call: Callable[..., Any], name: str, presses: Presses) -> Callable[
     return counted
 
 
-def run_and_press(folder: Path, at: int, presses: int, units: int = 2) -> tuple[int, Presses]:
+def run_and_press(
+    folder: Path, at: int, presses: int, units: int = 2, recipe: str = "six-point"
+) -> tuple[int, Presses]:
     """Exit code of a run in `folder` that is stopped from its call number `at` on, so often."""
     pressing = Presses(at, presses)
     chosen = [word for serial in serials(units) for word in ("--serial", serial)]
-    words = ["run", "--simulate", *chosen, "--db", str(folder / "station.db")]
+    words = ["run", "--simulate", "--recipe", recipe, *chosen, "--db", str(folder / "station.db")]
     with _patched(pressing):
         try:
             main([*words, "--device-state", str(folder / "devices"), "--json"])

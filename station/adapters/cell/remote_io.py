@@ -13,6 +13,7 @@ from station.domain.cell.packml import State
 from station.domain.cell.remote_cell import ClampPhase, RemoteCell, Signals
 from station.domain.recipe.fields import Positive, StrictModel
 from station.errors import ConfigError, InvalidValue, StationFault
+from station.files.json_text import NOT_AS_EXPECTED, parse_json
 from station.files.replace import replace_text
 from station.messages import system_reason
 from station.ports.clock import Clock
@@ -153,8 +154,8 @@ class RemoteIoCell:
 
     def _remembered(self) -> RemoteCell | None:
         try:
-            return RemoteCell.of(json.loads(self._memory.read_bytes()))
+            return RemoteCell.of(parse_json(self._memory.read_bytes()))
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as exc:
+        except (OSError, *NOT_AS_EXPECTED) as exc:
             raise StationFault("remote-io-memory", file=str(self._memory)) from exc

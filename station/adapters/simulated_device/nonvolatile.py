@@ -66,7 +66,7 @@ class NonVolatileMemory:
 
 def _read(path: Path) -> SavedObjects:
     try:
-        objects: SavedObjects = parse_json(path.read_text(encoding="utf-8"))["objects"]
+        objects: SavedObjects = parse_json(path.read_text(encoding="utf-8"), finite=False)["objects"]
         return dict(objects)
     except (OSError, ValueError, KeyError, TypeError) as exc:
         raise ConfigError("memory-damaged", file=str(path)) from exc

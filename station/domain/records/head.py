@@ -38,7 +38,7 @@ class SealedHead:
             signature = bytes.fromhex(stored.get("signature", ""))
             number = int(stored["number"])
             names = str(stored["log_id"]), str(stored.get("station", ""))
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise ValueError("no head of a log") from error
         if number < 0 or len(seal) != 32:
             raise ValueError("no head of a log")

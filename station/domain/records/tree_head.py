@@ -37,7 +37,7 @@ class TreeHead:
             texts = {name: str(document[name]) for name in _TEXTS}
             size = int(document["size"])
             lengths = [len(bytes.fromhex(texts[name])) for name in _HEX]
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ValueError("no tree head") from error
         if document.get("schema") != SCHEMA or size < 1 or lengths != [32, 32, 64, 32, 64]:
             raise ValueError("no tree head")

@@ -4,6 +4,9 @@ from dataclasses import dataclass, field
 
 from station.errors import LogError
 
+#: No number of an archive has more.
+_MOST_BITS = 70
+
 
 @dataclass(slots=True)
 class ByteWriter:
@@ -49,6 +52,8 @@ class ByteReader:
             if byte < 0x80:
                 return value
             shift += 7
+            if shift > _MOST_BITS:
+                raise LogError("frames-damaged")
 
     def whole(self) -> int:
         """One number of either sign."""

@@ -47,7 +47,13 @@ def pack(parts: Sequence[Frames]) -> bytes:
 
 def unpack(data: bytes) -> list[Frames]:
     """The frames from their bytes. Errors: LogError when the bytes are not those of frames."""
-    box = ByteReader(data)
+    try:
+        return _unpack(ByteReader(data))
+    except (IndexError, ValueError, OverflowError) as error:
+        raise LogError("frames-damaged") from error
+
+
+def _unpack(box: ByteReader) -> list[Frames]:
     head = _unwrap_head(box)
     number, described = head.count(), head.count()
     layouts = [message.read_layout(head) for _ in range(described)]
