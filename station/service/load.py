@@ -49,7 +49,7 @@ from station.service.measure import RejectedUnits, VisitMeasurement
 from station.service.recovery import check_suspect_unit
 from station.service.station import Job, Station
 from station.service.stop_request import StopRequest
-from station.service.unit import Unit, check_no_foreign_master, reason_of
+from station.service.unit import Unit, check_no_foreign_master, check_same_unit, reason_of
 from station.service.write_back import WriteBack
 
 #: Errors of one unit, which stop no other.
@@ -344,15 +344,17 @@ class Load:
         yield UnitDone(unit.end(outcome, self._station.clock.monotonic_s() - unit.began_s))
 
     def _disturbed(self, unit: Unit, outcome: Outcome) -> Outcome:
-        """ERROR where somebody else commanded the device, or it restarted at the last moment: neither a PASS nor a FAIL
-        says anything of the unit then."""
+        """ERROR where somebody else commanded the device, or it restarted or was exchanged at the last moment, after it
+        was left as it was found: neither a PASS nor a FAIL says anything of the unit then."""
         if outcome not in (Outcome.PASS, Outcome.FAIL):
             return outcome
         try:
+            if outcome is Outcome.PASS:
+                check_same_unit(unit, self._job)
             check_no_foreign_master(unit, self._station.foreign)
             if outcome is Outcome.PASS and unit.device.boot_ups() != unit.boot_ups:
                 raise DeviceChanged("unit-restarted", unit=unit.label, when=Message("while-verified"))
-        except (ForeignMaster, DeviceChanged) as fault:
+        except (StationFault, DeviceRefused) as fault:
             unit.reasons.append(reason_of(fault))
             return Outcome.ERROR
         return outcome

@@ -137,7 +137,7 @@ def check_same_unit(unit: Unit, job: Job) -> None:
     """Reads the serial again; WrongUnit when another unit sits there now than at the start. Nothing where the device
     keeps none."""
     place = job.product.map.serial_object
-    if place is None:
+    if place is None or place.address not in unit.old:
         return
     now = decode_serial(place, unit.device.upload(*place.address))
     before = decode_serial(place, unit.old[place.address])

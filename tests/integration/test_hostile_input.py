@@ -1,9 +1,11 @@
 """Whatever people, scanners, devices and files hand in: taken, or refused in one sentence, within seconds."""
 
 import gc
+import json
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +21,8 @@ from station.domain.recipe import serial
 from station.errors import LogError, StationError, UsageError
 from station.files import limited_process
 from tests.endurance import hostile_files, torture_input
-from tests.endurance.torture_input import TOKENS, Target
+from tests.endurance.fuzz_targets import Target
+from tests.endurance.torture_input import TOKENS
 from tests.fakes import hostile
 
 FILES = ("recipe", "config", "product", "model", "dbc", "eds")
@@ -59,6 +62,36 @@ def test_whatever_is_handed_in_is_taken_or_refused_in_one_sentence(
 @given(data=st.one_of(st.binary(max_size=400), st.text(max_size=200).map(lambda t: t.encode("utf-8", "replace"))))
 def test_noise_is_refused_in_one_sentence(reading: Mapping[str, Target], folder: Path, name: str, data: bytes) -> None:
     assert torture_input.attempt(reading[name], data, folder) in ("taken", "refused")
+
+
+#: In the place of any value of a document.
+ODD_VALUES = ("1e999", "NaN", "9" * 5000, "null", "[[]]", "{}", '"\\ud800"', "-1")
+
+
+@pytest.mark.parametrize(
+    "name", ["marks", "queue", "line-command", "questions", "owner", "alerts", "shipping", "screen", "golden", "head"]
+)
+def test_any_odd_value_anywhere_in_a_document_is_taken_or_refused(
+    reading: Mapping[str, Target], folder: Path, name: str
+) -> None:
+    good = json.loads(reading[name].good)
+    texts = [b"[" * 100_000, b'{"a":' * 100_000, *(value.encode() for value in ODD_VALUES)]
+    texts += [text.encode() for value in ODD_VALUES for text in with_each_value(good, value)]
+    shown = {text: torture_input.attempt(reading[name], text, folder) for text in texts}
+    assert {text: what for text, what in shown.items() if what not in ("taken", "refused")} == {}
+
+
+def with_each_value(document: Any, value: str) -> Iterator[str]:
+    """The document as text, one of its values after the other exchanged."""
+    rows = document.items() if isinstance(document, dict) else enumerate(document)
+    for key, held in list(rows):
+        document[key] = "\0value"
+        yield json.dumps(document).replace(json.dumps("\0value"), value)
+        if isinstance(held, dict | list):
+            for text in with_each_value(held, value):
+                document[key] = "\0held"
+                yield json.dumps(document).replace(json.dumps("\0held"), text)
+        document[key] = held
 
 
 @pytest.mark.parametrize("name", NAMES)

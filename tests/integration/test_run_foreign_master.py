@@ -36,10 +36,13 @@ def test_no_pass_whenever_he_comes(tmp_path: Path, calls: int, deed: str, number
         assert outcome is Outcome.ERROR, [r.sentence for r in reasons]
 
 
-def test_the_last_instant_counts_too(tmp_path: Path, calls: int) -> None:
-    ran = Intruder(ACTIONS["writes a coefficient"], calls - 1).run(tmp_path)
+@pytest.mark.parametrize("deed", ACTIONS)
+@pytest.mark.parametrize("before_last", [1, 2])
+def test_the_last_instants_count_too(tmp_path: Path, calls: int, deed: str, before_last: int) -> None:
+    ran = Intruder(ACTIONS[deed], calls - before_last).run(tmp_path)
     assert ran.results[SERIAL].outcome is Outcome.ERROR
-    assert "another master on the bus wrote to 0x2101:05" in ran.results[SERIAL].reasons[-1].sentence
+    if deed == "writes a coefficient":
+        assert "another master on the bus wrote to 0x2101:05" in ran.results[SERIAL].reasons[-1].sentence
 
 
 @pytest.mark.parametrize(
