@@ -81,6 +81,13 @@ def test_any_odd_value_anywhere_in_a_document_is_taken_or_refused(
     assert {text: what for text, what in shown.items() if what not in ("taken", "refused")} == {}
 
 
+@pytest.mark.parametrize("name", ["key", "public-key"])
+def test_a_key_of_a_kind_that_nobody_knows_is_refused(reading: Mapping[str, Target], folder: Path, name: str) -> None:
+    altered = reading[name].good.replace(b"K2Vw", b"K4Vw")  # the last byte but one of the object identifier
+    assert altered != reading[name].good
+    assert torture_input.attempt(reading[name], altered, folder) == "refused"
+
+
 def with_each_value(document: Any, value: str) -> Iterator[str]:
     """The document as text, one of its values after the other exchanged."""
     rows = document.items() if isinstance(document, dict) else enumerate(document)

@@ -31,6 +31,7 @@ class Signer:
 
 def load_signer(path: Path, passphrase: bytes | None = None) -> Signer:
     """The station's key from a PEM file, which may be encrypted. Errors: ConfigError."""
+    from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
@@ -38,7 +39,7 @@ def load_signer(path: Path, passphrase: bytes | None = None) -> Signer:
         data = path.read_bytes()
         encrypted = b"ENCRYPTED" in data
         key = load_pem_private_key(data, passphrase if encrypted else None)
-    except (OSError, ValueError, TypeError) as exc:
+    except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as exc:
         if isinstance(exc, OSError) or not encrypted:
             raise ConfigError("station-key-unreadable", path=str(path)) from exc
         raise ConfigError("station-key-passphrase", path=str(path)) from exc
@@ -49,13 +50,14 @@ def load_signer(path: Path, passphrase: bytes | None = None) -> Signer:
 
 def load_public_key(path: Path) -> bytes:
     """A public key, 32 bytes, from the PEM file of either half. Errors: UsageError."""
+    from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key, load_pem_public_key
 
     try:
         data = path.read_bytes()
         key = load_pem_private_key(data, None).public_key() if b"PRIVATE" in data else load_pem_public_key(data)
-    except (OSError, ValueError, TypeError) as exc:
+    except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as exc:
         raise UsageError("public-key-unreadable", path=str(path)) from exc
     if not isinstance(key, Ed25519PublicKey):
         raise UsageError("key-other-kind", path=str(path))
