@@ -98,9 +98,10 @@ _MARKS_CSV = b"unit,node,run,visit,position,start_s,end_s\nSN1,5,0,0,z-up,0.0,1.
 
 def _label(path: Path) -> object:
     text = path.read_bytes().decode("latin-1")
-    for form, serial in (("plain", ""), ("gs1", "21"), ("iso15434", "S")):
+    rules = (ContentRules(), ContentRules(form="gs1", serial="21"), ContentRules(form="iso15434", serial="S"))
+    for each in rules:
         try:
-            serial_of_symbol(text, ContentRules(form=form, serial=serial))
+            serial_of_symbol(text, each)
         except InputError:
             continue
     return None
@@ -242,7 +243,8 @@ class _Page:
     csrf = "token"
 
     def __init__(self, folder: Path) -> None:
-        self._folder, self._client = folder, None
+        self._folder = folder
+        self._client: TestClient | None = None
 
     def post(self, path: Path) -> object:
         """Errors: AssertionError for an answer that blames the page."""
