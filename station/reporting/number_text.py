@@ -3,6 +3,9 @@
 import math
 from typing import Any
 
+#: Risks below this change nobody's mind; they are shown as below it.
+NEGLIGIBLE_RISK = 1e-6
+
 
 def format_number(value: Any, digits: int = 6) -> str:
     """A figure for a person: short, with a real minus; '–' where there is none."""
@@ -14,7 +17,14 @@ def format_to_uncertainty(value: Any, spread: float | None) -> str:
     if value is None or not spread or not 1e-9 < spread < 1e3:
         return format_number(value, 7)
     places = max(0, 1 - math.floor(math.log10(spread)))
-    return f"{value:.{places}f}".replace("-", "−")
+    return f"{value:z.{places}f}".replace("-", "−")
+
+
+def format_risk(probability: float | None) -> str:
+    """A probability of a wrong decision: two digits; what is as good as nothing as a bound."""
+    if probability is not None and 0 <= probability < NEGLIGIBLE_RISK:
+        return "< 0.000001"
+    return format_to_uncertainty(probability, probability)
 
 
 def format_time(stamp: str) -> str:

@@ -5,6 +5,7 @@ import json
 import sqlite3
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -61,6 +62,22 @@ def test_every_format_gives_the_same_figures_and_says_simulated(folder: Path) ->
     assert [s["name"] for s in steps] == [d["what"] for d in facts["decisions"]]
     assert all(s["status"] == "P" for s in steps)
     assert Path(names["pdf"]).read_bytes().startswith(b"%PDF-")
+
+
+def test_the_dcc_holds_the_countersignature_of_the_witness(folder: Path) -> None:
+    assert write(folder, "--json", str(folder / "w.json")) == 0
+    facts = json.loads((folder / "w.json").read_text())
+    receipt: dict[str, Any] = {
+        "place": "witness.example",
+        "size": 12,
+        "root": "ab" * 32,
+        "at_ns": 0,
+        "signature": "cd" * 64,
+    }
+    facts["log"]["witness"] = receipt
+    declared = " ".join(map(str, ET.fromstring(dcc.to_xml(facts)).itertext()))
+    assert "witness at witness.example on 1970-01-01" in declared and receipt["root"] in declared
+    assert receipt["signature"] in declared
 
 
 def test_the_tree_has_the_order_of_the_schema(folder: Path) -> None:

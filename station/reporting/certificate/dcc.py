@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 from xml.etree import ElementTree as ET
 
+from station.domain.records import stored_attempt
 from station.messages import Message, render
 from station.reporting.certificate.facts import STANDARD_GRAVITY
 
@@ -85,9 +86,16 @@ def _items(into: ET.Element, item: Mapping[str, Any]) -> None:
 def _statements(into: ET.Element, facts: Mapping[str, Any]) -> None:
     for message in statements(facts):
         _rich(_add(into, "statement"), "declaration", render(message))
+    if receipt := facts.get("log", {}).get("witness"):
+        _rich(_add(into, "statement"), "declaration", render(_witnessed(receipt)))
     conformity = _add(into, "statement")
     _rich(conformity, "declaration", str(facts["rule"] or _UNKNOWN))
     _add(conformity, "conformity", "pass" if facts["outcome"] == "PASS" else "fail")
+
+
+def _witnessed(receipt: Mapping[str, Any]) -> Message:
+    shown = {key: str(receipt[key]) for key in ("place", "root", "signature")}
+    return Message("certificate-witnessed", size=receipt["size"], at=stored_attempt.utc(receipt["at_ns"]), **shown)
 
 
 def statements(facts: Mapping[str, Any]) -> list[Message]:

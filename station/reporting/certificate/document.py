@@ -14,7 +14,7 @@ from station.messages import Message, templates
 from station.ports.store import LogHead
 from station.reporting.certificate import dcc, facts
 from station.reporting.certificate.issuer import Issuer
-from station.reporting.number_text import format_number, format_time, format_to_uncertainty
+from station.reporting.number_text import format_number, format_risk, format_time, format_to_uncertainty
 from station.reporting.words import Words
 
 Rows = tuple[tuple[str, ...], ...]
@@ -72,9 +72,9 @@ def build(
     sections = (
         w.table("certificate-issue", (), _issue(w, content)),
         w.section("cert_unit", (), _unit(w, stored)),
-        w.section("cert_result", (), _result(w, stored, fit, verdict)),
+        w.section("cert_result", (), _result(w, content, stored, fit, verdict)),
         w.table("certificate-coefficients", _COEFFICIENTS, _values(w, content)),
-        w.table("certificate-decisions", _DECISIONS, _decisions(content)),
+        w.table("certificate-decisions", _DECISIONS, _decisions(w, content)),
         w.table("certificate-budget", *_budget(content)),
         w.section("cert_stops", visits, _positions(fit), f" {recipe.unit}"),
         w.section("cert_verification", ("cert_position", "cert_error", "cert_limit"), _verification(stored)),
@@ -132,15 +132,28 @@ def _unit(w: _Writer, stored: Mapping[str, Any]) -> Rows:
     )
 
 
-def _result(w: _Writer, stored: Mapping[str, Any], fit: Mapping[str, Any], verdict: Mapping[str, Any]) -> Rows:
+def _temperature(content: Mapping[str, Any]) -> str:
+    """With U for 95 %, as the thermometer is known."""
+    degrees, wide = content["conditions"]["temperature_degC"], 1.96 * content["conditions"]["temperature_std_degC"]
+    shown = f"{format_to_uncertainty(degrees, wide)} °C"
+    return f"{shown}, U = {format_to_uncertainty(wide, wide)} °C" if degrees is not None and wide else shown
+
+
+def _result(
+    w: _Writer,
+    content: Mapping[str, Any],
+    stored: Mapping[str, Any],
+    fit: Mapping[str, Any],
+    verdict: Mapping[str, Any],
+) -> Rows:
     outcome = w.texts[stored["outcome"]] if stored["outcome"] else w("running")
     return (
         (w("outcome"), outcome),
         *((w("reason"), w.render(Message.recorded(r))) for r in verdict["reasons"]),
         (w("rule"), _rule(w, verdict)),
-        *((w(key), format_number(verdict.get(key), 3)) for key in ("false_accept", "false_reject")),
+        *((w(key), format_risk(verdict.get(key))) for key in ("false_accept", "false_reject")),
         (w("residual_rms"), f"{format_number(fit['residual_rms'], 3)} {fit['budget'][0]['unit']}"),
-        (w("temperature"), f"{format_number(fit.get('temperature_degC'), 4)} °C"),
+        (w("temperature"), _temperature(content)),
         (w("written"), w("yes") if verdict["written"] else w("no")),
         (w("verified"), w("yes") if verdict["verified"] else w("no")),
         *((w("note"), note) for note in _notes(w, fit)),
@@ -199,18 +212,20 @@ def _issue(w: _Writer, content: Mapping[str, Any]) -> Rows:
         "laboratory": ", ".join([name, issuer["laboratory_address"]]) if (name := issuer["laboratory"]["name"]) else "",
         "customer": issuer["customer"]["name"],
         "signatory": issuer["signatory"],
-        "method": f"{content['method']['name']}, {content['method']['recipe']} {content['method']['version']}",
+        "method": f"{content['method']['name']}; {content['method']['recipe']}, version {content['method']['version']}",
     }
     return tuple((w.render(Message(f"certificate-{key}")), str(value) or missing) for key, value in rows.items())
 
 
-def _decisions(content: Mapping[str, Any]) -> Rows:
-    keys = ("expanded", "limit", "guard", "margin", "false_accept")
+def _decisions(w: _Writer, content: Mapping[str, Any]) -> Rows:
+    """Value and U to the second digit of U, like the table of coefficients."""
     return tuple(
         (
-            f"{d['what']} / {d['unit']}",
-            format_number(d["value"], 5),
-            *(format_number(d[key], 3) for key in keys),
+            w.term(d["what"]) + (f" / {d['unit']}" if d["unit"] != "1" else ""),
+            *(format_to_uncertainty(d[key], d["expanded"]) for key in ("value", "expanded")),
+            format_number(d["limit"], 6),
+            *(format_to_uncertainty(d[key], d["expanded"]) for key in ("guard", "margin")),
+            format_risk(d["false_accept"]),
         )
         for d in content["decisions"]
     )
@@ -233,10 +248,15 @@ _SHOWN = ("offset x", "offset y", "offset z", "gain x", "gain y", "gain z")
 
 
 def _adjustment(content: Mapping[str, Any]) -> Rows:
-    """Objects of the device as found and as left."""
+    """Objects of the device as found and as left, as bytes on the bus; of the stages of one write the last."""
+    last: dict[tuple[str, str], tuple[int, Mapping[str, Any]]] = {}
+    for number, a in enumerate(content["adjustment"]):
+        earlier = last.get((a["name"], a["object"]), (number, {}))
+        same = earlier[1].get("written") == a["written"]
+        last[a["name"], a["object"]] = (earlier[0] if same else number, a)
     return tuple(
         (f"{a['name']} ({a['object']})", *(str(a[key] or "–") for key in ("old", "written", "read_back")))
-        for a in content["adjustment"]
+        for _, a in sorted(last.values(), key=lambda pair: pair[0])
     )
 
 
@@ -271,11 +291,20 @@ def _positions(fit: Mapping[str, Any]) -> Rows:
 
 
 def _verification(stored: Mapping[str, Any]) -> Rows:
+    """The error at each position with its U, and the limit."""
     found = stored_attempt.result(dict(stored), "verification")
     if not found:
         return ()
-    limit = f"{format_number(found.get('limit'), 4)} {found.get('unit', '')}"
-    return tuple((str(p["name"]), format_number(p.get("error"), 3), limit) for p in found.get("positions", ()))
+    unit = found.get("unit", "")
+    wide = {d["what"]: d["expanded"] for d in found.get("decisions", ())}
+    rows = []
+    for p in found.get("positions", ()):
+        expanded = wide.get(f"verification {p['name']}")
+        error = f"{format_to_uncertainty(p.get('error'), expanded)} {unit}"
+        if expanded:
+            error += f", U = {format_to_uncertainty(expanded, expanded)} {unit}"
+        rows.append((str(p["name"]), error, f"{format_number(found.get('limit'), 4)} {unit}"))
+    return tuple(rows)
 
 
 def _reference(w: _Writer, recipe: Recipe) -> Rows:
