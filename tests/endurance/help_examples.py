@@ -4,6 +4,7 @@ then every block of every guide, each guide in a fresh copy of the folder that `
 import argparse
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -11,8 +12,10 @@ from pathlib import Path
 
 from tests.fakes.help_examples import (
     GUIDES,
+    SCREEN,
     Tried,
     all_help_examples,
+    badly_laid_out,
     guide_examples,
     needs_person,
     needs_plant,
@@ -25,6 +28,8 @@ MEASURES_WITH_DRIVES = "station run --config drives.yaml"
 
 def main() -> int:
     """See the top of the file; 1 when an example does not run."""
+    # In the background of a shell Ctrl-C is ignored, and so it would be in every server that is tried.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--orders", type=int, default=1)
     parser.add_argument("--seed", type=int, default=1)
@@ -56,7 +61,7 @@ def _try_all(lines: list[str], tour: Path, folder: Path) -> list[Tried]:
         tried = try_example(line, folder)
         print(f"{'ok ' if tried.right else 'NOT'} {tried.code:3d}  {line}", flush=True)
         if not tried.right:
-            print(tried.errors[-600:])
+            print(tried.errors[-600:], *badly_laid_out(line, tried.output, SCREEN), sep="\n")
             failed.append(tried)
     shutil.rmtree(folder)
     return failed
