@@ -105,10 +105,12 @@ def _attempts(log: "LogReader", request: AuditRequest) -> dict[str, Any]:
         why = log.reasons([a["record"] for a in found if a["outcome"] in ("FAIL", "ERROR")])
         listed = [{**a, "reasons": why.get(a["record"], [])} for a in found]
         return {"count": len(found), "attempts": listed}
-    life = log.life(request.query, request.limit)
-    if not life:
+    from station.service.flash_record import flashes_of
+
+    life, flashes = log.life(request.query, request.limit), flashes_of(log, serial)
+    if not life and not flashes:
         raise LogError("log-no-such-attempt-of", log=log.location, serial=serial)
-    return {"serial": serial, "count": len(life), "attempts": life}
+    return {"serial": serial, "count": len(life), "attempts": life, "flashes": flashes}
 
 
 def _row(attempt: dict[str, Any]) -> dict[str, Any]:

@@ -23,6 +23,9 @@ def print_audit(document: Document) -> None:
     if "serial" in document:
         for number, attempt in enumerate(document["attempts"], 1):
             _show_attempt(number, attempt)
+        for flash in document["flashes"]:
+            shown = {"at": utc(flash["at_ns"]), "image": flash["image"], "how": flash["how"], "nest": flash["nest"]}
+            print_line(render(Message("flash-record", **shown, why=flash.get("reason") or flash.get("version", ""))))
     elif "attempts" in document:
         _show_list(document["attempts"])
     for one in document.get("recompute", ()):

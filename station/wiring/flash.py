@@ -13,6 +13,7 @@ from station.errors import ProductError, UsageError, WrongUnit
 from station.messages import Message, system_reason
 from station.ports.device import Device, Identity
 from station.service.flash import Flashed, ProgramDownload
+from station.service.flash_record import FlashSubject, record_flash
 from station.wiring.bench import Bench, open_bench
 from station.wiring.run_order import RunOrder
 
@@ -42,8 +43,11 @@ def load_image(path: Path) -> tuple[FirmwareImage, bytes]:
 def flash_unit(
     order: RunOrder, path: Path, serial: str, nest: str | None, tell: Callable[[Message], None]
 ) -> FlashResult:
-    """Flashes the unit of that printed serial. Errors: those of the image before the bus is opened; WrongUnit,
-    WrongProduct before anything is written; those of the service."""
+    """Flashes the unit of that printed serial; what was tried and what came of it is sealed into the log.
+
+    Errors: those of the image before the bus is opened; WrongUnit, WrongProduct before anything is written; those of
+    the service; StoreFault.
+    """
     image, data = load_image(path)
     with open_bench(order) as bench:
         if bench.job.product.map.protocol != "canopen":
@@ -53,8 +57,14 @@ def flash_unit(
         device = bench.station.device(seat.node)
         station = bench.station
         download = ProgramDownload(device, station.clock, image, data, tell)
-        flashed = download.run(station.settings.timeouts.boot_s, lambda: _refusals(bench, device, image, seat))
-        return FlashResult(flashed, device.identify(()).software)
+
+        def flash() -> tuple[Flashed, str]:
+            done = download.run(station.settings.timeouts.boot_s, lambda: _refusals(bench, device, image, seat))
+            return done, device.identify(()).software
+
+        place = (seat.serial, seat.nest, seat.node)
+        subject = FlashSubject.of(place, image, station.settings.operator, simulated=bench.simulated)
+        return FlashResult(*record_flash(station.store, subject, flash))
 
 
 def _seat(bench: Bench, serial: str, nest: str | None) -> NestAssignment:

@@ -117,6 +117,19 @@ def test_the_command_flashes_and_says_so(
     assert (document["how"], document["version"], document["software_id"]) == ("flashed", "2.1.0", NEW)
     assert run_command(written(tmp_path)) == 0
     assert "runs this image already" in capsys.readouterr().out
+    assert flashes(capsys) == [("intended", None), ("flashed", "2.1.0"), ("intended", None), ("stays", "2.1.0")]
+    assert run_command(["audit", "SN0042"]) == 0
+    assert "app.bin flashed 2.1.0" in capsys.readouterr().out
+    assert run_command(["audit", "--verify"]) == 0
+
+
+def flashes(capsys: pytest.CaptureFixture[str]) -> list[tuple[str, str | None]]:
+    """How each flash of the unit went, and the version it named, as the audit knows it."""
+    capsys.readouterr()
+    assert run_command(["audit", "SN0042", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["flashes"]
+    assert {flash["image_sha256"] for flash in found} == {hashlib.sha256(IMAGE).hexdigest()}
+    return [(flash["how"], flash.get("version")) for flash in found]
 
 
 @pytest.mark.parametrize(
@@ -129,11 +142,18 @@ def test_the_command_flashes_and_says_so(
     ],
 )
 def test_the_command_refuses_what_does_not_fit(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: dict[str, Any], error: type[StationError], says: str
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    more: dict[str, Any],
+    error: type[StationError],
+    says: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(error, match=says):
         run_command(written(tmp_path, **more))
+    if error is WrongProduct:
+        assert flashes(capsys) == [("intended", None), ("refused", None)]
 
 
 @pytest.mark.parametrize(
