@@ -107,6 +107,7 @@ def test_the_chain_is_whole_and_answers_to_its_printed_head(db: Path, capsys: Ou
         "anchors": [{"place": f"head file {db}.head", "number": number, "state": "agrees"}],
         "acknowledged": [],
         "journal": {"lines": 0, "sealed": 0},
+        "accounts": None,
     }
     printed = f"{report['head']['number']}:{report['head']['hash']}"
     assert station("audit", "--verify", "--db", db, "--head", printed) == 0
