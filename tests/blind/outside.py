@@ -71,6 +71,18 @@ def _temperature_on_crosstalk(w: World, rng: Scaled) -> Array:
     return (w.T - w.T.mean())[:, None] * np.roll(w.a, 1, axis=1)
 
 
+def _hot_switch(w: World, rng: Scaled) -> Array:
+    return (np.quantile(w.T, rng.uniform(0.4, 0.7)) < w.T).astype(float)
+
+
+def _driven_hard(w: World, rng: Scaled) -> Array:
+    return (w.motor > 0.6).astype(float)
+
+
+def _gain_that_jumps(w: World, rng: Scaled) -> Array:
+    return (w.t > rng.uniform(0.4, 0.6) * w.t.max())[:, None] * w.a
+
+
 #: What is hidden, with the words that may stand in `depends_on`.
 OUTSIDE: dict[str, tuple[set[str], Hidden]] = {
     **UNKNOWN,
@@ -85,6 +97,9 @@ OUTSIDE: dict[str, tuple[set[str], Hidden]] = {
     "hysteresis that grows": ({"order", "time"}, per_unit(3e-4, _tired_with_moves)),
     "size under vibration": ({"motor", "input"}, per_unit(3e-4, _size_under_vibration)),
     "temperature on crosstalk": ({"temperature", "input"}, per_unit(3e-5, _temperature_on_crosstalk)),
+    "switch of temperature": ({"temperature"}, per_unit(3e-4, _hot_switch)),
+    "switch of the drive": ({"motor"}, per_unit(3e-4, _driven_hard)),
+    "gain that jumps": ({"time", "input"}, per_unit(3e-4, _gain_that_jumps)),
     "vibration by time": ({"motor", "time"}, per_unit(3e-4, _vibration_by_time)),
     "vibration by temperature": ({"motor", "temperature"}, per_unit(3e-4, _vibration_by_temperature)),
 }

@@ -83,20 +83,20 @@ def _curves(view: ResidualView) -> Iterator[tuple[str, Curves]]:
     scene = view.scene
     T, motor = scene.temperature_degC, scene.motor
     if T is not None and np.ptp(T) >= MIN_TEMPERATURE_RANGE:
-        yield "temperature", _curves_of(T)
+        yield "temperature", _curves_of(T, _centred(T))
     if np.ptp(scene.time_s) > 0:
-        yield "time", _curves_of(scene.time_s)
+        yield "time", _curves_of(scene.time_s, _from_zero(scene.time_s))
     if motor is not None and np.ptp(motor) > 0:
         between = np.convolve(np.unique(motor), (0.5, 0.5), "valid")
         chosen = between[np.linspace(0, len(between) - 1, min(len(between), MAX_LEVELS)).astype(int)]
         bent = (np.sqrt(np.abs(motor)), motor**3)
-        yield "motor", Curves(_centred(motor), bent, tuple(_centred(motor > level) for level in chosen))
+        yield "motor", Curves(_from_zero(motor), bent, tuple(_centred(motor > level) for level in chosen))
 
 
-def _curves_of(x: Floats) -> Curves:
+def _curves_of(x: Floats, plain: Floats) -> Curves:
     phase = 2 * np.pi * (x - x.min()) / np.ptp(x)
     return Curves(
-        _centred(x),
+        plain,
         tuple(np.maximum(sign * (x - np.quantile(x, q)), 0.0) for q in BENDS for sign in (1, -1)),
         tuple(_centred(x > np.quantile(x, q)) for q in SWITCHES),
         tuple((np.cos(phase / p), np.sin(phase / p)) for p in PERIODS),
@@ -106,6 +106,11 @@ def _curves_of(x: Floats) -> Curves:
 def _centred(x: Floats) -> Floats:
     """Values about their mean, of standard deviation 1."""
     return np.asarray((x - np.mean(x)) / max(float(np.std(x)), 1e-300), float)
+
+
+def _from_zero(x: Floats) -> Floats:
+    """Values of a mean square of 1 that keep their zero: what grows with the time or the drive is nought without it."""
+    return np.asarray(x / max(float(np.sqrt(np.mean(x**2))), 1e-300), float)
 
 
 def _each(x: Floats) -> Floats:
