@@ -240,4 +240,4 @@ def flat_topped(dwells: DwellStatistics) -> NDArray[np.bool_]:
         near = side * (extreme - dwells.mean) < 0.5 * usual
         quiet = dwells.std < FLAT_SHARE * usual
         out |= (at == extreme) & near & quiet & sufficient
-    return out & (usual > 0) & ~coarse
+    return np.asarray(out & (usual > 0) & ~coarse)
