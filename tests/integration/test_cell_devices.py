@@ -164,6 +164,30 @@ def test_a_load_through_a_plc_on_a_real_socket() -> None:
     assert loads.handed[0].bins == 2
 
 
+def test_one_plc_brings_the_loads_and_turns_the_fixture() -> None:
+    loads = CellLoads(iter([("SN1", "SN2"), ("SN3", "SN4")]), change_s=0.05)
+    plc = SimulatedPlc(RegisterMap(), 2000.0, 20000.0, loads=loads, nests=2)
+    with plc_on_a_socket(plc) as port, closing(positioner(port)) as driven:
+        cell = PlcCell(PlcCell.Settings(host="127.0.0.1", port=port), SystemClock())
+
+        def measure(load: int) -> None:
+            until(lambda: cell.view().ready and cell.view().load == load, "the load")
+            cell.accept(load)
+            for up in ("+x", "-z"):
+                driven.move(stop(up), 5.0)
+                cell.show(State.EXECUTE, frozenset({"green"}))  # the line goes on between two moves
+                cell.view()
+            driven.park(5.0)
+            cell.give(load, {0: Bin.GOOD, 1: Bin.REJECT})
+            until(lambda: cell.view().taken == load, "the load is taken back")
+
+        measure(1)
+        measure(2)
+        cell.close()
+    assert [m.number for m in plc.motions] == [1, 2, 3, 4, 5, 6]
+    assert [handed.serials for handed in loads.handed] == [("SN1", "SN2"), ("SN3", "SN4")]
+
+
 def test_a_network_scanner_reads_the_nest_it_is_asked_for() -> None:
     labels = {"A": "SN1", "B": "\x1d21SN2"}
     with served(lambda ready: serve_scanner("127.0.0.1", 0, labels.get, ready)) as port:
