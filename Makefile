@@ -60,7 +60,7 @@ bench-diagnosis: $(VENV)/.bench  ## how good the diagnosis is, beside other ways
 	PYTHONPATH=. $(BIN)/python benchmarks/diagnosis.py --seed $(SEED)
 
 validation: $(VENV)/.dev  ## report of the uncertainties for an auditor, into validation.txt; a quarter of an hour
-	PYTHONPATH=. $(BIN)/python benchmarks/metrology.py --units 2000 > validation.txt
+	PYTHONPATH=. $(BIN)/python benchmarks/metrology.py --units 1000 > validation.txt
 	@cat validation.txt
 
 lock:  ## renew the lock files from pyproject.toml

@@ -1,6 +1,8 @@
 """The work of `station certificate`."""
 
+import errno
 import json
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,6 +17,7 @@ from station.domain.core.types import Outcome
 from station.domain.recipe.recipe import Recipe
 from station.errors import LogError, ReferenceOverdue, UsageError
 from station.files.replace import replacing
+from station.messages import system_reason
 from station.ports.log_reader import Query
 from station.reporting.certificate import dcc, document, facts, signature, wsjf
 from station.reporting.certificate.issuer import Issuer
@@ -60,18 +63,34 @@ def write_certificate(
     issuer = Issuer.of(load_settings(config).certificate.document())
     found = facts.of_attempt(stored, recipe, head, issuer, today, receipt)
     made = document.build(stored, recipe, head, words_of(files.language), issuer, today, receipt)
-    written: list[tuple[Path | None, Callable[[], bytes]]] = [
+    wanted: list[tuple[Path | None, Callable[[], bytes]]] = [
         (files.pdf, lambda: pdf(made)),
         (files.xml, lambda: _xml(found, files)),
         (files.json, lambda: _json(found)),
         (files.wsjf, lambda: _json(wsjf.to_wsjf(found))),
     ]
-    for path, content in written:
-        if path is not None:
-            with replacing(path) as part:
-                part.write_bytes(content())
-            _output.print_line(str(path))
+    # Made before the first is written: where one cannot be made, none is there.
+    for path, content in [(path, make()) for path, make in wanted if path is not None]:
+        _write(path, content)
+        _output.print_line(str(path))
     return 0
+
+
+def _write(path: Path, content: bytes) -> None:
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        with replacing(path) as part:
+            part.write_bytes(content)
+    except OSError as exc:
+        raise UsageError("file-not-written", file=str(path), why=system_reason(exc)) from exc
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as exc:
+        raise UsageError("file-unreadable", file=str(path), why=system_reason(exc)) from exc
 
 
 def _check(files: CertificateFiles) -> None:
@@ -106,7 +125,12 @@ def _xml(found: dict[str, Any], files: CertificateFiles) -> bytes:
     made = dcc.to_xml(found, files.dcc_version)
     if files.sign_key is None or files.sign_cert is None:
         return made
-    return signature.sign(made, files.sign_key.read_bytes(), files.sign_cert.read_bytes())
+    key, certificate = _read(files.sign_key), _read(files.sign_cert)
+    try:
+        return signature.sign(made, key, certificate)
+    except ValueError as exc:
+        names = {"key": str(files.sign_key), "certificate": str(files.sign_cert)}
+        raise UsageError("certificate-sign-unusable", **names) from exc
 
 
 def _json(found: dict[str, Any]) -> bytes:

@@ -139,3 +139,21 @@ def test_a_log_that_does_not_verify_certifies_nothing(
     assert write(tmp_path, "--json", str(tmp_path / "c.json")) == 2
     assert not (tmp_path / "c.json").exists()
     assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--pdf", "none/c.pdf"), "c.pdf cannot be written: no such file or folder"),
+        (("--pdf", "."), "cannot be written: it is a folder"),
+        (("--xml", "k.xml", "--sign-key", "none.key", "--sign-cert", "none.pem"), "none.key cannot be read"),
+        (("--xml", "k.xml", "--sign-key", "config.yaml", "--sign-cert", "config.yaml"), "cannot sign: give an"),
+    ],
+)
+def test_files_that_cannot_be_are_one_sentence_and_leave_nothing(
+    folder: Path, words: tuple[str, ...], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    placed = [word if word.startswith("--") else str(folder / word) for word in words]
+    assert write(folder, *placed) == 2
+    assert sentence in capsys.readouterr().err
+    assert not (folder / "k.xml").exists()

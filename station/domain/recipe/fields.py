@@ -1,10 +1,11 @@
 """Field types and the base class that every block of the documents uses."""
 
 from collections.abc import Callable, Sequence
+from datetime import date
 from difflib import get_close_matches
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from station.errors import InvalidValue
 
@@ -17,10 +18,26 @@ Vector = tuple[Finite, Finite, Finite]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
+#: Standard deviation of an angle: beyond this a direction is not known at all.
+AngleStd = Annotated[float, Field(ge=0, le=45, allow_inf_nan=False)]
+
+
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[\w.+\-/ ]+$")]
+
+
+def _check_day(text: str) -> str:
+    try:
+        date.fromisoformat(text)
+    except ValueError:
+        raise InvalidValue("day-unknown", given=text) from None
+    return text
+
+
+#: A day that exists, as ISO 8601 writes it.
+Day = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$"), AfterValidator(_check_day)]
 
 
 class StrictModel(BaseModel):

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from station.domain.recipe import gravity
-from station.domain.recipe.fields import Finite, Name, NotNegative, Positive, StrictModel, Vector
+from station.domain.recipe.fields import AngleStd, Day, Finite, Name, NotNegative, Positive, StrictModel, Vector
 from station.errors import InvalidValue
 
 
@@ -52,7 +52,7 @@ class ReferenceCertificate(StrictModel):
 
     item: Name
     number: Annotated[str, Field(min_length=1)]
-    due: Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
+    due: Day
     issuer: str = ""
 
 
@@ -69,8 +69,8 @@ class GoldReference(StrictModel):
     matrix: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     offset_std: NotNegative | None = None
     gain_std: NotNegative | None = None
-    seat_std_deg: NotNegative | None = None
-    due: Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
+    seat_std_deg: AngleStd | None = None
+    due: Day
     certificate: str = ""
     node: Annotated[int, Field(ge=1, le=127)] | None = None
 
@@ -97,10 +97,10 @@ class Reference(StrictModel):
     site: Site | None = None
     gravimeter: Gravimeter | None = None
     pose: Literal["known", "unknown"] = "known"
-    pose_std_deg: NotNegative | None = None
-    nest_std_deg: NotNegative | None = None
-    base_std_deg: NotNegative | None = None
-    field_std_deg: NotNegative | None = None
+    pose_std_deg: AngleStd | None = None
+    nest_std_deg: AngleStd | None = None
+    base_std_deg: AngleStd | None = None
+    field_std_deg: AngleStd | None = None
     thermometer_std_degC: NotNegative | None = None
     gold: GoldReference | None = None
     certificates: tuple[ReferenceCertificate, ...] = ()
