@@ -15,7 +15,7 @@ from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
 from station.diagnosis.candidates.kernels import MIN_TEMPERATURE_RANGE
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
-from station.domain.core.types import Floats
+from station.domain.core.types import Array, Floats
 from station.model.forward import resting_stimulus
 
 #: Quantiles at which a covariate may switch, and at which it may bend; periods of its waves, as shares of its range.
@@ -103,9 +103,10 @@ def _curves_of(x: Floats, plain: Floats) -> Curves:
     )
 
 
-def _centred(x: Floats) -> Floats:
+def _centred(values: Array) -> Floats:
     """Values about their mean, of standard deviation 1."""
-    return np.asarray((x - np.mean(x)) / max(float(np.std(x)), 1e-300), float)
+    x = np.asarray(values, float)
+    return np.asarray((x - np.mean(x)) / max(float(np.std(x)), 1e-300))
 
 
 def _from_zero(x: Floats) -> Floats:
