@@ -29,8 +29,8 @@ _SERVERS = (
 )
 #: Exit code 1 is an answer: a unit failed or holds a mixture, a diagnosis found something, a log waits for a decision.
 ANSWERS = {"calibrate": (0, 1), "diagnose": (0, 1), "recover": (0, 1), "watch": (0, 1), "plant": (0, 1)}
-#: What a server's line has that says where it is: an address, or a JSON document.
-_READY = re.compile(r"://|^\{", re.MULTILINE)
+#: What a server's line has that says where it is: an address, or a JSON document; a shift has brought back a load.
+_READY = re.compile(r"://|^\{|handed back", re.MULTILINE)
 #: Commands whose output a program reads.
 FOR_PROGRAMS = ("schema", "completion")
 KNOWN_BAD = "SN9002"
@@ -108,7 +108,8 @@ def words_of(line: str) -> list[str]:
 def serves(line: str) -> bool:
     """Whether it goes on until Ctrl-C."""
     words = shlex.split(line, comments=True)
-    return any(set(server) <= set(words) for server in _SERVERS) and "--add" not in words
+    endless = words[1:2] == ["line"] and "--loads" not in words
+    return endless or (any(set(server) <= set(words) for server in _SERVERS) and "--add" not in words)
 
 
 def needs_plant(line: str) -> bool:
