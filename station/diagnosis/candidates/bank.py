@@ -375,8 +375,8 @@ def _assemble_bank(items: Sequence[tuple[Candidate, NDArray[np.int32], int]], *,
         start, end = end, end + width
         made[key] = BankColumns(c, code, slice(start, end))
     place = tuple(slice(0, 0) if key is None else made[key].at for key in keys)
-    found, codes, groups_of = (tuple(item[i] for item in items) for i in range(3))
-    return Bank(moving, found, codes, groups_of, place, tuple(made.values()))
+    found, codes, lengths = (tuple(column) for column in zip(*items, strict=True)) if items else ((), (), ())
+    return Bank(moving, found, codes, lengths, place, tuple(made.values()))
 
 
 def form_values(effect: Effect) -> dict[str, float]:

@@ -84,7 +84,8 @@ def project_bank(
         single = [visit_columns(bank, i, layout, units) for i in scans]
         for i, space in enumerate(spaces):
             found, white = list[NormalProducts](), list[Array]()
-            for block in blocks if rows is not None else ():
+            for block in blocks if bank.made else ():
+                assert rows is not None
                 columns = space.project(rows.only(block.at), units)
                 found += _products(block, columns, space, units)
                 white += [columns.astype(np.float32)] if axes else []
