@@ -142,6 +142,30 @@ def test_a_name_stands_only_where_held_out_data_confirm_it() -> None:
             assert found.depends_on
 
 
+def test_a_gain_by_time_is_finite_where_only_the_first_visits_hold_the_offset() -> None:
+    """A walk ties every visit to the one before: with the first stretch held out the offset would be rounding."""
+    rng = np.random.default_rng(SEED)
+    whole = recipe(1)
+    ups = np.stack([p.matrix()[2] for p in whole.positions])
+    at = np.arange(30 * len(ups)) % len(ups)
+    t = 2.5 * np.arange(len(at))
+    warmth = 22 + 30 * np.sin(2 * np.pi * t / t[-1])
+    walk = np.cumsum(1e-5 * rng.standard_normal((len(at), 3)), axis=0)
+    means = 1.002 * ups[at] + np.outer(warmth - 22, [2e-4, -1e-4, 1.5e-4]) + walk
+    n = len(at) * 4
+    visit = np.repeat(np.arange(len(at), dtype=np.int32), 4)
+    table = SampleTable(
+        unit=Labels(("A",), np.zeros(n, np.int32)), run=np.zeros(n, np.int32), visit=visit,
+        position=Labels(tuple(p.name for p in whole.positions), at.astype(np.int32)[visit]),
+        time_s=t[visit] + 0.01 * (np.arange(n) % 4), reading=means[visit] + 2e-5 * rng.standard_normal((n, 3)),
+        labels={}, values={"temperature_degC": warmth[visit]},
+    )  # fmt: skip
+    found = diagnosis_of(whole, table)
+    assert found.causes[0].finding.name == "offset-temperature"
+    for cause in found.causes:
+        assert cause.gain.rms_after <= cause.gain.rms_before < 0.01
+
+
 def test_a_cause_beside_others_is_told_from_what_it_cannot_be() -> None:
     """Before the larger one is known, what it leaves blurs the smaller."""
     small = per_unit(1.5e-4, lambda w, rng: w.a**2)

@@ -194,6 +194,10 @@ def test_segment_takes_what_import_writes_raw(
     table.assign(temperature=22.0).to_csv(tmp_path / "a.csv", index=False)
     raw, direct, out = (str(tmp_path / name) for name in ("raw.parquet", "direct.parquet", "s.parquet"))
     assert station("import", str(tmp_path / "a.csv"), "--serial", "SN9", "--raw", "--out", raw) == 0
+    capsys.readouterr()
+    whole = understood(capsys, str(tmp_path / "a.csv"), "--raw")
+    assert whole["magnitude"]["median"] == pytest.approx(1.0, abs=0.01)
+    assert max(whole["noise"]) < 0.01
     assert station("segment", raw, "--out", out) == 0
     assert station("segment", str(tmp_path / "a.csv"), "--serial", "SN9", "--out", direct) == 0
     one, other = read_samples(Path(out)), read_samples(Path(direct))

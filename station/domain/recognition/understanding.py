@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from station.domain.capture import rest_segments
-from station.domain.core.types import Floats
+from station.domain.core.types import Array, Floats
 from station.domain.recognition import sheet
 from station.domain.recognition.recording import Recording
 from station.domain.recognition.samples import UnitRecording, Visits
@@ -19,7 +19,7 @@ def document(one: UnitRecording, visits: Visits | None) -> dict[str, Any]:
     """One pass: axes, unit, rate, magnitude, noise, resolution, range, poses, temperature; `inferred` names those that
     nothing stated."""
     r = one.recording
-    edges = visits.edges if visits is not None else np.array([[0, len(r)]])
+    edges = visits.edges if visits is not None else _quiet_seconds(r)
     rows = np.concatenate([np.arange(a, b) for a, b in edges])
     number = np.repeat(np.arange(len(edges)), edges[:, 1] - edges[:, 0])
     found = sheet.infer(r.reading[rows], r.time_s[rows], number)
@@ -53,6 +53,15 @@ def document(one: UnitRecording, visits: Visits | None) -> dict[str, Any]:
         "inferred": list(_inferred(r, visits)),
         "remarks": [m.document() for m in (*r.remarks, *(visits.remarks if visits else ()))],
     }
+
+
+def _quiet_seconds(r: Recording) -> Array:
+    """Edges (n, 2) of the quieter half of a recording's seconds, which nobody has cut into visits yet."""
+    length = max(2, round(r.clock.rate_hz or 1.0))
+    starts = np.arange(0, max(len(r) - length, 0) + 1, length)
+    edges = np.stack([starts, np.minimum(starts + length, len(r))], axis=1)
+    scatter = np.array([np.linalg.norm(r.reading[a:b].std(axis=0)) for a, b in edges])
+    return np.asarray(edges[scatter <= np.median(scatter)])
 
 
 def _poses(means: Floats) -> int:
