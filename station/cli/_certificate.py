@@ -14,7 +14,6 @@ from station.cli import _output
 from station.cli._log_options import open_named_log
 from station.config.settings import load_settings
 from station.domain.core.types import Outcome
-from station.domain.recipe.recipe import Recipe
 from station.errors import LogError, ReferenceOverdue, UsageError
 from station.files.replace import replacing
 from station.messages import system_reason
@@ -24,6 +23,7 @@ from station.reporting.certificate.issuer import Issuer
 from station.reporting.certificate.pdf import pdf
 from station.reporting.words import words_of
 from station.service.golden_register import refuse_clock_behind
+from station.service.recompute import parse_recipe_and_product
 from station.service.witnessed import newest_receipt
 
 if TYPE_CHECKING:
@@ -55,14 +55,14 @@ def write_certificate(
         chosen = _attempt(log, serial, attempt)
         stored = log.attempt(chosen)
         facts.require_certifiable(stored)
-        recipe = Recipe.model_validate_json(log.recipe_and_product(chosen)[0])
+        recipe, product, _ = parse_recipe_and_product(*log.recipe_and_product(chosen))
         head, receipt = log.head(), newest_receipt(log)
     today = datetime.now(UTC).date().isoformat()
     if late := facts.overdue(recipe, stored["started"]):
         raise ReferenceOverdue("certificate-reference-overdue", item=late[0]["item"], due=late[0]["due"])
     issuer = Issuer.of(load_settings(config).certificate.document())
-    found = facts.of_attempt(stored, recipe, head, issuer, today, receipt)
-    made = document.build(stored, recipe, head, words_of(files.language), issuer, today, receipt)
+    found = facts.of_attempt(stored, recipe, head, issuer, today, receipt, product.map)
+    made = document.build(stored, recipe, head, words_of(files.language), issuer, today, receipt, product.map)
     wanted: list[tuple[Path | None, Callable[[], bytes]]] = [
         (files.pdf, lambda: pdf(made)),
         (files.xml, lambda: _xml(found, files)),

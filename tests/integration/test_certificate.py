@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
@@ -62,6 +63,18 @@ def test_every_format_gives_the_same_figures_and_says_simulated(folder: Path) ->
     assert [s["name"] for s in steps] == [d["what"] for d in facts["decisions"]]
     assert all(s["status"] == "P" for s in steps)
     assert Path(names["pdf"]).read_bytes().startswith(b"%PDF-")
+
+
+def test_the_calibration_stands_as_found_and_as_left(folder: Path) -> None:
+    assert write(folder, "--json", str(folder / "h.json"), "--pdf", str(folder / "h.pdf")) == 0
+    facts = json.loads((folder / "h.json").read_text())
+    found, left = facts["held"]["as_found"], facts["held"]["as_left"]
+    fitted = [c["value"] for c in facts["coefficients"]]
+    written = [*left["offset"], *(v for row in left["matrix"] for v in row)]
+    # REAL32 rounds to half of 2^-23 of a number near 1.
+    assert written == pytest.approx(fitted, rel=1e-6, abs=1e-9)
+    assert np.linalg.norm(np.array(found["matrix"]) - np.eye(3)) < 0.2
+    assert found["offset"] != left["offset"]
 
 
 def test_the_dcc_holds_the_countersignature_of_the_witness(folder: Path) -> None:

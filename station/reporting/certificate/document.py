@@ -6,6 +6,7 @@ from typing import Any
 
 from station.domain.line_quality import history
 from station.domain.line_quality.history import History
+from station.domain.product.device_map import DeviceMap
 from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
@@ -57,12 +58,15 @@ def build(
     issuer: Issuer | None = None,
     issued: str = "",
     receipt: Mapping[str, Any] | None = None,
+    device_map: DeviceMap | None = None,
 ) -> Certificate:
     """The certificate of one ended attempt. stored: everything the log holds of it, with the recipe it used; head: the
     newest record of the log; issued: ISO date; receipt: the witness' newest countersignature. Errors: LogError where it
     came to no calibration."""
     content = facts.of_attempt(
-        *(stored, recipe, head, issuer or Issuer(), issued or str(stored["ended"] or stored["started"])[:10], receipt)
+        *(stored, recipe, head, issuer or Issuer(), issued or str(stored["ended"] or stored["started"])[:10]),
+        receipt=receipt,
+        device_map=device_map,
     )
     fit, verdict = stored_attempt.result(stored, "calibration"), stored_attempt.result(stored, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
@@ -78,6 +82,7 @@ def build(
         w.table("certificate-budget", *_budget(content)),
         w.section("cert_stops", visits, _positions(fit), f" {recipe.unit}"),
         w.section("cert_verification", ("cert_position", "cert_error", "cert_limit"), _verification(stored)),
+        w.table("certificate-held", _HELD, _held(w, content)),
         w.table("certificate-adjustment", _ADJUSTMENT, _adjustment(content)),
         w.section("cert_reference", (), _reference(w, recipe)),
         w.table("certificate-traceability", _TRACEABILITY, _traceability(content)),
@@ -175,6 +180,7 @@ def _rule(w: _Writer, verdict: Mapping[str, Any]) -> str:
 
 _COEFFICIENTS = ("coefficient", "value", "std", "dof", "factor", "expanded", "unit")
 _DECISIONS = ("limit-of", "value", "expanded", "limit", "guard", "margin", "risk")
+_HELD = ("coefficient", "before", "read-back", "difference")
 _ADJUSTMENT = ("object", "before", "written", "read-back")
 _TRACEABILITY = ("reference", "number", "due", "issuer")
 _ASSUMPTIONS = ("contribution", "std", "source")
@@ -245,6 +251,19 @@ def _budget(content: Mapping[str, Any]) -> tuple[tuple[str, ...], Rows]:
 
 #: The coefficients whose budget a certificate prints; the JSON document has all.
 _SHOWN = ("offset x", "offset y", "offset z", "gain x", "gain y", "gain z")
+
+
+def _held(w: _Writer, content: Mapping[str, Any]) -> Rows:
+    """The calibration that the device held before and after, to the second digit of U; nothing where it keeps none."""
+    found, left = (content["held"][key] for key in facts.MOMENTS)
+    if found is None or left is None:
+        return ()
+    before, after = ([*h["offset"], *(v for row in h["matrix"] for v in row)] for h in (found, left))
+    return tuple(
+        (w.term(str(c["name"])), *(format_to_uncertainty(v, c["expanded"]) for v in (old, new, new - old)))
+        for c, old, new in zip(content["coefficients"], before, after, strict=True)
+        if c["estimated"]
+    )
 
 
 def _adjustment(content: Mapping[str, Any]) -> Rows:

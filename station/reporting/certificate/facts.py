@@ -10,6 +10,8 @@ from typing import Any
 
 from station.domain.core.types import Outcome
 from station.domain.line_quality import history
+from station.domain.product.as_found import Moment, held_calibration
+from station.domain.product.device_map import DeviceMap
 from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
@@ -21,6 +23,8 @@ from station.reporting.certificate.issuer import Issuer
 SCHEMA = "station.certificate/1"
 #: Standard acceleration of free fall, m/s²: what "g" means here.
 STANDARD_GRAVITY = 9.80665
+#: What the device held, by what a certificate calls it.
+MOMENTS: Mapping[str, Moment] = {"as_found": "old", "as_left": "read_back"}
 
 
 def of_attempt(
@@ -30,9 +34,10 @@ def of_attempt(
     issuer: Issuer,
     issued: str,
     receipt: Mapping[str, Any] | None = None,
+    device_map: DeviceMap | None = None,
 ) -> dict[str, Any]:
-    """The certificate of one ended attempt; issued: ISO date; receipt: the witness' newest. Errors: LogError where it
-    came to no calibration."""
+    """The certificate of one ended attempt; issued: ISO date; receipt: the witness' newest; device_map: how the device
+    keeps its calibration. Errors: LogError where it came to no calibration."""
     fit, verdict = stored_attempt.result(stored, "calibration"), stored_attempt.result(stored, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
         raise LogError("certificate-no-calibration", attempt=str(stored["attempt"]), serial=str(stored["serial"]))
@@ -63,6 +68,7 @@ def of_attempt(
             {key: write.get(key) for key in ("name", "object", "old", "written", "read_back")}
             for write in stored["writes"]
         ],
+        "held": {key: _held(device_map, stored["writes"], moment) for key, moment in MOMENTS.items()},
         "conditions": {
             "temperature_degC": fit.get("temperature_degC"),
             "temperature_std_degC": assumptions.thermometer_degC(recipe),
@@ -77,6 +83,13 @@ def of_attempt(
                 "config": stored["config_hash"], "witness": None if receipt is None else dict(receipt)},
         "signatures": stored_attempt.signatures(stored),
     }  # fmt: skip
+
+
+def _held(
+    device_map: DeviceMap | None, writes: Sequence[Mapping[str, Any]], moment: Moment
+) -> dict[str, list[Any]] | None:
+    found = None if device_map is None else held_calibration(device_map, writes, moment)
+    return None if found is None else {"offset": found[0].tolist(), "matrix": found[1].tolist()}
 
 
 def require_certifiable(stored: Mapping[str, Any]) -> None:
