@@ -1,13 +1,14 @@
 """Formulas of laws that nobody wrote down: right family, sets, false alarms, held-out gain, rivals, time.
 
-    python benchmarks/discovery.py [--laws 200] [--nulls 2000] [--rivals 6] [--seed 1] [--only laws nulls library]
+    python benchmarks/discovery.py [--laws 200] [--nulls 2000] [--rivals 6] [--seed 1] [--only laws whole nulls library]
 
 Laws are made by `discovery_laws.py`, which shares no line with the grammar: in the grammar with constants off every
 grid, of two terms, not expressible, and none. Four units go through tilt-24 three times; d is the length of what a law
 leaves in white means of the visits. Readings go through the station's own reduction and calibration; the formula is
 looked for in what that leaves. A law counts as detected where a formula is proposed. `library`: each cause of the
 library that moves means, at its usual size, by a station that knows none. `xsens`: a real recording (--data DIR) whose
-simulation has nothing but offset and gains.
+simulation has nothing but offset and gains. `whole`: through the whole diagnosis, where causes of the library may
+imitate a law: a verdict is right that names none and holds the law in its set.
 """
 
 import argparse
@@ -25,7 +26,7 @@ from typing import Any
 
 import figures
 import numpy as np
-from discovery_laws import Law, in_grammar, not_expressible, two_terms
+from discovery_laws import Law, campaign, in_grammar, not_expressible, two_terms
 
 from station.config.recipes import load_recipe
 from station.diagnosis.data.faults import inspect
@@ -38,6 +39,7 @@ from station.diagnosis.discovery.scan import scan_of, scanned_units
 from station.diagnosis.discovery.term_fit import candidate_of
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
+from station.diagnosis.results.diagnose import Diagnosis, diagnose
 from station.diagnosis.results.remaining_residual import remaining_rms
 from station.diagnosis.search.alarm import NullDistribution
 from station.diagnosis.search.cause_search import build_banks
@@ -49,7 +51,7 @@ from station.model.formula.text import formula_text
 from station.model.model_file import Model
 from station.wiring.sample_files import read_samples
 from tests.blind import rediscovery
-from tests.blind.bench import WHITE, World, readings, strength, table, world
+from tests.blind.bench import World
 from tests.blind.inspection import null_of
 from tests.blind.recipes import recipe
 
@@ -82,24 +84,18 @@ class Bench:
 
     def trial(self, kind: Callable[[World, Any], Law] | None, d: float, seed: int) -> Trial:
         """One campaign."""
-        rng = np.random.default_rng([seed, 4242])
-        w = world(recipe(), UNITS, rng)
-        law = None if kind is None else kind(w, rng)
-        added = np.zeros_like(w.a) if law is None else law.added
-        for _ in range(0 if law is None else 2):
-            added = added * (d / max(float(strength(w, w.a, added, WHITE.density)), 1e-300))
-        made = table(w, readings(w, w.a, added, WHITE, rng), rng)
-        problem = initial_problem(reduce_samples(recipe(), made), FloorAllowance.of(recipe(), Model()))
+        made = campaign(kind, d, seed, UNITS)
+        problem = initial_problem(reduce_samples(recipe(), made.table), FloorAllowance.of(recipe(), Model()))
         null = self.alarm_of(problem)
         start = time.process_time()
         found = discover(problem, null, (), 1, self.threshold_of)
         seconds = time.process_time() - start
-        count = np.bincount(w.stop)
-        means = np.stack([np.bincount(w.stop, c) / count for c in added.T], 1)
+        count = np.bincount(made.world.stop)
+        means = np.stack([np.bincount(made.world.stop, c) / count for c in made.added.T], 1)
         floor = NoiseFloor(problem.view.reduced.sigma / float(np.sqrt(count.mean())), 0.0, 0.0)
         space = problem.space(floor, moving=False)
         truth = space.project(problem.view.rows(means[..., None], None))[..., 0].ravel()
-        return Trial(law, d, problem, found, truth, space, seconds)
+        return Trial(made.law, d, problem, found, truth, space, seconds)
 
     def threshold_of(self, problem: Any, fitted: Any, scans: Any) -> float:
         """The score by chance, drawn once."""
@@ -187,6 +183,32 @@ def laws(bench: Bench, count: int, seed: int) -> None:
         for i in _progress(range(count // 4), "not expressible")
     ]
     _strange_rows(strange)
+
+
+def whole(count: int, seed: int) -> None:
+    """Laws through the whole diagnosis, its library first."""
+    for d in STRENGTHS[1:]:
+        outcomes: dict[str, int] = defaultdict(int)
+        for i in _progress(range(count), f"whole d {d:g}"):
+            made = campaign(in_grammar, d, seed * 600_000 + i, UNITS)
+            assert made.law is not None
+            outcomes[_outcome(diagnose(recipe(), made.table, Model(), null_of), made.law)] += 1
+        shown = max(count - outcomes["none"], 1)
+        for what, goal, least in (("right", ">= .93", 0.93), ("named", "<= .03", None)):
+            share = outcomes[what] / shown
+            met = share >= least if least is not None else share <= 0.03
+            _row(f"whole diagnosis, d {d:g}: {what}", share, goal, met, str(dict(outcomes)))
+
+
+def _outcome(found: Diagnosis, law: Law) -> str:
+    """What became of a law: none, named, causes beside the formula, another formula, or right."""
+    if found.verdict in ("none", "named") or found.hypotheses is None:
+        return found.verdict
+    if found.causes:
+        return "causes beside"
+    fits = [(t.found.fit, *t.found.equivalent) for t in found.hypotheses.terms]
+    held = [set(law.families) & {f.term.family for f in some} for some in fits]
+    return "right" if len(fits) == len(law.families) and all(held) else "another formula"
 
 
 def _single_rows(d: float, trials: Sequence[Trial]) -> None:
@@ -357,7 +379,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("STATION_REFERENCE_DATA", beside)))
-    parts = ("laws", "nulls", "rivals", "library", "xsens")
+    parser.add_argument("--whole", type=int, default=30, help="laws of a strength through the whole diagnosis")
+    parts = ("laws", "whole", "nulls", "rivals", "library", "xsens")
     parser.add_argument("--only", nargs="+", choices=parts, default=parts)
     asked = parser.parse_args()
     print(f"formulas proposed for laws outside the library, seed {asked.seed}")
@@ -368,6 +391,8 @@ def main() -> None:
         nulls(bench, asked.nulls, asked.seed)
     if "laws" in asked.only:
         laws(bench, asked.laws, asked.seed)
+    if "whole" in asked.only:
+        whole(asked.whole, asked.seed)
     if "library" in asked.only:
         library(bench, asked.seed)
     if "xsens" in asked.only:

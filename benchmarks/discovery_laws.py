@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from tests.blind.bench import World
+from station.domain.core.types import SampleTable
+from tests.blind.bench import WHITE, World, readings, strength, table, world
+from tests.blind.recipes import recipe
 
 Array = Any
 #: A function of the world and random numbers: (n) for an axis i and another one j.
@@ -26,6 +28,27 @@ class Law:
     added: Array
     families: tuple[tuple[str, str], ...]
     axis: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Campaign:
+    """A table with a law in it, or none; added (n, 3): what it adds to the readings."""
+
+    law: Law | None
+    table: SampleTable
+    world: World
+    added: Array
+
+
+def campaign(kind: Callable[[World, Any], Law] | None, d: float, seed: int, units: int) -> Campaign:
+    """Units through tilt-24 three times with a law of strength d."""
+    rng = np.random.default_rng([seed, 4242])
+    w = world(recipe(), units, rng)
+    law = None if kind is None else kind(w, rng)
+    added = np.zeros_like(w.a) if law is None else law.added
+    for _ in range(0 if law is None else 2):
+        added = added * (d / max(float(strength(w, w.a, added, WHITE.density)), 1e-300))
+    return Campaign(law, table(w, readings(w, w.a, added, WHITE, rng), rng), w, added)
 
 
 INPUTS: Mapping[str, Shape] = {
