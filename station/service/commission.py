@@ -80,12 +80,12 @@ def assign_nodes(
     done = {}
     for seat in labelled:
         done[seat.nest] = _address_labelled(bench, seat)
-        tell(_said(done[seat.nest]))
+        tell(_addressed_message(done[seat.nest]))
     for seat in (s for s in seats if s.identity is None):
         found = _address_unknown(bench, seat, hint)
         if found is not None:
             done[seat.nest] = found
-            tell(_said(found))
+            tell(_addressed_message(found))
     return Commissioned(
         tuple(done[s.nest] for s in seats if s.nest in done), tuple(_findings(bench, seats, done, hint))
     )
@@ -177,7 +177,7 @@ def _findings(
     return found
 
 
-def _said(device: AddressedDevice) -> Message:
+def _addressed_message(device: AddressedDevice) -> Message:
     return Message(f"commission-{device.how}", nest=device.nest, node=device.node, serial=device.identity.serial)
 
 

@@ -51,7 +51,7 @@ async def search(request: Request, session: Session) -> Response:
         *(request, "audit.html", session),
         checks=checks,
         questions={name: urlencode(fields) for name, fields in _questions(panel).all().items()},
-        asked=shown, found=found[:PAGE_SIZE], more=more, reasons=reasons, zone=time_text.zone(),
+        filters=shown, found=found[:PAGE_SIZE], more=more, reasons=reasons, zone=time_text.zone(),
         head=head, text=urlencode({**filters, "as": "text"}),
     )  # fmt: skip
 

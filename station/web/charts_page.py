@@ -45,15 +45,15 @@ async def show(request: Request, session: Session) -> Response:
 
     def draw() -> tuple[charts.Charts, ProcessView, str]:
         drawn = charts.draw(line, value, size, words, overview=False)
-        seen = view_process(line, value, Chosen(first, last, change), _short_local, words)
-        return drawn, seen, charts.draw_pareto(line, words, partial(_audit_address, filters))
+        process = view_process(line, value, Chosen(first, last, change), _short_local, words)
+        return drawn, process, charts.draw_pareto(line, words, partial(_audit_address, filters))
 
-    drawn, seen, pareto = await run_in_threadpool(draw)
+    drawn, process, pareto = await run_in_threadpool(draw)
     return render.page(
         *(request, "charts.html", session),
-        asked=filters, value=value, size=size, values=VALUE_NAMES, charts=drawn, view=seen, pareto=pareto,
+        filters=filters, value=value, size=size, values=VALUE_NAMES, charts=drawn, view=process, pareto=pareto,
         recipe=line.recipe, chosen={"first": first, "last": last, "change": change},
-        count=len(line.attempts), days=DEFAULT_DAYS, audit=_audit_address(filters, "", seen), zone=time_text.zone(),
+        count=len(line.attempts), days=DEFAULT_DAYS, audit=_audit_address(filters, "", process), zone=time_text.zone(),
     )  # fmt: skip
 
 
@@ -62,14 +62,14 @@ def _short_local(time_ns: int) -> str:
     return time_text.local_short(time_ns)[5:16]
 
 
-def _audit_address(filters: Mapping[str, str], check: str, seen: ProcessView | None = None) -> str:
+def _audit_address(filters: Mapping[str, str], check: str, process: ProcessView | None = None) -> str:
     """The audit page of the attempts that failed a check, or of those chosen in the chart."""
-    asked = {k: v for k, v in filters.items() if v} | ({"check": check} if check else {})
-    if seen is not None and seen.selected:
-        times = [attempt.started_ns for _, attempt in seen.selected]
+    fields = {k: v for k, v in filters.items() if v} | ({"check": check} if check else {})
+    if process is not None and process.selected:
+        times = [attempt.started_ns for _, attempt in process.selected]
         begin, end = (time_text.local_short(t).replace(" ", "T") for t in (min(times), max(times) + 1_000_000_000))
-        asked |= {"since": begin, "until": end}
-    return f"/audit?{urlencode(asked)}"
+        fields |= {"since": begin, "until": end}
+    return f"/audit?{urlencode(fields)}"
 
 
 def warm_cache(panel: Panel) -> None:

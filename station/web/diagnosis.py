@@ -59,9 +59,9 @@ async def show(request: Request, session: Session) -> Response:
     panel: Panel = request.app.state.panel
     name = request.query_params.get("name")
     if name is None:
-        asked = {k: request.query_params.get(k, "")[:80] for k in SCOPE_FIELDS}
+        filters = {k: request.query_params.get(k, "")[:80] for k in SCOPE_FIELDS}
         before = await run_in_threadpool(diagnosis_jobs.earlier_diagnoses, panel)
-        return render.page(request, "diagnoses.html", session, asked=asked, before=before)
+        return render.page(request, "diagnoses.html", session, filters=filters, before=before)
     found = await run_in_threadpool(diagnosis_jobs.diagnosis_state, panel, name)
     answer = render.page(request, "diagnosis.html", session, one=found)
     answer.headers["Content-Security-Policy"] = _FRAMING_POLICY
@@ -88,9 +88,9 @@ async def show_changes(request: Request, session: Session) -> Response:
 
 
 def _week_change(panel: Panel) -> WeekChange:
-    asked = dict.fromkeys(SCOPE_FIELDS, "")
+    filters = dict.fromkeys(SCOPE_FIELDS, "")
     now_ns, week_ns = parse_ns("0d", end=False), parse_ns("0d", end=False) - parse_ns("7d", end=False)
-    base = query_of(asked)
+    base = query_of(filters)
     weeks = (
         replace(base, since_ns=now_ns - 2 * week_ns, until_ns=now_ns - week_ns),
         replace(base, since_ns=now_ns - week_ns),

@@ -20,18 +20,18 @@ class LineGlance:
 
     def __init__(self, database: Path) -> None:
         self._database = database
-        self._looked_s = -LINE_POLL_S
+        self._read_s = -LINE_POLL_S
         self._shown: dict[str, Any] = {}
 
     def shown(self) -> dict[str, Any]:
         """state, lamp, load, loads, held_s, why (a message's document or None); empty where no line runs."""
         now_s = time.monotonic()
-        if now_s - self._looked_s > LINE_POLL_S:
-            self._looked_s = now_s
-            self._shown = self._look()
+        if now_s - self._read_s > LINE_POLL_S:
+            self._read_s = now_s
+            self._shown = self._read()
         return self._shown
 
-    def _look(self) -> dict[str, Any]:
+    def _read(self) -> dict[str, Any]:
         found = read_line_state(self._database)
         if found is None or not is_alive(int(found["pid"])):
             return {}

@@ -23,18 +23,18 @@ class LogGlance:
 
     def __init__(self, open_log: Callable[[], LogReader]) -> None:
         self._open = open_log
-        self._asked_s = -_POLL_S
+        self._read_s = -_POLL_S
         self._stamp: tuple[int, int] = (-1, -1)
         self._today = NOTHING
         self._previous: dict[str, dict[str, Any]] = {}
 
     def today(self) -> dict[str, Any]:
         """`units` finished since midnight (local time), `yield` of those (share that passed in the end), `cycle_s`."""
-        if time.monotonic() - self._asked_s > _POLL_S:
-            self._asked_s = time.monotonic()
+        if time.monotonic() - self._read_s > _POLL_S:
+            self._read_s = time.monotonic()
             try:
                 with self._open() as log:
-                    self._look(log)
+                    self._read(log)
             except StationError:
                 self._today, self._stamp = NOTHING, (-1, -1)
         return self._today
@@ -52,9 +52,9 @@ class LogGlance:
     def forget(self) -> None:
         """A load has begun or ended: what was remembered of units may be another."""
         self._previous.clear()
-        self._asked_s = -_POLL_S
+        self._read_s = -_POLL_S
 
-    def _look(self, log: LogReader) -> None:
+    def _read(self, log: LogReader) -> None:
         midnight = datetime.now().astimezone().replace(hour=0, minute=0, second=0, microsecond=0)
         stamp = (log.head().number, int(midnight.timestamp()))
         if stamp == self._stamp:

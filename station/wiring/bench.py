@@ -95,7 +95,7 @@ class Bench:
 def open_bench(order: RunOrder) -> Bench:
     """Opens everything. Errors: those of recipe, config, product, bus and log, each before anything moves."""
     settings, document = load_config(order.config)
-    asked, order = order, rehearsed(order, settings)
+    ordered, order = order, rehearsed(order, settings)
     settings = _overridden(settings, order)
     for name, one in used_buses(settings).items():  # before anything else, also where nothing is on the bus
         bus_options(one, document, ("buses", name) if name else ("bus",))
@@ -131,11 +131,11 @@ def open_bench(order: RunOrder) -> Bench:
         config_hash = content_hash(settings)
         alerts = partial(read_book, database)
         station = Station(settings, config_hash, bus, turned_by, store, clock, device, foreign, order.simulate, alerts)
-        said = [bus.limits] if isinstance(bus, TellsLimits) else []
+        limits = [bus.limits] if isinstance(bus, TellsLimits) else []
         if isinstance(fixture, Rehearsal):
-            said.append(Message("rehearsal", bus=bus.name))
-        notices = (*learnt, *(render(m) for m in said), *(render(m) for m in close_unfinished(station)))
-        if order.simulate and not asked.simulate:
+            limits.append(Message("rehearsal", bus=bus.name))
+        notices = (*learnt, *(render(m) for m in limits), *(render(m) for m in close_unfinished(station)))
+        if order.simulate and not ordered.simulate:
             notices = (render(Message("rehearsal-bench", file=str(document.path))), *notices)
         return Bench(station, job, source, fixture, database, order.simulate, notices, opened.pop_all())
     raise AssertionError("unreachable: ExitStack swallows nothing")
@@ -156,8 +156,8 @@ REHEARSED = ("virtual", "udp_multicast")
 def _simulated(settings: Settings, document: Document, job: Job, source: Source, order: RunOrder) -> SimulatedFixture:
     """The simulated fixture: in simulated time, or in real time on the bus that was asked for."""
     used = used_buses(settings).values()
-    asked = order.interface is not None or all(bus.interface in REHEARSED for bus in used)
-    if not asked or any(bus_kind(bus).without_units for bus in used):
+    in_real_time = order.interface is not None or all(bus.interface in REHEARSED for bus in used)
+    if not in_real_time or any(bus_kind(bus).without_units for bus in used):
         return SimulatedFixture(settings, document, job, source, order)
     clock = SystemClock()
     near, far = (open_buses(settings, document, clock) for _ in range(2))

@@ -22,7 +22,7 @@ from station.panel_protocol.companion import Companion, companion_file
 from station.service.shipping import SCHEMA, Shipment, ShippingState, ShippingStatus
 
 #: The file of the statuses is written so often at most, s.
-_TOLD_EVERY_S = 1.0
+REPORT_EVERY_S = 1.0
 
 
 def read_statuses(database: Path) -> list[ShippingStatus]:
@@ -63,7 +63,7 @@ class Shipping:
     _turn: Lock = field(default_factory=Lock)
     _settled: set[str] = field(default_factory=set)
     _lock: OwnerLock | None = None
-    _told_s: float = 0.0
+    _reported_s: float = 0.0
 
     def start(self) -> None:
         """A thread for each plant."""
@@ -132,9 +132,9 @@ class Shipping:
     def _tell(self, *, at_once: bool) -> None:
         clock = SystemClock()
         with self._turn:
-            if not at_once and clock.monotonic_s() < self._told_s + _TOLD_EVERY_S:
+            if not at_once and clock.monotonic_s() < self._reported_s + REPORT_EVERY_S:
                 return
-            self._told_s = clock.monotonic_s()
+            self._reported_s = clock.monotonic_s()
             rows = [status.document() for status in self._statuses.values()]
             document = {"schema": SCHEMA, "at_ns": clock.epoch_ns(), "receivers": rows}
             with suppress(OSError):  # a full disk stops no shipping

@@ -86,9 +86,9 @@ class SimulatedFixture:
         return self._events, self._virtual
 
     def _driven(self, settings: Settings, document: Document) -> DrivenFixture:
-        told = self._go, self._arrived
+        moves = self._go, self._arrived
         mounted = load_rig(self._order.mounted) if self._order.mounted else None
-        return DrivenFixture(settings, document, self._events, self._virtual, *told, mounted)
+        return DrivenFixture(settings, document, self._events, self._virtual, *moves, mounted)
 
     def close(self) -> None:
         """Nothing runs on behind a virtual bus."""

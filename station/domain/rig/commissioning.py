@@ -154,20 +154,20 @@ def _left_over(up: Floats, units: Floats) -> Floats:
 
 def findings(rig: RigMap, steps: Sequence[DriveStep], found: MountingFit | None) -> tuple[Message, ...]:
     """What is wrong, in sentences; none where the mounting is right."""
-    said: list[Message] = []
+    wrong: list[Message] = []
     if any(step.axis != step.drive for step in steps):
-        said.append(Message("rig-axes-swapped", first=steps[0].drive, second=steps[-1].drive))
+        wrong.append(Message("rig-axes-swapped", first=steps[0].drive, second=steps[-1].drive))
     for step in steps:
         scale = abs(step.scale) * (found.scale[_index(rig, step.axis)] if found else 1.0)
         if step.scale < 0:
-            said.append(Message("rig-axis-backwards", axis=step.drive))
+            wrong.append(Message("rig-axis-backwards", axis=step.drive))
         std = found.scale_std[_index(rig, step.axis)] if found else 0.02
         if _is_wrong_scale(scale, std):
-            said.append(Message("rig-axis-ratio", axis=step.drive, ratio=scale))
+            wrong.append(Message("rig-axis-ratio", axis=step.drive, ratio=scale))
     for axis, zero, std in zip(rig.axes, found.zero_deg, found.zero_std_deg, strict=True) if found else ():
         if _is_wrong_zero(zero, std):
-            said.append(Message("rig-axis-zero", axis=axis.name, zero_deg=zero, std_deg=std))
-    return tuple(said)
+            wrong.append(Message("rig-axis-zero", axis=axis.name, zero_deg=zero, std_deg=std))
+    return tuple(wrong)
 
 
 def _is_wrong_scale(scale: float, std: float) -> bool:

@@ -47,11 +47,11 @@ def _of_reason(reason: Reason) -> Headline | None:
 
 
 def _verified(result: UnitResult) -> Headline | None:
-    seen = result.verification or {}
-    errors = [float(p["error"]) for p in seen.get("positions", ()) if p.get("error") is not None]
-    if not errors or seen.get("limit") is None:
+    verification = result.verification or {}
+    errors = [float(p["error"]) for p in verification.get("positions", ()) if p.get("error") is not None]
+    if not errors or verification.get("limit") is None:
         return None
-    return Headline(OUTPUT_ERROR, max(errors), 0.0, float(seen["limit"]), 0.0, str(seen["unit"]))
+    return Headline(OUTPUT_ERROR, max(errors), 0.0, float(verification["limit"]), 0.0, str(verification["unit"]))
 
 
 def _nearest(result: UnitResult) -> Headline | None:

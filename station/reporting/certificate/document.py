@@ -362,8 +362,8 @@ def _countersigned(w: _Writer, receipt: Mapping[str, Any] | None) -> Rows:
     if receipt is None:
         return ()
     tree = f"{receipt['size']}:{receipt['root']}"
-    seen = f"{receipt['place']}, {stored_attempt.utc(receipt['at_ns'])}"
-    return ((w("witness"), f"{seen}: {tree}, {receipt['signature']}"),)
+    witnessed = f"{receipt['place']}, {stored_attempt.utc(receipt['at_ns'])}"
+    return ((w("witness"), f"{witnessed}: {tree}, {receipt['signature']}"),)
 
 
 def _signatory(signature: Mapping[str, Any]) -> str:

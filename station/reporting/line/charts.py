@@ -131,10 +131,10 @@ def _shares(x: Sequence[float], shares: Sequence[float], name: str, colour: int)
 
 
 def _overview(line: LineStatistics, value: str, words: Words) -> tuple[str, ...]:
-    seen = process_view.view_process(
+    view = process_view.view_process(
         line, value, process_view.Chosen(), lambda ns: utc(ns)[:16].replace("T", " "), words
     )
-    return draw_pareto(line, words), seen.chart, seen.boxes, seen.change
+    return draw_pareto(line, words), view.chart, view.boxes, view.change
 
 
 def draw_pareto(line: LineStatistics, words: Words, address: Callable[[str], str] = lambda _check: "") -> str:

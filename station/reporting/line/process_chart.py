@@ -59,15 +59,15 @@ def _points(process: ValueSeries, rules: dict[int, str], x: Scale, y: Scale, wor
     path = " ".join(f"{x(i + 1):.1f},{y(v):.1f}" for i, v in enumerate(process.values))
     parts = [f'<polyline points="{path}" fill="none" stroke="{_BLUE}" stroke-opacity="0.5"/>']
     for i, v in enumerate(process.values):
-        said = f"{process.attempts[i].serial}: {format_number(v, 5)}"
+        label = f"{process.attempts[i].serial}: {format_number(v, 5)}"
         if not process.inside(v):
-            drawn, said = mark("diamond", x(i + 1), y(v), _RED, 1.9), f"{said}, {words.term('outside the limits')}"
+            drawn, label = mark("diamond", x(i + 1), y(v), _RED, 1.9), f"{label}, {words.term('outside the limits')}"
         elif i in rules:
             drawn = mark(RULE_SHAPES.get(rules[i], OTHER_RULE), x(i + 1), y(v), _AMBER, 1.5)
-            said = f"{said}, {words.term(rules[i])}"
+            label = f"{label}, {words.term(rules[i])}"
         else:
             drawn = mark("circle", x(i + 1), y(v), _BLUE, 1.3)
-        parts.append(f"<g>{drawn}<title>{escape(said)}</title></g>")
+        parts.append(f"<g>{drawn}<title>{escape(label)}</title></g>")
     return parts
 
 
