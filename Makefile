@@ -5,8 +5,9 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 SEED   ?= 1
 SCALE  ?= 1
-# One process a core: more would starve the tests that keep real time.
-PROCESSES ?= auto
+# One process more than cores: at any time one waits for the browser, the guest or a server. More would starve the tests
+# that keep real time.
+PROCESSES ?= $(shell echo $$(($$(nproc) + 1)))
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
 

@@ -32,6 +32,8 @@ def pytest_configure() -> None:
     for number, handler in ((signal.SIGHUP, _survive), (signal.SIGINT, signal.default_int_handler)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, handler)
+    # A worker of xdist states a width, and would have the commands' lines broken there.
+    os.environ.pop("COLUMNS", None)
     # What must survive a power cut is tried by tests/endurance, on the disk.
     if MEMORY.is_dir() and os.access(MEMORY, os.W_OK) and shutil.disk_usage(MEMORY).free > ROOM_BYTES:
         os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))

@@ -1,5 +1,6 @@
 """Where recipes, products and config.yaml are found: beside what names them, here, or as shipped."""
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -7,7 +8,8 @@ import station
 from station.errors import InputError
 
 #: Folder → the schema that its files do not have; so much of a file is read for it.
-_OTHERS = {"dbc": b"schema: station.recipe/", "recipes": b"schema: station.product/"}
+_OTHERS = {folder: re.compile(rb"[\"']?schema[\"']?\s*:\s*[\"']?station\." + kind + b"/")
+           for folder, kind in (("dbc", b"recipe"), ("recipes", b"product"))}  # fmt: skip
 _HEAD_BYTES = 4096
 #: The gallery of published devices, among the products.
 EXAMPLES = "examples"
@@ -41,7 +43,7 @@ def _is_other(path: Path, folder: str) -> bool:
     other = _OTHERS.get(folder)
     try:
         with path.open("rb") as file:
-            return other is not None and other in file.read(_HEAD_BYTES)
+            return other is not None and other.search(file.read(_HEAD_BYTES)) is not None
     except OSError:
         return False
 

@@ -121,7 +121,8 @@ class _FormulaSearch:
         """The best term on what a problem leaves; None where chance does as well."""
         fitted, units = problem.fit(), scanned_units(problem, MOST_SCANNED_UNITS)
         scans = [scan_of(x, problem.view, units, fitted.floor) for x in libraries(problem.view)]
-        if any(s.space.dof < LEAST_NUMBERS or s.space.rest <= 0 for s in scans):
+        scans = [scan for scan in scans if scan.batches]
+        if not scans or any(s.space.dof < LEAST_NUMBERS or s.space.rest <= 0 for s in scans):
             return None
         if self._threshold is None:
             self._threshold = self._threshold_of(problem, fitted, scans)
