@@ -26,3 +26,8 @@ def refuse(work: FleetWork) -> Columns:
     from station.errors import RecipeError
 
     raise RecipeError("attempt-without-recipe")
+
+
+def echo(work: int) -> Columns:
+    """A portion that takes next to nothing."""
+    return {"work": [work]}

@@ -1,7 +1,7 @@
 """Jobs over a fleet: the same bits on one process and on a cluster, resumed where they stopped, refused where wrong."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -85,6 +85,17 @@ def test_a_workers_error_and_another_code_come_back_as_sentences(
         run(job, folder, tmp_path, cluster)
     with pytest.raises(InputError, match="Install the same version"):
         _compute_checked("1.0.0+0", fleet_work.refuse, None)
+
+
+def test_who_stops_reading_costs_nobody_else_the_same_portions(cluster: DaskEngine) -> None:
+    """The keys of a run that ended are those of the next: what the first gave up is not lost to the second."""
+    portions = [Portion(f"same-{i}", i) for i in range(6)]
+    for _ in range(20):
+        begun = cluster.compute(fleet_work.echo, portions)
+        next(begun)
+        assert isinstance(begun, Generator)
+        begun.close()
+        assert {key for key, _ in cluster.compute(fleet_work.echo, portions)} == {p.key for p in portions}
 
 
 def test_a_second_start_computes_only_what_is_missing(job: FleetJob, folder: Path, tmp_path: Path) -> None:

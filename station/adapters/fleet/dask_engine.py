@@ -58,7 +58,7 @@ class DaskEngine:
         self._open.close()
 
     def compute(self, function: Callable[[Any], Columns], portions: Iterable[Portion]) -> Iterator[tuple[str, Columns]]:
-        """See PortionEngine.compute. What is under way is cancelled when the caller stops reading."""
+        """See PortionEngine.compute. What is under way is given up when the caller stops reading."""
         left = iter(portions)
         first = [self._submit(function, portion) for portion in islice(left, IN_FLIGHT)]
         running = set(first)
@@ -71,7 +71,10 @@ class DaskEngine:
                     running.add(following := self._submit(function, portion))
                     done.add(following)
         finally:
-            self._client.cancel(list(running), force=True)
+            # Released, not cancelled: a cancelled key takes with it whoever else wants that portion, also the next run.
+            done.clear()
+            for future in running:
+                future.release()
 
     def _submit(self, function: Callable[[Any], Columns], portion: Portion) -> Future:
         return self._client.submit(_compute_checked, code_version(), function, portion.work, key=portion.key)
