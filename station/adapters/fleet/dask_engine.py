@@ -75,6 +75,8 @@ class DaskEngine:
             done.clear()
             for future in running:
                 future.release()
+            if self._client.status == "running":
+                self._client.sync(_after_what_is_due)
 
     def _submit(self, function: Callable[[Any], Columns], portion: Portion) -> Future:
         return self._client.submit(_compute_checked, code_version(), function, portion.work, key=portion.key)
@@ -101,6 +103,10 @@ class DaskEngine:
             raise InputError("cluster-other-code", own=code_version(), other=_reason(error)) from error
         for version in found.values():
             _refuse_other(code_version(), version)
+
+
+async def _after_what_is_due() -> None:
+    """Ends when the client's loop has done all that it was given before: a key that is asked for next is a new one."""
 
 
 def _compute_checked(code: str, function: Callable[[Any], Columns], work: Any) -> Columns:
