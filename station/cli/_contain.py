@@ -22,8 +22,8 @@ def contain(log: "LogReader", query: Query, *, as_json: bool) -> int:
     units = touched(log, query)
     if as_json:
         head = {"schema": "station.containment/1", "log": log.location, "head": asdict(log.head())}
-        asked = {k: v for k, v in asdict(query).items() if v is not None}
-        _output.print_json({**head, "question": asked, "count": len(units), "units": [_document(u) for u in units]})
+        question = {k: v for k, v in asdict(query).items() if v is not None}
+        _output.print_json({**head, "question": question, "count": len(units), "units": [_document(u) for u in units]})
         return 0
     zone = time_text.zone()
     rows = [

@@ -78,10 +78,12 @@ def draft_product(request: InitRequest, *, as_json: bool) -> int:
         problem = _problem(recipe)
         code = problem.exit_code if problem is not None else _run(recipe, as_json=as_json) if request.runs else 0
     if as_json:
-        said = None if problem is None else problem.sentence
+        sentence = None if problem is None else problem.sentence
         files = [str(request.folder / path) for path in draft.texts]
         remarks = [render(m) for m in draft.remarks]
-        _output.print_json({"schema": SCHEMA, "files": files, "remarks": remarks, "problem": said, "exit_code": code})
+        _output.print_json(
+            {"schema": SCHEMA, "files": files, "remarks": remarks, "problem": sentence, "exit_code": code}
+        )
         return code
     for message in (*draft.remarks, *(Message("init-wrote", file=str(request.folder / p)) for p in draft.texts)):
         _output.print_message(message)

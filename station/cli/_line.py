@@ -136,8 +136,8 @@ class _Shift:
             counts.loads += 1
             for bin_ in step.bins.values():
                 counts.bins[Bin(bin_).name.lower()] += 1
-            told = ", ".join(f"{self._nests[place]} {Bin(b).name.lower()}" for place, b in sorted(step.bins.items()))
-            _output.print_remark(f"load {step.load}: handed back ({told})")
+            bins = ", ".join(f"{self._nests[place]} {Bin(b).name.lower()}" for place, b in sorted(step.bins.items()))
+            _output.print_remark(f"load {step.load}: handed back ({bins})")
 
     def _show(self) -> None:
         line = self._line

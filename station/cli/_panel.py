@@ -20,12 +20,12 @@ from station.panel_protocol.presence import serving
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring.accounts import AccountChange, change_account, known_seal
-from station.wiring.alerts import watching_beside
+from station.wiring.alerts import watching_in_background
 from station.wiring.jobs import load_job
 from station.wiring.logs import open_log, plant_address
-from station.wiring.page_seals import sealing_beside
+from station.wiring.page_seals import sealing_in_background
 from station.wiring.rehearsal import is_rehearsal
-from station.wiring.shipping import shipping_beside
+from station.wiring.shipping import shipping_in_background
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,11 +150,11 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
             _serve(panel, listen)
         return 0
     # Ctrl-C is the way to stop it, and no failure.
-    watched = watching_beside(order.database, where.config, settings)
-    sealed = sealing_beside(order.database, settings, people)
+    watched = watching_in_background(order.database, where.config, settings)
+    sealed = sealing_in_background(order.database, settings, people)
     with (
         serving(order.database),
-        shipping_beside(order.database, settings),
+        shipping_in_background(order.database, settings),
         watched,
         sealed,
         suppress(KeyboardInterrupt),

@@ -43,7 +43,7 @@ def run_report(log: "LogReader", request: ReportRequest, *, as_json: bool) -> in
     if line.simulated:
         _output.print_message(_mark(line))
     for table in drawn.tables:
-        _output.print_table(f"\n{table.title}", _laid_out(table))
+        _output.print_table(f"\n{table.title}", _text_table(table))
     if drawn.problem:
         _output.print_remark(drawn.problem)
     if request.out is not None:
@@ -61,7 +61,7 @@ def _page(log: "LogReader", drawn: charts.Charts, line: LineStatistics) -> str:
     summary = render(Message("line-report-summary", count=len(line.attempts)))
     mark = render(_mark(line)) if line.simulated else ""
     template = environment().get_template("report.html")
-    return template.render(title=title, said=summary, charts=drawn, mark=mark, head=f"{head.number}:{head.hash}")
+    return template.render(title=title, summary=summary, charts=drawn, mark=mark, head=f"{head.number}:{head.hash}")
 
 
 def _write(path: Path, text: str) -> None:
@@ -71,7 +71,7 @@ def _write(path: Path, text: str) -> None:
         raise UsageError("file-not-written", file=str(path), why=system_reason(exc)) from exc
 
 
-def _laid_out(table: charts.ChartTable) -> TextTable:
+def _text_table(table: charts.ChartTable) -> TextTable:
     """Figures to the right; words may be broken."""
     others = frozenset(range(1, len(table.columns)))
     if table.words:

@@ -54,20 +54,20 @@ def axes(request: AxesRequest) -> int:
 
 def findings(found: AxisReport) -> list[Message]:
     """What is worth a correction, in sentences."""
-    said: list[Message] = []
+    lines: list[Message] = []
     for error in filter(worth_telling, found.errors.errors):
         value, interval = error.value or 0.0, error.interval or 0.0
         match error.kind:
             case "zero":
-                said.append(Message("rig-axes-zero", axis=error.axis, value_deg=value, interval_deg=interval))
+                lines.append(Message("rig-axes-zero", axis=error.axis, value_deg=value, interval_deg=interval))
             case "square":
-                said.append(Message("rig-axes-square", axis=error.axis, value_deg=value, interval_deg=interval))
+                lines.append(Message("rig-axes-square", axis=error.axis, value_deg=value, interval_deg=interval))
             case "scale":
-                said.append(Message("rig-axes-scale", axis=error.axis, value=value, interval=interval))
+                lines.append(Message("rig-axes-scale", axis=error.axis, value=value, interval=interval))
             case _:
                 parts = [found.errors.of(error.axis, kind).value or 0.0 for kind in ("sine", "cosine")]
-                said.append(Message("rig-axes-index", axis=error.axis, value_deg=math.hypot(*parts)))
-    return list(dict.fromkeys(said))
+                lines.append(Message("rig-axes-index", axis=error.axis, value_deg=math.hypot(*parts)))
+    return list(dict.fromkeys(lines))
 
 
 def _map_of(config: Path | None) -> RigMap:

@@ -74,7 +74,7 @@ class LiveStateWriter:
         """Shows what a person must do and confirm; the mark that the answer must bear."""
         mark = secrets.token_hex(8)
         self._state = replace(self._state, confirm=action, question=mark)
-        self._line = self._line.asked(action, time.time())
+        self._line = self._line.waiting_for(action, time.time())
         self._write()
         return mark
 

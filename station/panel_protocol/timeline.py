@@ -110,7 +110,7 @@ class Timeline:
             return self._enter(len(self.cells), now_s) if event.fault is None else self
         return self
 
-    def asked(self, action: Message, now_s: float) -> "Timeline":
+    def waiting_for(self, action: Message, now_s: float) -> "Timeline":
         """The time line while a person is asked for something."""
         run = int(action.parameters.get("number", 1)) - 1  # type: ignore[arg-type]
         return self._enter(self._find(_HAND_KINDS.get(action.id, ""), run), now_s)

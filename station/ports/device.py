@@ -41,7 +41,7 @@ class Device(Protocol):
     def node(self) -> int:
         """Node id, 1–127."""
 
-    def identify(self, asked: Collection[tuple[int, int]] = ((0x1000, 0),)) -> Identity:
+    def identify(self, required: Collection[tuple[int, int]] = ((0x1000, 0),)) -> Identity:
         """Reads the identity objects; one that is not among the `asked` and is refused reads as 0 or ''."""
 
     def upload(self, index: int, sub: int, timeout_s: float | None = None) -> bytes:
@@ -69,14 +69,14 @@ class Device(Protocol):
         """Boot-up messages seen so far: a rise without a reset of ours means the device rebooted by itself."""
 
 
-def read_identity(upload: Callable[[int, int], bytes], asked: Collection[tuple[int, int]]) -> Identity:
+def read_identity(upload: Callable[[int, int], bytes], required: Collection[tuple[int, int]]) -> Identity:
     """The identity objects by reading them; one that is not among the `asked` and is refused reads as 0 or ''."""
 
     def read(index: int, sub: int) -> bytes:
         try:
             return upload(index, sub)
         except DeviceRefused:
-            if (index, sub) in asked:
+            if (index, sub) in required:
                 raise
             return b""
 

@@ -18,7 +18,7 @@ class Handover:
     identify: Callable[[frozenset[int]], Sequence[Place]]
     test: Callable[[Sequence[Place]], None]
 
-    def look(self) -> Step:
+    def next_step(self) -> Step:
         """What there is to do; nothing is done."""
         view = self.cell.view()
         journal = LoadJournal.of(self.journal.entries())
@@ -26,7 +26,7 @@ class Handover:
 
     def step(self) -> Step:
         """One step; what it was. A crash at any instant of it leaves nothing that the next step does not find."""
-        step = self.look()
+        step = self.next_step()
         self._act(step)
         return step
 

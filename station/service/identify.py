@@ -50,7 +50,7 @@ def identify_for_recovery(unit: Unit, job: Job) -> None:
 
 def _read_identity(unit: Unit, job: Job) -> tuple[Identity, int | str | None]:
     """The identity, and the serial that the device keeps; None where the label alone says it."""
-    unit.identity = unit.device.identify(job.product.identity.asked)
+    unit.identity = unit.device.identify(job.product.identity.required)
     place = job.product.map.serial_object
     if place is None:
         return unit.identity, None

@@ -178,7 +178,7 @@ class Line:
             if self.state is State.EXECUTE:
                 yield from self._execute()
             elif self.state is State.SUSPENDED:
-                if not isinstance(self._handover.look(), Wait):
+                if not isinstance(self._handover.next_step(), Wait):
                     yield self._enter(Command.UNSUSPEND)
                 else:
                     self._pause()
@@ -204,7 +204,7 @@ class Line:
         if self._most_loads is not None and self.loads >= self._most_loads:
             yield self._enter(Command.COMPLETE)
             return
-        upcoming = self._handover.look()
+        upcoming = self._handover.next_step()
         if isinstance(upcoming, Hold):
             yield self._enter(Command.HOLD, upcoming.why)
             return

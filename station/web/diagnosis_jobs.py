@@ -130,10 +130,10 @@ def _job(folder: Path) -> DiagnosisJob:
 def _state(panel: Panel, folder: Path, job: DiagnosisJob) -> DiagnosisState:
     child = panel.children.get(job.name)
     working, report = child is not None and child.poll() is None, folder / "report.html"
-    said = "" if working else _text(folder / "said.txt")[-500:]
+    last_words = "" if working else _text(folder / "said.txt")[-500:]
     verdict = str(_read(folder / "diagnosis.json").get("verdict", ""))
     elapsed_s = max(0.0, (time.time_ns() - job.begun_ns) / 1e9)
-    return DiagnosisState(job, working, elapsed_s, _expected_s(folder, job), report.exists(), verdict, said)
+    return DiagnosisState(job, working, elapsed_s, _expected_s(folder, job), report.exists(), verdict, last_words)
 
 
 def _expected_s(folder: Path, job: DiagnosisJob) -> float:

@@ -28,7 +28,7 @@ class HashedFiles(StaticFiles):
     def file_response(self, full_path: Any, stat_result: Any, scope: Scope, status_code: int = 200) -> Response:
         """Starlette's answer, with how long it may be kept."""
         answer = super().file_response(full_path, stat_result, scope, status_code)
-        asked = scope.get("query_string", b"").decode("latin-1")
-        if asked and static_address(Path(full_path).name).endswith(f"?{asked}"):
+        query = scope.get("query_string", b"").decode("latin-1")
+        if query and static_address(Path(full_path).name).endswith(f"?{query}"):
             answer.headers["Cache-Control"] = "private, max-age=31536000, immutable"
         return answer

@@ -35,7 +35,7 @@ FIRST_BACK_OFF_S, LAST_BACK_OFF_S = 30.0, 3600.0
 _PLANT_LOG = Path("plant")
 
 
-def book_beside(database: Path) -> Path:
+def alert_book_path(database: Path) -> Path:
     """Where the book of a log's alerts is."""
     return companion_file(_PLANT_LOG if plant_address(database) else database, Companion.ALERTS)
 
@@ -43,7 +43,7 @@ def book_beside(database: Path) -> Path:
 def read_book(database: Path) -> AlertBook:
     """The book as it was last kept; an empty one where there is none, or none that can be read."""
     try:
-        return AlertBook.of(parse_json(book_beside(database).read_text(encoding="utf-8")))
+        return AlertBook.of(parse_json(alert_book_path(database).read_text(encoding="utf-8")))
     except (OSError, *NOT_AS_EXPECTED):
         return AlertBook()
 
@@ -61,7 +61,7 @@ class AlertDesk:
 
     def __init__(self, database: Path, settings: AlertSettings, owner: str) -> None:
         self._database, self._clock = database, SystemClock()
-        lock = book_beside(database).with_suffix(".lock")
+        lock = alert_book_path(database).with_suffix(".lock")
         self._lock = OwnerLock(lock, Message("owned-watch", path=str(database)), owner, self._clock.epoch_ns())
         self._channels = {channel.name: channel for channel in channels_of(settings)}
         self._run_length = settings.run_length
@@ -103,11 +103,11 @@ class AlertDesk:
     def _keep(self) -> None:
         with suppress(OSError):  # a full disk stops no watch; what is in memory is still delivered
             text = json.dumps(self._book.document(), ensure_ascii=False)
-            replace_text(book_beside(self._database), text, durable=True)
+            replace_text(alert_book_path(self._database), text, durable=True)
 
 
 @contextmanager
-def watching_beside(database: Path, config: Path | None, settings: Settings) -> Iterator[None]:
+def watching_in_background(database: Path, config: Path | None, settings: Settings) -> Iterator[None]:
     """While the block lasts, another process watches the log, where config.yaml says where alerts go.
 
     A process of its own, so that going over a long log takes nothing from the page; where one watches already, it ends

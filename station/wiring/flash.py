@@ -79,7 +79,7 @@ def _seat(bench: Bench, serial: str, nest: str | None) -> NestAssignment:
 
 def _refusals(bench: Bench, device: Device, image: FirmwareImage, seat: NestAssignment) -> tuple[Message, ...]:
     """How the device differs from what the image is for. Errors: WrongUnit where another unit sits there."""
-    identity = device.identify(image.identity.asked)
+    identity = device.identify(image.identity.required)
     _check_serial(bench, device, seat)
     wanted = bench.job.product.model_copy(update={"identity": image.identity})
     return (*_mismatches(wanted.mismatches, identity), *_hardware(image, identity))

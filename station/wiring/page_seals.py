@@ -41,7 +41,7 @@ class PageSeals:
 
 
 @contextmanager
-def sealing_beside(database: Path, settings: Settings, accounts: Path) -> Iterator[None]:
+def sealing_in_background(database: Path, settings: Settings, accounts: Path) -> Iterator[None]:
     """Seals at the beginning, while the block lasts, and at its end."""
     seals, over, clock = PageSeals(database, settings, accounts, UnsealedLines(database)), Event(), SystemClock()
 

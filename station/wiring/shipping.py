@@ -142,7 +142,7 @@ class Shipping:
 
 
 @contextmanager
-def shipping_beside(database: Path, settings: Settings) -> Iterator[None]:
+def shipping_in_background(database: Path, settings: Settings) -> Iterator[None]:
     """While the block lasts, the log is shipped by this process, unless another one does. Errors: ConfigError."""
     shipping = Shipping(database, settings) if settings.receivers else None
     try:

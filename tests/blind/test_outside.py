@@ -116,7 +116,7 @@ def test_a_cause_of_several_degrees_is_compared_at_all_of_them() -> None:
         if isinstance(c.effect, GainTemperature) and c.effect.degree == 2 and c.of == "unit"
     )
     item = accept_candidate(parabola.plain or parabola, np.ones(len(parabola.names), bool), 1e-4)
-    known = refined(problem.beside((item,)))
+    known = refined(problem.with_accepted((item,)))
     assert not compare_laws(known, 0, known.fit().floor).is_ahead
 
 

@@ -20,7 +20,7 @@ from station.service.watch import Watch
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring import alerts
-from station.wiring.alerts import AlertDesk, read_book, watching_beside
+from station.wiring.alerts import AlertDesk, read_book, watching_in_background
 from station.wiring.jobs import load_job
 from tests.fakes import watched_log
 from tests.fakes.receivers import HookServer, MailServer, serving
@@ -116,7 +116,7 @@ def test_the_page_starts_a_watch_and_shows_what_lasts(path: Path, receivers: tup
         encoding="utf-8",
     )
     settings = load_settings(config)
-    with watching_beside(path, config, settings):
+    with watching_in_background(path, config, settings):
         until = time.monotonic() + 60
         while not receivers[0].bodies and time.monotonic() < until:
             threading.Event().wait(0.05)

@@ -24,7 +24,7 @@ from station.web.metrics import gather
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
-from station.wiring.shipping import read_statuses, shipping_beside
+from station.wiring.shipping import read_statuses, shipping_in_background
 from tests.fakes import logs
 from tests.fakes.certificates import Authority
 from tests.fakes.plant import FakeStation, Server
@@ -244,7 +244,10 @@ def test_the_page_ships_and_says_what_is_held_up_and_since_when(
         f"{{name: far, url: 'http://127.0.0.1:9', token_file: {token}}}",
     )
     settings = load_settings(config)
-    with shipping_beside(station.path, settings), shipping_beside(station.path, settings):  # the second one yields
+    with (
+        shipping_in_background(station.path, settings),
+        shipping_in_background(station.path, settings),
+    ):  # the second one yields
         until = time.monotonic() + 30
         while time.monotonic() < until:
             found = {s.receiver: s.state for s in read_statuses(station.path)}

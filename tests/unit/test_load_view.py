@@ -67,9 +67,9 @@ def test_a_warm_up_and_a_turn_have_cells_of_their_own() -> None:
     assert kinds[0] == "identify"
     assert "turn" in kinds
     line = timeline.Timeline(cells, at=3, since_s=1.0)
-    asked = line.asked(Message("turn-units", number=2, angle_deg=180.0, axis="z", seating="turned"), 50.0)
-    assert (cells[asked.at].kind, cells[asked.at].run) == ("turn", 1)
-    assert asked.cells == cells, "a person's time is no forecast"
+    waiting_for = line.waiting_for(Message("turn-units", number=2, angle_deg=180.0, axis="z", seating="turned"), 50.0)
+    assert (cells[waiting_for.at].kind, cells[waiting_for.at].run) == ("turn", 1)
+    assert waiting_for.cells == cells, "a person's time is no forecast"
     warm = next((i for i, c in enumerate(cells) if c.kind == "warm-up"), None)
     if warm is not None:
         heated = line.after(WarmUpStarted(cells[warm].run + 1, 600.0), 10.0)

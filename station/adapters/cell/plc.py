@@ -40,18 +40,18 @@ class PlcCell:
 
     def view(self) -> CellView:
         """What the PLC says now; the station's heartbeat goes with it."""
-        seen = self._link.begin()
+        view = self._link.begin()
         self._link.beat()
-        if seen.starts != self._starts:  # a PLC that starts again has forgotten what it was shown
-            self._starts, shown, self._shown = seen.starts, self._shown, None
+        if view.starts != self._starts:  # a PLC that starts again has forgotten what it was shown
+            self._starts, shown, self._shown = view.starts, self._shown, None
             if shown is not None:
                 self.show(*shown)
         return CellView(
-            load=seen.load,
-            ready="load-ready" in seen.status,
-            present=seen.present,
-            taken=seen.load_taken,
-            bins_taken=handover.unpack_bins(seen.bins_taken),
+            load=view.load,
+            ready="load-ready" in view.status,
+            present=view.present,
+            taken=view.load_taken,
+            bins_taken=handover.unpack_bins(view.bins_taken),
         )
 
     def accept(self, load: int) -> None:

@@ -34,19 +34,19 @@ class PlcLink:
     def begin(self) -> PlcView:
         """The first view after a pause in which nobody listened; says the station's own protocol."""
         self._heard = None
-        seen = self.view()
+        view = self.view()
         self.write(protocol=register_map.PROTOCOL)
-        return seen
+        return view
 
     def view(self) -> PlcView:
         """Everything that the PLC says, of one instant. Errors: also of another protocol, and of a stale heartbeat."""
         read = partial(self._registers.read, self.map.inputs.table, self._inputs.start, len(self._inputs))
         words = self._patiently(read)
-        seen = plc_view.view(self.map, words)
-        if fault := plc_view.protocol_fault(seen):
+        view = plc_view.view(self.map, words)
+        if fault := plc_view.protocol_fault(view):
             raise PlcFault(fault)
-        self._check_heartbeat(seen.heartbeat)
-        return seen
+        self._check_heartbeat(view.heartbeat)
+        return view
 
     def write(self, **signals: int | tuple[int, ...]) -> None:
         """Writes signals of the map's outputs, one request each; `load_done` is `load-done`."""

@@ -20,9 +20,9 @@ class ObjectDevice:
         self._boot_ups = 0
         self.node = client.node
 
-    def identify(self, asked: Collection[tuple[int, int]] = ((0x1000, 0),)) -> Identity:
+    def identify(self, required: Collection[tuple[int, int]] = ((0x1000, 0),)) -> Identity:
         """Reads the identity objects; one that is not among the `asked` and is refused reads as 0 or ''."""
-        return read_identity(self.upload, asked)
+        return read_identity(self.upload, required)
 
     def upload(self, index: int, sub: int, timeout_s: float | None = None) -> bytes:
         """Raw value of an object. Errors: DeviceSilent, DeviceRefused, BusFault."""

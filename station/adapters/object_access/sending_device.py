@@ -14,7 +14,7 @@ class SendingDevice:
     def __init__(self, node: int) -> None:
         self.node = node
 
-    def identify(self, asked: Collection[tuple[int, int]] = ()) -> Identity:  # noqa: ARG002 - a product asks nothing
+    def identify(self, required: Collection[tuple[int, int]] = ()) -> Identity:  # noqa: ARG002 - a product asks nothing
         """It names nothing: the label alone says which unit it is."""
         return Identity(0, 0, 0, 0, 0, "", "", "")
 

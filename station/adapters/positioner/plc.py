@@ -131,16 +131,16 @@ class PlcPositioner:
         self._link.write_checked(move=self._number)
         late_s = self._clock.monotonic_s() + self._settings.echo_s
         while True:
-            seen = self._link.view()
-            self._check(seen, before)
-            if seen.move_echo == self._number and seen.move_state == MoveState.REFUSED:
-                raise PlcFault("plc-refused", code=seen.fault)
-            if seen.move_echo == self._number and seen.move_state == MoveState.OFFERED:
-                if seen.target_echo != target:
+            view = self._link.view()
+            self._check(view, before)
+            if view.move_echo == self._number and view.move_state == MoveState.REFUSED:
+                raise PlcFault("plc-refused", code=view.fault)
+            if view.move_echo == self._number and view.move_state == MoveState.OFFERED:
+                if view.target_echo != target:
                     raise PlcFault("plc-echo-differs")
-                return seen
+                return view
             if self._clock.monotonic_s() > late_s:
-                raise PlcFault("plc-no-echo", number=self._number, echo=seen.move_echo, limit_s=self._settings.echo_s)
+                raise PlcFault("plc-no-echo", number=self._number, echo=view.move_echo, limit_s=self._settings.echo_s)
             self._wait()
 
     def _go(self, target: Quaternion, offered: PlcView, until_s: float) -> None:
@@ -148,35 +148,35 @@ class PlcPositioner:
         self._link.write(go_beat=offered.heartbeat, go=self._number)
         late_s = self._clock.monotonic_s() + self._settings.echo_s
         while True:
-            seen = self._link.view()
-            self._check(seen, offered)
-            if seen.target_echo != target:
+            view = self._link.view()
+            self._check(view, offered)
+            if view.target_echo != target:
                 raise PlcFault("plc-target-changed")
-            if seen.move_echo != self._number:
-                raise PlcFault("plc-echo-changed", number=self._number, echo=seen.move_echo)
-            if seen.move_state == MoveState.DONE:
-                return self._check_arrival(seen, target)
-            if seen.move_state not in (MoveState.OFFERED, MoveState.MOVING):
-                raise PlcFault("plc-stopped", code=seen.fault)
+            if view.move_echo != self._number:
+                raise PlcFault("plc-echo-changed", number=self._number, echo=view.move_echo)
+            if view.move_state == MoveState.DONE:
+                return self._check_arrival(view, target)
+            if view.move_state not in (MoveState.OFFERED, MoveState.MOVING):
+                raise PlcFault("plc-stopped", code=view.fault)
             now_s = self._clock.monotonic_s()
-            if seen.move_state == MoveState.OFFERED and now_s > late_s:
+            if view.move_state == MoveState.OFFERED and now_s > late_s:
                 raise PlcFault("plc-not-started", limit_s=self._settings.echo_s)
             if now_s > until_s:
                 raise TimeoutError
             self._wait()
 
-    def _check(self, seen: PlcView, before: PlcView) -> None:
+    def _check(self, view: PlcView, before: PlcView) -> None:
         """What may not change between the offer and the arrival."""
-        if seen.starts != before.starts:
+        if view.starts != before.starts:
             raise PlcFault("plc-restarted")
-        if fault := plc_view.unsafe(seen, SAFE):
+        if fault := plc_view.unsafe(view, SAFE):
             raise PlcFault(fault)
-        if gone := before.present - seen.present:
+        if gone := before.present - view.present:
             raise PlcFault("plc-part-gone", places=[place + 1 for place in sorted(gone)])
 
-    def _check_arrival(self, seen: PlcView, target: Quaternion) -> None:
-        off_deg = plc_view.angle_between_deg(seen.actual, target)
-        if "in-position" not in seen.status or "moving" in seen.status or off_deg > self._settings.tolerance_deg:
+    def _check_arrival(self, view: PlcView, target: Quaternion) -> None:
+        off_deg = plc_view.angle_between_deg(view.actual, target)
+        if "in-position" not in view.status or "moving" in view.status or off_deg > self._settings.tolerance_deg:
             raise PlcFault("plc-done-elsewhere", off_deg=off_deg, limit_deg=self._settings.tolerance_deg)
 
     def _wait(self) -> None:

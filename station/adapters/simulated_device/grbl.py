@@ -22,21 +22,21 @@ class GrblStub:
     def __init__(self, acceleration: float, fault: str = "") -> None:
         self._acceleration, self.fault = acceleration, fault
         self._motors = (Motor(), Motor())
-        self._said: list[str] = ["", "Grbl 1.1h ['$' for help]"]
+        self._replies: list[str] = ["", "Grbl 1.1h ['$' for help]"]
         self._rest = ""
         self._state = "Idle"
         self._rests_s = 0.0
         self._strikes_s = float("inf")
         if fault == "alarm-before":
             self._state = "Alarm"
-            self._said.append(_LOCKED)
+            self._replies.append(_LOCKED)
 
     def feed(self, data: bytes, now_s: float) -> None:
         """Bytes that came; real-time commands act at once, lines when they end."""
         self._run(now_s)
         for character in data.decode("latin-1"):
             if character == "?":
-                self._said.append(self._status(now_s))
+                self._replies.append(self._status(now_s))
             elif character == "!":
                 self._hold(now_s)
             elif character == "\x18":
@@ -44,17 +44,17 @@ class GrblStub:
             elif character in "\r\n":
                 line, self._rest = self._rest.strip(), ""
                 if line:
-                    self._said.append(self._take(line, now_s))
+                    self._replies.append(self._take(line, now_s))
             else:
                 self._rest += character
 
     def answers(self, now_s: float) -> bytes:
         """What it has said."""
         self._run(now_s)
-        said, self._said = self._said, []
+        replies, self._replies = self._replies, []
         if self.fault == "silent":
             return b""
-        return "".join(line + "\r\n" for line in said).encode()
+        return "".join(line + "\r\n" for line in replies).encode()
 
     def place(self, now_s: float) -> tuple[float, float]:
         """Where its axes stand."""
@@ -109,7 +109,7 @@ class GrblStub:
                 self._state = "Door"
             else:
                 self._state = "Alarm"
-                self._said += [f"ALARM:{1 if self.fault == 'limit' else 3}", _LOCKED]
+                self._replies += [f"ALARM:{1 if self.fault == 'limit' else 3}", _LOCKED]
         if self._state == "Run" and now_s >= self._rests_s:
             self._state = "Idle"
 
@@ -121,9 +121,9 @@ class GrblStub:
     def _reset(self, now_s: float) -> None:
         moving = self.moving(now_s)
         self._stop(now_s)
-        self._said += ["", "Grbl 1.1h ['$' for help]"]
+        self._replies += ["", "Grbl 1.1h ['$' for help]"]
         if moving or self._state == "Alarm":
-            self._said += ["ALARM:3"] * moving + [_LOCKED]
+            self._replies += ["ALARM:3"] * moving + [_LOCKED]
             self._state = "Alarm"
         else:
             self._state = "Idle"

@@ -11,7 +11,7 @@ from types import TracebackType
 from station.adapters.simulated_device.grbl import GrblStub
 
 #: It looks whether its time is over so often, s.
-_LOOK_S = 0.05
+_POLL_S = 0.05
 
 
 class GrblPort:
@@ -26,11 +26,11 @@ class GrblPort:
     def serve(self, go_on: Callable[[], bool]) -> None:
         """Answers for as long as `go_on()`."""
         while go_on():
-            if select.select([self._ours], [], [], _LOOK_S)[0]:
+            if select.select([self._ours], [], [], _POLL_S)[0]:
                 self._stub.feed(os.read(self._ours, 4096), time.monotonic())
-            if said := self._stub.answers(time.monotonic()):
+            if replies := self._stub.answers(time.monotonic()):
                 with suppress(BlockingIOError):
-                    os.write(self._ours, said)
+                    os.write(self._ours, replies)
 
     def __enter__(self) -> "GrblPort":
         return self

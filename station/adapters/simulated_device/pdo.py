@@ -44,7 +44,7 @@ class ProcessData:
         self._sensor = sensor
         self._faults = faults
         self._block_s, self._wakes_s = block_s, wakes_s
-        self._asked_s: list[float] = []  # instants of SYNC whose readings have not left yet
+        self._requested_s: list[float] = []  # instants of SYNC whose readings have not left yet
         self._pdo = _pdo_of(objects, sensor)
         self._readings = SignalChain(sensor, faults)
         self._timer, self._slow_timer, self._babble = Timer(), Timer(), Timer()
@@ -83,7 +83,7 @@ class ProcessData:
         kind = self._objects.number(self._pdo, 2, _EVENT_DRIVEN)
         self._syncs += 1
         if kind <= _LAST_SYNCHRONOUS and self._syncs % max(kind, 1) == 0 and not self._is_off(self._pdo):
-            self._asked_s.append(now_s)
+            self._requested_s.append(now_s)
             self._answer_sync(now_s)
 
     def produce(self, now_s: float) -> None:
@@ -111,9 +111,9 @@ class ProcessData:
 
     def _answer_sync(self, now_s: float) -> None:
         """Readings that SYNC asked for, as soon as anybody looks."""
-        if self._asked_s and now_s >= self._wakes_s():
-            asked_s, self._asked_s = np.array(self._asked_s), []
-            self._send_readings(asked_s)
+        if self._requested_s and now_s >= self._wakes_s():
+            requested_s, self._requested_s = np.array(self._requested_s), []
+            self._send_readings(requested_s)
 
     def _send_due(self, now_s: float) -> None:
         """Readings of the timer's instants until now."""

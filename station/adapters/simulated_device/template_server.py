@@ -27,8 +27,8 @@ class TemplateServer:
 
     def wants_restart(self) -> bool:
         """Whether the last request was a reset."""
-        asked, self._restart = self._restart, False
-        return asked
+        requested, self._restart = self._restart, False
+        return requested
 
     def about(self, data: bytes) -> SdoRequest:
         """What a request is about; one that no template knows is about nothing."""

@@ -43,8 +43,8 @@ class UdsServer:
 
     def wants_restart(self) -> bool:
         """Whether the last request was an ECU reset."""
-        asked, self._restart = self._restart, False
-        return asked
+        requested, self._restart = self._restart, False
+        return requested
 
     def about(self, data: bytes) -> SdoRequest:
         """What a request is about; one without an object is about none."""

@@ -294,7 +294,7 @@ class SimulatedPlc:
             "target-echo": self._target_echo(now_s),
             "actual": self._actual(now_s),
             "present": present,
-            **self._said_of_loads(now_s),
+            **self._load_reports(now_s),
         }
         if not stale:
             given["heartbeat"] = self._beat(now_s)
@@ -303,7 +303,7 @@ class SimulatedPlc:
             words = register_map.words_from(self.map, kind, value if isinstance(value, tuple) else (value,))
             self._words.update({self.map.inputs.at[name] + i: word for i, word in enumerate(words)})
 
-    def _said_of_loads(self, now_s: float) -> dict[str, int | tuple[int, ...]]:
+    def _load_reports(self, now_s: float) -> dict[str, int | tuple[int, ...]]:
         if self.loads is None:
             return {"load": 0, "load-taken": 0, "bins-taken": 0}
         bins = self.loads.bins_taken ^ (3 if self.active("bins-differ", now_s) else 0)

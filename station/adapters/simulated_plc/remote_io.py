@@ -109,7 +109,7 @@ class SimulatedRemoteIo:
     def _pull(self, place: int, serial: str, now_s: float) -> None:
         """Whoever can take a unit takes it: only a closed clamp keeps it where it is."""
         free = bool(serial) and self._clamped and self._open.get(place, True)
-        torn = self.fault == "part-pulled" and place == 0 and bool(serial) and self._asked
+        torn = self.fault == "part-pulled" and place == 0 and bool(serial) and self._requested
         if self._after(f"take {place}", free or torn, TAKE_S, now_s):
             self.taken.append(Taken(self.load, serial, self._acknowledged))
             self.nests[place] = ""
@@ -123,7 +123,7 @@ class SimulatedRemoteIo:
             self._clamped = self._acknowledged = False
 
     @property
-    def _asked(self) -> bool:
+    def _requested(self) -> bool:
         """Whether the lamps ask for the acknowledgement."""
         return {"blue", "sound"} <= self.lamps and "flash" not in self.lamps
 
@@ -136,7 +136,7 @@ class SimulatedRemoteIo:
     def _acknowledge_down(self, now_s: float) -> bool:
         if self.fault == "button-taped":
             return True
-        return self._held("acknowledge", self._asked and any(self.nests), now_s)
+        return self._held("acknowledge", self._requested and any(self.nests), now_s)
 
     def _held(self, button: str, wanted: bool, now_s: float) -> bool:
         """A button is up first, then down for a while, and up again."""

@@ -307,23 +307,23 @@ class Bank:
     groups: tuple[int, ...]
     place: tuple[slice, ...]
     made: tuple[BankColumns, ...]
-    laid: DataColumns | None = None
+    all_columns: DataColumns | None = None
 
     def only(self, chosen: Sequence[int]) -> "Bank":
         """The same with some of the candidates."""
         if len(chosen) == len(self.candidates):
             return self
         bank = _assemble_bank([(self.candidates[i], self.codes[i], self.groups[i]) for i in chosen], moving=self.moving)
-        if self.laid is None or not bank.made:
+        if self.all_columns is None or not bank.made:
             return bank
         place = {id(c): at for c, at in zip(self.candidates, self.place, strict=True)}
         columns = np.concatenate([np.r_[place[id(m.candidate)]] for m in bank.made])
-        return replace(bank, laid=self.laid.only(columns))
+        return replace(bank, all_columns=self.all_columns.only(columns))
 
     def rows(self, layout: RowLayout, units: slice) -> DataColumns:
         """The columns of some units."""
-        if self.laid is not None:
-            return self.laid.of_units(units)
+        if self.all_columns is not None:
+            return self.all_columns.of_units(units)
         stops = layout.grid.part(units)[1]
         parts = [m.candidate.stop[stops] for m in self.made]
         stop = self._scatter_to_groups(layout.keep[stops] @ np.concatenate(parts, axis=2), stops)
@@ -358,7 +358,7 @@ def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -
     if not bank.made or layout.grid.units > UNITS_AT_ONCE:
         return bank
     # Few units are looked at under many floors: their rows are the same under each.
-    return replace(bank, laid=bank.rows(layout, slice(0, layout.grid.units)))
+    return replace(bank, all_columns=bank.rows(layout, slice(0, layout.grid.units)))
 
 
 def _assemble_bank(items: Sequence[tuple[Candidate, NDArray[np.int32], int]], *, moving: bool) -> Bank:

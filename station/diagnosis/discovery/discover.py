@@ -146,7 +146,7 @@ class _FormulaSearch:
         if not fits or fits[0].score < self.threshold - SET_NATS:
             return None
         leader = fits[0]
-        with_it = problem.beside((*problem.accepted, accepted(leader, problem.view, name))).fit(floor).floor
+        with_it = problem.with_accepted((*problem.accepted, accepted(leader, problem.view, name))).fit(floor).floor
         spaces, fairer = _Spaces(problem, floor), _Spaces(problem, with_it)
         close = [f for f in fits if f.score > leader.score - REFINED_NATS]
         again = [with_levels(refine(f.term, fairer.of(f.term)), fairer.of(f.term), self._levels) for f in close]
@@ -169,7 +169,7 @@ class _FormulaSearch:
                 continue
             items = list(bare.accepted)
             items.insert(first + i, accepted(better.fit, bare.view, better.name))
-            problem, found[i] = refined(bare.beside(items), rounds=2), better
+            problem, found[i] = refined(bare.with_accepted(items), rounds=2), better
         return problem, found
 
 
@@ -235,7 +235,7 @@ def _group_terms(problem: ScoringProblem) -> Iterator[Term]:
 def _with_term(problem: ScoringProblem, found: FoundTerm) -> ScoringProblem:
     """The problem with a term accepted and everything known at its best."""
     item = accepted(found.fit, problem.view, found.name)
-    return refined(problem.beside((*problem.accepted, item)), rounds=2)
+    return refined(problem.with_accepted((*problem.accepted, item)), rounds=2)
 
 
 def _simplest(ranked: Sequence[TermFit]) -> TermFit:

@@ -189,9 +189,9 @@ def _batch(choices: list[Choice], columns: Array, length: Floats, space: Residua
             cross = (columns @ space.shared_basis.astype(np.float32)).sum(0, dtype=float)[index]
             normal = normal - cross @ cross.swapaxes(-1, -2)
     m, E = (normal[..., 0], np.ones_like(normal)) if normal.shape[-1] == 1 else np.linalg.eigh(normal)
-    seen = m > VISIBLE_SHARE * np.maximum(scale, 1e-300)[..., None]
-    turn = (E * np.where(seen, 1 / np.sqrt(np.where(seen, m, 1.0)), 0.0)[..., None, :]).swapaxes(-1, -2)
-    rank = np.count_nonzero(seen, axis=(0, 2))
+    visible = m > VISIBLE_SHARE * np.maximum(scale, 1e-300)[..., None]
+    turn = (E * np.where(visible, 1 / np.sqrt(np.where(visible, m, 1.0)), 0.0)[..., None, :]).swapaxes(-1, -2)
+    rank = np.count_nonzero(visible, axis=(0, 2))
     rank = np.where(rank > space.dof // 4, 0, rank)
     return ChoiceBatch(tuple(choices), index, turn, rank, _prices(choices))
 

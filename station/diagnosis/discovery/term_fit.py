@@ -131,9 +131,9 @@ def _orthonormal(columns: Floats, length: Floats, *, own: bool) -> tuple[Floats,
     live = scale > (ROUNDING**2) * scale.max(axis=1, keepdims=True)
     unit = np.where(live, 1 / np.sqrt(np.where(live, scale, 1.0)), 0.0)
     m, E = np.linalg.eigh(normal * unit[:, :, None] * unit[:, None, :])
-    seen = m > VISIBLE_SHARE
-    turn = unit[:, :, None] * E * np.where(seen, 1 / np.sqrt(np.where(seen, m, 1.0)), 0.0)[:, None, :]
-    return turn, int(np.count_nonzero(seen))
+    visible = m > VISIBLE_SHARE
+    turn = unit[:, :, None] * E * np.where(visible, 1 / np.sqrt(np.where(visible, m, 1.0)), 0.0)[:, None, :]
+    return turn, int(np.count_nonzero(visible))
 
 
 def _remaining(basis: Floats, space: ResidualSpace, *, own: bool) -> tuple[float, float, Floats]:

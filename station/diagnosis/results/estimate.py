@@ -38,9 +38,9 @@ def estimate_causes(problem: ScoringProblem) -> tuple[ScoringProblem, tuple[Esti
         items[i], form = _tuned(problem, i, fitted)
         forms.append(form)
     if any(forms):
-        problem = refined(problem.beside(items), rounds=3)
+        problem = refined(problem.with_accepted(items), rounds=3)
         fitted = problem.fit()
-    found = coefficients_beside(problem, problem.accepted, fitted)
+    found = joint_coefficients(problem, problem.accepted, fitted)
     return problem, tuple(
         Estimate(
             item, value, np.hypot(std, _std_from_form(problem, i, form, fitted)), form, visit_interval_s(problem.view)
@@ -60,11 +60,11 @@ def _tuned(problem: ScoringProblem, i: int, fitted: FittedFloor) -> tuple[Accept
     return replace(item, candidate=candidate), form
 
 
-def coefficients_beside(
+def joint_coefficients(
     problem: ScoringProblem, items: Sequence[AcceptedCause], fitted: FittedFloor
 ) -> list[tuple[Floats, Floats]]:
     """Coefficients and their standard deviations (groups, axes) of accepted causes."""
-    joint = problem.beside(items)
+    joint = problem.with_accepted(items)
     readings, _ = joint.readings(moving=joint.known.moving)
     solved = solve(whitened(fitted.space.covariance, joint.known, readings))
     found = (solved.at(place) for place in joint.places)
@@ -84,6 +84,6 @@ def _std_from_form(problem: ScoringProblem, i: int, form: Sequence[FormEstimate]
             )
             other = replace(item, candidate=moved, coefficient=np.zeros(item.coefficient.shape))
             items = [*problem.accepted[:i], other, *problem.accepted[i + 1 :]]
-            ends.append(coefficients_beside(bare, items, fitted)[i][0])
+            ends.append(joint_coefficients(bare, items, fitted)[i][0])
         total = np.hypot(total, (ends[1] - ends[0]) / 2)
     return total

@@ -61,7 +61,7 @@ def gain_together(problem: ScoringProblem, which: Sequence[int], floor: NoiseFlo
         bare = bare.without(i)
     moving = any(item.candidate.dwell is not None for item in items) or bare.known.moving
     fresh = [replace(item, coefficient=np.zeros(item.coefficient.shape)) for item in items]
-    sides = (bare, bare.beside([*bare.accepted, *fresh]))
+    sides = (bare, bare.with_accepted([*bare.accepted, *fresh]))
     by = _held_out_by(problem, items[0])
     tests = [_HeldOutTest(side, floor, moving=moving) for side in sides]
     score = np.zeros(problem.view.grid.slot.shape)

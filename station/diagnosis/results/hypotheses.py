@@ -13,7 +13,7 @@ from station.diagnosis.discovery.discover import Discovery, FoundTerm, Threshold
 from station.diagnosis.discovery.scan import scanned_units
 from station.diagnosis.discovery.term_fit import TermSpace, candidate_of, constant_stds
 from station.diagnosis.linear.noise_floor import FittedFloor
-from station.diagnosis.results.estimate import Estimate, coefficients_beside
+from station.diagnosis.results.estimate import Estimate, joint_coefficients
 from station.diagnosis.results.gain import HeldOutGain, gain_together, held_out_gain
 from station.diagnosis.search.cause_search import SearchResult
 from station.diagnosis.search.problem import refined
@@ -104,7 +104,7 @@ def _accepted(found: Discovery, data: str) -> Hypotheses:
 
 def _estimates(problem: ScoringProblem, first: int, terms: Sequence[FoundTerm], floor: FittedFloor) -> list[Estimate]:
     """Coefficients and constants with standard deviations."""
-    sizes = coefficients_beside(problem, problem.accepted, floor)
+    sizes = joint_coefficients(problem, problem.accepted, floor)
     out = []
     for i, term in enumerate(terms, first):
         bare = problem.without(i)
@@ -133,5 +133,5 @@ def _moved_by(
         item = problem.accepted[i]
         other = replace(item, candidate=moved, coefficient=np.zeros(item.coefficient.shape))
         items = [*bare.accepted[:i], other, *bare.accepted[i:]]
-        ends.append(coefficients_beside(bare, items, floor)[i][0])
+        ends.append(joint_coefficients(bare, items, floor)[i][0])
     return np.asarray((ends[1] - ends[0]) / 2)

@@ -42,12 +42,12 @@ def simplest_explanation(
 ) -> Explanation:
     """The causes that stay, and the formula beside them. last: the problem with every cause found; paying: the causes
     that gain on held-out data; whole: whether these leave nothing."""
-    beside = Explanation(tuple(paying), None if whole else propose_formula(searched, last, paying, table))
+    with_causes = Explanation(tuple(paying), None if whole else propose_formula(searched, last, paying, table))
     if len(paying) < (LEAST_CAUSES if whole else 1):
-        return beside
+        return with_causes
     alone = propose_formula(searched, last, (), table)
-    if not alone.complete or ((whole or _is_complete(beside)) and not _is_simpler(alone, beside, last)):
-        return beside
+    if not alone.complete or ((whole or _is_complete(with_causes)) and not _is_simpler(alone, with_causes, last)):
+        return with_causes
     if known := _causes_in(alone, paying):
         mixed = Explanation(known, propose_formula(searched, last, known, table))
         if _is_complete(mixed):
@@ -59,11 +59,11 @@ def _is_complete(explanation: Explanation) -> bool:
     return explanation.formula is not None and explanation.formula.complete
 
 
-def _is_simpler(alone: Hypotheses, beside: Explanation, last: ScoringProblem) -> bool:
+def _is_simpler(alone: Hypotheses, with_causes: Explanation, last: ScoringProblem) -> bool:
     """Whether a formula accounts for everything in fewer parts, and more likely by what it costs to write them down."""
-    problem = last if beside.formula is None else beside.formula.problem
-    causes_nats = _profile(problem) - CHOICE_NATS * len(beside.causes) - _price(beside.formula)
-    return len(alone.terms) < beside.parts and _profile(alone.problem) - _price(alone) > causes_nats
+    problem = last if with_causes.formula is None else with_causes.formula.problem
+    causes_nats = _profile(problem) - CHOICE_NATS * len(with_causes.causes) - _price(with_causes.formula)
+    return len(alone.terms) < with_causes.parts and _profile(alone.problem) - _price(alone) > causes_nats
 
 
 def _price(formula: Hypotheses | None) -> float:
@@ -93,4 +93,4 @@ def _causes_in(alone: Hypotheses, paying: Sequence[AcceptedCause]) -> tuple[Acce
 def _profile_with(cause: AcceptedCause, bare: ScoringProblem) -> float:
     """Log-likelihood of the readings with a cause beside what is known, at its best."""
     fresh = replace(cause, coefficient=np.zeros(cause.coefficient.shape)).in_view(bare.view)
-    return _profile(refined(bare.beside([*bare.accepted, fresh]), rounds=2))
+    return _profile(refined(bare.with_accepted([*bare.accepted, fresh]), rounds=2))

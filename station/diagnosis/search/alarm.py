@@ -25,7 +25,7 @@ from station.domain.core.types import Floats
 NULL_CACHE_VERSION = 8
 #: A turn of the visits and a step of the walk below these shares of the noise change nothing that chance does: the turn
 #: adds a hundredth to a variance, the walk as much by the end of a hundred visits.
-LEAST_SEEN = (0.1, 0.01)
+LEAST_DETECTED = (0.1, 0.01)
 #: Chance of any alarm in data without a cause.
 FAMILY_WISE_LEVEL = 0.01
 #: A cause worth fewer nats than this, odds of three to one, explains no alarm.
@@ -127,7 +127,7 @@ def cache_key(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, s
     """What the null distribution depends on, as text: bank and design exactly, floor and strengths to a factor."""
     grid, floor = problem.view.grid, fitted.floor
     recipe = problem.view.scene.recipe
-    both = zip((floor.turn, floor.walk), LEAST_SEEN, strict=True)
+    both = zip((floor.turn, floor.walk), LEAST_DETECTED, strict=True)
     relative = [round(2 * float(np.log2(max(x / floor.noise, least)))) for x, least in both]
     shown = [(s.bank.moving, s.space.dof, _candidate_kinds(s)) for s in now.best.projected]
     return repr(

@@ -340,7 +340,7 @@ def _accept_finding(problem: ScoringProblem, finding: CauseFinding) -> ScoringPr
     problem = replace(problem, near=finding.floor)
     if finding.accepted is None:
         return with_free_variance(problem, finding.name)
-    return refined(problem.beside((*problem.accepted, finding.accepted)))
+    return refined(problem.with_accepted((*problem.accepted, finding.accepted)))
 
 
 def _prefer_evident_cause(

@@ -94,7 +94,7 @@ def _accept(problem: ScoringProblem, cause: RankedCause) -> tuple[AcceptedCause 
     if has_jump(best.effect) and best.pattern == "scan":
         best, hit = fit_jump_times(problem, at.accept(best, problem.view), at.floor)
         at = score_bank(problem, [build_bank([best], problem.view.layout, moving=False)], at.floor)
-    floor = problem.beside((*problem.accepted, at.accept(best, problem.view, hit))).fit(at.floor).floor
+    floor = problem.with_accepted((*problem.accepted, at.accept(best, problem.view, hit))).fit(at.floor).floor
     own = score_bank(problem, [build_bank([best], problem.view.layout, moving=best.dwell is not None)], floor)
     return own.accept(best, problem.view, hit), floor
 

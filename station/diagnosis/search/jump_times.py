@@ -36,7 +36,7 @@ def fit_jump_times(
     hit = np.zeros(len(one.names), bool)
     for _ in range(MAX_PASSES):
         known = replace(rough, candidate=_combined(scanned, chosen, problem), hit=hit)
-        with_jumps = problem.beside((*problem.accepted, known) if hit.any() else problem.accepted)
+        with_jumps = problem.with_accepted((*problem.accepted, known) if hit.any() else problem.accepted)
         odds = _odds(scanned, with_jumps, with_jumps.fit(floor).floor)
         # Any of so many times, in any of so many runs.
         fresh = ~hit & (odds.max(0) > np.log(odds.size))

@@ -86,7 +86,7 @@ def _next_floor(
         leader = max((r for r in best.values() if (r.name in words) == kernel), key=lambda r: r.evidence, default=None)
         if leader is None or leader.best is None or leader.evidence < 0:
             continue
-        with_it = problem.beside((*problem.accepted, leader.at.accept(leader.best, problem.view)))
+        with_it = problem.with_accepted((*problem.accepted, leader.at.accept(leader.best, problem.view)))
         found = with_it.fit(leader.at.floor).floor
         if all(_differ(found, f) for f in visited):
             # With the leader known the walk is no longer in question: one floor is enough.

@@ -97,7 +97,7 @@ class ScoringProblem:
         """The readings under a floor."""
         return self.setting.space(at, moving=moving)
 
-    def beside(self, items: Sequence[AcceptedCause]) -> "ScoringProblem":
+    def with_accepted(self, items: Sequence[AcceptedCause]) -> "ScoringProblem":
         """The same with other causes accepted, their columns as they are."""
         known, places = nuisance_of(self.view, tuple(items), self.matrix)
         return replace(self, accepted=tuple(items), places=places, setting=replace(self.setting, known=known))
@@ -108,7 +108,7 @@ class ScoringProblem:
         active = {key: acting for key, acting in self.view.active.items() if key not in gone}
         view = replace(self.view, active=active)
         bare = replace(self, view=view, setting=replace(self.setting, data=view.readings()))
-        return bare.beside([*self.accepted[:i], *self.accepted[i + 1 :]])
+        return bare.with_accepted([*self.accepted[:i], *self.accepted[i + 1 :]])
 
 
 class Scores(NamedTuple):

@@ -87,19 +87,19 @@ def view(plc: RegisterMap, words: list[int]) -> PlcView:
     )
 
 
-def protocol_fault(seen: PlcView) -> Message | None:
+def protocol_fault(plc: PlcView) -> Message | None:
     """Why this PLC may not be worked with at all."""
-    if seen.protocol != PROTOCOL:
-        return Message("plc-protocol", protocol=seen.protocol, known=PROTOCOL)
-    if seen.unknown_bits:
-        return Message("plc-unknown-bits", bits=f"0x{seen.unknown_bits:04X}")
+    if plc.protocol != PROTOCOL:
+        return Message("plc-protocol", protocol=plc.protocol, known=PROTOCOL)
+    if plc.unknown_bits:
+        return Message("plc-unknown-bits", bits=f"0x{plc.unknown_bits:04X}")
     return None
 
 
-def unsafe(seen: PlcView, needed: Mapping[str, str]) -> Message | None:
+def unsafe(plc: PlcView, needed: Mapping[str, str]) -> Message | None:
     """The first of the flags that must be set and is not. needed: flag → id of the message that says so."""
     for flag, id_ in needed.items():
-        if flag not in seen.status:
+        if flag not in plc.status:
             return Message(id_)
     return None
 

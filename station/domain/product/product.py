@@ -29,7 +29,7 @@ class ProductIdentity(StrictModel):
     name: str | None = None
 
     @property
-    def asked(self) -> frozenset[tuple[int, int]]:
+    def required(self) -> frozenset[tuple[int, int]]:
         """Objects without which nothing can be said."""
         places = {
             (0x1000, 0): self.device_type,

@@ -179,12 +179,12 @@ def _slope(rig: RigMap, unit: UnitOnAxes, errors: Floats, index: int) -> Floats:
 def _solve(design: Floats, left: Floats) -> tuple[Floats, Floats, Floats]:
     """Least squares over what the design shows; which errors that is (bool), and (JᵀJ)⁻¹."""
     length = np.linalg.norm(design, axis=0)
-    seen = length > _SINGULAR * length.max()
-    size = np.where(seen, length, 1.0)
-    U, s, Vt = np.linalg.svd(np.where(seen, design / size, 0.0), full_matrices=False)
+    visible = length > _SINGULAR * length.max()
+    size = np.where(visible, length, 1.0)
+    U, s, Vt = np.linalg.svd(np.where(visible, design / size, 0.0), full_matrices=False)
     keep = s > _SINGULAR * s[0]
     inverse = Vt[keep].T / s[keep]
     hidden = (Vt[~keep] ** 2).sum(axis=0) if (~keep).any() else np.zeros(len(size))
-    shown = seen & (hidden < 1e-3)
+    shown = visible & (hidden < 1e-3)
     step = np.where(shown, inverse @ (U[:, keep].T @ left) / size, 0.0)
     return step, shown, (inverse @ inverse.T) / np.outer(size, size)

@@ -62,8 +62,10 @@ class Drive:
     def settle(self, index: int, value: int, sub: int = 0) -> None:
         """Writes a profile object and reads it back."""
         self.write(index, value, sub)
-        if (kept := self.read(index, sub)) != value:
-            raise PositionerFault("drive-keeps-other", axis=self.name, index=index, sub=sub, value=value, kept=kept)
+        if (read_back := self.read(index, sub)) != value:
+            raise PositionerFault(
+                "drive-keeps-other", axis=self.name, index=index, sub=sub, value=value, kept=read_back
+            )
 
     def upload(self, index: int, sub: int) -> bytes:
         """Raw value of any object of its node."""

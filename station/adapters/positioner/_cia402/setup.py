@@ -69,8 +69,8 @@ def configure(link: DriveLink, drive: Drive, rig: RigMap) -> None:
     armed, idle = link.watch_word(round(rig.watchdog_s * 1000)), link.watch_word(0)
     for word in (armed, idle):  # proves that it can watch, and leaves the station's name
         drive.download(0x1016, 1, word.to_bytes(4, "little"))
-        if (kept := link.watched(drive)) != word:
-            raise PositionerFault("drive-keeps-other", axis=drive.name, index=0x1016, sub=1, value=word, kept=kept)
+        if (read_back := link.watched(drive)) != word:
+            raise PositionerFault("drive-keeps-other", axis=drive.name, index=0x1016, sub=1, value=word, kept=read_back)
     drive.download(0x1017, 0, HEARTBEAT_MS.to_bytes(2, "little"))
     _map_process_data(drive)
 

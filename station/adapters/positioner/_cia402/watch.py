@@ -12,7 +12,7 @@ from station.errors import PositionerFault
 #: Process data and heartbeats that may be missing in a row.
 _MISSED = 3
 #: How soon a frozen statusword must be noticed after the last look, s.
-_LOOK_S = 0.05
+_POLL_S = 0.05
 #: An axis must stand so long after the end of its quick-stop ramp, s; else its power is taken.
 STOP_S = 0.15
 
@@ -40,7 +40,7 @@ class MotionWatch:
         deadline_s = self._link.clock.monotonic_s() + timeout_s
         while True:
             left_s = deadline_s - self._link.clock.monotonic_s()
-            done = self._link.wait(lambda: arrived() or self._strays(), min(_LOOK_S, max(left_s, 0.0)))
+            done = self._link.wait(lambda: arrived() or self._strays(), min(_POLL_S, max(left_s, 0.0)))
             self._check()
             if done and arrived():
                 return True
@@ -99,7 +99,7 @@ def _stands(link: DriveLink, drive: Drive) -> bool:
     try:
         before = drive.counts()
         while True:
-            link.wait(lambda: False, _LOOK_S / 2)
+            link.wait(lambda: False, _POLL_S / 2)
             now = drive.counts()
             if abs(now - before) <= 1:
                 return True

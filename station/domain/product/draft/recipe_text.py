@@ -46,8 +46,8 @@ def _device(text: str, draft: ProductDraft, lsb: float, full_scale: float) -> st
             block = re.sub(rf"({key}: )[0-9.eE+-]+", lambda m, v=value: m[1] + v, block)
         if counter is None:
             block = re.sub(r", counter_bits: \d+", "", block)
-        said = "" if rate_hz else f"; no file says the rate: {ASSUMED_RATE_HZ:g} Hz is a guess"
-        return f"# check with the data sheet: noise and clock are the shipped ones{said}\n{block}"
+        guess = "" if rate_hz else f"; no file says the rate: {ASSUMED_RATE_HZ:g} Hz is a guess"
+        return f"# check with the data sheet: noise and clock are the shipped ones{guess}\n{block}"
 
     return re.sub(r"^(device: \{.*\})", changed, text, count=1, flags=re.MULTILINE)
 
