@@ -5,12 +5,14 @@ from typing import Annotated
 
 from typer import Option
 
+from station.cli._options import ConfigPath, LogPath
+
 
 def command(
     by: Annotated[str, Option(help="Who takes note.")],
     reason: Annotated[str, Option(help="Why it is right to go on.")],
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    db: LogPath = None,
+    config: ConfigPath = None,
 ) -> int:
     """Go on with a log that is not as it was left, or with accounts of the page that were edited in their file.
 

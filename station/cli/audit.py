@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from station.cli._options import AsJson, ConfigPath, LogPath
+
 
 def command(
     serial: Annotated[str | None, Argument(help="Serial number of a unit; * and ? stand for others.")] = None,
@@ -12,9 +14,9 @@ def command(
     recompute: Annotated[
         bool, Option("--recompute", help="Refit from the stored raw frames and compare bit for bit.")
     ] = False,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    json: AsJson = False,
+    db: LogPath = None,
+    config: ConfigPath = None,
     recipe: Annotated[str | None, Option(help="Attempts with this recipe, by name.")] = None,
     recipe_hash: Annotated[str | None, Option(help="Attempts with exactly this recipe.")] = None,
     station: Annotated[str | None, Option(help="Attempts at this station.")] = None,

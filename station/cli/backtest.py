@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Option
 
+from station.cli._options import AsJson, ConfigPath
+
 
 def command(
     recipe: Annotated[str, Option(help="The changed recipe: a file, or its name in recipes/.")],
@@ -12,12 +14,12 @@ def command(
     from_frames: Annotated[
         bool, Option("--from-frames", help="Compute from raw frames; by itself where settle or dwell changed.")
     ] = False,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    json: AsJson = False,
     db: Annotated[
         list[Path] | None,
         Option(help="A log, postgresql://…, or a folder of `export --parquet`; repeatable; left out: config.yaml's."),
     ] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    config: ConfigPath = None,
     nest: Annotated[str | None, Option(help="Only attempts in this nest.")] = None,
     lot: Annotated[str | None, Option(help="Only attempts of this lot.")] = None,
     since: Annotated[str | None, Option(help="Begun then or later: 2026-11-21, 2026-11-21T13:00, 7d.")] = None,

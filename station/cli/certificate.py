@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from station.cli._options import ConfigPath, LogPath
+
 
 def command(
     serial: Annotated[str, Argument(help="The unit.")],
@@ -17,8 +19,8 @@ def command(
     sign_key: Annotated[Path | None, Option(help="Private key (PEM) that signs the DCC; with --sign-cert.")] = None,
     sign_cert: Annotated[Path | None, Option(help="Certificate (PEM) of that key.")] = None,
     language: Annotated[str, Option(help="Language of the PDF: en, de or zh.")] = "en",
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    db: LogPath = None,
+    config: ConfigPath = None,
 ) -> int:
     """Write the calibration certificate of a unit that passed: PDF, DCC XML, JSON, WSJF.
 

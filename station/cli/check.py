@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from station.cli._options import AsJson, ConfigPath
+
 
 def command(
     recipe: Annotated[str | None, Argument(help="Recipe: a file, or its name in recipes/.")] = None,
@@ -13,9 +15,9 @@ def command(
         int | None, Option(min=3, max=200, help="Propose that many positions for the recipe's method.")
     ] = None,
     order: Annotated[bool, Option("--order", help="Put the positions into the order of least moving time.")] = False,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    config: ConfigPath = None,
     db: Annotated[Path | None, Option(help="The log that tells the cycle time; left out: as config.yaml says.")] = None,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    json: AsJson = False,
 ) -> int:
     """Check a recipe before anything moves: coefficients, uncertainty, limits, cycle time, what to add.
 

@@ -5,11 +5,13 @@ from typing import Annotated
 
 from typer import Option
 
+from station.cli._options import ConfigPath
+
 
 def command(
     serial: Annotated[list[str] | None, Option(help="Scanned label of a unit; one per --nest, repeatable.")] = None,
     nest: Annotated[list[str] | None, Option(help="The nest that this unit is in, as config.yaml names it.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    config: ConfigPath = None,
     recipe: Annotated[
         str | None, Option(help="A recipe of the units, by name or path; left out: as config.yaml.")
     ] = None,

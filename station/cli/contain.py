@@ -1,9 +1,10 @@
 """`station contain`: which units a nest, fixture, reference, lot, recipe or time touched."""
 
-from pathlib import Path
 from typing import Annotated
 
 from typer import Option
+
+from station.cli._options import AsJson, ConfigPath, LogPath
 
 
 def command(
@@ -20,9 +21,9 @@ def command(
     check: Annotated[str | None, Option(help="Units that this limit failed: gain, offset, stuck, ...")] = None,
     since: Annotated[str | None, Option(help="Begun then or later: 2026-11-21, 2026-11-21T13:00, 7d.")] = None,
     until: Annotated[str | None, Option(help="Begun then or before; a day counts whole.")] = None,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    json: AsJson = False,
+    db: LogPath = None,
+    config: ConfigPath = None,
 ) -> int:
     """List every unit that something touched, and how each stands now: what a recall needs.
 

@@ -1,17 +1,18 @@
 """`station doctor`: is everything there that a run needs?"""
 
-from pathlib import Path
 from typing import Annotated
 
 from typer import Option
 
+from station.cli._options import AsJson, ConfigPath, LogPath
+
 
 def command(
     recipe: Annotated[str | None, Option(help="Recipe: a file, or its name in recipes/.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    config: ConfigPath = None,
+    db: LogPath = None,
     simulate: Annotated[bool, Option("--simulate", help="Leave out what only a real bus needs.")] = False,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    json: AsJson = False,
 ) -> int:
     """Look at bus, rights, clock, disk, DBC, device map, key and golden units; say what to do about each.
 

@@ -5,9 +5,11 @@ from typing import Annotated
 
 from typer import Option
 
+from station.cli._options import AsJson
+
 
 def command(
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    json: AsJson = False,
     markdown: Annotated[bool, Option("--markdown", help="The page docs/effects.md.")] = False,
     write_hypothesis: Annotated[
         str | None, Option("--write-hypothesis", help="Adopt a formula of --model as an effect of this name.")

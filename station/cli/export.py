@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Option
 
+from station.cli._options import AsJson, ConfigPath, LogPath
+
 
 def command(
     samples: Annotated[Path | None, Option(help="Samples table to write: .parquet or .csv.")] = None,
@@ -13,9 +15,9 @@ def command(
     parquet: Annotated[
         Path | None, Option(help="Folder of tables for a fleet, by product and day: attempts, coefficients, visits.")
     ] = None,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    json: AsJson = False,
+    db: LogPath = None,
+    config: ConfigPath = None,
     serial: Annotated[list[str] | None, Option(help="Only this unit; repeatable.")] = None,
     attempt: Annotated[list[str] | None, Option(help="Only this attempt, by its id; repeatable.")] = None,
     recipe: Annotated[str | None, Option(help="Attempts with this recipe, by name.")] = None,

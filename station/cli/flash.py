@@ -5,18 +5,20 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from station.cli._options import AsJson, ConfigPath
+
 
 def command(
     image: Annotated[Path, Argument(help="What the image is and for which devices: a station.firmware/1 file.")],
     serial: Annotated[str, Option(help="Printed serial of the unit; it sits in the nest and has power.")],
     nest: Annotated[str | None, Option(help="Where it sits; left out: the first nest.")] = None,
     recipe: Annotated[str | None, Option(help="Recipe of its product.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    config: ConfigPath = None,
     simulate: Annotated[bool, Option("--simulate", help="Simulated device; needs --device-state.")] = False,
     device_state: Annotated[Path | None, Option(help="With --simulate: the devices' non-volatile memory.")] = None,
     interface: Annotated[str | None, Option(help="Bus interface, in place of config.yaml's.")] = None,
     channel: Annotated[str | None, Option(help="Bus channel, in place of config.yaml's.")] = None,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    json: AsJson = False,
 ) -> int:
     """Download firmware into a unit by 0x1F50 and 0x1F51 (CiA 302-3), and prove it by 0x1F56 and 0x1F57.
 

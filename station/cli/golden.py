@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from station.cli._options import AsJson, ConfigPath, LogPath
+
 
 def command(
     action: Annotated[str, Argument(help="register, remove, check, trend or list.")],
@@ -17,9 +19,9 @@ def command(
     ] = None,
     due: Annotated[str, Option(help="register: day by which the unit itself is due, 2027-01-31.")] = "",
     svg: Annotated[Path | None, Option(help="trend: drawing to write.")] = None,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    json: AsJson = False,
+    db: LogPath = None,
+    config: ConfigPath = None,
 ) -> int:
     """Register units whose result is known; the station makes nothing while their check is due or failed.
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from station.cli._options import AsJson
+
 
 def command(
     name: Annotated[str | None, Argument(help="Name of the product; left out: that of the DBC.")] = None,
@@ -14,7 +16,7 @@ def command(
     message: Annotated[str | None, Option(help="Message of the DBC that carries the readings.")] = None,
     folder: Annotated[Path, Option(help="Where config.yaml, dbc/ and recipes/ are.")] = Path(),
     run: Annotated[bool, Option(help="Run it on the rehearsal bench at the end.")] = True,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    json: AsJson = False,
 ) -> int:
     """Draft a product, its device map and a recipe, check them, and run them on the rehearsal bench.
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from station.cli._options import ConfigPath, LogPath
+
 
 def command(
     action: Annotated[str, Argument(help="rotate or revoke.")],
@@ -13,8 +15,8 @@ def command(
     beyond: Annotated[int | None, Option(min=0, help="With revoke: the last record that it is trusted for.")] = None,
     by: Annotated[str, Option(help="With revoke: who.")] = "",
     reason: Annotated[str, Option(help="With revoke: why.")] = "",
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    db: LogPath = None,
+    config: ConfigPath = None,
 ) -> int:
     """Hand the log over to a new signing key, or stop trusting an old one.
 

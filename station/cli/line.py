@@ -5,15 +5,17 @@ from typing import Annotated, Literal
 
 from typer import Option
 
+from station.cli._options import ConfigPath, LogPath
+
 
 def command(
     recipe: Annotated[str | None, Option(help="Recipe: a file, or its name in recipes/.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    config: ConfigPath = None,
     simulate: Annotated[
         bool, Option("--simulate", help="Simulated bus, rig and units; without a line: block, a simulated cell too.")
     ] = False,
     loads: Annotated[int | None, Option(min=1, help="Complete after so many loads; left out: until stopped.")] = None,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    db: LogPath = None,
     fault: Annotated[
         list[str] | None, Option(help="With --simulate: what is wrong with the simulated cell's PLC; repeatable.")
     ] = None,

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from station.cli._options import AsJson, ConfigPath, LogPath
+
 
 def command(
     study: Annotated[str, Argument(help="type1, grr, bias or linearity.")],
@@ -24,10 +26,10 @@ def command(
     simulate: Annotated[bool, Option("--simulate", help="Make the missing readings on the simulated station.")] = False,
     run: Annotated[bool, Option("--run", help="Make the missing readings on this station, step by step.")] = False,
     recipe: Annotated[str | None, Option(help="Recipe of the readings.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    config: ConfigPath = None,
+    db: LogPath = None,
     seed: Annotated[int, Option(help="With --simulate: seed of everything random.")] = 1,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    json: AsJson = False,
 ) -> int:
     """Study the measurement system: type-1 (Cg, Cgk), gauge R&R (ANOVA and X̄-R), bias, linearity (AIAG MSA-4).
 

@@ -5,11 +5,13 @@ from typing import Annotated
 
 from typer import Option
 
+from station.cli._options import ConfigPath, LogPath
+
 
 def command(
     recipe: Annotated[str | None, Option(help="Recipe of the runs: a file, or its name in recipes/.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    config: ConfigPath = None,
+    db: LogPath = None,
     simulate: Annotated[bool, Option("--simulate", help="Runs from the page are simulated ones.")] = False,
     pace: Annotated[float, Option(min=0.01, help="With --simulate: so many times real time.")] = 1.0,
     fault: Annotated[

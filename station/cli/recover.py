@@ -5,6 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from station.cli._options import AsJson, ConfigPath, LogPath
 from station.errors import UsageError
 
 
@@ -14,13 +15,13 @@ def command(
     go_on: Annotated[bool, Option("--continue", help="Finish writing the new values.")] = False,
     nest: Annotated[str | None, Option(help="Where it sits; left out: the first nest.")] = None,
     recipe: Annotated[str | None, Option(help="Recipe of its product.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
+    config: ConfigPath = None,
+    db: LogPath = None,
     simulate: Annotated[bool, Option("--simulate", help="Simulated device; needs --device-state.")] = False,
     device_state: Annotated[Path | None, Option(help="With --simulate: the devices' non-volatile memory.")] = None,
     interface: Annotated[str | None, Option(help="Bus interface, in place of config.yaml's.")] = None,
     channel: Annotated[str | None, Option(help="Bus channel, in place of config.yaml's.")] = None,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    json: AsJson = False,
 ) -> int:
     """Read back what a half-written unit holds; bring the old values back, or finish the new ones.
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from station.cli._options import AsJson
+
 
 def command(
     log: Annotated[Path, Argument(help="CAN log: .log (candump), .blf, .asc or .mf4.")],
@@ -12,7 +14,7 @@ def command(
     marks: Annotated[Path | None, Option(help="Marks; left out: LOG.marks.json or .csv beside the log.")] = None,
     dbc: Annotated[Path | None, Option(help="Only decode: a DBC, in place of a recipe.")] = None,
     out: Annotated[Path | None, Option(help="With --dbc: every decoded signal as a CSV table.")] = None,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    json: AsJson = False,
 ) -> int:
     """Take a recorded CAN log through the pipeline of a run; no device is written.
 

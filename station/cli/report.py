@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Option
 
+from station.cli._options import AsJson, ConfigPath, LogPath
+
 
 def command(
     out: Annotated[Path | None, Option(help="HTML file to write, self-contained.")] = None,
@@ -19,9 +21,9 @@ def command(
     since: Annotated[str | None, Option(help="Begun then or later: 2026-11-21, 7d.")] = None,
     until: Annotated[str | None, Option(help="Begun before.")] = None,
     most: Annotated[int, Option(min=2, help="At most so many attempts in the control charts, the newest.")] = 2000,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    json: AsJson = False,
+    db: LogPath = None,
+    config: ConfigPath = None,
 ) -> int:
     """Report on the line: yields, reasons, cycle time, control charts, capability, health of the fixture.
 

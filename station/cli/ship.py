@@ -1,17 +1,18 @@
 """`station ship`: this station's records on their way to the plant."""
 
-from pathlib import Path
 from typing import Annotated
 
 from typer import Option
+
+from station.cli._options import ConfigPath, LogPath
 
 
 def command(
     once: Annotated[bool, Option("--once", help="Ship what there is, then end.")] = False,
     status: Annotated[bool, Option("--status", help="Say how far each plant has the log, and end.")] = False,
     json: Annotated[bool, Option("--json", help="With --once or --status: one JSON document.")] = False,
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    db: LogPath = None,
+    config: ConfigPath = None,
 ) -> int:
     """Follow the log and bring its records to the plants of config.yaml, in order, until it is stopped.
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from station.cli._options import ConfigPath, LogPath
+
 
 def command(
     serial: Annotated[str, Argument(help="Serial number of the unit.")],
@@ -12,8 +14,8 @@ def command(
     meaning: Annotated[str, Option(help="What the signature states: reviewed or released.")],
     attempt: Annotated[str | None, Option(help="Attempt to sign; left out: the unit's newest.")] = None,
     comment: Annotated[str, Option(help="A remark that is sealed with it.")] = "",
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    db: LogPath = None,
+    config: ConfigPath = None,
     accounts: Annotated[Path | None, Option(help="File of the people; left out: accounts.json beside the log.")] = None,
 ) -> int:
     """Sign an attempt: reviewed, or released. It asks for the password, whoever is logged in.

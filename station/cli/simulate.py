@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Option
 
+from station.cli._options import AsJson
+
 
 def command(
     out: Annotated[Path, Option(help="What to write: samples (.parquet, .csv) or CAN frames (.log, .blf).")],
@@ -18,7 +20,7 @@ def command(
     operators: Annotated[int, Option(min=1, max=1000, help="Operators that take turns.")] = 2,
     lots: Annotated[int, Option(min=1, max=1000, help="Lots that the units are from.")] = 2,
     gold: Annotated[bool, Option("--gold", help="Also read a gold reference in each nest.")] = False,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    json: AsJson = False,
 ) -> int:
     """Simulate a campaign: device, rig, room and bus, sample by sample, with any of the known causes.
 

@@ -5,11 +5,13 @@ from typing import Annotated
 
 from typer import Option
 
+from station.cli._options import AsJson, ConfigPath
+
 
 def command(
     db: Annotated[Path | None, Option(help="The log that the run writes; left out: as config.yaml says.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
-    json: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
+    config: ConfigPath = None,
+    json: AsJson = False,
 ) -> int:
     """Stop the present run, whoever started it: it parks the fixture, closes its records and ends.
 

@@ -1,14 +1,15 @@
 """`station watch`: what begins to go wrong, where, since when."""
 
-from pathlib import Path
 from typing import Annotated
 
 from typer import Option
 
+from station.cli._options import ConfigPath, LogPath
+
 
 def command(
-    db: Annotated[Path | None, Option(help="The log; left out: as config.yaml says.")] = None,
-    config: Annotated[Path | None, Option(help="Station settings; left out: ./config.yaml.")] = None,
+    db: LogPath = None,
+    config: ConfigPath = None,
     follow: Annotated[bool, Option("--follow", help="Go on: watch each load as it comes, until Ctrl-C.")] = False,
     since: Annotated[str | None, Option(help="Only what lasts, or ended then or later: 2026-11-21, 7d.")] = None,
     run_length: Annotated[
