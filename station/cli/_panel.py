@@ -167,15 +167,19 @@ def _serve(panel: Panel, listen: ListenAddress) -> None:
     import uvicorn
 
     from station.web.app import create_app
-    from station.web.connections import GuardedConnection, allow_connections
+    from station.web.connections import LET_IN_AT_ONCE, MOST_WAITING, GuardedConnection, allow_connections
 
-    allow_connections()
     door = _listening_socket(listen)
     host, port = door.getsockname()[:2]
     _output.print_line(f"http://{f'[{host}]' if ':' in host else host}:{port}")
 
     class Server(uvicorn.Server):
         """Stopping is its regular end: the open event streams end first, and no signal is raised again."""
+
+        async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+            await super().startup(sockets)
+            door.listen(MOST_WAITING)  # asyncio has just listened with `backlog`, its word for both counts
+            allow_connections()
 
         def handle_exit(self, sig: int, frame: object) -> None:  # noqa: ARG002
             panel.over = True
@@ -188,6 +192,7 @@ def _serve(panel: Panel, listen: ListenAddress) -> None:
         server_header=False,
         timeout_graceful_shutdown=2,
         http=GuardedConnection,
+        backlog=LET_IN_AT_ONCE,
         ws="none",
         proxy_headers=listen.proxy is not None,
         forwarded_allow_ips=listen.proxy,

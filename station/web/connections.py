@@ -1,26 +1,36 @@
 """Connections of the page: nobody who only holds one open, or feeds or drains it drop by drop, keeps others out.
 
-A connection must bring a whole request, head and body, within REQUEST_S, and must take what it is sent within DRAIN_S.
-There may be many: one that idles costs some kilobytes, and who opens them anew as fast as they are closed would always
-push the newest out. Beyond MOST_CONNECTIONS, or MOST_PER_ADDRESS from one address, the one that has idled longest is
-closed for a newcomer, if it had GRACE_S; one whose request is being answered never is, unless it is a log-in.
+A connection must bring a whole request, head and body, within REQUEST_S at most, and must take what it is sent within
+DRAIN_S. Those that came at the same instant are closed one after the other, from SOONEST of that time on: else all
+come back at once, and whoever presses Stop waits behind them. There may be many: one that idles costs some kilobytes,
+and who opens them anew as fast as they are closed would always push the newest out. Beyond MOST_CONNECTIONS, or
+MOST_PER_ADDRESS from one address, those that have idled longest are closed for a newcomer, ROOM_MADE at once, if they
+had GRACE_S; one whose request is being answered never is, unless it is a log-in.
 """
 
 import asyncio
+import gc
 import resource
 from collections.abc import Iterable
+from heapq import nsmallest
+from itertools import count
 from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MOST_CONNECTIONS, MOST_PER_ADDRESS = 4000, 2500
-REQUEST_S, DRAIN_S, GRACE_S = 10.0, 20.0, 2.0
+REQUEST_S, DRAIN_S, GRACE_S, SOONEST = 10.0, 20.0, 2.0, 0.5
+#: So many are let in before those within get their turn again; so many may wait at the door meanwhile.
+LET_IN_AT_ONCE, MOST_WAITING = 32, 4096
+ROOM_MADE = 64
 #: Handles for the log, the threads and the children, beside those of connections.
 _OTHER_HANDLES = 256
 
 
 def allow_connections() -> None:
-    """Lets this process hold that many open."""
+    """Lets this process hold that many open, and has the garbage collector pass over what is there for good: it runs
+    often where connections come and go by the thousand, and nothing is answered meanwhile."""
+    gc.freeze()
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = MOST_CONNECTIONS + _OTHER_HANDLES
     if soft != resource.RLIM_INFINITY and soft < wanted:
@@ -28,11 +38,20 @@ def allow_connections() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
 
 
+def patience_s(number: int) -> float:
+    """How long a connection has for a request: any hundred that follow each other are spread evenly, whatever their
+    numbers begin with (multiples of the golden section)."""
+    return REQUEST_S * (SOONEST + (1 - SOONEST) * (number * (5**0.5 - 1) / 2 % 1))
+
+
 class GuardedConnection(H11Protocol):
     """One connection with its deadlines."""
 
+    _numbers = count()
+
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
+        self._patience_s = patience_s(next(self._numbers))
         self._deadline: asyncio.TimerHandle | None = None
         self._drain: asyncio.TimerHandle | None = None
         self.waiting_since_s = self.loop.time()
@@ -91,10 +110,12 @@ class GuardedConnection(H11Protocol):
         host = self.client[0] if self.client else None
         rivals = others if crowded else [c for c in others if c.client and c.client[0] == host]
         if crowded or len(rivals) >= MOST_PER_ADDRESS:
-            (_longest_idle(rivals, self.loop.time() - GRACE_S) or self).transport.abort()
+            idle = _longest_idle(rivals, self.loop.time() - GRACE_S)
+            for connection in idle or [self]:
+                connection.transport.abort()
 
     def _expect_request(self) -> None:
-        self._deadline = self.loop.call_later(REQUEST_S, self.transport.abort)
+        self._deadline = self.loop.call_later(self._patience_s, self.transport.abort)
 
     def _forget_deadline(self) -> None:
         if self._deadline is not None:
@@ -107,7 +128,8 @@ class GuardedConnection(H11Protocol):
             self._drain = None
 
 
-def _longest_idle(connections: Iterable[GuardedConnection], before_s: float) -> GuardedConnection | None:
-    """The dispensable one that has waited longest, and since before that instant; None where there is none."""
+def _longest_idle(connections: Iterable[GuardedConnection], before_s: float) -> list[GuardedConnection]:
+    """The dispensable ones that have waited longest, since before that instant, log-ins last; as many as make room for
+    some time, for looking through thousands costs milliseconds."""
     idle = (c for c in connections if c.dispensable and c.waiting_since_s < before_s)
-    return min(idle, key=lambda c: c.waiting_since_s, default=None)
+    return nsmallest(ROOM_MADE, idle, key=lambda c: (c.answering, c.waiting_since_s))

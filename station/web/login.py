@@ -1,5 +1,7 @@
 """Log-in and log-out: guessing is slowed, the same time for known and unknown names, every try in the journal."""
 
+from functools import partial
+
 from anyio import sleep, to_thread
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
@@ -28,7 +30,7 @@ async def log_in(request: Request) -> Response:
     account = await person_of(request, str(form.get("name", "")), str(form.get("password", "")), "log-in-refused")
     if account is None:
         return render.page(request, "login.html", None, 401, error="wrong_password")
-    panel.journal.add(account.name, "log-in", role=str(account.role))
+    await to_thread.run_sync(partial(panel.journal.add, account.name, "log-in", role=str(account.role)))
     inside = RedirectResponse("/", 303)
     panel.sessions.end(request.cookies.get(SESSION_COOKIE, ""))  # whoever was logged in here before is no more
     token = panel.sessions.begin(account).token
@@ -50,14 +52,14 @@ async def person_of(request: Request, name: str, password: str, refusal: str) ->
     lane = panel.hashing_of_guessers if guessing else panel.hashing
     right = await to_thread.run_sync(accounts.verify_password, password, stored_hash, limiter=lane)
     if account is None or not right:
-        panel.journal.add(name, refusal)
+        await to_thread.run_sync(panel.journal.add, name, refusal)
         await sleep(panel.login_throttle.delay_s(*keys))
         return None
     panel.login_throttle.clear_failures(*keys)
     try:
         await to_thread.run_sync(panel.check_sealed, account)
     except UsageError:
-        panel.journal.add(name, "account-not-sealed")
+        await to_thread.run_sync(panel.journal.add, name, "account-not-sealed")
         raise
     return account
 
@@ -68,7 +70,7 @@ async def log_out(request: Request, session: Session) -> Response:
     await form_of(request, session)
     panel: Panel = request.app.state.panel
     panel.sessions.end(session.token)
-    panel.journal.add(session.account.name, "log-out")
+    await to_thread.run_sync(panel.journal.add, session.account.name, "log-out")
     answer = RedirectResponse("/login", 303)
     answer.delete_cookie(SESSION_COOKIE, path="/")
     return answer

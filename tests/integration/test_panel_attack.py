@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from station.adapters.store.sqlite import SqliteStore
 from station.errors import UsageError
 from station.panel_protocol.stop import request_stop
+from station.web.connections import REQUEST_S, SOONEST, patience_s
 from tests.endurance import torture_page
 
 OWNER = """
@@ -29,6 +31,16 @@ def test_held_connections_and_guesses_keep_nobody_from_stop_or_log_in(tmp_path: 
     found = torture_page.attack(tmp_path, idle=210, slow=40, guesses=10, stops=21, guessers=2)
     assert found.stops_unanswered == 0
     assert (found.log_ins, found.refused, found.opened_by_guess) == (2, 0, 0)
+
+
+@pytest.mark.parametrize("first", [0, 1, 12_345, 10**9])
+def test_connections_of_one_instant_do_not_come_back_at_one_instant(first: int) -> None:
+    patience = [patience_s(number) for number in range(first, first + 1000)]
+    share, rest = divmod(REQUEST_S * (1 - SOONEST), 100 * 0.05)
+    assert (share, rest) == (1, 0), "a hundred slices of 50 ms"
+    slices = Counter(int((each - REQUEST_S * SOONEST) / 0.05) for each in patience)
+    assert len(slices) == 100
+    assert max(slices.values()) <= 12, "ten each, were they spread ideally"
 
 
 def test_stop_reaches_whoever_writes_the_log(tmp_path: Path) -> None:
