@@ -1,10 +1,10 @@
 """Every stored unit computed again under another recipe: one job over a fleet."""
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from pydantic_core import from_json
 
 from station.domain.evaluation import backtest
 from station.domain.evaluation.backtest import BacktestTotals, ComparedAttempts, PreviousResult
@@ -74,7 +74,7 @@ def from_columns(columns: Columns) -> ComparedAttempts:
 
 
 def _before(row: ReducedAttempt) -> PreviousResult:
-    outcome, offset, matrix, checks = json.loads(row.before)
+    outcome, offset, matrix, checks = from_json(row.before)
     theta = None if offset is None else np.array([*offset, *(v for part in matrix for v in part)])
     found = tuple((c["check"], c["sentence"]) for c in checks)
     return PreviousResult(row.attempt, row.serial, outcome, theta, found, row.simulated, bool(row.history))

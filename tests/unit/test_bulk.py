@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from station.domain.core.types import Floats, ReducedVisits
+from station.domain.core.types import Floats, Outcome, ReducedVisits
 from station.domain.evaluation import pipeline
 from station.domain.methods import coefficients, method, scatter
 from station.domain.recipe.recipe import Recipe
@@ -14,6 +14,14 @@ from tests.fakes import tumble
 LINEAR = ("one-point", "three-point", "six-point", "n-point")
 NOISE = 1e-3
 UNITS = 40
+#: So tight that each sort of reason occurs.
+LIMITS = {"offset": 0.01, "residual": 0.003, "tilt_deg": 0.3, "noise": 1.4e-3, "temperature_degC": (20.0, 24.5)}
+PROCESS = {"offset": [0.0, 0.02], "of_results": True}
+RULES: tuple[dict[str, object], ...] = (
+    {"rule": "simple"},
+    {"rule": "guard-band", "process": PROCESS},
+    {"rule": "false-accept", "false_accept": 0.02, "process": {"offset": [0.001, 0.02]}},
+)
 
 
 def fleet(recipe: Recipe, rng: np.random.Generator) -> dict[str, ReducedVisits]:
@@ -60,6 +68,29 @@ def test_each_unit_has_the_bits_that_it_has_alone(
     for one, same in zip(alone, together, strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(numbers(one), numbers(same), strict=True)), one.serial
         assert one.verdict == same.verdict
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: str(rule["rule"]))
+@pytest.mark.parametrize("name", ["one-point", "n-point"])
+def test_each_unit_is_judged_in_bulk_as_it_is_alone(
+    name: str, rule: dict[str, object], rng: np.random.Generator
+) -> None:
+    shown = {"gain": 0.01, "cross_axis": 0.01} if name != "one-point" else {}
+    recipe = tumble.recipe(name, limits={**LIMITS, **shown, **rule})
+    degC = rng.uniform(23.0, 25.0, UNITS)
+    units = {
+        serial: replace(stops, temperature_degC=np.full(len(stops), T))
+        for (serial, stops), T in zip(fleet(recipe, rng).items(), degC, strict=False)
+    }
+    alone = [pipeline.calibrate_reduced(recipe, {serial: stops})[0] for serial, stops in units.items()]
+    together = pipeline.calibrate_reduced(recipe, units)
+    assert [found.verdict for found in together] == [found.verdict for found in alone]
+    assert {found.verdict.outcome for found in alone} >= {Outcome.FAIL}
+    checks = {reason.check for found in alone for reason in found.verdict.reasons}
+    assert len(checks) >= (2 if name == "one-point" else 4)
+    for found in together:
+        accepted = all(one.accepted for one in found.decisions)
+        assert accepted == (not {reason.check for reason in found.verdict.reasons} - {"temperature", "fit"})
 
 
 @pytest.mark.parametrize("name", LINEAR)

@@ -110,17 +110,17 @@ def test_a_record_gives_back_the_same_bits(rng: np.random.Generator) -> None:
 def test_a_process_of_results_says_nothing_of_what_all_results_share() -> None:
     """Random u 3e-4, shared 1e-3, process 1e-4: the posterior cannot be narrower than what is shared."""
     random, shared, spread = 3e-4, 1e-3, 1e-4
-    one = np.ones(1)
+    one = np.ones((1, 1))
     prior = risk.Prior(0 * one, spread * one, shared * one)
-    found = risk.Measured(5e-4 * one, np.hypot(random, shared) * one, 1e9 * one, np.eye(1), prior)
+    found = risk.Measured(5e-4 * one, np.hypot(random, shared) * one, 1e9 * one, np.eye(1)[None], prior)
     share = spread**2 / (spread**2 + random**2)
-    mean, std = (float(v[0]) for v in found.believed())
+    mean, std = (float(v[0, 0]) for v in found.believed())
     assert mean == pytest.approx(share * 5e-4) and std == pytest.approx(np.hypot(shared, share**0.5 * random))
-    again = float(found.believed(again=True)[1][0])
+    again = float(found.believed(again=True)[1][0, 0])
     assert again == pytest.approx(np.hypot(random, share**0.5 * random)), "a second result shares the shared error"
-    limit = np.array([2e-3])
+    limit = np.array([[2e-3]])
     assert risk.beyond(found, limit) == pytest.approx(
-        norm.cdf((mean - 2e-3) / std) + norm.cdf((-mean - 2e-3) / std), rel=1e-4
+        [norm.cdf((mean - 2e-3) / std) + norm.cdf((-mean - 2e-3) / std)], rel=1e-4
     )
 
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from station.domain.core.types import Calibration, Floats, Outcome, ReducedVisits
+from station.domain.core.types import Calibration, Floats, Outcome, ReducedVisits, Verdict
 from station.domain.methods import decision, decision_rule, risk
 from station.domain.methods.uncertainty import Budget
 from station.domain.recipe.blocks import Limits
+from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
 
 OFFSET = 0.05
@@ -37,13 +38,21 @@ def unit(offset: Floats | list[float], std: float, dof: float = 1e9) -> tuple[Ca
 
 
 def within(limits: Limits, offset: float, std: float, dof: float = 1e9) -> decision_rule.LimitedCoefficients:
-    return decision_rule.limited_coefficients(limits, *unit([offset, 0.0, 0.0], std, dof))
+    found, budget = unit([offset, 0.0, 0.0], std, dof)
+    return decision_rule.limited_coefficients(limits, [found], [budget])
+
+
+def verdict_on(recipe: Recipe, offset: list[float], std: float) -> Verdict:
+    found, budget = unit(offset, std)
+    (verdict,) = decision_rule.judge(recipe, [decision_rule.JudgedUnit(found, budget, _stops())])
+    return verdict
 
 
 def known(t: decision_rule.LimitedCoefficients) -> risk.Measured:
     """Coefficients that err by themselves, of a process of which nothing is stated."""
-    count = len(t.index)
-    return risk.Measured(t.deviation, t.std, t.dof, np.eye(count), risk.Prior.unknown(count))
+    units, count = t.deviation.shape
+    correlation = np.broadcast_to(np.eye(count), (units, count, count))
+    return risk.Measured(t.deviation, t.std, t.dof, correlation, risk.Prior.unknown(units, count))
 
 
 def test_the_guard_band_of_each_rule() -> None:
@@ -68,25 +77,24 @@ def test_probability_of_conformance_by_hand() -> None:
     """One coefficient at 0.04 ± 0.01 within ±0.05: Φ(1) − Φ(−9); the two at zero add nothing."""
     found = within(Limits(offset=OFFSET), 0.04, 0.01)
     outside = norm.cdf(-1) + norm.cdf(-9) + 4 * norm.cdf(-5)
-    assert risk.beyond(known(found), found.limit) == pytest.approx(outside, rel=1e-5)
+    assert risk.beyond(known(found), found.limit) == pytest.approx([outside], rel=1e-5)
 
 
 def test_a_value_in_the_guard_band_fails_although_it_is_within_the_limit() -> None:
     recipe = tumble.recipe("one-point", limits={"offset": OFFSET, "rule": "guard-band"})
-    stops = _stops()
-    verdict = decision_rule.judge(recipe, *unit([0.04, 0, 0], 0.006), stops, ())
+    verdict = verdict_on(recipe, [0.04, 0, 0], 0.006)
     assert verdict.outcome is Outcome.FAIL
     assert verdict.false_accept == 0
     assert verdict.false_reject == pytest.approx(norm.cdf(0.01 / 0.006), rel=1e-3)
     (reason,) = verdict.reasons
     assert "offset x is +0.04 g" in reason.sentence and "guard band 0.012" in reason.sentence
     simple = tumble.recipe("one-point", limits={"offset": OFFSET})
-    assert decision_rule.judge(simple, *unit([0.04, 0, 0], 0.006), stops, ()).outcome is Outcome.PASS
+    assert verdict_on(simple, [0.04, 0, 0], 0.006).outcome is Outcome.PASS
 
 
 def test_a_limit_that_the_uncertainty_eats_up_is_said_to_be_undecidable() -> None:
     recipe = tumble.recipe("one-point", limits={"offset": OFFSET, "rule": "guard-band"})
-    verdict = decision_rule.judge(recipe, *unit([0, 0, 0], 0.03), _stops(), ())
+    verdict = verdict_on(recipe, [0, 0, 0], 0.03)
     assert len(verdict.reasons) == 3
     assert all("cannot decide it" in r.sentence for r in verdict.reasons)
 
@@ -123,7 +131,9 @@ def test_100000_units_of_a_population_fail_as_often_as_their_verdicts_say(rng: n
     accepted = np.abs(measured) <= OFFSET
     stated = 1 - (norm.cdf((OFFSET - measured) / u) - norm.cdf((-OFFSET - measured) / u))
     some = np.flatnonzero(accepted)[:2000]
-    one_by_one = [risk.beyond(known(w), w.limit) for w in (within(limits, float(measured[i]), u) for i in some)]
+    one_by_one = [
+        float(risk.beyond(known(w), w.limit)[0]) for w in (within(limits, float(measured[i]), u) for i in some)
+    ]
     assert one_by_one == pytest.approx(stated[some], abs=1e-4)
     rate = (np.abs(true[accepted]) > OFFSET).mean()
     assert rate == pytest.approx(stated[accepted].mean(), abs=4 * np.sqrt(rate / accepted.sum()))

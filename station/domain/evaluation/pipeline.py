@@ -12,7 +12,7 @@ from station.domain.evaluation.unit_dwells import UnitDwells, reduce_table, redu
 from station.domain.methods import method, rank, scatter, tilt, uncertainty
 from station.domain.methods.coefficients import matrix_of, offset_of
 from station.domain.methods.decision import Decision
-from station.domain.methods.decision_rule import decisions, judge
+from station.domain.methods.decision_rule import JudgedUnit, decisions, judge
 from station.domain.methods.method import Fit
 from station.domain.methods.scatter import SolvedUnits
 from station.domain.methods.uncertainty import Budget
@@ -124,31 +124,32 @@ def _solve_group(recipe: Recipe, units: Sequence[UnitInput], rounding: Floats) -
 
 def _results(
     recipe: Recipe, units: Sequence[UnitInput], part: SolvedUnits, rounding: Floats
-) -> Iterator[CalibrationResult]:
+) -> list[CalibrationResult]:
     """One result a unit of a part."""
     budgets = uncertainty.budgets(recipe, part.problem, part.fit, units[0][1], rounding)
-    angles, stds = tilt.of(part.problem, part.fit)
-    for unit, u in zip(units, part.rows.tolist(), strict=True):
-        found = _calibration(recipe, unit[1], (part.fit, u), budgets[u], (angles[u], stds[u]))
-        yield _result(recipe, unit, found, budgets[u], part.fit.notes[u])
-
-
-def _result(
-    recipe: Recipe, unit: UnitInput, found: Calibration, budget: Budget, broken: tuple[Message, ...]
-) -> CalibrationResult:
-    serial, visits, measured = unit
-    unsound: tuple[Reason, ...] = ()
-    if measured is not None:
-        found = replace(found, notes=(*found.notes, *quality.notes(recipe, measured)))
-        unsound = quality.reasons(recipe, measured, visits)
-    verdict = judge(recipe, found, budget, visits, (*_invalid_fit_reasons(found, broken), *unsound))
-    return CalibrationResult(serial, verdict, visits, found, budget, measured, recipe)
+    covariance, tilts = uncertainty.covering(budgets), tilt.of(part.problem, part.fit)
+    invalid, judged = _invalid_fit_reasons(part.fit), []
+    for (_, visits, measured), u in zip(units, part.rows.tolist(), strict=True):
+        own = budgets[u], covariance[u], (tilts[0][u], tilts[1][u])
+        found, reasons = _calibration(recipe, visits, (part.fit, u), own), invalid[u]
+        if measured is not None:
+            found = replace(found, notes=(*found.notes, *quality.notes(recipe, measured)))
+            reasons = (*reasons, *quality.reasons(recipe, measured, visits))
+        judged.append(JudgedUnit(found, budgets[u], visits, reasons))
+    return [
+        CalibrationResult(serial, verdict, visits, one.found, one.budget, measured, recipe)
+        for (serial, visits, measured), one, verdict in zip(units, judged, judge(recipe, judged), strict=True)
+    ]
 
 
 def _calibration(
-    recipe: Recipe, visits: ReducedVisits, fitted: tuple[Fit, int], budget: Budget, tilts: tuple[Floats, Floats]
+    recipe: Recipe,
+    visits: ReducedVisits,
+    fitted: tuple[Fit, int],
+    of_unit: tuple[Budget, Floats, tuple[Floats, Floats]],
 ) -> Calibration:
-    fit, u = fitted
+    """of_unit: its budget, the covariance that covers, its visits' tilts and their standard deviations, rad."""
+    (fit, u), (budget, covariance, tilts) = fitted, of_unit
     used = ~fit.disturbed[u]
     square = (fit.residual[u][used] ** 2).sum(axis=1)
     # Of a hand-held visit only the magnitude can be off: one number, not one an axis.
@@ -158,7 +159,7 @@ def _calibration(
         unit=recipe.unit,
         offset=offset_of(fit.theta[u]),
         matrix=matrix_of(fit.theta[u]),
-        covariance=budget.covering(),
+        covariance=covariance,
         positions=visits.position,
         residual=fit.residual[u],
         tilt_deg=np.rad2deg(tilts[0]),
@@ -198,14 +199,14 @@ def _scatter(budget: Budget, unit: str) -> Iterator[Message]:
         yield Message("visits-scatter", value=budget.scatter, unit=unit)
 
 
-def _invalid_fit_reasons(found: Calibration, notes: tuple[Message, ...]) -> Iterator[Reason]:
-    """A fit that is no calibration: not settled, not finite, or a matrix that mirrors."""
-    if notes:
-        yield Reason(notes[0], check="fit")
-    if not (np.isfinite(found.offset).all() and np.isfinite(found.matrix).all()):
-        yield Reason(Message("fit-not-finite"), check="fit")
-    elif not np.linalg.det(found.matrix) > 0:
-        yield Reason(Message("fit-mirrors"), check="fit")
+def _invalid_fit_reasons(fit: Fit) -> list[tuple[Reason, ...]]:
+    """Of each unit why its fit is no calibration: not settled, not finite, or a matrix that mirrors."""
+    finite, upright = np.isfinite(fit.theta).all(axis=1), np.linalg.det(matrix_of(fit.theta)) > 0
+    reasons = [(Reason(own[0], check="fit"),) if own else () for own in fit.notes]
+    for u in np.flatnonzero(~(finite & upright)).tolist():
+        why = Message("fit-mirrors" if finite[u] else "fit-not-finite")
+        reasons[u] = (*reasons[u], Reason(why, check="fit"))
+    return reasons
 
 
 def _undetermined_reason(recipe: Recipe, visits: ReducedVisits) -> Message | None:

@@ -32,11 +32,12 @@ def from_document(document: Mapping[str, Any], recipe: Recipe, truths: Truths | 
         values = {f.name: _value(f.name, document[f.name]) for f in fields(ReducedVisits)}
     except (KeyError, TypeError, ValueError) as exc:
         raise LogError("reduced-visits-damaged", why=str(exc)) from exc
-    if recipe.pose_known:
+    key, known = (values["position"], values["seating"]), {} if truths is None else truths
+    # Visits of which the truth is known are all of the recipe.
+    if recipe.pose_known and key not in known:
         values = _at(values, {p.name for p in recipe.positions}, {"home", *recipe.seatings})
-    if recipe.reference.source != "gold":
         key = values["position"], values["seating"]
-        known = {} if truths is None else truths
+    if recipe.reference.source != "gold":
         values["true"] = known[key] = known[key] if key in known else references.true_vectors(recipe, *key)
     return ReducedVisits(**values)
 

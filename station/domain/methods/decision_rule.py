@@ -1,6 +1,6 @@
 """Limits, uncertainty and the decision rule → a verdict with every reason (JCGM 106:2012, ILAC-G8:09/2019)."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,9 +22,19 @@ MIN_PROCESS_SHARE = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class JudgedUnit:
+    """What a unit is judged by. quality: reasons why the data themselves are no evidence."""
+
+    found: Calibration
+    budget: Budget
+    visits: ReducedVisits
+    quality: Sequence[Reason] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class LimitedCoefficients:
-    """Coefficients that have a limit (c): index among the twelve, deviation from nominal, standard uncertainty,
-    degrees of freedom, limit, guard band w."""
+    """Coefficients (c) that have a limit, of units (u): index (c) among the twelve; deviation from nominal, standard
+    uncertainty, degrees of freedom, limit and guard band w (u, c). Of what a unit does not estimate the limit is ∞."""
 
     index: NDArray[np.intp]
     deviation: Floats
@@ -34,58 +44,80 @@ class LimitedCoefficients:
     guard: Floats
 
 
-def judge(
-    recipe: Recipe, found: Calibration, budget: Budget, visits: ReducedVisits, quality: Sequence[Reason]
-) -> Verdict:
-    """PASS when nothing speaks against it. quality: reasons why the data themselves are no evidence."""
-    t = limited_coefficients(recipe.limits, found, budget)
-    reasons = (*quality, *_coefficients(recipe, t), *visit_limits.visit_reasons(recipe.limits, found, visits))
-    known = measured(recipe.limits, t, budget)
+def judge(recipe: Recipe, units: Sequence[JudgedUnit]) -> list[Verdict]:
+    """A verdict each of units that went through the same visits: PASS when nothing speaks against a unit."""
+    found, budgets = [unit.found for unit in units], [unit.budget for unit in units]
+    t = limited_coefficients(recipe.limits, found, budgets)
+    of_coefficients = _coefficients(recipe, t)
+    of_visits = visit_limits.visit_reasons(recipe.limits, found, [unit.visits for unit in units])
+    reasons = [
+        (*unit.quality, *by_coefficient, *by_visit)
+        for unit, by_coefficient, by_visit in zip(units, of_coefficients, of_visits, strict=True)
+    ]
+    known = measured(recipe.limits, t, budgets)
     outside = risk.beyond(known, t.limit)
-    passed = not reasons
-    return Verdict(
-        outcome=Outcome.PASS if passed else Outcome.FAIL,
-        reasons=reasons,
-        rule=rule_of(recipe.limits),
-        false_accept=outside if passed else 0.0,
-        false_reject=risk.beyond(known, t.limit - t.guard, again=True) if passed else 1 - outside,
-    )
+    passed = np.array([not own for own in reasons])
+    rejected = 1 - outside
+    rejected[passed] = risk.beyond(known.of_units(passed), (t.limit - t.guard)[passed], again=True)
+    rule = rule_of(recipe.limits)
+    return [
+        Verdict(
+            outcome=Outcome.FAIL if own else Outcome.PASS,
+            reasons=own,
+            rule=rule,
+            false_accept=0.0 if own else wrong,
+            false_reject=again,
+        )
+        for own, wrong, again in zip(reasons, outside.tolist(), rejected.tolist(), strict=True)
+    ]
 
 
-def limited_coefficients(limits: Limits, found: Calibration, budget: Budget) -> LimitedCoefficients:
+def limited_coefficients(
+    limits: Limits, found: Sequence[Calibration], budgets: Sequence[Budget]
+) -> LimitedCoefficients:
     """What the limits apply to: estimated coefficients of a kind that has one."""
     kinds = {"offset": coefficients.OFFSETS, "gain": coefficients.GAINS, "cross_axis": coefficients.CROSS}
-    limit = np.full(12, np.nan)
+    limit = np.full(12, np.inf)
     for kind, which in kinds.items():
         value = getattr(limits, kind)
         if value is not None:
             limit[which] = value
-    estimated = np.diagonal(found.covariance) > 0
-    index = np.flatnonzero(np.isfinite(limit) & estimated)
-    theta = np.concatenate([found.offset, found.matrix.ravel()])
-    std, dof = budget.std()[index], budget.dof[index]
-    return LimitedCoefficients(
-        index, (theta - coefficients.NOMINAL)[index], std, dof, limit[index], guard_band(limits, std, dof)
-    )
+    index = np.flatnonzero(np.isfinite(limit))
+    estimated = np.array([np.diagonal(one.covariance) for one in found])[:, index] > 0
+    theta = np.array([np.concatenate([one.offset, one.matrix.ravel()]) for one in found])
+    std, dof = _std(budgets)[:, index], np.array([budget.dof for budget in budgets])[:, index]
+    deviation, limit = (theta - coefficients.NOMINAL)[:, index], np.where(estimated, limit[index], np.inf)
+    return LimitedCoefficients(index, deviation, std, dof, limit, guard_band(limits, std, dof))
 
 
-def measured(limits: Limits, t: LimitedCoefficients, budget: Budget) -> risk.Measured:
+def measured(limits: Limits, t: LimitedCoefficients, budgets: Sequence[Budget]) -> risk.Measured:
     """What the risks are computed from."""
-    root = np.maximum(budget.std(), 1e-300)
-    correlation = (budget.total / root[:, None] / root)[np.ix_(t.index, t.index)]
-    return risk.Measured(t.deviation, t.std, t.dof, correlation, prior_of(limits, budget).take(t.index))
+    root = np.maximum(_std(budgets), 1e-300)
+    total = np.array([budget.total for budget in budgets])
+    correlation = (total / root[:, :, None] / root[:, None, :])[:, t.index[:, None], t.index]
+    return risk.Measured(t.deviation, t.std, t.dof, correlation, prior_of(limits, budgets).take(t.index))
 
 
-def prior_of(limits: Limits, budget: Budget) -> risk.Prior:
-    """What is known of the twelve coefficients' deviations before a unit is measured."""
+def prior_of(limits: Limits, budgets: Sequence[Budget]) -> risk.Prior:
+    """What is known of the twelve coefficients' deviations (u, 12) before a unit is measured."""
     process = limits.process or Process()
-    mean, std = _stated(process)
-    shared = np.zeros(12)
+    mean, std = (np.tile(stated, (len(budgets), 1)) for stated in _stated(process))
+    shared = np.zeros_like(mean)
     if process.of_results:  # the spread of results holds their random errors, and cannot show what they share
-        of_unit = sum((budget.std(cause) ** 2 for cause in OF_THE_UNIT if cause in budget.parts), np.zeros(12))
+        of_unit = np.array([_variance_of_unit(budget) for budget in budgets])
         std = np.sqrt(np.maximum(std**2 - of_unit, MIN_PROCESS_SHARE * std**2))
-        shared = np.sqrt(np.maximum(budget.std() ** 2 - of_unit, 0.0))
+        shared = np.sqrt(np.maximum(_std(budgets) ** 2 - of_unit, 0.0))
     return risk.Prior(mean, std, shared)
+
+
+def _std(budgets: Sequence[Budget]) -> Floats:
+    """Standard uncertainties (u, 12)."""
+    return np.sqrt(np.maximum(np.array([np.diagonal(budget.total) for budget in budgets]), 0.0))
+
+
+def _variance_of_unit(budget: Budget) -> Floats:
+    """Of the twelve coefficients, by what differs from unit to unit."""
+    return sum((budget.std(cause) ** 2 for cause in OF_THE_UNIT if cause in budget.parts), np.zeros(12))
 
 
 def _stated(process: Process) -> tuple[Floats, Floats]:
@@ -102,45 +134,50 @@ def _stated(process: Process) -> tuple[Floats, Floats]:
 
 
 def decisions(recipe: Recipe, found: Calibration, budget: Budget, visits: ReducedVisits) -> tuple[Decision, ...]:
-    """Every limit that was decided by value, uncertainty and the one rule."""
-    t = limited_coefficients(recipe.limits, found, budget)
-    known, wide = measured(recipe.limits, t, budget), coverage.factor(t.dof) * t.std
+    """Every limit of one unit that was decided by value, uncertainty and the one rule."""
+    t = limited_coefficients(recipe.limits, [found], [budget])
+    known, wide = measured(recipe.limits, t, [budget]), coverage.factor(t.dof) * t.std
     each = tuple(
         Decision(
-            what=coefficients.NAMES[int(i)],
-            unit=coefficients.unit_of(int(i), recipe.unit),
-            value=float(t.deviation[c]),
-            expanded=float(wide[c]),
-            limit=float(t.limit[c]),
-            guard=float(t.guard[c]),
-            false_accept=risk.beyond(known.take(c), t.limit[c : c + 1]),
+            what=coefficients.NAMES[int(t.index[c])],
+            unit=coefficients.unit_of(int(t.index[c]), recipe.unit),
+            value=float(t.deviation[0, c]),
+            expanded=float(wide[0, c]),
+            limit=float(t.limit[0, c]),
+            guard=float(t.guard[0, c]),
+            false_accept=float(risk.beyond(known.of_coefficient(c), t.limit[:, c : c + 1])[0]),
         )
-        for c, i in enumerate(t.index)
+        for c in np.flatnonzero(np.isfinite(t.limit[0])).tolist()
     )
-    return (*each, *(one.decision for one in visit_limits.decided(recipe.limits, found, visits)))
+    return (*each, *visit_limits.decided(recipe.limits, found, visits))
 
 
-def _coefficients(recipe: Recipe, t: LimitedCoefficients) -> Iterator[Reason]:
-    beyond = (t.guard >= t.limit) | ~(np.abs(t.deviation) <= t.limit - t.guard)
-    for c in np.flatnonzero(beyond):
-        i, deviation, limit, guard = int(t.index[c]), float(t.deviation[c]), float(t.limit[c]), float(t.guard[c])
-        unit = coefficients.unit_of(i, recipe.unit)
-        check = "offset" if coefficients.OFFSETS[i] else "gain" if coefficients.GAINS[i] else "cross-axis"
-        shown: dict[str, Value] = {
-            "coefficient": coefficients.NAMES[i],
-            "deviation": deviation,
-            "limit": limit,
-            "unit": _as_unit(unit),
-        }
-        if guard >= limit:
-            wide = float(coverage.factor(t.dof[c]) * t.std[c])
-            message = Message("coefficient-not-decidable", **shown, expanded=wide)
-            yield Reason(message, deviation, limit, unit, check)
-        elif guard:
-            message = Message("coefficient-beyond-guard", **shown, guard=guard)
-            yield Reason(message, deviation, limit - guard, unit, check)
-        else:
-            yield Reason(Message("coefficient-beyond-limit", **shown), deviation, limit, unit, check)
+def _coefficients(recipe: Recipe, t: LimitedCoefficients) -> list[list[Reason]]:
+    """The reasons of each unit."""
+    beyond = np.isfinite(t.limit) & ((t.guard >= t.limit) | ~(np.abs(t.deviation) <= t.limit - t.guard))
+    reasons: list[list[Reason]] = [[] for _ in beyond]
+    for u, c in np.argwhere(beyond).tolist():
+        reasons[u].append(_coefficient(recipe, t, u, c))
+    return reasons
+
+
+def _coefficient(recipe: Recipe, t: LimitedCoefficients, u: int, c: int) -> Reason:
+    i, deviation, limit, guard = int(t.index[c]), float(t.deviation[u, c]), float(t.limit[u, c]), float(t.guard[u, c])
+    unit = coefficients.unit_of(i, recipe.unit)
+    check = "offset" if coefficients.OFFSETS[i] else "gain" if coefficients.GAINS[i] else "cross-axis"
+    shown: dict[str, Value] = {
+        "coefficient": coefficients.NAMES[i],
+        "deviation": deviation,
+        "limit": limit,
+        "unit": _as_unit(unit),
+    }
+    if guard >= limit:
+        wide = float(coverage.factor(t.dof[u, c]) * t.std[u, c])
+        return Reason(Message("coefficient-not-decidable", **shown, expanded=wide), deviation, limit, unit, check)
+    if guard:
+        message = Message("coefficient-beyond-guard", **shown, guard=guard)
+        return Reason(message, deviation, limit - guard, unit, check)
+    return Reason(Message("coefficient-beyond-limit", **shown), deviation, limit, unit, check)
 
 
 def _as_unit(unit: str) -> str:

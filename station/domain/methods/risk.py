@@ -22,28 +22,33 @@ NEGLIGIBLE = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """The process before a unit is measured: mean and standard deviation (c) of deviations, infinite where nothing is
-    known. shared (c): part of the standard uncertainty that the process was learnt with, too, so that it says nothing
-    of it; 0 where the process is one of true values."""
+    """The process before units (u) are measured: mean and standard deviation (u, c) of deviations, infinite where
+    nothing is known. shared (u, c): part of the standard uncertainty that the process was learnt with, too, so that it
+    says nothing of it; 0 where the process is one of true values."""
 
     mean: Floats
     std: Floats
     shared: Floats
 
     def take(self, which: slice | NDArray[np.intp]) -> "Prior":
-        """Of some of them."""
+        """Of some coefficients."""
+        return Prior(self.mean[:, which], self.std[:, which], self.shared[:, which])
+
+    def of_units(self, which: NDArray[np.bool_]) -> "Prior":
+        """Of some units."""
         return Prior(self.mean[which], self.std[which], self.shared[which])
 
     @staticmethod
-    def unknown(count: int) -> "Prior":
+    def unknown(units: int, count: int) -> "Prior":
         """Anything is as likely."""
-        return Prior(np.zeros(count), np.full(count, np.inf), np.zeros(count))
+        nothing = np.zeros((units, count))
+        return Prior(nothing, np.full_like(nothing, np.inf), nothing)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """Deviations (c) from nominal as measured, standard uncertainty, degrees of freedom, correlation (c, c), and what
-    was known before."""
+    """Deviations (u, c) from nominal as measured, standard uncertainty, degrees of freedom, correlation (u, c, c), and
+    what was known before."""
 
     deviation: Floats
     std: Floats
@@ -51,31 +56,40 @@ class Measured:
     correlation: Floats
     prior: Prior
 
-    def take(self, c: int) -> "Measured":
+    def of_coefficient(self, c: int) -> "Measured":
         """One coefficient by itself."""
         one = slice(c, c + 1)
-        parts = (self.deviation[one], self.std[one], self.dof[one], self.correlation[one, one])
+        parts = (self.deviation[:, one], self.std[:, one], self.dof[:, one], self.correlation[:, one, one])
         return Measured(*parts, self.prior.take(one))
 
+    def of_units(self, which: NDArray[np.bool_]) -> "Measured":
+        """Some of the units."""
+        parts = (self.deviation[which], self.std[which], self.dof[which], self.correlation[which])
+        return Measured(*parts, self.prior.of_units(which))
+
     def believed(self, *, again: bool = False) -> tuple[Floats, Floats]:
-        """Mean and standard deviation (c) of the true deviation given result and process (JCGM 106, eq. 17–18); again:
-        of another result, which has an error of its own, and shares the rest with this one."""
+        """Mean and standard deviation (u, c) of the true deviation given result and process (JCGM 106, eq. 17–18);
+        again: of another result, which has an error of its own, and shares the rest with this one."""
         own = np.sqrt(np.maximum(self.std**2 - self.prior.shared**2, 0.0))
         share = 1 / (1 + (np.maximum(own, 1e-300) / self.prior.std) ** 2)
         mean = share * self.deviation + (1 - share) * self.prior.mean
         return mean, np.sqrt(share * own**2 + (own if again else self.prior.shared) ** 2)
 
 
-def beyond(measured: Measured, limit: Floats, *, again: bool = False) -> float:
-    """Probability that any true deviation is beyond its limit (c); again: that any result of another measurement is,
-    which has the error of this one and its own."""
+def beyond(measured: Measured, limit: Floats, *, again: bool = False) -> Floats:
+    """Probability (u) that any true deviation is beyond its limit (u, c); again: that any result of another measurement
+    is, which has the error of this one and its own."""
     mean, std = measured.believed(again=again)
     std, dof = np.maximum(std, 1e-300), np.clip(measured.dof, 1.0, coverage.MANY)
     above, below = (limit - mean) / std, (-limit - mean) / std
     each = np.clip(scipy.special.stdtr(dof, -above) + scipy.special.stdtr(dof, below), 0.0, 1.0)
     side = np.where(mean >= 0, 1.0, -1.0)
     distance = np.where(side > 0, above, -below)
-    return _any(each, distance, measured.correlation * side[:, None] * side)
+    likely = each > NEGLIGIBLE
+    total = np.where(likely, each, 0.0).sum(axis=1)
+    for u in np.flatnonzero(likely.sum(axis=1) > 1):
+        total[u] = _any(each[u], distance[u], measured.correlation[u] * side[u][:, None] * side[u])
+    return np.asarray(total)
 
 
 def _any(each: Floats, distance: Floats, correlation: Floats) -> float:

@@ -1,6 +1,6 @@
 """The uncertainty budget of every coefficient (GUM, JCGM 100): every cause, its covariance, its degrees of freedom."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,8 +54,7 @@ class Budget:
     def covering(self) -> Floats:
         """The covariance (12, 12) scaled so that ± 1.96 of its standard deviations are U: what is handed on to those
         who take it as known."""
-        scale = self.factor() / coverage.NORMAL
-        return np.asarray(self.total * scale[:, None] * scale)
+        return np.asarray(covering([self])[0])
 
     def covering_std(self, cause: str) -> Floats:
         """Standard uncertainties (12) of a cause, scaled so that ± 1.96 of them hold coverage.PROBABILITY."""
@@ -79,6 +78,12 @@ class Budget:
             }
             for i, name in enumerate(coefficients.NAMES)
         ]
+
+
+def covering(of: Sequence[Budget]) -> Floats:
+    """Covariances (u, 12, 12) as `Budget.covering` has them."""
+    scale = coverage.factor(np.array([budget.dof for budget in of])) / coverage.NORMAL
+    return np.array([budget.total for budget in of]) * scale[:, :, None] * scale[:, None, :]
 
 
 def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits, rounding: Floats) -> list[Budget]:

@@ -170,4 +170,6 @@ def average_shapes(weight: Floats, variance_of_mean: Floats, dof: Floats) -> tup
 
 def widening(nu: Floats) -> Floats:
     """(t_{0.975, ν} / 1.96)²: makes ± 1.96 standard deviations cover 95 % although the variance is an estimate."""
-    return np.asarray((scipy.special.stdtrit(np.maximum(nu, 1.0), 0.975) / 1.959963984540054) ** 2)
+    # A quantile takes longer than a search, and the visits of one unit mostly have the same ν.
+    distinct, which = np.unique(np.maximum(nu, 1.0), return_inverse=True)
+    return np.asarray(((scipy.special.stdtrit(distinct, 0.975) / 1.959963984540054) ** 2)[which].reshape(np.shape(nu)))

@@ -65,7 +65,7 @@ def forecast(recipe: Recipe, rounding: Floats) -> Forecast:
 
 def _decisions(recipe: Recipe, budget: Budget) -> tuple[LimitForecast, ...]:
     limits, std = recipe.limits, budget.std()
-    guard, prior = guard_band(limits, std, budget.dof), prior_of(limits, budget)
+    guard, prior = guard_band(limits, std, budget.dof), prior_of(limits, [budget])
     kinds = {"offset": coefficients.OFFSETS, "gain": coefficients.GAINS, "cross_axis": coefficients.CROSS}
     out = []
     for kind, which in kinds.items():
@@ -76,7 +76,7 @@ def _decisions(recipe: Recipe, budget: Budget) -> tuple[LimitForecast, ...]:
         expanded = float(budget.expanded()[worst])
         prospect = "impossible" if max(expanded, guard[worst]) >= limit else "tight"
         prospect = "comfortable" if COMFORTABLE * expanded <= limit else prospect
-        known = float(prior.mean[worst]), float(prior.std[worst])
+        known = float(prior.mean[0, worst]), float(prior.std[0, worst])
         risks = global_risks(known, float(std[worst]), limit, float(guard[worst])) if np.isfinite(known[1]) else None
         name, wide = coefficients.NAMES[worst], float(guard[worst])
         out.append(LimitForecast(kind, name, limit, expanded, wide, prospect, risks))
