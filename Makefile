@@ -71,7 +71,7 @@ lock:  ## renew the lock files from pyproject.toml
 	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group bench --group build -c requirements-dev.lock -o requirements-bench.lock
 
 blind: $(VENV)/.dev  ## hide new causes (make blind SEED=7) and see whether the diagnosis finds them
-	STATION_TESTS=all SEED=$(SEED) $(BIN)/python -m pytest -n $(PROCESSES) tests/blind
+	STATION_TESTS=all SEED=$(SEED) $(BIN)/python -m pytest -n $(PROCESSES) tests/blind tests/conformance/test_signatures.py
 
 pictures: $(VENV)/.dev  ## renew the guide's pictures of the page, as the tests see it
 	STATION_PICTURES=docs/pictures $(BIN)/python -m pytest tests/browser

@@ -4,6 +4,7 @@ import os
 import pathlib
 import shutil
 import signal
+import tempfile
 
 # Many small matrices: a second thread of the linear algebra only waits for the first. Read when numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -26,7 +27,7 @@ MEMORY, ROOM_BYTES = pathlib.Path("/dev/shm"), 4_000_000_000
 SEED = int(os.environ.get("STATION_TEST_SEED", "20260101"))
 
 
-def pytest_configure() -> None:
+def pytest_configure(config: pytest.Config) -> None:
     """A parent such as nohup ignores signals, and what is ignored stays ignored in every child: the programs under test
     would never hear them. A handler, unlike SIG_IGN, is not handed down (POSIX, exec)."""
     for number, handler in ((signal.SIGHUP, _survive), (signal.SIGINT, signal.default_int_handler)):
@@ -37,6 +38,15 @@ def pytest_configure() -> None:
     # What must survive a power cut is tried by tests/endurance, on the disk.
     if MEMORY.is_dir() and os.access(MEMORY, os.W_OK) and shutil.disk_usage(MEMORY).free > ROOM_BYTES:
         os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
+    if not hasattr(config, "workerinput"):
+        _share_a_cache(config)
+
+
+def _share_a_cache(config: pytest.Config) -> None:
+    """What diagnoses make of chance alone is made once for all processes of this run; the user's own cache is left."""
+    cache = tempfile.TemporaryDirectory(prefix="station-cache-", ignore_cleanup_errors=True)
+    os.environ["XDG_CACHE_HOME"] = cache.name
+    config.add_cleanup(cache.cleanup)
 
 
 def _survive(_number: int, _frame: object) -> None:

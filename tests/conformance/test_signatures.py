@@ -1,6 +1,7 @@
 """Every cause that the simulation can switch on is found again: blind, at its usual size, or it is known to hide.
 
-Made by `station simulate`'s own physics, sample by sample; a new effect file is asked the same without being told.
+Made by `station simulate`'s own physics, sample by sample. Every run tries each third cause; `make test ALL=1` and
+`make blind` try all, a new effect file among them.
 """
 
 import numpy as np
@@ -12,6 +13,7 @@ from station.diagnosis.search.problem import FloorAllowance
 from station.model.simulate import SimulationJob, parse_effects, simulate
 from tests.blind.inspection import diagnosis_of
 from tests.blind.recipes import recipe
+from tests.portion import portion
 
 #: Exactly the same as something that is fitted anyway in a recipe without a gold reference (decision record).
 HIDDEN = {"local-gravity", "gold-drift"}
@@ -22,7 +24,7 @@ SHEET = {"quantization", "stuck-bit", "clock-error"}
 EFFECTS = plugins.names("station.model.effects")
 
 
-@pytest.mark.parametrize("name", [n for n in EFFECTS if n not in HIDDEN and n not in FLOOR_CAUSES])
+@pytest.mark.parametrize("name", portion({*EFFECTS} - {*HIDDEN, *FLOOR_CAUSES}, 3))
 def test_a_cause_is_found_at_its_usual_size(name: str) -> None:
     rate = {"rate_hz": 100.0} if name in (*SHEET, "motor-tone") else {}
     sheet = recipe().device.model_copy(update={"lsb": 3.8e-6, **rate})

@@ -1,7 +1,6 @@
 """What a cause means for the line, in the JSON: calibrations moved, verdicts changed, yield; against known truth."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -47,14 +46,6 @@ def offsets(recipe: str, samples: Path) -> dict[str, Floats]:
     """Calibrated offset of each unit."""
     results = pipeline.calibrate(load_recipe(recipe), read_samples(samples), "2026-11-21")
     return {r.serial: r.calibration.offset for r in results if r.calibration is not None}
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """The null distributions stay cached as long as the tests of this file run."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        yield
 
 
 def test_calibrations_move_as_if_the_cause_had_never_been(tmp_path: Path) -> None:

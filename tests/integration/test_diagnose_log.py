@@ -1,7 +1,6 @@
 """`station diagnose` on what the station itself has kept: its log, from a day or a time on, and recorded CAN logs."""
 
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -61,16 +60,14 @@ def two_runs(folder: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stored]:
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Stored:
     folder = tmp_path_factory.mktemp("kept")
     recipe, db = two_runs(folder), str(folder / "station.db")
     requested = ("--recipe", recipe, "--simulate", "--model", rig(folder), "--db", db)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
-        assert station("run", *requested, "--seed", "1", "--serial", "SN0001", "--serial", "SN0002") == 0
-        between = datetime.now().astimezone().isoformat()
-        assert station("run", *requested, "--seed", "2", "--serial", "SN0003", "--serial", "SN0004") == 0
-        yield Stored(db, recipe, between)
+    assert station("run", *requested, "--seed", "1", "--serial", "SN0001", "--serial", "SN0002") == 0
+    between = datetime.now().astimezone().isoformat()
+    assert station("run", *requested, "--seed", "2", "--serial", "SN0003", "--serial", "SN0004") == 0
+    return Stored(db, recipe, between)
 
 
 def shown(stored: Stored, capsys: pytest.CaptureFixture[str], *requested: str) -> dict[str, Any]:

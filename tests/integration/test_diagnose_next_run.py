@@ -3,7 +3,6 @@ name the cause alone."""
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +20,6 @@ def station(*args: str) -> int:
     with pytest.raises(SystemExit) as done:
         app.main(args)
     return int(done.value.code or 0)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """The null distributions stay cached as long as the tests of this file run."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        yield
 
 
 def once(folder: Path) -> str:

@@ -12,11 +12,6 @@ from tests.integration.test_import import station
 HAND_HELD = "hand-held"
 
 
-@pytest.fixture(autouse=True)
-def own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-
-
 def calibrated(samples: str, recipe: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, Any]]:
     code = station("calibrate", "--samples", samples, "--recipe", recipe, "--json", "-")
     shown = capsys.readouterr()

@@ -99,11 +99,8 @@ def diagnosed(folder: Path, reference_data: Path, *more: str) -> dict[str, Any]:
     return found
 
 
-def test_the_xsens_axes_are_not_square_and_nothing_else(
-    reference_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_xsens_axes_are_not_square_and_nothing_else(reference_data: Path, tmp_path: Path) -> None:
     """With offset and gain alone: cross-axis, 3.42 → 0.102 mg, held out 0.163 mg, as good as the whole calibration."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     model = str(tmp_path / "model.yaml")
     shown = diagnosed(tmp_path, reference_data, "--extend", model)
     (cause,) = shown["causes"]
@@ -119,9 +116,8 @@ def test_the_xsens_axes_are_not_square_and_nothing_else(
     assert (again["verdict"], again["causes"]) == ("none", [])
 
 
-def test_no_bend_is_found_in_the_xsens(reference_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_bend_is_found_in_the_xsens(reference_data: Path, tmp_path: Path) -> None:
     """The control: quadratic and cubic terms make a pose left out worse, so they must be refused."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     whole = tmp_path / "matrix.yaml"
     whole.write_text("schema: station.model/1\ncalibration: matrix\n", encoding="utf-8")
     shown = diagnosed(tmp_path, reference_data, "--model", str(whole))

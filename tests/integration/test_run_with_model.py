@@ -30,9 +30,8 @@ def errors(document: dict[str, Any], name: str) -> list[float]:
 
 
 @pytest.fixture
-def learnt(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> tuple[Path, Any]:
+def learnt(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[Path, Any]:
     """The model that a diagnosis of a first run wrote, and that run."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     first, _ = ran(tmp_path, capsys)
     model, db = tmp_path / "model.yaml", str(tmp_path / "station.db")
     assert station("diagnose", "--db", db, "--recipe", "offset-gain", "--extend", str(model), "--json", "-") == 1
