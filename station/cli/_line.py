@@ -61,7 +61,7 @@ def run_line(order: RunOrder, request: LineRequest) -> int:
             sealer = opened.enter_context(sealing_journal(bench.station.store, bench.database))
             opened.enter_context(stop_socket(bench.database, stop))
         parts = open_line(bench, order, request.loads, request.faults, opened)
-        for sentence in bench.notices:
+        for sentence in (*bench.notices, *map(render, parts.notices)):
             _output.print_remark(sentence)
         shift = _Shift(bench, parts, stop, request, sealer)
         try:

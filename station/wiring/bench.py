@@ -34,6 +34,7 @@ from station.wiring.alerts import read_book
 from station.wiring.bus_owner import claim_bus
 from station.wiring.buses import bus_kind, bus_options, open_buses, used_buses
 from station.wiring.devices import open_devices
+from station.wiring.driven_fixture import replaced_positioner
 from station.wiring.jobs import Source, load_job
 from station.wiring.logs import open_store
 from station.wiring.positioners import connected_positioner, refuse_numbers_for_real_units
@@ -134,6 +135,8 @@ def open_bench(order: RunOrder) -> Bench:
         limits = [bus.limits] if isinstance(bus, TellsLimits) else []
         if isinstance(fixture, Rehearsal):
             limits.append(Message("rehearsal", bus=bus.name))
+        if order.simulate:
+            limits += replaced_positioner(settings, document)
         notices = (*learnt, *(render(m) for m in limits), *(render(m) for m in close_unfinished(station)))
         if order.simulate and not ordered.simulate:
             notices = (render(Message("rehearsal-bench", file=str(document.path))), *notices)
@@ -161,7 +164,9 @@ def _simulated(settings: Settings, document: Document, job: Job, source: Source,
         return SimulatedFixture(settings, document, job, source, order)
     clock = SystemClock()
     near, far = (open_buses(settings, document, clock) for _ in range(2))
-    return Rehearsal(settings, document, job, source, order, near=near, far=far)
+    rehearsal = Rehearsal(settings, document, job, source, order, near=near, far=far)
+    rehearsal.begin()
+    return rehearsal
 
 
 def _overridden(settings: Settings, order: RunOrder) -> Settings:

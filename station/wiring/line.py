@@ -16,10 +16,12 @@ from station.config.settings import Settings, load_config
 from station.domain.cell.handover import Entry, LoadJournal
 from station.domain.cell.register_map import MOST_NESTS, RegisterMap
 from station.errors import ConfigError
+from station.messages import Message
 from station.ports.cell import Cell, LabelPrinter, Scanner
 from station.ports.clock import Clock
 from station.service.load_journal import StoreLoadJournal
 from station.wiring.bench import Bench
+from station.wiring.driven_fixture import is_this_machine
 from station.wiring.options import options_of
 from station.wiring.run_order import RunOrder
 
@@ -30,7 +32,8 @@ CELLS, SCANNERS, PRINTERS = "station.adapters.cell", "station.adapters.scanner",
 
 @dataclass(frozen=True, slots=True)
 class LineParts:
-    """What stands around the bench. clock: of the cell; simulated: the cell is, and its loads come to an end."""
+    """What stands around the bench. clock: of the cell; simulated: the cell is, and its loads come to an end; notices:
+    what a person should know before the first load."""
 
     settings: LineSettings
     cell: Cell
@@ -38,6 +41,7 @@ class LineParts:
     printer: LabelPrinter | None
     clock: Clock
     simulated: bool
+    notices: tuple[Message, ...] = ()
 
 
 def open_line(bench: Bench, order: RunOrder, loads: int | None, faults: Sequence[str], opened: ExitStack) -> LineParts:
@@ -59,7 +63,15 @@ def open_line(bench: Bench, order: RunOrder, loads: int | None, faults: Sequence
     scanner: Scanner = _built(SCANNERS, "scanner", line.scanner, part)
     opened.callback(scanner.close)
     printer: LabelPrinter | None = _built(PRINTERS, "printer", line.printer, part) if line.printer else None
-    return LineParts(line, cell, scanner, printer, clock, simulated=False)
+    return LineParts(line, cell, scanner, printer, clock, simulated=False, notices=_verdicts_leave(bench, line))
+
+
+def _verdicts_leave(bench: Bench, line: LineSettings) -> tuple[Message, ...]:
+    """Where simulated units get verdicts, and the cell may hand back real ones."""
+    host = str(line.cell.options.get("host", ""))
+    if not bench.simulated or is_this_machine(host):
+        return ()
+    return (Message("line-simulated-verdicts", host=host),)
 
 
 def _built(package: str, block: str, given: LineAdapterSettings, document: Document, *ports: object) -> Any:
@@ -78,8 +90,13 @@ def _simulated(bench: Bench, settings: Settings, loads: int, faults: Sequence[st
     cell_loads = CellLoads(coming_loads(loads, len(nests), last * len(nests) + 1), load=last, taken=last)
     plc = SimulatedPlc(plc_map, faults=[parse_fault(text) for text in faults], loads=cell_loads, nests=len(nests))
     cell = PlcCell(PlcCell.Settings(host="simulated"), clock, PlcLink(MemoryRegisters(plc, clock), plc_map, clock))
-    line = (settings.line or LineSettings()).model_copy(update={"starved_s": 2.0, "after_crash": "continue"})
-    return LineParts(line, cell, _SimulatedLabels(cell_loads, nests), None, clock, simulated=True)
+    given = settings.line or LineSettings()
+    own = {"starved_s": 2.0, "after_crash": "continue"}
+    line = given.model_copy(update={k: v for k, v in own.items() if k not in given.model_fields_set})
+    unused = [part for part in ("scanner", "printer") if part in given.model_fields_set]
+    notices = tuple(Message("line-simulated-part", part=part) for part in unused)
+    labels = _SimulatedLabels(cell_loads, nests)
+    return LineParts(line, cell, labels, None, clock, simulated=True, notices=notices)
 
 
 def coming_loads(count: int | None, nests: int, first: int = 1) -> Iterator[tuple[str, ...]]:

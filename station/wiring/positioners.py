@@ -48,7 +48,9 @@ def connected_positioner(
     """
     made: Any = plugins.load(POSITIONERS, settings.positioner.kind)
     if not getattr(made, "on_a_bus", False):
-        return positioner(settings, document, clock)
+        alone = positioner(settings, document, clock)
+        opened.callback(getattr(alone, "close", lambda: None))  # a connection, a serial port
+        return alone
     options = positioner_options(settings, document)
     if options.channel == SIMULATED:
         raise UsageError("rig-without-bus")

@@ -47,7 +47,9 @@ def commission(order: RunOrder, speed_deg_s: float, tell: Callable[[Message], No
     nodes = [nest.node for nest in settings.nests]
     with ExitStack() as opened:
         if order.simulate or is_rehearsal(settings):
-            fixture = SimulatedFixture(settings, document, job, source, order)
+            twin = settings.positioner.model_copy(update={"channel": SIMULATED})
+            in_process = settings.model_copy(update={"positioner": twin})
+            fixture = SimulatedFixture(in_process, document, job, source, order)
             fixture.place([NestAssignment(f"SN{i + 1:04d}", n.name, n.node) for i, n in enumerate(settings.nests)])
             clock: Clock = fixture.clock
             bus: Bus = fixture.bus

@@ -3,6 +3,7 @@
 import math
 import threading
 from collections.abc import Sequence
+from contextlib import ExitStack
 from functools import partial
 from typing import cast
 
@@ -13,6 +14,7 @@ from station.adapters.clock import SystemClock, VirtualClock
 from station.adapters.positioner.simulated import SimulatedPositioner
 from station.adapters.simulated_device import device_fault, live
 from station.adapters.simulated_device.device import SimulatedDevice, Timing, received_ids
+from station.adapters.simulated_device.drive.node import SimulatedDrive, heard_ids
 from station.adapters.simulated_device.nonvolatile import NonVolatileMemory
 from station.adapters.simulated_device.stream import SimulatedSensor
 from station.config.documents import Document
@@ -31,9 +33,10 @@ from station.ports.clock import Clock
 from station.ports.positioner import Positioner
 from station.service.station import Job
 from station.wiring.devices import seed_key
-from station.wiring.driven_fixture import DrivenFixture
+from station.wiring.driven_fixture import DRIVEN, DrivenFixture, Surroundings, driven_fixture
 from station.wiring.jobs import Source
 from station.wiring.options import options_of
+from station.wiring.positioners import positioner_options
 from station.wiring.run_order import RunOrder
 from station.wiring.simulated_objects import simulated_objects
 
@@ -60,13 +63,15 @@ class SimulatedFixture:
         order: RunOrder,
     ) -> None:
         self._settings, self._job, self._order = settings, job, order
+        self._opened = ExitStack()
         self.clock, self.bus = self._world()
         self.positioner: Positioner
-        if settings.positioner.kind == "cia402":
-            self.positioner = driven = self._driven(settings, document)
+        kind = settings.positioner.kind
+        if order.mounted and kind != "cia402":
+            raise UsageError("mounted-without-drives", kind=kind)
+        if kind in DRIVEN:
+            self.positioner = driven = self._driven(document)
             plate = driven.plate
-        elif order.mounted:
-            raise UsageError("mounted-without-drives", kind=settings.positioner.kind)
         else:
             numbers = SimulatedPositioner(self._positioner_settings(document), self.clock, self._go)
             self.positioner, plate = numbers, numbers.plate
@@ -85,18 +90,20 @@ class SimulatedFixture:
         self._virtual = SimulatedBus(self._events)
         return self._events, self._virtual
 
-    def _driven(self, settings: Settings, document: Document) -> DrivenFixture:
-        moves = self._go, self._arrived
+    def _driven(self, document: Document) -> DrivenFixture:
         mounted = load_rig(self._order.mounted) if self._order.mounted else None
-        return DrivenFixture(settings, document, self._events, self._virtual, *moves, mounted)
+        moves = self._go, self._arrived
+        around = Surroundings(self._settings, document, self.clock, self.bus, self._endpoint, self._attach, *moves)
+        return driven_fixture(around, self._opened, mounted)
 
     def close(self) -> None:
-        """Nothing runs on behind a virtual bus."""
+        """Lets go of a machine that is another process; nothing runs on behind a virtual bus."""
+        self._opened.close()
 
     def _break_wire(self, fault: str) -> None:
         self._virtual.break_wire(fault)
 
-    def _attach(self, device: SimulatedDevice) -> None:
+    def _attach(self, device: SimulatedDevice | SimulatedDrive) -> None:
         self._events.attach(device)
 
     def _detach(self, device: SimulatedDevice) -> None:
@@ -191,7 +198,7 @@ class SimulatedFixture:
 class Rehearsal(SimulatedFixture):
     """The simulated fixture in real time, its devices on a real bus: `bus` is the station's end of it, `far` theirs.
 
-    A thread of its own serves the devices; it begins with the first load and ends with `close`.
+    A thread of its own serves the devices; it begins with `begin` and ends with `close`.
     """
 
     timing = Timing(turnaround_s=0.0)
@@ -209,20 +216,25 @@ class Rehearsal(SimulatedFixture):
     ) -> None:
         self._near, self._far_bus = near, far
         nodes = [nest.node for nest in settings.nests] + ([] if job.gold_node is None else [job.gold_node])
-        can_ids = tuple(sorted({i for node in nodes for i in _received_ids(job, node)}))
-        self._hub = live.Hub(cast(Endpoint, far.service(can_ids)))
-        self._served: list[SimulatedDevice] = []
+        can_ids = {i for node in nodes for i in _received_ids(job, node)}
+        if settings.positioner.kind == "cia402":
+            rig = load_rig(positioner_options(settings, document).map)
+            can_ids |= {i for axis in rig.axes for i in heard_ids(axis.node, rig.station_node)}
+        self._hub = live.Hub(cast(Endpoint, far.service(tuple(sorted(can_ids)))))
+        self._served: list[SimulatedDevice | SimulatedDrive] = []
         self._changing, self._ended = threading.Lock(), threading.Event()
         self._thread: threading.Thread | None = None
         super().__init__(settings, document, job, source, order)
 
+    def begin(self) -> None:
+        """Devices and drives live from now on."""
+        self._thread = threading.Thread(target=self._serve, name="rehearsal", daemon=True)
+        self._thread.start()
+
     def place(self, seats: Sequence[NestAssignment]) -> None:
-        """As in simulated time; the devices live from now on."""
+        """As in simulated time."""
         with self._changing:
             super().place(seats)
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._serve, name="rehearsal", daemon=True)
-            self._thread.start()
 
     def close(self) -> None:
         """Ends the devices' thread and their end of the bus."""
@@ -230,6 +242,7 @@ class Rehearsal(SimulatedFixture):
         if self._thread is not None:
             self._thread.join(5.0)
         self._far_bus.close()
+        super().close()
 
     def _serve(self) -> None:
         clock = SystemClock()
@@ -248,7 +261,7 @@ class Rehearsal(SimulatedFixture):
     def _wakes_s(self) -> float:
         return -math.inf
 
-    def _attach(self, device: SimulatedDevice) -> None:
+    def _attach(self, device: SimulatedDevice | SimulatedDrive) -> None:
         self._served.append(device)
 
     def _detach(self, device: SimulatedDevice) -> None:
@@ -256,10 +269,6 @@ class Rehearsal(SimulatedFixture):
 
     def _endpoint(self, _can_ids: tuple[int, ...]) -> Endpoint:
         return self._hub.endpoint()
-
-    def _driven(self, settings: Settings, document: Document) -> DrivenFixture:
-        del document
-        raise UsageError("rehearsal-positioner", kind=settings.positioner.kind)
 
     def _break_wire(self, fault: str) -> None:
         raise UsageError("rehearsal-without-wire", fault=fault[:60])

@@ -19,6 +19,7 @@ def test_a_fixture_of_drives_comes_to_pass(tmp_path: Path) -> None:
     assert all(r.written and r.verified for r in ran.results.values())
     assert len(ran.of(VisitDone)) == 8
     assert ran.parked
+    assert any("positioner cia402 at can1 is not commanded" in notice for notice in ran.notices)
 
 
 def test_a_nest_with_the_node_of_a_drive_is_refused(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """A PLC turns the fixture: the station offers it an orientation by Modbus TCP, and it moves on a second word."""
 
 from collections.abc import Mapping
-from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -58,8 +57,8 @@ class PlcPositioner:
         speed_deg_s: Positive = 90.0
         acceleration_deg_s2: Positive = 180.0
 
-    def __init__(self, settings: "PlcPositioner.Settings", clock: Clock) -> None:
-        self._settings, self._clock = settings, clock
+    def __init__(self, settings: "PlcPositioner.Settings", clock: Clock, link: PlcLink | None = None) -> None:
+        self._settings, self._clock, self._opened = settings, clock, link
         self._number = 0
 
     @property
@@ -67,8 +66,13 @@ class PlcPositioner:
         """Whether it is simulated."""
         return not self._settings.host
 
-    @cached_property
+    @property
     def _link(self) -> PlcLink:
+        if self._opened is None:
+            self._opened = self._open()
+        return self._opened
+
+    def _open(self) -> PlcLink:
         given = self._settings
         plc = load_map(given.map)
         if not given.host:
@@ -81,8 +85,11 @@ class PlcPositioner:
         self._travel(stop.nest, timeout_s, Message("place-position", position=stop.position))
 
     def park(self, timeout_s: float) -> None:
-        """Turns to the identity, where units are loaded. Errors: PositionerFault."""
-        self._travel(np.eye(3), timeout_s, Message("place-parking"))
+        """Turns to the identity, where units are loaded, unless it stands there: a cell without a load has its clamps
+        open, and nothing may turn then. Errors: PositionerFault.
+        """
+        if not self._is_parked():
+            self._travel(np.eye(3), timeout_s, Message("place-parking"))
 
     def where(self) -> MeasuredPose | None:
         """As the PLC measures it. Errors: PositionerFault."""
@@ -102,6 +109,14 @@ class PlcPositioner:
     def close(self) -> None:
         """Ends the connection; the next move opens another."""
         self._link.close()
+
+    def _is_parked(self) -> bool:
+        try:
+            seen = self._link.begin()
+        except PlcFault as fault:
+            raise PositionerFault(fault.message) from fault
+        off_deg = plc_view.angle_between_deg(seen.actual, plc_view.quaternion_of(np.eye(3)))
+        return "in-position" in seen.status and "moving" not in seen.status and off_deg <= self._settings.tolerance_deg
 
     def _travel(self, goal: Floats, timeout_s: float, place: Message) -> None:
         until_s = self._clock.monotonic_s() + timeout_s

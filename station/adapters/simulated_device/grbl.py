@@ -6,7 +6,10 @@ Answers are worded as those of GRBL 1.1h (its wiki, "Grbl v1.1 Interface").
 import re
 from collections.abc import Sequence
 
+import numpy as np
+
 from station.adapters.simulated_device.drive.motor import Motor
+from station.domain.core.types import Floats
 
 #: What can be wrong with it: alarm from the start; a limit hit, a door opened, a reset or a jam in the first move;
 #: lines refused; nothing said; half a degree reported aside.
@@ -60,6 +63,10 @@ class GrblStub:
         """Where its axes stand."""
         x, y = (motor.at(now_s)[0] for motor in self._motors)
         return x, y
+
+    def places(self, times_s: Floats) -> Floats:
+        """Where its axes stood (n, 2) at instants (n)."""
+        return np.stack([motor.places(times_s) for motor in self._motors], axis=-1)
 
     def moving(self, now_s: float) -> bool:
         """Whether any axis turns."""

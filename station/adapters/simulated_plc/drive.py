@@ -7,7 +7,7 @@ import numpy as np
 
 from station.domain.core import rotation
 from station.domain.core.types import Floats
-from station.domain.recipe.moves import turn_s
+from station.domain.recipe.moves import ACCELERATION_DEG_S2, SPEED_DEG_S, turn_s
 
 
 @dataclass(slots=True)
@@ -22,7 +22,7 @@ class TurningFixture:
     arrives_s: float = 0.0
 
     @staticmethod
-    def at_rest(speed_deg_s: float, acceleration_deg_s2: float) -> "TurningFixture":
+    def at_rest(speed_deg_s: float = SPEED_DEG_S, acceleration_deg_s2: float = ACCELERATION_DEG_S2) -> "TurningFixture":
         """Parked."""
         return TurningFixture(speed_deg_s, acceleration_deg_s2, np.eye(3), np.zeros(3))
 
@@ -45,9 +45,11 @@ class TurningFixture:
 
     def attitude(self, now_s: float) -> Floats:
         """Where it is."""
+        return np.asarray(self.attitudes(np.array([now_s]))[0])
+
+    def attitudes(self, times_s: Floats) -> Floats:
+        """Where it was (n, 3, 3) at instants (n) from the last start on."""
         took_s = self.arrives_s - self.began_s
-        share = 1.0 if took_s <= 0 else min(1.0, max(0.0, (now_s - self.began_s) / took_s))
-        if share == 1.0:
-            return np.asarray(rotation.from_vector(self.turn) @ self.origin)
+        share = np.ones(len(times_s)) if took_s <= 0 else np.clip((times_s - self.began_s) / took_s, 0.0, 1.0)
         smooth = share * share * (3 - 2 * share)
-        return np.asarray(rotation.from_vector(smooth * self.turn) @ self.origin)
+        return np.asarray(rotation.from_vector(smooth[:, None] * self.turn) @ self.origin)

@@ -263,6 +263,10 @@ class SimulatedPlc:
         """Where the fixture really is."""
         return self._drive.attitude(now_s)
 
+    def attitudes(self, times_s: Floats) -> Floats:
+        """Where it really was (n, 3, 3) at instants (n) from the last move on."""
+        return self._drive.attitudes(times_s)
+
     def _actual(self, now_s: float) -> tuple[int, ...]:
         """The encoders' quaternion; at rest it stays as it is."""
         key = (self._drive.began_s, self._drive.arrives_s, min(now_s, self._drive.arrives_s))
