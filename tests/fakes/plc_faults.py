@@ -77,8 +77,8 @@ def attempt(fault: str, axes: tuple[str, ...] = ("+x", "-y", "-z"), wait_s: floa
     """Three moves, the third with the fault; then the station is silent for a while."""
     clock, plc_map = VirtualClock(), RegisterMap()
     plc = SimulatedPlc(plc_map, faults=[parse_fault(fault)])
-    positioner = PlcPositioner(PlcPositioner.Settings(host="simulated"), clock)
-    positioner.__dict__["_link"] = PlcLink(MemoryRegisters(plc, clock), plc_map, clock)
+    link = PlcLink(MemoryRegisters(plc, clock), plc_map, clock)
+    positioner = PlcPositioner(PlcPositioner.Settings(host="simulated"), clock, link)
     calls: list[tuple[tuple[int, ...], float, float]] = []
     found, sentence, worst = "", "", 0.0
     for up in axes:
