@@ -47,6 +47,15 @@ class Timing:
     block_s: float = 0.05
 
 
+@dataclass(frozen=True, slots=True)
+class _TimerObjects:
+    """What heartbeat and PDO timers depend on, as of so many changes of the objects."""
+
+    changes: int
+    heartbeat_ms: int
+    pdo: tuple[int, ...]
+
+
 def received_ids(node: int, device_map: DeviceMap | None = None, node_of_dbc: int = 1) -> tuple[int, ...]:
     """Identifiers that the device's channel must receive: its requests, and of CANopen (no map says so) NMT, SYNC."""
     device_map = device_map or DeviceMap()
@@ -118,6 +127,7 @@ class SimulatedDevice:
             turnaround_s=timing.turnaround_s,
             flash_s=timing.flash_s,
         )
+        self._timed_by = _TimerObjects(-1, 0, ())
         self._plan(faults)
         self._agenda.at(self._now_s, self._boot_up)
 
@@ -233,12 +243,20 @@ class SimulatedDevice:
         self.objects.replace((_FIRST_MAPPING, 4), first)
 
     def _serve(self, data: bytes) -> None:
-        heartbeat_ms, settings = self.objects.number(_HEARTBEAT_TIME, 0, 0), self._pdo.settings()
+        before = self._timer_objects()
         self._sdo.take(data, self._now_s)
-        if self._pdo.settings() != settings and self.state == OPERATIONAL:
+        after = self._timer_objects()
+        if after.pdo != before.pdo and self.state == OPERATIONAL:
             self._pdo.start(self._now_s)
-        if self.objects.number(_HEARTBEAT_TIME, 0, 0) != heartbeat_ms:
+        if after.heartbeat_ms != before.heartbeat_ms:
             self._start_heartbeat()
+
+    def _timer_objects(self) -> "_TimerObjects":
+        """Read again only after an object changed, which thousands of segments of a download do not."""
+        if self._timed_by.changes != self.objects.changes:
+            heartbeat_ms = self.objects.number(_HEARTBEAT_TIME, 0, 0)
+            self._timed_by = _TimerObjects(self.objects.changes, heartbeat_ms, self._pdo.settings())
+        return self._timed_by
 
     def _plan(self, faults: Sequence[InjectedFault]) -> None:
         for fault in faults:

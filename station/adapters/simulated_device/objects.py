@@ -46,6 +46,7 @@ class SimulatedObjects:
         self.map = device_map
         self.memory = memory
         self.command: str | None = None
+        self.changes = 0
         self._fixed = dict(fixed)
         self._computed = computed
         self._spoil = spoil
@@ -63,6 +64,7 @@ class SimulatedObjects:
         if self._restoring:
             self.memory.clear()
             self._restoring = False
+        self.changes += 1
         saved = self.memory.objects()
         for address, entry in self.dictionary.entries.items():
             if communication_only and entry.index not in _COMMUNICATION:
@@ -76,6 +78,7 @@ class SimulatedObjects:
 
     def replace(self, address: Address, value: Value) -> None:
         """Another value, now and at every start: the unit is not the one it was."""
+        self.changes += 1
         self._fixed[address] = value
         self._values[address] = _packed(self.dictionary[address], value)
 
@@ -168,6 +171,7 @@ class SimulatedObjects:
             self.program.write(index, data)
             return
         self._check_range(entry, data)
+        self.changes += 1
         self._values[index, sub] = data
         self._refresh()
 

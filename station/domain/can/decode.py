@@ -261,11 +261,12 @@ def _put_together(samples: Samples, decoded: DecodedFrames, layout: SensorLayout
     time_ns = samples.time_ns[rows]
     period_ns = _sample_period_ns(time_ns, layout)
     back = (np.arange(each) - (each - 1)) * period_ns
-    finite = np.isfinite(joined.readings).all(axis=2).ravel()
+    xyz = joined.readings.reshape(-1, 3)
+    finite = _finite(xyz, layout)
     return replace(
         samples,
         time_ns=(time_ns[:, None] + np.rint(back).astype(np.int64)).ravel(),
-        xyz=joined.readings.reshape(-1, 3),
+        xyz=xyz,
         counter=_counted_each(samples.counter, rows, each),
         status=None if samples.status is None else np.repeat(samples.status[rows], each),
         crc_ok=np.repeat(samples.crc_ok[rows], each),

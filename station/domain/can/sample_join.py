@@ -53,8 +53,11 @@ def join_messages(
 ) -> JoinedReadings:
     """Puts readings together. Of each other part a frame belongs to the leading frame that has the same key and is
     nearest in time, at most `within_ns` away (None: half a period, with keys half of their turn of `key_values`)."""
-    readings, whole = lead.readings.copy(), np.ones(len(lead.time_ns), bool)
     reach_ns = _reach_ns(lead, key_values) if within_ns is None else within_ns
+    if len(lead.time_ns) and all(_in_step(lead, other, reach_ns) for other in others):
+        together = sum((part.readings for part in others), start=lead.readings)
+        return JoinedReadings(np.arange(len(together)), together, 0)
+    readings, whole = lead.readings.copy(), np.ones(len(lead.time_ns), bool)
     matches = [_partners(lead, other, reach_ns) for other in others]
     for other, partner in zip(others, matches, strict=True):
         found = partner != _NONE
@@ -90,7 +93,7 @@ def _partners(lead: PartFrames, other: PartFrames, reach_ns: float) -> Rows:
     n = len(lead.time_ns)
     if not len(other.time_ns):
         return np.full(n, _NONE)
-    if n == len(other.time_ns) and _in_step(lead, other, reach_ns):
+    if _in_step(lead, other, reach_ns):
         return np.arange(n)
     at, of = _ranks(lead, other)
     order = np.argsort(of, kind="stable")
@@ -107,6 +110,8 @@ def _partners(lead: PartFrames, other: PartFrames, reach_ns: float) -> Rows:
 
 def _in_step(lead: PartFrames, other: PartFrames, reach_ns: float) -> bool:
     """Whether the n-th frame of one belongs to the n-th of the other, as it should be."""
+    if len(lead.time_ns) != len(other.time_ns):
+        return False
     apart = np.abs(lead.time_ns - other.time_ns)
     if lead.key is None or other.key is None:
         return bool((apart <= reach_ns).all())
