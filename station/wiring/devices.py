@@ -21,6 +21,7 @@ from station.errors import ProductError
 from station.ports.bus import Bus
 from station.ports.clock import Clock
 from station.ports.device import Device
+from station.service.preset_offset import with_presets
 
 #: Installed packages that make keys name them here (docs/device-map.md).
 KEYS = "station.uds_keys"
@@ -45,7 +46,8 @@ def open_devices(
         network = ServiceNetwork(bus.service(service_ids(nodes)), clock, foreign.sent)
         timeouts = device_map.timeouts()
         made: Mapping[int, Device] = {
-            node: CanopenDevice(network, node, answer_s=answer_s, timeouts_s=timeouts) for node in nodes
+            node: with_presets(CanopenDevice(network, node, answer_s=answer_s, timeouts_s=timeouts), device_map)
+            for node in nodes
         }
         return made.__getitem__, foreign
     ids = {node: access.of_node(node, product.frames.node_of_dbc) for node in nodes}
@@ -53,7 +55,10 @@ def open_devices(
     foreign = ForeignTrafficWatch(bus, nodes, {node: request for node, (request, _) in ids.items()}, written)
     answers = tuple(dict.fromkeys(response for _, response in ids.values()))
     network = _network(bus, clock, answers, foreign.sent)
-    made = {node: ObjectDevice(network, _client(network, node, ids[node], device_map, answer_s)) for node in nodes}
+    made = {
+        node: with_presets(ObjectDevice(network, _client(network, node, ids[node], device_map, answer_s)), device_map)
+        for node in nodes
+    }
     return made.__getitem__, foreign
 
 

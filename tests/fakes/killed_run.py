@@ -13,9 +13,10 @@ from typing import Any
 from station.adapters.canopen.canopen_device import CanopenDevice
 from station.adapters.object_access.device import ObjectDevice
 from station.adapters.store.sqlite import SqliteStore
+from station.service.preset_offset import PresetDevice
 from tests.fakes import fixture_run
 
-PORTS = {"store": SqliteStore, "device": CanopenDevice, "object-device": ObjectDevice}
+PORTS = {"store": SqliteStore, "device": CanopenDevice, "object-device": ObjectDevice, "preset": PresetDevice}
 
 
 def deadly(call: Callable[..., object], number: int) -> Callable[..., object]:

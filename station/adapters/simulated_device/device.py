@@ -23,8 +23,9 @@ from station.adapters.simulated_device.stream_faults import StreamFaults
 from station.adapters.simulated_device.template_server import TemplateServer
 from station.adapters.simulated_device.uds_server import SeedKey, UdsServer
 from station.domain.core.types import ERROR, REMOTE
-from station.domain.product.device_map import DeviceMap
+from station.domain.product.device_map import AXES, DeviceMap, NumberObject
 from station.domain.product.object_dictionary import Address, ObjectDictionary, Value
+from station.domain.product.preset import preset_axes
 from station.ports.bus import Endpoint
 from station.ports.clock import Clock
 
@@ -97,6 +98,7 @@ class SimulatedDevice:
         self._heartbeat = Timer()
         self._agenda, self._external_events = Agenda(), Agenda()
         self._sdo_faults = SdoFaults(faults)
+        self._sensor = sensor
         self._stream_faults = StreamFaults(faults, sensor.layout, self.node, self._born_s)
         place = device_map.serial_object
         fixed: dict[Address, Value] = {} if place is None else {place.address: serial}
@@ -109,7 +111,7 @@ class SimulatedDevice:
             device_map,
             memory or NonVolatileMemory(),
             fixed=fixed,
-            computed=self._computed(),
+            computed=self._computed(device_map),
             spoil=self._spoilt_value,
         )
         self._pdo = ProcessData(
@@ -284,7 +286,7 @@ class SimulatedDevice:
         fault = self._sdo_faults.fires("reads", SdoRequest(index, sub, "read", starts=True, segment=False))
         return None if fault is None else fault.value
 
-    def _computed(self) -> dict[Address, Callable[[], Value]]:
+    def _computed(self, device_map: DeviceMap) -> dict[Address, Callable[[], Value]]:
         """Objects that are measured when they are read."""
         found: dict[Address, Callable[[], Value]] = {(0x2112, 0): self._hundredths}
         for axis in range(3):
@@ -294,7 +296,15 @@ class SimulatedDevice:
             found[0x2113, place + 1] = partial(self._payload_byte, place)
         for axis in range(3):
             found[0x2113, axis + 3] = partial(self._payload_word, axis)
+        for preset in preset_axes(device_map).values():
+            found[preset.reading.address] = partial(self._reading, AXES.index(preset.name), preset.reading)
         return found
+
+    def _reading(self, axis: int, number: NumberObject) -> float:
+        """What a map's object shows of the reading, in its counts."""
+        signal = self._sensor.layout.axes[axis]
+        counts = self._pdo.counts(self._now_s, self.objects.correction())[axis]
+        return number.sign * float(counts * signal.scale + signal.offset) / number.scale
 
     def _count(self, axis: int, *, corrected: bool) -> int:
         return int(self._pdo.counts(self._now_s, self.objects.stored() if corrected else None)[axis])

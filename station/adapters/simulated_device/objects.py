@@ -13,7 +13,8 @@ from station.domain.product import writeback
 from station.domain.product.device_map import DeviceMap
 from station.domain.product.firmware import PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_STATUS, SOFTWARE_ID
 from station.domain.product.object_dictionary import Address, ObjectDictionary, ObjectEntry, Value
-from station.errors import UnitFault
+from station.domain.product.preset import PresetAxis, preset_axes
+from station.errors import InvalidValue, UnitFault
 
 _LONGEST = {"STRING": 255, "OCTETS": 255, "DOMAIN": 4096}
 _COB_ID_FLAGS = 0xC000_0000
@@ -55,6 +56,8 @@ class SimulatedObjects:
         self._restoring = False
         self._correction: tuple[Floats, Floats] | None = None
         self._protected = _protected(device_map)
+        self._presets = {axis.command.address: axis for axis in preset_axes(device_map).values()}
+        self._kept_offsets = frozenset(axis.offset.address for axis in self._presets.values())
         version = dictionary.entries.get((_SOFTWARE_VERSION, 0))
         self.program = SimulatedProgram(memory.program_path, str(version.default) if version is not None else "")
         self.start()
@@ -105,7 +108,7 @@ class SimulatedObjects:
         factory = {
             object_key(*address): self._fixed.get(address, entry.default)
             for address, entry in self.dictionary.entries.items()
-            if _is_saved(entry)
+            if self._is_saved(entry)
         }
         return self.memory.objects() or {k: v.hex() if isinstance(v, bytes) else v for k, v in factory.items()}
 
@@ -113,7 +116,7 @@ class SimulatedObjects:
         """What a save keeps: every object that can be read and written."""
         saved: SavedObjects = {}
         for address, entry in self.dictionary.entries.items():
-            if _is_saved(entry):
+            if self._is_saved(entry):
                 value = entry.unpack(self._values[address])
                 saved[object_key(*address)] = value.hex() if isinstance(value, bytes) else value
         return saved
@@ -172,8 +175,19 @@ class SimulatedObjects:
             return
         self._check_range(entry, data)
         self.changes += 1
-        self._values[index, sub] = data
+        if (axis := self._presets.get((index, sub))) is not None:
+            self._preset(axis, data)
+        else:
+            self._values[index, sub] = data
         self._refresh()
+
+    def _preset(self, axis: PresetAxis, data: bytes) -> None:
+        """Works the offset out, as CiA 410 says. Errors: SdoAbort where it cannot hold it."""
+        where = axis.offset.address
+        try:
+            self._values[where] = axis.offset_after(self.read(*axis.reading.address), self._values[where], data)
+        except InvalidValue:
+            raise SdoAbort(sdo.ABORT_INVALID_VALUE) from None
 
     def _of_program(self, index: int, sub: int) -> Value | None:
         """What the bootloader says of itself; None for any other object."""
@@ -183,6 +197,11 @@ class SimulatedObjects:
             (PROGRAM_STATUS, 1): self.program.status,
         }
         return known.get((index, sub))
+
+    def _is_saved(self, entry: ObjectEntry) -> bool:
+        if (entry.index, entry.sub) in self._kept_offsets:
+            return True
+        return entry.access.startswith("rw") and entry.index not in (0x1010, 0x1011, PROGRAM_CONTROL)
 
     def _entry(self, index: int, sub: int) -> ObjectEntry:
         if (index, sub) in self.dictionary:
@@ -241,10 +260,6 @@ def _protected(device_map: DeviceMap) -> frozenset[Address]:
     if device_map.configuration is not None:
         addresses |= {(device_map.configuration.index, sub) for sub in (1, 2)}
     return frozenset(addresses)
-
-
-def _is_saved(entry: ObjectEntry) -> bool:
-    return entry.access.startswith("rw") and entry.index not in (0x1010, 0x1011, PROGRAM_CONTROL)
 
 
 def _packed(entry: ObjectEntry, value: Value) -> bytes:

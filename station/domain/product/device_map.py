@@ -224,6 +224,19 @@ class PdoSetup(StrictModel):
     mapping: Annotated[tuple[Annotated[int, Field(ge=0, le=0xFFFF_FFFF)], ...], Field(max_length=64)] | None = None
 
 
+class PresetBlock(StrictModel):
+    """How an offset comes about that is not written (CiA 410): the device, at rest, is given the reading that it should
+    show, and works its offset out.
+
+    command: where that is written; reading: where the device shows what it reads now. tries: that reading carries
+    noise, so the command is repeated until the offset is the wanted number to the count.
+    """
+
+    command: OffsetBlock
+    reading: OffsetBlock
+    tries: Annotated[int, Field(ge=1, le=1000)] = 100
+
+
 class DeviceMap(StrictModel):
     """The whole map. `stores` says which matrix and offset the device keeps, with A and b of the station's model:
 
@@ -242,6 +255,7 @@ class DeviceMap(StrictModel):
     stores: Literal["forward", "inverse", "inverse-add"] = "forward"
     matrix: MatrixBlock | None = None
     offset: OffsetBlock | None = None
+    preset: PresetBlock | None = None
     output: OutputSwitch | Literal["none"] | None = None
     sends: Literal["raw", "compensated"] | None = None
     unlock: UnlockObject | None = None
@@ -286,6 +300,19 @@ class DeviceMap(StrictModel):
                 where = address(*number.address)
                 raise InvalidValue("address-twice", first=owner[number.address], second=name, object=where)
             owner[number.address] = name
+        return self
+
+    @model_validator(mode="after")
+    def _check_preset(self) -> Self:
+        if self.preset is None:
+            return self
+        if self.offset is None or self.matrix is not None:
+            raise InvalidValue("preset-without-offset")
+        if self.save is None:
+            raise InvalidValue("preset-needs-save")
+        for part, block in (("command", self.preset.command), ("reading", self.preset.reading)):
+            if block.axes != self.offset.axes:
+                raise InvalidValue("preset-other-axes", part=part, count=block.axes, wanted=self.offset.axes)
         return self
 
     @model_validator(mode="after")

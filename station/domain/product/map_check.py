@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from station.domain.product import number_format
 from station.domain.product.device_map import DeviceMap, DeviceObject, NumberObject
 from station.domain.product.object_dictionary import TYPES, ObjectDictionary, ObjectEntry
+from station.domain.product.preset import preset_axes
 from station.domain.product.sdo_codes import address
 from station.messages import Message
 
@@ -46,7 +47,10 @@ def _mismatches(device_map: DeviceMap, dictionary: ObjectDictionary) -> Iterator
 def _parts(device_map: DeviceMap) -> Iterator[tuple[str, DeviceObject, bool]]:
     """(name, object, whether it is written)."""
     for name, number in device_map.coefficients():
-        yield name, number, True
+        yield name, number, device_map.preset is None
+    for axis in preset_axes(device_map).values():
+        yield f"preset {axis.name}", axis.command, True
+        yield f"reading {axis.name}", axis.reading, False
     for name in ("switch", "unlock", "valid", "temperature", "record", "save", "restore"):
         part: DeviceObject | None = getattr(device_map, name)
         if name == "save" and not device_map.writes:
