@@ -4,11 +4,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
 from station.domain.core.types import Floats
-from tests.integration.test_import import G, check, tumble, understood
+from tests.integration.test_import import G, check, station, tumble, understood
 
 Shape = Callable[[Floats, Floats], str]
 
@@ -61,6 +62,22 @@ def wrapping(y: Floats, turn: Floats) -> str:
     return "ms,ax,ay,az\n" + joined([[10 * i % 65536, *(row * G).tolist()] for i, row in enumerate(y)], ",")
 
 
+def keyed_rate(y: Floats, turn: Floats) -> str:
+    counts = np.c_[np.round(16384 * y), np.round(131 * turn)].astype(int).tolist()
+    return "Fs,100\nLogging Type,0\nWaiting time,3\nax,ay,az,gx,gy,gz\n" + joined(counts, ",")
+
+
+def power_cut(y: Floats, turn: Floats) -> str:
+    """A logger that lost power: a run of NUL bytes where a block of the card was never written."""
+    lines = joined([[i / 100, *row] for i, row in enumerate((y * G).tolist())], ",")
+    return "t,ax,ay,az\n" + "\0" * 700 + "\n" + lines + "\0" * 90
+
+
+def unknown_language(y: Floats, turn: Floats) -> str:
+    """Time by its steps where its name says nothing."""
+    return "Aika;kiiht X;kiiht Y;kiiht Z\n" + joined([[i / 100, *r] for i, r in enumerate((y * G).tolist())], ";")
+
+
 def clock_text(y: Floats, turn: Floats) -> str:
     lines = [f"10:{21 + i // 6000:02d}:{i % 6000 / 100:06.3f}".replace(".", ",") for i in range(len(y))]
     cells = [";".join(f"{v:.5f}" for v in row).replace(".", ",") for row in (y * G).tolist()]
@@ -78,6 +95,9 @@ def clock_text(y: Floats, turn: Floats) -> str:
         (keyed, "m/s²", "s"),
         (wrapping, "m/s²", "ms"),
         (clock_text, "m/s²", "s"),
+        (keyed_rate, "LSB", "none"),
+        (power_cut, "m/s²", "s"),
+        (unknown_language, "m/s²", "s"),
     ],
 )
 def test_shapes_of_other_loggers(
@@ -91,3 +111,55 @@ def test_shapes_of_other_loggers(
     one = understood(capsys, str(path))
     check(one, rate_hz=100.0, raw_unit=raw_unit, time_unit=time_unit, visits=8, poses=8, gaps=0)
     assert one["magnitude"]["median"] == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_matlab_file_of_version_7_3_holds_a_matrix_whose_first_column_is_time(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    y = tumble(rng)
+    path = tmp_path / "buffer.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["accelBuffer"] = np.c_[np.arange(len(y)) / 100, y].T
+    content = bytearray(path.read_bytes())
+    content[:128] = b"MATLAB 7.3 MAT-file".ljust(116) + bytes(8) + bytes([0, 2]) + b"IM"
+    path.write_bytes(content)
+    check(understood(capsys, str(path)), rate_hz=100.0, time_unit="s", raw_unit="g", visits=8, poses=8)
+
+
+def sphere(rng: np.random.Generator, readings: int) -> Floats:
+    """Directions (n, 3) all round."""
+    y = rng.standard_normal((readings, 3))
+    return np.asarray(y / np.linalg.norm(y, axis=1, keepdims=True))
+
+
+@pytest.mark.parametrize("readings", [60, 900])
+def test_a_list_of_readings_all_round_is_a_pose_each(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str], readings: int
+) -> None:
+    iron = (
+        sphere(rng, readings) @ np.diag([1.1, 0.95, 1.0]) * 400
+        + np.array([120, -260, 40])
+        + rng.normal(0, 6, (readings, 3))
+    )
+    path = tmp_path / "compass.txt"
+    np.savetxt(path, np.round(iron), fmt="%d", delimiter="\t")
+    check(understood(capsys, str(path)), visits=readings, visits_by="readings")
+    one = understood(capsys, str(path), "--blocks", "1")
+    check(one, visits=readings, visits_by="blocks")
+
+
+def test_a_unit_near_one_g_in_any_place_is_in_g(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "poses.csv"
+    np.savetxt(path, sphere(rng, 150) + np.array([0.02, -0.01, 0.03]), delimiter=",")
+    check(understood(capsys, str(path)), raw_unit="g", visits=150)
+
+
+def test_shaking_is_no_list_of_poses(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "shaken.csv"
+    np.savetxt(path, rng.standard_normal((300, 3)) + np.array([0, 0, 1]), delimiter=",")
+    assert station("import", str(path)) == 2
+    assert "too short to find where the unit is at rest" in capsys.readouterr().err

@@ -10,6 +10,10 @@ from station.errors import SamplesError
 _NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
 _COMMENT = re.compile(r"^\s*(#|%|//|!)")
 _RATE = re.compile(r"(?:sampl\w*|update|data)[ _-]*(?:rate|freq\w*)\D{0,12}?(\d+(?:\.\d+)?)", re.IGNORECASE)
+_RATE_KEY = re.compile(
+    r"^\W*(?:fs|f_s|odr|rate|frequency|freq)(?:[ _]*\(?hz\)?)?\W{1,4}(\d+(?:\.\d+)?)\W*(?:hz)?\W*$",
+    re.IGNORECASE,
+)
 _UNIT = re.compile(r"[\[(<]([^\])>]*)[\])>]")
 _KEYED = re.compile(r"^\s*(?:[A-Za-z]\w*\s*[:=]\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?[,;\s]*){3,}$")
 _KEY = re.compile(r"([A-Za-z]\w*)\s*[:=]\s*")
@@ -47,7 +51,8 @@ def recognise(file: str, lines: list[str]) -> Dialect:
     data = [cells for i, cells in rows if i >= first]
     decimal = "," if delimiter != "," and any("," in c and _NUMBER.match(c) for cells in data for c in cells) else "."
     names, units = _header(file, lines[:first], delimiter, columns)
-    stated = [m for line in lines[:first] if (m := _RATE.search(line[:LONGEST_REMARK]))]
+    head = [line[:LONGEST_REMARK] for line in lines[:first]]
+    stated = [m for line in head if (m := _RATE.search(line) or _RATE_KEY.match(line))]
     return Dialect(delimiter, decimal, first, names, units, columns, float(stated[0][1]) if stated else None)
 
 

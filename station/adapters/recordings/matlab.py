@@ -1,4 +1,4 @@
-"""MAT files of version 4, 5 and 7 → raw tables: matrices, vectors of one length, and structs of them."""
+"""MAT files of version 4, 5, 7 and 7.3 → raw tables: matrices, vectors of one length, and structs of them."""
 
 import zlib
 from collections.abc import Iterator, Mapping
@@ -26,7 +26,7 @@ def read(path: Path) -> list[RawTable]:
     try:
         found = io.loadmat(file, squeeze_me=True, struct_as_record=False, mat_dtype=False)
     except NotImplementedError:
-        raise SamplesError("mat-version-7-3", file=file) from None
+        found = _hdf5(path)
     except (*_CORRUPT, MatReadError) as error:
         reason = " ".join(str(error).split())[:120]
         raise SamplesError("recording-not-parsed", file=file, reason=reason) from None
@@ -48,6 +48,33 @@ def read(path: Path) -> list[RawTable]:
     for table in tables:
         check_shape(file, len(table), len(table.columns))
     return tables
+
+
+def _hdf5(path: Path) -> dict[str, Any]:
+    """The numeric datasets of a file of version 7.3, which is HDF5 and lies transposed; groups are structs."""
+    try:
+        import h5py
+    except ImportError:
+        raise SamplesError("mat-version-7-3", file=str(path)) from None
+    found: dict[str, Any] = {}
+
+    def keep(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.dtype.kind in "iufb" and not name.startswith("#"):
+            check_shape(str(path), *_tall(item.shape))
+            found[name.replace("/", ".")] = np.squeeze(item[()].T)
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(keep)
+    except _CORRUPT as error:
+        reason = " ".join(str(error).split())[:120]
+        raise SamplesError("recording-not-parsed", file=str(path), reason=reason) from None
+    return found
+
+
+def _tall(shape: tuple[int, ...]) -> tuple[int, int]:
+    """Rows and columns of a matrix whose longer side is time; of anything else its numbers as rows of one."""
+    return (max(shape), min(shape)) if len(shape) == 2 else (int(np.prod(shape)), 1)
 
 
 def _leaves(values: Mapping[str, Any], depth: int = 0) -> Iterator[tuple[str, Array]]:

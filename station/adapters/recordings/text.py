@@ -17,13 +17,16 @@ from station.messages import Message
 
 #: Rows of another length than the rest may be this share: a last line cut off, a message between.
 RAGGED = 0.002
+#: Bytes of no text.
+_CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")
 _CLOCK = re.compile(r"^(?:.*[ T])?(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?$")
 
 
 def read(path: Path) -> RawTable:
     """Errors: SamplesError with the line at fault."""
     file = str(path)
-    lines = _decoded(path).splitlines()
+    text, nuls = _decoded(path)
+    lines = text.splitlines()
     if not lines:
         raise SamplesError("recording-empty", file=file)
     longest = max(range(len(lines)), key=lambda i: len(lines[i]))
@@ -40,19 +43,24 @@ def read(path: Path) -> RawTable:
         for i, (name, unit) in enumerate(zip(names, found.units, strict=True))
     )
     remarks = (Message("rows-of-other-length", file=file, rows=ragged),) if ragged else ()
+    remarks += (Message("nul-bytes-left-out", file=file, count=nuls),) if nuls else ()
     return RawTable(file, columns, found.names is not None, found.rate_hz, remarks)
 
 
-def _decoded(path: Path) -> str:
+def _decoded(path: Path) -> tuple[str, int]:
+    """The text, and how many NUL bytes among it are left out: a logger that loses power leaves runs of them."""
     content = path.read_bytes()
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return content.decode("utf-16", errors="replace")
-    if b"\0" in content[:4096]:
-        raise SamplesError("recording-not-text", file=str(path))
+        return content.decode("utf-16", errors="replace"), 0
+    nuls = content.count(b"\0")
+    if nuls:
+        content = content.replace(b"\0", b"")
+        if _CONTROL.search(content[:4096]):
+            raise SamplesError("recording-not-text", file=str(path))
     try:
-        return content.decode("utf-8-sig")
+        return content.decode("utf-8-sig"), nuls
     except UnicodeDecodeError:
-        return content.decode("cp1252", errors="replace")
+        return content.decode("cp1252", errors="replace"), nuls
 
 
 def _parsed(file: str, lines: list[str], found: Dialect, places: list[int]) -> tuple[Any, int]:

@@ -19,6 +19,7 @@ from station.diagnosis.search.cause_search import SearchResult
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats, SampleTable
+from station.model.formula.grammar import CONSTANTS
 
 #: Seed of the null distribution over the grammar.
 SEED = 1
@@ -121,11 +122,14 @@ def _estimates(problem: ScoringProblem, first: int, terms: Sequence[FoundTerm], 
 def _moved_by(
     bare: ScoringProblem, problem: ScoringProblem, i: int, term: FoundTerm, form: FormEstimate, floor: FittedFloor
 ) -> Floats:
-    """By how much the coefficients move when a constant does by its standard deviation."""
+    """By how much the coefficients move when a constant does by its standard deviation, or to the end of its range,
+    beyond which a deviation says only that the data do not tell the constant."""
+    kind = CONSTANTS[form.field]
     ends = []
     for sign in (-1, 1):
+        end = min(max(form.value + sign * form.std, kind.low), kind.high)
         moved = candidate_of(
-            term.fit.term.with_constants(**{form.field: form.value + sign * form.std}),
+            term.fit.term.with_constants(**{form.field: end}),
             bare.view,
             term.fit.rms,
             term.name,

@@ -24,6 +24,8 @@ _DERIVED = re.compile(r"linear|user|free|gravity|filt|corr|cal(?!l)|euler|quat|a
 _NUMBERED = re.compile(r"^(?P<stem>.*?)[\[(._ ]*(?P<axis>[0-3])[\])]*$")
 #: Ranks of names: from FOREIGN on they are of another quantity; without names content alone decides.
 FOREIGN, BY_CONTENT = 30, 25
+#: A column of at least so many steps is time where this share of them is within this share of the median step.
+LEAST_STEPS, STEADY, MOSTLY = 50, 0.8, 0.5
 #: Most labels that are visits and not identifiers, and how many readings each must last.
 MOST_LABELS, LEAST_LASTING = 2000, 8
 
@@ -164,7 +166,8 @@ def _spread_of_magnitude(reading: Floats) -> float:
 
 
 def _time(table: RawTable, assigned: set[int | None]) -> int | None:
-    """The column of time: named so or, without names, the first that never falls."""
+    """The column of time: named so or, without names, the first that never falls; by its steady steps where
+    its name is of no known language."""
     free = [i for i in table.numeric() if i not in assigned]
     named = [i for i in free if table.named and _TIME.search(table.columns[i].name)]
     rising = [i for i in named if _rises(table.columns[i].values)]
@@ -174,7 +177,19 @@ def _time(table: RawTable, assigned: set[int | None]) -> int | None:
         return named[0]
     counted = [i for i in free if table.named and _COUNTER.search(table.columns[i].name)]
     rising = [i for i in (counted if table.named else free[:2]) if _rises(table.columns[i].values)]
-    return rising[0] if rising else None
+    if rising:
+        return rising[0]
+    return next((i for i in free[:2] if _is_steady_clock(table.numbers(i))), None)
+
+
+def _is_steady_clock(values: Floats) -> bool:
+    """Whether a column that no name calls time rises at every row, most often by about one step, as no
+    reading does."""
+    apart = np.diff(values)
+    if len(apart) < LEAST_STEPS or not np.isfinite(apart).all() or not (apart > 0).all():
+        return False
+    middle = float(np.median(apart))
+    return bool(np.mean(np.abs(apart - middle) < STEADY * middle) > MOSTLY)
 
 
 def _counter(table: RawTable, assigned: list[int]) -> int | None:

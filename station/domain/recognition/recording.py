@@ -131,6 +131,8 @@ def _rest_means(time_s: Floats, raw: Floats, edges: NDArray[np.int64] | None) ->
         except SamplesError:
             edges = np.zeros((0, 2), np.int64)
     if not len(edges):
+        if visits.is_pose_each(raw):
+            return raw
         rows = min(50, len(raw))
         return np.asarray(raw[: len(raw) // rows * rows].reshape(-1, rows, 3).mean(axis=1))
     return np.array([raw[a:b].mean(axis=0) for a, b in edges])

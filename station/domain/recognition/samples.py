@@ -10,6 +10,7 @@ from station.domain.capture import rest_segments
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.evaluation.quality import FACE_DEG
 from station.domain.recipe.recipe import Recipe
+from station.domain.recognition import visits
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.domain.recognition.recording import Recording
 from station.errors import SamplesError, UsageError
@@ -30,8 +31,8 @@ class UnitRecording:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Visits:
-    """edges (k, 2) of a recording's visits, their positions' names, and how they were found: rest, labels, blocks or
-    shown-blocks."""
+    """edges (k, 2) of a recording's visits, their positions' names, and how they were found: rest, labels, blocks,
+    shown-blocks or readings."""
 
     edges: NDArray[np.int64]
     names: tuple[str, ...]
@@ -81,10 +82,23 @@ def visits_of(recording: Recording, recipe: Recipe | None) -> Visits:
         names = recording.names or tuple(f"block-{i + 1:03d}" for i in range(len(recording.edges)))
         found = Visits(recording.edges, names, recording.declared)
     else:
-        edges = _rest(recording)
-        found = Visits(edges, tuple(f"still-{i + 1:02d}" for i in range(len(edges))), "rest")
-        _check_tumble(recording, edges)
+        found = _undeclared(recording)
     return found if recipe is None or not recipe.pose_known else _named(recording, found, recipe)
+
+
+def _undeclared(recording: Recording) -> Visits:
+    """By rest or, where nothing rests but the readings are a pose each, a visit a reading."""
+    try:
+        edges = _rest(recording)
+        _check_tumble(recording, edges)
+    except SamplesError:
+        # Gravity shows in a reading only while the hand rests; a magnetometer's field does at any time.
+        listed = recording.clock.unit == "none" or recording.unit == "uT"
+        if not listed or not visits.is_pose_each(recording.reading):
+            raise
+        edges = visits.blocks(recording.source, len(recording), 1)
+        return Visits(edges, tuple(f"reading-{i + 1:03d}" for i in range(len(edges))), "readings")
+    return Visits(edges, tuple(f"still-{i + 1:02d}" for i in range(len(edges))), "rest")
 
 
 def _rest(recording: Recording) -> NDArray[np.int64]:

@@ -1,8 +1,10 @@
-"""Visits that a recording declares: blocks of so many readings, labels, or blocks that the readings themselves show."""
+"""Visits that a recording declares: blocks of so many readings or labels; or that its readings themselves show: blocks,
+or a pose each."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from station.domain.capture import rest_segments
 from station.domain.core.types import Array, Floats
 from station.domain.recognition.raw_table import RawColumn
 from station.errors import SamplesError, UsageError
@@ -13,11 +15,13 @@ JUMP = 12.0
 #: This share of the jumps must lie at multiples of one number of readings to make blocks of it.
 ON_GRID = 0.95
 LEAST_BLOCK, LEAST_BLOCKS = 8, 6
+#: Readings of a pose each: at least so many, in so many orientations, this near to one ellipsoid, of its size.
+LEAST_READINGS, LEAST_POSES, NEAR_ELLIPSOID = 12, 9, 0.1
 
 
 def blocks(file: str, readings: int, length: int) -> Ints:
     """First row and one past the last (k, 2) of blocks of `length` readings; a last part shorter than half is none."""
-    if not 2 <= length <= readings // 2:
+    if not 1 <= length <= readings // 2:
         raise UsageError("blocks-do-not-fit", file=file, blocks=length, readings=readings)
     begin = np.arange(0, readings, length)
     edges = np.stack([begin, np.minimum(begin + length, readings)], axis=1)
@@ -52,3 +56,26 @@ def shown_blocks(reading: Floats) -> int:
     # Most of the places where a block may end show a jump.
     filled = len(jumps) / max(len(reading) // length - 1, 1) if length else 0.0
     return length if on_grid >= ON_GRID and filled > 0.7 else 0
+
+
+def is_pose_each(reading: Floats) -> bool:
+    """Whether readings (n, 3) that never rest are a pose each, as lists for compass programs are: they lie on one
+    ellipsoid and go round it, which nothing that drives or shakes does."""
+    if len(reading) < LEAST_READINGS:
+        return False
+    middle, size = reading.mean(axis=0), float(reading.std(axis=0).max())
+    if not size > 0:
+        return False
+    x, y, z = (reading - middle).T / size
+    terms = np.stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z, 2 * x, 2 * y, 2 * z], axis=1)
+    p = np.linalg.lstsq(terms, np.ones(len(terms)), rcond=None)[0]
+    shape = np.array([[p[0], p[3], p[4]], [p[3], p[1], p[5]], [p[4], p[5], p[2]]])
+    values, axes = np.linalg.eigh(shape)
+    if not values[0] > 1e-6 * values[-1]:
+        return False
+    centre = -np.linalg.solve(shape, p[6:])
+    radius = np.sqrt(1 + centre @ shape @ centre)
+    on_sphere = ((np.stack([x, y, z], axis=1) - centre) @ axes) * np.sqrt(values) / radius
+    off = np.linalg.norm(on_sphere, axis=1) - 1
+    poses = int(rest_segments.orientations(on_sphere).max()) + 1
+    return bool(np.sqrt(np.mean(off**2)) < NEAR_ELLIPSOID and poses >= LEAST_POSES)
