@@ -55,7 +55,7 @@ def _decoded(path: Path) -> tuple[str, int]:
     nuls = content.count(b"\0")
     if nuls:
         content = content.replace(b"\0", b"")
-        if _CONTROL.search(content[:4096]):
+        if not content.strip() or _CONTROL.search(content[:4096]):
             raise SamplesError("recording-not-text", file=str(path))
     try:
         return content.decode("utf-8-sig"), nuls
