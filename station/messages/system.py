@@ -18,6 +18,7 @@ _REASONS = {
     errno.EIO: "system-disk-error",
     errno.ENAMETOOLONG: "system-name-too-long",
     errno.ELOOP: "system-link-loop",
+    errno.ESTALE: "system-file-exchanged",
     errno.EMFILE: "system-too-many-files",
     errno.ENFILE: "system-too-many-files",
     errno.EPIPE: "system-pipe-closed",

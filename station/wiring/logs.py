@@ -7,7 +7,7 @@ from pathlib import Path
 
 from station.adapters.clock import SystemClock
 from station.adapters.store import keys
-from station.adapters.store.anchor import AnchorFolder
+from station.adapters.store.anchor import AnchorFolder, folders_of_one_fate
 from station.adapters.store.log_anchors import Acknowledgement
 from station.adapters.store.pkcs11_signer import SCHEME, open_signer
 from station.adapters.store.reader import SqliteLogReader
@@ -16,7 +16,7 @@ from station.adapters.witness.client import WitnessClient
 from station.adapters.witness.head_file import TreeHeadFile
 from station.config.settings import Settings
 from station.domain.records.head import SealedHead
-from station.errors import LogError, StoreFault
+from station.errors import ConfigError, LogError, StoreFault
 from station.ports.log_reader import LogReader, Trust
 from station.service.witness import Witness
 
@@ -91,6 +91,8 @@ def open_store(
     """
     signer = signer_of(settings.signing_key) if settings.signing_key else None
     folders = anchor_folders(path, settings)
+    if one := folders_of_one_fate(path, folders):
+        raise ConfigError("anchors-one-folder", first=one[0], second=one[1])
     witness = _witness(settings, signer) if settings.witness and signer else None
     return SqliteStore(
         path,

@@ -1,5 +1,6 @@
 """A person with the files: tails cut, backups restored, heads lost, emptied or exchanged. Refused, and found."""
 
+import os
 import shutil
 import sqlite3
 from collections.abc import Callable
@@ -13,9 +14,11 @@ from station.adapters.store.keys import Signer
 from station.adapters.store.log_anchors import Acknowledgement
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
+from station.config.settings import AnchorSettings, load_settings
 from station.domain.records.head import SealedHead
-from station.errors import StoreFault
+from station.errors import ConfigError, StoreFault
 from station.ports.log_reader import Trust
+from station.wiring.logs import open_store
 from tests.fakes import logs
 
 KEY = Ed25519PrivateKey.from_private_bytes(bytes(range(32)))
@@ -207,3 +210,59 @@ def test_a_clock_set_back_is_an_event_and_beyond_a_day_a_refusal(path: Path) -> 
         begun(path, now_ns - 25 * HOUR_NS)
     begun(path, now_ns - 25 * HOUR_NS, by="Ada").close()
     begun(path, now_ns - 25 * HOUR_NS).close()
+
+
+def exchanged(head: Path) -> None:
+    shutil.copy(head, head.with_name("copy"))
+    head.with_name("copy").replace(head)
+
+
+def link_put_in_place(head: Path) -> None:
+    head.symlink_to(head.rename(head.with_name("moved")))
+
+
+def second_name(head: Path) -> None:
+    head.with_name("second").hardlink_to(head)
+
+
+@pytest.mark.parametrize("harm", [Path.unlink, exchanged, link_put_in_place, second_name])
+def test_a_head_file_exchanged_under_the_hands_of_a_run_lets_no_further_unit_begin(
+    path: Path, harm: Callable[[Path], None]
+) -> None:
+    with opened(path) as store:
+        logs.unit(store)
+        harm(head_file_path(path))
+        with pytest.raises(StoreFault, match="no longer the one at that path"):
+            logs.unit(store, "SN2")
+
+
+def test_the_head_file_is_written_over_and_never_replaced(path: Path) -> None:
+    opened(path).close()
+    with head_file_path(path).open("rb") as held:  # as long as somebody has it open, no other file gets its number
+        for serial in ("SN1", "SN2", "SN3"):
+            with opened(path) as store:
+                logs.unit(store, serial)
+                store.tidy()
+            assert os.path.samestat(os.fstat(held.fileno()), head_file_path(path).lstat())
+
+
+def test_a_link_in_place_of_a_head_is_not_written_through(path: Path) -> None:
+    victim = path.parent / "accounts.json"
+    victim.write_text("{}")
+    head_file_path(path).symlink_to(victim)
+    for by in ("", "Ada"):
+        with pytest.raises(StoreFault, match=r"symbolic link|[Uu]nreadable|head"):
+            opened(path, by=by)
+    assert victim.read_text() == "{}"
+
+
+def test_anchors_that_are_one_folder_under_two_names_are_refused(path: Path) -> None:
+    share, alias = path.parents[1] / "share", path.parents[1] / "alias"
+    alias.symlink_to(share)
+    own = path.parents[1] / "own"
+    own.symlink_to(path.parent)
+    for first, second in ((share, alias), (share, own)):
+        anchors = tuple(AnchorSettings(folder=str(folder)) for folder in (first, second))
+        settings = load_settings().model_copy(update={"anchors": anchors})
+        with pytest.raises(ConfigError, match="are one folder"):
+            open_store(path, settings, lambda: 1)

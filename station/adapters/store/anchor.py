@@ -5,6 +5,7 @@ power cut it may lag behind the log but never run ahead of it. Folders of `ancho
 every finished attempt; a write-once folder gets a new file each time.
 """
 
+import errno
 import os
 import re
 from collections.abc import Sequence
@@ -64,24 +65,36 @@ class HeadFile:
         self.name = f"{HEAD_FILE} {self._path}"
 
     def open(self) -> None:
-        """Opens the file to be written, making it where there is none. Errors: OSError."""
+        """Opens the file to be written, making it where there is none. Errors: OSError, also for a link: what it points
+        to would be written over."""
         new = not self._path.exists()
-        self._handle = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        self._handle = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
         if new:
             sync_folder(self._path)
 
     def read(self) -> SealedHead | None:
         """The head as kept; None where a start was broken off before it was written, too."""
+        if self._path.is_symlink():
+            raise ValueError(f"{self._path} is a link")
         with suppress(FileNotFoundError):
             data = self._path.read_bytes()[:_LENGTH]
             return SealedHead.parse(data.decode("utf-8", "replace")) if data else None
         return None
 
     def write(self, head: SealedHead, *, durable: bool) -> None:
-        """Writes the line over."""
+        """Writes the line over. Errors: OSError, also where the file was removed, exchanged or given a second name, for
+        then nobody finds the head in its place."""
+        self._check_in_place()
         os.pwrite(self._handle, head.line().encode().ljust(_LENGTH - 1) + b"\n", 0)
         if durable:
             os.fdatasync(self._handle)
+
+    def _check_in_place(self) -> None:
+        with suppress(FileNotFoundError):
+            ours, there = os.fstat(self._handle), self._path.lstat()
+            if os.path.samestat(ours, there) and there.st_nlink == 1:
+                return
+        raise OSError(errno.ESTALE, os.strerror(errno.ESTALE), str(self._path))
 
     def close(self) -> None:
         """Closes the file."""
@@ -145,12 +158,29 @@ def sync_folder(path: Path) -> None:
 
 
 def _write_synced(path: Path, data: bytes, flag: int) -> None:
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | flag, 0o644)
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | flag, 0o644)
     try:
         os.write(handle, data)
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def folders_of_one_fate(log: Path, anchors: Sequence[AnchorFolder]) -> tuple[str, str] | None:
+    """Two places that are one folder under different names, the log's own among them; None where there are none.
+
+    Whoever restores that folder restores every head in it.
+    """
+    known = dict[tuple[int, int], str]()
+    for folder in (log.resolve().parent, *(anchor.folder for anchor in anchors)):
+        try:
+            found = folder.stat()
+        except OSError:
+            continue  # it is away
+        if first := known.get((found.st_dev, found.st_ino)):
+            return first, str(folder)
+        known[found.st_dev, found.st_ino] = str(folder)
+    return None
 
 
 def compare(places: Sequence[AnchorPlace], log: LogEnd, known: frozenset[str]) -> list[AnchorFinding]:

@@ -38,6 +38,7 @@ from station.domain.records.merkle import Tree
 from station.domain.records.tree_head import WITNESSED_EVENT
 from station.errors import StationError, StoreFault
 from station.files.owner import OwnerLock
+from station.files.system_errors import os_error_reason
 from station.messages import Message, render
 from station.ports.store import (
     AttemptStart,
@@ -106,7 +107,7 @@ class SqliteStore:
             found += [*keys.check_signer(self._db, signer, old_signer), *check_clock(self._db, epoch_ns())]
             if found and acknowledgement is None:
                 raise _refusal(path, found)
-            self._head_file.open()
+            self._open_head_file()
             opened.callback(self._head_file.close)
             self._opened = opened.pop_all()
         if found and acknowledgement:  # before any head is written over: they are the evidence
@@ -122,8 +123,15 @@ class SqliteStore:
             self.event("", "clock-back", {"seconds": behind_s})
         self.tidy()
 
+    def _open_head_file(self) -> None:
+        try:
+            self._head_file.open()
+        except OSError as exc:
+            raise StoreFault("head-file-not-written", path=str(self.path), reason=os_error_reason(exc)) from exc
+
     def begin(self, begin: AttemptStart) -> str:
         """Creates the attempt before the device is touched; returns its UUIDv7."""
+        self._keep_head(durable=False)  # what happened to its file since the last record shows here
         if fault := self._anchors.faults.get(self._head_file.name):
             raise StoreFault("head-file-not-written", path=str(self.path), reason=fault)
         attempt = ids.uuid7(self._epoch_ns())
