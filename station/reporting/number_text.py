@@ -12,6 +12,11 @@ def format_number(value: Any, digits: int = 6) -> str:
     return "–" if value is None else f"{value:.{digits}g}".replace("-", "−")
 
 
+def written_unit(unit: str) -> str:
+    """A unit of the recipes, which are typed on any keyboard, as a document for people writes it."""
+    return unit.replace("uT", "µT").replace("degC", "°C")
+
+
 def format_to_uncertainty(value: Any, spread: float | None) -> str:
     """A figure to the decimal place of the second digit of its uncertainty (GUM 7.2.6), as a person reads it."""
     if value is None or not spread or not 1e-9 < spread < 1e3:

@@ -59,6 +59,7 @@ def test_every_format_gives_the_same_figures_and_says_simulated(folder: Path) ->
         assert c["expanded"] == c["k"] * c["std"]
         assert read[c["name"]] == (c["value"] * factor, c["expanded"] * factor), "every bit"
     assert b"SIMULATED" in xml and b"Customer &amp; Sons" in xml and b"no accredited calibration" in xml
+    assert "SIMULATED" in Path(names["wsjf"]).read_text(encoding="utf-8")
     steps = json.loads(Path(names["wsjf"]).read_text())["root"]["steps"]
     assert [s["name"] for s in steps] == [d["what"] for d in facts["decisions"]]
     assert all(s["status"] == "P" for s in steps)

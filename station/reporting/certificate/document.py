@@ -15,7 +15,13 @@ from station.messages import Message, templates
 from station.ports.store import LogHead
 from station.reporting.certificate import dcc, facts
 from station.reporting.certificate.issuer import Issuer
-from station.reporting.number_text import format_number, format_risk, format_time, format_to_uncertainty
+from station.reporting.number_text import (
+    format_number,
+    format_risk,
+    format_time,
+    format_to_uncertainty,
+    written_unit,
+)
 from station.reporting.words import Words
 
 Rows = tuple[tuple[str, ...], ...]
@@ -32,11 +38,12 @@ class CertificateTable:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """Everything that stands on a certificate, in one language. texts: that language's; outcome: PASS or FAIL;
-    simulated: the mark across every page where rig and devices were simulated, else ''; statements: declarations."""
+    """Everything that stands on a certificate, in one language. number: its own, which each page bears; texts: the
+    language's; outcome: PASS or FAIL; simulated: the mark across every page where rig and devices were simulated, else
+    ''; statements: declarations."""
 
     serial: str
-    attempt: str
+    number: str
     outcome: str
     language: str
     texts: Mapping[str, str]
@@ -80,7 +87,7 @@ def build(
         w.table("certificate-coefficients", _COEFFICIENTS, _values(w, content)),
         w.table("certificate-decisions", _DECISIONS, _decisions(w, content)),
         w.table("certificate-budget", *_budget(content)),
-        w.section("cert_stops", visits, _positions(fit), f" {recipe.unit}"),
+        w.section("cert_stops", visits, _positions(fit), f" {written_unit(recipe.unit)}"),
         w.section("cert_verification", ("cert_position", "cert_error", "cert_limit"), _verification(stored)),
         w.table("certificate-held", _HELD, _held(w, content)),
         w.table("certificate-adjustment", _ADJUSTMENT, _adjustment(content)),
@@ -93,7 +100,7 @@ def build(
     mark = w.render(Message("certificate-simulated-mark")) if content["simulated"] else ""
     declared = tuple(w.render(m) for m in dcc.statements(content))
     return Certificate(
-        stored["serial"], stored["attempt"], str(verdict["outcome"]), words.code, w.texts, filled, mark, declared
+        stored["serial"], str(content["number"]), str(verdict["outcome"]), words.code, w.texts, filled, mark, declared
     )
 
 
@@ -157,7 +164,7 @@ def _result(
         *((w("reason"), w.render(Message.recorded(r))) for r in verdict["reasons"]),
         (w("rule"), _rule(w, verdict)),
         *((w(key), format_risk(verdict.get(key))) for key in ("false_accept", "false_reject")),
-        (w("residual_rms"), f"{format_number(fit['residual_rms'], 3)} {fit['budget'][0]['unit']}"),
+        (w("residual_rms"), f"{format_number(fit['residual_rms'], 3)} {written_unit(fit['budget'][0]['unit'])}"),
         (w("temperature"), _temperature(content)),
         (w("written"), w("yes") if verdict["written"] else w("no")),
         (w("verified"), w("yes") if verdict["verified"] else w("no")),
@@ -194,7 +201,7 @@ def _values(w: _Writer, content: Mapping[str, Any]) -> Rows:
             w.term(str(c["name"])),
             format_to_uncertainty(c["value"], c["expanded"]),
             *(_uncertain(c) if c["estimated"] else (w.render(Message("certificate-assumed")), "–", "–", "–")),
-            str(c["unit"]),
+            written_unit(str(c["unit"])),
         )
         for c in content["coefficients"]
     )
@@ -227,7 +234,7 @@ def _decisions(w: _Writer, content: Mapping[str, Any]) -> Rows:
     """Value and U to the second digit of U, like the table of coefficients."""
     return tuple(
         (
-            w.term(d["what"]) + (f" / {d['unit']}" if d["unit"] != "1" else ""),
+            w.term(d["what"]) + (f" / {written_unit(d['unit'])}" if d["unit"] != "1" else ""),
             *(format_to_uncertainty(d[key], d["expanded"]) for key in ("value", "expanded")),
             format_number(d["limit"], 6),
             *(format_to_uncertainty(d[key], d["expanded"]) for key in ("guard", "margin")),
@@ -288,7 +295,11 @@ def _assumptions(w: _Writer, recipe: Recipe, known: History) -> Rows:
     learnt = known.messages(known.applied(recipe))
     return (
         *(
-            (a.key, f"{format_number(a.value, 3)} {a.unit if a.unit != '1' else ''}".strip(), w.render(a.source))
+            (
+                a.key,
+                f"{format_number(a.value, 3)} {written_unit(a.unit) if a.unit != '1' else ''}".strip(),
+                w.render(a.source),
+            )
             for a in assumptions.listing(recipe)
         ),
         *((key, "", w.render(message)) for key, message in zip(keys, learnt, strict=False)),
@@ -314,7 +325,7 @@ def _verification(stored: Mapping[str, Any]) -> Rows:
     found = stored_attempt.result(dict(stored), "verification")
     if not found:
         return ()
-    unit = found.get("unit", "")
+    unit = written_unit(found.get("unit", ""))
     wide = {d["what"]: d["expanded"] for d in found.get("decisions", ())}
     rows = []
     for p in found.get("positions", ()):
@@ -329,9 +340,10 @@ def _verification(stored: Mapping[str, Any]) -> Rows:
 def _reference(w: _Writer, recipe: Recipe) -> Rows:
     reference = recipe.reference
     rows = [(w("source"), w.texts[f"source_{reference.source}"])]
-    rows.append((w("magnitude"), f"{format_number(reference.strength(), 8)} {recipe.unit}"))
+    rows.append((w("magnitude"), f"{format_number(reference.strength(), 8)} {written_unit(recipe.unit)}"))
     rows.append((w("relative"), format_number(reference.relative_std(), 2)))
-    rows.append((w("direction"), f"{format_number(reference.pose_std_deg, 3)} {w('degrees')}"))
+    if reference.pose_std_deg is not None:
+        rows.append((w("direction"), f"{format_number(reference.pose_std_deg, 3)} {w('degrees')}"))
     if reference.site is not None:
         site = reference.site
         rows.append((w("site"), w("at", f"{site.latitude_deg:g}", f"{site.altitude_m:g}")))

@@ -117,7 +117,7 @@ def _numbered(certificate: Certificate) -> type[Any]:
                 place = certificate.texts["cert_page"].format(number, len(self._pages))
                 if certificate.simulated:
                     self._mark(certificate.simulated)
-                self._foot(f"{certificate.serial} · {certificate.attempt} · {place}")
+                self._foot(f"{certificate.serial} · {certificate.number} · {place}")
                 super().showPage()
             super().save()
 
