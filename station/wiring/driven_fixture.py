@@ -134,7 +134,8 @@ def is_elsewhere(settings: Settings, document: Document) -> bool:
             return bool(options.port.startswith(_PSEUDO_TERMINAL))
         case _:
             own = options.channel != settings.bus.channel
-            return own and (options.interface == "udp_multicast" or options.channel.startswith(_VIRTUAL_CAN))
+            virtual = options.interface == "udp_multicast" or options.channel.startswith(_VIRTUAL_CAN)
+            return bool(own and virtual)
 
 
 def machine_address(settings: Settings, document: Document) -> str:

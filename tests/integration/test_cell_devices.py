@@ -298,27 +298,41 @@ def test_opc_ua_shows_state_units_and_results_and_takes_commands() -> None:
 
     async def look(port: int) -> dict[str, Any]:
         async with Client(f"opc.tcp://127.0.0.1:{port}") as client:
+            uris = [f"http://opcfoundation.org/UA/{name}/" for name in ("PackML", "Machinery", "DI")]
+            packml, machinery, di = [await client.get_namespace_index(uri) for uri in uris]
             root = await client.nodes.objects.get_child(["2:CalibrationStation"])
-            machine = await root.get_child(["2:PackMLBaseStateMachine"])
-            await machine.call_method("2:Unhold")
+            listed = await client.get_node(f"ns={packml};i=72").get_children()
+            assert root in await client.get_node(f"ns={machinery};i=1001").get_children()
+            assert [(await node.read_type_definition()).Identifier for node in listed] == [6]
+            base = await listed[0].get_child(f"{packml}:BaseStateMachine")
+            inner = await base.get_child([f"{packml}:MachineState", f"{packml}:ExecuteState"])
+            await inner.call_method(f"{packml}:Unhold")
             await asyncio.sleep(0.5)
+            item = await root.get_child([f"{machinery}:MachineryBuildingBlocks", f"{machinery}:MachineryItemState"])
+            states: dict[str, Any] = {}
+            for name, machine in (("base", base), ("state", inner), ("item", item)):
+                current = await machine.get_child("0:CurrentState")
+                held = client.get_node(await (await current.get_child("0:Id")).read_value())
+                number = await (await held.get_child("0:StateNumber")).read_value()
+                states[name] = (await current.read_value()).Text, held.nodeid.Identifier, number
             paths = {
-                "state": ["2:PackMLBaseStateMachine", "2:CurrentState"],
-                "why": ["2:PackMLBaseStateMachine", "2:Why"],
-                "item": ["2:MachineryBuildingBlocks", "2:MachineryItemState"],
+                "why": ["2:Status", "2:Why"],
                 "serial": ["2:Nests", "2:A", "2:Serial"],
                 "result": ["2:Nests", "2:A", "2:Result"],
+                "station": [f"{machinery}:MachineryBuildingBlocks", f"{di}:Identification", f"{di}:SerialNumber"],
             }
-            return {name: await (await root.get_child(path)).read_value() for name, path in paths.items()}
+            return states | {name: await (await root.get_child(path)).read_value() for name, path in paths.items()}
 
     with served(serve) as port:
         found = asyncio.run(look(port))
     assert found == {
-        "state": "Held",
+        "base": ("Cleared", 71, 19),
+        "state": ("Held", 34, 11),
+        "item": ("NotExecuting", 5007, 2),
         "why": "Look at it.",
-        "item": "NotExecuting",
         "serial": "SN1",
         "result": "FAIL",
+        "station": "s",
     }
     assert sent == [Command.UNHOLD]
 
