@@ -201,8 +201,8 @@ def _scatter(budget: Budget, unit: str) -> Iterator[Message]:
 
 def _invalid_fit_reasons(fit: Fit) -> list[tuple[Reason, ...]]:
     """Of each unit why its fit is no calibration: not settled, not finite, or a matrix that mirrors."""
-    finite, upright = np.isfinite(fit.theta).all(axis=1), np.linalg.det(matrix_of(fit.theta)) > 0
-    reasons = [(Reason(own[0], check="fit"),) if own else () for own in fit.notes]
+    finite, upright = np.asarray(np.isfinite(fit.theta).all(axis=1)), np.linalg.det(matrix_of(fit.theta)) > 0
+    reasons: list[tuple[Reason, ...]] = [(Reason(own[0], check="fit"),) if own else () for own in fit.notes]
     for u in np.flatnonzero(~(finite & upright)).tolist():
         why = Message("fit-mirrors" if finite[u] else "fit-not-finite")
         reasons[u] = (*reasons[u], Reason(why, check="fit"))

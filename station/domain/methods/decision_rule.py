@@ -112,7 +112,7 @@ def prior_of(limits: Limits, budgets: Sequence[Budget]) -> risk.Prior:
 
 def _std(budgets: Sequence[Budget]) -> Floats:
     """Standard uncertainties (u, 12)."""
-    return np.sqrt(np.maximum(np.array([np.diagonal(budget.total) for budget in budgets]), 0.0))
+    return np.asarray(np.sqrt(np.maximum(np.array([np.diagonal(budget.total) for budget in budgets]), 0.0)))
 
 
 def _variance_of_unit(budget: Budget) -> Floats:

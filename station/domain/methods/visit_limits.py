@@ -71,7 +71,7 @@ def limited_visits(
 ) -> Iterator[LimitedVisits]:
     """Every limit on visits, of units that went through the same ones."""
     undisturbed = ~np.array([one.disturbed for one in found])
-    some, unit = undisturbed.any(axis=1), found[0].unit
+    some, unit = np.asarray(undisturbed.any(axis=1)), found[0].unit
     for what, limit, of, own_unit in (
         ("residual", limits.residual, _residuals, unit),
         ("tilt", limits.tilt_deg, _tilts, "deg"),
