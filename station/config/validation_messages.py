@@ -24,6 +24,7 @@ def _no_line(_place: KeyPath) -> int:
 def mistakes(exc: ValidationError, model: type[BaseModel], line: Callable[[KeyPath], int] = _no_line) -> list[Message]:
     """One message a mistake, in the order of the file: 'line 7, key `dwell.time`: …'; line 0 is not named."""
     found = [(tuple(error["loc"]), error) for error in exc.errors(include_url=False)]
+    found = [(place, error) for place, error in found if not _follows(place, error["type"], [p for p, _ in found])]
     found.sort(key=lambda row: (line(row[0]), _dotted(row[0])))
     rows: dict[Message, None] = {}
     for number, (place, error) in enumerate(found):
@@ -31,6 +32,11 @@ def mistakes(exc: ValidationError, model: type[BaseModel], line: Callable[[KeyPa
             return [*rows, Message("more-mistakes", count=len(found) - number)]
         rows[_at(line(place), _dotted(place), _reason(error, model, place))] = None
     return list(rows)
+
+
+def _follows(place: KeyPath, kind: str, places: Sequence[KeyPath]) -> bool:
+    """Whether a list counts as too short only because its own entries are wrong."""
+    return kind == "too_short" and any(len(p) > len(place) and p[: len(place)] == place for p in places)
 
 
 def _at(line: int, key: str, reason: Message) -> Message:

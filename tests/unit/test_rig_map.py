@@ -132,3 +132,11 @@ def test_a_zone_across_the_whole_travel_leaves_no_way() -> None:
     assert way is not None
     assert way[0] == pytest.approx(1.5)
     assert way[1] == ((-90.0,),)
+
+
+def test_axes_that_are_wrong_are_not_called_missing_too(tmp_path: Path) -> None:
+    axes = [{**axis, "limits_deg": [90, -90]} for axis in DOCUMENT["axes"]]
+    with pytest.raises(ConfigError) as refused:
+        load_rig(write(tmp_path, {"axes": axes}))
+    assert "at least" not in refused.value.sentence
+    assert refused.value.sentence.count("inside out") == 2
