@@ -81,7 +81,7 @@ async def show_certificate(request: Request, session: Session) -> Response:
     panel: Panel = request.app.state.panel
     code = language.of_request(request)
     made = await run_in_threadpool(_certificate, panel, *_unit_and_attempt(dict(request.query_params)), code)
-    panel.journal.add(session.account.name, "certificate", serial=made.serial, attempt=made.attempt)
+    panel.journal.add(session.account.name, "certificate", serial=made.serial, number=made.number)
     if not request.url.path.endswith(".pdf"):
         return render.page(request, "certificate.html", session, made=made)
     paper = await run_in_threadpool(pdf, made)

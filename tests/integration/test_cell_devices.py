@@ -303,11 +303,14 @@ def test_opc_ua_shows_state_units_and_results_and_takes_commands() -> None:
             root = await client.nodes.objects.get_child(["2:CalibrationStation"])
             listed = await client.get_node(f"ns={packml};i=72").get_children()
             assert root in await client.get_node(f"ns={machinery};i=1001").get_children()
-            assert [(await node.read_type_definition()).Identifier for node in listed] == [6]
+            types = [await node.read_type_definition() for node in listed]
+            assert [kind and kind.Identifier for kind in types] == [6]
             base = await listed[0].get_child(f"{packml}:BaseStateMachine")
             inner = await base.get_child([f"{packml}:MachineState", f"{packml}:ExecuteState"])
             await inner.call_method(f"{packml}:Unhold")
-            await asyncio.sleep(0.5)
+            async with asyncio.timeout(5):  # until the facts are served
+                while (await (await base.get_child("0:CurrentState")).read_value()).Text != "Cleared":
+                    await asyncio.sleep(0.02)
             item = await root.get_child([f"{machinery}:MachineryBuildingBlocks", f"{machinery}:MachineryItemState"])
             states: dict[str, Any] = {}
             for name, machine in (("base", base), ("state", inner), ("item", item)):

@@ -23,8 +23,8 @@ DEATHS += [("store", "write", n) for n in (1, -1, 2, -2, 3, -3, 4, -4, 5)] + [("
 
 def recipe(folder: Path, noise: float = 0.0005) -> str:
     device = {"rate_hz": 100, "clock_tolerance_ppm": 200, "lsb": 0.01, "full_scale": 30, "axes": 2}
-    device |= {"noise_density": noise, "convention": "horizon"}
-    changed = {"product": "siko-ik360", "device": device, "limits": {"rule": "simple", "offset": 5.0}}
+    sheet = {**device, "noise_density": noise, "convention": "horizon"}
+    changed = {"product": "siko-ik360", "device": sheet, "limits": {"rule": "simple", "offset": 5.0}}
     return fixture_run.recipe(folder, "inclinometer-zero", **changed)
 
 

@@ -62,8 +62,8 @@ def initial_value(data_type: int) -> Any:
 
 async def add_variable(parent: Any, node: Any, name: Any, given: TypeMember) -> Any:
     """One variable or property, typed as the specification says."""
-    from asyncua import Node
     from asyncua.common.instantiate_util import instantiate
+    from asyncua.common.node import Node
 
     ua = opc_ua()
     start = initial_value(given.data_type)

@@ -42,9 +42,9 @@ def read(path: Path) -> RawTable:
         _column(name, unit, table.column(i).combine_chunks(), found)
         for i, (name, unit) in enumerate(zip(names, found.units, strict=True))
     )
-    remarks = (Message("rows-of-other-length", file=file, rows=ragged),) if ragged else ()
-    remarks += (Message("nul-bytes-left-out", file=file, count=nuls),) if nuls else ()
-    return RawTable(file, columns, found.names is not None, found.rate_hz, remarks)
+    remarks = [Message("rows-of-other-length", file=file, rows=ragged)] if ragged else []
+    remarks += [Message("nul-bytes-left-out", file=file, count=nuls)] if nuls else []
+    return RawTable(file, columns, found.names is not None, found.rate_hz, tuple(remarks))
 
 
 def _decoded(path: Path) -> tuple[str, int]:

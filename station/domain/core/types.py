@@ -61,8 +61,10 @@ class Frames:
 def _payloads(data: NDArray[np.uint8], rows: Any) -> NDArray[np.uint8]:
     """Rows of payloads (n, w); those of eight bytes as one word each, which is ten times as fast as byte by byte."""
     if not isinstance(rows, np.ndarray) or data.shape[1] != 8 or not data.flags.c_contiguous:
-        return data[rows]
-    return np.asarray(data.view(np.uint64)[rows].view(np.uint8))
+        payloads: NDArray[np.uint8] = data[rows]
+    else:
+        payloads = data.view(np.uint64)[rows].view(np.uint8)
+    return payloads
 
 
 def widened(frames: Frames, length: int) -> Frames:
