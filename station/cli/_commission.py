@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from station.cli._confirm import wait_for_person
 from station.cli._output import print_json, print_message, print_remark
 from station.messages import Message, render
 from station.service.commission import Commissioned
@@ -14,10 +15,12 @@ def commission_and_print(order: CommissionOrder, *, json: bool) -> int:
     """Exit code 0 where every nest has its device, 1 where one is empty or a device is left over."""
 
     def tell(message: Message) -> None:
-        if not json:
+        if json:
+            print_remark(render(message))
+        else:
             print_message(message)
 
-    found = commission_fixture(order, tell)
+    found = commission_fixture(order, tell, wait_for_person)
     if json:
         print_json(_document(found))
     else:

@@ -22,6 +22,9 @@ def command(
     bit_rate: Annotated[
         int | None, Option(help="kbit/s that each device keeps too, from its next power-on; by CiA 305's table.")
     ] = None,
+    prove_nests: Annotated[
+        bool, Option("--prove-nests", help="Find the nest of each unlabelled unit: you take them out one by one.")
+    ] = False,
     json_: Annotated[bool, Option("--json", help="One JSON document on standard output.")] = False,
 ) -> int:
     """Give the devices of a fixture their node ids by LSS (CiA 305), though they all have the same or none.
@@ -37,10 +40,14 @@ def command(
     Nobody has scanned anything:
 
         station commission --simulate --json
+
+    Nor is it known which unit is in which nest: take each out when you are asked to:
+
+        station commission --simulate --prove-nests
     """
     from station.cli._commission import commission_and_print
     from station.wiring.commission import CommissionOrder
 
     pairs = tuple(serial or ()), tuple(nest or ())
-    order = CommissionOrder(config, recipe, simulate, *pairs, device_state, bit_rate)
+    order = CommissionOrder(config, recipe, simulate, *pairs, device_state, bit_rate, prove_nests)
     return commission_and_print(order, json=json_)

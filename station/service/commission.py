@@ -14,7 +14,7 @@ from station.ports.clock import Clock
 from station.ports.device import Device
 from station.ports.lss import UNCONFIGURED, LssIdentity, LssMaster
 
-How = Literal["label", "scan", "stays"]
+How = Literal["label", "scan", "stays", "proven"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,8 @@ class NodeSeat:
 
 @dataclass(frozen=True, slots=True)
 class AddressedDevice:
-    """A device at its node id, proven by a read there. how: by its label, by a scan, or it had the id."""
+    """A device at its node id, proven by a read there. how: by its label, by a scan, it had the id, or its
+    nest was proven by taking it out."""
 
     nest: str
     node: int
@@ -80,12 +81,12 @@ def assign_nodes(
     done = {}
     for seat in labelled:
         done[seat.nest] = _address_labelled(bench, seat)
-        tell(_addressed_message(done[seat.nest]))
+        tell(addressed_message(done[seat.nest]))
     for seat in (s for s in seats if s.identity is None):
         found = _address_unknown(bench, seat, hint)
         if found is not None:
             done[seat.nest] = found
-            tell(_addressed_message(found))
+            tell(addressed_message(found))
     return Commissioned(
         tuple(done[s.nest] for s in seats if s.nest in done), tuple(_findings(bench, seats, done, hint))
     )
@@ -116,11 +117,11 @@ def _give_up(bench: CommissioningBench, identity: LssIdentity, node: int) -> Non
 
 def _address_labelled(bench: CommissioningBench, seat: NodeSeat) -> AddressedDevice:
     assert seat.identity is not None
-    occupant = _identity_at(bench, seat.node)
+    occupant = identity_at(bench, seat.node)
     if occupant not in (None, seat.identity):
         assert occupant is not None
         _give_up(bench, occupant, seat.node)
-        if _identity_at(bench, seat.node) is not None:
+        if identity_at(bench, seat.node) is not None:
             raise WrongUnit("commission-node-taken", node=seat.node, serial=occupant.serial)
     if not bench.lss.select(seat.identity):
         raise DeviceSilent("commission-label-silent", nest=seat.nest, serial=seat.identity.serial)
@@ -128,7 +129,7 @@ def _address_labelled(bench: CommissioningBench, seat: NodeSeat) -> AddressedDev
 
 
 def _address_unknown(bench: CommissioningBench, seat: NodeSeat, hint: LssIdentity | None) -> AddressedDevice | None:
-    occupant = _identity_at(bench, seat.node)
+    occupant = identity_at(bench, seat.node)
     if occupant is not None:
         if not bench.lss.select(occupant):
             raise WrongUnit("commission-node-taken", node=seat.node, serial=occupant.serial)
@@ -143,7 +144,7 @@ def _give(bench: CommissioningBench, seat: NodeSeat, identity: LssIdentity, how:
     bench.lss.store()
     bench.lss.release()
     deadline_s = bench.clock.monotonic_s() + bench.boot_s
-    while (there := _identity_at(bench, seat.node)) is None and bench.clock.monotonic_s() < deadline_s:
+    while (there := identity_at(bench, seat.node)) is None and bench.clock.monotonic_s() < deadline_s:
         pass
     if there is None:
         raise DeviceSilent("commission-not-there", node=seat.node, serial=identity.serial, timeout_s=bench.boot_s)
@@ -152,7 +153,7 @@ def _give(bench: CommissioningBench, seat: NodeSeat, identity: LssIdentity, how:
     return AddressedDevice(seat.nest, seat.node, identity, how)
 
 
-def _identity_at(bench: CommissioningBench, node: int) -> LssIdentity | None:
+def identity_at(bench: CommissioningBench, node: int) -> LssIdentity | None:
     """0x1018 of whoever answers at this id; None where nobody does. Errors: BusFault where two do."""
     device = bench.device(node)
     try:
@@ -177,7 +178,8 @@ def _findings(
     return found
 
 
-def _addressed_message(device: AddressedDevice) -> Message:
+def addressed_message(device: AddressedDevice) -> Message:
+    """The sentence about a device that has its node id."""
     return Message(f"commission-{device.how}", nest=device.nest, node=device.node, serial=device.identity.serial)
 
 

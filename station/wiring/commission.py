@@ -1,6 +1,6 @@
 """`station commission`: the buses and the LSS master of a fixture, or fresh simulated devices in their place."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cache
@@ -28,6 +28,7 @@ from station.ports.bus import Bus, Endpoint
 from station.ports.clock import Actor, Clock
 from station.ports.lss import LssIdentity
 from station.service.commission import Commissioned, CommissioningBench, NodeSeat, assign_nodes, store_bit_rate
+from station.service.prove_nests import assign_proven_nodes
 from station.service.station import Job
 from station.wiring.bench import units_bus_of
 from station.wiring.jobs import Source, load_job
@@ -39,7 +40,8 @@ _IDENTITY = 0x1018
 @dataclass(frozen=True, slots=True)
 class CommissionOrder:
     """serials, nests: scanned labels and the nests they are in, in pairs; device_state: where simulated devices keep
-    their node ids; None: they are fresh at each start; bit_rate_kbit_s: what they keep beside the node ids."""
+    their node ids; None: they are fresh at each start; bit_rate_kbit_s: what they keep beside the node ids;
+    prove_nests: a person takes out one unit at a time."""
 
     config: Path | None = None
     recipe: str | None = None
@@ -48,10 +50,16 @@ class CommissionOrder:
     nests: tuple[str, ...] = ()
     device_state: Path | None = None
     bit_rate_kbit_s: int | None = None
+    prove_nests: bool = False
 
 
-def commission_fixture(order: CommissionOrder, tell: Callable[[Message], None]) -> Commissioned:
-    """Addresses the fixture's devices. Errors: InputError before anything is sent; those of assign_nodes."""
+def commission_fixture(
+    order: CommissionOrder, tell: Callable[[Message], None], confirm: Callable[[Message], None]
+) -> Commissioned:
+    """Addresses the fixture's devices. confirm: has a person do something; simulated units take themselves out.
+
+    Errors: InputError before anything is sent; those of assign_nodes and assign_proven_nodes.
+    """
     if (kbit_s := order.bit_rate_kbit_s) is not None and kbit_s not in BIT_TIMINGS:
         raise UsageError("lss-bit-rate", kbit_s=kbit_s, known=tuple(BIT_TIMINGS))
     settings, document = load_config(order.config)
@@ -65,13 +73,16 @@ def commission_fixture(order: CommissionOrder, tell: Callable[[Message], None]) 
     seats = _seats(settings, job, order, product)
     with ExitStack() as opened:
         if simulate:
-            clock, bus = _simulated(settings, job, source, order, product)
+            clock, bus, confirm = _simulated(settings, job, source, order, product)
         else:
             clock = SystemClock()
             bus = units_bus_of(settings, document, clock, opened)
         opened.callback(bus.close)
         bench = commissioning_bench(bus, clock, [s.node for s in seats], settings.timeouts.boot_s)
-        found = assign_nodes(bench, seats, product, tell)
+        if order.prove_nests:
+            found = assign_proven_nodes(bench, seats, product, tell, confirm)
+        else:
+            found = assign_nodes(bench, seats, product, tell)
         if order.bit_rate_kbit_s is not None:
             store_bit_rate(bench, found.devices, order.bit_rate_kbit_s, tell)
         return found
@@ -121,15 +132,40 @@ def _labelled(job: Job, product: LssIdentity, label: str) -> LssIdentity:
     return LssIdentity(product.vendor, product.product, product.revision, number)
 
 
+class SimulatedHands:
+    """Does with simulated devices what a person is asked to do: one nest at a time is empty."""
+
+    def __init__(self, clock: VirtualClock, fitted: Mapping[str, LssDevice]) -> None:
+        self._clock, self._fitted = clock, fitted
+        self._out: LssDevice | None = None
+
+    def __call__(self, action: Message) -> None:
+        """Puts back what is out; then takes out the unit of the nest that the action names."""
+        if self._out is not None:
+            self._out.power_cycle()
+            self._clock.attach(self._out)
+            self._out = None
+        nest = action.parameters.get("nest")
+        if nest is not None:
+            self._out = self._fitted[str(nest)]
+            self._clock.detach(self._out)
+
+
 def _simulated(
     settings: Settings, job: Job, source: Source, order: CommissionOrder, product: LssIdentity
-) -> tuple[Clock, Bus]:
-    """A bus with a fresh device for every nest: those with the scanned labels, then SN0001, SN0002 …"""
+) -> tuple[Clock, Bus, SimulatedHands]:
+    """A bus with a fresh device in every nest: those with the scanned labels, then SN0001, SN0002 …
+
+    These begin in the last nest, so that a scan alone gets the nests wrong.
+    """
     clock = VirtualClock(SystemClock().epoch_ns())
     bus = SimulatedBus(clock)
-    missing = len(settings.nests) - len(order.serials)
-    others = [s for s in (f"SN{i:04d}" for i in range(1, 1000)) if s not in order.serials][:missing]
-    for serial in (*order.serials, *others):
+    serials = dict(zip(order.nests, order.serials, strict=True))
+    unlabelled = [n.name for n in reversed(settings.nests) if n.name not in serials]
+    others = (s for s in (f"SN{i:04d}" for i in range(1, 1000)) if s not in order.serials)
+    serials |= dict(zip(unlabelled, others, strict=False))
+    fitted = {}
+    for nest, serial in serials.items():
         memory = (
             None if order.device_state is None else NonVolatileMemory.of_serial(order.device_state, f"{serial}.lss")
         )
@@ -138,8 +174,9 @@ def _simulated(
             product.vendor, product.product, product.revision, number if isinstance(number, int) else 0
         )
         slave = LssSlave(identity, memory or NonVolatileMemory())
-        clock.attach(fresh_device(bus.endpoint, clock, job, source, slave))
-    return clock, bus
+        fitted[nest] = fresh_device(bus.endpoint, clock, job, source, slave)
+        clock.attach(fitted[nest])
+    return clock, bus, SimulatedHands(clock, fitted)
 
 
 def fresh_device(
