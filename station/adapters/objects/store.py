@@ -1,6 +1,8 @@
 """Objects in a folder, each durable when it has its name, or at an fsspec address (`ports.objects.ObjectStore`)."""
 
 import hashlib
+import os
+import stat
 from pathlib import Path
 from typing import Any
 
@@ -42,11 +44,14 @@ class FolderObjects:
         self._root = root
 
     def put(self, data: bytes) -> bytes:
-        """Keeps the bytes; content and name are on the disk when this returns."""
+        """Keeps the bytes; content and name are on the disk when this returns.
+
+        What bears the name and is something else (damaged, put there by somebody, a link) is replaced.
+        """
         sha256 = hashlib.sha256(data).digest()
         path = self._root / _name(sha256)
         try:
-            if not path.exists() or path.stat().st_size != len(data):
+            if not _holds(path, data):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 with replacing(path, durable=True) as part:
                     part.write_bytes(data)
@@ -57,7 +62,7 @@ class FolderObjects:
     def get(self, sha256: bytes) -> bytes:
         """The bytes, checked against their name."""
         try:
-            return _checked(sha256, (self._root / _name(sha256)).read_bytes(), str(self._root))
+            return _checked(sha256, _ordinary(self._root / _name(sha256)), str(self._root))
         except OSError as error:
             raise LogError("object-missing", sha256=sha256.hex(), where=str(self._root)) from error
 
@@ -76,11 +81,11 @@ class RemoteObjects:
         self._system, self._root, self._address = system, root.rstrip("/"), address
 
     def put(self, data: bytes) -> bytes:
-        """Keeps the bytes."""
+        """Keeps the bytes; what bears the name and is something else is replaced."""
         sha256 = hashlib.sha256(data).digest()
         path = f"{self._root}/{_name(sha256)}"
         try:
-            if not self._system.exists(path):
+            if not self._system.exists(path) or self._system.cat_file(path) != data:
                 self._system.makedirs(path.rpartition("/")[0], exist_ok=True)
                 self._system.pipe_file(path, data)
         except OSError as error:
@@ -102,6 +107,21 @@ class RemoteObjects:
                 self._system.rm_file(path)
         except OSError as error:
             raise _unwritten(self._address, Message.text(" ".join(str(error).split()))) from error
+
+
+def _ordinary(path: Path) -> bytes:
+    """A file's content; a pipe in its place is not waited for. Errors: OSError."""
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise FileNotFoundError(path)
+    return path.read_bytes()
+
+
+def _holds(path: Path, data: bytes) -> bool:
+    """Whether the file has this content, and no link leads to it: elsewhere it may be altered under another name."""
+    status = path.lstat() if os.path.lexists(path) else None
+    if status is None or not stat.S_ISREG(status.st_mode) or status.st_size != len(data):
+        return False
+    return path.read_bytes() == data
 
 
 def _unwritten(where: str, reason: Message) -> StoreFault:
