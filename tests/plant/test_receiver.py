@@ -258,6 +258,19 @@ def seal_of(station: FakeStation, after: WireRecord, body: bytes) -> WireRecord:
     return WireRecord(after.number + 1, seal, station.key.sign(seal), body)
 
 
+def test_a_portion_that_somebody_recorded_and_sends_again_makes_no_silent_station_look_alive(
+    plant: FakePlant, new_station: NewStation
+) -> None:
+    station = new_station(units=3)
+    records = station.records()
+    behind = Claim(len(records) + 50, "")
+    plant.receiver.receive(station.registered, station.log_id(), records, behind)
+    before = plant.store.standings()
+    for portion in (records[:10], records[5:20], records):
+        assert plant.receive(station, portion).refusal is None
+    assert plant.store.standings() == before
+
+
 def test_what_the_database_cannot_keep_is_named_and_what_comes_before_is_kept(
     plant: FakePlant, new_station: NewStation
 ) -> None:

@@ -116,26 +116,27 @@ class PostgresArrivingLog:
             return refuse(RefusalReason.UNSTORABLE, self._station, self._first_unstorable(tip, records, claim, at_ns))
 
     def _append(self, tip: Tip, records: Sequence[ArrivedRecord], claim: Claim, at_ns: int) -> RecordRefusal | None:
-        if self._row is None and not records:
-            return None  # a log is known by its first record, and by whose key it is signed
+        if not records:
+            # A log is known by its first record, and by whose key it is signed. What brings nothing new says nothing of
+            # the station: anybody who has recorded a portion can send it again.
+            return None
         row = self._row or self._open()
-        last = self._numbers(len(records)) if records else 0
-        if records:
-            first_seq = last - len(records) + 1
-            known = _Known(self._connection, row, records, first_seq)
-            if (stranger := known.first_stranger(records)) is not None:
-                return refuse(RefusalReason.UNKNOWN_ATTEMPT, self._station, stranger)
-            self._copy(row.id, records, first_seq, known, at_ns)
-            if any(record.table == "attempt" for record in records):
-                self._connection.execute(_NOTE_REPEATS, (first_seq, last))
-            if any(record.table in ("attempt", "finish") for record in records):
-                self._connection.execute("SELECT count_yields(%s, %s)", (first_seq, last))
-            self._connection.execute(
-                _ADD_PORTION,
-                (row.id, records[0].number, tip.number, first_seq, tip.seal, tip.signature, at_ns),
-            )
-            arrived = (at_ns, self._station, tip.log_id, tip.number, records[0].number)
-            self._connection.execute(_ARRIVED_AFTER_ALL, arrived)
+        last = self._numbers(len(records))
+        first_seq = last - len(records) + 1
+        known = _Known(self._connection, row, records, first_seq)
+        if (stranger := known.first_stranger(records)) is not None:
+            return refuse(RefusalReason.UNKNOWN_ATTEMPT, self._station, stranger)
+        self._copy(row.id, records, first_seq, known, at_ns)
+        if any(record.table == "attempt" for record in records):
+            self._connection.execute(_NOTE_REPEATS, (first_seq, last))
+        if any(record.table in ("attempt", "finish") for record in records):
+            self._connection.execute("SELECT count_yields(%s, %s)", (first_seq, last))
+        self._connection.execute(
+            _ADD_PORTION,
+            (row.id, records[0].number, tip.number, first_seq, tip.seal, tip.signature, at_ns),
+        )
+        arrived = (at_ns, self._station, tip.log_id, tip.number, records[0].number)
+        self._connection.execute(_ARRIVED_AFTER_ALL, arrived)
         revoked = json.dumps(dict(tip.revoked))
         newest = max(claim.newest, tip.number)
         moved = (tip.number, tip.seal, tip.signature, tip.key, revoked, newest, at_ns, row.id)
