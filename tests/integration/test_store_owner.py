@@ -3,6 +3,9 @@
 import os
 import shutil
 import sqlite3
+import subprocess
+import sys
+import unicodedata
 from pathlib import Path
 
 import pytest
@@ -13,6 +16,8 @@ from station.errors import StoreFault
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.owner import owner_pid
 from tests.fakes import logs
+
+ROOT = Path(__file__).parents[2]
 
 
 def opened(path: Path) -> SqliteStore:
@@ -27,25 +32,38 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
-def names_of(log: Path, folder: Path) -> dict[str, Path]:
+@pytest.fixture
+def names(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> dict[str, Path]:
     """Other ways to write the same file's path."""
+    folder = tmp_path
     (folder / "file-link.db").symlink_to(log)
     (folder / "relative-link.db").symlink_to(Path("real") / log.name)
     (folder / "folder-link").symlink_to(log.parent)
     (folder / "chain.db").symlink_to(folder / "file-link.db")
+    handle = os.open(log.parent, os.O_PATH)
+    request.addfinalizer(lambda: os.close(handle))
+    monkeypatch.chdir(log.parent)
     return {
         "file link": folder / "file-link.db",
         "relative link": folder / "relative-link.db",
         "link to the folder": folder / "folder-link" / log.name,
         "link to a link": folder / "chain.db",
         "dots": log.parent / ".." / log.parent.name / log.name,
-        "relative": Path(os.path.relpath(log)),
+        "relative": Path(log.name),
+        "absolute": log.resolve(),
+        "slashes": Path(f"{str(log).replace('/', '//')}/"),
+        "dot": Path(f"{log.parent}/./././{log.name}"),
+        "handle of the folder": Path(f"/proc/self/fd/{handle}/{log.name}"),
+        "working folder": Path(f"/proc/self/cwd/{log.name}"),
+        "root of the process": Path(f"/proc/self/root{log}"),
     }
 
 
-def test_a_second_owner_is_refused_under_every_name(log: Path, tmp_path: Path) -> None:
+def test_a_second_owner_is_refused_under_every_name(log: Path, names: dict[str, Path]) -> None:
     first = opened(log)
-    for name, path in names_of(log, tmp_path).items():
+    for name, path in names.items():
         with pytest.raises(StoreFault, match="in use by bench-7"):
             opened(path)
         assert owner_pid(path) == os.getpid(), name
@@ -53,11 +71,64 @@ def test_a_second_owner_is_refused_under_every_name(log: Path, tmp_path: Path) -
     first.close()
 
 
-def test_the_first_owner_may_have_come_by_a_link(log: Path, tmp_path: Path) -> None:
-    first = opened(names_of(log, tmp_path)["link to a link"])
+def test_the_first_owner_may_have_come_by_a_link(log: Path, names: dict[str, Path]) -> None:
+    first = opened(names["link to a link"])
     with pytest.raises(StoreFault, match="in use by bench-7"):
         opened(log)
     first.close()
+
+
+#: Mounts that only this shell and what it starts can see: the folder, the file alone, the whole tree as a new root.
+_MOUNTS = """
+set -e
+mount --bind "$1" "$2/folder"
+mount --bind "$1/station.db" "$2/file/station.db"
+mount --rbind / "$2/root"
+"$3" -c "$4" "$2/folder/station.db" "$2/file/station.db"
+chroot "$2/root" "$3" -c "$4" "$1/station.db"
+"""
+_SECOND_OWNER = """
+import sys
+from pathlib import Path
+from station.adapters.store.sqlite import SqliteStore
+from station.errors import StoreFault
+for name in sys.argv[1:]:
+    try:
+        SqliteStore(Path(name)).close()
+    except StoreFault as refused:
+        print("refused:", refused)
+    else:
+        print("opened:", name)
+"""
+
+
+def test_a_second_owner_is_refused_under_mounts_and_in_another_root(log: Path, tmp_path: Path) -> None:
+    for name in ("folder", "file", "root"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "file" / "station.db").touch()
+    words = ["sh", "-c", _MOUNTS, "sh", str(log.parent), str(tmp_path), sys.executable, _SECOND_OWNER]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    with opened(log) as store:
+        for namespace in (["unshare", "-m"], ["unshare", "-Urm"]):
+            command = [*namespace, *words]
+            done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+            if done.returncode == 0:
+                break
+        assert [line.partition(":")[0] for line in done.stdout.splitlines()] == ["refused"] * 3, done
+        store.event("", "note", {})
+
+
+def test_other_letters_are_the_same_log_only_where_the_file_system_says_so(tmp_path: Path) -> None:
+    """Composed, decomposed and in capitals: one file on some file systems, three on others, and never two owners."""
+    log = tmp_path / "prüfstand.db"
+    with opened(log):
+        for other in (tmp_path / unicodedata.normalize("NFD", log.name), tmp_path / log.name.upper()):
+            if other.exists():
+                with pytest.raises(StoreFault, match="in use"):
+                    opened(other)
+            else:
+                with opened(other) as second:
+                    assert not second.path.samefile(log)
 
 
 def test_a_hard_link_is_refused(log: Path, tmp_path: Path) -> None:
@@ -101,7 +172,7 @@ def test_a_program_that_changes_no_record_disturbs_nobody(log: Path) -> None:
     store.close()
 
 
-@pytest.mark.parametrize("ending", ["", "-wal"])
+@pytest.mark.parametrize("ending", ["", "-wal", "-shm"])
 @pytest.mark.parametrize("how", ["renamed", "removed", "exchanged"])
 def test_a_log_that_is_moved_while_it_is_written_passes_nobody(log: Path, ending: str, how: str) -> None:
     with opened(log) as store:

@@ -99,8 +99,11 @@ def own_inode(path: Path) -> int:
 
 
 def identity(path: Path) -> tuple[tuple[int, int], ...]:
-    """What files the log and its write-ahead log are: device and inode. Errors: OSError."""
-    stats = [name.stat() for name in (path, path.with_name(path.name + "-wal"))]
+    """What files the log, its write-ahead log and the index of that are: device and inode. Errors: OSError.
+
+    Whoever opens the log while the index is gone makes another one: its locks and ours then know nothing of each other.
+    """
+    stats = [path.with_name(path.name + ending).stat() for ending in ("", "-wal", "-shm")]
     return tuple((stat.st_dev, stat.st_ino) for stat in stats)
 
 
