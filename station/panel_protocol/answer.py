@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from station.files.json_text import parse_json
+from station.files.json_text import read_json
 from station.files.replace import replace_text
 from station.panel_protocol.companion import Companion, companion_file
 
@@ -18,6 +18,6 @@ def write_answer(database: Path, mark: str) -> None:
 def read_answer(database: Path) -> str:
     """The mark of the last question that was confirmed, or ''."""
     try:
-        return str(parse_json(companion_file(database, Companion.ANSWER).read_bytes())["question"])
+        return str(read_json(companion_file(database, Companion.ANSWER))["question"])
     except (OSError, ValueError, KeyError, TypeError):
         return ""

@@ -10,7 +10,7 @@ from typing import Any
 from station.domain.cell.handover import LoadJournal
 from station.domain.cell.packml import Command, State
 from station.domain.cell.state_times import StateTimes
-from station.files.json_text import parse_json
+from station.files.json_text import NOT_AS_EXPECTED, read_json
 from station.files.replace import replace_text
 from station.messages import Message
 from station.panel_protocol.companion import Companion, companion_file
@@ -51,12 +51,15 @@ class LineStateWriter:
 
 
 def read_line_state(database: Path) -> dict[str, Any] | None:
-    """The line's last word; None where it has said nothing, or nothing readable."""
+    """The line's last word; None where it has said nothing, or nothing in the shape of LineStateWriter."""
     try:
-        found = parse_json(companion_file(database, Companion.LINE).read_bytes())
-    except (OSError, ValueError):
+        found: dict[str, Any] = read_json(companion_file(database, Companion.LINE))
+        whole = found["schema"] == STATE_SCHEMA and isinstance(found["name"], str) and isinstance(found["nests"], list)
+        numbers = [found["pid"], found["load"], found["loads"], State(found["state"])]
+    except (OSError, *NOT_AS_EXPECTED):
         return None
-    return found if isinstance(found, dict) and found.get("schema") == STATE_SCHEMA else None
+    whole = whole and all(isinstance(number, int) and 0 <= number < 2**31 for number in numbers)
+    return found if whole and found["pid"] else None
 
 
 def send_line_command(database: Path, command: Command) -> None:
@@ -82,7 +85,7 @@ class LineCommands:
 
     def _read(self) -> tuple[int, str]:
         try:
-            document = parse_json(self._path.read_bytes())
+            document = read_json(self._path)
             return int(document["number"]), str(document["command"])
         except (OSError, ValueError, KeyError, TypeError):
             return 0, ""

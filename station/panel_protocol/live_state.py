@@ -12,7 +12,7 @@ from typing import Any
 from station.domain.recipe.recipe import Recipe
 from station.domain.run.progress import Event, LiveReading
 from station.domain.run.run_state import RunState
-from station.files.json_text import parse_json
+from station.files.json_text import NOT_AS_EXPECTED, read_json
 from station.files.replace import replace_text
 from station.messages import Message
 from station.panel_protocol import timeline
@@ -101,6 +101,28 @@ class LiveStateWriter:
         return {"name": self._bus.name, "state": self._bus.state(), "counters": self._bus.counters()}
 
 
+def read_live_state(path: Path) -> dict[str, Any]:
+    """The live file's document. Errors: OSError; NOT_AS_EXPECTED where it has not the shape of LiveStateWriter, as far
+    as a page stands on it."""
+    document: dict[str, Any] = dict(read_json(path))
+    state = document.setdefault("state", {})
+    nests = state.get("nests", [])
+    _require(dict, state, document.get("bus") or {}, *nests, *document.get("cells", []))
+    _require(list, nests, state.get("messages", []), document.get("expected_s", []), document.get("cells", []))
+    _require(str, state.get("question", ""), state.get("phase", ""), *(n.get("attempt", "") for n in nests))
+    _require(str, *(nest[key] for nest in nests for key in ("serial", "nest", "outcome")))
+    numbers = [state.get("began_s", 0), *(v for nest in nests for v in nest.get("vector") or ())]
+    _require((int, float), *numbers)
+    list(map(float, numbers))  # an integer may have more digits than a number of the page
+    return document
+
+
+def _require(kind: type | tuple[type, ...], *values: object) -> None:
+    """Errors: TypeError where one is of another kind."""
+    if not all(isinstance(value, kind) for value in values):
+        raise TypeError
+
+
 def recipe_label(recipe: Recipe) -> str:
     """Name and version, as the live file names a recipe."""
     return f"{recipe.name}/{recipe.version}"
@@ -110,9 +132,9 @@ def expected_s(database: Path, recipe: Recipe) -> list[float]:
     """How long each cell of the time line is expected to take, s, after the last load of this recipe on this log;
     empty where the file beside the log knows none."""
     try:
-        document = parse_json(companion_file(database, Companion.LIVE).read_bytes())
+        document = read_json(companion_file(database, Companion.LIVE))
         return [float(s) for s in document["expected_s"]] if document["recipe"] == recipe_label(recipe) else []
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, *NOT_AS_EXPECTED):
         return []
 
 

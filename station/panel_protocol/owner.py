@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from station.files.json_text import parse_json
+from station.files.json_text import read_json
 from station.panel_protocol.companion import Companion, companion_file
 
 
@@ -14,7 +14,7 @@ def owner_pid(database: Path) -> int | None:
     """
     lock = companion_file(database, Companion.OWNER)
     try:
-        pid = int(parse_json(lock.read_bytes())["pid"])
+        pid = int(read_json(lock)["pid"])
         handles = list(Path(f"/proc/{pid}/fd").iterdir())
     except (OSError, ValueError, KeyError, TypeError):
         return None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from station.errors import StoreFault, UsageError
-from station.files.json_text import NOT_AS_EXPECTED, parse_json
+from station.files.json_text import NOT_AS_EXPECTED, read_json
 from station.files.replace import replace_text
 from station.messages import system_reason
 
@@ -24,7 +24,7 @@ class Questions:
     def all(self) -> dict[str, dict[str, str]]:
         """Fields of the form by the question's name, in the order of names."""
         try:
-            document = parse_json(self.path.read_text(encoding="utf-8"))
+            document = read_json(self.path)
             stored = document["questions"] if document["schema"] == SCHEMA else {}
             return {str(name): {str(k): str(v) for k, v in stored[name].items()} for name in sorted(stored)}
         except (OSError, *NOT_AS_EXPECTED):

@@ -7,7 +7,7 @@ from pathlib import Path
 from threading import Lock
 
 from station.errors import StoreFault
-from station.files.json_text import NOT_AS_EXPECTED, parse_json
+from station.files.json_text import NOT_AS_EXPECTED, read_json
 from station.files.replace import replace_text
 
 SCHEMA = "station.queue/1"
@@ -139,7 +139,7 @@ def _file_stamp(path: Path) -> tuple[int, int] | None:
 def _read(path: Path) -> QueueState:
     """What the file holds; nothing where there is none, or one that nobody can read: units can be scanned again."""
     try:
-        document = parse_json(path.read_bytes())
+        document = read_json(path)
         waiting, handed = (
             {str(n): WaitingUnit(str(w["serial"])) for n, w in document[k].items()} for k in ("waiting", "handed")
         )

@@ -9,11 +9,11 @@ from typing import Any
 from station.config.settings import Settings
 from station.domain.recipe.recipe import Recipe
 from station.errors import StationError, StoreFault
-from station.files.json_text import parse_json
+from station.files.json_text import NOT_AS_EXPECTED
 from station.messages import Message
 from station.panel_protocol import timeline
 from station.panel_protocol.companion import Companion, companion_file
-from station.panel_protocol.live_state import recipe_label
+from station.panel_protocol.live_state import read_live_state, recipe_label
 from station.panel_protocol.queue import LoadQueue
 from station.service.golden_register import standings
 from station.service.shipping import ShippingState, sentence_of
@@ -123,11 +123,17 @@ class Screen:
             stat = self._path.stat()
             stamp = (stat.st_ino, stat.st_mtime_ns)
             if stamp != self._stamp:
-                self._live, self._stamp = dict(parse_json(self._path.read_bytes())), stamp
+                self._live, self._stamp = self._as_logged(read_live_state(self._path)), stamp
         except FileNotFoundError:
             self._live, self._stamp = {}, None
-        except (OSError, ValueError, TypeError):
+        except (OSError, *NOT_AS_EXPECTED):
             return
+
+    def _as_logged(self, live: dict[str, Any]) -> dict[str, Any]:
+        """With verdicts only where the log does not speak against them: the file is a view, and the log the record."""
+        state = live["state"]
+        nests = [n if self._glance.bears_out(n) else _disowned(n) for n in state.get("nests", ())]
+        return {**live, "state": {**state, "nests": nests}} if nests else live
 
     def _never_begun(self) -> bool:
         return self._runs.started not in (None, self._live.get("pid"))
@@ -305,3 +311,9 @@ class Screen:
             status = {"name": name, "state": state, "counters": asdict(counters) if counters else None}
             self._between = (time.monotonic(), status)
         return self._between[1]
+
+
+def _disowned(nest: Mapping[str, Any]) -> dict[str, Any]:
+    """A nest whose verdict the log does not have: its unit counts as not measured."""
+    why = Message("verdict-not-logged", serial=nest["serial"], outcome=nest["outcome"])
+    return {**nest, "outcome": "ERROR", "figure": None, "reasons": [why.document()]}

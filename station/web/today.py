@@ -1,13 +1,14 @@
 """What header and tiles know from the log: today's count, yield and cycle time, and a unit's earlier attempts."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
 from station.domain.records.stored_attempt import result
 from station.errors import StationError
 from station.ports.log_reader import LogReader, Query
+from station.web.load_view import DECIDED
 
 #: So often the log is asked, s; between two records it is not asked at all.
 _POLL_S = 5.0
@@ -27,6 +28,7 @@ class LogGlance:
         self._stamp: tuple[int, int] = (-1, -1)
         self._today = NOTHING
         self._previous: dict[str, dict[str, Any]] = {}
+        self._ended: dict[tuple[str, str], str | None] = {}
 
     def today(self) -> dict[str, Any]:
         """`units` finished since midnight (local time), `yield` of those (share that passed in the end), `cycle_s`."""
@@ -49,9 +51,26 @@ class LogGlance:
                 return {"attempts": 0}
         return self._previous[serial]
 
+    def bears_out(self, nest: Mapping[str, Any]) -> bool:
+        """Whether the log ended the attempt of a nest as that says (station.live/1).
+
+        So too where nothing is decided, and where the log knows no ended attempt of the unit or cannot be read.
+        """
+        serial, attempt, outcome = nest["serial"], nest.get("attempt", ""), nest["outcome"]
+        if outcome not in DECIDED:
+            return True
+        if (serial, attempt) not in self._ended:
+            try:
+                with self._open() as log:
+                    self._ended[serial, attempt] = _ended(log, serial, attempt)
+            except StationError:
+                return True
+        return self._ended[serial, attempt] in (None, outcome)
+
     def forget(self) -> None:
         """A load has begun or ended: what was remembered of units may be another."""
         self._previous.clear()
+        self._ended.clear()
         self._read_s = -_POLL_S
 
     def _read(self, log: LogReader) -> None:
@@ -68,6 +87,12 @@ class LogGlance:
             "yield": round(whole.final_yield, 4) if whole and whole.final else None,
             "cycle_s": None if recent.cycle_s is None else round(recent.cycle_s, 1),
         }
+
+
+def _ended(log: LogReader, serial: str, attempt: str) -> str | None:
+    """How that attempt ended, '' where it did not; None where none of the unit's has."""
+    found = {a.attempt: a.outcome for a in log.attempts(Query(serial=serial), _MOST_ATTEMPTS) if a.outcome is not None}
+    return str(found.get(attempt, "")) if found else None
 
 
 def _previous(log: LogReader, serial: str) -> dict[str, Any]:

@@ -230,7 +230,7 @@ def _bodies(folder: Path) -> dict[str, Target]:
     page = _Page(folder / "page")
     form = b"action=scan&nest=A&serial=SN0001&csrf=" + page.csrf.encode()
     nest = {"nest": "A", "serial": "SN1", "outcome": "", "phase": "measure", "reasons": []}
-    live = {"schema": "station.live/1", "pid": 7, "state": {"began_s": 1.0, "nests": {"A": nest}}}
+    live = {"schema": "station.live/1", "pid": 7, "state": {"began_s": 1.0, "nests": [nest]}}
     return {
         "http-body": Target(form, "body", page.post),
         "screen": Target(json.dumps(live).encode(), "s.db.live.json", page.screen),

@@ -1,0 +1,103 @@
+"""Files by which a run and its page find each other, as somebody with the folder may leave them there."""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from station.adapters.store.sqlite import SqliteStore
+from station.config.settings import load_settings
+from station.files.replace import replace_text
+from station.panel_protocol.answer import read_answer
+from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.line_state import LineCommands, read_line_state
+from station.panel_protocol.live_state import expected_s, recipe_label
+from station.panel_protocol.owner import owner_pid
+from station.panel_protocol.questions import Questions
+from station.panel_protocol.queue import LoadQueue
+from station.web.line_glance import LineGlance
+from station.web.run_launcher import LaunchOptions, RunLauncher
+from station.web.screen import Screen
+from station.wiring.jobs import load_job
+from tests.fakes import logs
+
+JOB, _ = load_job("six-point")
+
+
+def screen_of(database: Path) -> Screen:
+    launcher = RunLauncher(LaunchOptions(database=database, recipe="six-point", simulate=True))
+    return Screen(load_settings(), JOB.recipe, launcher, LoadQueue(companion_file(database, Companion.QUEUE)))
+
+
+READERS: dict[Companion, Callable[[Path], object]] = {
+    Companion.LIVE: lambda d: (screen_of(d).shown()["running"], expected_s(d, JOB.recipe)),
+    Companion.ANSWER: read_answer,
+    Companion.QUEUE: lambda d: LoadQueue(companion_file(d, Companion.QUEUE)).waiting,
+    Companion.OWNER: owner_pid,
+    Companion.LINE: lambda d: (read_line_state(d), LineGlance(d).shown()),
+    Companion.LINE_COMMAND: lambda d: LineCommands(d).next(),
+    Companion.QUESTIONS: lambda d: Questions(companion_file(d, Companion.QUESTIONS)).all(),
+}
+#: Of another shape, nested in what the readers go through.
+DOCUMENTS: tuple[object, ...] = (
+    None, 7, "x", [], [[]], {}, {"state": 5}, {"state": []}, {"state": {"nests": 5}}, {"state": {"nests": [5]}},
+    {"state": {"nests": [{}]}}, {"state": {"nests": [{"serial": 1, "nest": "A", "outcome": "PASS"}]}},
+    {"state": {"messages": 5}, "bus": 5, "pid": "x"}, {"pid": -1}, {"pid": 10**30}, {"bus": 5}, {"expected_s": 5},
+    {"cells": 5}, {"cells": [5]}, {"schema": "station.line/1", "pid": os.getpid(), "state": 99},
+    {"schema": "station.line/1", "pid": os.getpid(), "state": 6, "name": [], "load": {}, "loads": None},
+    {"schema": "station.questions/1", "questions": [1]}, {"waiting": [], "handed": 3, "pid": None},
+    {"state": {"began_s": 10**400}}, {"recipe": recipe_label(JOB.recipe), "expected_s": [10**400]},
+    {"question": {"a": 1}}, {"number": "x", "command": []},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("companion", READERS)
+def test_a_pipe_a_folder_and_an_endless_file_are_no_answer(tmp_path: Path, companion: Companion) -> None:
+    database = tmp_path / "station.db"
+    path = companion_file(database, companion)
+    os.mkfifo(path)  # nobody writes to it: whoever opens it plainly waits for ever
+    empty = READERS[companion](database)
+    path.unlink()
+    assert READERS[companion](database) == empty
+    path.mkdir()
+    assert READERS[companion](database) == empty
+    path.rmdir()
+    path.touch()
+    os.truncate(path, 1 << 40)  # without blocks on the disk
+    assert READERS[companion](database) == empty
+
+
+@pytest.mark.parametrize("companion", READERS)
+def test_a_document_of_another_shape_is_no_answer(tmp_path: Path, companion: Companion) -> None:
+    database = tmp_path / "station.db"
+    for document in DOCUMENTS:
+        replace_text(companion_file(database, companion), json.dumps(document))
+        READERS[companion](database)
+
+
+def nest_of(serial: str, outcome: str, attempt: str) -> dict[str, Any]:
+    return {"serial": serial, "nest": "A", "node": 17, "outcome": outcome, "reasons": [], "attempt": attempt}
+
+
+@pytest.mark.parametrize(("logged", "forged"), [("FAIL", "PASS"), ("PASS", "FAIL"), ("ERROR", "PASS")])
+def test_the_page_shows_no_verdict_against_which_the_log_speaks(tmp_path: Path, logged: str, forged: str) -> None:
+    database = tmp_path / "station.db"
+    with SqliteStore(database) as store:
+        attempt = logs.unit(store, "SN1", outcome=logged)
+    screen = screen_of(database)
+
+    def shown(outcome: str, of: str) -> tuple[str, str]:
+        live = {"schema": "station.live/1", "pid": 7, "recipe": "six-point/1", "unit": "g"}
+        state = {"over": True, "began_s": 1.0, "nests": [nest_of("SN1", outcome, of)]}
+        replace_text(companion_file(database, Companion.LIVE), json.dumps({**live, "state": state}))
+        screen._looked_s = 0.0
+        now = screen.shown()
+        return now["nest A"]["outcome"], now["view"]["lamp"]
+
+    for of in (attempt, "", "another"):
+        assert shown(forged, of) == ("ERROR", "amber")
+    if logged != "ERROR":
+        assert shown(logged, attempt)[0] == logged
