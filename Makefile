@@ -82,10 +82,13 @@ docs: $(VENV)/.dev  ## the documentation as a static site with a search, into bu
 drawing: $(VENV)/.dev  ## renew the picture of the rooms in docs/architecture.md from the imports
 	$(BIN)/python docs/draw_architecture.py
 
-release: $(VENV)/.dev  ## wheel, source, bill of materials (CycloneDX) and SHA-256 sums, in dist/
+# A lock and its bill side by side: scanners read the one or the other. "dev" holds the extras and the tools, too.
+release: $(VENV)/.dev  ## wheel, source, locks, their bills of materials (CycloneDX) and SHA-256 sums, in dist/
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --group release
 	rm -rf dist && $(BIN)/hatchling build
-	$(BIN)/cyclonedx-py requirements requirements.lock --pyproject pyproject.toml --of JSON -o dist/sbom.cdx.json
+	for lock in requirements requirements-dev; do \
+	  cp $$lock.lock dist/$$lock.txt && $(BIN)/cyclonedx-py requirements $$lock.lock --pyproject pyproject.toml \
+	    --of JSON --output-reproducible --validate -o dist/$$lock.cdx.json || exit 1; done
 	cd dist && sha256sum * > SHA256SUMS && cat SHA256SUMS
 
 clean:  ## remove what the targets made
