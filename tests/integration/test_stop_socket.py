@@ -77,7 +77,7 @@ def test_a_lock_that_is_a_link_is_not_written_over(tmp_path: Path) -> None:
     precious = tmp_path / "precious"
     precious.write_text("kept")
     companion_file(tmp_path / "s.db", Companion.OWNER).symlink_to(precious)
-    with pytest.raises(StoreFault, match="symbolic links"):
+    with pytest.raises(StoreFault, match="symbolic link"):
         SqliteStore(tmp_path / "s.db")
     assert precious.read_text() == "kept"
 

@@ -150,7 +150,7 @@ def test_the_guides_name_every_fault_and_their_maps_are_right() -> None:
     faults = (docs / "simulated-device.md").read_text()
     assert [kind for kind, shown in {**KINDS, **WIRE}.items() if f"| `{kind}` | {shown} |" not in faults] == []
     blocks = re.findall(r"```yaml\n(.*?)```", (docs / "device-map.md").read_text(), re.DOTALL)
-    assert len(blocks) == 8
+    assert len(blocks) == 9
     for block in blocks:
         DeviceMap.model_validate(yaml.safe_load(block)["map"])
 
