@@ -245,6 +245,25 @@ def test_clipping_is_found_at_any_limit_and_nothing_else_is_made_of_it(limit: fl
     assert found.gain.accepted
 
 
+@pytest.mark.parametrize(("low", "high"), [(-0.985, 0.985), (-np.inf, 0.9), (-0.8, 0.95)])
+def test_one_axis_that_is_cut_off_below_the_others_is_clipped_and_nothing_else(low: float, high: float) -> None:
+    table, _ = hide(recipe(), None, 850 + SEED)
+    reading = table.reading.copy()
+    reading[:, 1] = np.clip(reading[:, 1], low, high)
+    inspected = inspect(recipe(), replace(table, reading=reading))
+    (found,) = inspected.faults
+    assert found.effect == "clipping"
+    for code, name in enumerate(table.unit.names):
+        reached = [limit for limit in (low, high) if (reading[table.unit.code == code, 1] == limit).any()]
+        assert [(n.axis, n.value) for n in found.numbers if n.of == f"unit:{name}"] == [
+            ("y", limit) for limit in reached
+        ]
+    assert found.gain is not None
+    assert found.gain.accepted
+    left = inspected.table.reading[:, 1]
+    assert np.all((left > low) & (left < high))
+
+
 @pytest.mark.parametrize("pose", ["known", "unknown"])
 def test_a_visit_that_is_wrong_by_anything_is_disturbed_and_spoils_no_other(pose: str) -> None:
     off = np.random.default_rng(SEED).normal(0.0, 0.03, 3)

@@ -132,10 +132,17 @@ def test_a_saturated_unit_is_found_and_its_stops_are_left_out() -> None:
     assert len(looked.table) < len(made)
 
 
+def test_an_offset_beside_which_nothing_changes_is_no_tumble() -> None:
+    made = table()
+    with pytest.raises(SamplesError, match=r"(?i)the readings of x are the same in every row"):
+        diagnosis_of(RECIPE, replace(made, reading=made.reading + 1.3e11))
+
+
 def test_where_every_stop_is_clipped_nothing_is_diagnosed() -> None:
-    made, _ = hide(recipe(1), KNOWN["group-offset"], 77_000_020, d=20)
+    made = table()
+    made = replace(made, reading=np.clip(made.reading, -0.55, 0.55))
     with pytest.raises(SamplesError, match=r"^(\d+) of \1 visits are clipped, and nothing can be told from the rest"):
-        diagnosis_of(recipe(1), made)
+        diagnosis_of(RECIPE, made)
 
 
 def test_a_unit_of_which_no_stop_is_left_spoils_no_other() -> None:

@@ -13,6 +13,8 @@ from station.model.scene import visits_scene_of_table
 
 #: Columns of which one moves so many times as much as another, beside what the poses make them move, differ in unit.
 MAX_RESPONSE_RATIO = 3.0
+#: An axis that moves by less than this share of its readings' size does not move.
+SAME_DIGITS = 1e-9
 #: Times that cannot be negative.
 ELAPSED_COLUMNS = ("since_power_s", "since_clamp_s")
 
@@ -81,13 +83,14 @@ def _check_time_advances(table: SampleTable, first: NDArray[np.intp]) -> None:
 
 
 def _check_axes_vary(recipe: Recipe, table: SampleTable) -> None:
-    """Every axis of every unit must read more than one value."""
+    """Every axis of every unit must read more than one value, to SAME_DIGITS of its size."""
     units, begins = np.unique(table.unit.code, return_index=True)
     place = np.zeros(len(table.unit.names), np.intp)
     place[units] = begins
     for i, axis in enumerate("xyz"[: recipe.axes]):
         off = np.abs(table.reading[:, i] - table.reading[place[table.unit.code], i])
-        dead = np.flatnonzero(np.bincount(table.unit.code, off, len(place))[units] == 0)
+        moved, size = (np.bincount(table.unit.code, x, len(place))[units] for x in (off, np.abs(table.reading[:, i])))
+        dead = np.flatnonzero(moved <= SAME_DIGITS * size)
         if len(dead) == len(units):
             raise SamplesError("samples-axis-constant", axis=axis)
         if len(dead):

@@ -23,7 +23,6 @@ from station.diagnosis.candidates.bank import (
 from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.search.alarm import UNKNOWN_NATS
 from station.diagnosis.search.finding import CauseFinding
 from station.diagnosis.search.rank import RankedCause, rank_causes
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
@@ -32,6 +31,9 @@ from station.diagnosis.search.walk_marginal import WalkMarginal
 #: A law must be so many nats ahead of a cause. Where the cause is true, two forms that noise can just confuse differ by
 #: N(−δ²/2, δ²) nats, at worst beyond x in Φ(−√(2x)): once in 740 campaigns for each such law.
 LAW_NATS = 4.5
+#: Before the data a law that nobody wrote is less likely than the cause it resembles by this many nats, odds of 4.5 to
+#: one. Where no data can part the two, a name is thus never certain (0.82).
+PRIOR_NATS = 1.5
 #: Laws so near to the best, nats, all say on what the rest depends.
 NEAR_NATS = 2.0
 #: Laws further behind the best than this, nats, are not tried under other floors.
@@ -52,7 +54,7 @@ class RivalLaws:
 
     def judged(self, finding: CauseFinding) -> CauseFinding:
         """The finding with its probability against these laws, too."""
-        share = 1 / (1 + np.exp(min(self.lead - UNKNOWN_NATS, 500.0)))
+        share = 1 / (1 + np.exp(min(self.lead - PRIOR_NATS, 500.0)))
         return replace(finding, probability={name: float(p * share) for name, p in finding.probability.items()})
 
 

@@ -21,55 +21,100 @@ CLIPPED_SHARE, COMMON_SHARE = 0.3, 0.15
 RESOLUTION_SHARE = 1e-3
 #: Samples that must be clipped.
 MIN_CLIPPED_SAMPLES = 5
+#: No limit below or above, of three axes (2, 3).
+_OPEN = np.array([[-np.inf], [np.inf]]) * np.ones(3)
 
 
-def clipped(table: SampleTable, stop: NDArray[np.intp]) -> tuple[dict[int, float], NDArray[np.bool_]]:
-    """Limit of each clipped unit, and which samples (n) belong to a clipped stop."""
-    limits: dict[int, float] = {}
+def clipped(table: SampleTable, stop: NDArray[np.intp]) -> tuple[dict[int, Floats], NDArray[np.bool_]]:
+    """Lower and upper limit of each axis (2, 3) of each clipped unit, infinite where an axis shows none, and which
+    samples (n) belong to a clipped stop."""
+    limits: dict[int, Floats] = {}
     bad = np.zeros(len(table), bool)
     for u, rows in enumerate(rows_of_units(table.unit)):
         if rows.stop - rows.start < 2 * MIN_CLIPPED_SAMPLES:
             continue
         reading, where = table.reading[rows], stop[rows] - stop[rows.start]
-        limit = float(np.abs(reading).max())
-        at = np.abs(reading) >= limit * (1 - 1e-9)
-        count = np.bincount(where)
-        share = np.stack([np.bincount(where, a) for a in at.T], 1) / np.maximum(count, 1)[:, None]
-        hit = (share > CLIPPED_SHARE) & (share * count[:, None] >= MIN_CLIPPED_SAMPLES)
-        if hit.any() and _repeat_share(reading, where, ~hit) < COMMON_SHARE:
-            limits[u] = limit
+        found = _limits(reading, where)
+        if np.isfinite(found).any():
+            limits[u] = found
             # Where any sample stands at the limit the mean of the stop is wrong, too.
-            bad[rows] = np.asarray((share > 0).any(axis=1))[where]
+            bad[rows] = np.asarray((_share(_stands(reading, found), where) > 0).any(axis=1))[where]
     return limits, bad
 
 
-def _repeat_share(reading: Floats, where: NDArray[np.intp], fine: NDArray[np.bool_]) -> float:
-    """Median over stops and axes that are not hit of the share of neighbours that read the same."""
+def _limits(reading: Floats, where: NDArray[np.intp]) -> Floats:
+    """Each axis' extremes (2, 3) at which its readings stand still while they show noise elsewhere."""
+    extremes = np.stack([reading.min(axis=0), reading.max(axis=0)])
+    count = np.bincount(where)[:, None]
+    share = np.stack([_share(_stands(reading, one), where) for one in _one_sided(extremes)])
+    hit = (share > CLIPPED_SHARE) & (share * count >= MIN_CLIPPED_SAMPLES)
+    repeat = _repeat_share(reading, where, np.asarray(~hit.any(axis=0)))
+    if np.isfinite(repeat).any():  # an axis that only ever stands at one of two ends is judged by the others
+        repeat = np.where(np.isnan(repeat) & (extremes[0] < extremes[1]), np.nanmedian(repeat), repeat)
+    noisy = repeat < COMMON_SHARE
+    found = hit.any(axis=1) & noisy
+    # What reaches a limit of the unit and seldom stands there is cut off by the same.
+    size = np.abs(extremes)
+    alike = np.isclose(size[..., None], size[found], rtol=1e-9, atol=0.0).any(axis=-1)
+    return np.where(found | (alike & noisy), extremes, _OPEN)
+
+
+def _one_sided(limits: Floats) -> tuple[Floats, Floats]:
+    """The lower limits alone, and the upper ones."""
+    return np.stack([limits[0], _OPEN[1]]), np.stack([_OPEN[0], limits[1]])
+
+
+def _stands(reading: Floats, limits: Floats) -> NDArray[np.bool_]:
+    """Which readings (n, 3) are at a limit (2, 3)."""
+    slack = 1e-9 * np.abs(limits, where=np.isfinite(limits), out=np.zeros_like(limits))
+    return np.asarray((reading <= limits[0] + slack[0]) | (reading >= limits[1] - slack[1]))
+
+
+def _share(at: NDArray[np.bool_], where: NDArray[np.intp]) -> Floats:
+    """Of each stop and axis the share of samples (s, 3) that are `at` (n, 3)."""
+    return np.stack([np.bincount(where, column) for column in at.T], 1) / np.maximum(np.bincount(where), 1)[:, None]
+
+
+def _repeat_share(reading: Floats, where: NDArray[np.intp], fine: NDArray[np.bool_]) -> Floats:
+    """Of each axis (3) the median over stops that are `fine` (s, 3) of the share of neighbours that read the same;
+    NaN where none is."""
     same = (np.diff(reading, axis=0) == 0) & (np.diff(where) == 0)[:, None]
     equal = np.stack([np.bincount(where[1:], s, len(fine)) for s in same.T], 1)
     shares = equal / np.maximum(np.bincount(where, minlength=len(fine)), 1)[:, None]
-    return float(np.median(shares[fine])) if fine.any() else 1.0
+    return np.array([np.median(s[f]) if f.any() else np.nan for s, f in zip(shares.T, fine.T, strict=True)])
 
 
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
     """Units that saturate below their full scale."""
     limits, bad = clipped(table, stop)
     full = recipe.device.full_scale
-    limits = {u: x for u, x in limits.items() if full is None or x < 0.999 * full}
+    limits = {u: x for u, x in limits.items() if full is None or np.abs(x).min() < 0.999 * full}
     if not limits:
         return []
     std = max(recipe.device.lsb, 1e-9) / np.sqrt(12)
     numbers = tuple(
-        FaultParameter("limit", None, unit_label(table.unit, u), x, std, recipe.unit) for u, x in limits.items()
+        FaultParameter("limit", axis, unit_label(table.unit, u), value, std, recipe.unit)
+        for u, found in limits.items()
+        for axis, value in _named_limits(found)
     )
-    sentence = f"{int(bad.sum())} samples stand still at ±{next(iter(limits.values())):.4g} {recipe.unit}"
+    axis, value = _named_limits(next(iter(limits.values())))[0]
+    where = f"at {f'{axis} = ' if axis else '±'}{value:.4g} {recipe.unit}"
+    sentence = f"{int(bad.sum())} samples stand still {where}"
     scores = [_held_out_scores(table.reading[rows], stop[rows], limits[u], recipe.device.lsb)
               for u, rows in enumerate(rows_of_units(table.unit)) if u in limits]  # fmt: skip
     gain = block_gain(np.concatenate([s for s, _ in scores]), np.concatenate([n for _, n in scores]), "sample")
     return [GrossFault("clipping", "unit", numbers, sentence, float(bad.sum()), gain=gain)]
 
 
-def _held_out_scores(reading: Floats, stop: NDArray[np.intp], limit: float, lsb: float) -> tuple[Floats, Floats]:
+def _named_limits(limits: Floats) -> list[tuple[str | None, float]]:
+    """One limit for all axes and both sides where they share it, else each by its axis."""
+    sizes = np.abs(limits[np.isfinite(limits)])
+    if np.isfinite(limits).any(axis=0).all() and np.allclose(sizes, sizes[0], rtol=1e-9, atol=0.0):
+        return [(None, float(sizes[0]))]
+    return [("xyz"[i], float(limits[side, i])) for side, i in np.argwhere(np.isfinite(limits))]
+
+
+def _held_out_scores(reading: Floats, stop: NDArray[np.intp], limits: Floats, lsb: float) -> tuple[Floats, Floats]:
     """Of each stop of a unit (s): by how much likelier its samples are where the share of them that stands exactly at
     the limit is that of the other half of the clipped stops, than where all are noise; and how many samples these are,
     0 in stops that no limit touches.
@@ -78,8 +123,7 @@ def _held_out_scores(reading: Floats, stop: NDArray[np.intp], limit: float, lsb:
     """
     where = stop - stop[0]
     count = np.bincount(where)
-    at = np.abs(reading) >= limit * (1 - 1e-9)
-    share = np.stack([np.bincount(where, a) for a in at.T], 1) / count[:, None]
+    share = _share(_stands(reading, limits), where)
     half = halves_of(len(count))
     sigma = _spread(reading, where, share == 0)
     resolution = max(lsb, RESOLUTION_SHARE * sigma)

@@ -1,0 +1,34 @@
+"""How certain a name is beside laws that nobody wrote."""
+
+import math
+
+import pytest
+
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.search.finding import CauseFinding
+from station.diagnosis.search.form_check import RivalLaws
+
+#: From here on a reader takes a name for certain.
+CERTAIN = 0.9
+
+
+def named(lead: float) -> float:
+    """The probability of a cause that is alone in the library, where the best law is so many nats ahead."""
+    floor = NoiseFloor(1e-4, 0.0, 0.0)
+    finding = CauseFinding("cubic", None, floor, {"cubic": 20.0}, {"cubic": 1.0}, (), 12.0, 9.0)
+    return RivalLaws(lead, ("input",)).judged(finding).probability["cubic"]
+
+
+def test_a_name_that_a_law_fits_as_well_is_not_certain() -> None:
+    assert named(0.0) < CERTAIN
+
+
+def test_a_name_far_ahead_of_every_law_is_certain() -> None:
+    assert named(-6.0) > 0.999
+    assert named(-math.inf) == 1.0
+
+
+def test_odds_fall_by_e_with_each_nat_that_a_law_gains() -> None:
+    odds = [p / (1 - p) for p in (named(lead) for lead in (-2.0, -1.0, 0.0, 3.0))]
+    assert odds[0] / odds[1] == pytest.approx(math.e)
+    assert odds[2] / odds[3] == pytest.approx(math.exp(3.0))
