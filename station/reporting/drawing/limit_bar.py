@@ -1,9 +1,10 @@
 """One value on the bar of its limits, with its uncertainty, and a closer look where that is small beside the limits."""
 
+import math
 from dataclasses import dataclass
 
 from station.reporting.drawing.figure import mark, svg_document, svg_text
-from station.reporting.drawing.scale import tick_label
+from station.reporting.drawing.scale import text_width, tick_label
 
 _WIDTH, _BAR_Y, _ZOOM_Y = 640.0, 74.0, 150.0
 _GREEN, _RED, _INK = "#bcd8c9", "#ae131f", "#14212c"
@@ -54,7 +55,17 @@ def _lens(bar: LimitBar, whole: tuple[float, float], near: tuple[float, float]) 
         f'<path d="M{a:.1f} {_BAR_Y + 16:g}L{b:.1f} {_ZOOM_Y - 22:g}" stroke="#677683" fill="none"/>'
         for a, b in ((left, 20.0), (right, _WIDTH - 20))
     ]
-    return [*lines, *_bar(bar, near, _ZOOM_Y, named=False)]
+    return [*lines, *_bar(bar, near, _ZOOM_Y, named=False), *_stated(bar)]
+
+
+def _stated(bar: LimitBar) -> list[str]:
+    """The value with its uncertainty in figures above the closer look, on white where the lens' lines would cross it."""
+    expanded = bar.expanded or 1.0  # a closer look is drawn only where it is stated
+    digits = max(1 - math.floor(math.log10(expanded)), 0)
+    words, y = f"{bar.value:.{digits}f} ± {expanded:.{digits}f}", _ZOOM_Y - 32
+    half = text_width(words, 12) / 2 + 4
+    white = f'<rect x="{_WIDTH / 2 - half:.1f}" y="{y - 12:g}" width="{2 * half:.1f}" height="16" fill="#fff"/>'
+    return [white, svg_text(_WIDTH / 2, y, words, "middle", weight=600)]
 
 
 def _x(value: float, across: tuple[float, float]) -> float:
