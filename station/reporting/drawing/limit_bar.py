@@ -59,7 +59,7 @@ def _lens(bar: LimitBar, whole: tuple[float, float], near: tuple[float, float]) 
 
 
 def _stated(bar: LimitBar) -> list[str]:
-    """The value with its uncertainty in figures above the closer look, on white where the lens' lines would cross it."""
+    """The value with its uncertainty in figures above the closer look, on white where the lines cross it."""
     expanded = bar.expanded or 1.0  # a closer look is drawn only where it is stated
     digits = max(1 - math.floor(math.log10(expanded)), 0)
     words, y = f"{bar.value:.{digits}f} ± {expanded:.{digits}f}", _ZOOM_Y - 32
