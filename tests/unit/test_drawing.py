@@ -39,6 +39,13 @@ def test_no_text_breaks_the_page(words: str) -> None:
     ET.fromstring(tables.heat_map(words, [[1.0, math.nan]], [words], [words, "b"]))
 
 
+def test_a_point_that_leads_somewhere_says_where() -> None:
+    links = [("/audit/unit?serial=A&B", "A&B"), ("/audit/unit?serial=C", "C")]
+    drawn = ET.fromstring(svg(Figure("t", "x", "y", (Series([0.0, 1.0], [0.0, 1.0], "units", "dots", links=links),))))
+    named = [(a.get("href"), a.get("aria-label")) for a in drawn.iter() if a.tag.endswith("a") and a.get("href")]
+    assert named == links
+
+
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))
 def test_ticks_are_round_and_inside(low: float, width: float) -> None:
     found = scale.ticks(low, low + width)

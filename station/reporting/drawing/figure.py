@@ -18,8 +18,8 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 34.0, 46.0
 class Series:
     """One set of points. low and high draw a band (line) or error bars (dots); colour is an index.
 
-    dots are marks a reader may count, each of a shape that tells its series without colour; links: an address for each
-    of them. a cloud is many small ones in one stroke, faint a paler one behind others; dashes
+    dots are marks a reader may count, each of a shape that tells its series without colour; links: (address, name) of
+    each of them. a cloud is many small ones in one stroke, faint a paler one behind others; dashes
     are level strokes over them.
     """
 
@@ -31,7 +31,7 @@ class Series:
     high: Sequence[float] | None = None
     colour: int = 0
     mark: Literal["circle", "square", "triangle", "diamond"] = "circle"
-    links: Sequence[str] = ()
+    links: Sequence[tuple[str, str]] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,7 @@ def _series(s: Series, x: Scale, y: Scale) -> list[str]:
     parts = _band_or_bars(s, x, y, colour)
     if s.kind == "dots":
         marks = [mark(s.mark, a, b, colour) for a, b in points]
-        return [*parts, *(_linked(m, s.links[i] if i < len(s.links) else "") for i, m in enumerate(marks))]
+        return [*parts, *(_linked(m, *s.links[i]) if i < len(s.links) else m for i, m in enumerate(marks))]
     if s.kind == "steps":
         points = [p for (a, b), (c, _) in zip(points, [*points[1:], points[-1]], strict=True) for p in ((a, b), (c, b))]
     path = " ".join(f"{a:.1f},{b:.1f}" for a, b in points)
@@ -175,8 +175,8 @@ def mark(shape: str, x: float, y: float, colour: str, size: float = 1.0) -> str:
     return f'<polygon points="{points}" fill="{colour}" stroke="#222" stroke-width="0.8"/>'
 
 
-def _linked(drawn: str, address: str) -> str:
-    return f'<a href="{escape(address)}">{drawn}</a>' if address else drawn
+def _linked(drawn: str, address: str, name: str) -> str:
+    return f'<a href="{escape(address)}" aria-label="{escape(name)}">{drawn}</a>'
 
 
 def _strokes(kind: str, points: Sequence[tuple[float, float]], colour: str) -> str:

@@ -62,7 +62,7 @@ def _stated(bar: LimitBar) -> list[str]:
     """The value with its uncertainty in figures above the closer look, on white where the lines cross it."""
     expanded = bar.expanded or 1.0  # a closer look is drawn only where it is stated
     digits = max(1 - math.floor(math.log10(expanded)), 0)
-    words, y = f"{bar.value:.{digits}f} ± {expanded:.{digits}f}", _ZOOM_Y - 32
+    words, y = f"{bar.value:.{digits}f} ± {expanded:.{digits}f}".replace("-", "−"), _ZOOM_Y - 32
     half = text_width(words, 12) / 2 + 4
     white = f'<rect x="{_WIDTH / 2 - half:.1f}" y="{y - 12:g}" width="{2 * half:.1f}" height="16" fill="#fff"/>'
     return [white, svg_text(_WIDTH / 2, y, words, "middle", weight=600)]

@@ -86,7 +86,7 @@ def neighbours(
     )
     series = tuple(
         Series([hours(a) for a in group], [a.values[what] for a in group], words.render(Message(f"neighbours-{name}")),
-               "dots", colour=colour, mark=shape, links=[f"/audit/unit?serial={a.serial}" for a in group])  # type: ignore[arg-type]
+               "dots", colour=colour, mark=shape, links=[(f"/audit/unit?serial={a.serial}", a.serial) for a in group])  # type: ignore[arg-type]
         for group, name, shape, colour in groups if group
     )  # fmt: skip
     levels = ((limits[0], "LSL"), (limits[1], "USL")) if limits else ()
