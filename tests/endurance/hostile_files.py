@@ -1,6 +1,6 @@
 """Small files that were made to exhaust their reader, handed to the real commands, one process each.
 
-    python tests/endurance/hostile_files.py [--only WORD] [--json]
+    python tests/endurance/hostile_files.py [--only WORD] [--part 1/5] [--json]
 
 Every kind of file that the station reads, at most 10 MB: tables as text and Parquet, MAT, MF4, BLF, ASC and candump
 recordings, marks, recipes, settings, models, DBC, EDS, archives, databases. Faulty is a command that needs more than
@@ -122,15 +122,16 @@ def main() -> int:
     """Prints what was faulty and the worst of the rest; 1 when anything was faulty."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", default="", help="Files whose name contains this.")
+    parser.add_argument("--part", default="1/1", help="K/N: the K-th of N equal shares of them.")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
+    first, shares = map(int, given.part.split("/"))
     tried = []
-    for file in hostile.every(shipped()):
-        if given.only in file.name:
-            for one in attempts(file):
-                tried.append(one)
-                if not given.json:
-                    print(one.line(), flush=True)
+    for file in [file for file in hostile.every(shipped()) if given.only in file.name][first - 1 :: shares]:
+        for one in attempts(file):
+            tried.append(one)
+            if not given.json:
+                print(one.line(), flush=True)
     faulty = [one for one in tried if one.faulty]
     longest_s, most_mib = max(t.processor_s for t in tried), max(t.memory_bytes for t in tried) >> 20
     if given.json:
