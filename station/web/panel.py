@@ -19,6 +19,7 @@ from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.journal import Journal
 from station.panel_protocol.queue import LoadQueue
 from station.ports.log_reader import LogReader
+from station.web.fair_turns import FairTurns
 from station.web.line_cache import LineCache
 from station.web.run_launcher import LaunchOptions, RunLauncher
 from station.web.screen import Screen
@@ -36,9 +37,9 @@ class Panel:
     plant: address of the plant whose records the page reads, and does nothing else; "" for the station's own log.
     secure: the page is reached by https only, so cookies are too. host_names: by which names it is reached; None: by
     any. over: the server ends, and so do its streams. monotonic_s: the clock of sessions and guesses. children:
-    diagnoses under way, by name. memory: what the charts remember. hashing, hashing_of_guessers: one password
-    is checked after the other, each takes 128 MiB; those of guessers wait for each other alone. turn: one action
-    after the other; a stop waits for none.
+    diagnoses under way, by name. memory: what the charts remember. hashing: two passwords at most are checked at a
+    time, each takes 128 MiB; password_turns, guesser_turns: one of guessers and one of all others. turned_away: tries
+    that found too many waiting. turn: one action after the other; a stop waits for none.
     """
 
     settings: Settings
@@ -55,8 +56,10 @@ class Panel:
     journal: Journal = field(init=False)
     runs: RunLauncher = field(init=False)
     queue: LoadQueue = field(init=False)
-    hashing: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
-    hashing_of_guessers: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
+    hashing: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
+    password_turns: FairTurns = field(default_factory=FairTurns)
+    guesser_turns: FairTurns = field(default_factory=FairTurns)
+    turned_away: int = 0
     _accounts_by_name: tuple[tuple[int, int, int], Mapping[str, Account]] = ((-1, 0, 0), MappingProxyType({}))
     memory: LineCache = field(default_factory=LineCache)
     screen: Screen = field(init=False)

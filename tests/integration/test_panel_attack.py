@@ -28,9 +28,9 @@ except KeyboardInterrupt:
 
 
 def test_held_connections_and_guesses_keep_nobody_from_stop_or_log_in(tmp_path: Path) -> None:
-    found = torture_page.attack(tmp_path, idle=210, slow=40, guesses=10, stops=21, guessers=2)
-    assert found.stops_unanswered == 0
-    assert (found.log_ins, found.refused, found.opened_by_guess) == (2, 0, 0)
+    found = torture_page.attack(tmp_path, idle=210, slow=40, guesses=8, stops=11, guessers=8)
+    assert (found.stops_unanswered, found.guesses, found.guesses_unanswered) == (0, 8, 0)
+    assert (found.log_ins >= 2, found.refused, found.opened_by_guess) == (True, 0, 0)
 
 
 @pytest.mark.parametrize("first", [0, 1, 12_345, 10**9])

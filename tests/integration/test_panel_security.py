@@ -189,6 +189,17 @@ def test_guessing_is_slow(house: House) -> None:
     assert not house.panel.login_throttle.guessing(*keys)
 
 
+def test_a_browser_that_knows_the_person_is_no_guesser_whatever_others_guess(house: House) -> None:
+    own, stranger = house.of("operator"), house.client()
+    house.panel.login_throttle.most, house.panel.login_throttle.longest_delay_s = 1, 0.0
+    stranger.post("/login", data={"name": "operator", "password": "guess"})
+    house.panel.guesser_turns.most_waiting = 0  # as if as many tries of the guesser waited as may
+    answer = stranger.post("/login", data={"name": "operator", "password": PASSWORD})
+    assert (answer.status_code, "Too many log-ins" in answer.json()["error"]) == (429, True)
+    assert own.post("/login", data={"name": "operator", "password": PASSWORD}).status_code == 303
+    assert [line["deed"] for line in house.panel.journal.lines()].count("log-in-turned-away") == 1
+
+
 @pytest.mark.parametrize(
     ("host", "status"),
     [
