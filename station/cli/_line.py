@@ -21,6 +21,7 @@ from station.messages import Message, render
 from station.panel_protocol.journal_seal import JournalSealer, sealing_journal
 from station.panel_protocol.line_state import LineCommands, LineStateWriter, send_line_command
 from station.panel_protocol.live_state import LiveStateWriter
+from station.panel_protocol.sealing_socket import taking_requests
 from station.service.golden_register import refuse_unless_checked
 from station.service.line import Line, LinePorts, LoadStep, StateEntered
 from station.service.runner import Runner
@@ -60,6 +61,7 @@ def run_line(order: RunOrder, request: LineRequest) -> int:
             bench = opened.enter_context(open_bench(order))
             sealer = opened.enter_context(sealing_journal(bench.station.store, bench.database))
             opened.enter_context(stop_socket(bench.database, stop))
+            opened.enter_context(taking_requests(bench.station.store, bench.database))
         parts = open_line(bench, order, request.loads, request.faults, opened)
         for sentence in (*bench.notices, *map(render, parts.notices)):
             _output.print_remark(sentence)

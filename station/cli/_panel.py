@@ -14,12 +14,12 @@ from station.config.settings import Settings, load_settings
 from station.errors import ConfigError, StationFault, UsageError
 from station.messages import Message, render, system_reason
 from station.panel_protocol import accounts
-from station.panel_protocol.account_seal import check_sealed
+from station.panel_protocol.account_seal import AccountChange, check_sealed
 from station.panel_protocol.accounts import Account, Role
 from station.panel_protocol.presence import serving
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
-from station.wiring.accounts import AccountChange, change_account, known_seal
+from station.wiring.accounts import change_account, known_seal
 from station.wiring.alerts import watching_in_background
 from station.wiring.jobs import load_job
 from station.wiring.logs import open_log, plant_address
@@ -81,7 +81,7 @@ class PersonChange:
 def change_accounts(where: PanelFiles, wish: PersonChange) -> int:
     """Adds or removes one person, and seals that into the log.
 
-    Errors: UsageError, ConfigError, LogError, StoreFault, also while a run holds the log.
+    Errors: UsageError, ConfigError, LogError, StoreFault.
     """
     settings = load_settings(where.config)
     path, database = where.people(settings), where.database(settings)

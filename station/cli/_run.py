@@ -37,6 +37,7 @@ from station.errors import Aborted, StationError, UsageError
 from station.messages import Message, render
 from station.panel_protocol.journal_seal import JournalSealer, sealing_journal
 from station.panel_protocol.live_state import LiveStateWriter
+from station.panel_protocol.sealing_socket import taking_requests
 from station.service.golden_register import refuse_unless_checked
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
@@ -75,6 +76,7 @@ def run_units(order: RunOrder, given: Sequence[str], units: int | None, face: Ru
             bench = opened.enter_context(open_bench(order))
             sealer = opened.enter_context(sealing_journal(bench.station.store, bench.database))
             opened.enter_context(stop_socket(bench.database, stop))
+            opened.enter_context(taking_requests(bench.station.store, bench.database))
             serials = ask_serials(bench, given, units)
         serials_of.check_all(serials, bench.job.recipe)
         _check_faults(order, serials)

@@ -24,6 +24,27 @@ SEALED_EVENT = "accounts-sealed"
 
 
 @dataclass(frozen=True, slots=True)
+class AccountChange:
+    """account: as it is to be; None: the person is removed. by: who vouches for it, "" for nobody."""
+
+    name: str
+    account: Account | None
+    by: str = ""
+
+    def document(self) -> dict[str, Any]:
+        """As it is handed over."""
+        account = self.account and {"role": self.account.role.value, "password": self.account.password}
+        return {"name": self.name, "account": account, "by": self.by}
+
+    @staticmethod
+    def of(document: Mapping[str, Any]) -> "AccountChange":
+        """What `document()` described. Errors: NOT_AS_EXPECTED of station.files.json_text."""
+        name, given = str(document["name"]), document["account"]
+        account = given and Account(name, Role(given["role"]), str(given["password"]))
+        return AccountChange(name, account, str(document["by"]))
+
+
+@dataclass(frozen=True, slots=True)
 class AccountsSeal:
     """The newest seal. number: of its record; file: where the accounts are kept; roles, hashes: by name."""
 
@@ -36,6 +57,12 @@ class AccountsSeal:
     def has_engineer(self) -> bool:
         """Whether somebody is there who may vouch for a change."""
         return Role.ENGINEER in self.roles.values()
+
+    def vouches(self, change: AccountChange) -> bool:
+        """Whether who vouches for the change may: an engineer for any, everybody for a new password of their own."""
+        role = self.roles.get(change.by)
+        own = change.account is not None and change.name == change.by and change.account.role == role
+        return not self.has_engineer or role == Role.ENGINEER or own
 
     def holds(self, account: Account) -> bool:
         """Whether the account is as it was sealed."""
@@ -78,6 +105,28 @@ def seal_account(store: Store, database: Path, file: Path, name: str, by: str) -
     if account := accounts.load(file).get(name):
         rows[name] = (account.role.value, account_hash(account))
     return _seal(store, database, file, rows, by)
+
+
+def apply_change(store: Store, database: Path, file: Path, change: AccountChange) -> None:
+    """Writes the change into the file of the people and seals it.
+
+    Errors: UsageError where the log knows of nobody who may vouch for it so; StoreFault, ConfigError.
+    """
+    seal = seal_in_store(store, database)
+    if seal is not None and not seal.vouches(change):
+        role = seal.roles.get(change.by, "")
+        raise UsageError("account-by-no-engineer", name=change.by, role=role)
+    write_change(file, change)
+    seal_account(store, database, file, change.name, change.by)
+
+
+def write_change(file: Path, change: AccountChange) -> None:
+    """The file of the people with the change. Errors: ConfigError."""
+    people = accounts.load(file)
+    people.pop(change.name, None)
+    if change.account is not None:
+        people[change.name] = change.account
+    accounts.save(file, people)
 
 
 def seal_first_accounts(store: Store, database: Path, file: Path) -> None:

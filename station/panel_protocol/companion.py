@@ -16,6 +16,7 @@ class Companion(StrEnum):
     PRESENCE = ".panel.lock"  # shared lock of every page that serves this log
     OWNER = ".lock"  # lock of the run that writes the log
     STOP = ".stop"  # datagram socket of the run: whoever may write to it may stop it
+    SEALING = ".sealing"  # datagram socket of the run: takes what its user seals into the log meanwhile
     ERRORS = ".run.err"  # standard error of the run that the page started
     JOURNAL = ".panel.jsonl"  # station.panel-journal/1, by the page: who did what
     SHIPPING = ".shipping.json"  # station.shipping/1, by whoever ships: how far the plants have the log

@@ -7,12 +7,16 @@ seal of the attempt's end inside what the log seals, so that no signature can be
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import Any
 
 from station.domain.core.types import Outcome
-from station.domain.records.stored_attempt import signatures
+from station.domain.records.stored_attempt import SIGNED, signatures
 from station.errors import UsageError
+from station.panel_protocol.account_seal import seal_in_store
 from station.panel_protocol.accounts import Account
+from station.panel_protocol.journal_seal import seal_journal
+from station.ports.store import Store
 
 LONGEST_COMMENT = 200
 
@@ -59,3 +63,15 @@ def signature_detail(who: Account, stored: Mapping[str, Any], wish: SignatureWis
         "record": seal["number"],
         "seal": seal["hash"],
     }
+
+
+def seal_signature_detail(store: Store, database: Path, attempt: str, detail: Mapping[str, Any]) -> None:
+    """Seals a signature, and the page's journal with it.
+
+    Errors: UsageError where the log has sealed no such person in that role; StoreFault.
+    """
+    seal, name = seal_in_store(store, database), str(detail["by"])
+    if seal is not None and seal.roles.get(name) != detail["role"]:
+        raise UsageError("account-not-sealed", file=str(seal.file), name=name, number=seal.number)
+    store.event(attempt, SIGNED, detail)
+    seal_journal(store, database)

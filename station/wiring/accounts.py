@@ -1,22 +1,12 @@
 """Changes of the page's accounts: written into their file and sealed into the log, or left for an engineer to seal."""
 
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from station.config.settings import Settings
-from station.panel_protocol import accounts
-from station.panel_protocol.account_seal import AccountsSeal, seal_account, seal_in_log
-from station.panel_protocol.accounts import Account
-from station.wiring.logs import find_log, open_store_now
-
-
-@dataclass(frozen=True, slots=True)
-class AccountChange:
-    """account: as it is to be; None: the person is removed. by: who vouches for it, "" for nobody."""
-
-    name: str
-    account: Account | None
-    by: str = ""
+from station.panel_protocol.account_seal import AccountChange, AccountsSeal, apply_change, seal_in_log, write_change
+from station.wiring.logs import find_log
+from station.wiring.sealing import seal_now
 
 
 def known_seal(database: Path) -> AccountsSeal | None:
@@ -31,23 +21,15 @@ def known_seal(database: Path) -> AccountsSeal | None:
 def change_account(database: Path, settings: Settings, file: Path, change: AccountChange) -> bool:
     """Writes the change and seals it; False where it is not sealed, as nobody vouches for it and somebody could.
 
-    Where nothing was ever run there is no log: its first seal will take the accounts as they are.
-    Errors: ConfigError, StoreFault, also while a run holds the log.
+    Where nothing was ever run there is no log: its first seal will take the accounts as they are. A run or a line that
+    holds the log does both. Errors: UsageError, ConfigError, StoreFault.
     """
     seal = known_seal(database)
     sealing = change.by or seal is None or not seal.has_engineer
     if not sealing or not database.exists():
-        _write(file, change)
+        write_change(file, change)
         return bool(sealing)
-    with open_store_now(database, settings) as store:
-        _write(file, change)
-        seal_account(store, database, file, change.name, change.by)
+    document = {"file": str(file.resolve()), **change.document()}
+    write = partial(apply_change, database=database, file=file, change=change)
+    seal_now(database, settings, write, "account", document)
     return True
-
-
-def _write(file: Path, change: AccountChange) -> None:
-    people = accounts.load(file)
-    people.pop(change.name, None)
-    if change.account is not None:
-        people[change.name] = change.account
-    accounts.save(file, people)

@@ -95,3 +95,20 @@ def as_nobody() -> Iterator[None]:
     finally:
         if root:
             os.seteuid(0)
+
+
+@contextmanager
+def stranger() -> Iterator[None]:
+    """Rights of a user who is in none of this process' groups."""
+    if os.geteuid() != 0:
+        yield
+        return
+    groups, group = os.getgroups(), os.getegid()
+    os.setgroups([])
+    os.setegid(NOBODY)
+    try:
+        with as_nobody():
+            yield
+    finally:
+        os.setegid(group)
+        os.setgroups(groups)

@@ -2,7 +2,9 @@
 
 import io
 import json
+import os
 import shutil
+import stat
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,7 +20,9 @@ from station.cli.app import run_command
 from station.config.settings import load_settings
 from station.errors import StoreFault, UsageError
 from station.panel_protocol import accounts
+from station.panel_protocol.account_seal import AccountChange
 from station.panel_protocol.accounts import Account, Role
+from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.journal import Journal
 from station.panel_protocol.journal_seal import (
     LONGEST_UNSEALED_S,
@@ -27,12 +31,16 @@ from station.panel_protocol.journal_seal import (
     journal_findings,
     sealing_journal,
 )
+from station.panel_protocol.owner_socket import ask
+from station.panel_protocol.sealing_socket import hand_over, taking_requests
+from station.ports.log_reader import Query
 from station.web.app import create_app
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from station.wiring.page_seals import PageSeals
 from tests.fakes import fixture_run
+from tests.fakes.logs import stranger
 
 PASSWORD, FORGED = "correct horse", "battery staple"
 
@@ -196,6 +204,60 @@ def test_without_an_engineer_in_the_log_changes_are_sealed_at_once(
     assert verified(tmp_path, monkeypatch, capsys)["findings"] == []
     edit(tmp_path, eve=replace(accounts.load(tmp_path / "accounts.json")["eve"], role=Role.ENGINEER))
     assert verified(tmp_path, monkeypatch, capsys)["findings"] == ["account-changed"]
+
+
+def test_a_line_that_holds_the_log_for_days_seals_changes_and_signatures(
+    folder: Path,
+    client: TestClient,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    database = folder / "station.db"
+    with SqliteStore(database) as store, taking_requests(store, database):
+        words = ("panel", "--add", "bob", "--role", "operator", "--by", "ada")
+        assert station(folder, monkeypatch, *words, passwords=(PASSWORD, "bob's own one")) == 0
+        assert log_in(client, "bob", "bob's own one") == 303
+        words = ("panel", "--remove", "bob", "--by", "ada")
+        assert station(folder, monkeypatch, *words, passwords=(PASSWORD,)) == 0
+        assert log_in(client, "bob", "bob's own one") == 401
+        words = ("sign", "SN0001", "--by", "eve", "--meaning", "reviewed")
+        assert station(folder, monkeypatch, *words, passwords=(PASSWORD,)) == 0
+        with pytest.raises(UsageError, match="already"):
+            station(folder, monkeypatch, *words, passwords=(PASSWORD,))
+    assert verified(folder, monkeypatch, capsys)["findings"] == []
+
+
+def test_an_owner_believes_neither_a_stranger_nor_what_the_log_does_not_know(folder: Path, forged: str) -> None:
+    database, file = folder / "station.db", folder / "accounts.json"
+    before = accounts.load(file)
+    mallory = AccountChange("mallory", Account("mallory", Role.ENGINEER, forged))
+    path = companion_file(database, Companion.SEALING)
+    assert not hand_over(database, "account", {"file": str(file), **mallory.document()}), "nobody listens"
+    with SqliteStore(database) as store, taking_requests(store, database):
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
+        number = store.head().number
+        for by in ("", "eve", "nobody"):
+            with pytest.raises(UsageError, match="only an engineer"):
+                hand_over(database, "account", {"file": str(file), **replace(mallory, by=by).document()})
+        with SqliteLogReader(database) as log:
+            (attempt,) = (a.attempt for a in log.attempts(Query(serial="SN0001")))
+        signed = {"by": "mallory", "role": "engineer", "meaning": "released", "comment": "", "record": 1, "seal": ""}
+        with pytest.raises(UsageError, match="not the one that the log has sealed"):
+            hand_over(database, "signature", {"attempt": attempt, "detail": signed})
+        with pytest.raises(StoreFault, match="holds no attempt"):
+            hand_over(database, "signature", {"attempt": "x", "detail": signed | {"by": "ada"}})
+        for rubbish in (b"", b"{}", b"[1]", b'{"kind": "account"}', b'{"kind": "shutdown"}', b"\xff" * 5000):
+            assert ask(path, rubbish, 0.05) is None
+        assert store.head().number == number
+    assert accounts.load(file) == before
+    for place in (folder, *folder.parents[:3]):
+        place.chmod(0o755)
+    request = json.dumps({"kind": "account", "file": str(file), **replace(mallory, by="ada").document()}).encode()
+    with SqliteStore(database) as store, taking_requests(store, database):
+        path.chmod(0o666)  # were the socket open to everybody, the kernel would still name who writes
+        with stranger():
+            answer = ask(path, request, 0.2)
+    assert (answer == b"sealed") == (os.geteuid() != 0)  # whoever is not root cannot become somebody else
 
 
 def test_lines_cut_off_while_the_page_serves_are_found(folder: Path) -> None:

@@ -6,8 +6,6 @@ import socket
 import stat
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -15,11 +13,14 @@ import pytest
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.errors import StoreFault
+from station.panel_protocol.account_seal import SEALED_EVENT, AccountChange
+from station.panel_protocol.accounts import Account, Role
 from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.sealing_socket import hand_over
 from station.panel_protocol.stop import request_stop
 from station.panel_protocol.stop_socket import listening_for_stop, stop_by_socket
 from station.ports.log_reader import Query
-from tests.fakes import logs
+from tests.fakes.logs import stranger
 from tests.fakes.waiting import until
 
 
@@ -56,23 +57,6 @@ def test_nobody_else_may_stop_it(tmp_path: Path) -> None:
     assert allowed == bool(heard) == (os.geteuid() != 0)  # whoever is not root cannot become somebody else
 
 
-@contextmanager
-def stranger() -> Iterator[None]:
-    """Rights of a user who is in none of this process' groups."""
-    if os.geteuid() != 0:
-        yield
-        return
-    groups, group = os.getgroups(), os.getegid()
-    os.setgroups([])
-    os.setegid(logs.NOBODY)
-    try:
-        with logs.as_nobody():
-            yield
-    finally:
-        os.setegid(group)
-        os.setgroups(groups)
-
-
 def test_a_lock_that_is_a_link_is_not_written_over(tmp_path: Path) -> None:
     precious = tmp_path / "precious"
     precious.write_text("kept")
@@ -99,11 +83,14 @@ def test_a_real_run_stops_and_says_who_stopped_it(tmp_path: Path) -> None:
         [sys.executable, "-m", "station", *words], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     ) as run:
         until(lambda: _running(tmp_path), "the run")
+        added = AccountChange("ada", Account("ada", Role.ENGINEER, "scrypt$"))
+        assert hand_over(tmp_path / "s.db", "account", {"file": str(tmp_path / "people.json"), **added.document()})
         assert request_stop(tmp_path / "s.db") == run.pid
         assert run.wait(60) == 4
     with SqliteLogReader(tmp_path / "s.db") as log:
         (attempt,) = log.attempts(Query())
         assert attempt.outcome == "ABORTED"
+        assert [event.kind for event in log.station_events(SEALED_EVENT, 1)] == [SEALED_EVENT]
         assert "station stop" in json.dumps(log.attempt(attempt), ensure_ascii=False)
 
 

@@ -255,6 +255,23 @@ def test_threads_may_share_a_store(path: Path) -> None:
     assert whole(path)
 
 
+def test_a_record_of_another_thread_between_a_finish_and_its_reading_back_hurts_neither(path: Path) -> None:
+    """The other thread's record comes at the worst instant: when the finish is committed and not yet read back."""
+    store = SqliteStore(path)
+    read_back = store._read_back
+
+    def late(number: int, seal: bytes) -> None:
+        other = threading.Thread(target=store.event, args=("", "tick", {}))
+        other.start()
+        other.join()
+        read_back(number, seal)
+
+    store._read_back = late  # type: ignore[method-assign]
+    with store:
+        store.finish(store.begin(logs.begin()), "PASS", 1)
+    assert whole(path)
+
+
 OWN = """
 import sys, time
 from pathlib import Path

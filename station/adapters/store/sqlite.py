@@ -187,17 +187,18 @@ class SqliteStore:
         """Closes the attempt; when this returns, the record is on the disk."""
         with self._transaction("written"):
             number = self._append("finish", self._running(attempt), str(outcome), ended_ns)
+            seal = self._hash
             self._note_head()
-        self._read_back(number)
+        self._read_back(number, seal)
         del self._open[attempt]
         self._keep_head(durable=True)
 
-    def _read_back(self, number: int) -> None:
+    def _read_back(self, number: int, seal: bytes) -> None:
         """The record stands in the file as it was sealed: nothing is shown as passed on the word of a commit alone."""
         with self._turn, translate_errors(StoreFault, self.path, "read"):
             row = self._db.execute("SELECT hash FROM finish WHERE seq = ?", (number,)).fetchone()
         file.check_in_place(self.path, self._files)
-        if row is None or bytes(row[0]) != self._hash:
+        if row is None or bytes(row[0]) != seal:
             raise StoreFault("log-finish-missing", path=str(self.path), number=number)
 
     def tidy(self) -> None:
@@ -272,7 +273,7 @@ class SqliteStore:
                     self._number, self._hash, self._signature = before
                     self._roll_back()
                     raise
-            self._keep_head(durable=False)
+            self._write_head(durable=False)
 
     def _check_nobody_else_wrote(self) -> None:
         """StoreFault where the log is not where it was, or its newest record not the one that this owner made last."""
@@ -372,7 +373,8 @@ class SqliteStore:
 
     def _show_witness(self, witness: WitnessPlace) -> None:
         """In the pause after a load; the receipt becomes a record. A witness that is away is shown more next time."""
-        head = SealedHead(self._log_id, self._station, self._number, self._hash.hex(), self._signature.hex())
+        with self._turn:
+            head = self._present_head()
         try:
             receipt = witness.submit(head, self._tree, self._replaces)
         except OSError as error:
@@ -391,12 +393,20 @@ class SqliteStore:
         if places != known_places(self._db):
             self.event("", PLACES_EVENT, {"places": sorted(places)})
 
-    def _keep_head(self, durable: bool) -> None:
+    def _keep_head(self, *, durable: bool) -> None:
         """The record is kept already and a head that lags is still true: a fault stops only the next begin."""
-        head = SealedHead(self._log_id, self._station, self._number, self._hash.hex(), self._signature.hex())
-        for place in self._anchors.keep(head, durable=durable):
+        with self._turn:
+            failed = self._write_head(durable=durable)
+        for place in failed:
             if place != self._head_file.name:
                 self.event("", "anchor-unwritten", {"place": place, "reason": render(self._anchors.faults[place])})
+
+    def _write_head(self, *, durable: bool) -> list[str]:
+        """Inside the turn; the places where that failed for the first time."""
+        return self._anchors.keep(self._present_head(), durable=durable)
+
+    def _present_head(self) -> SealedHead:
+        return SealedHead(self._log_id, self._station, self._number, self._hash.hex(), self._signature.hex())
 
 
 def _refusal(path: Path, found: Sequence[AnchorFinding]) -> StoreFault:
