@@ -43,6 +43,11 @@ class CertificateFiles:
     sign_cert: Path | None
     language: str
 
+    @property
+    def any(self) -> bool:
+        """Whether any is to be written."""
+        return any((self.pdf, self.xml, self.json, self.wsjf))
+
 
 def write_certificate(
     serial: str, attempt: str | None, files: CertificateFiles, db: Path | None, config: Path | None
@@ -94,7 +99,7 @@ def _read(path: Path) -> bytes:
 
 
 def _check(files: CertificateFiles) -> None:
-    if not any((files.pdf, files.xml, files.json, files.wsjf)):
+    if not files.any:
         raise UsageError("certificate-no-file")
     if files.dcc_version not in dcc.VERSIONS:
         raise UsageError("certificate-dcc-version", version=files.dcc_version[:20])

@@ -40,6 +40,7 @@ FILES = (
     TourStep("golden register SN9002 --bad"),
     TourStep("export --serial SN0042 --frames SN0042.log"),
     TourStep("export --serial SN0043 --frames drive.blf"),
+    TourStep("certificate SN0042 --pdf SN0042.pdf"),
     TourStep("simulate --recipe six-point --units 2 --out samples.csv"),
     TourStep("simulate --recipe norm --units 2 --out norm.csv"),
     TourStep("simulate --recipe tilt-24 --units 4 --effect nest-tilt --effect quadratic=0.001 --out samples.parquet"),

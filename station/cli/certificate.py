@@ -9,7 +9,7 @@ from station.cli._options import ConfigPath, LogPath
 
 
 def command(
-    serial: Annotated[str, Argument(help="The unit.")],
+    serial: Annotated[str | None, Argument(help="The unit.")] = None,
     attempt: Annotated[str | None, Option(help="Which attempt; left out: the newest that passed.")] = None,
     pdf: Annotated[Path | None, Option(help="PDF file to write.")] = None,
     xml: Annotated[Path | None, Option(help="DCC file to write (PTB Digital Calibration Certificate).")] = None,
@@ -19,6 +19,8 @@ def command(
     sign_key: Annotated[Path | None, Option(help="Private key (PEM) that signs the DCC; with --sign-cert.")] = None,
     sign_cert: Annotated[Path | None, Option(help="Certificate (PEM) of that key.")] = None,
     language: Annotated[str, Option(help="Language of the PDF: en, de or zh.")] = "en",
+    check: Annotated[Path | None, Option(help="Compare this PDF, DCC or JSON with the log.")] = None,
+    key: Annotated[Path | None, Option(help="With --check: the station's public key, PEM.")] = None,
     db: LogPath = None,
     config: ConfigPath = None,
 ) -> int:
@@ -27,8 +29,20 @@ def command(
     Laboratory, customer and signatory stand in config.yaml, block `certificate`.
 
         station certificate SN0001 --pdf SN0001.pdf --xml SN0001.xml --json SN0001.json
+
+    Is a certificate that somebody shows as the log has it:
+
+        station certificate --check SN0042.pdf
     """
     from station.cli._certificate import CertificateFiles, write_certificate
+    from station.cli._certificate_check import check_file
+    from station.errors import UsageError
 
     files = CertificateFiles(pdf, xml, json, wsjf, dcc_version, sign_key, sign_cert, language)
+    if check is not None:
+        if serial is not None or files.any:
+            raise UsageError("certificate-check-alone")
+        return check_file(check, db, config, key)
+    if serial is None:
+        raise UsageError("certificate-serial-missing")
     return write_certificate(serial, attempt, files, db, config)

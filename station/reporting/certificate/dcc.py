@@ -11,6 +11,7 @@ from xml.etree import ElementTree as ET
 from station.domain.records import stored_attempt
 from station.messages import Message, render
 from station.reporting.certificate.facts import STANDARD_GRAVITY
+from station.reporting.certificate.issue import of_facts
 
 DCC, SI = "https://ptb.de/dcc", "https://ptb.de/si"
 VERSIONS = ("3.3.0", "3.2.1")
@@ -30,6 +31,8 @@ def to_xml(facts: Mapping[str, Any], version: str = VERSIONS[0]) -> bytes:
     ET.register_namespace("dcc", DCC)
     ET.register_namespace("si", SI)
     root = ET.Element(_dcc("digitalCalibrationCertificate"), {"schemaVersion": version})
+    if "log" in facts:
+        root.append(ET.Comment(of_facts(facts, dcc_version=version).mark()))
     _administrative(_add(root, "administrativeData"), facts)
     _results(_add(root, "measurementResults"), facts, version)
     ET.indent(root)

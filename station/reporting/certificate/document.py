@@ -14,6 +14,7 @@ from station.errors import LogError
 from station.messages import Message, templates
 from station.ports.store import LogHead
 from station.reporting.certificate import dcc, facts
+from station.reporting.certificate.issue import of_facts
 from station.reporting.certificate.issuer import Issuer
 from station.reporting.number_text import (
     format_number,
@@ -40,7 +41,7 @@ class CertificateTable:
 class Certificate:
     """Everything that stands on a certificate, in one language. number: its own, which each page bears; texts: the
     language's; outcome: PASS or FAIL; simulated: the mark across every page where rig and devices were simulated, else
-    ''; statements: declarations."""
+    ''; statements: declarations; mark: with what else it was made (reporting.certificate.issue)."""
 
     serial: str
     number: str
@@ -50,6 +51,7 @@ class Certificate:
     sections: tuple[CertificateTable, ...]
     simulated: str = ""
     statements: tuple[str, ...] = ()
+    mark: str = ""
 
     @property
     def title(self) -> str:
@@ -99,8 +101,13 @@ def build(
     filled = tuple(s for s in sections if s.rows)
     mark = w.render(Message("certificate-simulated-mark")) if content["simulated"] else ""
     declared = tuple(w.render(m) for m in dcc.statements(content))
+    made_with = of_facts(content, words.code).mark()
     return Certificate(
-        stored["serial"], str(content["number"]), str(verdict["outcome"]), words.code, w.texts, filled, mark, declared
+        *(stored["serial"], str(content["number"]), str(verdict["outcome"]), words.code, w.texts),
+        sections=filled,
+        simulated=mark,
+        statements=declared,
+        mark=made_with,
     )
 
 

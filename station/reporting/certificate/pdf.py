@@ -43,7 +43,7 @@ def pdf(certificate: Certificate) -> bytes:
     paper = BytesIO()
     SimpleDocTemplate(
         paper, pagesize=A4, leftMargin=42, rightMargin=42, topMargin=40, bottomMargin=46,
-        title=certificate.title, lang=certificate.language, invariant=True,
+        title=certificate.title, lang=certificate.language, keywords=certificate.mark, invariant=True,
     ).build(parts, canvasmaker=_numbered(certificate))  # fmt: skip
     return paper.getvalue()
 

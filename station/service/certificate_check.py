@@ -1,0 +1,170 @@
+"""A certificate's file against the log: made again from the log's own records, and compared.
+
+A file is made of its attempt, the log's head and the witness' countersignature of that day, and of what no log knows:
+date, laboratory, customer, signatory. Head and countersignature must be the log's; then the whole file is made anew.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from station.domain.records.tree_head import WITNESSED_EVENT
+from station.errors import StationError, UsageError
+from station.files.json_text import NOT_AS_EXPECTED, parse_json
+from station.messages import Message
+from station.ports.log_reader import LogReader, Query, Trust
+from station.ports.store import LogHead
+from station.reporting.certificate import dcc, document, facts
+from station.reporting.certificate.issue import CertificateIssue, find_mark, of_facts
+from station.reporting.certificate.pdf import pdf
+from station.reporting.words import words_of
+from station.service.recompute import parse_recipe_and_product
+
+#: So many differences are listed; an altered unit alters many.
+_MOST_LISTED = 20
+#: More countersignatures than any log holds.
+_ALL = 1 << 40
+_SIGNATURE = "{http://www.w3.org/2000/09/xmldsig#}Signature"
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedCertificate:
+    """kind: json, xml or pdf; issue: what the file says that it was made with; findings: what is wrong, or nothing."""
+
+    kind: str
+    issue: CertificateIssue
+    findings: tuple[Message, ...]
+
+
+def check_certificate(data: bytes, file: str, log: LogReader, trust: Trust) -> CheckedCertificate:
+    """What in a certificate is not as the log has it. trust: beside what the certificate itself knows of the log.
+
+    Errors: UsageError where the file is no certificate that can be checked; LogError.
+    """
+    kind, issue = _recognise(data, file)
+    broken = [f.message for f in log.findings(_with_head(trust, issue.head), lambda _: None)]
+    if broken:
+        count = len(broken)
+        return CheckedCertificate(kind, issue, (Message("certificate-check-log", count=count), *broken[:_MOST_LISTED]))
+    found = [*_witness(log, issue), *_content(data, kind, log, issue)]
+    listed = found[:_MOST_LISTED]
+    if len(found) > len(listed):
+        listed.append(Message("certificate-check-more", count=len(found) - len(listed)))
+    return CheckedCertificate(kind, issue, tuple(listed))
+
+
+def _recognise(data: bytes, file: str) -> tuple[str, CertificateIssue]:
+    kind = "pdf" if data.startswith(b"%PDF-") else "xml" if data.lstrip().startswith(b"<") else "json"
+    try:
+        issue = of_facts(_parse_once(data)) if kind == "json" else find_mark(data)
+        if issue is not None and len(bytes.fromhex(issue.head.hash)) == 32 and issue.head.number > 0:
+            words_of(issue.language)
+            return kind, issue
+    except (*NOT_AS_EXPECTED, RecursionError, StationError):
+        pass
+    raise UsageError("certificate-check-none", file=file)
+
+
+def _parse_once(data: bytes) -> Any:
+    """JSON in which no key stands twice: readers differ in which of the two they take. Errors: ValueError."""
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) != len(pairs):
+            raise ValueError("a key stands twice")
+        return found
+
+    parse_json(data)  # refuses what is too deep or no number
+    return json.loads(data, object_pairs_hook=once)
+
+
+def _with_head(trust: Trust, head: LogHead) -> Trust:
+    return Trust({**trust.known, head.number: bytes.fromhex(head.hash)}, trust.public_key, trust.anchors)
+
+
+def _witness(log: LogReader, issue: CertificateIssue) -> Iterator[Message]:
+    """The countersignature must be the one that was the log's newest at that head."""
+    events = [e for e in log.station_events(WITNESSED_EVENT, _ALL) if e.number <= issue.head.number]
+    known = None
+    if events:
+        stored = json.loads(events[-1].detail)
+        known = {key: stored[key] for key in ("place", "size", "root", "at_ns", "signature")}
+    if known != (None if issue.receipt is None else dict(issue.receipt)):
+        yield Message("certificate-check-witness", number=events[-1].number if events else 0)
+
+
+def _content(data: bytes, kind: str, log: LogReader, issue: CertificateIssue) -> Iterator[Message]:
+    """What differs from the certificate that the log makes."""
+    chosen = [a for a in log.attempts(Query(serial=issue.serial)) if a.attempt == issue.attempt]
+    if not chosen:
+        yield Message("certificate-check-attempt", attempt=issue.attempt[:40], serial=issue.serial[:64])
+        return
+    stored = log.attempt(chosen[0])
+    facts.require_certifiable(stored)
+    # Signatures of later are not on it.
+    stored = {**stored, "events": [e for e in stored["events"] if e["record"] <= issue.head.number]}
+    recipe, product, _ = parse_recipe_and_product(*log.recipe_and_product(chosen[0]))
+    beside = (issue.issuer, issue.issued, issue.receipt, product.map)
+    if kind == "pdf":
+        made = document.build(stored, recipe, issue.head, words_of(issue.language), *beside)
+        if pdf(made) != data:
+            yield Message("certificate-check-bytes")
+        return
+    found = facts.of_attempt(stored, recipe, issue.head, *beside)
+    if kind == "json":
+        rebuilt = json.loads(json.dumps(found))
+        yield from _differences(dict(_leaves(_parse_once(data))), dict(_leaves(rebuilt)))
+    else:
+        texts = [_texts(xml) for xml in (data, dcc.to_xml(found, issue.dcc_version))]
+        yield from _xml_differences(*texts)
+
+
+def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """Every value with its place, as JSON writes it: 1 is not true, and 0 not −0."""
+    if isinstance(value, dict) and value:
+        for key, inner in value.items():
+            yield from _leaves(inner, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list) and value:
+        for number, inner in enumerate(value):
+            yield from _leaves(inner, f"{path}[{number}]")
+    else:
+        yield path, json.dumps(value, ensure_ascii=False)
+
+
+def _differences(stated: Mapping[str, str], known: Mapping[str, str]) -> Iterator[Message]:
+    for path in dict.fromkeys((*stated, *known)):
+        if stated.get(path) != known.get(path):
+            yield _differs(path, stated.get(path, ""), known.get(path, ""))
+
+
+def _texts(xml: bytes) -> list[tuple[str, str]]:
+    """Every element's path, attributes and text, in order, but for the signature in it. Errors: UsageError."""
+    root = ET.fromstring(xml)
+    for signature in root.findall(_SIGNATURE):
+        root.remove(signature)
+    return list(_elements(root, ""))
+
+
+def _elements(element: ET.Element, path: str) -> Iterator[tuple[str, str]]:
+    own = f"{path}/{element.tag.rpartition('}')[2]}"
+    attributes = "".join(f" {name}={value}" for name, value in sorted(element.attrib.items()))
+    yield f"{own}", f"{element.tag}{attributes} {(element.text or '').strip()} {(element.tail or '').strip()}".strip()
+    for inner in element:
+        yield from _elements(inner, own)
+
+
+def _xml_differences(stated: Sequence[tuple[str, str]], known: Sequence[tuple[str, str]]) -> Iterator[Message]:
+    for one, other in zip_longest(stated, known, fillvalue=("", "")):
+        if one != other:
+            yield _differs(one[0] or other[0], _shown(one[1]), _shown(other[1]))
+
+
+def _shown(text: str) -> str:
+    return text.partition("}")[2].partition(" ")[2] or text
+
+
+def _differs(where: str, stated: str, known: str) -> Message:
+    return Message("certificate-check-differs", where=where[-120:], stated=stated[:80], known=known[:80])
