@@ -189,8 +189,8 @@ def fresh_device(
         assert source.eds is not None
         made = eds.load(source.eds, node, frozenset())
         own = {(_IDENTITY, sub): number for sub, number in enumerate(slave.identity.numbers, start=1)}
-        entries = {a: replace(e, default=own.get(a, e.default)) for a, e in made.entries.items()}
-        return ObjectDictionary(node, entries)
+        known = {a: replace(made.entries[a], default=number) for a, number in own.items() if a in made.entries}
+        return ObjectDictionary(node, {**made.entries, **known})
 
     def build(node: int) -> tuple[Actor, Endpoint]:
         channel = endpoint(received_ids(node))

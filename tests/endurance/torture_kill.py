@@ -1,11 +1,12 @@
 """Kills a run with SIGKILL at every commit point, every SDO exchange and every save, and at random instants; then
 asks the log, the device's flash and the next start whether they agree.
 
-    python tests/endurance/torture_kill.py [--points N] [--instants N] [--seed S] [--recipe FILE] [--json]
+    python tests/endurance/torture_kill.py [--points N | --step N --first K] [--instants N] [--seed S] [--recipe FILE]
+        [--json]
 
 A point lies before and after each call of the store, each SDO frame that is sent, each SDO transfer and NMT command,
-and each save of the device's flash. --points: so many of all points, spread evenly (0: every one). Each trial is a
-process of its own, forked from one that has loaded everything, and counts only if SIGKILL ended it. The points from the
+and each save of the device's flash. --points: so many of all points, spread evenly (0: every one); --step, --first: each N-th, from
+the K-th on, to try all of them in N parts. Each trial is a process of its own, forked from one that has loaded everything, and counts only if SIGKILL ended it. The points from the
 save on are tried twice: the second time the device loses power half-way through its save, so that there are mixtures to
 be recognised; so does every second one of the instants. What a trial must never show:
 
@@ -88,6 +89,21 @@ class Whole:
     points: int
     saving: int
     lasts_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """Which of all points: so many, spread evenly (0: all), or each `step`-th from `first` on."""
+
+    count: int = 0
+    step: int = 1
+    first: int = 0
+
+    def of(self, points: int) -> Sequence[int]:
+        """Their numbers, from 0 on."""
+        if self.count:
+            return [int(i) for i in np.unique(np.linspace(0, points - 1, self.count).astype(int))]
+        return range(self.first, points, self.step)
 
 
 class Death:
@@ -275,11 +291,10 @@ def unrecognised(found: Sequence[dict[str, Any]], truth: str) -> Iterator[str]:
         yield f"a mixture was taken on with outcome {again['outcome']}"
 
 
-def at_points(wanted: int, seed: int, whole: Whole, torn: Whole) -> Iterator[Trial]:
-    """Every point (or `wanted` of them), then those that a torn save changes: from the save to that run's end."""
+def at_points(chosen: Chosen, seed: int, whole: Whole, torn: Whole) -> Iterator[Trial]:
+    """Every point, then those that a torn save changes: from the save to that run's end; of them those chosen."""
     every = [*((False, p) for p in range(1, whole.points + 1)), *((True, p) for p in range(torn.saving, torn.points))]
-    chosen = range(len(every)) if not wanted else np.unique(np.linspace(0, len(every) - 1, wanted).astype(int))
-    for save_torn, point in (every[i] for i in chosen):
+    for save_torn, point in (every[i] for i in chosen.of(len(every))):
         yield Trial(seed, save_torn, point=point)
 
 
@@ -316,7 +331,7 @@ class Count:
         self.deaths["points" if trial.point else "instants"] += 1
 
 
-def torture(wanted: int, instants: int, seed: int) -> dict[str, Any]:
+def torture(chosen: Chosen, instants: int, seed: int) -> dict[str, Any]:
     """The counts."""
     begun_s = time.monotonic()
     with tempfile.TemporaryDirectory() as name:
@@ -326,7 +341,7 @@ def torture(wanted: int, instants: int, seed: int) -> dict[str, Any]:
         seed += 1
         whole, torn = (measured(Path(name), base, Trial(seed, torn)) for torn in (False, True))
         count = Count(Path(name), base)
-        planned = list(at_points(wanted, seed, whole, torn))
+        planned = list(at_points(chosen, seed, whole, torn))
         for trial in planned:
             count.add(trial)
         not_reached = len(count.survived)
@@ -365,13 +380,15 @@ def main() -> int:
     """Prints the counts; 1 when one of them is not as it must be."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--points", type=int, default=0)
+    parser.add_argument("--step", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--instants", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--recipe", help="in place of six-point; another product is another protocol")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     RECIPE[0] = given.recipe
-    report = torture(given.points, given.instants, given.seed)
+    report = torture(Chosen(given.points, given.step, given.first), given.instants, given.seed)
     good = not (report["lost"] or report["contradicting"] or report["unrecognised"] or report["not_reached"])
     if given.json:
         print(json.dumps(report))

@@ -80,6 +80,11 @@ class Wire:
         """One more."""
         self._injected_faults.append(fault)
 
+    @property
+    def whole(self) -> bool:
+        """Whether nothing is or will be wrong."""
+        return not self._injected_faults
+
     def state(self, now_s: float) -> str:
         """State of the station's controller."""
         return next((_KINDS[t.kind].state for t in self._injected_faults if t.covers(now_s)), "active")

@@ -140,6 +140,7 @@ class _Channel:
         self._wire = wire
         self._held: list[tuple[int, bytes]] = []
         self._looked_s = clock.monotonic_s()
+        self._open = True
         self._peers = peers
         self._can_ids = can_ids
         self._errors = errors
@@ -190,11 +191,12 @@ class _Channel:
         self._check_open()
         if self._wire is not None:
             self._pick_up(self._wire)
-        until_s = self._clock.monotonic_s() + timeout_s
         frames = self._drain()
-        if not len(frames) and timeout_s > 0:
-            self._clock.settle()
-            frames = self._drain()
+        if timeout_s <= 0 or len(frames):
+            return frames
+        until_s = self._clock.monotonic_s() + timeout_s
+        self._clock.settle()
+        frames = self._drain()
         while not len(frames) and self._clock.monotonic_s() < until_s:
             self._clock.advance(until_s)
             frames = self._drain()
@@ -206,25 +208,29 @@ class _Channel:
 
     def close(self) -> None:
         """Leaves the bus; twice is harmless."""
-        if self in self._peers:
+        if self._open:
+            self._open = False
             self._peers.remove(self)
 
     def _drain(self) -> Frames:
         if not self._blocks and not self._singles:
             return _NO_FRAMES
         blocks, self._blocks = self._blocks, []
-        if self._singles:
-            singles, self._singles = self._singles, []
-            blocks.insert(0, _frames_of(singles))
-        frames = blocks[0] if len(blocks) == 1 else Frames.join(blocks)
-        if (frames.time_ns[1:] < frames.time_ns[:-1]).any():
-            frames = frames[np.argsort(frames.time_ns, kind="stable")]
+        singles, self._singles = self._singles, []
+        if not blocks:
+            frames = _frames_of(singles)  # of the instants at which they were sent, so in order
+        else:
+            frames = Frames.join([_frames_of(singles), *blocks] if singles else blocks)
+            if (frames.time_ns[1:] < frames.time_ns[:-1]).any():
+                frames = frames[np.argsort(frames.time_ns, kind="stable")]
         if self._wire is None:
             return frames
         return self._wire.arriving(frames, self._clock.monotonic_s(), self._clock.epoch_ns())
 
     def _transmits_now(self, wire: Wire, can_id: int, data: bytes) -> bool:
         """Whether a frame of the station reaches the bus now; else it fails, or waits in the interface's queue."""
+        if wire.whole:
+            return True
         if wire.fails(self._clock.monotonic_s()) == errno.ENOBUFS or len(self._held) >= TX_QUEUE_FRAMES:
             self._clock.sleep(SEND_DEADLINE_S)
         now_s = self._clock.monotonic_s()
@@ -252,7 +258,7 @@ class _Channel:
             self._put(can_id, data)
 
     def _check_open(self) -> None:
-        if self not in self._peers:
+        if not self._open:
             raise BusFault("channel-closed", bus="simulated")
 
 

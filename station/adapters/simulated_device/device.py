@@ -143,6 +143,8 @@ class SimulatedDevice:
         self._pdo.produce(now_s)
         self._run(now_s)
         frames = self._channel.receive(0.0)
+        if not len(frames):
+            return
         for can_id, length, data in zip(frames.can_id.tolist(), frames.length.tolist(), frames.data, strict=True):
             self._hear(can_id, data[:length].tobytes())
         self._run(now_s)

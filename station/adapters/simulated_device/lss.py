@@ -135,10 +135,10 @@ class LssDevice:
     def act(self, now_s: float) -> None:
         """Answers the LSS master, obeys NMT's resets, lets the device live."""
         self._agenda.run(now_s)
-        frames = self._channel.receive(0.0)
-        for can_id, length, data in zip(frames.can_id.tolist(), frames.length.tolist(), frames.data, strict=True):
-            if not can_id & (ERROR | REMOTE | EXTENDED):
-                self._hear(can_id, data[:length].tobytes(), now_s)
+        if len(frames := self._channel.receive(0.0)):
+            for can_id, length, data in zip(frames.can_id.tolist(), frames.length.tolist(), frames.data, strict=True):
+                if not can_id & (ERROR | REMOTE | EXTENDED):
+                    self._hear(can_id, data[:length].tobytes(), now_s)
         if self._inner is not None:
             self._inner[0].act(now_s)
 
