@@ -5,10 +5,11 @@ asks the log, the device's flash and the next start whether they agree.
         [--json]
 
 A point lies before and after each call of the store, each SDO frame that is sent, each SDO transfer and NMT command,
-and each save of the device's flash. --points: so many of all points, spread evenly (0: every one); --step, --first: each N-th, from
-the K-th on, to try all of them in N parts. Each trial is a process of its own, forked from one that has loaded everything, and counts only if SIGKILL ended it. The points from the
-save on are tried twice: the second time the device loses power half-way through its save, so that there are mixtures to
-be recognised; so does every second one of the instants. What a trial must never show:
+and each save of the device's flash. --points: so many of all points, spread evenly (0: every one); --step, --first:
+each N-th, from the K-th on, to try all of them in N parts. Each trial is a process of its own, forked from one that
+has loaded everything, and counts only if SIGKILL ended it. The points from the save on are tried twice: the second
+time the device loses power half-way through its save, so that there are mixtures to be recognised; so does every
+second one of the instants. What a trial must never show:
 
 * lost: a record whose store call had returned, or a PASS that had been shown, is not in the log;
 * contradicting: the log says PASS, or says what the device holds, and the flash says otherwise;

@@ -36,6 +36,11 @@ DBC = Path(__file__).resolve().parents[2] / "dbc" / "accelerometer.dbc"
             "[-400|327.67]",
             "line 18, TEMPERATURE.TEMPERATURE: minimum -400 cannot be reached",
         ),
+        (
+            "[-327.68|327.67]",
+            "[-400|400]",
+            "line 18, TEMPERATURE.TEMPERATURE: its limits -400 to 400 cannot be reached: 16 bits hold -327.68",
+        ),
         ('"degC"', '"℃"', "line 18, TEMPERATURE.TEMPERATURE: unit '℃' is not plain ASCII"),
         ("TEMPERATURE: 2", "TEMPERATURE: 1", "line 17: The signal TEMPERATURE does not fit in message"),
         ("BO_ 641 T", "BO_ 64100 T", "line 17: Standard frame id 0xfa64 is more than 11 bits"),
@@ -86,6 +91,9 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         read_layouts(tmp_path / "absent.dbc")
     with pytest.raises(ProductError, match="cannot be read"):
         read_layouts(tmp_path)
+    (tmp_path / "empty.dbc").touch()
+    with pytest.raises(ProductError, match=r"empty\.dbc holds no message"):
+        read_layouts(tmp_path / "empty.dbc")
 
 
 def test_western_text_is_read_as_such(tmp_path: Path) -> None:
@@ -115,6 +123,12 @@ def test_limits_are_judged_through_scale_and_offset() -> None:
     assert not _texts(SignalLayout("A", 0, 8, signed=True, scale=0.1, minimum=-12.8, maximum=12.7))
     assert _texts(SignalLayout("A", 0, 8, scale=-0.5, offset=100, minimum=-29, maximum=100))
     assert not _texts(SignalLayout("A", 0, 32, is_float=True, minimum=-1e30, maximum=1e30))
+
+
+def test_limits_rounded_by_their_author_are_no_mistake() -> None:
+    assert not _texts(SignalLayout("A", 0, 14, scale=1e-4, offset=-0.8192, minimum=-0.8192, maximum=0.8192))
+    assert not _texts(SignalLayout("A", 0, 16, scale=0.00012742, offset=-4.1768, minimum=-4.1768, maximum=4.1765))
+    assert _texts(SignalLayout("A", 0, 16, signed=True, scale=0.1, minimum=-3276.8, maximum=3290))
 
 
 def test_equal_numbers_in_both_formats_are_different_identifiers() -> None:

@@ -25,6 +25,7 @@ MOST_FINDINGS = 10
 # cantools warns of double names in its log; here they are errors, reported once.
 logging.getLogger("cantools").addHandler(logging.NullHandler())
 _DEFINITIONS = re.compile(r"^[ \t]*(?:BO_|SG_)\s", re.MULTILINE)
+_MESSAGES = re.compile(r"^[ \t]*BO_\s", re.MULTILINE)
 _STARTS = re.compile(r"^\s*(?:BO_\s+\d+\s+(?P<message>\w+)|SG_\s+(?P<signal>\w+))", re.MULTILINE)
 #: A complaint without a word of DBC comes from the inside of the parser.
 _ABOUT_A_DBC = re.compile(r"[A-Z]{2,}|\b(message|signal|value|frame|node|unused|choice)s?\b")
@@ -80,6 +81,8 @@ def _messages(path: Path, text: str, used: Used | None) -> list[Any]:
                     message.refresh(strict=True)
             return list(parsed.messages)
         except Error as error:
+            if not _MESSAGES.search(text):
+                raise ProductError("dbc-no-message", file=str(path)) from None
             why = str(getattr(error, "e_dbc", error))
             remaining = None if used is None or remaining is None else without_fault(remaining, why, used.keys())
             if remaining is None:

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.messages import Message
 
-#: Physical limits are decimal text; half a step beyond the bits' own limit is rounding.
-SLACK_STEPS = 0.5
+#: Physical limits are decimal text, often rounded, often the power of two itself: a step, or a thousandth of what the
+#: bits hold, beyond their end says nothing against scale and length.
+SLACK_STEPS, SLACK_SPAN = 1.0, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,16 +80,20 @@ def _order(signal: SignalLayout) -> Iterator[Message]:
 def _range(signal: SignalLayout) -> Iterator[Message]:
     if signal.is_float or signal.scale == 0:
         return
-    ends = [raw * signal.scale + signal.offset for raw in signal.raw_limits()]
-    slack = abs(signal.scale) * SLACK_STEPS
-    for which, limit in (("minimum", signal.minimum), ("maximum", signal.maximum)):
-        if limit is None or min(ends) - slack <= limit <= max(ends) + slack:
-            continue
-        if not signal.signed and signal.offset == 0 and signal.scale > 0 > limit:
-            yield Message("dbc-limit-negative", which=which, limit=limit)
-        else:
-            reach = {"bits": signal.length, "low": min(ends), "high": max(ends)}
-            yield Message("dbc-limit-unreachable", which=which, limit=limit, **reach)
+    low, high = sorted(raw * signal.scale + signal.offset for raw in signal.raw_limits())
+    slack = max(abs(signal.scale) * SLACK_STEPS, (high - low) * SLACK_SPAN) * (1 + 1e-9)
+    named = (("minimum", signal.minimum), ("maximum", signal.maximum))
+    reach = {"bits": signal.length, "low": low, "high": high}
+    never_negative = not signal.signed and signal.offset == 0 and signal.scale > 0
+    if never_negative and signal.minimum is not None and signal.minimum < 0:
+        yield Message("dbc-limit-negative", which="minimum", limit=signal.minimum)
+        named = named[1:]
+    beyond = [(which, v) for which, v in named if v is not None and not low - slack <= v <= high + slack]
+    if len(beyond) == 2:
+        yield Message("dbc-limits-unreachable", minimum=beyond[0][1], maximum=beyond[1][1], **reach)
+        return
+    for which, limit in beyond:
+        yield Message("dbc-limit-unreachable", which=which, limit=limit, **reach)
 
 
 def _float_length(signal: SignalLayout) -> Iterator[Message]:
