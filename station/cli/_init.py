@@ -26,6 +26,7 @@ SCHEMA = "station.init/1"
 EXAMPLE = "accelerometer"
 RECIPES: Mapping[str, str] = {
     "accelerometer": "six-point", "magnetometer": "magnetometer-six-point", "gyroscope": "gyroscope-six-point",
+    "inclinometer": "inclinometer-n-point",
 }  # fmt: skip
 #: Node of the first nest, and the last that there may be (CiA 301).
 FIRST_NODE, LAST_NODE = 0x11, 127
@@ -148,7 +149,7 @@ def _from_files(request: InitRequest) -> DraftFiles:
     source = request.dbc.name if request.eds is None else f"{request.dbc.name} and {request.eds.name}"
     temperature = frame_roles.temperature_of(layouts, roles)
     draft = ProductDraft(request.name, roles, temperature, eds, objects, source)
-    recipe = f"{request.name}-six-point"
+    recipe = "-".join((request.name, *RECIPES[roles.sensor].split("-")[-2:]))
     template = (shipped_folder() / "recipes" / f"{RECIPES[roles.sensor]}.yaml").read_text(encoding="utf-8")
     unit = frame_roles.unit_of_sensor(roles.sensor)
     texts = {

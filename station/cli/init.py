@@ -12,7 +12,9 @@ def command(
     name: Annotated[str | None, Argument(help="Name of the product; left out: that of the DBC.")] = None,
     dbc: Annotated[Path | None, Option(help="DBC with the device's readings.")] = None,
     eds: Annotated[Path | None, Option(help="Its EDS or DCF, where it has one.")] = None,
-    sensor: Annotated[str | None, Option(help="Kind of sensor: accelerometer, gyroscope, magnetometer.")] = None,
+    sensor: Annotated[
+        str | None, Option(help="Kind of sensor: accelerometer, gyroscope, magnetometer, inclinometer.")
+    ] = None,
     message: Annotated[str | None, Option(help="Message of the DBC that carries the readings.")] = None,
     folder: Annotated[Path, Option(help="Where config.yaml, dbc/ and recipes/ are.")] = Path(),
     run: Annotated[bool, Option(help="Run it on the rehearsal bench at the end.")] = True,

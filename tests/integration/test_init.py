@@ -8,7 +8,7 @@ import pytest
 from station.cli.app import run_command
 from station.config.search_path import shipped_folder
 from station.domain.product.draft import frame_roles
-from station.domain.product.draft.axis_names import axis_of
+from station.domain.product.draft.axis_names import angle_of, axis_of
 from station.errors import ProductError, UsageError
 from station.wiring.jobs import load_job
 from station.wiring.product_files import read_layouts
@@ -94,11 +94,22 @@ def test_what_it_cannot_draft_is_one_sentence_and_no_file(here: Path, words: lis
     [
         ("X", "*", "x"), ("AccY", "acc*", "y"), ("accel_z", "accel_*", "z"), ("AccelerationX", "acceleration*", "x"),
         ("ax", "a*", "x"), ("YAW_RATE", "*_rate", "z"), ("LONG_ACCEL", "*_accel", "x"), ("Mag_Z_uT", "mag_*_ut", "z"),
-        ("imu_gyro_y_dps", "imu_gyro_*_dps", "y"),
+        ("imu_gyro_y_dps", "imu_gyro_*_dps", "y"), ("VerticalAccelerationExRange", "*_acceleration_ex_range", "z"),
     ],
 )  # fmt: skip
 def test_an_axis_is_read_from_a_name(name: str, stem: str, axis: str) -> None:
     assert axis_of(name) == (stem, axis)
+
+
+@pytest.mark.parametrize(
+    ("name", "stem", "axis"),
+    [
+        ("PitchAngleExRange", "*_angle_ex_range", "x"), ("Roll", "*", "y"), ("Slope_lat", "slope_*", "y"),
+        ("SlopeLongitudinal", "slope_*", "x"), ("TiltX", "tilt*", "x"),
+    ],
+)  # fmt: skip
+def test_a_tilt_is_that_of_the_axis_that_moves(name: str, stem: str, axis: str) -> None:
+    assert angle_of(name) == (stem, axis)
 
 
 @pytest.mark.parametrize("name", ["Speed", "ENGINE_RPM", "Counter", "Voltage", "max", "index", "LAYER"])
@@ -112,11 +123,13 @@ def test_readings_are_found_in_a_public_dbc(reference_data: Path) -> None:
     assert found == [("accelerometer", "gnss_imu", "m/s^2"), ("gyroscope", "gnss_imu", "deg/s")]
 
 
-def test_a_car_has_no_sensor_of_three_axes(reference_data: Path) -> None:
+def test_of_all_cars_one_sends_a_sensor_of_three_axes(reference_data: Path) -> None:
     files = sorted((reference_data / "dbc_public").rglob("*.dbc"))
     assert len(files) > 60
-    found = [p for file in files for p in frame_roles.propose_roles(read_layouts(file, {})) if p.complete]
-    assert found == []
+    proposed = [(f.name, p) for f in files for p in frame_roles.propose_roles(read_layouts(f, {})) if p.complete]
+    assert [(file, p.message.name, p.sensor) for file, p in proposed] == [
+        ("ford_fusion_2018_pt.dbc", "Accel_Data", "accelerometer")
+    ]
 
 
 SENDER = """VERSION ""
@@ -147,6 +160,35 @@ def test_a_device_that_only_sends_passes_with_its_axes_in_two_messages_and_its_t
     assert "protocol: none" in product
     # Identifiers 11 and 12 of the first nest's device are 13 and 14 of the second's.
     assert "node: 0x13" in config
+
+
+TILTS = """VERSION ""
+NS_ :
+BS_:
+BU_: Unit
+BO_ 2364549630 SSI2: 8 Unit
+ SG_ PitchAngleExRange : 0|24@1+ (3.0517578125E-005,-250) [-250|250.99] "deg" Vector__XXX
+ SG_ RollAngleExRange : 24|24@1+ (3.0517578125E-005,-250) [-250|250.99] "deg" Vector__XXX
+ SG_ SteeringAngle : 48|16@1+ (0.1,0) [0|0] "deg" Vector__XXX
+"""
+
+
+def test_an_inclinometer_of_two_tilts_passes_and_of_one_is_drafted_where_it_is_named(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "slope.dbc").write_text(TILTS, "utf-8")
+    assert run_command(["init", "--dbc", "slope.dbc"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("✔ PASS") == 2
+    assert "SSI2 (PitchAngleExRange, RollAngleExRange in deg): inclinometer" in shown
+    single = TILTS.replace(" SG_ RollAngleExRange", " SG_ Temperature").replace(
+        '"deg" Vector__XXX\n SG_ S', '"" V\n SG_ S'
+    )
+    (here / "one.dbc").write_text(single, "utf-8")
+    with pytest.raises(ProductError, match="no message whose signals"):
+        run_command(["init", "--dbc", "one.dbc", "--folder", "a", "--no-run"])
+    assert run_command(["init", "--dbc", "one.dbc", "--folder", "b", "--sensor", "inclinometer", "--no-run"]) == 0
+    assert "axes: 1" in (here / "b" / "recipes" / "one-n-point.yaml").read_text("utf-8")
 
 
 def test_coarse_readings_between_two_codes_are_not_taken_for_clipped_ones(

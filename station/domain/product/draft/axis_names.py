@@ -1,11 +1,13 @@
 """Which axis a signal's name means, and what the name is without it."""
 
 import re
+from collections.abc import Mapping
 
 _WORDS = {
     "roll": "x", "pitch": "y", "yaw": "z", "longitudinal": "x", "lateral": "y", "vertical": "z",
     "long": "x", "lat": "y", "vert": "z",
 }  # fmt: skip
+_TILTS = {"pitch": "x", "roll": "y"}
 #: The letter alone, at a border of camel case or words, or behind the usual letters of a quantity.
 _PATTERNS = (
     re.compile(r"(?<![A-Za-z])([xyzXYZ])(?![A-Za-z])"),
@@ -15,12 +17,26 @@ _PATTERNS = (
 )  # fmt: skip
 
 
+#: Between the words of a name in camel case.
+_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+
+
 def axis_of(name: str) -> tuple[str, str] | None:
     """(stem, axis): `AccX` is (`Acc*`, `x`), `YAW_RATE` (`*_rate`, `z`); None where the name means no axis."""
     for pattern in _PATTERNS:
         if found := pattern.search(name):
             return f"{name[: found.start()]}*{name[found.end() :]}".lower(), found[1].lower()
-    for word, axis in _WORDS.items():
+    return _axis_by_word(_HUMP.sub("_", name), _WORDS)
+
+
+def angle_of(name: str) -> tuple[str, str] | None:
+    """The same for an angle against gravity, which is the axis' that it tilts: pitch is x's (CiA 410, longitudinal)."""
+    by_word = _axis_by_word(_HUMP.sub("_", name), _TILTS)
+    return by_word or axis_of(name)
+
+
+def _axis_by_word(name: str, words: Mapping[str, str]) -> tuple[str, str] | None:
+    for word, axis in words.items():
         if found := re.search(rf"(?<![a-z]){word}(?![a-z])", name.replace("_", " ").lower()):
             return f"{name[: found.start()]}*{name[found.end() :]}".lower(), axis
     return None

@@ -8,9 +8,10 @@ from typing import cast
 from station import plugins
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import EXTENDED
-from station.domain.product.draft.axis_names import axis_of
+from station.domain.product.draft.axis_names import angle_of, axis_of
+from station.domain.recipe.readings import ConvertingSensor
 from station.domain.recipe.sensor import PACKAGE, Sensor
-from station.domain.recognition.quantities import QUANTITIES, canonical
+from station.domain.recognition.quantities import QUANTITIES, canonical, unit_factor
 
 _COUNTER = re.compile(r"count|cntr|cnt(?![a-z])|alive|sequence|seq(?![a-z])|rolling|^mc$", re.IGNORECASE)
 _STATUS = re.compile(r"status|state|flags", re.IGNORECASE)
@@ -18,12 +19,24 @@ _TEMPERATURE = re.compile(r"temp", re.IGNORECASE)
 _DEGREES = ("degc", "°c", "c", "deg c", "celsius")
 #: Units that mean gravity, or gauss.
 _OF_TWO = ("g", "mg")
+_INCLINOMETER = "inclinometer"
+_TILT = re.compile(r"tilt|incl|slope|pitch|roll|neig|level|倾", re.IGNORECASE)
+#: Angles that are no tilt against gravity.
+_NO_TILT = re.compile(
+    r"gps|gnss|posit|heading|course|steer|wheel|latitud|longitud|(?<![a-z])(lat|long?)(?![a-z])|accuracy|rate|crank",
+    re.IGNORECASE,
+)
 #: Identifiers of the four TPDOs (CiA 301, 7.3.5): the node id is what stands behind them.
 _FIRST_TPDO, _LAST_TPDO = 0x180, 0x4FF
+_LEAST_BITS = 6
 #: What speaks for a proposal: as many axes as a sensor has, a unit that fits, a name that fits, equal signals.
 _AXES, _UNIT, _WORD, _EQUAL = 4.0, 4.0, 2.0, 1.0
+#: Signals and message both name the quantity.
+_BOTH = 0.5
 #: What speaks against one: its axes stand in several messages.
 _APART = 1.0
+#: What speaks for each angle of an inclinometer: less than for an axis, as those who send angles send readings, too.
+_ANGLES = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +54,8 @@ class FrameRoles:
 
     @property
     def complete(self) -> bool:
-        """Whether all three axes are there."""
-        return all(signal is not None for signal in self.signals)
+        """Whether as many axes are there as a sensor of the kind has."""
+        return sum(signal is not None for signal in self.signals) in axes_of_sensor(self.sensor)
 
     @property
     def in_counts(self) -> bool:
@@ -83,12 +96,21 @@ def unit_of_sensor(sensor: str) -> str:
     return cast(type[Sensor], plugins.load(PACKAGE, sensor)).unit
 
 
+def axes_of_sensor(sensor: str) -> tuple[int, ...]:
+    """How many readings a sensor of the kind may have."""
+    kind = plugins.load(PACKAGE, sensor)()
+    return kind.axes if isinstance(kind, ConvertingSensor) else (3,)
+
+
 def propose_roles(layouts: Mapping[str, FrameLayout], sensor: str | None = None) -> list[FrameRoles]:
     """Proposals, the likeliest first; of one kind of sensor where that is said."""
     units = {name: unit_of_sensor(name) for name in plugins.names(PACKAGE) if sensor in (None, name)}
     units = {name: unit for name, unit in units.items() if unit in QUANTITIES}
     found = [p for frame in layouts.values() for p in _of_message(frame, units)]
     found += _of_several(layouts, units)
+    if sensor in (None, _INCLINOMETER):
+        found += [p for frame in layouts.values() for p in _of_angles(frame, alone=sensor is not None)]
+        units = {**units, _INCLINOMETER: unit_of_sensor(_INCLINOMETER)}
     return sorted(found, key=lambda p: (-p.score, list(units).index(p.sensor)))
 
 
@@ -103,11 +125,32 @@ def _of_message(frame: FrameLayout, units: Mapping[str, str]) -> Iterator[FrameR
     stems: dict[str, dict[str, SignalLayout]] = {}
     for signal in frame.signals:
         named = axis_of(signal.name)
-        if named is not None and signal.selector is None:
+        if named is not None and _may_be_reading(signal):
             stems.setdefault(named[0], {}).setdefault(named[1], signal)
     for stem, axes in stems.items():
         if "x" in axes and "y" in axes:
             yield from _of_sensors(frame, stem, axes, units)
+
+
+def _of_angles(frame: FrameLayout, *, alone: bool) -> Iterator[FrameRoles]:
+    """One or two tilts of an inclinometer. alone: one of them is enough."""
+    stems: dict[str, dict[str, SignalLayout]] = {}
+    for signal in frame.signals:
+        words = f"{frame.name} {signal.name}"
+        tilt = _TILT.search(words) is not None
+        angle = unit_factor(signal.unit, unit_of_sensor(_INCLINOMETER)) is not None or (tilt and not signal.unit)
+        if not angle or not _may_be_reading(signal) or _NO_TILT.search(words):
+            continue
+        stem, axis = angle_of(signal.name) or (signal.name, "x")
+        if axis in "xy" and (tilt or alone or angle_of(signal.name) is not None):
+            stems.setdefault(stem, {}).setdefault(axis, signal)
+    for axes in stems.values():
+        if len(axes) == 2 or alone:
+            signals = (*(axes.get(axis) for axis in "xy"), None)
+            if signals[0] is None:
+                continue
+            unit = axes["x"].unit
+            yield FrameRoles(_INCLINOMETER, frame, signals, unit, _ANGLES * len(axes) + _UNIT * bool(unit))
 
 
 def _of_several(layouts: Mapping[str, FrameLayout], units: Mapping[str, str]) -> Iterator[FrameRoles]:
@@ -116,7 +159,7 @@ def _of_several(layouts: Mapping[str, FrameLayout], units: Mapping[str, str]) ->
     for frame in layouts.values():
         for signal in frame.signals:
             named = axis_of(signal.name)
-            if named is not None and signal.selector is None:
+            if named is not None and _may_be_reading(signal):
                 stems.setdefault(named[0], {}).setdefault(named[1], []).append((frame, signal))
     for stem, places in stems.items():
         if set(places) == set("xyz") and all(len(p) == 1 for p in places.values()):
@@ -137,14 +180,20 @@ def _of_sensors(
         quantity = QUANTITIES[unit]
         fits = canonical(written, quantity) not in (None, "LSB")
         of_another = not fits and any(canonical(written, q) not in (None, "LSB") for q in QUANTITIES.values())
-        word = bool(re.search(quantity.word, stem.strip("*_ "), re.IGNORECASE))
-        word = word or bool(re.search(quantity.word, frame.name, re.IGNORECASE))
+        names = (stem.strip("*_ "), frame.name)
+        words = sum(re.search(quantity.word, name, re.IGNORECASE) is not None for name in names)
+        word = words > 0
         if fits and written.strip() in _OF_TWO and quantity.unit != "g":
             fits = word  # a lower-case g is gravity's, unless the names speak of a magnetic field
         if of_another or not (fits or word):
             continue
-        score = _AXES * (len(axes) - 2) + _UNIT * fits + _WORD * word + _EQUAL * equal
+        score = _AXES * (len(axes) - 2) + _UNIT * fits + _WORD * word + _EQUAL * equal + _BOTH * (words == 2)
         yield FrameRoles(sensor, frame, signals, written if fits else "", score)
+
+
+def _may_be_reading(signal: SignalLayout) -> bool:
+    """Whether it is always there and has more values than a flag or a quality."""
+    return signal.selector is None and signal.length >= _LEAST_BITS
 
 
 def _is_temperature(signal: SignalLayout) -> bool:

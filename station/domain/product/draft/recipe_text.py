@@ -11,6 +11,8 @@ from station.domain.recognition.quantities import unit_factor
 ASSUMED_RATE_HZ = 100.0
 #: Least residual, noise and error of verification that such a step of the reading allows.
 STEPS = 3.0
+#: Limits of an inclinometer's scale and cross-coupling until a person states the data sheet's.
+WIDE = 0.05
 _LIMIT = re.compile(r"^(\s*(?:residual|noise|limit): )([0-9.eE+-]+)", re.MULTILINE)
 
 
@@ -20,10 +22,16 @@ def recipe_text(draft: ProductDraft, template: str, name: str, unit: str) -> str
     first += f"# Drafted by `station init` from {draft.source}, after the shipped recipe of this kind of sensor.\n"
     text = re.sub(r"\A(#.*\n)+", "", template)
     text = re.sub(r"^name: .*$", f"name: {scalar(name)}", text, count=1, flags=re.MULTILINE)
-    text = re.sub(r"^product: .*$", f"product: {scalar(draft.name)}", text, count=1, flags=re.MULTILINE)
+    text = re.sub(r"^product: .*\n", "", text, count=1, flags=re.MULTILINE)
+    text = re.sub(r"^(unit: .*)$", rf"\1\nproduct: {scalar(draft.name)}", text, count=1, flags=re.MULTILINE)
     lsb, full_scale = _resolution(draft, unit)
     text = _device(text, draft, lsb, full_scale)
     text = _LIMIT.sub(lambda m: f"{m[1]}{max(float(m[2]), _rounded(STEPS * lsb)):g}", text)
+    if "convention: " in text:
+        text = re.sub(
+            r"^(device: .*)$", r"# check `convention`: what an angle is (docs/recipes.md)\n\1", text, flags=re.M
+        )
+        text = re.sub(r"^(  (?:gain|cross_axis): ).*$", rf"\g<1>{WIDE}  # check", text, flags=re.M)
     if draft.diagonal:
         text = re.sub(r"^(method: .*)$", r"\1\nmodel: offset-gain  # the device keeps gains only", text, flags=re.M)
         text = re.sub(r"^  cross_axis: .*\n", "", text, flags=re.M)
@@ -39,6 +47,7 @@ def _device(text: str, draft: ProductDraft, lsb: float, full_scale: float) -> st
     counter = draft.roles.counter
     if counter is not None:
         wanted["counter_bits"] = str(counter.length)
+    wanted["axes"] = str(sum(s is not None for s in draft.roles.signals))
 
     def changed(found: re.Match[str]) -> str:
         block = found[1]
