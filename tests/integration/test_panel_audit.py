@@ -13,8 +13,8 @@ from station.config.settings import load_settings
 from station.panel_protocol import accounts
 from station.panel_protocol.accounts import Account, Role
 from station.ports.log_reader import Query
-from station.reporting.certificate import document
 from station.reporting.certificate.pdf import pdf
+from station.reporting.certificate.writer import CertificateTable
 from station.service.certificates import certificate_of
 from station.web import language
 from station.web.app import create_app
@@ -104,7 +104,7 @@ def test_a_certificate_holds_what_an_auditor_asks_for(client: TestClient, folder
         attempt.recipe_hash,
         attempt.config_hash,
         f"{head.number}:{head.hash}",
-        "due for",
+        "traceability to the SI is not claimed",
     ):
         assert wanted in page
     paper = client.get("/audit/certificate.pdf", params={"serial": "SN0001", "attempt": attempt.attempt})
@@ -148,7 +148,7 @@ _SAME = {"", "u", "k", "U (95 %)", "Software"}
 def test_a_name_in_chinese_stands_on_a_german_certificate(folder: Path) -> None:
     with SqliteLogReader(folder / "station.db") as log:
         made = certificate_of(log, log.attempts(Query(serial="SN0001"))[0], language.words("de"))
-    section = document.CertificateTable("Prüfling", ("", ""), (("Bediener", "王 <b>小</b>\x07"),))
+    section = CertificateTable("Prüfling", ("", ""), (("Bediener", "王 <b>小</b>\x07"),))
     plain, named = pdf(replace(made, sections=())), pdf(replace(made, sections=(section,)))
     assert len(named) > len(plain)
 

@@ -23,7 +23,7 @@ PRODUCTS = sorted(path.stem for path in Path(DBC).glob("*.yaml") if load_product
 A = np.array([[1.02, 0.012, -0.007], [0.011, 0.985, -0.001], [-0.008, 0.003, 1.01]])
 
 
-@pytest.mark.parametrize("name", PRODUCTS)
+@pytest.mark.parametrize("name", [name for name in PRODUCTS if name != "inclinometer"])  # it has no third axis
 def test_it_corrects_its_readings_to_the_truth(rig: Rig, name: str) -> None:
     unit = {"accelerometer": 1.0, "magnetometer": 48.0, "gyroscope": 90.0}[name]
     truth, b = unit * np.array([0.36, -0.48, 0.8]), unit * np.array([0.012, -0.003, 0.021])

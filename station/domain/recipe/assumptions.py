@@ -125,6 +125,8 @@ def _magnitude(recipe: Recipe) -> Assumption:
         return Assumption("reference.site", value, "1", stated=True, source=Message("assumed-site"))
     if r.gravimeter is not None:
         return Assumption("reference.gravimeter", value, "1", stated=True, source=Message("assumption-stated"))
+    if r.source == "rate" and r.magnitude_std is not None:
+        return _of("reference.magnitude_std", r.magnitude_std, 0.0, recipe.unit, Message("assumed-rate"))
     sources = {"gravity": "assumed-gravity", "field": "assumed-field-magnitude", "rate": "assumed-rate"}
     source = Message("assumption-stated") if r.magnitude_std is not None else Message(sources[r.source])
     return Assumption("reference.magnitude_std", value, "1", r.magnitude_std is not None, source)

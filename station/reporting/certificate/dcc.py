@@ -107,7 +107,10 @@ def statements(facts: Mapping[str, Any]) -> list[Message]:
     number = facts["issuer"]["accreditation"]
     accredited = Message("certificate-accredited", number=number) if number else Message("certificate-not-accredited")
     gravity = [Message("certificate-standard-gravity", value=STANDARD_GRAVITY)] if facts["unit"] == "g" else []
-    return [*first, Message("certificate-item-only"), accredited, *gravity, Message("certificate-coverage")]
+    traced = [] if facts["references"] else [Message("certificate-untraceable")]
+    coverage = Message("certificate-coverage")
+    whole = Message("certificate-in-full")
+    return [*first, Message("certificate-item-only"), accredited, *traced, *gravity, coverage, whole]
 
 
 def _results(list_of_results: ET.Element, facts: Mapping[str, Any], version: str) -> None:

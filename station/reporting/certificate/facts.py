@@ -58,7 +58,7 @@ def of_attempt(
         "method": {"name": recipe.method, "recipe": stored["recipe_name"], "version": stored["recipe_version"],
                    "hash": stored["recipe_hash"], "software": stored["software"]},
         "unit": recipe.unit,
-        "coefficients": coefficients(fit),
+        "coefficients": coefficients(fit, recipe.axes),
         "covariance": fit["covariance"],
         "decisions": [*fit.get("decisions", []), *(verified or {}).get("decisions", [])],
         "rule": verdict.get("rule"),
@@ -67,6 +67,7 @@ def of_attempt(
         "adjustment": [
             {key: write.get(key) for key in ("name", "object", "old", "written", "read_back")}
             for write in stored["writes"]
+            if write.get("name") != "unlock"  # the key is the maker's secret
         ],
         "held": {key: _held(device_map, stored["writes"], moment) for key, moment in MOMENTS.items()},
         "conditions": {
@@ -101,11 +102,13 @@ def require_certifiable(stored: Mapping[str, Any]) -> None:
         )
 
 
-def coefficients(fit: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Value, u, ν_eff, k and U of each coefficient; an older record keeps no ν_eff, and its U is 1.96·u."""
+def coefficients(fit: Mapping[str, Any], axes: int = 3) -> list[dict[str, Any]]:
+    """Value, u, ν_eff, k and U of each coefficient of the axes that the device has; index: its place among the twelve.
+    An older record keeps no ν_eff, and its U is 1.96·u."""
     theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
     return [
         {
+            "index": i,
             "name": b["coefficient"],
             "unit": b["unit"],
             "value": value,
@@ -117,7 +120,8 @@ def coefficients(fit: Mapping[str, Any]) -> list[dict[str, Any]]:
             "coverage_probability": b.get("coverage_probability", 0.95),
             "budget": b["parts"],
         }
-        for b, value in zip(fit["budget"], theta, strict=True)
+        for i, (b, value) in enumerate(zip(fit["budget"], theta, strict=True))
+        if max(divmod(i - 3, 3) if i > 2 else (i,)) < axes
     ]
 
 

@@ -6,7 +6,8 @@ from io import BytesIO
 from itertools import groupby
 from typing import Any
 
-from station.reporting.certificate.document import Certificate, CertificateTable
+from station.reporting.certificate.document import Certificate
+from station.reporting.certificate.writer import CertificateTable
 
 _WIDTH = 511.0
 #: Widths of a table's columns, by how many it has.
@@ -14,8 +15,8 @@ _SHARES = {
     2: (0.33, 0.67),
     3: (0.3, 0.15, 0.55),
     7: (0.22, 0.15, 0.13, 0.1, 0.14, 0.13, 0.13),
-    4: (0.24, 0.16, 0.16, 0.44),
-    5: (0.36, 0.2, 0.17, 0.17, 0.1),
+    4: (0.28, 0.24, 0.24, 0.24),
+    5: (0.28, 0.2, 0.2, 0.2, 0.12),
 }
 #: Bitstream Vera stands in the file itself; what it has no glyph for is shown by the reader's Chinese font.
 _LATIN, _BOLD, _CHINESE = "Vera", "VeraBd", "STSong-Light"
@@ -36,8 +37,7 @@ def pdf(certificate: Certificate) -> bytes:
     for section in certificate.sections:
         heading = Paragraph(_text(section.title, fonts, _BOLD), head)
         table = _table(section, fonts, cell)
-        parts += [KeepTogether([heading, table]) if len(section.rows) < 16 else heading]
-        parts += [Spacer(1, 7)] if len(section.rows) < 16 else [table, Spacer(1, 7)]
+        parts += [KeepTogether([heading, table]), Spacer(1, 7)]
     for words in certificate.statements:
         parts.append(Paragraph(_text(words, fonts, _LATIN), cell))
     paper = BytesIO()
