@@ -148,7 +148,8 @@ def _from_files(request: InitRequest) -> DraftFiles:
         objects = map_objects.find(eds, object_titles(request.eds))
     source = request.dbc.name if request.eds is None else f"{request.dbc.name} and {request.eds.name}"
     temperature = frame_roles.temperature_of(layouts, roles)
-    draft = ProductDraft(request.name, roles, temperature, eds, objects, source)
+    node = FIRST_NODE if eds is None else roles.node  # without a node id the first nest has the DBC's own identifiers
+    draft = ProductDraft(request.name, roles, node, temperature, eds, objects, source)
     recipe = "-".join((request.name, *RECIPES[roles.sensor].split("-")[-2:]))
     template = (shipped_folder() / "recipes" / f"{RECIPES[roles.sensor]}.yaml").read_text(encoding="utf-8")
     unit = frame_roles.unit_of_sensor(roles.sensor)

@@ -12,10 +12,9 @@ from station.adapters.object_access.device import ObjectDevice
 from station.adapters.object_access.frame_transport import FrameTransport
 from station.adapters.object_access.sending_device import SendingDevice
 from station.adapters.object_access.template import TemplateProtocol, template_written
-from station.domain.product import number_format
+from station.domain.product import map_check, number_format
 from station.domain.product.access import TemplateAccess, UdsAccess
 from station.domain.product.device_map import DeviceMap, NumberObject
-from station.domain.product.map_check import objects_of
 from station.domain.product.product import Product
 from station.errors import ProductError
 from station.ports.bus import Bus
@@ -56,7 +55,7 @@ def open_devices(
     answers = tuple(dict.fromkeys(response for _, response in ids.values()))
     network = _network(bus, clock, answers, foreign.sent)
     made = {
-        node: with_presets(ObjectDevice(network, _client(network, node, ids[node], device_map, answer_s)), device_map)
+        node: with_presets(ObjectDevice(network, _client(network, node, ids[node], product, answer_s)), device_map)
         for node in nodes
     }
     return made.__getitem__, foreign
@@ -79,14 +78,15 @@ def _network(bus: Bus, clock: Clock, answers: tuple[int, ...], sent: SentListene
 
 
 def _client(
-    network: ServiceNetwork, node: int, ids: tuple[int, int], device_map: DeviceMap, answer_s: float
+    network: ServiceNetwork, node: int, ids: tuple[int, int], product: Product, answer_s: float
 ) -> ObjectClient:
-    request_id, response_id = ids
+    device_map, (request_id, response_id) = product.map, ids
     if device_map.uds is not None:
         return _uds_client(network, node, (request_id, response_id), device_map, device_map.uds, answer_s)
     assert device_map.template is not None
     commands = {c.address: name for name in ("save", "restore") if (c := getattr(device_map, name)) is not None}
-    protocol = TemplateProtocol(device_map.template, node, number_sizes(device_map), commands)
+    readable = (*map_check.readable(device_map), *sorted(product.identity.required))
+    protocol = TemplateProtocol(device_map.template, node, number_sizes(device_map), commands, readable)
     transport = FrameTransport(network, request_id, response_id)
     return ObjectClient(network, node, protocol, transport, answer_s, device_map.timeouts())
 
@@ -123,7 +123,11 @@ def _written(access: UdsAccess | TemplateAccess) -> Callable[[bytes], Address | 
 
 def number_sizes(device_map: DeviceMap) -> dict[Address, int]:
     """Bytes of every object of the map that keeps a number."""
-    sizes = {o.address: number_format.parse(o.type).size for o in objects_of(device_map) if isinstance(o, NumberObject)}
+    sizes = {
+        o.address: number_format.parse(o.type).size
+        for o in map_check.objects_of(device_map)
+        if isinstance(o, NumberObject)
+    }
     if (serial := device_map.serial_object) is not None and serial.kind == "number":
         sizes.setdefault(serial.address, 4)
     if device_map.checksum is not None:

@@ -1,6 +1,7 @@
 """A new product from its own files: what is drafted, what runs, what is refused."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -189,6 +190,47 @@ def test_an_inclinometer_of_two_tilts_passes_and_of_one_is_drafted_where_it_is_n
         run_command(["init", "--dbc", "one.dbc", "--folder", "a", "--no-run"])
     assert run_command(["init", "--dbc", "one.dbc", "--folder", "b", "--sensor", "inclinometer", "--no-run"]) == 0
     assert "axes: 1" in (here / "b" / "recipes" / "one-n-point.yaml").read_text("utf-8")
+
+
+UDS = """map:
+  protocol: uds
+  uds: {request: 0x741, response: 0x761, session: 3}
+  matrix: {index: 0x3010, type: Q2.14}
+  offset: {index: 0x3020, type: INT16, scale: 0.01}
+  output: {index: 0x3060}
+  save: {index: 0x3F00, sub: 0}
+  serial: {index: 0xF18C, sub: 0, kind: text, printed: '(.*)'}
+"""
+TEMPLATE = """map:
+  protocol: template
+  template:
+    request: 0x18EF11F9
+    response: 0x18EFF911
+    read: {send: "A1 index sub", answer: "A2 index sub value:4"}
+    write: {send: "B1 index sub value:4", answer: "B2 index sub value:4"}
+    save: {send: "C1", answer: "C2"}
+    reset: {send: "D1", answer: "D2"}
+  matrix: {index: 0x2101}
+  offset: {index: 0x2102}
+  output: {index: 0x2106, type: UINT32}
+  serial: label
+"""
+
+
+@pytest.mark.parametrize("access", [UDS, TEMPLATE])
+def test_a_device_of_another_protocol_is_rehearsed_without_an_eds(
+    here: Path, access: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "rover.dbc").write_text(SENDER, "cp1252")
+    assert run_command(["init", "--dbc", "rover.dbc", "--no-run"]) == 0
+    product, recipe = here / "dbc" / "rover.yaml", here / "recipes" / "rover-six-point.yaml"
+    product.write_text(product.read_text("utf-8").partition("map:")[0] + access, "utf-8")
+    with_verification = recipe.read_text("utf-8").replace("# verify:", "verify:")
+    recipe.write_text(re.sub(r"^# (  .*)$", r"\1", with_verification, flags=re.MULTILINE), "utf-8")
+    capsys.readouterr()
+    assert run_command(["run", "--units", "1", "--json"]) == 0
+    (unit,) = json.loads(capsys.readouterr().out)["units"]
+    assert (unit["outcome"], unit["written"], unit["verified"]) == ("PASS", True, True)
 
 
 def test_coarse_readings_between_two_codes_are_not_taken_for_clipped_ones(

@@ -1,6 +1,6 @@
 """A vendor's protocol by frame templates: what is sent and what answers it, as the product's map writes it."""
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 
 from station.adapters.object_access.request import Answer, ObjectRefusal, ObjectRequest
 from station.domain.product.access import TemplateAccess, TemplateExchange
@@ -8,24 +8,32 @@ from station.domain.product.frame_pattern import parse_pattern
 from station.messages import Message
 
 Address = tuple[int, int]
-#: An object that every device with an object dictionary has.
-_ALIVE = (0x1000, 0)
+_DEVICE_TYPE = (0x1000, 0)
 
 
 class TemplateProtocol:
     """sizes: bytes of the objects that are shorter than a frame's value; commands: objects that stand for save and
-    restore, by name. A template has no unlocking of its own: `unlock` of the map is a write."""
+    restore, by name; readable: objects that the device has, as far as the product names them. A device that does not
+    refuse is asked for no other: its silence would say nothing. A template has no unlocking of its own: `unlock` of
+    the map is a write."""
 
     pending_s = 0.0
 
     def __init__(
-        self, access: TemplateAccess, node: int, sizes: Mapping[Address, int], commands: Mapping[Address, str]
+        self,
+        access: TemplateAccess,
+        node: int,
+        sizes: Mapping[Address, int],
+        commands: Mapping[Address, str],
+        readable: Sequence[Address],
     ) -> None:
-        self._access, self._node = access, bytes([node & 0xFF])
+        self._access, self._node, self._readable = access, bytes([node & 0xFF]), tuple(readable)
         self._sizes, self._commands = dict(sizes), dict(commands)
 
     def read(self, index: int, sub: int) -> ObjectRequest | None:
-        """The exchange that reads."""
+        """The exchange that reads; None where only silence could tell that there is no such object."""
+        if self._access.read.refused is None and (index, sub) not in self._readable:
+            return None
         return self._request(self._access.read, (index, sub))
 
     def write(self, index: int, sub: int, data: bytes) -> ObjectRequest | None:
@@ -43,8 +51,8 @@ class TemplateProtocol:
         return self._request(self._access.reset, (0, 0))
 
     def alive(self) -> ObjectRequest:
-        """Reads the device type."""
-        return self._request(self._access.read, _ALIVE)
+        """Reads the first object that the device is known to have."""
+        return self._request(self._access.read, self._readable[0] if self._readable else _DEVICE_TYPE)
 
     def unlocking(self) -> Generator[ObjectRequest, bytes, None]:
         """Nothing."""

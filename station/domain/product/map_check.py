@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 from station.domain.product import number_format
-from station.domain.product.device_map import DeviceMap, DeviceObject, NumberObject
+from station.domain.product.device_map import DeviceMap, DeviceObject, NumberObject, StoreCommand, UnlockObject
 from station.domain.product.object_dictionary import TYPES, ObjectDictionary, ObjectEntry
 from station.domain.product.preset import preset_axes
 from station.domain.product.sdo_codes import address
@@ -19,16 +19,22 @@ def mismatches(device_map: DeviceMap, dictionary: ObjectDictionary) -> tuple[Mes
 
 def addresses(device_map: DeviceMap) -> frozenset[tuple[int, int]]:
     """Every object that the map uses."""
-    return frozenset(part.address for _, part, _ in _parts(device_map))
+    return frozenset(part.address for _, part, _ in parts(device_map))
+
+
+def readable(device_map: DeviceMap) -> tuple[tuple[int, int], ...]:
+    """Every object of the map that has a value, coefficients first."""
+    commands = (StoreCommand, UnlockObject)
+    return tuple(part.address for _, part, _ in parts(device_map) if not isinstance(part, commands))
 
 
 def objects_of(device_map: DeviceMap) -> Iterator[DeviceObject]:
     """Every object that the map uses."""
-    return (part for _, part, _ in _parts(device_map))
+    return (part for _, part, _ in parts(device_map))
 
 
 def _mismatches(device_map: DeviceMap, dictionary: ObjectDictionary) -> Iterator[Message]:
-    for name, part, is_written in _parts(device_map):
+    for name, part, is_written in parts(device_map):
         where = {"name": name, "object": address(*part.address)}
         if part.address not in dictionary:
             yield Message("map-object-missing", **where)
@@ -44,7 +50,7 @@ def _mismatches(device_map: DeviceMap, dictionary: ObjectDictionary) -> Iterator
             yield from _range(where, number, device_map.nominal(name), dictionary[number.address])
 
 
-def _parts(device_map: DeviceMap) -> Iterator[tuple[str, DeviceObject, bool]]:
+def parts(device_map: DeviceMap) -> Iterator[tuple[str, DeviceObject, bool]]:
     """(name, object, whether it is written)."""
     for name, number in device_map.coefficients():
         yield name, number, device_map.preset is None

@@ -41,6 +41,11 @@ class ObjectEntry:
     mappable: bool = False
 
     @property
+    def address(self) -> Address:
+        """(index, sub)."""
+        return self.index, self.sub
+
+    @property
     def type_name(self) -> str:
         """Type in the words of the device map: REAL32, UINT8, STRING …"""
         return TYPES[self.type][0]

@@ -29,8 +29,8 @@ class ProductIdentity(StrictModel):
     name: str | None = None
 
     @property
-    def required(self) -> frozenset[tuple[int, int]]:
-        """Objects without which nothing can be said."""
+    def objects(self) -> dict[tuple[int, int], int | str]:
+        """What each object must read, at least for the revision."""
         places = {
             (0x1000, 0): self.device_type,
             (0x1018, 1): self.vendor,
@@ -38,7 +38,12 @@ class ProductIdentity(StrictModel):
             (0x1018, 3): self.revision_at_least,
             (0x1008, 0): self.name,
         }
-        return frozenset(at for at, wanted in places.items() if wanted is not None)
+        return {at: wanted for at, wanted in places.items() if wanted is not None}
+
+    @property
+    def required(self) -> frozenset[tuple[int, int]]:
+        """Objects without which nothing can be said."""
+        return frozenset(self.objects)
 
 
 class Product(StrictModel):

@@ -75,6 +75,16 @@ def decode(device_map: DeviceMap, raws: RawValues) -> tuple[Floats, Floats]:
     return _forward(device_map, offset, matrix)
 
 
+def neutral(device_map: DeviceMap) -> RawValues:
+    """What a device holds that corrects nothing: ones on the diagonal, zeros elsewhere.
+
+    Errors: UnitFault where the map's limits or types leave no room for them.
+    """
+    ones = {f"matrix.{axis}{axis}" for axis in AXES}
+    writes = (_write(n, o, float(n in ones), device_map.nominal(n)) for n, o in device_map.coefficients())
+    return {write.address: write.raw for write in writes}
+
+
 def composed(device_map: DeviceMap, calibration: Calibration, old: RawValues) -> Calibration:
     """The calibration of the sensor itself, where the readings were already compensated by what the device kept.
 

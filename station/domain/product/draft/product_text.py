@@ -26,10 +26,12 @@ _WORDS = ("true", "false", "null", "none")
 
 @dataclass(frozen=True, slots=True)
 class ProductDraft:
-    """What a product file is written from. eds: None where there is none; source: the files, in words."""
+    """What a product file is written from. node: whose identifiers the DBC has; eds: None where there is none; source:
+    the files, in words."""
 
     name: str
     roles: FrameRoles
+    node: int
     temperature: tuple[FrameLayout, SignalLayout] | None
     eds: ObjectDictionary | None
     objects: MapObjects
@@ -72,7 +74,7 @@ def _frames(draft: ProductDraft) -> Iterator[str]:
     roles = draft.roles
     yield "frames:"
     yield f"  dbc: {draft.name}.dbc"
-    yield f"  node_of_dbc: {roles.node}  # check: frames of node n have the DBC's identifiers - {roles.node} + n"
+    yield f"  node_of_dbc: {draft.node}  # check: frames of node n have the DBC's identifiers - {draft.node} + n"
     named = [f"{axis}: {scalar(place)}" for axis, place in zip("xyz", roles.places(), strict=True) if place]
     if roles.counter is not None:
         named.append(f"counter: {scalar(roles.counter.name)}")
@@ -97,10 +99,10 @@ def _counter_values(counter: SignalLayout | None) -> int | None:
 
 
 def _identity(draft: ProductDraft) -> Iterator[str]:
-    yield "identity:  # 0x1018, as the EDS has it; a device that reads otherwise is refused"
     if draft.eds is None:
-        yield "  {}  # the device is taken as it is"
+        yield "identity: {}  # the device is taken as it is"
         return
+    yield "identity:  # 0x1018, as the EDS has it; a device that reads otherwise is refused"
     for key, sub in (("vendor", 1), ("product", 2)):
         value = _default(draft.eds, IDENTITY, sub)
         if value:

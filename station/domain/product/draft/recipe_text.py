@@ -5,7 +5,7 @@ import re
 from station.domain.can.signals import SignalLayout
 from station.domain.product.draft.map_objects import TIMER
 from station.domain.product.draft.product_text import ProductDraft, scalar
-from station.domain.recognition.quantities import unit_factor
+from station.domain.recognition.quantities import QUANTITIES, unit_factor
 
 #: Readings a second where neither file says it.
 ASSUMED_RATE_HZ = 100.0
@@ -13,6 +13,9 @@ ASSUMED_RATE_HZ = 100.0
 STEPS = 3.0
 #: Limits of an inclinometer's scale and cross-coupling until a person states the data sheet's.
 WIDE = 0.05
+_VERIFY = re.compile(r"^verify:.*\n(?: .*\n|\n)*", re.MULTILINE)
+#: A sensor must reach so many times what it feels at rest: its gain and offset are not nominal.
+ROOM = 1.2
 _LIMIT = re.compile(r"^(\s*(?:residual|noise|limit): )([0-9.eE+-]+)", re.MULTILINE)
 
 
@@ -36,8 +39,14 @@ def recipe_text(draft: ProductDraft, template: str, name: str, unit: str) -> str
         text = re.sub(r"^(method: .*)$", r"\1\nmodel: offset-gain  # the device keeps gains only", text, flags=re.M)
         text = re.sub(r"^  cross_axis: .*\n", "", text, flags=re.M)
     if not draft.stores:
-        text = re.sub(r"^verify:(.*\n)((?: .*\n|\n)*)", "", text, flags=re.M)
+        text = _VERIFY.sub(_set_aside, text)
     return first + text
+
+
+def _set_aside(verify: re.Match[str]) -> str:
+    """The verification as a comment: without a calibration in the device there is nothing to verify."""
+    lines = (f"# {line}" for line in verify[0].rstrip().splitlines())
+    return "\n".join(("# Once the map says where the device keeps its calibration:", *lines)) + "\n"
 
 
 def _device(text: str, draft: ProductDraft, lsb: float, full_scale: float) -> str:
@@ -72,13 +81,20 @@ def _resolution(draft: ProductDraft, unit: str) -> tuple[float, float]:
     """Step and full scale of the readings, in the sensor's unit."""
     signals = [s for s in draft.roles.signals if s is not None]
     to_unit = unit_factor(draft.roles.unit or unit, unit) or 1.0
-    return max(abs(s.scale) for s in signals) * to_unit, min(map(_full_scale, signals)) * to_unit
+    sizes = QUANTITIES[unit].sizes if unit in QUANTITIES else None
+    least = ROOM * max(sizes or (0.0,)) / to_unit
+    return max(abs(s.scale) for s in signals) * to_unit, min(_full_scale(s, least) for s in signals) * to_unit
 
 
-def _full_scale(signal: SignalLayout) -> float:
-    low, high = signal.minimum, signal.maximum
-    if not low and not high:
-        low, high = (float(raw * signal.scale + signal.offset) for raw in signal.raw_limits())
+def _full_scale(signal: SignalLayout, least: float) -> float:
+    """By the DBC's limits; by the bits where these are none, or less than the sensor feels at rest."""
+    found = _span(signal.minimum, signal.maximum)
+    if found < least or not (signal.minimum or signal.maximum):
+        return _span(*(float(raw * signal.scale + signal.offset) for raw in signal.raw_limits()))
+    return found
+
+
+def _span(low: float | None, high: float | None) -> float:
     return min(abs(v) for v in (low, high) if v) if low and high else abs(high or low or 1.0)
 
 
