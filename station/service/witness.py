@@ -6,7 +6,7 @@ from enum import StrEnum
 from threading import Lock
 
 from station.domain.records import merkle
-from station.domain.records.tree_head import TreeHead, receipt_statement
+from station.domain.records.tree_head import TreeHead, receipt_statement, replacement_statement
 from station.ports.clock import Clock
 from station.ports.tree_heads import TreeHeads
 
@@ -32,6 +32,18 @@ class Receipt:
     signature: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class Replacement:
+    """end: of the log that an engineer has taken note of as gone (TreeHead.end), "" where nothing is replaced;
+    signature: the station's, in hex, over `replacement_statement`."""
+
+    end: str = ""
+    signature: str = ""
+
+
+NOTHING_REPLACED = Replacement()
+
+
 class Witness:
     """verify(key, signature, statement): a signature check. sign: the witness' own key. stations: keys by station name
     that alone are served; empty: whoever comes first with a name keeps it."""
@@ -53,30 +65,33 @@ class Witness:
         known = self._heads.of_station(station)
         return known[-1] if known else None
 
-    def submit(self, head: TreeHead, earlier: int, proof: Sequence[bytes], *, replaces: str = "") -> Receipt | Refusal:
-        """Takes a head that goes on from `earlier` records by a consistency proof.
+    def submit(
+        self, head: TreeHead, earlier: int, proof: Sequence[bytes], *, replaces: Replacement = NOTHING_REPLACED
+    ) -> Receipt | Refusal:
+        """Takes a head that goes on from `earlier` records by a consistency proof. replaces: kept with the head.
 
-        replaces: id of the log, or of its end, that an engineer has taken note of as gone; it is kept with the head.
         Errors: StoreFault.
         """
         with self._turn:
             if refusal := self._refusal(head, earlier, proof, replaces):
                 return refusal
             at_ns = self._clock.epoch_ns()
-            self._heads.append(head, at_ns, replaces)
+            self._heads.append(head, at_ns, replaces.end)
         return Receipt(at_ns, self._sign(receipt_statement(head, at_ns)))
 
-    def _refusal(self, head: TreeHead, earlier: int, proof: Sequence[bytes], replaces: str) -> Refusal | None:
+    def _refusal(self, head: TreeHead, earlier: int, proof: Sequence[bytes], replaces: Replacement) -> Refusal | None:
         key = bytes.fromhex(head.public_key)
         if self._stations and self._stations.get(head.station) != key:
             return Refusal.UNKNOWN_STATION
-        signed = (head.signature, head.statement()), (head.record_signature, bytes.fromhex(head.seal))
+        signed = [(head.signature, head.statement()), (head.record_signature, bytes.fromhex(head.seal))]
+        if replaces.end:
+            signed.append((replaces.signature, replacement_statement(head, replaces.end)))
         if not all(self._verify(key, bytes.fromhex(signature), statement) for signature, statement in signed):
             return Refusal.FORGED
         known = self._heads.of_station(head.station)
         if known and known[-1].public_key != head.public_key:
             return Refusal.OTHER_KEY
-        if not known or known[-1].log_id == replaces:
+        if not known or known[-1].end == replaces.end:
             return None
         own = next((k for k in known if k.log_id == head.log_id), None)
         return _of_one_log(own, head, earlier, proof) if own else Refusal.OTHER_LOG

@@ -10,10 +10,11 @@ from starlette.routing import Route
 
 from station.domain.records.tree_head import TreeHead
 from station.files.json_text import parse_json
-from station.service.witness import Refusal, Witness
+from station.service.witness import Refusal, Replacement, Witness
 
 #: A proof over 2⁶⁴ records is shorter.
 _MOST_BYTES, _MOST_STEPS = 65_536, 128
+_LONGEST_END = 200
 
 
 def create_witness_app(witness: Witness) -> Starlette:
@@ -45,9 +46,12 @@ async def _body(request: Request) -> bytes:
     return data
 
 
-def _submission(data: bytes) -> tuple[TreeHead, int, list[bytes], str]:
+def _submission(data: bytes) -> tuple[TreeHead, int, list[bytes], Replacement]:
     document: dict[str, Any] = parse_json(data)
     proof = [bytes.fromhex(step) for step in document["proof"]]
     if len(proof) > _MOST_STEPS or any(len(step) != 32 for step in proof):
         raise ValueError("no proof")
-    return TreeHead.of(document["head"]), int(document["earlier"]), proof, str(document.get("replaces", ""))
+    replaces = Replacement(str(document.get("replaces", "")), str(document.get("replaces_signature", "")))
+    if len(replaces.end) > _LONGEST_END or bytes.fromhex(replaces.signature) is None:
+        raise ValueError("no end of a log")
+    return TreeHead.of(document["head"]), int(document["earlier"]), proof, replaces

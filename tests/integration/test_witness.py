@@ -136,6 +136,39 @@ def test_a_restored_backup_is_refused_whatever_lies_beside_the_log(
     assert len([r for r in replaced if r]) == 1  # kept for ever, by the witness too
 
 
+def test_a_head_that_went_by_before_cannot_take_the_place_of_a_later_one(
+    tmp_path: Path, served: Served, signer: keys.Signer
+) -> None:
+    """Somebody on the network, without any key, has kept what the station sent on Monday, replacements among it."""
+    path, witness, sent = tmp_path / "station.db", served.client(signer), list[dict[str, object]]()
+    ask = witness._ask
+
+    def overheard(address: str, body: dict[str, object] | None = None) -> dict[str, object]:
+        sent.extend([body] if body else [])
+        return ask(address, body)
+
+    witness._ask = overheard  # type: ignore[method-assign]
+    with opened(path, signer, witness) as store:
+        load(store, "SN1")
+    copy(path, tmp_path / "monday")
+    with opened(path, signer, witness) as store:
+        load(store, "SN2")
+    for file in (tmp_path / "monday").iterdir():
+        shutil.copy(file, tmp_path)
+    with opened(path, signer, witness, by="Ada") as store:
+        load(store, "SN3")
+    with opened(path, signer, witness) as store:
+        load(store, "SN4")
+    newest = ask("/heads/bench-1")["head"]
+    end = f"{newest['log_id']}:{newest['size']}:{newest['seal']}"
+    assert [bool(body["replaces"]) for body in sent].count(True) == 1 < len(sent)
+    for body in sent:
+        for replaces in (body["replaces"], newest["log_id"], end):
+            with pytest.raises(OSError, match=r"forged|older|fork"):
+                ask("/heads", {**body, "replaces": replaces})
+    assert ask("/heads/bench-1")["head"] == newest
+
+
 def test_a_log_that_forked_is_found_although_it_is_longer(tmp_path: Path, served: Served, signer: keys.Signer) -> None:
     path, witness = tmp_path / "station.db", served.client(signer)
     with opened(path, signer, witness) as store:

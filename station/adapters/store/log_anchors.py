@@ -9,7 +9,7 @@ from typing import Any
 from station.adapters.store import anchor, file, keys
 from station.adapters.store.anchor import AnchorPlace
 from station.domain.records.head import AnchorFinding, SealedHead
-from station.domain.records.tree_head import WITNESSED_EVENT
+from station.domain.records.tree_head import WITNESSED_EVENT, log_end
 from station.files.system_errors import os_error_reason
 from station.messages import Message
 
@@ -59,13 +59,13 @@ class LogAnchors:
         """What they say against the log."""
         return anchor.compare(self.places, StoredLogEnd(connection, log_id), known_places(connection))
 
-    def log_known_to(self, place: AnchorPlace | None) -> str:
-        """The id of the log whose head a place keeps; "" where it cannot be reached or keeps none."""
+    def end_known_to(self, place: AnchorPlace | None) -> str:
+        """The end of the log whose head a place keeps; "" where it cannot be reached or keeps none."""
         try:
             head = place.read() if place else None
         except (OSError, ValueError):
             return ""
-        return head.log_id if head else ""
+        return log_end(head.log_id, head.number, head.hash) if head else ""
 
     def keep(self, head: SealedHead, *, durable: bool) -> list[str]:
         """Writes the head everywhere; the names of places where that failed for the first time."""

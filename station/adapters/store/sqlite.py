@@ -114,7 +114,7 @@ class SqliteStore:
             with self._transaction("written"):
                 self._name_key(old_signer)
                 self._station_event(ACKNOWLEDGED_EVENT, detail_of(acknowledgement, found))
-            self._replaces = self._anchors.log_known_to(witness)
+            self._replaces = self._anchors.end_known_to(witness)
         self._keep_head(durable=True)
         with self._transaction("written"):
             self._name_key(old_signer)

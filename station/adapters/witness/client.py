@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 from station.domain.records.head import SealedHead
 from station.domain.records.merkle import Tree
-from station.domain.records.tree_head import TreeHead, WitnessReceipt, receipt_statement
+from station.domain.records.tree_head import TreeHead, WitnessReceipt, receipt_statement, replacement_statement
 from station.files.json_text import parse_json
 
 #: No answer of a witness is longer.
@@ -57,7 +57,7 @@ class WitnessClient:
         """Nothing: a commit does not wait for a network. `submit` is for the pause after a load."""
 
     def submit(self, head: SealedHead, tree: Tree, replaces: str = "") -> WitnessReceipt:
-        """Shows the witness the log up to `head`; its receipt. replaces: the log that this one takes the place of."""
+        """Shows the witness the log up to `head`; its receipt. replaces: end of the log whose place this one takes."""
         known = self._newest()
         earlier = known.size if known and known.log_id == head.log_id else 0
         if earlier > head.number and not replaces:
@@ -68,7 +68,14 @@ class WitnessClient:
         )
         signed = TreeHead.of(unsigned.document() | {"signature": self._sign(unsigned.statement()).hex()})
         proof = [step.hex() for step in tree.proof(earlier, head.number)] if earlier and not replaces else []
-        body = {"head": signed.document(), "earlier": earlier, "proof": proof, "replaces": replaces}
+        word = self._sign(replacement_statement(signed, replaces)).hex() if replaces else ""
+        body = {
+            "head": signed.document(),
+            "earlier": earlier,
+            "proof": proof,
+            "replaces": replaces,
+            "replaces_signature": word,
+        }
         answer = self._ask("/heads", body)
         receipt = WitnessReceipt(head.number, root, int(answer["at_ns"]), str(answer["signature"]))
         statement = receipt_statement(signed, receipt.at_ns)

@@ -21,6 +21,11 @@ class TreeHead:
     public_key: str
     signature: str = ""
 
+    @property
+    def end(self) -> str:
+        """The log and its end at this head, as `replaces` names them."""
+        return log_end(self.log_id, self.size, self.seal)
+
     def statement(self) -> bytes:
         """What the station signs."""
         parts = (SCHEMA, self.log_id, self.station, str(self.size), self.root, self.seal, self.public_key)
@@ -48,6 +53,17 @@ class TreeHead:
 
 _HEX = ("root", "seal", "record_signature", "public_key", "signature")
 _TEXTS = ("log_id", "station", *_HEX)
+
+
+def log_end(log_id: str, size: int, seal: str) -> str:
+    """A log up to a record, whose seal is in hex."""
+    return f"{log_id}:{size}:{seal}"
+
+
+def replacement_statement(head: TreeHead, replaces: str) -> bytes:
+    """What the station signs when a head takes the place of another log's end: whoever only saw a head go by cannot say
+    so, and the words hold for that end alone."""
+    return hashlib.sha256(f"station.replaces/1\n{replaces}\n".encode() + head.statement()).digest()
 
 
 def receipt_statement(head: TreeHead, at_ns: int) -> bytes:
